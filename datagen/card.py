@@ -1,0 +1,68 @@
+"""The dataset card: a README in every dataset that says what is in it and how to read it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from jinja2 import Environment, StrictUndefined
+
+from shared.schema import EPOCH, SPLITS, split_of
+from shared.store import Manifest, write_atomically
+from shared.system import System
+
+_CARD = """\
+# {{ system.name }}: {{ done }} simulated systems
+
+{{ system.description }}.
+
+{{ done }} of {{ manifest.systems }} systems, {{ hours }} h each in steps of {{ step }} s, root seed
+{{ manifest.root_seed }}, in {{ manifest.shards | length }} shards. Time is local standard time, in seconds since
+{{ epoch }}; a value belongs to the step that ends at its time.
+{%- if not manifest.settings.excitation %} Excitation was switched off.{% endif %}
+
+| split | systems |
+|---|---|
+{% for name, count in splits %}| {{ name }} | {{ count }} |
+{% endfor %}
+| variable | role | unit | what |
+|---|---|---|---|
+{% for p in system.parameters %}| `{{ p.name }}` | parameter | {{ p.unit }} | {{ p.description }}, \
+{{ p.scale }} from {{ p.min }} to {{ p.max }} |
+{% endfor -%}
+{% for o in system.outputs %}| `{{ o.name }}` | output | {{ o.unit }} | {{ o.long_name }} ({{ o.method }}) |
+{% endfor -%}
+{% for i in system.inputs %}| `{{ i.name }}` | input | {{ i.unit }} | from {{ i.source }} |
+{% endfor %}
+Read it with plain xarray:
+
+```python
+from pathlib import Path
+import xarray as xr
+shards = sorted(Path("shards").glob("*.nc"))
+data = xr.concat([xr.load_dataset(shard) for shard in shards], dim="system", data_vars="minimal")
+train = data.isel(system=(data["split"] == 0).values)
+```
+
+`manifest.json` lists every shard with its hashes; `datagen verify` holds the files against it.
+System {{ manifest.system_hash[:16] }}, FMU {{ manifest.fmu_sha256[:16] }}, schema {{ manifest.schema_version }}.
+"""
+
+
+def write_card(folder: Path, manifest: Manifest, system: System) -> None:
+    """Write the dataset's ``README.md``."""
+    indices = [i for entry in manifest.shards for i in entry.systems]
+    splits = [split_of(manifest.root_seed, i) for i in indices]
+    text = (
+        Environment(undefined=StrictUndefined, autoescape=False, keep_trailing_newline=True)
+        .from_string(_CARD)
+        .render(
+            system=system,
+            manifest=manifest,
+            done=len(indices),
+            hours=f"{system.experiment.hours:g}",
+            step=f"{system.experiment.step:g}",
+            epoch=EPOCH,
+            splits=[(name, splits.count(k)) for k, name in enumerate(SPLITS)],
+        )
+    )
+    write_atomically(folder / "README.md", text.encode())

@@ -1,0 +1,226 @@
+"""What a recording can tell at all: the linearised Bayesian limit of R2 for each parameter.
+
+For a random system and a random window, outputs depend on the parameters, on the unknown state at the window's start
+and on the unknown occupancy. Linearised about the truth, and with Gaussian priors of the same mean and covariance as
+the real ones, the posterior of the parameters is Gaussian, and no estimator of any kind has a smaller mean square
+error. With parameters standardised by their prior,
+
+    S = H C H' + X P X' + R,   posterior covariance = (I + J' S^-1 J)^-1,   R2 <= 1 - posterior variance,
+
+J: outputs by parameters, X: by initial states (prior P), H: by occupancy (prior covariance C of its half-hourly
+means, from the sampler), R: sensor noise with the numerical floor. All derivatives are central differences of whole
+simulations, so saturation and events are in them. Weather, schedules and excitation are taken as known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from itertools import pairwise
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from datagen.inputs import build_inputs
+from datagen.occupancy import occupancy_prior
+from datagen.sampling import sample_parameters, stream
+from datagen.simulator import Simulator
+from datagen.tables import InputTable
+from shared.ceiling import Ceiling
+from shared.errors import SystemDescriptionError
+from shared.system import System, load_system
+
+HOUR = 3600.0
+PULSE = 1800.0
+"""Length of an occupancy pulse [s]: people come and go within the hour, and nobody knows when."""
+SPIN_UP_HOURS = 240.0
+PARAMETER_STEP = 0.02
+"""Half-width of a parameter's difference, in prior standard deviations."""
+STATE_STEP = 0.02
+PRIOR_DRAWS = 4000
+TOLERANCE = 1e-8
+"""Tighter than the farm's: differences of simulations are small."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """Sensitivities of one random window.
+
+    ``parameters`` (outputs, steps, parameters) per prior standard deviation; ``states`` (outputs, steps, states)
+    [unit of output per unit of state]; ``occupancy`` (outputs, steps, pulses) per person; ``occupancy_covariance``
+    (pulses, pulses) [persons^2]; ``visited`` (steps, states), states met on the way, for the prior of the start.
+    """
+
+    parameters: np.ndarray
+    states: np.ndarray
+    occupancy: np.ndarray
+    occupancy_covariance: np.ndarray
+    visited: np.ndarray
+
+
+def identifiability(
+    system: System | Path | str,
+    *,
+    context: float = 168.0,
+    noise: str = "none",
+    channels: list[str] | None = None,
+    systems: int = 10,
+    seed: int = 1,
+    workers: int = 1,
+) -> Ceiling:
+    """The ceiling of R2 for one context length [h], noise preset and set of channels, over random systems."""
+    return ceilings_of(
+        system, contexts=[context], conditions=[(noise, channels)], systems=systems, seed=seed, workers=workers
+    )[0]
+
+
+def ceilings_of(
+    system: System | Path | str,
+    *,
+    contexts: Iterable[float],
+    conditions: Iterable[tuple[str, list[str] | None]],
+    systems: int = 10,
+    seed: int = 1,
+    workers: int = 1,
+) -> list[Ceiling]:
+    """Ceilings for several contexts [h] and several (noise, channels) at little more than the cost of one.
+
+    Raises
+    ------
+    SystemDescriptionError
+        For an unknown noise preset, or channels without any output.
+    """
+    described = system if isinstance(system, System) else load_system(system)
+    wanted = [(noise, channels or described.estimator.channels) for noise, channels in conditions]
+    for noise, channels in wanted:
+        described.noise_sd(noise)
+        if not set(channels) & set(described.output_names):
+            raise SystemDescriptionError(f"{described.path}: channels {channels} hold no output; nothing to learn from")
+    results = []
+    for context in contexts:
+        windows = _windows(described, context, systems, seed, workers)
+        spread = np.concatenate([w.visited for w in windows]).std(axis=0)
+        for noise, channels in wanted:
+            variances = np.array([posterior_variance(described, w, spread, noise, channels) for w in windows])
+            results.append(_summarise(described, variances, context, noise, channels, seed))
+    return results
+
+
+def posterior_variance(
+    system: System, window: Window, state_sd: np.ndarray, noise: str, channels: list[str]
+) -> np.ndarray:
+    """Posterior variance of each standardised parameter, shape (parameters,); 1 is the prior."""
+    rows = [k for k, name in enumerate(system.output_names) if name in channels]
+    sd = system.noise_sd(noise)[rows]
+
+    def flat(sensitivity: np.ndarray) -> np.ndarray:
+        return (sensitivity[rows] / sd[:, None, None]).reshape(-1, sensitivity.shape[2])
+
+    by_parameter = flat(window.parameters)
+    by_state = flat(window.states) * state_sd
+    covariance = np.eye(len(by_parameter)) + by_state @ by_state.T
+    if window.occupancy.shape[2]:
+        by_occupancy = flat(window.occupancy)
+        covariance += by_occupancy @ window.occupancy_covariance @ by_occupancy.T
+    information = by_parameter.T @ cho_solve(cho_factor(covariance, lower=True), by_parameter)
+    return np.diag(np.linalg.inv(np.eye(len(information)) + information))
+
+
+def _summarise(
+    system: System, variances: np.ndarray, context: float, noise: str, channels: list[str], seed: int
+) -> Ceiling:
+    r2 = 1 - variances.mean(axis=0)
+    rng = np.random.default_rng(0)
+    draws = rng.integers(len(variances), size=(1000, len(variances)))
+    low, high = np.percentile(1 - variances.mean(axis=1)[draws].mean(axis=1), [5, 95])
+    return Ceiling(
+        context_hours=context,
+        step=system.experiment.step,
+        noise=noise,
+        channels=channels,
+        r2=dict(zip(system.parameter_names, r2.tolist(), strict=True)),
+        r2_mean=float(r2.mean()),
+        r2_mean_low=float(low),
+        r2_mean_high=float(high),
+        systems=len(variances),
+        seed=seed,
+    )
+
+
+def _windows(system: System, context: float, systems: int, seed: int, workers: int) -> list[Window]:
+    jobs = [(system, context, seed, index) for index in range(systems)]
+    if workers <= 1:
+        return [_window(*job) for job in jobs]
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        return list(pool.map(_window, *zip(*jobs, strict=True)))
+
+
+_SIMULATORS: dict[str, Simulator] = {}
+
+
+def _window(system: System, context: float, seed: int, index: int) -> Window:
+    """Sensitivities of a random window of a random system."""
+    key = system.canonical()
+    if key not in _SIMULATORS:
+        _SIMULATORS[key] = Simulator(system)
+    simulator = _SIMULATORS[key]
+    step = system.experiment.step
+    span = context * HOUR
+    latest = max(int((system.experiment.hours * HOUR - span) // step), 0)
+    begin = step * int(stream(seed, index, "window").integers(latest + 1))
+    theta = sample_parameters(system, seed, index)
+    scale = np.array([float(np.std(p.from_unit(np.linspace(0, 1, 2001)))) for p in system.parameters])
+    spin_up = SPIN_UP_HOURS * HOUR
+    table = build_inputs(system, root_seed=seed, index=index, start=begin - spin_up, stop=begin + span)
+    names = system.parameter_names
+    warm = simulator.run(
+        dict(zip(names, theta.tolist(), strict=True)), table, start=begin - spin_up, stop=begin, record_states=True
+    )
+    start_states = warm.states[-1]
+    spread = warm.states.std(axis=0)
+    edges = np.arange(begin, begin + span + PULSE / 2, PULSE)
+    fine = table.restricted(begin, begin + span).refined(edges)
+
+    def outputs(values: np.ndarray, states: np.ndarray, inputs: InputTable) -> np.ndarray:
+        return simulator.run(
+            dict(zip(names, values.tolist(), strict=True)),
+            inputs,
+            start=begin,
+            stop=begin + span,
+            tolerance=TOLERANCE,
+            initial_states=states,
+        ).outputs
+
+    def difference(up: np.ndarray, down: np.ndarray, width: float) -> np.ndarray:
+        return (up - down) / width
+
+    by_parameter, by_state = [], []
+    for k in range(len(theta)):
+        move = np.zeros_like(theta)
+        move[k] = PARAMETER_STEP * scale[k]
+        pair = [outputs(theta + sign * move, start_states, fine) for sign in (1, -1)]
+        by_parameter.append(difference(pair[0], pair[1], 2 * PARAMETER_STEP))
+    for k in range(len(start_states)):
+        move = np.zeros_like(start_states)
+        move[k] = max(STATE_STEP * spread[k], 1e-9 * abs(start_states[k]), 1e-12)
+        pair = [outputs(theta, start_states + sign * move, fine) for sign in (1, -1)]
+        by_state.append(difference(pair[0], pair[1], 2 * move[k]))
+    shape = (len(system.outputs), round(span / step), 0)
+    by_pulse, covariance = np.empty(shape), np.empty((0, 0))
+    crowd = [i for i, one in enumerate(system.inputs) if one.source == "occupancy"]
+    if crowd and system.occupancy is not None:
+        base = outputs(theta, start_states, fine)
+        pulses = [outputs(theta, start_states, fine.with_pulse(crowd[0], a, b, 1.0)) - base for a, b in pairwise(edges)]
+        by_pulse = np.stack(pulses, axis=-1)
+        draws = occupancy_prior(system.occupancy, edges, PRIOR_DRAWS, seed)
+        covariance = np.cov(draws, rowvar=False)
+    return Window(
+        parameters=np.stack(by_parameter, axis=-1),
+        states=np.stack(by_state, axis=-1) if by_state else np.empty(shape),
+        occupancy=by_pulse,
+        occupancy_covariance=covariance,
+        visited=warm.states,
+    )

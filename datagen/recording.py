@@ -1,0 +1,78 @@
+"""``simulate`` one system into one NetCDF file, the shape in which measurements come too."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from datagen.sampling import sample_parameters
+from datagen.simulator import Simulator
+from datagen.worker import simulate_system
+from shared.errors import SystemDescriptionError
+from shared.schema import build_shard
+from shared.store import write_shard
+from shared.system import System, load_system
+
+
+def simulate(
+    system: Path | str | System,
+    *,
+    parameters: Mapping[str, float] | None = None,
+    out: Path | str | None = None,
+    hours: float | None = None,
+    step: float | None = None,
+    seed: int = 0,
+    index: int = 0,
+    excitation: bool = True,
+) -> xr.Dataset:
+    """Simulate one system and return its outputs and inputs, dimensions (time); write them to ``out`` if given.
+
+    Parameters
+    ----------
+    parameters
+        Values by name [unit of the description]; the others are drawn as the farm would for (``seed``, ``index``).
+
+    Raises
+    ------
+    SystemDescriptionError
+        If a parameter is unknown to the description and the FMU.
+    SimulationError
+        If the end was not reached.
+    """
+    described = system if isinstance(system, System) else load_system(system)
+    described = described.with_experiment(hours=hours, step=step)
+    simulator = Simulator(described)
+    given = dict(parameters or {})
+    for name in given:
+        variable = simulator.fmu.variables.get(name)
+        if variable is None or variable.causality != "parameter":
+            raise SystemDescriptionError(
+                f"{described.path}: {name!r} is not a parameter of {simulator.fmu.path.name}; "
+                f"estimated ones are {', '.join(described.parameter_names)}"
+            )
+    trajectory = simulate_system(simulator, root_seed=seed, index=index, parameters=given, excitation=excitation)
+    drawn = sample_parameters(described, seed, index)
+    values = np.array([given.get(n, v) for n, v in zip(described.parameter_names, drawn, strict=True)])
+    others = {k: v for k, v in given.items() if k not in described.parameter_names}
+    shard = build_shard(
+        described,
+        indices=np.array([index]),
+        root_seed=seed,
+        parameters=values[None],
+        outputs=trajectory.outputs[None],
+        inputs=trajectory.inputs[None],
+        attributes={
+            "fmu_sha256": simulator.fmu.sha256,
+            "root_seed": str(seed),
+            **({"other_parameters": ", ".join(f"{k}={v:g}" for k, v in others.items())} if others else {}),
+        },
+    )
+    record = shard.isel(system=0)
+    if out is not None:
+        path = Path(out)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_shard(path, record, [index])
+    return record

@@ -1,0 +1,48 @@
+"""Where randomness comes from: one independent stream for each system and purpose, and the parameters' draw.
+
+A system's data depend on (root seed, system index) alone, never on which worker simulates it or after what.
+"""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+
+from shared.system import System
+
+
+def stream(root_seed: int, index: int, name: str) -> np.random.Generator:
+    """The random stream of one system for one purpose.
+
+    Parameters
+    ----------
+    root_seed
+        Of the dataset, >= 0.
+    index
+        Of the system, >= 0.
+    name
+        The purpose, for example ``"occupancy"``. A new purpose does not move the streams of others.
+
+    Raises
+    ------
+    ValueError
+        If the seed or the index is negative.
+    """
+    if root_seed < 0 or index < 0:
+        raise ValueError(f"root seed is {root_seed}, index {index}; expected numbers that are not negative")
+    # Python's own hash differs between processes. The top bit keeps clear of the small keys that splits use.
+    number = int.from_bytes(hashlib.sha256(name.encode()).digest()[:4], "big") | 0x80000000
+    return np.random.default_rng(np.random.SeedSequence(root_seed, spawn_key=(index, number)))
+
+
+def sample_parameters(system: System, root_seed: int, index: int) -> np.ndarray:
+    """Draw a system's parameters: independent, uniform in each parameter's scale between its bounds.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (parameters,), in the order of the description [unit of each].
+    """
+    u = stream(root_seed, index, "parameters").random(len(system.parameters))
+    return np.array([float(p.from_unit(x)) for p, x in zip(system.parameters, u, strict=True)])

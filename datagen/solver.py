@@ -1,0 +1,113 @@
+"""CVODE, as fmpy ships it, set up for the compiled callbacks."""
+
+from __future__ import annotations
+
+import ctypes
+from ctypes import byref
+from typing import Any
+
+import numpy as np
+from fmpy.sundials import cvode as cv
+from fmpy.sundials import cvode_ls as cv_ls
+from fmpy.sundials import nvector_serial as nv
+from fmpy.sundials import sundials_context as ctx
+from fmpy.sundials import sundials_types as st
+from fmpy.sundials import sunlinsol_dense, sunmatrix_dense
+from fmpy.sundials.libraries import (
+    sundials_core,
+    sundials_cvode,
+    sundials_nvecserial,
+    sundials_sunlinsoldense,
+    sundials_sunmatrixdense,
+)
+
+from datagen import native
+from shared.errors import SimulationError
+
+_ADDRESSES = {
+    native.CVODE: cv.CVode,
+    native.CV_REINIT: cv.CVodeReInit,
+    native.CV_SET_STOP: sundials_cvode.CVodeSetStopTime,
+    native.VECTOR_DATA: sundials_nvecserial.N_VGetArrayPointer_Serial,
+}
+MAX_STEPS = 100_000
+"""Steps allowed between two stops; a solver that needs more has lost its way."""
+
+
+def plain(pointer: Any) -> int:
+    """A ctypes pointer or function as an address."""
+    return ctypes.cast(pointer, ctypes.c_void_p).value or 0
+
+
+def _ok(code: int) -> None:
+    if code < 0:
+        raise SimulationError(f"CVODE refused its set-up (code {code})")
+
+
+class Cvode:
+    """CVODE's memory for one simulation: BDF, modified Newton, dense Jacobian by differences.
+
+    ``state`` is the state vector as an array that shares CVODE's memory.
+
+    Parameters
+    ----------
+    plan
+        The plan of :mod:`datagen.native`; its places for CVODE are filled here.
+    start
+        Start of the integration [s].
+    initial
+        States and quadratures at the start.
+    relative
+        Relative tolerance.
+    absolute
+        Absolute tolerance of each state and quadrature.
+    """
+
+    def __init__(
+        self, plan: np.ndarray, start: float, initial: np.ndarray, relative: float, absolute: np.ndarray
+    ) -> None:
+        size = max(len(initial), 1)
+        self._context = st.SUNContext()
+        _ok(ctx.SUNContext_Create(st.SUN_COMM_NULL, byref(self._context)))
+        sundials_core.SUNContext_ClearErrHandlers(
+            ctypes.c_void_p(plain(self._context))
+        )  # outcomes are reported, not printed
+        self._y = nv.N_VNew_Serial(size, self._context)
+        self._tolerance = nv.N_VNew_Serial(size, self._context)
+        self.state = np.ctypeslib.as_array(nv.NV_DATA_S(self._y), (size,))
+        self.state[:] = 0.0
+        self.state[: len(initial)] = initial
+        np.ctypeslib.as_array(nv.NV_DATA_S(self._tolerance), (size,))[:] = absolute if len(initial) else 1.0
+        self._memory = cv.CVodeCreate(cv.CV_BDF, self._context)
+        self._rhs = cv.CVRhsFn(native.right_hand_side.address)
+        self._root = cv.CVRootFn(native.event_indicators.address)
+        _ok(cv.CVodeInit(self._memory, self._rhs, start, self._y))
+        _ok(cv.CVodeSVtolerances(self._memory, relative, self._tolerance))
+        if plan[native.N_INDICATORS]:
+            _ok(cv.CVodeRootInit(self._memory, int(plan[native.N_INDICATORS]), self._root))
+        self._matrix = sunmatrix_dense.SUNDenseMatrix(size, size, self._context)
+        self._solver = sunlinsol_dense.SUNLinSol_Dense(self._y, self._matrix, self._context)
+        _ok(cv_ls.CVodeSetLinearSolver(self._memory, self._solver, self._matrix))
+        _ok(cv.CVodeSetMaxNumSteps(self._memory, MAX_STEPS))
+        _ok(cv.CVodeSetNoInactiveRootWarn(self._memory))
+        _ok(sundials_cvode.CVodeSetUserData(ctypes.c_void_p(self._memory), ctypes.c_void_p(plan.ctypes.data)))
+        for place, function in _ADDRESSES.items():
+            plan[place] = plain(function)
+        plan[native.CV_MEMORY] = self._memory
+        plan[native.STATE_VECTOR] = plain(self._y)
+
+    def steps(self) -> int:
+        """Steps taken since the last restart."""
+        count = ctypes.c_long()
+        sundials_cvode.CVodeGetNumSteps(ctypes.c_void_p(self._memory), byref(count))
+        return count.value
+
+    def close(self) -> None:
+        """Give the memory back."""
+        memory = ctypes.c_void_p(self._memory)
+        cv.CVodeFree(byref(memory))
+        sundials_sunlinsoldense.SUNLinSolFree_Dense(ctypes.c_void_p(plain(self._solver)))
+        sundials_sunmatrixdense.SUNMatDestroy_Dense(ctypes.c_void_p(plain(self._matrix)))
+        nv.N_VDestroy_Serial(self._y)
+        nv.N_VDestroy_Serial(self._tolerance)
+        sundials_core.SUNContext_Free(byref(self._context))

@@ -1,0 +1,82 @@
+"""The command ``diagnosis``: thin shells over the functions of the same names."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+from rich.console import Console
+from rich.table import Table
+
+from shared.assignments import assignments
+from shared.console import OK, new_app, start
+
+app = new_app(
+    "diagnosis",
+    "Hold a recording of a building against its simulation model.\n\n"
+    "A recording is a NetCDF file with the outputs and inputs that the system description names.",
+)
+console = Console(highlight=False)
+
+
+@app.command
+def residuals(
+    system: Path,
+    recording: Path,
+    *,
+    run: Path | None = None,
+    set_: Annotated[list[str] | None, Parameter(name="--set", consume_multiple=True, negative=())] = None,
+    replay: bool = False,
+    warm_up: float = 240.0,
+    as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
+) -> int:
+    """Simulate a recording's inputs with given or estimated parameters, and say what is left.
+
+    Parameters
+    ----------
+    system
+        System description (TOML), or its folder.
+    recording
+        The recording (NetCDF).
+    run
+        Folder of an estimator, whose estimate is used for parameters that are not set.
+    set_
+        Parameter values as NAME=VALUE.
+    replay
+        The recorded actuators replace the model's control loops.
+    warm_up
+        The recording's first day is repeated this long before its start [h].
+    as_json
+        Print JSON.
+    """
+    from diagnosis import residuals as residuals_
+
+    found = residuals_(system, recording, run=run, parameters=assignments(set_ or []), replay=replay, warm_up=warm_up)
+    if as_json:
+        sys.stdout.write(json.dumps(found, indent=1) + "\n")
+        return OK
+    table = Table("output", "unit", "RMSE", "bias", "CVRMSE", "NMBE", "lag-1 autocorrelation", box=None)
+    for name, one in found["outputs"].items():
+        table.add_row(
+            name,
+            one["unit"],
+            f"{one['rmse']:.4g}",
+            f"{one['bias']:.4g}",
+            f"{one['cvrmse']:.2%}",
+            f"{one['nmbe']:.2%}",
+            f"{one['autocorrelation']:.2f}",
+        )
+    console.print(table)
+    return OK
+
+
+def main() -> None:
+    """Entry point of the console script."""
+    raise SystemExit(start(app))
+
+
+if __name__ == "__main__":
+    main()

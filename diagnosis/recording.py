@@ -1,0 +1,119 @@
+"""Recordings: outputs and inputs over time, as measured or as ``datagen simulate`` wrote them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from datagen.tables import InputTable, Piecewise, merge
+from shared.errors import RecordingError
+from shared.system import System
+
+HOUR = 3600.0
+DAY = 24 * HOUR
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What was measured on a regular grid.
+
+    ``time`` (steps,) ends of the steps [s since time zero of the year]; ``outputs`` (outputs, steps) in the order and
+    units of the system description, NaN where nothing was measured; ``inputs`` by name, each (steps,).
+    """
+
+    path: Path
+    step: float
+    time: np.ndarray
+    outputs: np.ndarray
+    inputs: dict[str, np.ndarray]
+
+    @property
+    def start(self) -> float:
+        """Start of the first step [s]."""
+        return float(self.time[0] - self.step)
+
+    @property
+    def stop(self) -> float:
+        """End of the last step [s]."""
+        return float(self.time[-1])
+
+
+def read_recording(path: Path | str, system: System) -> Recording:
+    """Read a recording and hold its variables against the system description.
+
+    Raises
+    ------
+    RecordingError
+        If the file is unreadable, has no regular time, no output of the system, or a variable in another unit.
+    """
+    path = Path(path)
+    try:
+        data = xr.load_dataset(path, decode_times=False)
+    except FileNotFoundError:
+        raise RecordingError(f"{path}: no such file; expected a recording (NetCDF)") from None
+    except (OSError, ValueError) as error:
+        raise RecordingError(f"{path}: not readable as NetCDF ({error})") from None
+    if "system" in data.dims:
+        if data.sizes["system"] != 1:
+            raise RecordingError(f"{path}: holds {data.sizes['system']} systems; expected a recording of one")
+        data = data.isel(system=0)
+    if "time" not in data.coords or data.sizes.get("time", 0) < 2:
+        raise RecordingError(f"{path}: time is missing or shorter than two steps; expected a regular time coordinate")
+    time = data["time"].values.astype(float)
+    steps = np.diff(time)
+    if not np.allclose(steps, steps[0], rtol=0, atol=1e-3) or steps[0] <= 0:
+        raise RecordingError(f"{path}: time is not regular (steps of {steps.min():g} to {steps.max():g} s)")
+
+    def series(name: str, unit: str) -> np.ndarray:
+        found = data[name].attrs.get("units", "")
+        if found != unit:
+            raise RecordingError(f"{path}: {name!r} is in {found!r}; the system description has {unit!r}")
+        if data[name].dims != ("time",):
+            raise RecordingError(f"{path}: {name!r} has dimensions {data[name].dims}; expected ('time',)")
+        return data[name].values.astype(float)
+
+    measured = [o.name for o in system.outputs if o.name in data]
+    if not measured:
+        raise RecordingError(f"{path}: none of the outputs {', '.join(system.output_names)} is in it")
+    outputs = np.stack(
+        [series(o.name, o.unit) if o.name in data else np.full(len(time), np.nan) for o in system.outputs]
+    )
+    inputs = {i.name: series(i.name, i.unit) for i in system.inputs if i.name in data}
+    for name, values in inputs.items():
+        if not np.isfinite(values).all():
+            raise RecordingError(f"{path}: input {name!r} has gaps; expected a finite value at every step")
+    return Recording(path=path, step=float(steps[0]), time=time, outputs=outputs, inputs=inputs)
+
+
+def recorded_inputs(system: System, recording: Recording, warm_up: float) -> InputTable:
+    """All inputs over a recording, with its first day repeated for ``warm_up`` seconds before it.
+
+    An instant is joined to the next by a straight line; a mean holds over its step.
+
+    Raises
+    ------
+    RecordingError
+        If an input of the system was not recorded.
+    """
+    missing = [name for name in system.input_names if name not in recording.inputs]
+    if missing:
+        raise RecordingError(f"{recording.path}: inputs {', '.join(missing)} were not recorded; expected all of them")
+    day = max(min(round(DAY / recording.step), len(recording.time)), 1)
+    repeats = -(-round(warm_up / recording.step) // day)
+    time = np.concatenate(
+        [
+            recording.time[0] - recording.step * np.arange(repeats * day, 0, -1),
+            recording.time,
+        ]
+    )
+    signals = {}
+    for one in system.inputs:
+        values = np.concatenate([np.tile(recording.inputs[one.name][:day], repeats), recording.inputs[one.name]])
+        if one.interpolation == "previous":
+            signals[one.name] = Piecewise(time - recording.step, values, "previous")
+        else:
+            signals[one.name] = Piecewise(time, values, "linear")
+    return merge(signals, recording.start - warm_up, recording.stop)

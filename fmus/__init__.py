@@ -1,0 +1,1 @@
+"""The default FMU: sources, build and system description."""

@@ -1,0 +1,28 @@
+"""NAME=VALUE on a command line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from shared.errors import SystemDescriptionError
+
+
+def assignments(items: Iterable[str]) -> dict[str, float]:
+    """Parse ``NAME=VALUE`` with a number as value.
+
+    Raises
+    ------
+    SystemDescriptionError
+        Naming the first item that is something else.
+    """
+    values = {}
+    for item in items:
+        name, equals, text = item.partition("=")
+        try:
+            if not equals:
+                raise ValueError
+            values[name.strip()] = float(text)
+        except ValueError:
+            sentence = f"--set {item!r}: expected NAME=VALUE with a number, like volume=150"
+            raise SystemDescriptionError(sentence) from None
+    return values

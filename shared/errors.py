@@ -1,0 +1,45 @@
+"""The errors that a user can cause, one small tree.
+
+    ZeroshotError                 anything that a user can mend; its text is the whole message
+    ├── SystemDescriptionError    a system's TOML, or the TOML and its FMU do not fit
+    ├── WeatherError              a weather file cannot be used
+    ├── FmuError                  an FMU cannot be unpacked, loaded or instantiated
+    ├── SimulationError           a simulation did not reach its end
+    ├── DatasetError              a dataset, shard or manifest cannot be used
+    ├── EstimatorError            a training run or a checkpoint cannot be used
+    └── RecordingError            a recording cannot be used
+
+The command lines print the text and exit with 1; anything else that escapes is a bug of ours.
+"""
+
+
+class ZeroshotError(Exception):
+    """Something the user can mend. The text names the file, the field, what was found, what was expected."""
+
+
+class SystemDescriptionError(ZeroshotError):
+    """The system description is wrong, or does not fit its FMU."""
+
+
+class WeatherError(ZeroshotError):
+    """A weather file cannot be read or lacks what is needed."""
+
+
+class FmuError(ZeroshotError):
+    """An FMU cannot be unpacked, loaded or instantiated."""
+
+
+class SimulationError(ZeroshotError):
+    """A simulation failed; the text gives the time, the cause and the FMU's own log."""
+
+
+class DatasetError(ZeroshotError):
+    """A dataset, a shard or a manifest cannot be used."""
+
+
+class EstimatorError(ZeroshotError):
+    """A training run or a checkpoint cannot be used."""
+
+
+class RecordingError(ZeroshotError):
+    """A recording cannot be used."""

@@ -1,0 +1,148 @@
+"""The schema of a shard: what a file of simulated systems holds, and how it is held to that.
+
+A shard has dimensions (system, time). Outputs and inputs are float32, parameters float64, one value a system.
+Every variable says its role (``parameter``, ``output``, ``input``), its units and, for series, its CF cell method:
+``time: point`` is an instant, ``time: mean`` the mean over the step that ends there (see ``time_bnds``).
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+
+import numpy as np
+import xarray as xr
+
+from shared.errors import DatasetError
+from shared.system import System
+
+SCHEMA_VERSION = "1.0"
+EPOCH = "2001-01-01 00:00:00"
+"""Time zero of every simulated year: 1 January of a common year that began on a Monday, local standard time."""
+SPLITS = ("train", "validation", "test")
+
+
+def split_of(root_seed: int, index: int) -> int:
+    """Split of a system: of each ten consecutive systems eight train, one validates, one tests.
+
+    It depends on the root seed and the index alone, so that extending a dataset moves nobody.
+    """
+    block, place = divmod(index, 10)
+    order = np.random.default_rng(np.random.SeedSequence(root_seed, spawn_key=(0x5B17, block))).permutation(10)
+    rank = int(np.flatnonzero(order == place)[0])
+    return 0 if rank < 8 else rank - 7
+
+
+def time_axis(step: float, count: int) -> np.ndarray:
+    """Ends of the output steps [s since time zero], shape (count,)."""
+    return step * np.arange(1, count + 1, dtype=np.float64)
+
+
+def build_shard(
+    system: System,
+    *,
+    indices: np.ndarray,
+    root_seed: int,
+    parameters: np.ndarray,
+    outputs: np.ndarray,
+    inputs: np.ndarray,
+    attributes: dict[str, str],
+) -> xr.Dataset:
+    """Put simulated systems into a dataset that follows the schema.
+
+    Parameters
+    ----------
+    indices
+        System indices, shape (systems,).
+    parameters
+        Shape (systems, parameters), in the order of the description [unit of each].
+    outputs, inputs
+        Shapes (systems, outputs, time) and (systems, inputs, time) [unit of each].
+    attributes
+        Further global attributes, for example hashes and versions.
+    """
+    step = system.experiment.step
+    count = outputs.shape[2]
+    time = time_axis(step, count)
+    series = ("system", "time")
+    variables: dict[str, tuple] = {
+        "time_bnds": (("time", "bnds"), np.stack([time - step, time], axis=1)),
+        "split": (
+            ("system",),
+            np.array([split_of(root_seed, int(i)) for i in indices], dtype=np.int8),
+            {
+                "long_name": "split that the system belongs to",
+                "flag_values": np.arange(3, dtype=np.int8),
+                "flag_meanings": " ".join(SPLITS),
+            },
+        ),
+    }
+    for k, parameter in enumerate(system.parameters):
+        about = {"long_name": parameter.description or parameter.name, "units": parameter.unit, "role": "parameter"}
+        span = {"valid_min": parameter.min, "valid_max": parameter.max}
+        variables[parameter.name] = (("system",), parameters[:, k].astype(np.float64), about | span)
+    for k, output in enumerate(system.outputs):
+        attrs = {"long_name": output.long_name or output.name, "units": output.unit, "role": "output"}
+        attrs["cell_methods"] = f"time: {output.method}"
+        if output.standard_name:
+            attrs["standard_name"] = output.standard_name
+        variables[output.name] = (series, outputs[:, k].astype(np.float32), attrs)
+    for k, one in enumerate(system.inputs):
+        attrs = {"long_name": f"input {one.name}", "units": one.unit, "role": "input", "source": one.source}
+        attrs["cell_methods"] = f"time: {'mean' if one.interpolation == 'previous' else 'point'}"
+        variables[one.name] = (series, inputs[:, k].astype(np.float32), attrs)
+    coordinates = {
+        "system": (("system",), np.asarray(indices, dtype=np.int64), {"long_name": "system index", "units": "1"}),
+        "time": (
+            ("time",),
+            time,
+            {
+                "long_name": "end of the output step, local standard time",
+                "standard_name": "time",
+                "units": f"seconds since {EPOCH}",
+                "calendar": "standard",
+                "axis": "T",
+                "bounds": "time_bnds",
+            },
+        ),
+    }
+    attrs = {
+        "Conventions": "CF-1.11",
+        "title": f"Simulated systems of {system.name}",
+        "zeroshot_schema_version": SCHEMA_VERSION,
+        "system_name": system.name,
+        "system_hash": system.hash(),
+        **attributes,
+    }
+    return xr.Dataset(variables, coordinates, attrs)
+
+
+def content_hash(arrays: Iterable[tuple[str, np.ndarray]]) -> str:
+    """sha256 over names, types, shapes and values in the order of the names: independent of how a file is laid out."""
+    digest = hashlib.sha256()
+    for name, values in sorted(arrays, key=lambda pair: pair[0]):
+        data = np.ascontiguousarray(values)
+        digest.update(f"{name}:{data.dtype.str}:{data.shape};".encode())
+        digest.update(data.tobytes())
+    return digest.hexdigest()
+
+
+def dataset_hash(dataset: xr.Dataset) -> str:
+    """Content hash of a shard in memory."""
+    return content_hash((str(name), variable.values) for name, variable in dataset.variables.items())
+
+
+def check_version(found: str, where: str) -> None:
+    """Refuse data of a newer major version.
+
+    Raises
+    ------
+    DatasetError
+        If this reader does not know the version.
+    """
+    ours = SCHEMA_VERSION.split(".")[0]
+    theirs = str(found).split(".")[0]
+    if not theirs.isdigit() or int(theirs) > int(ours):
+        raise DatasetError(
+            f"{where}: schema version is {found!r}; this version of zeroshot-fmu reads up to {ours}.x: update it"
+        )

@@ -1,0 +1,81 @@
+"""The parts of a system description that say how its inputs are made: weather, occupancy, schedules, excitation."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+Span = tuple[float, float]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Weather(_Table):
+    """Weather files and the plane on which the sun is wanted (pvlib's nomenclature)."""
+
+    files: list[str] = Field(min_length=1, description="TMY3, EPW or .mos; 'pvlib:NAME' is a file that pvlib ships")
+    surface_tilt: float = Field(90.0, ge=0, le=180, description="[degree] from horizontal")
+    surface_azimuth: float = Field(180.0, ge=0, le=360, description="[degree] east of north")
+    albedo: float = Field(0.2, ge=0, le=1)
+    transposition: Literal["isotropic", "haydavies", "perez"] = "perez"
+
+
+class Occupancy(_Table):
+    """A random schedule of persons. Spans are uniform distributions (low, high); times are in hours.
+
+    Each system draws its headcount, its usual arrival and its usual length of day once; each day then draws
+    whether anybody comes, how many, when, and when some of them leave for a while.
+    """
+
+    headcount: tuple[int, int] = Field(description="persons of a full day, once per system")
+    arrival: Span = Field(description="usual start of the day, once per system [h]")
+    duration: Span = Field(description="usual length of the day, once per system [h]")
+    jitter: float = Field(ge=0, description="standard deviation of a day's start and end about the usual [h]")
+    attendance: Span = Field(description="share of the headcount present on a day")
+    gaps: tuple[int, int] = Field(description="how often in a day some leave for a while")
+    gap_duration: Span = Field(description="length of such an absence [h]")
+    gap_share: Span = Field(description="share of those present who leave")
+    absence: float = Field(ge=0, le=1, description="probability that nobody comes on a working day")
+    weekend: float = Field(ge=0, le=1, description="probability that somebody comes on a day of the weekend")
+    first_weekday: int = Field(0, ge=0, le=6, description="weekday of time zero; 0 is Monday")
+
+    @model_validator(mode="after")
+    def _spans(self) -> Occupancy:
+        for name in ("headcount", "arrival", "duration", "attendance", "gaps", "gap_duration", "gap_share"):
+            low, high = getattr(self, name)
+            if low > high or low < 0:
+                raise ValueError(f"{name}: span is [{low:g}, {high:g}]; expected 0 <= low <= high")
+        return self
+
+
+class Schedule(_Table):
+    """A value that changes at fixed hours of the day: lists of (hour, value), the first at hour 0."""
+
+    weekday: list[tuple[float, float]] = Field(min_length=1)
+    weekend: list[tuple[float, float]] | None = None
+    first_weekday: int = Field(0, ge=0, le=6)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Schedule:
+        for name, rows in (("weekday", self.weekday), ("weekend", self.weekend)):
+            hours = [hour for hour, _ in rows or []]
+            if rows is not None and (hours[:1] != [0] or hours != sorted(set(hours)) or hours[-1] >= 24):
+                raise ValueError(f"{name}: hours are {hours}; expected them to start at 0, increase, and stay below 24")
+        return self
+
+
+class Sinusoid(_Table):
+    """amplitude * sin(2 pi (t / period + phase))."""
+
+    amplitude: float = Field(description="[unit of the input]")
+    period: float = Field(gt=0, description="[h]")
+    phase: float = Field(0.0, description="share of a period")
+
+
+class Excitation(_Table):
+    """A sum of sinusoids, the same for every system."""
+
+    components: list[Sinusoid] = Field(min_length=1)

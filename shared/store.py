@@ -1,0 +1,223 @@
+"""The dataset on disk: ``manifest.json``, ``shards/*.nc``, ``failures.jsonl``, ``README.md``.
+
+The manifest is the dataset's word: a shard that it does not list is not there. Everything is written to a temporary
+file, flushed and renamed, so that a reader sees a file whole or not at all.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import netCDF4
+import numpy as np
+import xarray as xr
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from shared.errors import DatasetError
+from shared.schema import SCHEMA_VERSION, SPLITS, check_version, content_hash, dataset_hash
+from shared.system import System, system_from_canonical
+
+
+class ShardEntry(BaseModel):
+    """What the manifest knows of one shard."""
+
+    model_config = ConfigDict(extra="forbid")
+    file: str
+    systems: list[int]
+    sha256: str
+    content_hash: str
+
+
+class Manifest(BaseModel):
+    """What a dataset is, and which shards it has."""
+
+    schema_version: str = SCHEMA_VERSION
+    system_name: str
+    system_hash: str
+    system: str = Field(description="the system description as canonical JSON")
+    fmu_sha256: str
+    root_seed: int
+    systems: int = Field(description="systems asked for")
+    shard_size: int
+    settings: dict[str, Any] = {}
+    versions: dict[str, str] = {}
+    shards: list[ShardEntry] = []
+
+
+def write_atomically(path: Path, data: bytes) -> None:
+    """Write a file whole: temporary neighbour, flush, rename."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with open(temporary, "wb") as handle:
+            handle.write(data)
+            handle.flush()
+            os.fsync(handle.fileno())
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def sha256_of(path: Path) -> str:
+    """sha256 of a file."""
+    with open(path, "rb") as handle:
+        return hashlib.file_digest(handle, "sha256").hexdigest()
+
+
+def write_manifest(folder: Path, manifest: Manifest) -> None:
+    """Write ``manifest.json``."""
+    write_atomically(folder / "manifest.json", (manifest.model_dump_json(indent=1) + "\n").encode())
+
+
+def read_manifest(folder: Path | str) -> Manifest:
+    """Read and check ``manifest.json``.
+
+    Raises
+    ------
+    DatasetError
+        If it is missing, damaged, or of a newer schema.
+    """
+    path = Path(folder) / "manifest.json"
+    try:
+        raw = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise DatasetError(f"{path}: no such file; expected a dataset made by `datagen run`") from None
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise DatasetError(f"{path}: not valid JSON: {error}; expected a manifest made by `datagen run`") from None
+    if not isinstance(raw, dict) or "schema_version" not in raw:
+        raise DatasetError(f"{path}: schema_version is missing; expected a manifest made by `datagen run`")
+    check_version(raw["schema_version"], str(path))
+    try:
+        return Manifest.model_validate(raw)
+    except ValidationError as error:
+        first = error.errors()[0]
+        field = ".".join(str(part) for part in first["loc"])
+        raise DatasetError(f"{path}: {field}: {first['msg']}") from None
+
+
+def write_shard(path: Path, dataset: xr.Dataset, systems: list[int]) -> ShardEntry:
+    """Write a shard, or the record of one system, whole, and return its manifest entry."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    encoding: dict[Any, dict[str, Any]] = {
+        name: {"zlib": True, "complevel": 1, "shuffle": True, "chunksizes": (1,) * (v.ndim - 1) + v.shape[-1:]}
+        for name, v in dataset.data_vars.items()
+        if v.dims[-1:] == ("time",)
+    }
+    for name in dataset.variables:
+        encoding.setdefault(name, {})["_FillValue"] = None
+    try:
+        dataset.to_netcdf(temporary, engine="netcdf4", format="NETCDF4", encoding=encoding)
+        with open(temporary, "rb") as handle:
+            os.fsync(handle.fileno())
+            digest = hashlib.file_digest(handle, "sha256").hexdigest()
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+    return ShardEntry(file=path.name, systems=systems, sha256=digest, content_hash=dataset_hash(dataset))
+
+
+@dataclass(frozen=True)
+class Records:
+    """Series and parameters of many systems.
+
+    ``values`` float32 (systems, channels, time) [units of the channels], ``parameters`` float64
+    (systems, parameters), ``systems`` int64 (systems,), ``splits`` int8 (systems,), ``time`` (time,) [s].
+    """
+
+    channels: list[str]
+    values: np.ndarray
+    parameters: np.ndarray
+    systems: np.ndarray
+    splits: np.ndarray
+    time: np.ndarray
+
+    def of_split(self, split: str) -> np.ndarray:
+        """Rows of a split, by its name (``train``, ``validation``, ``test``)."""
+        return np.flatnonzero(self.splits == SPLITS.index(split))
+
+
+class DatasetFolder:
+    """A dataset, opened for reading.
+
+    Raises
+    ------
+    DatasetError
+        If the folder holds no readable dataset.
+    """
+
+    def __init__(self, folder: Path | str) -> None:
+        self.folder = Path(folder)
+        self.manifest = read_manifest(self.folder)
+        self.system: System = system_from_canonical(self.manifest.system, self.folder / "manifest.json")
+        if self.system.hash() != self.manifest.system_hash:
+            raise DatasetError(f"{self.folder / 'manifest.json'}: system and system_hash disagree; it was changed")
+
+    def shard_path(self, entry: ShardEntry) -> Path:
+        """Where a shard lies; a name that leaves the folder is refused."""
+        if Path(entry.file).name != entry.file:
+            raise DatasetError(f"{self.folder}: shard {entry.file!r} is not a plain file name")
+        return self.folder / "shards" / entry.file
+
+    def _open(self, entry: ShardEntry) -> netCDF4.Dataset:
+        path = self.shard_path(entry)
+        try:
+            shard = netCDF4.Dataset(path, "r")
+        except FileNotFoundError:
+            raise DatasetError(f"{path}: the manifest lists this shard, but it is missing") from None
+        except OSError as error:
+            raise DatasetError(f"{path}: damaged or not NetCDF ({error})") from None
+        shard.set_auto_mask(False)
+        check_version(getattr(shard, "zeroshot_schema_version", "missing"), str(path))
+        if getattr(shard, "system_hash", "") != self.manifest.system_hash:
+            shard.close()
+            raise DatasetError(f"{path}: belongs to another system than the manifest says")
+        return shard
+
+    def shard_content_hash(self, entry: ShardEntry) -> str:
+        """Content hash of a shard as it lies on disk."""
+        with self._open(entry) as shard:
+            try:
+                return content_hash([(name, v[...]) for name, v in shard.variables.items()])
+            except (OSError, RuntimeError) as error:
+                raise DatasetError(f"{self.shard_path(entry)}: damaged ({error})") from None
+
+    def load(self, channels: list[str] | None = None) -> Records:
+        """Read channels (outputs or inputs; the estimator's by default) and parameters of all systems.
+
+        Raises
+        ------
+        DatasetError
+            If a channel is unknown, or a shard is missing or damaged (it is named).
+        """
+        wanted = list(self.system.estimator.channels if channels is None else channels)
+        known = [*self.system.output_names, *self.system.input_names]
+        for channel in wanted:
+            if channel not in known:
+                raise DatasetError(f"{self.folder}: no channel {channel!r}; found {', '.join(known)}")
+        if not self.manifest.shards:
+            raise DatasetError(f"{self.folder}: the dataset has no shards yet; expected a finished `datagen run`")
+        values, parameters, systems, splits = [], [], [], []
+        time: np.ndarray = np.empty(0)
+        for entry in self.manifest.shards:
+            with self._open(entry) as shard:
+                try:
+                    values.append(np.stack([shard[name][...] for name in wanted], axis=1))
+                    parameters.append(np.stack([shard[n][...] for n in self.system.parameter_names], axis=1))
+                    systems.append(shard["system"][...])
+                    splits.append(shard["split"][...])
+                    time = shard["time"][...]
+                except (IndexError, OSError, RuntimeError, ValueError) as error:
+                    raise DatasetError(f"{self.shard_path(entry)}: damaged or incomplete ({error})") from None
+        order = np.argsort(np.concatenate(systems), kind="stable")
+        return Records(
+            channels=wanted,
+            values=np.concatenate(values)[order],
+            parameters=np.concatenate(parameters)[order],
+            systems=np.concatenate(systems)[order],
+            splits=np.concatenate(splits)[order],
+            time=time,
+        )

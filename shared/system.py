@@ -1,0 +1,357 @@
+"""The system description: one TOML file that tells every package about one system.
+
+It names the FMU, the estimated parameters, the inputs and where each comes from, the outputs and their
+sensors, and the numbers of the random occupancy. Nothing in the packages' code knows a variable's name.
+Whether the FMU has the variables is checked where FMUs are read (``datagen.fmu``).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tomllib
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from shared.errors import SystemDescriptionError
+from shared.signals import Excitation, Occupancy, Schedule, Weather
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Experiment(_Table):
+    """How long and how finely a system is simulated."""
+
+    step: float = Field(3600.0, gt=0, description="output step [s]")
+    hours: float = Field(8760.0, gt=0, description="length of the record [h]")
+    warm_up_hours: float = Field(0.0, ge=0, description="simulated before time zero and dropped [h]")
+    tolerance: float = Field(1e-6, gt=0, le=1e-2, description="relative tolerance of the integrator")
+
+
+class Parameter(_Table):
+    """An estimated parameter and its prior: uniform in ``scale`` between ``min`` and ``max``."""
+
+    name: str
+    description: str = ""
+    unit: str
+    min: float
+    max: float
+    scale: Literal["linear", "log"] = "linear"
+
+    @model_validator(mode="after")
+    def _range(self) -> Parameter:
+        if not self.min < self.max:
+            raise ValueError(f"range is reversed or empty: min {self.min:g}, max {self.max:g}; expected min < max")
+        if self.min <= 0:
+            # targets are log10 of the parameter (paper, section 2.4)
+            raise ValueError(f"min is {self.min:g}; expected a positive number, because targets are logarithms")
+        return self
+
+    def from_unit(self, u: np.ndarray | float) -> np.ndarray:
+        """Map uniform numbers in [0, 1] to the parameter's prior [unit]."""
+        u = np.asarray(u, dtype=float)
+        if self.scale == "log":
+            return self.min * (self.max / self.min) ** u
+        return self.min + (self.max - self.min) * u
+
+
+class _Input(_Table):
+    name: str
+    unit: str
+    interpolation: Literal["linear", "previous"] = "linear"
+
+
+class WeatherInput(_Input):
+    """An input read from the weather table."""
+
+    source: Literal["weather"]
+    column: str
+
+
+class OccupancyInput(_Input):
+    """The number of persons present."""
+
+    source: Literal["occupancy"]
+    interpolation: Literal["previous"] = "previous"
+
+
+class ScheduleInput(_Input):
+    """An input that follows a schedule of the week."""
+
+    source: Literal["schedule"]
+    schedule: str
+    interpolation: Literal["previous"] = "previous"
+
+
+class ExcitationInput(_Input):
+    """A sum of sinusoids added to a control action; zero when excitation is switched off."""
+
+    source: Literal["excitation"]
+    excitation: str
+
+
+class ConstantInput(_Input):
+    """An input that stays at one value."""
+
+    source: Literal["constant"]
+    value: float
+
+
+class MeasuredInput(_Input):
+    """An input that only a recording provides; ``value`` stands in where there is none."""
+
+    source: Literal["measured"]
+    column: str
+    value: float = 0.0
+
+
+Input = Annotated[
+    WeatherInput | OccupancyInput | ScheduleInput | ExcitationInput | ConstantInput | MeasuredInput,
+    Field(discriminator="source"),
+]
+
+
+class Noise(_Table):
+    """A sensor: Gaussian noise, then quantisation, then dropouts."""
+
+    sd: float = Field(0.0, ge=0, description="standard deviation [unit of the output]")
+    quantum: float = Field(0.0, ge=0, description="resolution of the reading [unit of the output]; 0 is none")
+    dropout: float = Field(0.0, ge=0, lt=1, description="share of readings lost")
+
+
+class Output(_Table):
+    """A recorded output. ``method`` follows CF cell methods: an instant, or the mean since the last step."""
+
+    name: str
+    variable: str = ""
+    unit: str
+    long_name: str = ""
+    standard_name: str = ""
+    method: Literal["point", "mean"] = "point"
+    accuracy: float = Field(gt=0, description="what a noise-free value is good for [unit]: the numerical floor")
+    noise: dict[str, Noise] = {}
+
+    @property
+    def fmu_variable(self) -> str:
+        """The FMU's variable behind this output."""
+        return self.variable or self.name
+
+
+class Effect(_Table):
+    """A candidate for the sim-to-real gap: an amplitude whose zero is the base model."""
+
+    name: str
+    kind: Literal["parameter", "sensor", "input"]
+    target: str
+    unit: str
+    max: float
+    description: str = ""
+
+
+class Estimator(_Table):
+    """What the default estimator reads."""
+
+    channels: list[str]
+    context_hours: float = Field(168.0, gt=0)
+
+
+class System(_Table):
+    """A system description. Load one with :func:`load_system`."""
+
+    schema_version: Literal[1]
+    name: str
+    description: str = ""
+    fmu: str
+    experiment: Experiment = Experiment()
+    estimator: Estimator
+    fixed: dict[str, float | bool] = {}
+    replay: dict[str, float | bool] = {}
+    parameters: list[Parameter] = Field(min_length=1)
+    inputs: list[Input] = []
+    outputs: list[Output] = Field(min_length=1)
+    effects: list[Effect] = []
+    weather: Weather | None = None
+    occupancy: Occupancy | None = None
+    schedules: dict[str, Schedule] = {}
+    excitations: dict[str, Excitation] = {}
+    path: Path = Path()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> System:
+        for kind, items in (("parameters", self.parameters), ("inputs", self.inputs), ("outputs", self.outputs)):
+            names = [item.name for item in items]
+            twice = sorted({name for name in names if names.count(name) > 1})
+            if twice:
+                raise ValueError(f"{kind}: {twice[0]!r} is declared twice")
+        for name in sorted({*self.parameter_names, *self.input_names}):
+            if (name in self.output_names) + (name in self.input_names) + (name in self.parameter_names) > 1:
+                raise ValueError(f"{name!r} is the name of two things; expected one")
+        for parameter in self.parameters:
+            if parameter.name in self.fixed:
+                raise ValueError(f"fixed: {parameter.name!r} is also an estimated parameter")
+        for one in self.inputs:
+            if isinstance(one, ScheduleInput) and one.schedule not in self.schedules:
+                raise ValueError(f"inputs: {one.name!r} names schedule {one.schedule!r}, which is not declared")
+            if isinstance(one, ExcitationInput) and one.excitation not in self.excitations:
+                raise ValueError(f"inputs: {one.name!r} names excitation {one.excitation!r}, which is not declared")
+            if isinstance(one, WeatherInput) and self.weather is None:
+                raise ValueError(f"inputs: {one.name!r} comes from the weather, but there is no [weather] table")
+            if isinstance(one, OccupancyInput) and self.occupancy is None:
+                raise ValueError(f"inputs: {one.name!r} comes from the occupancy, but there is no [occupancy] table")
+        known = {*self.output_names, *self.input_names}
+        for channel in self.estimator.channels:
+            if channel not in known:
+                raise ValueError(f"estimator.channels: {channel!r} is neither an output nor an input")
+        if self.experiment.hours * 3600 % self.experiment.step:
+            raise ValueError(f"experiment: step {self.experiment.step:g} s does not divide {self.experiment.hours:g} h")
+        return self
+
+    @property
+    def parameter_names(self) -> list[str]:
+        """Names of the estimated parameters, in the order of every parameter vector."""
+        return [p.name for p in self.parameters]
+
+    @property
+    def input_names(self) -> list[str]:
+        """Names of the FMU inputs."""
+        return [i.name for i in self.inputs]
+
+    @property
+    def output_names(self) -> list[str]:
+        """Names of the recorded outputs."""
+        return [o.name for o in self.outputs]
+
+    @property
+    def fmu_path(self) -> Path:
+        """Where the FMU is: relative to the TOML's folder."""
+        return (self.path.parent / self.fmu).resolve()
+
+    @property
+    def noise_presets(self) -> list[str]:
+        """Names of the sensor presets; ``none`` is always there."""
+        return ["none", *sorted({name for output in self.outputs for name in output.noise} - {"none"})]
+
+    def canonical(self) -> str:
+        """The description as canonical JSON, without where it lies."""
+        return json.dumps(self.model_dump(mode="json", exclude={"path"}), sort_keys=True, separators=(",", ":"))
+
+    def with_experiment(self, *, hours: float | None = None, step: float | None = None) -> System:
+        """The same system with another length [h] or output step [s].
+
+        Raises
+        ------
+        SystemDescriptionError
+            If the step does not divide the length.
+        """
+        changes = {name: value for name, value in (("hours", hours), ("step", step)) if value is not None}
+        if not changes:
+            return self
+        raw = json.loads(self.canonical())
+        raw["experiment"].update(changes)
+        return _validate({**raw, "path": self.path}, self.path)
+
+    def hash(self) -> str:
+        """sha256 of what is simulated: equal for equal systems, however long and for whom they are simulated.
+
+        ``experiment`` and ``estimator`` are defaults of commands, not the system, and are left out.
+        """
+        content = self.model_dump(mode="json", exclude={"path", "experiment", "estimator"})
+        return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+
+    def noise_sd(self, preset: str) -> np.ndarray:
+        """Standard deviation of each output's error under a noise preset [unit of each output], shape (outputs,).
+
+        The numerical floor and the quantisation (quantum / sqrt(12)) are part of it.
+        """
+        if preset not in self.noise_presets:
+            raise SystemDescriptionError(
+                f"{self.path}: noise {preset!r} is not a preset of {self.name}; found {', '.join(self.noise_presets)}"
+            )
+        sensors = [output.noise.get(preset, Noise()) for output in self.outputs]
+        return np.array(
+            [np.sqrt(o.accuracy**2 + n.sd**2 + n.quantum**2 / 12) for o, n in zip(self.outputs, sensors, strict=True)]
+        )
+
+
+def _sentence(error: ValidationError) -> str:
+    first = error.errors()[0]
+    where: list[str] = []
+    for part in first["loc"]:
+        if isinstance(part, int):
+            where[-1:] = [f"{where[-1] if where else ''}[{part + 1}]"]
+        elif not isinstance(part, str) or not part.startswith("function-"):
+            where.append(str(part))
+    what = first["msg"].removeprefix("Value error, ")
+    kind = first["type"]
+    if kind == "missing":
+        what = "missing; expected a value"
+    elif kind == "extra_forbidden":
+        what = f"unknown field (found {first['input']!r})"
+    elif kind != "value_error":
+        what = f"{what} (found {first['input']!r})"
+    more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
+    return f"{'.'.join(where)}: {what}{more}" if where else f"{what}{more}"
+
+
+def parse_system(text: str, path: Path) -> System:
+    """Parse a system description from TOML text; ``path`` is where relative paths start and errors point.
+
+    Raises
+    ------
+    SystemDescriptionError
+        With one sentence that names the field, what was found and what was expected.
+    """
+    try:
+        raw = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise SystemDescriptionError(f"{path}: not valid TOML: {error}") from None
+    return _validate({**raw, "path": path}, path)
+
+
+def system_from_canonical(text: str, path: Path) -> System:
+    """Rebuild a system from :meth:`System.canonical`, as manifests hold it."""
+    return _validate({**json.loads(text), "path": path}, path)
+
+
+def _validate(raw: dict[str, object], path: Path) -> System:
+    _name_unnamed(raw, path)
+    try:
+        return System.model_validate(raw)
+    except ValidationError as error:
+        raise SystemDescriptionError(f"{path}: {_sentence(error)}") from None
+
+
+def _name_unnamed(raw: dict[str, object], path: Path) -> None:
+    """A missing unit is the commonest slip: say whose it is, by name rather than by position."""
+    for table in ("parameters", "inputs", "outputs"):
+        items = raw.get(table, [])
+        for item in items if isinstance(items, list) else []:
+            if isinstance(item, dict) and "name" in item and not item.get("unit"):
+                raise SystemDescriptionError(
+                    f'{path}: {table} {item["name"]!r} has no unit; expected for example "K", or "1" for a number'
+                )
+
+
+def load_system(path: Path | str) -> System:
+    """Read a system description.
+
+    Raises
+    ------
+    SystemDescriptionError
+        If the file is missing, not TOML, or does not describe a system.
+    """
+    path = Path(path)
+    if path.is_dir():
+        path = path / "system.toml"
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise SystemDescriptionError(f"{path}: no such file; expected a system description (TOML)") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise SystemDescriptionError(f"{path}: cannot be read as text: {error}") from None
+    return parse_system(text, path)

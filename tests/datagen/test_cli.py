@@ -1,0 +1,86 @@
+"""What a user at the shell sees: sentences, exit codes, JSON."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+import xarray as xr
+
+from datagen.cli import app
+from shared.console import FAULT, OK, USAGE, start
+
+
+def run(*words):
+    return start(app, [str(w) for w in words])
+
+
+def test_simulate_sets_parameters_in_both_spellings(default_system, tmp_path, capsys):
+    toml = default_system.path
+    assert run("simulate", toml, "--out", tmp_path / "a.nc", "--hours", 24, "--set", "roo.V=100", "roo.AFlo=90") == OK
+    words = ["simulate", toml, "--out", tmp_path / "b.nc", "--hours", 24, "--set", "roo.V=100", "--set", "roo.AFlo=90"]
+    assert run(*words) == OK
+    a, b = (xr.load_dataset(tmp_path / name) for name in ("a.nc", "b.nc"))
+    assert float(a["roo.V"]) == 100.0
+    assert float(a["roo.AFlo"]) == 90.0
+    assert a.identical(b)
+    assert "TRoo" in capsys.readouterr().out
+
+
+def test_farm_commands_work_together(default_system, tmp_path, capsys):
+    folder = tmp_path / "ds"
+    words = ["--systems", 2, "--hours", 24, "--workers", 1, "--quiet"]
+    assert run("run", default_system.path, "--out", folder, *words) == OK
+    assert run("info", folder, "--json") == OK
+    found = json.loads(capsys.readouterr().out)
+    assert found["systems_done"] == 2
+    assert run("verify", folder, "--json") == OK
+    assert json.loads(capsys.readouterr().out) == {"folder": str(folder), "ok": True, "faults": []}
+    (folder / "shards" / "shard-000000.nc").write_bytes(b"rubbish")
+    assert run("verify", folder) == FAULT
+    assert "shard-000000.nc" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_identifiability_is_kept_and_copied(default_system, tmp_path, capsys):
+    out = tmp_path / "limit.json"
+    words = ["identifiability", default_system.path, "--context", 12, "--systems", 1, "--workers", 1]
+    assert run(*words, "--noise", "none", "sensor", "--out", out, "--json") == OK
+    found = json.loads(capsys.readouterr().out)
+    assert [one["noise"] for one in found] == ["none", "sensor"]
+    assert found[0]["r2_mean"] > found[1]["r2_mean"]
+    assert set(found[0]["r2"]) == set(default_system.parameter_names)
+    assert len(json.loads(out.read_text())["ceilings"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        (["run", "nowhere.toml", "--out", "x", "--systems", "2"], FAULT, "nowhere.toml: no such file"),
+        (["simulate", "TOML", "--out", "x.nc", "--set", "roo.V"], FAULT, "expected NAME=VALUE"),
+        (["simulate", "TOML", "--out", "x.nc", "--set", "roo.W=3"], FAULT, "'roo.W' is not a parameter"),
+        (["simulate", "TOML", "--out", "x.nc", "--hours", "1.5"], FAULT, "does not divide"),
+        (["info", "nowhere"], FAULT, "expected a dataset"),
+        (["verify", "nowhere"], FAULT, "expected a dataset"),
+        (["identifiability", "TOML", "--noise", "loud"], FAULT, "'loud' is not a preset"),
+        (["run", "TOML", "--out", "x", "--systems", "0"], FAULT, "systems is 0"),
+        (["run", "TOML"], USAGE, "--out"),
+        (["fly"], USAGE, "fly"),
+    ],
+)
+def test_each_slip_is_a_sentence(default_system, words, code, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert run(*[str(default_system.path) if w == "TOML" else w for w in words]) == code
+    captured = capsys.readouterr()
+    assert said in " ".join((captured.err + captured.out).split())
+    assert "Traceback" not in captured.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_help_is_quick_and_needs_no_simulator():
+    code = "import sys; sys.argv = ['datagen', '--help']\n"
+    code += "try:\n import datagen.cli as c; c.main()\nexcept SystemExit: pass\n"
+    code += "print([m for m in ('numba', 'distributed', 'fmpy') if m in sys.modules])"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert "identifiability" in said
+    assert said.strip().endswith("[]")

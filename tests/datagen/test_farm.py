@@ -1,0 +1,145 @@
+"""The farm: the same data whoever computes them, resumed where it stopped, and every fault named."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from datagen import info, run, simulate, verify
+from datagen.sampling import sample_parameters
+from datagen.worker import Job, simulate_shard
+from shared.errors import DatasetError, SystemDescriptionError
+from shared.store import DatasetFolder, read_manifest, write_manifest
+from shared.system import parse_system
+
+SIZE = {"systems": 6, "hours": 96.0, "seed": 5, "shard_size": 2, "quiet": True}
+
+
+@pytest.fixture(scope="module")
+def made(default_system, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("farm") / "two-workers"
+    run(default_system, folder, workers=2, **SIZE)
+    return folder
+
+
+def hashes(folder):
+    return {entry.file: entry.content_hash for entry in read_manifest(folder).shards}
+
+
+@pytest.mark.slow
+def test_one_worker_or_two_the_same_data(made, default_system, tmp_path):
+    run(default_system, tmp_path / "one", workers=1, **SIZE)
+    assert hashes(tmp_path / "one") == hashes(made)
+    assert len(hashes(made)) == 3
+
+
+def test_the_dataset_is_what_was_asked_for(made, default_system):
+    records = DatasetFolder(made).load()
+    assert records.values.shape == (6, 2, 96)
+    assert np.isfinite(records.values).all()
+    for row, index in enumerate(records.systems):
+        np.testing.assert_array_equal(records.parameters[row], sample_parameters(default_system, 5, int(index)))
+    found = info(made)
+    assert (found["systems_done"], found["complete"], found["root_seed"]) == (6, True, 5)
+    assert verify(made) == []
+    assert "Read it with plain xarray" in (made / "README.md").read_text()
+    assert (made / "failures.jsonl").read_text() == ""
+
+
+def test_the_cards_lines_read_the_dataset(made, monkeypatch):
+    code = (made / "README.md").read_text().split("```python\n")[1].split("```")[0]
+    monkeypatch.chdir(made)
+    scope = {}
+    exec(code, scope)
+    assert scope["data"].sizes == {"system": 6, "time": 96, "bnds": 2}
+    assert scope["train"].sizes["system"] == int((scope["data"]["split"] == 0).sum())
+
+
+def test_a_single_simulation_is_the_farms(made, default_system):
+    record = simulate(default_system, hours=96.0, seed=5, index=3)
+    row = DatasetFolder(made).load().values[3]
+    np.testing.assert_array_equal(record["TRoo"].values, row[0])
+    np.testing.assert_array_equal(record["CO2"].values, row[1])
+
+
+def test_a_shorter_record_is_the_beginning_of_a_longer_one(default_system, made):
+    short = simulate(default_system, hours=48.0, seed=5, index=1)["TRoo"].values
+    np.testing.assert_allclose(short, DatasetFolder(made).load().values[1, 0, :48], atol=5e-3)
+
+
+@pytest.mark.slow
+def test_an_unfinished_run_is_resumed_to_the_same_data(made, default_system, tmp_path):
+    manifest = read_manifest(made)
+    (tmp_path / "shards").mkdir()
+    kept = manifest.shards[1]
+    (tmp_path / "shards" / kept.file).write_bytes((made / "shards" / kept.file).read_bytes())
+    write_manifest(tmp_path, manifest.model_copy(update={"shards": [kept]}))
+    before = (tmp_path / "shards" / kept.file).stat().st_mtime_ns
+    run(default_system, tmp_path, workers=1, **SIZE)
+    assert hashes(tmp_path) == hashes(made)
+    assert (tmp_path / "shards" / kept.file).stat().st_mtime_ns == before
+
+
+@pytest.mark.parametrize(
+    ("change", "field"), [({"seed": 6}, "root_seed"), ({"hours": 48.0}, "settings"), ({"systems": 7}, "systems")]
+)
+def test_other_settings_are_refused(made, default_system, change, field):
+    before = (made / "manifest.json").read_bytes()
+    with pytest.raises(DatasetError, match=rf"{field} is .*own settings"):
+        run(default_system, made, workers=1, **{**SIZE, **change})
+    assert (made / "manifest.json").read_bytes() == before
+
+
+def test_a_folder_with_other_things_is_left_alone(default_system, tmp_path):
+    (tmp_path / "thesis.txt").write_text("two years of work")
+    with pytest.raises(DatasetError, match="not empty"):
+        run(default_system, tmp_path, workers=1, **SIZE)
+    assert [p.name for p in tmp_path.iterdir()] == ["thesis.txt"]
+
+
+@pytest.mark.parametrize("damage", ["flip", "cut", "remove", "add"])
+def test_verify_names_the_damaged_file(made, tmp_path, damage):
+    (tmp_path / "shards").mkdir()
+    for name in ("manifest.json", *(f"shards/{file}" for file in hashes(made))):
+        (tmp_path / name).write_bytes((made / name).read_bytes())
+    victim = tmp_path / "shards" / "shard-000001.nc"
+    data = bytearray(victim.read_bytes())
+    if damage == "flip":
+        data[len(data) // 2] ^= 0x10
+        victim.write_bytes(bytes(data))
+    elif damage == "cut":
+        victim.write_bytes(bytes(data[: len(data) // 2]))
+    elif damage == "remove":
+        victim.unlink()
+    else:
+        victim = tmp_path / "shards" / "shard-000009.nc"
+        victim.write_bytes(bytes(data))
+    faults = verify(tmp_path)
+    assert len(faults) == 1
+    assert victim.name in faults[0]
+
+
+def test_systems_that_fail_are_quarantined_with_their_cause(default_system, tmp_path):
+    """Half of this range makes the window absorb and reflect more than all the sun: the FMU refuses those."""
+    text = default_system.path.read_text().replace("../MixedAirCO2.fmu", str(default_system.fmu_path))
+    text = text.replace("min = 0.3\nmax = 0.7", "min = 0.70\nmax = 0.99")
+    system = parse_system(text, Path("mine.toml")).with_experiment(hours=24.0)
+    job = Job(system.canonical(), str(system.path), "0" * 64, 1, True, str(tmp_path))
+    (tmp_path / "shards").mkdir()
+    result = simulate_shard(job, 0, list(range(8)))
+    absorptance = [sample_parameters(system, 1, i)[6] for i in range(8)]
+    refused = [i for i in range(8) if absorptance[i] > 0.85]
+    assert 0 < len(refused) < 8
+    assert [f["system"] for f in result.failures] == refused
+    assert result.entry is not None
+    assert result.entry.systems == [i for i in range(8) if i not in refused]
+    failure = result.failures[0]
+    assert "absSolFra" in failure["cause"]
+    assert failure["parameters"]["glaSys.absSolFra"] > 0.85
+    json.dumps(failure)
+
+
+def test_unknown_parameter_is_a_sentence(default_system):
+    with pytest.raises(SystemDescriptionError, match=r"'roo\.W' is not a parameter"):
+        simulate(default_system, parameters={"roo.W": 1.0}, hours=24.0)

@@ -1,0 +1,111 @@
+"""A recording beside its simulation: nothing is left when the model is right, and what is left is measured right."""
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from datagen import simulate
+from diagnosis import residuals
+from diagnosis.cli import app
+from diagnosis.recording import read_recording, recorded_inputs
+from shared.console import FAULT, OK, start
+from shared.errors import RecordingError
+
+HOURS = 336.0
+
+
+@pytest.fixture(scope="module")
+def recording(default_system, tmp_path_factory):
+    path = tmp_path_factory.mktemp("recording") / "room.nc"
+    simulate(default_system, hours=HOURS, seed=9, out=path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def truth(recording, default_system):
+    data = xr.load_dataset(recording)
+    return {name: float(data[name]) for name in default_system.parameter_names}
+
+
+def test_the_true_model_leaves_little(recording, truth, default_system):
+    """Hourly means of the occupancy stand for its changes within the hour, and the start is not known: that is left."""
+    found = residuals(default_system, recording, parameters=truth)["outputs"]
+    assert found["TRoo"]["rmse"] < 0.5
+    assert found["CO2"]["rmse"] < 40
+    wrong = residuals(default_system, recording, parameters={**truth, "roo.AFlo": truth["roo.AFlo"] * 0.6})["outputs"]
+    assert wrong["TRoo"]["rmse"] > 2 * found["TRoo"]["rmse"]
+
+
+def test_replayed_actuators_reproduce_themselves(recording, truth, default_system, tmp_path):
+    data = xr.load_dataset(recording, decode_times=False)
+    for name, source in (("QHea_in", "QHea"), ("mOA_in", "mOA")):
+        data[name].values[:] = data[source].values
+    data.to_netcdf(tmp_path / "replay.nc")
+    found = residuals(default_system, tmp_path / "replay.nc", parameters=truth, replay=True)["outputs"]
+    assert found["QHea"]["rmse"] < 1.0
+    assert found["mOA"]["rmse"] < 1e-4
+    assert found["TRoo"]["rmse"] < 0.5
+
+
+def test_figures_are_those_of_the_guideline(recording, truth, default_system, tmp_path):
+    """A known error added to a known series: bias, RMSE, CVRMSE and NMBE by hand."""
+    data = xr.load_dataset(recording, decode_times=False)
+    shifted = data.copy(deep=True)
+    shifted["CO2"].values[:] += 50.0
+    shifted.to_netcdf(tmp_path / "shifted.nc")
+    before = residuals(default_system, recording, parameters=truth)["outputs"]["CO2"]
+    after = residuals(default_system, tmp_path / "shifted.nc", parameters=truth)["outputs"]["CO2"]
+    assert after["bias"] - before["bias"] == pytest.approx(50.0, abs=1e-3)
+    assert after["rmse"] ** 2 == pytest.approx(before["rmse"] ** 2 + 100 * before["bias"] + 2500, rel=1e-4)
+    mean = float(shifted["CO2"].mean())
+    assert after["cvrmse"] == pytest.approx(after["rmse"] / mean, rel=1e-5)
+    assert after["nmbe"] == pytest.approx(after["bias"] / mean, rel=1e-5)
+
+
+def test_recorded_inputs_are_the_recordings(recording, default_system):
+    record = read_recording(recording, default_system)
+    table = recorded_inputs(default_system, record, 86400.0)
+    assert table.start == record.start - 86400.0
+    k = default_system.input_names.index("TDryBul")
+    np.testing.assert_allclose(table.at(record.time)[:, k], record.inputs["TDryBul"], atol=1e-4)
+    n = default_system.input_names.index("nPer")
+    edges = np.concatenate([[record.start], record.time])
+    np.testing.assert_allclose(table.means(edges)[:, n], record.inputs["nPer"], atol=1e-4)
+
+
+def damaged(recording, tmp_path, change):
+    data = xr.load_dataset(recording, decode_times=False)
+    change(data)
+    data.to_netcdf(tmp_path / "bad.nc")
+    return tmp_path / "bad.nc"
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda d: d["TRoo"].attrs.update(units="degC"), "'TRoo' is in 'degC'.*'K'"),
+        (lambda d: d["TDryBul"].values.__setitem__(5, np.nan), "'TDryBul' has gaps"),
+        (lambda d: d.__delitem__("nPer"), "nPer were not recorded"),
+    ],
+)
+def test_each_fault_of_a_recording_is_a_sentence(recording, truth, default_system, tmp_path, change, said):
+    with pytest.raises(RecordingError, match=said):
+        residuals(default_system, damaged(recording, tmp_path, change), parameters=truth)
+
+
+def test_time_must_be_regular(recording, default_system, tmp_path):
+    data = xr.load_dataset(recording, decode_times=False)
+    data.isel(time=[0, 1, 2, 5, 6]).to_netcdf(tmp_path / "bad.nc")
+    with pytest.raises(RecordingError, match="not regular"):
+        read_recording(tmp_path / "bad.nc", default_system)
+
+
+def test_the_command(recording, truth, default_system, capsys):
+    values = [f"{name}={value}" for name, value in truth.items()]
+    assert start(app, ["residuals", str(default_system.path), str(recording), "--set", *values, "--json"]) == OK
+    found = json.loads(capsys.readouterr().out)
+    assert set(found["outputs"]) == set(default_system.output_names)
+    assert start(app, ["residuals", str(default_system.path), str(recording), "--set", values[0]]) == FAULT
+    assert "no value for" in capsys.readouterr().err

@@ -1,0 +1,204 @@
+"""The shipped file: description, binaries, and that it is what the sources give."""
+
+import hashlib
+import struct
+import tomllib
+import zipfile
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.validation import validate_fmu
+
+from fmus.render import render_header, render_model_description, render_tables
+from fmus.tables import load_table, source_hash
+from fmus.toolchain import native_platform
+
+EIGHT = {
+    "gaiCO2.k": ("kg/s", 9e-6),
+    "roo.AFlo": ("m2", 120.0),
+    "roo.hRoo": ("m", 3.0),
+    "roo.V": ("m3", 150.0),
+    "matExtWal.R": ("m2.K/W", 1.5),
+    "glaSys.UFra": ("W/(m2.K)", 2.0),
+    "glaSys.absSolFra": ("1", 0.5),
+    "mOut_flow": ("kg/s", 0.15),
+}
+
+
+@pytest.fixture(scope="module")
+def files(shipped):
+    with zipfile.ZipFile(shipped) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+@pytest.fixture(scope="module")
+def description(shipped):
+    return fmpy.read_model_description(str(shipped))
+
+
+def test_fmpy_finds_no_problem(shipped):
+    assert validate_fmu(str(shipped)) == []
+
+
+def test_every_variable_has_unit_and_description(description):
+    assert len(description.modelVariables) > 100
+    for v in description.modelVariables:
+        assert v.description, v.name
+        assert v.type == "Boolean" or v.unit, v.name
+
+
+def test_every_unit_has_a_base_unit_and_is_used(description):
+    used = {v.unit for v in description.modelVariables if v.unit}
+    defined = {u.name for u in description.unitDefinitions}
+    assert used == defined
+    assert all(u.baseUnit is not None for u in description.unitDefinitions)
+
+
+def test_interface_of_the_system_description(description):
+    by_name = {v.name: v for v in description.modelVariables}
+    for name, (unit, start) in EIGHT.items():
+        v = by_name[name]
+        assert (v.causality, v.variability, v.unit, float(v.start)) == ("parameter", "fixed", unit, start)
+    inputs = [v.name for v in description.modelVariables if v.causality == "input"]
+    assert inputs == [
+        "TDryBul", "TSky", "winSpe", "HFac", "CO2Out", "nPer", "TSet", "excHea", "excOut", "QHea_in", "mOA_in",
+    ]  # fmt: skip
+    outputs = [(v.name, v.unit) for v in description.modelVariables if v.causality == "output"]
+    assert outputs == [("TRoo", "K"), ("CO2", "ppm"), ("QHea", "W"), ("mOA", "kg/s")]
+    assert by_name["replay"].type == "Boolean"
+    assert by_name["replay"].start == "false"
+
+
+def test_effects_start_at_zero(description):
+    effects = [v for v in description.modelVariables if v.name.startswith("effect.")]
+    assert len(effects) >= 6
+    assert {v.name for v in effects if float(v.start) != 0.0} == {"effect.adjacent.T"}
+
+
+def test_default_layers_are_the_constructions(description):
+    """Thickness [m], conductivity [W/(m.K)], specific heat [J/(kg.K)], density [kg/m3], far side first."""
+    constructions = {
+        "facade": [(0.0007, 45.3, 502, 7833), (0.0127, 0.12, 1210, 540), (0.133, 0.047, 1006, 93.8)],
+        "ceiling": [(0.0095, 0.12, 1210, 540), (0.133, 0.047, 1006, 93.8), (0.0159, 0.17, 1090, 800)],
+        "floor": [(0.019, 0.15, 1630, 608), (0.019, 0.12, 1210, 540)],
+        "innWal": [(0.133, 0.047, 1006, 93.8), (0.0159, 0.17, 1090, 800)],
+    }
+    start = {v.name: float(v.start) for v in description.modelVariables if v.causality == "parameter" and v.unit}
+    for wall, layers in constructions.items():
+        for i in range(5):
+            d, k, c, rho = layers[i] if i < len(layers) else (0, 1, 0, 0)
+            assert start[f"{wall}.layer[{i + 1}].C"] == pytest.approx(d * c * rho, rel=1e-4)
+            assert start[f"{wall}.layer[{i + 1}].R"] == pytest.approx(d / k, rel=1e-3)
+
+
+def test_binaries_of_five_platforms(files):
+    linux, arm = files["binaries/linux64/MixedAirCO2.so"], files["binaries/aarch64-linux/MixedAirCO2.so"]
+    for content, machine in ((linux, 0x3E), (arm, 0xB7)):
+        assert content[:6] == b"\x7fELF\x02\x01"
+        assert struct.unpack_from("<H", content, 18)[0] == machine
+    windows = files["binaries/win64/MixedAirCO2.dll"]
+    (pe,) = struct.unpack_from("<I", windows, 0x3C)
+    assert windows[:2] == b"MZ"
+    assert windows[pe : pe + 4] == b"PE\0\0"
+    assert struct.unpack_from("<H", windows, pe + 4)[0] == 0x8664
+    for content in (linux, arm, windows, files["binaries/darwin64/MixedAirCO2.dylib"]):
+        assert b"fmi2GetDirectionalDerivative" in content
+
+
+def test_mach_o_holds_both_architectures_and_a_valid_signature(files):
+    fat = files["binaries/darwin64/MixedAirCO2.dylib"]
+    magic, count = struct.unpack_from(">II", fat)
+    assert (magic, count) == (0xCAFEBABE, 2)
+    slices = [struct.unpack_from(">IIIII", fat, 8 + 20 * i) for i in range(count)]
+    assert [s[0] for s in slices] == [0x01000007, 0x0100000C]
+    for cpu, _, offset, size, align in slices:
+        assert offset % (1 << align) == 0
+        thin = fat[offset : offset + size]
+        assert struct.unpack_from("<II", thin) == (0xFEEDFACF, cpu)
+    _check_code_signature(thin)  # Apple silicon loads signed code only
+
+
+def _check_code_signature(thin):
+    """Hashes of all pages in the ad-hoc signature agree with the file."""
+    n_commands = struct.unpack_from("<I", thin, 16)[0]
+    position, signature = 32, None
+    for _ in range(n_commands):
+        command, size = struct.unpack_from("<II", thin, position)
+        if command == 0x1D:  # LC_CODE_SIGNATURE
+            signature = struct.unpack_from("<II", thin, position + 8)
+        position += size
+    assert signature is not None
+    blob = thin[signature[0] : signature[0] + signature[1]]
+    magic, _, n_blobs = struct.unpack_from(">III", blob)
+    assert magic == 0xFADE0CC0
+    index = dict(struct.unpack_from(">II", blob, 12 + 8 * i) for i in range(n_blobs))
+    directory = blob[index[0] :]
+    assert struct.unpack_from(">I", directory)[0] == 0xFADE0C02
+    hash_offset, _, _, n_slots, limit = struct.unpack_from(">IIIII", directory, 16)
+    hash_size, hash_type, _, page_bits = struct.unpack_from(">BBBB", directory, 36)
+    assert (hash_size, hash_type, limit) == (32, 2, signature[0])
+    page = 1 << page_bits
+    assert n_slots == -(-limit // page)
+    for i in range(n_slots):
+        expected = directory[hash_offset + 32 * i : hash_offset + 32 * (i + 1)]
+        assert hashlib.sha256(thin[i * page : min((i + 1) * page, limit)]).digest() == expected
+
+
+def test_small(shipped):
+    assert shipped.stat().st_size < 1_000_000
+
+
+def test_shipped_file_belongs_to_these_sources(files, description):
+    table = load_table()
+    assert files["resources/source.sha256"].decode().strip() == source_hash(), "run python fmus/build.py"
+    assert description.guid == table.guid
+    assert files["modelDescription.xml"].decode() == render_model_description(table)
+    assert files["sources/variables.h"].decode() == render_header(table)
+    assert files["sources/variables.c"].decode() == render_tables(table)
+
+
+def test_guid_depends_on_sources_and_nodes():
+    three, nine = load_table(3), load_table(9)
+    assert three.guid != nine.guid
+    assert three.source_hash == nine.source_hash
+    shared = {v.name: v.vr for v in three.variables if v.kind not in {"state", "derivative"}}
+    assert {v.name: v.vr for v in nine.variables if v.name in shared} == shared
+
+
+def test_no_path_of_the_build_in_the_binaries(files):
+    for name, content in files.items():
+        if name.startswith("binaries/"):
+            for trace in (b"fmu-build-", b"/tmp", b"/home", b"/root"):
+                assert trace not in content, (name, trace)
+
+
+def test_table_refuses_an_unknown_unit(monkeypatch, tmp_path):
+    from fmus import tables
+
+    text = tables.TABLE_FILE.read_text().replace('unit = "m3"', 'unit = "gallon"', 1)
+    assert tomllib.loads(text)
+    bad = tmp_path / "variables.toml"
+    bad.write_text(text)
+    monkeypatch.setattr(tables, "TABLE_FILE", bad)
+    with pytest.raises(ValueError, match=r"roo\.V: unit 'gallon'"):
+        tables.load_table()
+
+
+def test_rebuilt_fmu_gives_the_shipped_trajectory(shipped, files, build_fmu, simulate, weather):
+    rebuilt = build_fmu(3)
+    with zipfile.ZipFile(rebuilt) as archive:
+        assert archive.read("modelDescription.xml") == files["modelDescription.xml"]
+        assert sum(name.startswith("binaries/") for name in archive.namelist()) == 1
+    t = np.arange(0.0, 30 * 86400.0 + 1, 3600.0)
+    inputs = weather(t)
+    a, b = simulate(t, inputs, fmu=shipped), simulate(t, inputs, fmu=rebuilt)
+    assert np.ptp(a[:, 0]) > 2.0  # the month has something to say
+    np.testing.assert_allclose(b, a, rtol=1e-9, atol=1e-9)
+
+
+def test_build_is_reproducible(build_fmu, tmp_path):
+    from fmus.build import build
+
+    again = build(tmp_path / "again.fmu", platforms=[native_platform()])
+    assert again.read_bytes() == build_fmu(3).read_bytes()

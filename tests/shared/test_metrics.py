@@ -1,0 +1,39 @@
+"""The figures of merit against hand computation and scipy."""
+
+import numpy as np
+import pytest
+from scipy.stats import linregress
+
+from shared.metrics import bootstrap_by_system, r2, relative_accuracy
+
+
+def test_r2_by_hand():
+    truth = np.array([[1.0], [2.0], [3.0]])
+    estimate = np.array([[1.0], [2.0], [5.0]])
+    assert r2(truth, estimate)[0] == pytest.approx(1 - 4 / 2)
+
+
+def test_r2_equals_squared_correlation_of_a_least_squares_fit():
+    rng = np.random.default_rng(0)
+    x = rng.normal(size=200)
+    y = 2 * x + rng.normal(size=200)
+    fit = linregress(x, y)
+    assert r2(y[:, None], (fit.slope * x + fit.intercept)[:, None])[0] == pytest.approx(fit.rvalue**2, rel=1e-10)
+
+
+def test_r2_of_a_constant_truth_is_not_a_number():
+    assert np.isnan(r2(np.ones((3, 1)), np.zeros((3, 1)))[0])
+
+
+def test_relative_accuracy_is_equation_3():
+    assert relative_accuracy(np.array([2.0, 4.0]), np.array([1.0, 5.0])).tolist() == [0.5, 0.75]
+
+
+def test_interval_resamples_systems_not_windows():
+    rng = np.random.default_rng(1)
+    systems = np.repeat(np.arange(30), 100)
+    level = rng.normal(size=30)[systems]
+    low, high = bootstrap_by_system(systems, lambda rows: np.array(level[rows].mean()), draws=2000)
+    # 100 copies of each system carry no more than one: the interval is that of 30 values
+    sd = level[::100].std() / np.sqrt(30)
+    assert (high - low) == pytest.approx(2 * 1.645 * sd, rel=0.15)

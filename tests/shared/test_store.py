@@ -1,0 +1,161 @@
+"""The schema and the store: what is written is read back, and what is broken is named."""
+
+import json
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+import pytest
+import xarray as xr
+
+from shared.errors import DatasetError
+from shared.schema import build_shard, dataset_hash, split_of, time_axis
+from shared.store import DatasetFolder, Manifest, read_manifest, sha256_of, write_manifest, write_shard
+from shared.system import load_system
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture
+def system():
+    return load_system(ROOT / "fmus" / "MixedAirCO2")
+
+
+def make_shard(system, indices, count=48):
+    rng = np.random.default_rng(indices[0])
+    n = len(indices)
+    return build_shard(
+        system,
+        indices=np.array(indices),
+        root_seed=3,
+        parameters=rng.random((n, len(system.parameters))),
+        outputs=rng.random((n, len(system.outputs), count)),
+        inputs=rng.random((n, len(system.inputs), count)),
+        attributes={"fmu_sha256": "0" * 64, "root_seed": "3"},
+    )
+
+
+@pytest.fixture
+def folder(tmp_path, system):
+    (tmp_path / "shards").mkdir()
+    entries = []
+    for number, indices in enumerate([[10, 11, 12], [0, 1, 2, 3]]):
+        path = tmp_path / "shards" / f"shard-{number:06d}.nc"
+        entries.append(write_shard(path, make_shard(system, indices), indices))
+    manifest = Manifest(
+        system_name=system.name,
+        system_hash=system.hash(),
+        system=system.canonical(),
+        fmu_sha256="0" * 64,
+        root_seed=3,
+        systems=7,
+        shard_size=4,
+        shards=entries,
+    )
+    write_manifest(tmp_path, manifest)
+    return tmp_path
+
+
+def test_what_is_written_is_read(folder, system):
+    records = DatasetFolder(folder).load(["CO2", "TDryBul"])
+    assert records.systems.tolist() == [0, 1, 2, 3, 10, 11, 12]
+    assert records.values.shape == (7, 2, 48)
+    assert records.values.dtype == np.float32
+    shard = make_shard(system, [10, 11, 12])
+    np.testing.assert_array_equal(records.values[4:, 0], shard["CO2"].values)
+    np.testing.assert_array_equal(records.parameters[4:, 1], shard["roo.AFlo"].values)
+    np.testing.assert_array_equal(records.time, 3600.0 * np.arange(1, 49))
+    assert records.splits.tolist() == [split_of(3, i) for i in records.systems]
+
+
+def test_plain_xarray_reads_time_and_units(folder):
+    data = xr.load_dataset(folder / "shards" / "shard-000000.nc")
+    assert str(data["time"].values[0]).startswith("2001-01-01T01:00")
+    assert data["TRoo"].attrs["units"] == "K"
+    assert data["QHea"].attrs["cell_methods"] == "time: mean"
+    assert data.attrs["Conventions"] == "CF-1.11"
+
+
+def test_split_is_exact_in_every_ten_and_does_not_depend_on_how_many():
+    splits = [split_of(5, i) for i in range(200)]
+    for block in range(20):
+        ten = splits[10 * block : 10 * block + 10]
+        assert (ten.count(0), ten.count(1), ten.count(2)) == (8, 1, 1)
+    assert [split_of(6, i) for i in range(200)] != splits
+
+
+def test_content_hash_sees_every_value_and_not_the_layout(system, tmp_path):
+    one = make_shard(system, [0, 1])
+    assert dataset_hash(one) == dataset_hash(make_shard(system, [0, 1]))
+    one.to_netcdf(tmp_path / "plain.nc")
+    assert dataset_hash(xr.load_dataset(tmp_path / "plain.nc", decode_times=False)) == dataset_hash(one)
+    changed = one.copy(deep=True)
+    changed["CO2"].values[1, 5] = np.nextafter(changed["CO2"].values[1, 5], np.float32(9))
+    assert dataset_hash(changed) != dataset_hash(one)
+
+
+def test_same_shard_written_twice_is_the_same_file(system, tmp_path):
+    for name in ("a.nc", "b.nc"):
+        write_shard(tmp_path / name, make_shard(system, [0, 1]), [0, 1])
+    assert sha256_of(tmp_path / "a.nc") == sha256_of(tmp_path / "b.nc")
+    assert not list(tmp_path.glob("*.tmp"))
+
+
+def test_newer_schema_is_refused(folder):
+    path = folder / "manifest.json"
+    raw = json.loads(path.read_text())
+    raw["schema_version"] = "2.0"
+    path.write_text(json.dumps(raw))
+    with pytest.raises(DatasetError, match=r"schema version is '2\.0'.*update"):
+        read_manifest(folder)
+
+
+def test_newer_minor_version_is_read(folder):
+    path = folder / "manifest.json"
+    raw = json.loads(path.read_text())
+    raw["schema_version"] = "1.7"
+    path.write_text(json.dumps(raw))
+    assert DatasetFolder(folder).load().values.shape[0] == 7
+
+
+def test_broken_shards_are_named(folder):
+    shard = folder / "shards" / "shard-000001.nc"
+    whole = shard.read_bytes()
+    shard.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(DatasetError, match=r"shard-000001\.nc"):
+        DatasetFolder(folder).load()
+    shard.unlink()
+    with pytest.raises(DatasetError, match=r"shard-000001\.nc.*missing"):
+        DatasetFolder(folder).load()
+
+
+def test_shard_of_another_system_is_refused(folder):
+    with netCDF4.Dataset(folder / "shards" / "shard-000000.nc", "a") as shard:
+        shard.system_hash = "f" * 64
+    with pytest.raises(DatasetError, match="another system"):
+        DatasetFolder(folder).load()
+
+
+def test_shard_name_cannot_leave_the_folder(folder):
+    path = folder / "manifest.json"
+    raw = json.loads(path.read_text())
+    raw["shards"][0]["file"] = "../../secret.nc"
+    path.write_text(json.dumps(raw))
+    with pytest.raises(DatasetError, match="not a plain file name"):
+        DatasetFolder(folder).load()
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"schema_version": "1.0"}'])
+def test_broken_manifest_is_a_sentence(tmp_path, text):
+    (tmp_path / "manifest.json").write_text(text)
+    with pytest.raises(DatasetError, match=r"manifest\.json"):
+        read_manifest(tmp_path)
+
+
+def test_unknown_channel_is_a_sentence(folder):
+    with pytest.raises(DatasetError, match="no channel 'H2O'"):
+        DatasetFolder(folder).load(["H2O"])
+
+
+def test_time_axis_ends_at_the_record():
+    assert time_axis(300.0, 12)[-1] == 3600.0

@@ -1,0 +1,99 @@
+"""A wrong system description gets one sentence that names the field."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shared.errors import SystemDescriptionError
+from shared.system import Parameter, load_system, parse_system, system_from_canonical
+
+ROOT = Path(__file__).resolve().parents[2]
+TOML = ROOT / "fmus" / "MixedAirCO2" / "system.toml"
+
+
+def test_default_system_is_table_1():
+    system = load_system(TOML)
+    table_1 = {
+        "gaiCO2.k": (6e-6, 1.2e-5, "kg/s"),
+        "roo.AFlo": (60.0, 200.0, "m2"),
+        "roo.hRoo": (2.5, 4.0, "m"),
+        "roo.V": (40.0, 300.0, "m3"),
+        "matExtWal.R": (0.5, 3.0, "m2.K/W"),
+        "glaSys.UFra": (1.0, 3.0, "W/(m2.K)"),
+        "glaSys.absSolFra": (0.3, 0.7, "1"),
+        "mOut_flow": (0.05, 0.5, "kg/s"),
+    }
+    assert {p.name: (p.min, p.max, p.unit) for p in system.parameters} == table_1
+    assert list(table_1) == system.parameter_names
+    assert all(p.scale == "linear" for p in system.parameters)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('unit = "m2"\nmin', "min", ["parameters 'roo.AFlo'", "no unit"]),
+        ("min = 60.0", "min = 600.0", ["parameters[2]", "range is reversed", "600", "200"]),
+        ("min = 60.0", "min = -1.0", ["parameters[2]", "positive"]),
+        ('source = "occupancy"', 'source = "crystal ball"', ["inputs[6]", "crystal ball"]),
+        ('schedule = "set_point"', 'schedule = "nights"', ["inputs", "'TSet'", "'nights'"]),
+        ("step = 3600.0", "stpe = 3600.0", ["experiment.stpe", "unknown field"]),
+        ("step = 3600.0", "step = 3601.0", ["step 3601 s does not divide"]),
+        ("[experiment]", "[experiment", ["not valid TOML"]),
+        ('channels = ["TRoo", "CO2"]', 'channels = ["TRoo", "H2O"]', ["estimator.channels", "'H2O'"]),
+        ('name = "roo.V"', 'name = "roo.AFlo"', ["parameters", "'roo.AFlo'", "twice"]),
+        ("headcount = [5, 25]", "headcount = [25, 5]", ["occupancy", "headcount", "[25, 5]"]),
+        ("schema_version = 1", "schema_version = 2", ["schema_version", "2"]),
+    ],
+)
+def test_each_mistake_is_one_sentence(old, new, words):
+    text = TOML.read_text()
+    assert old in text
+    with pytest.raises(SystemDescriptionError) as caught:
+        parse_system(text.replace(old, new, 1), Path("mine.toml"))
+    message = str(caught.value)
+    assert message.startswith("mine.toml: ")
+    assert "\n" not in message
+    for word in words:
+        assert word in message
+
+
+def test_missing_file_is_a_sentence(tmp_path):
+    with pytest.raises(SystemDescriptionError, match="no such file"):
+        load_system(tmp_path / "nowhere.toml")
+
+
+def test_hash_is_of_what_is_simulated():
+    text = TOML.read_text()
+    system = parse_system(text, Path("a.toml"))
+    assert parse_system("# a remark\n" + text, Path("b/c.toml")).hash() == system.hash()
+    assert parse_system(text.replace("hours = 8760.0", "hours = 24.0"), Path("a.toml")).hash() == system.hash()
+    assert parse_system(text.replace("max = 200.0", "max = 201.0"), Path("a.toml")).hash() != system.hash()
+    assert system_from_canonical(system.canonical(), Path("a.toml")) == system
+
+
+def test_noise_adds_floor_sensor_and_quantisation():
+    system = load_system(TOML)
+    output = system.outputs[0]
+    sensor = output.noise["sensor"]
+    expected = (output.accuracy**2 + sensor.sd**2 + sensor.quantum**2 / 12) ** 0.5
+    assert system.noise_sd("sensor")[0] == pytest.approx(expected, rel=1e-12)
+    assert system.noise_sd("none").tolist() == [o.accuracy for o in system.outputs]
+    with pytest.raises(SystemDescriptionError, match="'loud' is not a preset"):
+        system.noise_sd("loud")
+
+
+@given(
+    low=st.floats(1e-9, 1e6),
+    factor=st.floats(1.001, 1e3),
+    scale=st.sampled_from(["linear", "log"]),
+    u=st.lists(st.floats(0, 1), min_size=2, max_size=5),
+)
+def test_prior_stays_in_range_and_is_monotone(low, factor, scale, u):
+    parameter = Parameter(name="p", unit="1", min=low, max=low * factor, scale=scale)
+    values = parameter.from_unit(np.sort(u))
+    assert np.all(values >= parameter.min * (1 - 1e-12))
+    assert np.all(values <= parameter.max * (1 + 1e-12))
+    assert np.all(np.diff(values) >= -1e-12 * parameter.max)

@@ -1,0 +1,120 @@
+import numpy as np
+import pytest
+import xarray as xr
+
+from shared.errors import RecordingError
+from shared.store import DatasetFolder
+from trainer.predict import predict
+
+
+@pytest.fixture
+def shard(tanks):
+    with xr.open_dataset(tanks / "shards" / "000.nc") as opened:
+        return opened.load()
+
+
+@pytest.fixture
+def recording(shard):
+    """One tank as a user would have measured it: the level alone, over time."""
+    return shard.isel(system=4, drop=True)[["level"]].isel(time=slice(0, 100))
+
+
+def write(dataset, path):
+    dataset.to_netcdf(path)
+    return path
+
+
+def test_a_shard_is_estimated_system_by_system(ridge_run, tanks):
+    found = predict(ridge_run, tanks / "shards" / "000.nc")
+    assert [one.system for one in found.predictions] == list(range(50))
+    records = DatasetFolder(tanks).load()
+    values = records.values[:50, :, -48:].transpose(0, 2, 1)
+    expected = ridge_run.estimate(values, np.full(50, records.time[-48]))
+    assert [one.parameters["tank.fill"].value for one in found.predictions] == pytest.approx(expected[:, 1].tolist())
+    errors = expected[:, 1] - records.parameters[:50, 1]
+    rmse = found.predictions[0].parameters["tank.fill"].rmse
+    assert 1 / 3 < rmse / np.sqrt(np.mean(errors**2)) < 3
+
+
+def test_one_recording_uses_its_last_window(ridge_run, recording, tmp_path, tanks):
+    found = predict(ridge_run, write(recording, tmp_path / "r.nc")).predictions
+    assert len(found) == 1
+    one = found[0]
+    assert one.system is None
+    # samples 53 to 100 of half an hour each
+    assert (one.begin, one.end) == ("2001-01-02T02:30:00", "2001-01-03T02:00:00")
+    truth = DatasetFolder(tanks).load().parameters[4]
+    assert one.parameters["tank.fill"].value == pytest.approx(truth[1], rel=0.1)
+    assert one.parameters["tank.fill"].unit == "m"
+    changed = recording.copy(deep=True)
+    changed["level"][:52] = np.nan  # what lies before does not matter
+    again = predict(ridge_run, write(changed, tmp_path / "again.nc")).predictions[0]
+    assert again.parameters == one.parameters
+
+
+def test_the_calendar_of_the_recording_does_not_matter(ridge_run, recording, tmp_path):
+    one = predict(ridge_run, write(recording, tmp_path / "a.nc")).predictions[0]
+    # 2024 began on a Monday as well
+    later = recording.assign_coords(time=recording.time + (np.datetime64("2024-01-01") - np.datetime64("2001-01-01")))
+    two = predict(ridge_run, write(later, tmp_path / "b.nc")).predictions[0]
+    assert two.begin == "2024-01-02T02:30:00"
+    assert two.parameters["tank.fill"].value == pytest.approx(one.parameters["tank.fill"].value, rel=1e-6)
+
+
+def test_an_estimate_at_the_end_of_its_range_is_marked(ridge_run, recording, tmp_path):
+    recording["level"] = recording["level"].copy(data=recording["level"].values * 50)
+    one = predict(ridge_run, write(recording, tmp_path / "r.nc")).predictions[0]
+    assert one.parameters["tank.fill"].value == pytest.approx(4.0)
+    assert one.parameters["tank.fill"].at_bound
+
+
+def without_units(r):
+    del r["level"].attrs["units"]
+    return r
+
+
+def in_other_units(r):
+    r["level"].attrs["units"] = "cm"
+    return r
+
+
+def with_holes(r):
+    r["level"][70:72] = np.nan
+    return r
+
+
+def numbered(r):
+    return r.assign_coords(time=np.arange(100.0))
+
+
+def with_more_dimensions(r):
+    return r.expand_dims("room")
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (without_units, "level has no units; the run expects 'm'"),
+        (in_other_units, "level is in 'cm'; the run expects 'm': convert it first"),
+        (with_holes, "level has 2 missing or infinite values in its last 48 samples"),
+        (numbered, "time has no units; expected for example 'seconds since 2001-01-01 00:00:00'"),
+        (with_more_dimensions, r"level has dimensions \(room, time\); expected \(time\) or \(system, time\)"),
+        (lambda r: r.rename(level="height"), "has no channel 'level', which the run reads; found height"),
+        (lambda r: r.drop_vars("time"), "has no coordinate 'time'"),
+        (lambda r: r.isel(time=slice(0, 40)), r"has 40 samples \(20 h at the run's step\); the run needs 48 \(24 h\)"),
+        (lambda r: r.isel(time=slice(None, None, 2)), "its step is 3600 s after 2001-01-01T02:30:00"),
+        (lambda r: r.drop_isel(time=80), "its step is 3600 s after 2001-01-02T16:00:00; the run was trained on steps"),
+    ],
+)
+def test_what_does_not_fit_is_told_in_a_sentence(ridge_run, recording, tmp_path, change, sentence):
+    path = write(change(recording), tmp_path / "r.nc")
+    with pytest.raises(RecordingError, match=sentence):
+        predict(ridge_run, path)
+
+
+def test_a_file_that_is_missing_or_no_netcdf_is_told(ridge_run, tmp_path):
+    with pytest.raises(RecordingError, match="no such file; expected a recording"):
+        predict(ridge_run, tmp_path / "none.nc")
+    (tmp_path / "text.nc").write_text("time,level\n")
+    with pytest.raises(RecordingError, match="cannot be read as NetCDF"):
+        predict(ridge_run, tmp_path / "text.nc")

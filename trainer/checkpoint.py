@@ -1,0 +1,212 @@
+"""A run folder: ``weights.safetensors`` and ``estimator.json``, which together are all that using an estimator takes.
+
+No pickle: loading a run executes nothing that it holds.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import torch
+from pydantic import BaseModel, ConfigDict, ValidationError
+from safetensors import SafetensorError
+from safetensors.torch import load as load_tensors
+from safetensors.torch import save as save_tensors
+
+from shared.errors import EstimatorError
+from shared.store import sha256_of, write_atomically
+from trainer.encoding import Encoding
+from trainer.models import build
+from trainer.models.base import Estimator, Shape
+
+SCHEMA_VERSION = 1
+CARD = "estimator.json"
+WEIGHTS = "weights.safetensors"
+CHUNK = 256
+"""Windows of one forward pass where many are estimated."""
+
+
+Stop = Literal["steps", "minutes", "not a number", "interrupted", "running"]
+"""Why a training ended."""
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class Systems(_Table):
+    """Systems of a dataset: with the system hash, (root seed, index) is what a simulated system is."""
+
+    root_seed: int
+    indices: list[int]
+
+
+class Training(_Table):
+    """How the estimator came about."""
+
+    seed: int
+    batch_size: int
+    lr: float
+    schedule: str
+    steps: int
+    best_step: int
+    validation_loss: float
+    validation_windows: int
+    seconds: float
+    stopped: Stop
+
+
+class Card(_Table):
+    """``estimator.json``."""
+
+    schema_version: int = SCHEMA_VERSION
+    model: str
+    options: dict[str, Any]
+    context_hours: float
+    noise: str
+    encoding: Encoding
+    system_name: str
+    system_hash: str
+    fmu_sha256: str
+    training_systems: Systems
+    validation_systems: Systems
+    validation_rmse: dict[str, float]
+    """Root mean square error of each parameter on the validation windows [its own unit]."""
+    training: Training
+    versions: dict[str, str]
+    weights_sha256: str = ""
+
+    def seen(self, system_hash: str, root_seed: int) -> set[int]:
+        """Indices of a dataset's systems that the run trained on or chose its weights by."""
+        if system_hash != self.system_hash:
+            return set()
+        known = (self.training_systems, self.validation_systems)
+        return {index for part in known if part.root_seed == root_seed for index in part.indices}
+
+    def shape(self) -> Shape:
+        """Sizes of the estimator."""
+        encoding = self.encoding
+        return Shape(encoding.length, encoding.columns, len(encoding.recorded), len(encoding.parameters), encoding.step)
+
+
+class Run:
+    """An estimator ready to use."""
+
+    def __init__(self, card: Card, model: Estimator, folder: Path | None = None) -> None:
+        self.card = card
+        self.model = model
+        self.folder = folder
+
+    def answers(self, windows: torch.Tensor, time: torch.Tensor) -> torch.Tensor:
+        """Standardised log10 answers (windows, parameters) to encoded windows (windows, length, columns)."""
+        return forward_in_chunks(self.model, windows, time)
+
+    def estimate(self, values: np.ndarray, time: np.ndarray) -> np.ndarray:
+        """Parameters (windows, parameters) [own units], float64.
+
+        Parameters
+        ----------
+        values
+            Recorded channels, shape (windows, length, recorded) [units of ``card.encoding.units``].
+        time
+            Time stamp of each window's first sample, shape (windows,) [s since time zero].
+        """
+        stamps = torch.from_numpy(np.asarray(time, dtype=np.float64))
+        encoded = self.card.encoding.encode(torch.from_numpy(np.asarray(values, dtype=np.float32)), stamps)
+        return self.card.encoding.estimates(self.answers(encoded, stamps))
+
+
+def forward_in_chunks(model: Estimator, windows: torch.Tensor, time: torch.Tensor) -> torch.Tensor:
+    """Answers in evaluation mode, a bounded number of windows at a time."""
+    was_training = model.training
+    model.eval()
+    try:
+        with torch.no_grad():
+            pairs = zip(windows.split(CHUNK), time.split(CHUNK), strict=True)
+            return torch.cat([model(part, stamps) for part, stamps in pairs])
+    finally:
+        model.train(was_training)
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder to write results to.
+
+    Raises
+    ------
+    EstimatorError
+        If that cannot be done.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise EstimatorError(f"{folder}: cannot be made a folder ({error.strerror})") from None
+
+
+def save_run(folder: Path, card: Card, model: Estimator) -> None:
+    """Write a run folder: each file whole, the weights first, then the card that names their hash."""
+    make_folder(folder)
+    tensors = {name: tensor.detach().contiguous().clone() for name, tensor in model.state_dict().items()}
+    write_atomically(folder / WEIGHTS, save_tensors(tensors))
+    card.weights_sha256 = sha256_of(folder / WEIGHTS)
+    write_atomically(folder / CARD, (card.model_dump_json(indent=1) + "\n").encode())
+
+
+def read_card(folder: Path) -> Card:
+    """Read ``estimator.json``.
+
+    Raises
+    ------
+    EstimatorError
+        If it is missing, damaged, or of a newer version.
+    """
+    path = folder / CARD
+    try:
+        raw = json.loads(path.read_text(encoding="utf-8"))
+    except (FileNotFoundError, NotADirectoryError):
+        raise EstimatorError(f"{path}: no such file; expected a run folder made by `trainer fit`") from None
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise EstimatorError(f"{path}: damaged, not valid JSON ({error}); fit the estimator again") from None
+    version = raw.get("schema_version") if isinstance(raw, dict) else None
+    if not isinstance(version, int):
+        raise EstimatorError(f"{path}: schema_version is missing; expected a file made by `trainer fit`")
+    if version > SCHEMA_VERSION:
+        raise EstimatorError(
+            f"{path}: schema version is {version}; this version of zeroshot-fmu reads up to {SCHEMA_VERSION}: update it"
+        )
+    try:
+        return Card.model_validate(raw)
+    except ValidationError as error:
+        first = error.errors()[0]
+        field = ".".join(str(part) for part in first["loc"])
+        raise EstimatorError(f"{path}: damaged: {field}: {first['msg']}") from None
+
+
+def load_run(folder: Path | str) -> Run:
+    """Load an estimator.
+
+    Raises
+    ------
+    EstimatorError
+        If the folder holds none, or one of its files is damaged or newer than this version.
+    """
+    folder = Path(folder)
+    card = read_card(folder)
+    path = folder / WEIGHTS
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise EstimatorError(f"{path}: cannot be read ({error.strerror}); fit the estimator again") from None
+    if sha256_of(path) != card.weights_sha256:
+        raise EstimatorError(f"{path}: damaged, or not the weights that {CARD} describes; fit the estimator again")
+    with torch.random.fork_rng(devices=[]):  # initial weights, soon replaced, must not use up the host's random numbers
+        model, _ = build(card.model, card.shape(), card.options)
+    try:
+        model.load_state_dict(load_tensors(data))
+    except (SafetensorError, RuntimeError) as error:
+        reason = str(error).strip().splitlines()[0]
+        raise EstimatorError(f"{path}: does not fit {CARD} ({reason}); fit the estimator again") from None
+    model.eval()
+    return Run(card, model, folder)

@@ -1,0 +1,251 @@
+"""The command ``trainer``: each sub-command is a thin shell over the public function of the same name."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import App, CycloptsError, Parameter
+from rich.console import Console
+from rich.table import Table
+
+import shared
+from shared.errors import ZeroshotError
+from trainer.models import ESTIMATORS
+
+app = App(
+    name="trainer",
+    version=shared.__version__,
+    help="""Fit an estimator to a dataset of simulated systems, evaluate it, and estimate parameters from a recording.
+
+A first session, on a dataset made by `datagen run`:
+
+    trainer fit DATASET --model ridge --context 168 --out runs/ridge
+
+    trainer evaluate runs/ridge DATASET
+
+    trainer predict runs/ridge recording.nc
+
+Exit codes: 0 done, 1 something that the message tells how to mend, 2 wrong usage.""",
+)
+
+MODELS = f"Estimator: {', '.join(ESTIMATORS)}."
+
+
+@app.command
+def fit(
+    dataset: Path,
+    /,
+    *,
+    out: Path,
+    model: Annotated[str, Parameter(help=MODELS)] = "patch-transformer",
+    context: float | None = None,
+    channels: Annotated[list[str] | None, Parameter(consume_multiple=True, negative="")] = None,
+    noise: str = "none",
+    steps: int | None = None,
+    minutes: float | None = None,
+    batch_size: int | None = None,
+    lr: float | None = None,
+    patch: int | None = None,
+    option: dict[str, float] | None = None,
+    seed: int = 0,
+    threads: int = 1,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Fit an estimator to the training systems of a dataset.
+
+    The weights that were best on the validation systems are kept. The run folder gets weights.safetensors,
+    estimator.json (all that it takes to use them), curve.csv and curve.png.
+
+    Examples: `trainer fit DATASET --out RUN` is the paper's estimator and recipe; `--model ridge` takes seconds;
+    `--noise sensor --channels TRoo CO2 time_of_day` trains for real sensors with the time of day as a further channel.
+
+    Parameters
+    ----------
+    dataset
+        Folder made by `datagen run`.
+    out
+        Run folder to write.
+    context
+        Length of a window [h]; the system description's by default.
+    channels
+        What the estimator reads: outputs or inputs of the system, and time_of_day or day_of_week from the time stamps;
+        the system description's by default.
+    noise
+        Sensor preset of the system description, drawn afresh for every window; "none" is noise-free.
+    steps
+        Optimiser steps; the model's own number by default.
+    minutes
+        Wall-clock budget [min] in place of steps. Only steps give the same run again.
+    batch_size
+        Windows a step; the model's own by default (16 for the paper's).
+    lr
+        Learning rate of Adamax; the model's own by default (1e-3 for the paper's).
+    patch
+        Samples of a patch (patch-transformer; the paper's 12 by default).
+    option
+        A further option of the model, for example `--option.width 32`.
+    seed
+        Of weights, windows, noise and dropout.
+    threads
+        torch's threads; more than one is slower unless the machine is idle.
+    overwrite
+        Replace an estimator that OUT already holds.
+    """
+    from trainer.fit import fit as run_fit
+
+    run = run_fit(
+        dataset,
+        out,
+        model=model,
+        context_hours=context,
+        channels=channels,
+        noise=noise,
+        steps=steps,
+        minutes=minutes,
+        batch_size=batch_size,
+        lr=lr,
+        patch=patch,
+        options=option,
+        seed=seed,
+        threads=threads,
+        overwrite=overwrite,
+        progress=True,
+    )
+    done = run.card.training
+    Console(stderr=True).print(
+        f"{out}: {model}, step {done.best_step} of {done.steps} kept, validation loss {done.validation_loss:.4f}"
+        f" (1 is the mean), {done.seconds:.1f} s",
+        highlight=False,
+    )
+
+
+@app.command
+def evaluate(
+    run: Path,
+    dataset: Path,
+    /,
+    *,
+    windows: int = 1000,
+    seed: int = 0,
+    ceiling: Path | None = None,
+    out: Path | None = None,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """R2 on windows of the full dataset ("paper") and of systems never trained on ("unseen"), beside the ceiling.
+
+    Writes evaluation.json, evaluation.md, evaluation.csv and scatter.png. Intervals are 90 %, resampled by system.
+
+    Parameters
+    ----------
+    run
+        Run folder made by `trainer fit`.
+    dataset
+        Dataset of the same system. With another root seed than the training's, all of its systems are unseen.
+    windows
+        Disjoint windows drawn for each protocol; fewer where there are fewer.
+    seed
+        Of the windows and the sensor noise.
+    ceiling
+        File of `datagen identifiability`; DATASET/identifiability.json by default.
+    out
+        Where the files go; RUN by default.
+    json
+        Print the evaluation as JSON, and nothing else, on stdout.
+    """
+    from trainer.evaluate import evaluate as run_evaluate
+    from trainer.report import notes, terminal_table
+
+    result = run_evaluate(run, dataset, windows=windows, seed=seed, ceiling=ceiling, out=out)
+    if json:
+        print(result.model_dump_json(indent=1))
+    else:
+        Console().print(terminal_table(result))
+        print("\n".join(notes(result)))
+        print(f"written to {out or run}: evaluation.json, evaluation.md, evaluation.csv, scatter.png")
+
+
+@app.command
+def predict(run: Path, file: Path, /, *, json: Annotated[bool, Parameter(negative="")] = False) -> None:
+    """Estimate the parameters behind a recording, from its last context window.
+
+    Parameters
+    ----------
+    run
+        Run folder made by `trainer fit`.
+    file
+        NetCDF with the run's channels over (time) or (system, time), with units, as a dataset's shards have them.
+    json
+        Print the estimates as JSON, and nothing else, on stdout.
+    """
+    from trainer.predict import predict as run_predict
+
+    result = run_predict(run, file)
+    if json:
+        print(result.model_dump_json(indent=1))
+        return
+    console = Console()
+    for one in result.predictions:
+        name = "" if one.system is None else f"system {one.system}, "
+        table = Table(title=f"{name}{one.begin} to {one.end}")
+        for column in ("parameter", "estimate", "+- rmse", "unit", ""):
+            table.add_column(column, justify="right" if column in ("estimate", "+- rmse") else "left")
+        for parameter, value in one.parameters.items():
+            mark = "at the end of its range" if value.at_bound else ""
+            table.add_row(parameter, f"{value.value:.4g}", f"{value.rmse:.2g}", value.unit, mark)
+        console.print(table)
+    console.print("rmse: error of such estimates on the run's validation systems", highlight=False)
+
+
+@app.command
+def info(run: Path, /, *, json: Annotated[bool, Parameter(negative="")] = False) -> None:
+    """Say what a run folder holds, and verify that it loads.
+
+    Parameters
+    ----------
+    run
+        Run folder made by `trainer fit`.
+    json
+        Print estimator.json on stdout.
+    """
+    from trainer.checkpoint import load_run
+
+    loaded = load_run(run)
+    card = loaded.card
+    if json:
+        print(card.model_dump_json(indent=1))
+        return
+    weights = sum(tensor.numel() for tensor in loaded.model.parameters())
+    done = card.training
+    rows: list[tuple[str, Any]] = [
+        ("model", f"{card.model} {card.options}, {weights} weights"),
+        ("system", f"{card.system_name} ({card.system_hash[:12]})"),
+        ("reads", f"{card.context_hours:g} h of {', '.join(card.encoding.channels)}, step {card.encoding.step:g} s"),
+        ("noise", card.noise),
+        ("trained on", f"{len(card.training_systems.indices)} systems of root seed {card.training_systems.root_seed}"),
+        ("training", f"step {done.best_step} of {done.steps}, {done.batch_size} windows each, {done.seconds:g} s"),
+        ("validation loss", f"{done.validation_loss:.4f} (1 is the mean)"),
+    ]
+    for name, unit in zip(card.encoding.parameters, card.encoding.parameter_units, strict=True):
+        rows.append((name, f"+- {card.validation_rmse[name]:.3g} {unit}"))
+    table = Table(show_header=False)
+    for name, value in rows:
+        table.add_row(name, str(value))
+    Console().print(table)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point of the command: exits with 0, 1 (:class:`ZeroshotError`, its text on stderr) or 2 (usage)."""
+    try:
+        app(arguments, exit_on_error=False, result_action="return_value")
+    except CycloptsError:  # its text is already printed
+        sys.exit(2)
+    except ZeroshotError as error:
+        print(f"trainer: {error}", file=sys.stderr)
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,55 @@
+"""A dataset, opened for training or evaluation: records of chosen channels, checked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from shared.errors import DatasetError
+from shared.store import DatasetFolder, Records
+
+
+def load_records(dataset: DatasetFolder, recorded: list[str]) -> Records:
+    """Read channels and parameters of all systems.
+
+    Raises
+    ------
+    DatasetError
+        If a value is not finite, or a parameter is not positive, or the time stamps are not evenly spaced.
+    """
+    records = dataset.load(recorded)
+    for k, channel in enumerate(records.channels):
+        bad = ~np.isfinite(records.values[:, k]).all(axis=1)
+        if bad.any():
+            raise DatasetError(
+                f"{dataset.folder}: {channel} of system {records.systems[bad][0]} is not finite throughout;"
+                f" `datagen verify` names what is damaged"
+            )
+    bad = ~(np.isfinite(records.parameters) & (records.parameters > 0)).all(axis=1)
+    if bad.any():
+        raise DatasetError(
+            f"{dataset.folder}: a parameter of system {records.systems[bad][0]} is not a positive number;"
+            " targets are logarithms"
+        )
+    steps = np.diff(records.time)
+    if len(steps) and not np.allclose(steps, steps[0], rtol=1e-6):
+        raise DatasetError(f"{dataset.folder}: time stamps are not evenly spaced")
+    return records
+
+
+def rows_of(records: Records, split: str, folder: Path) -> np.ndarray:
+    """Rows of a split.
+
+    Raises
+    ------
+    DatasetError
+        If there are none.
+    """
+    rows = records.of_split(split)
+    if not len(rows):
+        raise DatasetError(
+            f"{folder}: none of its {len(records.systems)} systems is in the split {split!r};"
+            " of each ten systems one validates and one tests: simulate at least ten"
+        )
+    return rows

@@ -1,0 +1,142 @@
+"""What an estimator sees of a window, and how its answer becomes parameters.
+
+A window is the recorded channels in their own units, shape (batch, length, recorded), and the time stamp of its first
+sample [s since time zero]. Encoded, it is float32 (batch, length, columns): the recorded channels normalised by the
+training systems' mean and standard deviation (paper, section 2.4), then the columns of the derived channels.
+
+Time zero is Monday 1 January 2001, 00:00 local standard time, so that for any date seconds since time zero give both
+the time of day and the day of the week by a remainder.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import torch
+from pydantic import BaseModel, ConfigDict
+
+from shared.errors import EstimatorError
+from shared.store import Records
+from shared.system import System
+
+DAY = 86400.0
+DERIVED = {"time_of_day": DAY, "day_of_week": 7 * DAY}
+"""Derived channels: sine and cosine of the time stamp with this period [s]."""
+
+
+def split_channels(system: System, channels: list[str] | None) -> tuple[list[str], list[str]]:
+    """Sort channel names into recorded and derived ones; the system's own names win over the derived.
+
+    Raises
+    ------
+    EstimatorError
+        If a channel is unknown or named twice, or no recorded channel is among them.
+    """
+    wanted = list(system.estimator.channels if channels is None else channels)
+    known = [*system.output_names, *system.input_names]
+    for name in wanted:
+        if wanted.count(name) > 1:
+            raise EstimatorError(f"channels: {name!r} is named twice")
+        if name not in known and name not in DERIVED:
+            raise EstimatorError(
+                f"channels: {name!r} is not a channel of {system.name}; "
+                f"found {', '.join(known)}; derived from the clock: {', '.join(DERIVED)}"
+            )
+    recorded = [name for name in wanted if name in known]
+    if not recorded:
+        raise EstimatorError("channels: none of them is recorded; expected at least one output or input of the system")
+    return recorded, [name for name in wanted if name not in known]
+
+
+def units_of(system: System, recorded: list[str]) -> list[str]:
+    """Units of recorded channels."""
+    units = {one.name: one.unit for one in [*system.outputs, *system.inputs]}
+    return [units[name] for name in recorded]
+
+
+def clock_columns(time: torch.Tensor, length: int, step: float, period: float) -> torch.Tensor:
+    """Sine and cosine of the time stamps, float32 (batch, length, 2), from the first ones, float64 (batch,) [s]."""
+    stamps = time[:, None] + step * torch.arange(length, dtype=torch.float64)
+    angle = (2 * math.pi / period) * torch.remainder(stamps, period)
+    return torch.stack([torch.sin(angle), torch.cos(angle)], dim=2).float()
+
+
+class Encoding(BaseModel):
+    """Channels, normalisation and targets of one estimator; part of its checkpoint."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    recorded: list[str]
+    units: list[str]
+    derived: list[str]
+    step: float
+    length: int
+    mean: list[float]
+    sd: list[float]
+    parameters: list[str]
+    parameter_units: list[str]
+    parameter_min: list[float]
+    parameter_max: list[float]
+    target_mean: list[float]
+    target_sd: list[float]
+
+    @property
+    def channels(self) -> list[str]:
+        """Names of all channels."""
+        return [*self.recorded, *self.derived]
+
+    @property
+    def columns(self) -> int:
+        """Columns of an encoded window."""
+        return len(self.recorded) + 2 * len(self.derived)
+
+    def encode(self, values: torch.Tensor, time: torch.Tensor) -> torch.Tensor:
+        """Windows (batch, length, recorded) [units] and first stamps (batch,) [s] to (batch, length, columns)."""
+        parts = [(values - torch.tensor(self.mean)) / torch.tensor(self.sd)]
+        parts += [clock_columns(time, values.shape[1], self.step, DERIVED[name]) for name in self.derived]
+        return torch.cat(parts, dim=2)
+
+    def targets(self, parameters: np.ndarray) -> torch.Tensor:
+        """Parameters (windows, parameters) [own units] to standardised log10, float32."""
+        scaled = (np.log10(parameters) - np.array(self.target_mean)) / np.array(self.target_sd)
+        return torch.from_numpy(scaled.astype(np.float32))
+
+    def estimates(self, answers: torch.Tensor) -> np.ndarray:
+        """An estimator's answers (windows, parameters) to parameters [own units], float64.
+
+        They are clipped to the ranges of the system description: the prior gives what lies outside no chance.
+        """
+        log10 = answers.double().numpy() * np.array(self.target_sd) + np.array(self.target_mean)
+        return np.clip(10.0**log10, self.parameter_min, self.parameter_max)
+
+
+def make_encoding(system: System, records: Records, derived: list[str], length: int, training: np.ndarray) -> Encoding:
+    """Encoding of a dataset, from the rows ``training`` of its records alone.
+
+    A channel or target that does not vary keeps its mean and gets a standard deviation of one.
+    """
+    step = float(records.time[1] - records.time[0]) if len(records.time) > 1 else system.experiment.step
+    means, variances = [], []
+    for row in training:  # system by system: a float64 copy of all records would double the memory
+        series = records.values[row].astype(np.float64)
+        means.append(series.mean(axis=1))
+        variances.append(series.var(axis=1))
+    mean = np.mean(means, axis=0)
+    sd = np.sqrt(np.mean(variances, axis=0) + np.var(means, axis=0))
+    targets = np.log10(records.parameters[training])
+    target_mean, target_sd = targets.mean(axis=0), targets.std(axis=0)
+    return Encoding(
+        recorded=records.channels,
+        units=units_of(system, records.channels),
+        derived=derived,
+        step=step,
+        length=length,
+        mean=mean.tolist(),
+        sd=np.where(sd > 1e-6 * np.abs(mean), sd, 1.0).tolist(),
+        parameters=system.parameter_names,
+        parameter_units=[p.unit for p in system.parameters],
+        parameter_min=[p.min for p in system.parameters],
+        parameter_max=[p.max for p in system.parameters],
+        target_mean=target_mean.tolist(),
+        target_sd=np.where(target_sd > 1e-9, target_sd, 1.0).tolist(),
+    )

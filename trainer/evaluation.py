@@ -1,0 +1,205 @@
+"""Evaluate an estimator under two protocols, side by side (paper, section 4.1).
+
+paper
+    Windows of the full dataset: most of them belong to systems that the run trained on.
+unseen
+    Windows of systems that the run neither trained on nor chose its weights by. On the dataset of the training these
+    are its test systems. On another dataset of the same system (another root seed) they are all its systems.
+
+A system is known by system hash, root seed and index; what a run has seen stands in its estimator.json.
+"""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from shared.ceiling import FILE_NAME, read_ceilings
+from shared.errors import EstimatorError
+from shared.metrics import bootstrap_by_system, r2, relative_accuracy
+from shared.store import DatasetFolder, Records
+from trainer.checkpoint import Card, Run, load_run, make_folder
+from trainer.data import load_records
+from trainer.figures import draw_scatter
+from trainer.noise import Sensors
+from trainer.report import CeilingFigures, Evaluation, Protocol, write_report
+from trainer.windows import WindowSource, disjoint_windows
+
+LEVEL = 0.9
+"""Of the intervals."""
+
+
+def evaluate(
+    run: Run | Path | str,
+    dataset_dir: Path | str,
+    *,
+    windows: int = 1000,
+    seed: int = 0,
+    ceiling: Path | str | None = None,
+    out: Path | str | None = None,
+) -> Evaluation:
+    """Evaluate a run on a dataset and write evaluation.json, evaluation.md, evaluation.csv and scatter.png.
+
+    Parameters
+    ----------
+    run
+        A run folder, or a run already loaded.
+    dataset_dir
+        A dataset of the system that the run was trained on.
+    windows
+        Disjoint windows drawn for each protocol; fewer where the dataset has fewer.
+    seed
+        Of the windows and of the sensor noise, which is the run's preset.
+    ceiling
+        A file of ``datagen identifiability``; by default the one in the dataset folder, if there.
+    out
+        Where the files go; the run folder by default.
+
+    Raises
+    ------
+    EstimatorError
+        If the run and the dataset do not fit, or the dataset has no unseen system.
+    DatasetError
+        If the dataset cannot be used.
+    """
+    run = run if isinstance(run, Run) else load_run(run)
+    card = run.card
+    dataset = DatasetFolder(dataset_dir)
+    _check_same_system(card, dataset)
+    if windows < 1:
+        raise EstimatorError(f"windows: is {windows}; expected at least 1")
+    records = load_records(dataset, card.encoding.recorded)
+    _check_records(card, records, dataset.folder)
+    seen = card.seen(dataset.manifest.system_hash, dataset.manifest.root_seed)
+    rows = {"paper": np.arange(len(records.systems)), "unseen": unseen_rows(records, seen)}
+    if not len(rows["unseen"]):
+        raise EstimatorError(
+            f"{dataset.folder}: the run has trained on or been validated by all of its systems that count;"
+            " expected at least one test system: simulate more, or another root seed"
+        )
+    seeds = np.random.SeedSequence(seed).generate_state(2)
+    source = WindowSource(
+        records,
+        card.encoding,
+        Sensors(dataset.system, card.encoding.recorded, card.noise),
+        torch.Generator().manual_seed(int(seeds[0])),
+    )
+    protocols, clouds = {}, {}
+    for name, chosen in rows.items():
+        where, starts = disjoint_windows(
+            chosen, len(records.time), card.encoding.length, windows, np.random.default_rng(seeds[1])
+        )
+        batch = source.gather(torch.from_numpy(where), torch.from_numpy(starts))
+        truth = records.parameters[where]
+        estimate = card.encoding.estimates(run.answers(batch.windows, batch.time))
+        protocols[name] = figures_of_merit(card.encoding.parameters, truth, estimate, records.systems[where], seen)
+        clouds[name] = (truth, estimate, r2(truth, estimate))
+    limit, note = find_ceiling(card, dataset, None if ceiling is None else Path(ceiling))
+    result = Evaluation(
+        model=card.model,
+        context_hours=card.context_hours,
+        step=card.encoding.step,
+        noise=card.noise,
+        channels=card.encoding.channels,
+        protocols=protocols,
+        ceiling=limit,
+        ceiling_note=note,
+    )
+    folder = Path(out) if out is not None else run.folder
+    if folder is not None:
+        make_folder(folder)
+        write_report(result, card, folder)
+        title = f"{card.model}, {card.context_hours:g} h, noise {card.noise}"
+        draw_scatter(clouds, card.encoding.parameters, card.encoding.parameter_units, title, folder / "scatter.png")
+    return result
+
+
+def unseen_rows(records: Records, seen: set[int]) -> np.ndarray:
+    """Rows of the systems for the protocol "unseen".
+
+    With ``seen`` empty the dataset is not the training's: every system is unseen. Otherwise the test split counts, less
+    what the run has seen after all.
+    """
+    if not seen:
+        return np.arange(len(records.systems))
+    return np.array([row for row in records.of_split("test") if int(records.systems[row]) not in seen], dtype=np.int64)
+
+
+def figures_of_merit(
+    parameters: list[str], truth: np.ndarray, estimate: np.ndarray, systems: np.ndarray, seen: set[int]
+) -> Protocol:
+    """R2 with intervals by system, and median relative accuracy; arrays are (windows, parameters) and (windows,)."""
+
+    def scores(rows: np.ndarray) -> np.ndarray:
+        each = r2(truth[rows], estimate[rows])
+        return np.append(each, each.mean())
+
+    middle = scores(np.arange(len(truth)))
+    with warnings.catch_warnings():  # where no resample has an R2, neither has the interval
+        warnings.filterwarnings("ignore", "All-NaN slice")
+        low, high = bootstrap_by_system(systems, scores, level=LEVEL)
+    value = [float(v) if np.isfinite(v) else None for v in middle]
+    spans = [tuple(float(v) if np.isfinite(v) else None for v in pair) for pair in zip(low, high, strict=True)]
+    accuracy = np.median(relative_accuracy(truth, estimate), axis=0)
+    unique = np.unique(systems)
+    return Protocol.model_validate(
+        {
+            "r2": dict(zip(parameters, value[:-1], strict=True)),
+            "r2_mean": value[-1],
+            "r2_interval": dict(zip(parameters, spans[:-1], strict=True)),
+            "r2_mean_interval": spans[-1],
+            "relative_accuracy": dict(zip(parameters, accuracy.tolist(), strict=True)),
+            "windows": len(truth),
+            "systems": len(unique),
+            "systems_trained_on": len(seen.intersection(unique.tolist())),
+        }
+    )
+
+
+def find_ceiling(card: Card, dataset: DatasetFolder, path: Path | None) -> tuple[CeilingFigures | None, str]:
+    """The ceiling of the run's condition, or None; and a sentence that says which, or why there is none.
+
+    Channels from the clock and inputs are no part of the condition: the ceiling takes them for known.
+
+    Raises
+    ------
+    ZeroshotError
+        If a file that was named cannot be read.
+    """
+    where = path or dataset.folder / FILE_NAME
+    if path is None and not where.exists():
+        return None, f"no ceiling: {where} does not exist; `datagen identifiability` writes one"
+    ceilings = read_ceilings(where)
+    if ceilings.system_hash != card.system_hash:
+        return None, f"no ceiling: {where} is of another system ({ceilings.system_name})"
+    found = ceilings.find(
+        context_hours=card.context_hours, step=card.encoding.step, noise=card.noise, channels=card.encoding.recorded
+    )
+    condition = (
+        f"{card.context_hours:g} h, step {card.encoding.step:g} s, noise {card.noise},"
+        f" channels {' '.join(card.encoding.recorded)}"
+    )
+    if found is None:
+        return None, f"no ceiling: {where} has none for {condition}"
+    return CeilingFigures(r2=found.r2, r2_mean=found.r2_mean), f"ceiling for {condition}, over {found.systems} systems"
+
+
+def _check_same_system(card: Card, dataset: DatasetFolder) -> None:
+    if dataset.manifest.system_hash != card.system_hash:
+        raise EstimatorError(
+            f"{dataset.folder}: its system is {dataset.manifest.system_name} ({dataset.manifest.system_hash[:12]});"
+            f" the run was trained on {card.system_name} ({card.system_hash[:12]})"
+        )
+
+
+def _check_records(card: Card, records: Records, folder: Path) -> None:
+    step = float(records.time[1] - records.time[0]) if len(records.time) > 1 else card.encoding.step
+    if abs(step - card.encoding.step) > 1e-6 * card.encoding.step:
+        raise EstimatorError(f"{folder}: its step is {step:g} s; the run was trained on {card.encoding.step:g} s")
+    if len(records.time) < card.encoding.length:
+        raise EstimatorError(
+            f"{folder}: its records have {len(records.time)} samples; the run's context is {card.encoding.length}"
+        )

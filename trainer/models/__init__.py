@@ -1,0 +1,63 @@
+"""The estimators. Each is one file and one line here.
+
+The lines are text, so that the names can be listed without importing torch.
+"""
+
+from __future__ import annotations
+
+import inspect
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from shared.errors import EstimatorError
+
+if TYPE_CHECKING:
+    from trainer.models.base import Estimator, Shape
+
+ESTIMATORS: dict[str, str] = {
+    "patch-transformer": "trainer.models.patch_transformer:PatchTransformer",
+    "lstm": "trainer.models.lstm:Lstm",
+    "tcn": "trainer.models.tcn:Tcn",
+    "summary-mlp": "trainer.models.summary_mlp:SummaryMlp",
+    "ridge": "trainer.models.ridge:Ridge",
+    "mean": "trainer.models.mean:Mean",
+}
+
+
+def estimator_class(name: str) -> type[Estimator]:
+    """The class behind a name.
+
+    Raises
+    ------
+    EstimatorError
+        If there is none.
+    """
+    if name not in ESTIMATORS:
+        raise EstimatorError(f"model: {name!r} is not an estimator; found {', '.join(ESTIMATORS)}")
+    module, attribute = ESTIMATORS[name].split(":")
+    found: type[Estimator] = getattr(import_module(module), attribute)
+    return found
+
+
+def option_defaults(name: str) -> dict[str, Any]:
+    """Options that an estimator takes, with their defaults."""
+    signature = inspect.signature(estimator_class(name).__init__)
+    return {key: p.default for key, p in signature.parameters.items() if p.default is not inspect.Parameter.empty}
+
+
+def build(name: str, shape: Shape, options: dict[str, Any]) -> tuple[Estimator, dict[str, Any]]:
+    """Make an untrained estimator; returns it with all its options, defaults included.
+
+    Raises
+    ------
+    EstimatorError
+        If the name or an option is unknown, an option has the wrong type, or does not fit the context.
+    """
+    known = option_defaults(name)
+    for key, value in options.items():
+        if key not in known:
+            raise EstimatorError(f"{name}: no option {key!r}; found {', '.join(known) or 'none'}")
+        if isinstance(known[key], int) and (not isinstance(value, int | float) or value != int(value) or value < 1):
+            raise EstimatorError(f"{name}: option {key!r} is {value!r}; expected a whole number of at least 1")
+    merged = {key: type(default)(options.get(key, default)) for key, default in known.items()}
+    return estimator_class(name)(shape, **merged), merged

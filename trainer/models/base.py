@@ -1,0 +1,103 @@
+"""What every estimator has in common: its shape, its recipe, its interface, its initialisation and its head."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import torch
+from torch import nn
+
+from trainer.windows import Batch
+
+SLOPE = 0.2
+"""Slope of LeakyReLU below zero (paper, Table 2)."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Sizes of an estimator's windows and answers."""
+
+    length: int
+    """samples of a window"""
+    columns: int
+    """columns of an encoded window; the first ``recorded`` are recorded channels, the others come from the clock"""
+    recorded: int
+    parameters: int
+    step: float
+    """[s]"""
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How an estimator is trained unless the user says otherwise. The defaults are the paper's (section 4)."""
+
+    steps: int = 2000
+    batch_size: int = 16
+    lr: float = 1e-3
+    schedule: Literal["constant", "cosine"] = "constant"
+
+
+class Estimator(nn.Module):
+    """Windows in, standardised log10 parameters out. Its first argument is the shape; the others are options."""
+
+    recipe: ClassVar[Recipe] = Recipe()
+    iterates: ClassVar[bool] = True
+    """False where :meth:`prepare` is the whole training."""
+
+    def prepare(self, draw: Callable[[int], Batch], validation: Batch, windows: int) -> None:
+        """See training data once, before the first step: ``draw(n)`` gives n random training windows.
+
+        ``windows`` is how many windows the whole training may see.
+        """
+
+    def forward(self, windows: torch.Tensor, time: torch.Tensor) -> torch.Tensor:
+        """Estimate.
+
+        Parameters
+        ----------
+        windows
+            float32 (batch, length, columns).
+        time
+            First time stamps, float64 (batch,) [s since time zero].
+
+        Returns
+        -------
+        torch.Tensor
+            float32 (batch, parameters).
+        """
+        raise NotImplementedError
+
+
+def initialise(module: nn.Module) -> None:
+    """Xavier normal weights, zero biases: linear, convolutional, attention and recurrent layers (paper, section 3)."""
+    for part in module.modules():
+        if isinstance(part, nn.Linear | nn.Conv1d):
+            nn.init.xavier_normal_(part.weight)
+            if part.bias is not None:
+                nn.init.zeros_(part.bias)
+        elif isinstance(part, nn.MultiheadAttention):
+            # torch stacks the three projections in one matrix; each is a linear layer of its own
+            for projection in part.in_proj_weight.chunk(3):
+                nn.init.xavier_normal_(projection)
+            nn.init.zeros_(part.in_proj_bias)
+        elif isinstance(part, nn.LSTM):
+            for name, weight in part.named_parameters():
+                if name.startswith("weight"):
+                    for gate in weight.chunk(4):
+                        nn.init.xavier_normal_(gate)
+                else:
+                    nn.init.zeros_(weight)
+
+
+def regression_head(width: int, parameters: int) -> nn.Sequential:
+    """LayerNorm, then an MLP with LeakyReLU (section 3). The paper gives no widths: twice the embedding, then once."""
+    return nn.Sequential(
+        nn.LayerNorm(width),
+        nn.Linear(width, 2 * width),
+        nn.LeakyReLU(SLOPE),
+        nn.Linear(2 * width, width),
+        nn.LeakyReLU(SLOPE),
+        nn.Linear(width, parameters),
+    )

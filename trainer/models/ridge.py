@@ -1,0 +1,85 @@
+"""Ridge regression on summary statistics: what a linear model would say."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import ClassVar
+
+import numpy as np
+import torch
+
+from trainer.features import Summary
+from trainer.models.base import Estimator, Recipe, Shape
+from trainer.windows import Batch
+
+ALPHAS = np.logspace(-6, 1, 15)
+"""Penalties tried, per window seen."""
+CHUNK = 1024
+
+
+class Ridge(Estimator):
+    """A linear map from standardised statistics to targets; each target's penalty is chosen on validation systems.
+
+    Solved from the normal equations, added up over random training windows in float64.
+    """
+
+    recipe: ClassVar[Recipe] = Recipe(steps=20, batch_size=CHUNK)
+    iterates: ClassVar[bool] = False
+    slope: torch.Tensor
+    offset: torch.Tensor
+
+    def __init__(self, shape: Shape) -> None:
+        super().__init__()
+        self.summary = Summary(shape)
+        self.register_buffer("slope", torch.zeros(self.summary.size, shape.parameters))
+        self.register_buffer("offset", torch.zeros(shape.parameters))
+
+    def prepare(self, draw: Callable[[int], Batch], validation: Batch, windows: int) -> None:
+        """Accumulate X'X and X'y over the training windows, solve for every penalty, keep the best."""
+        self.summary.prepare(draw(min(windows, 4 * CHUNK)))
+        size = self.summary.size + 1  # the last column is the intercept, which is not penalised
+        gram, moment, seen = np.zeros((size, size)), np.zeros((size, self.offset.shape[0])), 0
+        while seen < windows:
+            batch = draw(min(CHUNK, windows - seen))
+            rows = self._design(batch)
+            gram += rows.T @ rows
+            moment += rows.T @ batch.targets.double().numpy()
+            seen += len(rows)
+        held_out, targets = self._design(validation), validation.targets.double().numpy()
+        solutions = solve_ridge(gram / seen, moment / seen, ALPHAS)
+        errors = np.mean((held_out @ solutions - targets) ** 2, axis=1)
+        best = solutions[errors.argmin(axis=0), :, np.arange(moment.shape[1])]
+        self.slope = torch.from_numpy(best[:, :-1].T.astype(np.float32).copy())
+        self.offset = torch.from_numpy(best[:, -1].astype(np.float32).copy())
+
+    def _design(self, batch: Batch) -> np.ndarray:
+        features = self.summary(batch.windows, batch.time).double().numpy()
+        return np.concatenate([features, np.ones((len(features), 1))], axis=1)
+
+    def forward(self, windows: torch.Tensor, time: torch.Tensor) -> torch.Tensor:
+        """See :class:`Estimator`."""
+        return self.summary(windows, time) @ self.slope + self.offset
+
+
+def solve_ridge(gram: np.ndarray, moment: np.ndarray, alphas: np.ndarray) -> np.ndarray:
+    """Coefficients that minimise |X b - y|^2 / n + alpha |b|^2, the last coefficient unpenalised, for each alpha.
+
+    Parameters
+    ----------
+    gram, moment
+        X'X / n (features + 1, features + 1) and X'y / n (features + 1, targets); the last column of X is ones.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (alphas, features + 1, targets).
+    """
+    mean, target = gram[-1, :-1], moment[-1]
+    # one eigendecomposition of the centred problem serves every penalty
+    values, vectors = np.linalg.eigh(gram[:-1, :-1] - np.outer(mean, mean))
+    projected = vectors.T @ (moment[:-1] - np.outer(mean, target))
+    answers = []
+    for alpha in alphas:
+        slope = vectors @ (projected / (np.maximum(values, 0) + alpha)[:, None])
+        answers.append(np.concatenate([slope, (target - mean @ slope)[None]], axis=0))
+    return np.stack(answers)

@@ -1,0 +1,57 @@
+"""Sensor noise as augmentation: a fresh draw for every window, from the presets of the system description."""
+
+from __future__ import annotations
+
+import torch
+
+from shared.errors import EstimatorError
+from shared.system import Noise, System
+
+
+def hold_last(values: torch.Tensor, lost: torch.Tensor) -> torch.Tensor:
+    """Replace lost readings by the last one that arrived, along dimension 1.
+
+    Readings lost before the first one arrived are kept as they are: there is nothing to hold.
+
+    Parameters
+    ----------
+    values, lost
+        Shape (batch, length, channels); ``lost`` is boolean.
+    """
+    place = torch.arange(values.shape[1])[None, :, None].expand_as(lost)
+    arrived = torch.where(lost, torch.zeros_like(place), place)
+    return torch.gather(values, 1, torch.cummax(arrived, dim=1).values)
+
+
+class Sensors:
+    """The sensors of recorded channels under a preset: Gaussian noise, then quantisation, then dropouts.
+
+    Inputs have no sensors and pass unchanged, and so do outputs that the preset does not mention.
+
+    Raises
+    ------
+    EstimatorError
+        If the system has no such preset.
+    """
+
+    def __init__(self, system: System, recorded: list[str], preset: str) -> None:
+        if preset not in system.noise_presets:
+            raise EstimatorError(
+                f"noise: {preset!r} is not a preset of {system.name}; found {', '.join(system.noise_presets)}"
+            )
+        sensors = {output.name: output.noise.get(preset, Noise()) for output in system.outputs}
+        chosen = [sensors.get(name, Noise()) for name in recorded]
+        self.sd = torch.tensor([n.sd for n in chosen])
+        self.quantum = torch.tensor([n.quantum for n in chosen])
+        self.dropout = torch.tensor([n.dropout for n in chosen])
+        self.silent = not any(n.sd or n.quantum or n.dropout for n in chosen)
+
+    def __call__(self, values: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
+        """Readings of the windows ``values`` (batch, length, recorded) [units]; the draw comes from ``generator``."""
+        if self.silent:
+            return values
+        noisy = values + self.sd * torch.randn(values.shape, generator=generator)
+        grain = torch.where(self.quantum > 0, self.quantum, torch.ones_like(self.quantum))
+        noisy = torch.where(self.quantum > 0, torch.round(noisy / grain) * grain, noisy)
+        lost = torch.rand(values.shape, generator=generator) < self.dropout
+        return hold_last(noisy, lost)

@@ -1,0 +1,146 @@
+"""What an evaluation finds, and its tables: terminal, Markdown, CSV, JSON."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict
+from rich import box
+from rich.table import Table
+
+from shared.store import write_atomically
+from trainer.checkpoint import Card
+
+Row = tuple[str, ...]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class Protocol(_Table):
+    """Figures of merit under one protocol. R2 is None where the true parameter does not vary."""
+
+    r2: dict[str, float | None]
+    r2_mean: float | None
+    r2_interval: dict[str, tuple[float | None, float | None]]
+    r2_mean_interval: tuple[float | None, float | None]
+    relative_accuracy: dict[str, float]
+    windows: int
+    systems: int
+    systems_trained_on: int
+
+
+class CeilingFigures(_Table):
+    """The linearised Bayesian limit of R2 under the same condition."""
+
+    r2: dict[str, float]
+    r2_mean: float
+
+
+class Evaluation(_Table):
+    """``evaluation.json``."""
+
+    schema_version: int = 1
+    model: str
+    context_hours: float
+    step: float
+    noise: str
+    channels: list[str]
+    protocols: dict[str, Protocol]
+    ceiling: CeilingFigures | None
+    ceiling_note: str
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3f}"
+
+
+def _r2(protocol: Protocol, parameter: str | None) -> str:
+    """R2 with its interval; the mean over parameters where ``parameter`` is None."""
+    value = protocol.r2_mean if parameter is None else protocol.r2[parameter]
+    low, high = protocol.r2_mean_interval if parameter is None else protocol.r2_interval[parameter]
+    span = ", ".join("-" if end is None else f"{end:.2f}" for end in (low, high))
+    return f"{_number(value)} [{span}]"
+
+
+def table_rows(evaluation: Evaluation) -> tuple[Row, list[Row]]:
+    """Header and rows: R2 of both protocols, the ceiling, median relative accuracy; the last row is the mean."""
+    names = list(evaluation.protocols)
+    header = ("parameter", *(f"R2 {name}" for name in names), "ceiling", *(f"accuracy {name}" for name in names))
+    ceiling = evaluation.ceiling
+    rows: list[Row] = []
+    for parameter in evaluation.protocols[names[0]].r2:
+        limit = ceiling.r2.get(parameter) if ceiling else None
+        accuracy = (_number(evaluation.protocols[name].relative_accuracy[parameter]) for name in names)
+        rows.append((parameter, *(_r2(evaluation.protocols[n], parameter) for n in names), _number(limit), *accuracy))
+    last = _number(ceiling.r2_mean if ceiling else None)
+    rows.append(("mean", *(_r2(evaluation.protocols[name], None) for name in names), last, *("" for _ in names)))
+    return header, rows
+
+
+def notes(evaluation: Evaluation) -> list[str]:
+    """Sentences under the table."""
+    lines = [
+        f"{name}: {one.windows} disjoint windows of {one.systems} systems, {one.systems_trained_on} of which the run"
+        " had trained on or been validated by"
+        for name, one in evaluation.protocols.items()
+    ]
+    return [*lines, "R2 in the parameters' own units, with 90 % intervals by system", evaluation.ceiling_note]
+
+
+def terminal_table(evaluation: Evaluation) -> Table:
+    """The table for the terminal."""
+    header, rows = table_rows(evaluation)
+    title = f"{evaluation.model}, {evaluation.context_hours:g} h, noise {evaluation.noise}"
+    table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for k, name in enumerate(header):
+        table.add_column(name, justify="left" if k == 0 else "right", no_wrap=k <= len(evaluation.protocols))
+    for k, row in enumerate(rows):
+        table.add_row(*row, end_section=k == len(rows) - 2)
+    return table
+
+
+def markdown(evaluation: Evaluation, card: Card) -> str:
+    """The table as Markdown."""
+    header, rows = table_rows(evaluation)
+    lines = [
+        f"# {evaluation.model} on {card.system_name}",
+        "",
+        f"Context {evaluation.context_hours:g} h, step {evaluation.step:g} s, noise {evaluation.noise},"
+        f" channels {', '.join(evaluation.channels)}; {card.training.best_step} steps of {card.training.batch_size}"
+        f" windows, {len(card.training_systems.indices)} training systems.",
+        "",
+        "| " + " | ".join(header) + " |",
+        "|" + "---|" * len(header),
+        *("| " + " | ".join(row) + " |" for row in rows),
+        "",
+        *(f"- {note}" for note in notes(evaluation)),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def as_csv(evaluation: Evaluation) -> str:
+    """One row per protocol and parameter, full precision."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["protocol", "parameter", "r2", "r2_low", "r2_high", "relative_accuracy", "ceiling"])
+    ceiling = evaluation.ceiling
+    for name, one in evaluation.protocols.items():
+        for parameter, value in one.r2.items():
+            limit = ceiling.r2.get(parameter) if ceiling else None
+            writer.writerow(
+                [name, parameter, value, *one.r2_interval[parameter], one.relative_accuracy[parameter], limit]
+            )
+        mean = ceiling.r2_mean if ceiling else None
+        writer.writerow([name, "mean", one.r2_mean, *one.r2_mean_interval, None, mean])
+    return text.getvalue()
+
+
+def write_report(evaluation: Evaluation, card: Card, folder: Path) -> None:
+    """Write evaluation.json, evaluation.md and evaluation.csv."""
+    write_atomically(folder / "evaluation.json", (evaluation.model_dump_json(indent=1) + "\n").encode())
+    write_atomically(folder / "evaluation.md", markdown(evaluation, card).encode())
+    write_atomically(folder / "evaluation.csv", as_csv(evaluation).encode())

@@ -1,0 +1,187 @@
+"""The training loop: steps, validations, the best weights so far, the loss curve."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import torch
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from shared.errors import EstimatorError
+from shared.store import write_atomically
+from trainer.checkpoint import Card, Stop, forward_in_chunks, save_run
+from trainer.figures import draw_loss_curve
+from trainer.models.base import Estimator, Recipe
+from trainer.windows import Batch, Sampler
+
+CHECKS = 40
+"""How often a training of the recipe's length is validated."""
+SAVE_SECONDS = 30.0
+"""An improved estimator is written at most this often, so that a killed run leaves one behind."""
+Advance = Callable[[int, float, float], None]
+"""Takes the step, the share of the budget spent, and the loss."""
+
+
+@dataclass
+class Curve:
+    """Loss on standardised log10 targets against steps; rows of (step, seconds, training, validation)."""
+
+    rows: list[tuple[int, float, float, float]] = field(default_factory=list)
+
+    def csv(self) -> str:
+        """The rows as CSV."""
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(["step", "seconds", "training_loss", "validation_loss"])
+        for step, seconds, training, validation in self.rows:
+            writer.writerow([step, f"{seconds:.2f}", f"{training:.6g}", f"{validation:.6g}"])
+        return text.getvalue()
+
+
+class Loop:
+    """The training itself: steps, validations, the best weights so far."""
+
+    def __init__(
+        self,
+        folder: Path,
+        card: Card,
+        network: Estimator,
+        sampler: Sampler,
+        held_out: Batch,
+        recipe: Recipe,
+        minutes: float | None,
+    ) -> None:
+        self.folder, self.card, self.network = folder, card, network
+        self.sampler, self.held_out, self.recipe, self.minutes = sampler, held_out, recipe, minutes
+        self.curve = Curve()
+        self.best: dict[str, torch.Tensor] | None = None
+        self.begin = self.saved = time.monotonic()
+
+    @property
+    def seconds(self) -> float:
+        """Wall-clock time since the training began [s]."""
+        return time.monotonic() - self.begin
+
+    def run(self, progress: bool) -> None:
+        """Train, and write the run folder.
+
+        Raises
+        ------
+        EstimatorError
+            If the loss stops being a finite number; the best estimator until then is written all the same.
+        """
+        recipe, network = self.recipe, self.network
+        network.prepare(self.sampler.draw, self.held_out, recipe.steps * recipe.batch_size)
+        stopped: Stop = "steps"
+        step = recipe.steps
+        if network.iterates:
+            try:
+                with _bar(progress, f"{self.card.model}", recipe.steps, self.minutes) as advance:
+                    step, stopped = self._steps(advance)
+            except KeyboardInterrupt:
+                self._finish("interrupted")
+                raise
+        elif not self._validate(step, math.nan):
+            stopped = "not a number"
+        self._finish(stopped)
+        if stopped == "not a number":
+            kept = self.card.training
+            where = f"the estimator of step {kept.best_step} is kept in {self.folder}" if self.best else "none is kept"
+            raise EstimatorError(
+                f"the loss is not a finite number at step {step}; {where};"
+                f" try a learning rate below {recipe.lr:g}, or another seed"
+            )
+
+    def _steps(self, advance: Advance) -> tuple[int, Stop]:
+        recipe, network = self.recipe, self.network
+        optimiser = torch.optim.Adamax(network.parameters(), lr=recipe.lr)
+        every = max(1, min(200, recipe.steps // CHECKS))
+        total, counted, step = 0.0, 0, 0
+        while True:
+            share = self.seconds / (60 * self.minutes) if self.minutes else step / recipe.steps
+            if share >= 1:
+                if counted:
+                    self._validate(step, total / counted)
+                return step, "minutes" if self.minutes else "steps"
+            if recipe.schedule == "cosine":
+                for group in optimiser.param_groups:
+                    group["lr"] = recipe.lr * (0.5 + 0.5 * math.cos(math.pi * share))
+            network.train()
+            batch = self.sampler.draw(recipe.batch_size)
+            loss = torch.nn.functional.mse_loss(network(batch.windows, batch.time), batch.targets)
+            value = loss.item()
+            step += 1
+            if not math.isfinite(value):
+                return step, "not a number"
+            optimiser.zero_grad()
+            loss.backward()
+            optimiser.step()
+            total, counted = total + value, counted + 1
+            advance(step, share, value)
+            if step % every == 0:
+                if not self._validate(step, total / counted):
+                    return step, "not a number"
+                total, counted = 0.0, 0
+
+    def _validate(self, step: int, training_loss: float) -> bool:
+        """Validate, remember the weights if they are the best so far; False if the loss is not finite."""
+        answers = forward_in_chunks(self.network, self.held_out.windows, self.held_out.time)
+        loss = torch.nn.functional.mse_loss(answers, self.held_out.targets).item()
+        self.curve.rows.append((step, self.seconds, training_loss, loss))
+        summary = self.card.training
+        summary.steps, summary.seconds = step, round(self.seconds, 2)
+        if not math.isfinite(loss):
+            return False
+        if loss < summary.validation_loss:
+            summary.validation_loss, summary.best_step = loss, step
+            self.best = {name: tensor.detach().clone() for name, tensor in self.network.state_dict().items()}
+            error = self.card.encoding.estimates(answers) - self.card.encoding.estimates(self.held_out.targets)
+            rmse = np.sqrt(np.mean(error**2, axis=0))
+            self.card.validation_rmse = dict(zip(self.card.encoding.parameters, rmse.tolist(), strict=True))
+            if time.monotonic() - self.saved > SAVE_SECONDS:
+                save_run(self.folder, self.card, self.network)
+                self.saved = time.monotonic()
+        return True
+
+    def _finish(self, stopped: Stop) -> None:
+        if self.best is None:
+            return
+        self.network.load_state_dict(self.best)
+        self.network.eval()
+        self.card.training.stopped = stopped
+        save_run(self.folder, self.card, self.network)
+        write_atomically(self.folder / "curve.csv", self.curve.csv().encode())
+        if len(self.curve.rows) > 1:
+            draw_loss_curve(self.curve.rows, self.card.model, self.folder / "curve.png")
+
+
+@contextmanager
+def _bar(shown: bool, title: str, steps: int, minutes: float | None) -> Iterator[Advance]:
+    """A progress bar on stderr; yields a function of (step, share of the budget, loss)."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn() if minutes is None else TextColumn("{task.fields[step]} steps"),
+        TextColumn("loss {task.fields[loss]:.3f}"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), disable=not shown) as bar:
+        task = bar.add_task(title, total=steps if minutes is None else 1.0, loss=math.nan, step=0)
+        smooth = math.nan
+
+        def advance(step: int, share: float, loss: float) -> None:
+            nonlocal smooth
+            smooth = loss if math.isnan(smooth) else 0.98 * smooth + 0.02 * loss
+            if step % 10 == 0 or step == steps:
+                bar.update(task, completed=step if minutes is None else share, loss=smooth, step=step)
+
+        yield advance
