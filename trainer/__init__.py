@@ -15,10 +15,10 @@ from typing import Any
 __all__ = ["evaluate", "fit", "load_run", "predict"]
 
 _HOMES = {
-    "evaluate": "trainer.evaluate",
-    "fit": "trainer.fit",
+    "evaluate": "trainer.evaluation",
+    "fit": "trainer.fitting",
     "load_run": "trainer.checkpoint",
-    "predict": "trainer.predict",
+    "predict": "trainer.prediction",
 }
 
 

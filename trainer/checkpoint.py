@@ -59,6 +59,18 @@ class Training(_Table):
     stopped: Stop
 
 
+def shape_of(encoding: Encoding) -> Shape:
+    """Sizes of an estimator's windows and answers."""
+    return Shape(
+        length=encoding.length,
+        outputs=encoding.outputs,
+        recorded=len(encoding.recorded),
+        columns=encoding.columns,
+        parameters=len(encoding.parameters),
+        step=encoding.step,
+    )
+
+
 class Card(_Table):
     """``estimator.json``."""
 
@@ -88,8 +100,7 @@ class Card(_Table):
 
     def shape(self) -> Shape:
         """Sizes of the estimator."""
-        encoding = self.encoding
-        return Shape(encoding.length, encoding.columns, len(encoding.recorded), len(encoding.parameters), encoding.step)
+        return shape_of(self.encoding)
 
 
 class Run:

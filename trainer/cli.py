@@ -7,18 +7,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
-import shared
-from shared.errors import ZeroshotError
+from shared.console import new_app, start
 from trainer.models import ESTIMATORS
 
-app = App(
-    name="trainer",
-    version=shared.__version__,
-    help="""Fit an estimator to a dataset of simulated systems, evaluate it, and estimate parameters from a recording.
+app = new_app(
+    "trainer",
+    """Fit an estimator to a dataset of simulated systems, evaluate it, and estimate parameters from a recording.
 
 A first session, on a dataset made by `datagen run`:
 
@@ -94,7 +92,7 @@ def fit(
     overwrite
         Replace an estimator that OUT already holds.
     """
-    from trainer.fit import fit as run_fit
+    from trainer.fitting import fit as run_fit
 
     run = run_fit(
         dataset,
@@ -155,7 +153,7 @@ def evaluate(
     json
         Print the evaluation as JSON, and nothing else, on stdout.
     """
-    from trainer.evaluate import evaluate as run_evaluate
+    from trainer.evaluation import evaluate as run_evaluate
     from trainer.report import notes, terminal_table
 
     result = run_evaluate(run, dataset, windows=windows, seed=seed, ceiling=ceiling, out=out)
@@ -180,7 +178,7 @@ def predict(run: Path, file: Path, /, *, json: Annotated[bool, Parameter(negativ
     json
         Print the estimates as JSON, and nothing else, on stdout.
     """
-    from trainer.predict import predict as run_predict
+    from trainer.prediction import predict as run_predict
 
     result = run_predict(run, file)
     if json:
@@ -237,14 +235,10 @@ def info(run: Path, /, *, json: Annotated[bool, Parameter(negative="")] = False)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Entry point of the command: exits with 0, 1 (:class:`ZeroshotError`, its text on stderr) or 2 (usage)."""
-    try:
-        app(arguments, exit_on_error=False, result_action="return_value")
-    except CycloptsError:  # its text is already printed
-        sys.exit(2)
-    except ZeroshotError as error:
-        print(f"trainer: {error}", file=sys.stderr)
-        sys.exit(1)
+    """Entry point of the console script."""
+    code = start(app, arguments)
+    if code:
+        sys.exit(code)
 
 
 if __name__ == "__main__":

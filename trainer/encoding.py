@@ -26,7 +26,9 @@ DERIVED = {"time_of_day": DAY, "day_of_week": 7 * DAY}
 
 
 def split_channels(system: System, channels: list[str] | None) -> tuple[list[str], list[str]]:
-    """Sort channel names into recorded and derived ones; the system's own names win over the derived.
+    """Sort channel names into recorded ones, outputs before inputs, and derived ones.
+
+    The system's own names win over the derived.
 
     Raises
     ------
@@ -43,7 +45,8 @@ def split_channels(system: System, channels: list[str] | None) -> tuple[list[str
                 f"channels: {name!r} is not a channel of {system.name}; "
                 f"found {', '.join(known)}; derived from the clock: {', '.join(DERIVED)}"
             )
-    recorded = [name for name in wanted if name in known]
+    recorded = [name for name in wanted if name in system.output_names]
+    recorded += [name for name in wanted if name in system.input_names]
     if not recorded:
         raise EstimatorError("channels: none of them is recorded; expected at least one output or input of the system")
     return recorded, [name for name in wanted if name not in known]
@@ -67,6 +70,8 @@ class Encoding(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
     recorded: list[str]
+    outputs: int
+    """How many of the recorded channels are outputs; they come first."""
     units: list[str]
     derived: list[str]
     step: float
@@ -127,6 +132,7 @@ def make_encoding(system: System, records: Records, derived: list[str], length: 
     target_mean, target_sd = targets.mean(axis=0), targets.std(axis=0)
     return Encoding(
         recorded=records.channels,
+        outputs=sum(name in system.output_names for name in records.channels),
         units=units_of(system, records.channels),
         derived=derived,
         step=step,

@@ -1,8 +1,9 @@
 """Summary statistics of a window: a fixed, differentiable map from windows to numbers, standardised.
 
-Raw windows are mostly signal that all systems share: set points, the diurnal cycle, the weather. Statistics by hour of
-day, of differences, and of products at lags set the systems apart. Only recorded channels enter; the clock sorts the
-samples by hour of day and by day of week.
+Raw windows are mostly signal that all systems share: set points, the diurnal cycle, the weather. What sets systems
+apart is how they answer it: statistics of differences, of products at lags, by hour of day, and the coefficients of a
+linear model of each output's next step, fitted to the window. Only recorded channels enter; the clock sorts the samples
+by hour of day and by day of week.
 """
 
 from __future__ import annotations
@@ -18,6 +19,12 @@ from trainer.windows import Batch
 
 LAG_HOURS = (1, 2, 3, 4, 6, 8, 12, 18, 24, 36, 48, 72)
 QUANTILES = (0.01, 0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99)
+ORDER = 2
+"""Steps back that the linear model sees; its step is an hour, or the sampling step where that is longer."""
+HARMONICS = 2
+"""Of the day, in the linear model: they stand for what follows a timetable and is not recorded."""
+PENALTY = 1e-3
+"""On the linear model's coefficients: keeps constant or collinear channels harmless."""
 SMALL = 1e-3
 """Added to spreads before the logarithm [standard deviations of the channel]."""
 LIMIT = 8.0
@@ -33,6 +40,7 @@ class Summary(nn.Module):
         per_hour = 3600.0 / shape.step
         lags = sorted({max(1, round(hours * per_hour)) for hours in LAG_HOURS})
         self.lags = [lag for lag in lags if lag <= shape.length // 2]
+        self.hop = max(1, round(per_hour))
         self.bins = max(1, min(24, int(DAY // shape.step)))
         probe = torch.zeros(1, shape.length, shape.columns)
         self.size = sum(part.shape[1] for part in self._parts(probe, torch.zeros(1, dtype=torch.float64)))
@@ -62,6 +70,8 @@ class Summary(nn.Module):
         yield from _moments(steps)
         yield from self._lagged(series, steps)
         yield from self._by_hour(series, steps, time)
+        if self.shape.outputs and series.shape[1] >= 2 * ORDER * self.hop + 2:
+            yield from self._dynamics(series, time)
 
     def _lagged(self, series: torch.Tensor, steps: torch.Tensor) -> Iterator[torch.Tensor]:
         """Correlations of channels and of their differences at lags, both ways round."""
@@ -75,13 +85,41 @@ class Summary(nn.Module):
             for lag in self.lags:
                 yield (scaled[:, :-lag].transpose(1, 2) @ scaled[:, lag:] / length).flatten(1)
 
+    def _middle(self, time: torch.Tensor, length: int) -> torch.Tensor:
+        """A moment of each sample (batch, length) [s]: half a step before its stamp, inside the hour it reports on."""
+        return time[:, None] + self.shape.step * (torch.arange(length, dtype=torch.float64) - 0.5)
+
+    def _member(self, middle: torch.Tensor) -> torch.Tensor:
+        """Which sample lies in which bin of the day, 0 or 1 (batch, bins, length)."""
+        hour = (torch.remainder(middle, DAY) * (self.bins / DAY)).long().clamp(max=self.bins - 1)
+        return nn.functional.one_hot(hour, self.bins).float().transpose(1, 2)
+
+    def _dynamics(self, series: torch.Tensor, time: torch.Tensor) -> Iterator[torch.Tensor]:
+        """The linear model's coefficients, the spread of what it leaves, and the profile of that over the hour of day.
+
+        Each output's change over a step is regressed, window by window, on all channels at the last steps, the inputs
+        now, a constant and the harmonics of the day.
+        """
+        hop, outputs = self.hop, self.shape.outputs
+        length = series.shape[1] - ORDER * hop
+        past = [series[:, (ORDER - k) * hop : (ORDER - k) * hop + length] for k in range(1, ORDER + 1)]
+        now = series[:, ORDER * hop :]
+        middle = self._middle(time, series.shape[1])[:, ORDER * hop :]
+        angle = torch.remainder(middle, DAY)[:, :, None] * (2 * torch.pi / DAY) * torch.arange(1, HARMONICS + 1)
+        clock = torch.cat([torch.sin(angle), torch.cos(angle)], dim=2)
+        rows = torch.cat([*past, now[:, :, outputs:], clock, torch.ones_like(clock[:, :, :1])], dim=2).double()
+        change = (now - past[0])[:, :, :outputs].double()
+        gram = rows.transpose(1, 2) @ rows / length + PENALTY * torch.eye(rows.shape[2], dtype=torch.float64)
+        coefficients = torch.linalg.solve(gram, rows.transpose(1, 2) @ change / length)
+        left = (change - rows @ coefficients).to(series.dtype)
+        yield coefficients.to(series.dtype).flatten(1)
+        yield torch.log(left.std(dim=1, correction=0) + SMALL)
+        yield _profile(self._member(middle), left)[0].flatten(1)
+
     def _by_hour(self, series: torch.Tensor, steps: torch.Tensor, time: torch.Tensor) -> Iterator[torch.Tensor]:
         """Profiles over the hour of day: levels and differences, their spread, and the levels of weekends."""
-        length = series.shape[1]
-        # a stamp is the end of its step: half a step earlier lies inside the hour that it reports on
-        middle = time[:, None] + self.shape.step * (torch.arange(length, dtype=torch.float64) - 0.5)
-        hour = (torch.remainder(middle, DAY) * (self.bins / DAY)).long().clamp(max=self.bins - 1)
-        member = nn.functional.one_hot(hour, self.bins).to(series.dtype).transpose(1, 2)  # (batch, bins, length)
+        middle = self._middle(time, series.shape[1])
+        member = self._member(middle)
         weekend = (torch.remainder(middle, 7 * DAY) >= 5 * DAY).to(series.dtype)[:, None, :]
         level, spread = _profile(member, series)
         yield level.flatten(1)

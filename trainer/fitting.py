@@ -16,11 +16,11 @@ import torch
 import shared
 from shared.errors import EstimatorError
 from shared.store import DatasetFolder
-from trainer.checkpoint import CARD, WEIGHTS, Card, Run, Systems, Training, load_run, make_folder
+from trainer.checkpoint import CARD, WEIGHTS, Card, Run, Systems, Training, load_run, make_folder, shape_of
 from trainer.data import load_records, rows_of
 from trainer.encoding import make_encoding, split_channels
 from trainer.models import build, estimator_class, option_defaults
-from trainer.models.base import Recipe, Shape
+from trainer.models.base import Recipe
 from trainer.noise import Sensors
 from trainer.training import Loop
 from trainer.windows import Sampler, WindowSource, context_length, disjoint_windows
@@ -124,8 +124,7 @@ def fit(
     )
     root_seed = dataset.manifest.root_seed
     with _torch_state(seeds[2], threads):
-        shape = Shape(length, encoding.columns, len(recorded), len(encoding.parameters), encoding.step)
-        network, merged = build(model, shape, chosen)
+        network, merged = build(model, shape_of(encoding), chosen)
         card = Card(
             model=model,
             options=merged,

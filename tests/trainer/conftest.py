@@ -1,7 +1,7 @@
 """A dataset of tanks that drain: nothing in it shares a name with the project's own system.
 
-The level falls exponentially from a refill to the next, every six hours: level = fill * exp(-age / drain), and the
-reader sees its logarithm too. So both parameters follow from two samples of a window.
+The level falls exponentially from a refill to the next, every six hours: level = fill * exp(-age / drain). So both
+parameters follow from two samples of a window, and an estimator has no excuse.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from shared.schema import build_shard, time_axis
 from shared.store import DatasetFolder, Manifest, write_manifest, write_shard
 from shared.system import System, parse_system
 from trainer.checkpoint import Run
-from trainer.fit import fit
+from trainer.fitting import fit
 
 TANK = """
 schema_version = 1

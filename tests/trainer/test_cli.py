@@ -74,7 +74,7 @@ def test_what_the_user_can_mend_is_a_sentence_and_exit_code_1(tanks, tmp_path, c
     ):
         code, out, err = run(capsys, *arguments)
         assert (code, out) == (1, "")
-        assert err.startswith("trainer: ")
+        assert err.startswith("error: ")
         assert err.count("\n") == 1
         assert "Traceback" not in err
 
@@ -92,3 +92,12 @@ def test_help_teaches_and_does_not_wait_for_torch(capsys):
     assert all(name in out for name in ESTIMATORS)
     check = "import sys, trainer.cli; sys.exit('torch' in sys.modules or 'matplotlib' in sys.modules)"
     subprocess.run([sys.executable, "-c", check], check=True)
+
+
+def test_the_functions_of_the_commands_stay_functions():
+    """A module of the same name would take the function's place as soon as it is imported."""
+    import trainer
+
+    for name in ("fit", "evaluate", "predict", "load_run"):
+        assert callable(getattr(trainer, name))
+        assert callable(getattr(trainer, name))

@@ -91,7 +91,7 @@ def test_derived_channels_follow_the_recorded_ones(data):
 
 def test_channels_are_sorted_into_recorded_and_derived():
     assert split_channels(tank_system(), None) == (["level"], [])
-    assert split_channels(tank_system(), ["time_of_day", "glow", "valve"]) == (["glow", "valve"], ["time_of_day"])
+    assert split_channels(tank_system(), ["time_of_day", "valve", "glow"]) == (["glow", "valve"], ["time_of_day"])
 
 
 @pytest.mark.parametrize(

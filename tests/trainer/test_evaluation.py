@@ -8,8 +8,8 @@ from shared.ceiling import Ceiling, Ceilings, write_ceilings
 from shared.errors import DatasetError, EstimatorError, ZeroshotError
 from shared.store import DatasetFolder
 from trainer.checkpoint import Run
-from trainer.evaluate import evaluate, figures_of_merit, unseen_rows
-from trainer.fit import fit
+from trainer.evaluation import evaluate, figures_of_merit, unseen_rows
+from trainer.fitting import fit
 from trainer.windows import WindowSource
 
 from .conftest import TANK, make_dataset

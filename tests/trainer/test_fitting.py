@@ -7,8 +7,8 @@ import torch
 from shared.errors import DatasetError, EstimatorError
 from shared.store import DatasetFolder
 from trainer.checkpoint import load_run
-from trainer.evaluate import evaluate
-from trainer.fit import fit
+from trainer.evaluation import evaluate
+from trainer.fitting import fit
 from trainer.windows import Sampler
 
 from .conftest import TANK, make_dataset

@@ -10,8 +10,9 @@ from trainer.models import ESTIMATORS, build, estimator_class, option_defaults
 from trainer.models.base import Shape
 from trainer.models.patch_transformer import sinusoidal_encoding
 from trainer.models.ridge import solve_ridge
+from trainer.windows import Batch
 
-PAPER = Shape(length=168, columns=2, recorded=2, parameters=8, step=3600.0)
+PAPER = Shape(length=168, outputs=2, recorded=2, columns=2, parameters=8, step=3600.0)
 
 
 def weights(model: nn.Module) -> int:
@@ -64,7 +65,7 @@ def test_positional_encoding_is_that_of_vaswani():
 
 
 def test_patches_that_do_not_divide_the_window_leave_out_the_oldest_samples():
-    model, _ = build("patch-transformer", Shape(25, 2, 2, 3, 3600.0), {})
+    model, _ = build("patch-transformer", Shape(25, 2, 2, 2, 3, 3600.0), {})
     model.eval()
     x, time = torch.randn(2, 25, 2), torch.zeros(2)
     changed = x.clone()
@@ -77,7 +78,7 @@ def test_patches_that_do_not_divide_the_window_leave_out_the_oldest_samples():
 @pytest.mark.parametrize("name", ESTIMATORS)
 @pytest.mark.parametrize("length", [24, 168])
 def test_every_estimator_answers_with_a_row_per_window(name, length):
-    shape = Shape(length, 4, 2, 8, 3600.0)
+    shape = Shape(length, 2, 2, 4, 8, 3600.0)
     model, _ = build(name, shape, {})
     model.eval()
     x, time = torch.randn(5, length, 4), torch.arange(5).double() * 3600
@@ -102,7 +103,7 @@ def test_the_first_used_sample_matters(name):
 
 
 def test_the_number_of_days_is_no_limit_for_a_tcn():
-    model, _ = build("tcn", Shape(720, 2, 2, 8, 3600.0), {})
+    model, _ = build("tcn", Shape(720, 2, 2, 2, 8, 3600.0), {})
     assert len(model.blocks) == 8  # sees 1 + 4 * (2**8 - 1) = 1021 samples
 
 
@@ -119,6 +120,27 @@ def test_ridge_agrees_with_least_squares_on_augmented_rows():
         np.testing.assert_allclose(answer, expected, atol=1e-9)
 
 
+def test_summary_mlp_begins_where_the_ridge_ends():
+    torch.manual_seed(0)
+    shape = Shape(48, 1, 1, 1, 2, 3600.0)
+    generator = torch.Generator().manual_seed(0)
+
+    def draw(count: int) -> Batch:
+        targets = torch.randn(count, 2, generator=generator)
+        windows = targets[:, None, :1] + 0.3 * torch.randn(count, 48, 1, generator=generator)
+        return Batch(windows, torch.zeros(count, dtype=torch.float64), targets)
+
+    model, _ = build("summary-mlp", shape, {})
+    model.eval()
+    validation = draw(200)
+    model.prepare(draw, validation, 2000)
+    ridge = model.summary(validation.windows, validation.time) @ model.slope + model.offset
+    torch.testing.assert_close(model(validation.windows, validation.time), ridge)
+    errors = (ridge - validation.targets).square().mean(dim=0)
+    assert errors[0] < 0.05  # the windows tell the first target
+    assert errors[1] == pytest.approx(1, abs=0.3)  # and nothing of the second
+
+
 def test_options_are_listed_and_checked():
     assert option_defaults("lstm") == {"width": 112, "layers": 2, "dropout": 0.2}
     assert weights(build("lstm", PAPER, {"width": 16})[0]) < 10_000
@@ -127,7 +149,7 @@ def test_options_are_listed_and_checked():
     with pytest.raises(EstimatorError, match=r"option 'width' is 1.5; expected a whole number"):
         build("lstm", PAPER, {"width": 1.5})
     with pytest.raises(EstimatorError, match="patch is 12 samples; expected no more than the 6 of the context"):
-        build("patch-transformer", Shape(6, 2, 2, 8, 3600.0), {})
+        build("patch-transformer", Shape(6, 2, 2, 2, 8, 3600.0), {})
     with pytest.raises(EstimatorError, match="expected a multiple of the 8 attention heads"):
         build("patch-transformer", PAPER, {"width": 60})
 

@@ -4,7 +4,7 @@ import xarray as xr
 
 from shared.errors import RecordingError
 from shared.store import DatasetFolder
-from trainer.predict import predict
+from trainer.prediction import predict
 
 
 @pytest.fixture

@@ -21,9 +21,12 @@ class Shape:
 
     length: int
     """samples of a window"""
-    columns: int
-    """columns of an encoded window; the first ``recorded`` are recorded channels, the others come from the clock"""
+    outputs: int
+    """columns of an encoded window that are outputs of the system; they come first"""
     recorded: int
+    """columns that were recorded: the outputs, then the inputs"""
+    columns: int
+    """all columns: the recorded, then those that come from the clock"""
     parameters: int
     step: float
     """[s]"""

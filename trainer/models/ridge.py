@@ -18,10 +18,7 @@ CHUNK = 1024
 
 
 class Ridge(Estimator):
-    """A linear map from standardised statistics to targets; each target's penalty is chosen on validation systems.
-
-    Solved from the normal equations, added up over random training windows in float64.
-    """
+    """A linear map from standardised statistics to targets; each target's penalty is chosen on validation systems."""
 
     recipe: ClassVar[Recipe] = Recipe(steps=20, batch_size=CHUNK)
     iterates: ClassVar[bool] = False
@@ -35,30 +32,40 @@ class Ridge(Estimator):
         self.register_buffer("offset", torch.zeros(shape.parameters))
 
     def prepare(self, draw: Callable[[int], Batch], validation: Batch, windows: int) -> None:
-        """Accumulate X'X and X'y over the training windows, solve for every penalty, keep the best."""
+        """Solve for the coefficients: the whole training."""
         self.summary.prepare(draw(min(windows, 4 * CHUNK)))
-        size = self.summary.size + 1  # the last column is the intercept, which is not penalised
-        gram, moment, seen = np.zeros((size, size)), np.zeros((size, self.offset.shape[0])), 0
-        while seen < windows:
-            batch = draw(min(CHUNK, windows - seen))
-            rows = self._design(batch)
-            gram += rows.T @ rows
-            moment += rows.T @ batch.targets.double().numpy()
-            seen += len(rows)
-        held_out, targets = self._design(validation), validation.targets.double().numpy()
-        solutions = solve_ridge(gram / seen, moment / seen, ALPHAS)
-        errors = np.mean((held_out @ solutions - targets) ** 2, axis=1)
-        best = solutions[errors.argmin(axis=0), :, np.arange(moment.shape[1])]
-        self.slope = torch.from_numpy(best[:, :-1].T.astype(np.float32).copy())
-        self.offset = torch.from_numpy(best[:, -1].astype(np.float32).copy())
-
-    def _design(self, batch: Batch) -> np.ndarray:
-        features = self.summary(batch.windows, batch.time).double().numpy()
-        return np.concatenate([features, np.ones((len(features), 1))], axis=1)
+        self.slope, self.offset = fit_ridge(self.summary, draw, validation, windows)
 
     def forward(self, windows: torch.Tensor, time: torch.Tensor) -> torch.Tensor:
         """See :class:`Estimator`."""
         return self.summary(windows, time) @ self.slope + self.offset
+
+
+def fit_ridge(
+    summary: Summary, draw: Callable[[int], Batch], validation: Batch, windows: int
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """Slope (statistics, targets) and offset (targets,), from so many training windows.
+
+    The normal equations are added up in float64, solved for every penalty, and the best on the validation windows kept.
+    """
+    size = summary.size + 1  # the last column is the intercept, which is not penalised
+    gram, moment, seen = np.zeros((size, size)), np.zeros((size, validation.targets.shape[1])), 0
+    while seen < windows:
+        batch = draw(min(CHUNK, windows - seen))
+        rows = _design(summary, batch)
+        gram += rows.T @ rows
+        moment += rows.T @ batch.targets.double().numpy()
+        seen += len(rows)
+    solutions = solve_ridge(gram / seen, moment / seen, ALPHAS)
+    errors = np.mean((_design(summary, validation) @ solutions - validation.targets.double().numpy()) ** 2, axis=1)
+    best = solutions[errors.argmin(axis=0), :, np.arange(moment.shape[1])].T.astype(np.float32)
+    return torch.from_numpy(best[:-1].copy()), torch.from_numpy(best[-1].copy())
+
+
+def _design(summary: Summary, batch: Batch) -> np.ndarray:
+    with torch.no_grad():
+        features = summary(batch.windows, batch.time).double().numpy()
+    return np.concatenate([features, np.ones((len(features), 1))], axis=1)
 
 
 def solve_ridge(gram: np.ndarray, moment: np.ndarray, alphas: np.ndarray) -> np.ndarray:
