@@ -8,18 +8,17 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
-from rich.console import Console
 from rich.table import Table
 
 from shared.assignments import assignments
-from shared.console import OK, new_app, start
+from shared.console import OK, new_app, new_console, start
 
 app = new_app(
     "diagnosis",
     "Hold a recording of a building against its simulation model.\n\n"
     "A recording is a NetCDF file with the outputs and inputs that the system description names.",
 )
-console = Console(highlight=False)
+console = new_console()
 
 
 @app.command
@@ -65,8 +64,8 @@ def residuals(
             one["unit"],
             f"{one['rmse']:.4g}",
             f"{one['bias']:.4g}",
-            f"{one['cvrmse']:.2%}",
-            f"{one['nmbe']:.2%}",
+            "-" if one["cvrmse"] is None else f"{one['cvrmse']:.2%}",
+            "-" if one["nmbe"] is None else f"{one['nmbe']:.2%}",
             f"{one['autocorrelation']:.2f}",
         )
     console.print(table)

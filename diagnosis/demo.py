@@ -12,12 +12,12 @@ import time
 from pathlib import Path
 
 import xarray as xr
-from rich.console import Console
 from rich.table import Table
 
+from shared.console import new_console
 from shared.system import load_system
 
-console = Console(highlight=False)
+console = new_console()
 SYSTEM = Path("fmus/MixedAirCO2/system.toml")
 MEASURED = ["TRoo", "CO2", "QHea", "mOA", "TDryBul", "HFac", "TSky", "TSet", "time_of_day"]
 """Channels that an engineer has anyway: outputs, actuators, weather, set point, clock."""

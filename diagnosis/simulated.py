@@ -38,8 +38,8 @@ def residuals(
     -------
     dict
         ``parameters`` used, and for each measured output: ``rmse`` and ``bias`` (measured minus simulated) [unit],
-        ``cvrmse`` and ``nmbe`` (ASHRAE Guideline 14, shares of the mean), ``autocorrelation`` of the residual at one
-        step, ``steps``.
+        ``cvrmse`` and ``nmbe`` (ASHRAE Guideline 14, shares of the mean; None for temperatures, whose mean above
+        absolute zero is no yardstick), ``autocorrelation`` of the residual at one step, ``steps``.
 
     Raises
     ------
@@ -63,7 +63,10 @@ def residuals(
     for k, output in enumerate(described.outputs):
         seen = np.isfinite(record.outputs[k])
         if seen.any():
-            found[output.name] = {"unit": output.unit, **_compare(record.outputs[k], trajectory.outputs[k])}
+            compared = _compare(record.outputs[k], trajectory.outputs[k])
+            if output.unit in _NO_SHARE:
+                compared |= {"cvrmse": None, "nmbe": None}
+            found[output.name] = {"unit": output.unit, **compared}
     return {"recording": str(recording), "parameters": values, "outputs": found}
 
 
@@ -85,7 +88,10 @@ def _parameters(
     return {name: float(values[name]) for name in system.parameter_names}
 
 
-def _compare(measured: np.ndarray, simulated: np.ndarray) -> dict[str, float]:
+_NO_SHARE = ("K", "degC", "degF")
+
+
+def _compare(measured: np.ndarray, simulated: np.ndarray) -> dict[str, float | None]:
     seen = np.isfinite(measured)
     left = measured[seen] - simulated[seen]
     rmse, bias, mean = float(np.sqrt(np.mean(left**2))), float(left.mean()), float(measured[seen].mean())

@@ -15,6 +15,18 @@ from shared.errors import ZeroshotError
 OK, FAULT, USAGE = 0, 1, 2
 """Exit codes: done; a sentence on standard error says what is wrong; the command line itself is wrong."""
 
+_PIPED_WIDTH = 120
+"""Columns of text that goes into a file or a pipe, where nobody has a window to ask."""
+
+
+def new_console() -> Console:
+    """A console for results on standard output."""
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console.width = max(console.width, _PIPED_WIDTH)
+    return console
+
+
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
 
 

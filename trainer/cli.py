@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
-from shared.console import new_app, start
+from shared.console import new_app, new_console, start
 from trainer.models import ESTIMATORS
 
 app = new_app(
@@ -160,7 +160,7 @@ def evaluate(
     if json:
         print(result.model_dump_json(indent=1))
     else:
-        Console().print(terminal_table(result))
+        new_console().print(terminal_table(result))
         print("\n".join(notes(result)))
         print(f"written to {out or run}: evaluation.json, evaluation.md, evaluation.csv, scatter.png")
 
@@ -184,7 +184,7 @@ def predict(run: Path, file: Path, /, *, json: Annotated[bool, Parameter(negativ
     if json:
         print(result.model_dump_json(indent=1))
         return
-    console = Console()
+    console = new_console()
     for one in result.predictions:
         name = "" if one.system is None else f"system {one.system}, "
         table = Table(title=f"{name}{one.begin} to {one.end}")
@@ -231,7 +231,7 @@ def info(run: Path, /, *, json: Annotated[bool, Parameter(negative="")] = False)
     table = Table(show_header=False)
     for name, value in rows:
         table.add_row(name, str(value))
-    Console().print(table)
+    new_console().print(table)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -64,6 +64,13 @@ def test_figures_are_those_of_the_guideline(recording, truth, default_system, tm
     assert after["nmbe"] == pytest.approx(after["bias"] / mean, rel=1e-5)
 
 
+def test_no_share_of_an_absolute_temperature(recording, truth, default_system):
+    found = residuals(default_system, recording, parameters=truth)["outputs"]
+    assert found["TRoo"]["cvrmse"] is None
+    assert found["TRoo"]["nmbe"] is None
+    assert found["QHea"]["cvrmse"] is not None
+
+
 def test_recorded_inputs_are_the_recordings(recording, default_system):
     record = read_recording(recording, default_system)
     table = recorded_inputs(default_system, record, 86400.0)
