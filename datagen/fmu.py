@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import atexit
-import ctypes
-import os
 import shutil
 import tempfile
-import weakref
+import time
 from functools import lru_cache
-from itertools import count
 from pathlib import Path
-from typing import Any
 
 import fmpy
-import fmpy.fmi2
+from fmpy.fmi1 import FMICallException
 from fmpy.model_description import ModelDescription, ScalarVariable
 
+from datagen.fmi import Interface
+from datagen.fmi2 import Fmi2
+from datagen.fmi3 import Fmi3
 from shared.errors import FmuError, SystemDescriptionError
 from shared.store import sha256_of
 from shared.system import System
@@ -64,106 +63,83 @@ def fmu_sha256(path: Path) -> str:
         raise FmuError(f"{path}: cannot be read: {error}") from None
 
 
-_NUMBERS = count(1)
-_KEPT: list[Any] = []
-_LOGS: dict[str, list[str]] = {}
-"""What each living instance has said, by its name."""
-
-
-@lru_cache(maxsize=1)
-def _callbacks() -> fmpy.fmi2.fmi2CallbackFunctions:
-    """One set of callbacks for the whole process, never freed.
-
-    The proxy that formats the FMU's messages remembers a single logger for the process: one that belonged to an
-    instance would be called after that instance is gone.
-    """
-
-    def logger(_environment: Any, instance: bytes, status: int, _category: Any, message: bytes) -> None:
-        if status > 0:
-            _LOGS.get(instance.decode(), []).append(message.decode("utf-8", "replace"))
-
-    callbacks = fmpy.fmi2.fmi2CallbackFunctions()
-    callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(logger)
-    callbacks.allocateMemory = fmpy.fmi2.defaultCallbacks.allocateMemory
-    callbacks.freeMemory = fmpy.fmi2.defaultCallbacks.freeMemory
-    _KEPT.append(callbacks.logger)
-    fmpy.fmi2.addLoggerProxy(ctypes.byref(callbacks))
-    return callbacks
-
-
 class Fmu:
-    """An FMI 2.0 Model Exchange FMU, loaded into this process.
+    """An FMU of FMI 2.0 or 3.0, loaded into this process: Model Exchange if it has that, else Co-Simulation.
 
-    ``variables`` maps names to the model description's variables; ``log`` collects what the FMU says.
+    ``variables`` maps names to the model description's variables; ``interface`` calls its functions; ``cosimulation``
+    tells the kind, and ``n_states`` is 0 then, for such an FMU keeps its states to itself.
 
     Raises
     ------
     FmuError
-        If there is no Model Exchange interface or no binary for this platform.
+        If it is of another version or kind, or has no binary for this platform.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.sha256 = fmu_sha256(path)
         folder, self.description = unpack(path, self.sha256)
-        if self.description.fmiVersion != "2.0" or self.description.modelExchange is None:
-            raise FmuError(
-                f"{path}: FMI {self.description.fmiVersion} without Model Exchange 2.0; expected FMI 2.0 Model Exchange"
-            )
+        version = str(self.description.fmiVersion)
+        if self.description.modelExchange is None and self.description.coSimulation is None:
+            raise FmuError(f"{path}: FMI {version} without Model Exchange or Co-Simulation; expected one of the two")
+        if version != "2.0" and not version.startswith("3."):
+            raise FmuError(f"{path}: FMI {version}; expected FMI 2.0 or 3.0")
         self.variables: dict[str, ScalarVariable] = {v.name: v for v in self.description.modelVariables}
-        self.log: list[str] = []
-        name = f"instance-{next(_NUMBERS)}"
-        _LOGS[name] = self.log
-        weakref.finalize(self, _LOGS.pop, name, None)
-        before = os.getcwd()
-        try:
-            self.binary: Any = fmpy.fmi2.FMU2Model(
-                guid=self.description.guid,
-                unzipDirectory=str(folder),
-                modelIdentifier=self.description.modelExchange.modelIdentifier,
-                instanceName=name,
-            )
-        except Exception as error:
-            raise FmuError(f"{path}: no usable binary for {fmpy.platform}: {error}") from None
-        finally:
-            os.chdir(before)  # fmpy's constructor changes the working directory
-        self.n_states = self.description.numberOfContinuousStates
-        self.n_indicators = self.description.numberOfEventIndicators
+        self.interface: Interface = (Fmi2 if version == "2.0" else Fmi3)(path, folder, self.description)
+        self.cosimulation = self.interface.cosimulation
+        self.n_states = 0 if self.cosimulation else self.description.numberOfContinuousStates
+        self.n_indicators = 0 if self.cosimulation else self.description.numberOfEventIndicators
+        self.seconds_to_instantiate = 0.0
 
-    def address(self, function: str) -> int:
-        """Address of one of the FMU's C functions, for example ``fmi2GetReal``."""
-        return ctypes.cast(getattr(self.binary.dll, function), ctypes.c_void_p).value or 0
+    def instantiate(self, *, reuse: bool = False) -> None:
+        """Make a fresh instance in place of the last one, or reset that one.
 
-    def instantiate(self) -> None:
-        """Make a fresh instance in place of the last one; ``binary.component`` is its address."""
+        Parameters
+        ----------
+        reuse
+            Reset the living instance, if there is one; see :mod:`datagen.canary`.
+        """
+        if reuse and self.interface.instance:
+            try:
+                self.interface.binary.reset()
+                self.interface.log.clear()
+                return
+            except FMICallException:  # it failed before and does not come back: start afresh
+                pass
         self.release()
-        self.log.clear()
+        self.interface.log.clear()
+        began = time.perf_counter()
         try:
-            self.binary.instantiate(callbacks=_callbacks(), loggingOn=True)
+            self.interface.instantiate()
         except Exception as error:
             raise FmuError(f"{self.path}: cannot be instantiated: {error}{self.last_words()}") from None
+        self.seconds_to_instantiate = time.perf_counter() - began
 
     def release(self) -> None:
         """Free the instance, if there is one."""
-        if getattr(self.binary, "component", None) is not None:
-            self.binary.fmi2FreeInstance(self.binary.component)
-            self.binary.component = None
+        if self.interface.instance:
+            self.interface.free()
 
     def last_words(self) -> str:
         """The FMU's own last messages, for an error's text."""
-        return f"; the FMU says: {' | '.join(self.log[-3:])}" if self.log else ""
+        log = self.interface.log
+        return f"; the FMU says: {' | '.join(log[-3:])}" if log else ""
 
     def set_value(self, name: str, value: float | bool) -> None:
-        """Set a Real, Integer or Boolean variable by name."""
+        """Set a number or a boolean by name."""
         variable = self.variables[name]
-        if variable.type == "Real":
-            self.binary.setReal([variable.valueReference], [float(value)])
-        elif variable.type in ("Integer", "Enumeration"):
-            self.binary.setInteger([variable.valueReference], [int(value)])
-        elif variable.type == "Boolean":
-            self.binary.setBoolean([variable.valueReference], [bool(value)])
-        else:
-            raise SystemDescriptionError(f"{self.path}: {name!r} is a {variable.type}; expected a number or a boolean")
+        if not self.interface.set_value(variable, value):
+            what = f"an array of {variable.type}" if variable.shape else f"a {variable.type}"
+            raise SystemDescriptionError(f"{self.path}: {name!r} is {what}; expected a number or a boolean")
+
+    def is_float(self, name: str) -> bool:
+        """Whether a variable is a scalar double."""
+        variable = self.variables[name]
+        return variable.type in ("Real", "Float64") and not variable.shape
+
+
+def _type(variable: ScalarVariable) -> str:
+    return f"array of {variable.type}" if variable.shape else str(variable.type)
 
 
 def _unit(variable: ScalarVariable) -> str:
@@ -180,6 +156,7 @@ def check_system(system: System, fmu: Fmu) -> None:
         For the first variable that the FMU lacks, or that has another causality, type or unit there.
     """
     where = f"{system.path}"
+    real = "Real" if fmu.interface.version == 2 else "Float64"
 
     def variable(kind: str, name: str) -> ScalarVariable:
         if name not in fmu.variables:
@@ -196,18 +173,22 @@ def check_system(system: System, fmu: Fmu) -> None:
     for parameter in system.parameters:
         unit("parameter", parameter.name, parameter.unit)
         found = variable("parameter", parameter.name)
-        if found.causality not in ("parameter", "input") or found.type != "Real":
+        if found.causality not in ("parameter", "input") or not fmu.is_float(parameter.name):
             raise SystemDescriptionError(
-                f"{where}: parameter {parameter.name!r} is a {found.causality} {found.type} in {fmu.path.name}; "
-                "expected a Real parameter that can be set"
+                f"{where}: parameter {parameter.name!r} is a {found.causality} {_type(found)} in "
+                f"{fmu.path.name}; expected a {real} parameter that can be set"
             )
     for one in system.inputs:
         unit("input", one.name, one.unit)
         found = variable("input", one.name)
-        if found.causality != "input" or found.type != "Real":
+        if found.causality != "input" or not fmu.is_float(one.name):
             raise SystemDescriptionError(
-                f"{where}: input {one.name!r} is a {found.causality} {found.type} in {fmu.path.name}; "
-                "expected a Real input"
+                f"{where}: input {one.name!r} is a {found.causality} {_type(found)} in {fmu.path.name}; "
+                f"expected a {real} input"
+            )
+        if found.variability == "discrete" and one.interpolation == "linear" and one.source != "constant":
+            raise SystemDescriptionError(
+                f'{where}: input {one.name!r} is discrete in {fmu.path.name}; expected interpolation = "previous"'
             )
     declared = set(system.input_names) | set(system.parameter_names)
     for name, found in fmu.variables.items():
@@ -217,8 +198,11 @@ def check_system(system: System, fmu: Fmu) -> None:
             )
     for output in system.outputs:
         unit("output", output.fmu_variable, output.unit)
-        if variable("output", output.fmu_variable).type != "Real":
-            raise SystemDescriptionError(f"{where}: output {output.name!r} is not a Real in {fmu.path.name}")
+        if not fmu.is_float(output.fmu_variable):
+            kind = _type(fmu.variables[output.fmu_variable])
+            raise SystemDescriptionError(
+                f"{where}: output {output.name!r} is not a {real} but a {kind} in {fmu.path.name}"
+            )
     for table, values in (("fixed", system.fixed), ("replay", system.replay)):
         for name in values:
             if variable(table, name).causality not in ("parameter", "input"):

@@ -21,14 +21,14 @@ from fmpy.sundials.libraries import (
     sundials_sunmatrixdense,
 )
 
-from datagen import native
+from datagen import calls, native
 from shared.errors import SimulationError
 
 _ADDRESSES = {
-    native.CVODE: cv.CVode,
-    native.CV_REINIT: cv.CVodeReInit,
-    native.CV_SET_STOP: sundials_cvode.CVodeSetStopTime,
-    native.VECTOR_DATA: sundials_nvecserial.N_VGetArrayPointer_Serial,
+    calls.CVODE: cv.CVode,
+    calls.CV_REINIT: cv.CVodeReInit,
+    calls.CV_SET_STOP: sundials_cvode.CVodeSetStopTime,
+    calls.VECTOR_DATA: sundials_nvecserial.N_VGetArrayPointer_Serial,
 }
 MAX_STEPS = 100_000
 """Steps allowed between two stops; a solver that needs more has lost its way."""
@@ -52,7 +52,7 @@ class Cvode:
     Parameters
     ----------
     plan
-        The plan of :mod:`datagen.native`; its places for CVODE are filled here.
+        The plan of :mod:`datagen.calls`; its places for CVODE are filled here.
     start
         Start of the integration [s].
     initial
@@ -61,10 +61,18 @@ class Cvode:
         Relative tolerance.
     absolute
         Absolute tolerance of each state and quadrature.
+    longest
+        Longest step [s]: quadratures are not in the error test, so that nothing else might limit it.
     """
 
     def __init__(
-        self, plan: np.ndarray, start: float, initial: np.ndarray, relative: float, absolute: np.ndarray
+        self,
+        plan: np.ndarray,
+        start: float,
+        initial: np.ndarray,
+        relative: float,
+        absolute: np.ndarray,
+        longest: float,
     ) -> None:
         size = max(len(initial), 1)
         self._context = st.SUNContext()
@@ -83,18 +91,19 @@ class Cvode:
         self._root = cv.CVRootFn(native.event_indicators.address)
         _ok(cv.CVodeInit(self._memory, self._rhs, start, self._y))
         _ok(cv.CVodeSVtolerances(self._memory, relative, self._tolerance))
-        if plan[native.N_INDICATORS]:
-            _ok(cv.CVodeRootInit(self._memory, int(plan[native.N_INDICATORS]), self._root))
+        if plan[calls.N_INDICATORS]:
+            _ok(cv.CVodeRootInit(self._memory, int(plan[calls.N_INDICATORS]), self._root))
         self._matrix = sunmatrix_dense.SUNDenseMatrix(size, size, self._context)
         self._solver = sunlinsol_dense.SUNLinSol_Dense(self._y, self._matrix, self._context)
         _ok(cv_ls.CVodeSetLinearSolver(self._memory, self._solver, self._matrix))
         _ok(cv.CVodeSetMaxNumSteps(self._memory, MAX_STEPS))
+        _ok(sundials_cvode.CVodeSetMaxStep(ctypes.c_void_p(self._memory), ctypes.c_double(longest)))
         _ok(cv.CVodeSetNoInactiveRootWarn(self._memory))
         _ok(sundials_cvode.CVodeSetUserData(ctypes.c_void_p(self._memory), ctypes.c_void_p(plan.ctypes.data)))
         for place, function in _ADDRESSES.items():
             plan[place] = plain(function)
-        plan[native.CV_MEMORY] = self._memory
-        plan[native.STATE_VECTOR] = plain(self._y)
+        plan[calls.CV_MEMORY] = self._memory
+        plan[calls.STATE_VECTOR] = plain(self._y)
 
     def steps(self) -> int:
         """Steps taken since the last restart."""

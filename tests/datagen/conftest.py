@@ -1,0 +1,57 @@
+"""The small FMUs of ``tests/fmus/small``, and systems around them."""
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+
+from shared.system import parse_system
+
+_BUILDER = Path(__file__).resolve().parents[1] / "fmus" / "small" / "builder.py"
+_BLANK = 'schema_version = 1\nname = "{name}"\nfmu = "{fmu}"\n[estimator]\nchannels = ["{channel}"]\n'
+
+
+def _load_builder():
+    spec = importlib.util.spec_from_file_location("small_fmus_builder", _BUILDER)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="session")
+def small_fmu(tmp_path_factory):
+    """``small_fmu(name, fmi, kinds, ...)``: the path of a small FMU, built once in a session."""
+    builder, folder, made = _load_builder(), tmp_path_factory.mktemp("small-fmus"), {}
+
+    def make(name, fmi=2, kinds=("me",), **options):
+        key = (name, fmi, kinds, *sorted(options.items()))
+        if key not in made:
+            made[key] = builder.build(name, fmi, kinds, folder, **options)
+        return made[key]
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def small_system(small_fmu):
+    """``small_system(name, fmi, kinds, ...)``: a system description around a small FMU.
+
+    ``outputs`` maps names to methods, ``inputs`` to interpolations, ``parameters`` is a tuple of names.
+    """
+
+    def make(name, fmi=2, kinds=("me",), *, outputs, parameters, inputs=(), fixed=(), step=0.125, hours=1.0, **options):
+        fmu = small_fmu(name, fmi, kinds, **options)
+        text = _BLANK.format(name=name, fmu=fmu.as_posix(), channel=next(iter(dict(outputs))).split("=")[-1])
+        text += f"[experiment]\nstep = {step}\nhours = {hours}\ntolerance = 1e-9\n"
+        text += "[fixed]\n" + "".join(f"{k} = {v}\n" for k, v in dict(fixed).items())
+        for one in parameters:
+            text += f'[[parameters]]\nname = "{one}"\nunit = "1"\nmin = 0.5\nmax = 2.0\n'
+        for one, interpolation in dict(inputs).items():
+            text += f'[[inputs]]\nname = "{one}"\nunit = "1"\nsource = "measured"\ncolumn = "{one}"\n'
+            text += f'interpolation = "{interpolation}"\n'
+        for one, method in dict(outputs).items():
+            unit = {"h": "m", "v": "m/s"}.get(one, "1")
+            text += f'[[outputs]]\nname = "{one}"\nunit = "{unit}"\nmethod = "{method}"\naccuracy = 1e-6\n'
+        return parse_system(text, fmu.parent / f"{name}.toml")
+
+    return make

@@ -1,0 +1,30 @@
+/* Decay at rate k until a moment, from when on it misbehaves; the parameter "fault" says how. */
+enum { NONE, ENDS, FAILS, HANGS, NOT_A_NUMBER, DISCARDS, RETURNS_EARLY, NEVER_SETTLES, DIRTY, SLOW, CRASHES, LEAKS };
+static int load(Model *m) {
+  if (SLOW_INSTANTIATION && !m->living) wait_seconds(SLOW_INSTANTIATION);
+  return OK;
+}
+static void begin(Model *m) { m->next = m->v[WHEN]; }
+static int is(Model *m, int fault) { return m->v[FAULT] == fault && m->time >= m->v[WHEN]; }
+static int rates(Model *m, double *dx) {
+  dx[0] = -m->v[K] * m->v[X];
+  if (m->v[FAULT] == DIRTY) dx[0] += m->kept;
+  if (is(m, SLOW)) wait_seconds(0.005);
+  while (is(m, HANGS)) wait_seconds(0.05);
+  if (is(m, NOT_A_NUMBER)) dx[0] = NAN;
+  if (is(m, CRASHES)) *(volatile int *)8 = 0;
+  if (is(m, LEAKS)) memset(malloc(10000), 1, 10000);
+  if (is(m, DISCARDS)) return DISCARD;
+  if (is(m, FAILS)) say(m, FAILED, "something broke");
+  return is(m, FAILS) ? FAILED : OK;
+}
+static void indicators(Model *m, double *z) { (void)m; (void)z; }
+static int event(Model *m) {
+  if (m->time >= m->next) m->next = HUGE_VAL;
+  return is(m, NEVER_SETTLES) ? AGAIN : 0;
+}
+static void outputs(Model *m) { (void)m; }
+static int stepped(Model *m) {
+  if (m->v[FAULT] == DIRTY) m->kept += 1e-3;
+  return (is(m, ENDS) ? TERMINATE : 0) | (is(m, RETURNS_EARLY) ? AGAIN : 0);
+}

@@ -1,0 +1,8 @@
+/* A first-order lag: x' = (u - x) / tau; y follows the input directly. */
+static int load(Model *m) { (void)m; return OK; }
+static void begin(Model *m) { (void)m; }
+static int rates(Model *m, double *dx) { dx[0] = (m->v[U] - m->v[X]) / m->v[TAU]; return OK; }
+static void indicators(Model *m, double *z) { (void)m; (void)z; }
+static int event(Model *m) { (void)m; return 0; }
+static void outputs(Model *m) { m->v[Y] = m->v[U]; }
+static int stepped(Model *m) { (void)m; return 0; }
