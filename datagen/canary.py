@@ -8,19 +8,38 @@ the same bits.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
+from datagen.fmu import Fmu
 from datagen.tables import InputTable
 from shared.errors import SimulationError
-
-if TYPE_CHECKING:
-    from datagen.simulator import Simulator
+from shared.system import System
 
 PROBE_STEPS = 168
 
 
+class Subject(Protocol):
+    """What the canary asks of a simulator."""
+
+    system: System
+    fmu: Fmu
+    reuse: bool | None
+
+    def run(
+        self,
+        parameters: Mapping[str, float],
+        inputs: InputTable,
+        *,
+        start: float,
+        stop: float,
+        step: float | None = None,
+        timeout: float | None = None,
+    ) -> Any:
+        """Simulate; the result has ``outputs``."""
+
+
 def resets_cleanly(
-    simulator: Simulator,
+    simulator: Subject,
     parameters: Mapping[str, float],
     inputs: InputTable,
     *,
@@ -43,8 +62,8 @@ def resets_cleanly(
 
     def bits(values: Mapping[str, float], *, reuse: bool) -> bytes:
         simulator.reuse = reuse
-        run = simulator.run(values, inputs, start=start, stop=stop, step=step, timeout=timeout)
-        return run.outputs.tobytes()
+        outputs = simulator.run(values, inputs, start=start, stop=stop, step=step, timeout=timeout).outputs
+        return bytes(outputs.tobytes())
 
     try:
         first = bits(parameters, reuse=False)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from datagen import calls, cosimulation, instances, native
+from datagen.canary import resets_cleanly
 from datagen.fmu import Fmu, check_system
 from datagen.solver import Cvode
 from datagen.tables import InputTable
@@ -133,8 +134,6 @@ class Simulator:
         )
         with self._lock:
             if self.reuse is None and self.fmu.seconds_to_instantiate > _SLOW:
-                from datagen.canary import resets_cleanly
-
                 self.reuse = False
                 span = {"start": start, "stop": stop, "step": step}
                 self.reuse = resets_cleanly(self, parameters, inputs, **span, timeout=timeout)
