@@ -1,7 +1,7 @@
 """The simulation farm: samples systems, simulates FMUs, writes datasets.
 
 The functions behind the commands of the same names: :func:`run`, :func:`simulate`, :func:`info`, :func:`verify`,
-:func:`identifiability`.
+:func:`repair`, :func:`merge`, :func:`identifiability`.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ _HOMES = {
     "simulate": "datagen.recording",
     "info": "datagen.inspection",
     "verify": "datagen.inspection",
+    "merge": "datagen.merging",
+    "repair": "datagen.mending",
     "identifiability": "datagen.ceilings",
 }
 

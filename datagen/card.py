@@ -16,7 +16,7 @@ _CARD = """\
 {{ system.description }}.
 
 {{ done }} of {{ manifest.systems }} systems, {{ hours }} h each in steps of {{ step }} s, root seed
-{{ manifest.root_seed }}, in {{ manifest.shards | length }} shards. Time is local standard time, in seconds since
+{{ seeds }}, in {{ manifest.shards | length }} shards. Time is local standard time, in seconds since
 {{ epoch }}; a value belongs to the step that ends at its time.
 {%- if not manifest.settings.excitation %} Excitation was switched off.{% endif %}
 
@@ -38,27 +38,32 @@ Read it with plain xarray:
 ```python
 from pathlib import Path
 import xarray as xr
+
 shards = sorted(Path("shards").glob("*.nc"))
 data = xr.concat([xr.load_dataset(shard) for shard in shards], dim="system", data_vars="minimal")
 train = data.isel(system=(data["split"] == 0).values)
 ```
 
-`manifest.json` lists every shard with its hashes; `datagen verify` holds the files against it.
+{% if manifest.sources %}The dataset was merged: a system is known by its shard's `root_seed` and its index.
+
+{% endif %}`manifest.json` lists every shard with its hashes; `datagen verify` holds the files against it.
 System {{ manifest.system_hash[:16] }}, FMU {{ manifest.fmu_sha256[:16] }}, schema {{ manifest.schema_version }}.
 """
 
 
 def write_card(folder: Path, manifest: Manifest, system: System) -> None:
     """Write the dataset's ``README.md``."""
-    indices = [i for entry in manifest.shards for i in entry.systems]
-    splits = [split_of(manifest.root_seed, i) for i in indices]
+    done = manifest.done()
+    splits = [split_of(seed, index) for seed, index in done]
+    seeds = [source.root_seed for source in manifest.sources] or [manifest.root_seed]
     text = (
         Environment(undefined=StrictUndefined, autoescape=False, keep_trailing_newline=True)
         .from_string(_CARD)
         .render(
             system=system,
             manifest=manifest,
-            done=len(indices),
+            done=len(done),
+            seeds=", ".join(map(str, seeds)),
             hours=f"{system.experiment.hours:g}",
             step=f"{system.experiment.step:g}",
             epoch=EPOCH,

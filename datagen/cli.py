@@ -13,6 +13,7 @@ from rich.table import Table
 
 from shared.assignments import assignments
 from shared.console import FAULT, OK, new_app, start
+from shared.errors import ZeroshotError
 
 app = new_app(
     "datagen",
@@ -27,14 +28,22 @@ def run(
     system: Path,
     *,
     out: Path,
-    systems: int,
+    systems: int | None = None,
+    preset: str | None = None,
     hours: float | None = None,
     step: float | None = None,
     seed: int = 0,
     workers: int | None = None,
     scheduler: str | None = None,
+    cluster: str = "local",
+    cluster_option: Annotated[list[str] | None, Parameter(consume_multiple=True, negative=())] = None,
+    host: str | None = None,
     shard_size: int = 10,
     excitation: bool = True,
+    extend: Annotated[bool, Parameter(negative=())] = False,
+    retry_failures: Annotated[bool, Parameter(negative=())] = False,
+    failure_budget: float = 0.05,
+    timeout: float = 600.0,
     quiet: bool = False,
 ) -> int:
     """Simulate random systems into a dataset folder. Run again to resume an unfinished one.
@@ -47,6 +56,8 @@ def run(
         Dataset folder; made if it does not exist.
     systems
         How many systems.
+    preset
+        Take systems, hours and step from this preset of the description, where they are not given here.
     hours
         Length of each record [h]; by default the description's.
     step
@@ -54,13 +65,27 @@ def run(
     seed
         Root seed. With a system's index it decides everything about that system.
     workers
-        Worker processes on this machine; by default one a core.
+        Worker processes on this machine, by default one a core; with `--cluster slurm` the number of jobs.
     scheduler
         Address of a running Dask scheduler, in place of workers on this machine.
+    cluster
+        `local`, or `slurm` to submit the workers as jobs.
+    cluster_option
+        Of a Slurm job, as NAME=VALUE: queue, account, walltime, memory, cores, interface.
+    host
+        Address that our scheduler listens on. Loopback by default, which workers on other machines do not reach.
     shard_size
         Systems per file.
     excitation
         Add the description's small sinusoids to the control actions.
+    extend
+        Add systems to a dataset that has fewer; the shards that are there stay as they are.
+    retry_failures
+        Simulate the systems in failures.jsonl once more.
+    failure_budget
+        Share of the systems that may fail before the run is stopped.
+    timeout
+        Seconds that one system may take before it counts as failed.
     quiet
         No progress bar.
     """
@@ -70,18 +95,28 @@ def run(
         system,
         out,
         systems=systems,
+        preset=preset,
         hours=hours,
         step=step,
         seed=seed,
         workers=workers,
         scheduler=scheduler,
+        cluster=cluster,
+        cluster_options=_options(cluster_option or []),
+        host=host,
         shard_size=shard_size,
         excitation=excitation,
+        extend=extend,
+        retry_failures=retry_failures,
+        failure_budget=failure_budget,
+        timeout=timeout,
         quiet=quiet,
     )
     done = sum(len(entry.systems) for entry in manifest.shards)
     if not quiet:
         console.print(f"{done} of {manifest.systems} systems in {out}", markup=False)
+        if done < manifest.systems:
+            console.print(f"{manifest.systems - done} failed: see {out / 'failures.jsonl'}", markup=False)
     return OK if done == manifest.systems else FAULT
 
 
@@ -168,24 +203,57 @@ def info(folder: Path, *, as_json: Annotated[bool, Parameter(name="--json", nega
 
 
 @app.command
-def verify(folder: Path, *, as_json: Annotated[bool, Parameter(name="--json", negative=())] = False) -> int:
+def verify(
+    folder: Path,
+    *,
+    repair: Annotated[bool, Parameter(negative=())] = False,
+    system: Path | None = None,
+    as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
+) -> int:
     """Hold every shard of a dataset against its manifest. Exit code 1 if anything is wrong.
 
     Parameters
     ----------
     folder
         Dataset folder.
+    repair
+        Simulate damaged and missing shards again; they must come out as the manifest says.
+    system
+        System description for a repair, if the dataset was not made on this machine.
     as_json
         Print JSON.
     """
+    from datagen import repair as repair_
     from datagen import verify as verify_
 
+    mended = repair_(folder, system) if repair else []
     faults = verify_(folder)
     if as_json:
-        sys.stdout.write(json.dumps({"folder": str(folder), "ok": not faults, "faults": faults}, indent=1) + "\n")
+        found = {"folder": str(folder), "ok": not faults, "faults": faults, **({"repaired": mended} if repair else {})}
+        sys.stdout.write(json.dumps(found, indent=1) + "\n")
     else:
+        for file in mended:
+            console.print(f"{file}: simulated again", markup=False)
         console.print("\n".join(faults) if faults else f"{folder}: every shard is as the manifest says", markup=False)
     return FAULT if faults else OK
+
+
+@app.command
+def merge(folders: Annotated[list[Path], Parameter(consume_multiple=True, negative=())], /, *, out: Path) -> int:
+    """Join datasets of one system, made from different root seeds, into a new one.
+
+    Parameters
+    ----------
+    folders
+        Dataset folders, at least two.
+    out
+        Folder of the joint dataset; must not exist.
+    """
+    from datagen import merge as merge_
+
+    manifest = merge_(folders, out)
+    console.print(f"{len(manifest.done())} systems in {out}", markup=False)
+    return OK
 
 
 @app.command
@@ -271,6 +339,14 @@ def identifiability(
         console.print(table)
     console.print(f"kept in {path}", markup=False)
     return OK
+
+
+def _options(words: list[str]) -> dict[str, str]:
+    pairs = [word.partition("=") for word in words]
+    for name, sign, _ in pairs:
+        if not sign:
+            raise ZeroshotError(f"--cluster-option {name!r}; expected NAME=VALUE")
+    return {name: value for name, _, value in pairs}
 
 
 def main() -> None:

@@ -1,54 +1,66 @@
-"""The farm: fans the shards of a dataset out over Dask workers and keeps the manifest.
+"""The farm: fans the shards of a dataset out over workers and keeps the manifest.
 
-The client keeps a bounded number of shards in flight, records each as it comes back, and may be stopped at any time:
-the next run on the same folder goes on where the manifest ends.
+A run may be stopped at any time and in any way: the next one on the same folder goes on where it ended, with the same
+data.
 """
 
 from __future__ import annotations
 
 import json
 import platform
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Mapping
 from importlib.metadata import version
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from dask.distributed import Client, LocalCluster, as_completed
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from datagen.card import write_card
+from datagen.cluster import connect
+from datagen.collection import FAILURE_BUDGET, Collection
+from datagen.dispatch import PATIENCE
+from datagen.failures import FILE_NAME as FAILURES_FILE
+from datagen.failures import Failures
 from datagen.fmu import fmu_sha256
+from datagen.guard import guarded
 from datagen.liveness import check_live
+from datagen.lock import FILE_NAME as LOCK_FILE
+from datagen.lock import FolderLock
+from datagen.package import package_hash, weather_hashes
+from datagen.plan import adopt, missing
 from datagen.simulator import Simulator
-from datagen.worker import Job, ShardResult, shard_name, simulate_shard
+from datagen.worker import RECYCLE, TIMEOUT, Job
 from shared.ceiling import FILE_NAME as CEILING_FILE
 from shared.ceiling import read_ceilings
-from shared.errors import DatasetError, SimulationError
+from shared.errors import DatasetError, SimulationError, ZeroshotError
 from shared.store import Manifest, read_manifest, write_atomically, write_manifest
 from shared.system import System, load_system
 
-IN_FLIGHT_PER_WORKER = 3
-FAILURE_BUDGET = 0.05
-"""Share of systems that may fail before a run is stopped."""
-MANIFEST_EVERY = 5.0
-"""Seconds between two writes of the manifest while shards come in."""
+_FIXED = ("system_hash", "fmu_sha256", "root_seed", "shard_size", "settings")
 
 
 def run(
     system: Path | str | System,
     out: Path | str,
     *,
-    systems: int,
+    systems: int | None = None,
+    preset: str | None = None,
     hours: float | None = None,
     step: float | None = None,
     seed: int = 0,
     workers: int | None = None,
     scheduler: str | None = None,
+    cluster: str = "local",
+    cluster_options: Mapping[str, str] | None = None,
+    host: str | None = None,
     shard_size: int = 10,
     excitation: bool = True,
+    extend: bool = False,
+    retry_failures: bool = False,
+    failure_budget: float = FAILURE_BUDGET,
+    timeout: float = TIMEOUT,
+    recycle: float = RECYCLE,
     quiet: bool = False,
 ) -> Manifest:
     """Simulate ``systems`` random systems into the dataset folder ``out``; an unfinished dataset is resumed.
@@ -57,55 +69,50 @@ def run(
     ----------
     system
         A system description or its path.
+    preset
+        One of the description's: gives ``systems``, ``hours`` and ``step`` where they are not given here.
     hours, step
         Length [h] and output step [s], by default the description's.
-    workers
-        Processes of a local cluster, by default one a core.
-    scheduler
-        Address of a running Dask scheduler, in place of a local cluster.
+    workers, scheduler, cluster, cluster_options, host
+        Where the work is done; see :func:`datagen.cluster.connect`.
     shard_size
         Systems per shard.
+    extend
+        Allow more systems than the dataset was started with; the shards that are there stay as they are.
+    retry_failures
+        Simulate the systems in ``failures.jsonl`` once more.
+    failure_budget
+        Share of the systems that may fail before the run is stopped.
+    timeout
+        Seconds that one system may take.
+    recycle
+        Bytes by which a worker process may grow before a fresh one takes its place.
 
     Raises
     ------
     DatasetError
-        If ``out`` holds another dataset.
+        If ``out`` holds another dataset, cannot be written to, or another run is at it.
     SimulationError
         If more systems fail than the failure budget allows.
     """
     described = load_system(system) if not isinstance(system, System) else system
-    described = described.with_experiment(hours=hours, step=step)
+    if preset is not None:
+        chosen = described.preset(preset)
+        systems, hours, step = systems or chosen.systems, hours or chosen.hours, step or chosen.step
+    if systems is None:
+        raise DatasetError("systems is missing; expected a number of systems, or a preset")
     if systems < 1:
         raise DatasetError(f"systems is {systems}; expected at least 1")
-    simulator = Simulator(described)
-    check_live(simulator)
-    folder = Path(out)
-    manifest = _open_or_start(folder, described, systems, seed, shard_size, excitation, simulator.fmu.sha256)
-    job = Job(
-        system=described.canonical(),
-        system_path=str(described.path.resolve()),
-        fmu_sha256=manifest.fmu_sha256,
-        root_seed=seed,
-        excitation=excitation,
-        folder=str(folder.resolve()),
-    )
-    missing = _missing(manifest)
-    if missing:
-        with _cluster(workers, scheduler, quiet) as client:
-            _collect(client, job, manifest, missing, folder, quiet)
-    _copy_ceilings(described, folder)
-    write_card(folder, manifest, described)
-    return manifest
-
-
-def _open_or_start(
-    folder: Path, system: System, systems: int, seed: int, shard_size: int, excitation: bool, fmu_hash: str
-) -> Manifest:
-    settings: dict[str, Any] = {**system.experiment.model_dump(), "excitation": excitation}
+    if shard_size < 1:
+        raise DatasetError(f"shard_size is {shard_size}; expected at least 1")
+    described = described.with_experiment(hours=hours, step=step)
+    fmu_hash = Simulator(described).fmu.sha256
+    weather = weather_hashes(described)
+    settings = {**described.experiment.model_dump(), "excitation": excitation, "weather": weather}
     wanted = Manifest(
-        system_name=system.name,
-        system_hash=system.hash(),
-        system=system.canonical(),
+        system_name=described.name,
+        system_hash=described.hash(),
+        system=described.canonical(),
         fmu_sha256=fmu_hash,
         root_seed=seed,
         systems=systems,
@@ -113,20 +120,91 @@ def _open_or_start(
         settings=settings,
         versions=_versions(),
     )
-    if (folder / "manifest.json").exists():
-        found = read_manifest(folder)
-        for field in ("system_hash", "fmu_sha256", "root_seed", "systems", "shard_size", "settings"):
-            if getattr(found, field) != getattr(wanted, field):
-                raise DatasetError(
-                    f"{folder / 'manifest.json'}: {field} is {getattr(found, field)}, this run has "
-                    f"{getattr(wanted, field)}; a dataset can only be resumed with its own settings"
-                )
-        return found
-    if folder.exists() and any(folder.iterdir()):
+    folder = Path(out)
+    where = str(described.path.resolve())
+    _check_folder(folder)
+    if not (folder / "manifest.json").exists():
+        _check_live(described, timeout)
+    try:
+        (folder / "shards").mkdir(parents=True, exist_ok=True)
+        with FolderLock(folder, where) as lock:
+            manifest = _open_or_start(folder, wanted, extend)
+            failures = Failures.read(folder)
+            text = settings_text(manifest)
+            _clear(folder)
+            manifest.shards += adopt(folder, manifest, failures, text)
+            job = Job(
+                system=described.canonical(),
+                system_path=where,
+                fmu_sha256=fmu_hash,
+                root_seed=seed,
+                excitation=excitation,
+                folder=str(folder.resolve()),
+                settings=text,
+                package=package_hash(fmu_hash, weather),
+                token=lock.token,
+                timeout=timeout,
+                recycle=recycle,
+            )
+            collection = Collection(folder, manifest, failures, job, described, budget=failure_budget)
+            collection.store()
+            pieces = missing(manifest, failures, retry=retry_failures)
+            first = next(pieces, None)
+            if first is not None:
+                places: dict[str, Any] = {"workers": workers, "scheduler": scheduler, "cluster": cluster}
+                with connect(**places, options=cluster_options, host=host, quiet=quiet) as client:
+                    patience = float("inf") if cluster == "slurm" else PATIENCE
+                    collection.collect(client, chain([first], pieces), quiet=quiet, patience=patience)
+            if not (folder / FAILURES_FILE).exists():
+                failures.write(folder)
+            _copy_ceilings(described, folder)
+            write_card(folder, manifest, described)
+    except OSError as error:
+        raise DatasetError(
+            f"{error.filename or folder}: cannot be written: {error.strerror or error}; "
+            "what was finished is kept, the same command goes on from there"
+        ) from None
+    return manifest
+
+
+def settings_text(manifest: Manifest) -> str:
+    """A dataset's settings as each of its shards carries them."""
+    return json.dumps(manifest.settings, sort_keys=True)
+
+
+def _check_folder(folder: Path) -> None:
+    if folder.exists() and not folder.is_dir():
+        raise DatasetError(f"{folder}: a file; expected a new folder or a dataset")
+    if not folder.exists() or (folder / "manifest.json").exists():
+        return
+    ours = {LOCK_FILE, "shards"}  # of a run that was stopped before it had written a manifest
+    if any(path.name not in ours and not path.name.endswith(".tmp") for path in folder.iterdir()):
         raise DatasetError(f"{folder}: not empty and without a manifest; expected a new folder or a dataset")
-    (folder / "shards").mkdir(parents=True, exist_ok=True)
-    write_manifest(folder, wanted)
-    return wanted
+
+
+def _open_or_start(folder: Path, wanted: Manifest, extend: bool) -> Manifest:
+    if not (folder / "manifest.json").exists():
+        write_manifest(folder, wanted)
+        return wanted
+    found = read_manifest(folder)
+    where = folder / "manifest.json"
+    if found.sources:
+        raise DatasetError(f"{where}: merged from other datasets; extend or resume one of those, and merge again")
+    for field in _FIXED:
+        if getattr(found, field) != getattr(wanted, field):
+            raise DatasetError(
+                f"{where}: {field} is {getattr(found, field)}, this run has {getattr(wanted, field)}; "
+                "a dataset can only be resumed with its own settings"
+            )
+    if wanted.systems == found.systems:
+        return found
+    if wanted.systems < found.systems or not extend:
+        raise DatasetError(
+            f"{where}: systems is {found.systems}, this run has {wanted.systems}; a dataset can only be resumed with "
+            "its own settings, or given more systems with --extend"
+        )
+    stages = [*(found.stages or [found.systems]), wanted.systems]
+    return found.model_copy(update={"systems": wanted.systems, "stages": stages})
 
 
 def _versions() -> dict[str, str]:
@@ -134,106 +212,25 @@ def _versions() -> dict[str, str]:
     return {"python": platform.python_version(), **{name: version(name) for name in packages}}
 
 
-def _missing(manifest: Manifest) -> list[tuple[int, list[int]]]:
-    """Shards that the manifest does not list, by number, with their systems."""
-    have = {entry.file for entry in manifest.shards}
-    count = -(-manifest.systems // manifest.shard_size)
-    spans = ((n, n * manifest.shard_size) for n in range(count) if shard_name(n) not in have)
-    return [(n, list(range(first, min(first + manifest.shard_size, manifest.systems)))) for n, first in spans]
+def _probe(system: System) -> None:
+    check_live(Simulator(system))
 
 
-@contextmanager
-def _cluster(workers: int | None, scheduler: str | None, quiet: bool) -> Iterator[Client]:
-    if scheduler:
-        with Client(scheduler) as client:
-            yield client
-        return
-    # loopback only: a dashboard or scheduler that others should reach is something to ask for
-    with (
-        LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            processes=True,
-            host="127.0.0.1",
-            dashboard_address="127.0.0.1:0",
-            silence_logs=40,
-        ) as cluster,
-        Client(cluster) as client,
-    ):
-        if not quiet:
-            Console().print(f"{len(cluster.workers)} workers; dashboard at {cluster.dashboard_link}", markup=False)
-        yield client
+def _check_live(system: System, timeout: float) -> None:
+    """Refuse dead parameters. The FMU is looked at in a process apart: it may crash at the ends of its ranges."""
+    found = guarded(_probe, [system], timeout=timeout, tries=1)[0]
+    if isinstance(found, SimulationError):
+        Console(stderr=True, highlight=False, soft_wrap=True).print(
+            f"warning: could not check that all parameters are alive: {found}", markup=False
+        )
+    elif isinstance(found, ZeroshotError):
+        raise found
 
 
-def _collect(
-    client: Client, job: Job, manifest: Manifest, missing: list[tuple[int, list[int]]], folder: Path, quiet: bool
-) -> None:
-    workers = max(len(client.scheduler_info(n_workers=-1)["workers"]), 1)
-    waiting = iter(missing)
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        TextColumn("{task.fields[rate]}"),
-    )
-    failed: list[dict[str, Any]] = _read_failures(folder)
-    written = time.monotonic()
-    began = time.monotonic()
-    finished = 0
-    with Progress(*columns, disable=quiet) as progress:
-        done = sum(len(entry.systems) for entry in manifest.shards)
-        bar = progress.add_task("simulating", total=manifest.systems, completed=done, rate="")
-        futures = as_completed([], with_results=True)
-        flying = 0
-
-        def submit() -> int:
-            item = next(waiting, None)
-            if item is None:
-                return 0
-            number, indices = item
-            futures.add(client.submit(simulate_shard, job, number, indices, pure=False, key=f"shard-{number}"))
-            return 1
-
-        for _ in range(IN_FLIGHT_PER_WORKER * workers):
-            flying += submit()
-        while flying:
-            _, result = next(futures)
-            flying += submit() - 1
-            assert isinstance(result, ShardResult)
-            if result.entry is not None:
-                manifest.shards.append(result.entry)
-            failed.extend(result.failures)
-            count = len(result.failures) + (len(result.entry.systems) if result.entry else 0)
-            finished += count
-            rate = finished / (time.monotonic() - began)
-            progress.update(bar, advance=count, rate=f"{rate:.2f} systems/s")
-            if result.failures:
-                lines = "".join(json.dumps(one) + "\n" for one in failed)
-                write_atomically(folder / "failures.jsonl", lines.encode())
-            if len(failed) > max(FAILURE_BUDGET * manifest.systems, 1):
-                _store(folder, manifest)
-                raise SimulationError(
-                    f"{folder}: {len(failed)} systems failed, more than {FAILURE_BUDGET:.0%} of {manifest.systems}; "
-                    f"see failures.jsonl. The last: {failed[-1]['cause']}"
-                )
-            if time.monotonic() - written > MANIFEST_EVERY:
-                _store(folder, manifest)
-                written = time.monotonic()
-    if not (folder / "failures.jsonl").exists():
-        write_atomically(folder / "failures.jsonl", b"")
-    _store(folder, manifest)
-
-
-def _store(folder: Path, manifest: Manifest) -> None:
-    manifest.shards.sort(key=lambda entry: entry.file)
-    write_manifest(folder, manifest)
-
-
-def _read_failures(folder: Path) -> list[dict[str, Any]]:
-    path = folder / "failures.jsonl"
-    return [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+def _clear(folder: Path) -> None:
+    """Remove what writers left unfinished."""
+    for path in [*folder.glob(".*.tmp"), *(folder / "shards").glob(".*.tmp")]:
+        path.unlink(missing_ok=True)
 
 
 def _copy_ceilings(system: System, folder: Path) -> None:

@@ -12,14 +12,14 @@ from datagen.tables import InputTable, Piecewise, merge
 from datagen.weather import UNITS, WeatherTable, read_weather
 from shared.errors import SystemDescriptionError
 from shared.signals import Excitation, Schedule
-from shared.system import (
+from shared.system import System
+from shared.variables import (
     ConstantInput,
     ExcitationInput,
     Input,
     MeasuredInput,
     OccupancyInput,
     ScheduleInput,
-    System,
     WeatherInput,
 )
 

@@ -40,6 +40,7 @@ def new_app(name: str, help_text: str) -> cyclopts.App:
         result_action="return_value",
         exit_on_error=False,
         print_error=True,
+        suppress_keyboard_interrupt=False,
     )
 
 

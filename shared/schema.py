@@ -19,6 +19,8 @@ from shared.system import System
 SCHEMA_VERSION = "1.0"
 EPOCH = "2001-01-01 00:00:00"
 """Time zero of every simulated year: 1 January of a common year that began on a Monday, local standard time."""
+CONTENT_HASH = "content_hash"
+"""Global attribute of a shard that holds its own content hash."""
 SPLITS = ("train", "validation", "test")
 
 
@@ -86,6 +88,8 @@ def build_shard(
         attrs["cell_methods"] = f"time: {output.method}"
         if output.standard_name:
             attrs["standard_name"] = output.standard_name
+            if "temperature" in output.standard_name:
+                attrs["units_metadata"] = "temperature: on_scale"
         variables[output.name] = (series, outputs[:, k].astype(np.float32), attrs)
     for k, one in enumerate(system.inputs):
         attrs = {"long_name": f"input {one.name}", "units": one.unit, "role": "input", "source": one.source}
@@ -100,6 +104,7 @@ def build_shard(
                 "long_name": "end of the output step, local standard time",
                 "standard_name": "time",
                 "units": f"seconds since {EPOCH}",
+                "units_metadata": "leap_seconds: none",
                 "calendar": "standard",
                 "axis": "T",
                 "bounds": "time_bnds",
@@ -109,6 +114,7 @@ def build_shard(
     attrs = {
         "Conventions": "CF-1.11",
         "title": f"Simulated systems of {system.name}",
+        "history": "simulated by zeroshot-fmu",
         "zeroshot_schema_version": SCHEMA_VERSION,
         "system_name": system.name,
         "system_hash": system.hash(),

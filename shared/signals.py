@@ -9,11 +9,13 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 Span = tuple[float, float]
 
 
-class _Table(BaseModel):
+class Table(BaseModel):
+    """A table of the description: unknown fields are refused, and nothing changes once it is read."""
+
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class Weather(_Table):
+class Weather(Table):
     """Weather files and the plane on which the sun is wanted (pvlib's nomenclature)."""
 
     files: list[str] = Field(min_length=1, description="TMY3, EPW or .mos; 'pvlib:NAME' is a file that pvlib ships")
@@ -23,7 +25,7 @@ class Weather(_Table):
     transposition: Literal["isotropic", "haydavies", "perez"] = "perez"
 
 
-class Occupancy(_Table):
+class Occupancy(Table):
     """A random schedule of persons. Spans are uniform distributions (low, high); times are in hours.
 
     Each system draws its headcount, its usual arrival and its usual length of day once; each day then draws
@@ -51,7 +53,7 @@ class Occupancy(_Table):
         return self
 
 
-class Schedule(_Table):
+class Schedule(Table):
     """A value that changes at fixed hours of the day: lists of (hour, value), the first at hour 0."""
 
     weekday: list[tuple[float, float]] = Field(min_length=1)
@@ -67,7 +69,7 @@ class Schedule(_Table):
         return self
 
 
-class Sinusoid(_Table):
+class Sinusoid(Table):
     """amplitude * sin(2 pi (t / period + phase))."""
 
     amplitude: float = Field(description="[unit of the input]")
@@ -75,7 +77,7 @@ class Sinusoid(_Table):
     phase: float = Field(0.0, description="share of a period")
 
 
-class Excitation(_Table):
+class Excitation(Table):
     """A sum of sinusoids, the same for every system."""
 
     components: list[Sinusoid] = Field(min_length=1)

@@ -9,7 +9,8 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from dataclasses import dataclass
+import socket
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,22 +20,34 @@ import xarray as xr
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from shared.errors import DatasetError
-from shared.schema import SCHEMA_VERSION, SPLITS, check_version, content_hash, dataset_hash
+from shared.schema import CONTENT_HASH, SCHEMA_VERSION, SPLITS, check_version, content_hash, dataset_hash
 from shared.system import System, system_from_canonical
 
 
 class ShardEntry(BaseModel):
-    """What the manifest knows of one shard."""
+    """What the manifest knows of one shard; ``root_seed`` only where it is not the dataset's (merged datasets)."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="ignore")
     file: str
     systems: list[int]
     sha256: str
     content_hash: str
+    root_seed: int | None = None
+
+
+class Source(BaseModel):
+    """One of the datasets that a merged dataset came from."""
+
+    root_seed: int
+    systems: int
 
 
 class Manifest(BaseModel):
-    """What a dataset is, and which shards it has."""
+    """What a dataset is, and which shards it has.
+
+    ``stages`` are the numbers of systems asked for one after another, if the dataset was extended; ``sources`` the
+    datasets it was merged from, if it was.
+    """
 
     schema_version: str = SCHEMA_VERSION
     system_name: str
@@ -46,12 +59,27 @@ class Manifest(BaseModel):
     shard_size: int
     settings: dict[str, Any] = {}
     versions: dict[str, str] = {}
+    stages: list[int] = []
+    sources: list[Source] = []
     shards: list[ShardEntry] = []
+
+    def seed_of(self, entry: ShardEntry) -> int:
+        """Root seed of a shard's systems."""
+        return self.root_seed if entry.root_seed is None else entry.root_seed
+
+    def done(self) -> list[tuple[int, int]]:
+        """Root seed and index of every system that is in a shard."""
+        return [(self.seed_of(entry), index) for entry in self.shards for index in entry.systems]
+
+
+def temporary_name(path: Path) -> Path:
+    """A neighbour of ``path`` that no other process on any machine writes to."""
+    return path.with_name(f".{path.name}.{socket.gethostname()}.{os.getpid()}.tmp")
 
 
 def write_atomically(path: Path, data: bytes) -> None:
     """Write a file whole: temporary neighbour, flush, rename."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    temporary = temporary_name(path)
     try:
         with open(temporary, "wb") as handle:
             handle.write(data)
@@ -100,8 +128,13 @@ def read_manifest(folder: Path | str) -> Manifest:
 
 
 def write_shard(path: Path, dataset: xr.Dataset, systems: list[int]) -> ShardEntry:
-    """Write a shard, or the record of one system, whole, and return its manifest entry."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    """Write a shard, or the record of one system, whole, and return its manifest entry.
+
+    The content hash is also written into the file, so that a shard can be held against itself.
+    """
+    digest_of_content = dataset_hash(dataset)
+    dataset = dataset.assign_attrs({CONTENT_HASH: digest_of_content})
+    temporary = temporary_name(path)
     encoding: dict[Any, dict[str, Any]] = {
         name: {"zlib": True, "complevel": 1, "shuffle": True, "chunksizes": (1,) * (v.ndim - 1) + v.shape[-1:]}
         for name, v in dataset.data_vars.items()
@@ -117,7 +150,7 @@ def write_shard(path: Path, dataset: xr.Dataset, systems: list[int]) -> ShardEnt
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
-    return ShardEntry(file=path.name, systems=systems, sha256=digest, content_hash=dataset_hash(dataset))
+    return ShardEntry(file=path.name, systems=systems, sha256=digest, content_hash=digest_of_content)
 
 
 @dataclass(frozen=True)
@@ -125,7 +158,8 @@ class Records:
     """Series and parameters of many systems.
 
     ``values`` float32 (systems, channels, time) [units of the channels], ``parameters`` float64
-    (systems, parameters), ``systems`` int64 (systems,), ``splits`` int8 (systems,), ``time`` (time,) [s].
+    (systems, parameters), ``systems`` int64 (systems,), ``splits`` int8 (systems,), ``time`` (time,) [s], ``seeds``
+    (systems,) root seeds as Python integers: a system is known by its root seed and its index.
     """
 
     channels: list[str]
@@ -134,6 +168,7 @@ class Records:
     systems: np.ndarray
     splits: np.ndarray
     time: np.ndarray
+    seeds: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=object))
 
     def of_split(self, split: str) -> np.ndarray:
         """Rows of a split, by its name (``train``, ``validation``, ``test``)."""
@@ -177,13 +212,28 @@ class DatasetFolder:
             raise DatasetError(f"{path}: belongs to another system than the manifest says")
         return shard
 
-    def shard_content_hash(self, entry: ShardEntry) -> str:
-        """Content hash of a shard as it lies on disk."""
+    def shard_facts(self, entry: ShardEntry) -> tuple[str, dict[str, Any]]:
+        """Content hash of a shard as it lies on disk, and what the file says of itself.
+
+        The facts are the global attributes, ``systems``, ``splits`` and ``steps``.
+
+        Raises
+        ------
+        DatasetError
+            If the shard is missing, damaged or of another system.
+        """
         with self._open(entry) as shard:
             try:
-                return content_hash([(name, v[...]) for name, v in shard.variables.items()])
-            except (OSError, RuntimeError) as error:
+                facts: dict[str, Any] = {name: shard.getncattr(name) for name in shard.ncattrs()}
+                facts |= {"systems": shard["system"][...].tolist(), "splits": shard["split"][...].tolist()}
+                facts["steps"] = len(shard["time"])
+                return content_hash([(name, v[...]) for name, v in shard.variables.items()]), facts
+            except (IndexError, OSError, RuntimeError) as error:
                 raise DatasetError(f"{self.shard_path(entry)}: damaged ({error})") from None
+
+    def shard_content_hash(self, entry: ShardEntry) -> str:
+        """Content hash of a shard as it lies on disk."""
+        return self.shard_facts(entry)[0]
 
     def load(self, channels: list[str] | None = None) -> Records:
         """Read channels (outputs or inputs; the estimator's by default) and parameters of all systems.
@@ -201,6 +251,7 @@ class DatasetFolder:
         if not self.manifest.shards:
             raise DatasetError(f"{self.folder}: the dataset has no shards yet; expected a finished `datagen run`")
         values, parameters, systems, splits = [], [], [], []
+        seeds: list[int] = []
         time: np.ndarray = np.empty(0)
         for entry in self.manifest.shards:
             with self._open(entry) as shard:
@@ -209,6 +260,7 @@ class DatasetFolder:
                     parameters.append(np.stack([shard[n][...] for n in self.system.parameter_names], axis=1))
                     systems.append(shard["system"][...])
                     splits.append(shard["split"][...])
+                    seeds += [self.manifest.seed_of(entry)] * len(systems[-1])
                     time = shard["time"][...]
                 except (IndexError, OSError, RuntimeError, ValueError) as error:
                     raise DatasetError(f"{self.shard_path(entry)}: damaged or incomplete ({error})") from None
@@ -220,4 +272,5 @@ class DatasetFolder:
             systems=np.concatenate(systems)[order],
             splits=np.concatenate(splits)[order],
             time=time,
+            seeds=np.array(seeds, dtype=object)[order],
         )

@@ -11,20 +11,27 @@ import hashlib
 import json
 import tomllib
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from shared.errors import SystemDescriptionError
-from shared.signals import Excitation, Occupancy, Schedule, Weather
+from shared.signals import Excitation, Occupancy, Schedule, Table, Weather
+from shared.variables import (
+    Effect,
+    ExcitationInput,
+    Input,
+    Noise,
+    OccupancyInput,
+    Output,
+    Parameter,
+    ScheduleInput,
+    WeatherInput,
+)
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Experiment(_Table):
+class Experiment(Table):
     """How long and how finely a system is simulated."""
 
     step: float = Field(3600.0, gt=0, description="output step [s]")
@@ -33,134 +40,23 @@ class Experiment(_Table):
     tolerance: float = Field(1e-6, gt=0, le=1e-2, description="relative tolerance of the integrator")
 
 
-class Parameter(_Table):
-    """An estimated parameter and its prior: uniform in ``scale`` between ``min`` and ``max``."""
-
-    name: str
-    description: str = ""
-    unit: str
-    min: float
-    max: float
-    scale: Literal["linear", "log"] = "linear"
-
-    @model_validator(mode="after")
-    def _range(self) -> Parameter:
-        if not self.min < self.max:
-            raise ValueError(f"range is reversed or empty: min {self.min:g}, max {self.max:g}; expected min < max")
-        if self.min <= 0:
-            # targets are log10 of the parameter (paper, section 2.4)
-            raise ValueError(f"min is {self.min:g}; expected a positive number, because targets are logarithms")
-        return self
-
-    def from_unit(self, u: np.ndarray | float) -> np.ndarray:
-        """Map uniform numbers in [0, 1] to the parameter's prior [unit]."""
-        u = np.asarray(u, dtype=float)
-        if self.scale == "log":
-            return self.min * (self.max / self.min) ** u
-        return self.min + (self.max - self.min) * u
-
-
-class _Input(_Table):
-    name: str
-    unit: str
-    interpolation: Literal["linear", "previous"] = "linear"
-
-
-class WeatherInput(_Input):
-    """An input read from the weather table."""
-
-    source: Literal["weather"]
-    column: str
-
-
-class OccupancyInput(_Input):
-    """The number of persons present."""
-
-    source: Literal["occupancy"]
-    interpolation: Literal["previous"] = "previous"
-
-
-class ScheduleInput(_Input):
-    """An input that follows a schedule of the week."""
-
-    source: Literal["schedule"]
-    schedule: str
-    interpolation: Literal["previous"] = "previous"
-
-
-class ExcitationInput(_Input):
-    """A sum of sinusoids added to a control action; zero when excitation is switched off."""
-
-    source: Literal["excitation"]
-    excitation: str
-
-
-class ConstantInput(_Input):
-    """An input that stays at one value."""
-
-    source: Literal["constant"]
-    value: float
-
-
-class MeasuredInput(_Input):
-    """An input that only a recording provides; ``value`` stands in where there is none."""
-
-    source: Literal["measured"]
-    column: str
-    value: float = 0.0
-
-
-Input = Annotated[
-    WeatherInput | OccupancyInput | ScheduleInput | ExcitationInput | ConstantInput | MeasuredInput,
-    Field(discriminator="source"),
-]
-
-
-class Noise(_Table):
-    """A sensor: Gaussian noise, then quantisation, then dropouts."""
-
-    sd: float = Field(0.0, ge=0, description="standard deviation [unit of the output]")
-    quantum: float = Field(0.0, ge=0, description="resolution of the reading [unit of the output]; 0 is none")
-    dropout: float = Field(0.0, ge=0, lt=1, description="share of readings lost")
-
-
-class Output(_Table):
-    """A recorded output. ``method`` follows CF cell methods: an instant, or the mean since the last step."""
-
-    name: str
-    variable: str = ""
-    unit: str
-    long_name: str = ""
-    standard_name: str = ""
-    method: Literal["point", "mean"] = "point"
-    accuracy: float = Field(gt=0, description="what a noise-free value is good for [unit]: the numerical floor")
-    noise: dict[str, Noise] = {}
-
-    @property
-    def fmu_variable(self) -> str:
-        """The FMU's variable behind this output."""
-        return self.variable or self.name
-
-
-class Effect(_Table):
-    """A candidate for the sim-to-real gap: an amplitude whose zero is the base model."""
-
-    name: str
-    kind: Literal["parameter", "sensor", "input"]
-    target: str
-    unit: str
-    max: float
-    description: str = ""
-
-
-class Estimator(_Table):
+class Estimator(Table):
     """What the default estimator reads."""
 
     channels: list[str]
     context_hours: float = Field(168.0, gt=0)
 
 
-class System(_Table):
+class Preset(Table):
+    """A named dataset: how many systems, and what of the experiment differs from the description's."""
+
+    systems: int = Field(ge=1)
+    hours: float | None = Field(None, gt=0, description="length of the record [h]")
+    step: float | None = Field(None, gt=0, description="output step [s]")
+    description: str = ""
+
+
+class System(Table):
     """A system description. Load one with :func:`load_system`."""
 
     schema_version: Literal[1]
@@ -179,6 +75,7 @@ class System(_Table):
     occupancy: Occupancy | None = None
     schedules: dict[str, Schedule] = {}
     excitations: dict[str, Excitation] = {}
+    presets: dict[str, Preset] = {}
     path: Path = Path()
 
     @model_validator(mode="after")
@@ -255,12 +152,25 @@ class System(_Table):
         raw["experiment"].update(changes)
         return _validate({**raw, "path": self.path}, self.path)
 
+    def preset(self, name: str) -> Preset:
+        """A preset by its name.
+
+        Raises
+        ------
+        SystemDescriptionError
+            If there is none of that name.
+        """
+        if name not in self.presets:
+            found = ", ".join(self.presets) or "none"
+            raise SystemDescriptionError(f"{self.path}: no preset {name!r}; found {found}")
+        return self.presets[name]
+
     def hash(self) -> str:
         """sha256 of what is simulated: equal for equal systems, however long and for whom they are simulated.
 
-        ``experiment`` and ``estimator`` are defaults of commands, not the system, and are left out.
+        ``experiment``, ``presets`` and ``estimator`` are defaults of commands, not the system, and are left out.
         """
-        content = self.model_dump(mode="json", exclude={"path", "experiment", "estimator"})
+        content = self.model_dump(mode="json", exclude={"path", "experiment", "presets", "estimator"})
         return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
     def noise_sd(self, preset: str) -> np.ndarray:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import torch
 
 from shared.errors import EstimatorError
-from shared.system import Noise, System
+from shared.system import System
+from shared.variables import Noise
 
 
 def hold_last(values: torch.Tensor, lost: torch.Tensor) -> torch.Tensor:

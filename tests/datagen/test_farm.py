@@ -101,7 +101,7 @@ def test_a_folder_with_other_things_is_left_alone(default_system, tmp_path):
 @pytest.mark.parametrize("damage", ["flip", "cut", "remove", "add"])
 def test_verify_names_the_damaged_file(made, tmp_path, damage):
     (tmp_path / "shards").mkdir()
-    for name in ("manifest.json", *(f"shards/{file}" for file in hashes(made))):
+    for name in ("manifest.json", "README.md", *(f"shards/{file}" for file in hashes(made))):
         (tmp_path / name).write_bytes((made / name).read_bytes())
     victim = tmp_path / "shards" / "shard-000001.nc"
     data = bytearray(victim.read_bytes())
@@ -127,7 +127,7 @@ def test_systems_that_fail_are_quarantined_with_their_cause(default_system, tmp_
     system = parse_system(text, Path("mine.toml")).with_experiment(hours=24.0)
     job = Job(system.canonical(), str(system.path), "0" * 64, 1, True, str(tmp_path))
     (tmp_path / "shards").mkdir()
-    result = simulate_shard(job, 0, list(range(8)))
+    result = simulate_shard(job, "shard-000000.nc", list(range(8)))
     absorptance = [sample_parameters(system, 1, i)[6] for i in range(8)]
     refused = [i for i in range(8) if absorptance[i] > 0.85]
     assert 0 < len(refused) < 8

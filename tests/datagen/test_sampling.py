@@ -9,7 +9,8 @@ import pytest
 
 import datagen.sampling
 from datagen.sampling import sample_parameters, stream
-from shared.system import Parameter, System, parse_system
+from shared.system import System, parse_system
+from shared.variables import Parameter
 
 FIRST = [193247, 763454, 513814]
 

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shared.errors import SystemDescriptionError
-from shared.system import Parameter, load_system, parse_system, system_from_canonical
+from shared.system import load_system, parse_system, system_from_canonical
+from shared.variables import Parameter
 
 ROOT = Path(__file__).resolve().parents[2]
 TOML = ROOT / "fmus" / "MixedAirCO2" / "system.toml"

@@ -1,0 +1,164 @@
+"""Taking shards in: records what comes back from the workers, judges what went wrong, and says how far it is."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from dask.distributed import Client, KilledWorker
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from datagen.dispatch import PATIENCE, PER_WORKER, Dispatcher
+from datagen.failures import Failures
+from datagen.package import package_files, receive
+from datagen.plan import Piece
+from datagen.worker import Job, ShardResult, simulate_shard
+from shared.errors import SimulationError
+from shared.store import Manifest, write_atomically, write_manifest
+from shared.system import System
+
+FAILURE_BUDGET = 0.05
+"""Share of systems that may fail before a run is stopped."""
+MANIFEST_EVERY = 5.0
+"""Seconds between two writes of the manifest, at least; a shard between two of them is adopted by the next run."""
+_DEATHS = 4
+"""A shard under guard cannot take its worker down. If its workers still die so often, it is not the FMU."""
+_EARLY = 20
+"""Systems after which a run stops if more than half have failed, whatever the budget."""
+
+
+@dataclass
+class _Task:
+    piece: Piece
+    deaths: int = 0
+
+
+class Collection:
+    """Collects the shards of one dataset.
+
+    Parameters
+    ----------
+    budget
+        Share of the systems that may fail.
+    """
+
+    def __init__(
+        self, folder: Path, manifest: Manifest, failures: Failures, job: Job, system: System, *, budget: float
+    ) -> None:
+        self.folder = folder
+        self.manifest = manifest
+        self.failures = failures
+        self.job = job
+        self.system = system
+        self.budget = budget
+        self._entries = {entry.file: entry for entry in manifest.shards}
+        self._stored = time.monotonic()
+        self._pause = MANIFEST_EVERY
+        self._failed_now = 0
+        self._sent: Counter[str] = Counter()
+
+    def collect(
+        self, client: Client, pieces: Iterator[Piece], *, quiet: bool = False, patience: float = PATIENCE
+    ) -> None:
+        """Have every piece simulated and recorded. However this ends, what has come back is recorded.
+
+        Raises
+        ------
+        SimulationError
+            If more systems fail than the budget allows, or the workers are gone.
+        """
+        flight = Dispatcher(
+            client,
+            simulate_shard,
+            lambda task: (self.job, task.piece.file, tuple(task.piece.systems), task.deaths > 0),
+            (_Task(piece) for piece in pieces),
+            patience=patience,
+        )
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+            TextColumn("{task.fields[rate]}"),
+        )
+        began, finished = time.monotonic(), 0
+        try:
+            with Progress(*columns, disable=quiet) as progress:
+                done = len(self.manifest.done())
+                bar = progress.add_task("simulating", total=self.manifest.systems, completed=done, rate="")
+                for task, outcome in flight:
+                    if isinstance(outcome, KilledWorker):
+                        self._killed(flight, task, outcome)
+                    elif isinstance(outcome, BaseException):
+                        raise outcome
+                    elif outcome.lacks_package:
+                        self._send_package(client, outcome.worker)
+                        flight.again(task)
+                    else:
+                        self.take(task.piece, outcome)
+                        finished += len(task.piece.systems)
+                        rate = f"{finished / (time.monotonic() - began):.2f} systems/s"
+                        progress.update(bar, completed=len(self.failures) + self._count(), rate=rate)
+                        self._check_budget(finished)
+        finally:
+            self.store()
+
+    def _send_package(self, client: Client, worker: str) -> None:
+        self._sent[worker] += 1
+        if self._sent[worker] > 2 * PER_WORKER:
+            raise SimulationError(
+                f"worker {worker} was sent the FMU and still lacks it; was a file of {self.system.path.parent} changed "
+                "while the farm ran? Run again to go on"
+            )
+        client.run(receive, self.job.package, package_files(self.system), workers=[worker])
+
+    def _killed(self, flight: Dispatcher[_Task], task: _Task, error: KilledWorker) -> None:
+        """Nobody knows yet whose fault it was: simulate the shard under guard, which tells."""
+        task.deaths += 1
+        if task.deaths >= _DEATHS:
+            raise SimulationError(
+                f"{task.piece.file}: {task.deaths} workers died over it, the last at {error.last_worker.address}, "
+                "though its FMU ran in a process apart; look for what ends them (memory, a queue's limits), run again"
+            )
+        flight.again(task)
+
+    def take(self, piece: Piece, result: ShardResult) -> None:
+        """Record one shard: first its failures, then its file, then its entry."""
+        new = self.failures.drop(piece.root_seed, piece.systems) > 0 or bool(result.failures)
+        for failure in result.failures:
+            self.failures.put(failure)
+        self._failed_now += len(result.failures)
+        if new:
+            self.failures.write(self.folder)
+        if result.entry is not None:
+            if result.data is not None:
+                write_atomically(self.folder / "shards" / piece.file, result.data)
+            self._entries[piece.file] = result.entry
+        if time.monotonic() - self._stored > self._pause:
+            self.store()
+
+    def store(self) -> None:
+        """Write the manifest. The next time is the later, the longer this took."""
+        began = time.monotonic()
+        self.manifest.shards = [self._entries[file] for file in sorted(self._entries)]
+        write_manifest(self.folder, self.manifest)
+        self._stored = time.monotonic()
+        self._pause = max(MANIFEST_EVERY, 20 * (self._stored - began))
+
+    def _count(self) -> int:
+        return sum(len(entry.systems) for entry in self._entries.values())
+
+    def _check_budget(self, finished: int) -> None:
+        failed, systems = len(self.failures), self.manifest.systems
+        allowed = max(self.budget * systems, 1.0 if self.budget else 0.0)
+        mostly = finished >= _EARLY and self._failed_now > finished / 2 and self.budget < 0.5
+        if failed > allowed or mostly:
+            last = list(self.failures)[-1]
+            raise SimulationError(
+                f"{self.folder}: {failed} systems failed, more than the failure budget of {self.budget:.0%} of "
+                f"{systems} allows; see failures.jsonl. One cause: {last['cause']}"
+            )

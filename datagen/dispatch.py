@@ -1,0 +1,117 @@
+"""Bounded work in flight: hands tasks to the workers a few at a time, and yields what comes back.
+
+A plan of a million systems never becomes a million futures; the bound follows the number of workers as they come and
+go.
+"""
+
+from __future__ import annotations
+
+import queue
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import Any, Generic, TypeVar
+from uuid import uuid4
+
+from dask.distributed import Client, Future
+
+from shared.errors import SimulationError
+
+PER_WORKER = 3
+"""Tasks in flight for each worker: one at work, one waiting there, one on its way."""
+PATIENCE = 300.0
+"""Seconds without any worker after which a run stops."""
+_LOOK = 2.0
+
+Task = TypeVar("Task")
+
+
+class Dispatcher(Generic[Task]):
+    """Iterate over it to get each task of ``source`` with its result, or with the exception in place of one.
+
+    Parameters
+    ----------
+    function, arguments
+        ``function(*arguments(task))`` is what a worker does.
+    """
+
+    def __init__(
+        self,
+        client: Client,
+        function: Callable[..., Any],
+        arguments: Callable[[Task], tuple[Any, ...]],
+        source: Iterator[Task],
+        *,
+        patience: float = PATIENCE,
+    ) -> None:
+        self._client = client
+        self._function = function
+        self._arguments = arguments
+        self._source = source
+        self._patience = patience
+        self._again: deque[Task] = deque()
+        self._flying: dict[str, tuple[Task, Future]] = {}
+        self._landed: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self._run = uuid4().hex[:12]
+        self._submitted = 0
+        self._limit = 0
+        self._looked = -_LOOK
+        self._seen = time.monotonic()
+
+    def again(self, task: Task) -> None:
+        """Put a task in line once more, before all others."""
+        self._again.append(task)
+
+    def __iter__(self) -> Iterator[tuple[Task, Any]]:
+        while True:
+            self._look()
+            while len(self._flying) < self._limit and self._submit():
+                pass
+            if not self._flying and not self._again:
+                if self._limit:
+                    return
+                time.sleep(0.2)
+                continue
+            try:
+                key = self._landed.get(timeout=_LOOK)
+            except queue.Empty:
+                continue
+            task, future = self._flying.pop(key)
+            yield task, self._outcome(future)
+
+    def _submit(self) -> bool:
+        task = self._again.popleft() if self._again else next(self._source, None)
+        if task is None:
+            return False
+        self._submitted += 1
+        # the key is of this run alone: several runs may share a scheduler
+        key = f"shard-{self._run}-{self._submitted}"
+        future = self._client.submit(self._function, *self._arguments(task), key=key, pure=False)
+        self._flying[key] = (task, future)
+        future.add_done_callback(lambda _, key=key: self._landed.put(key))
+        return True
+
+    def _outcome(self, future: Future) -> Any:
+        if future.status == "cancelled":
+            raise SimulationError("the scheduler went away; what was finished is kept, run again to go on")
+        try:
+            return future.result()
+        except Exception as error:
+            return error
+
+    def _look(self) -> None:
+        """Follow the number of workers."""
+        now = time.monotonic()
+        if now - self._looked < _LOOK:
+            return
+        self._looked = now
+        if self._client.status not in ("running", "connecting"):
+            raise SimulationError("the scheduler went away; what was finished is kept, run again to go on")
+        workers = len(self._client.scheduler_info(n_workers=-1)["workers"])
+        if workers:
+            self._seen = now
+            self._limit = PER_WORKER * workers
+        elif now - self._seen > self._patience:
+            raise SimulationError(
+                f"no worker for {self._patience:g} s; what was finished is kept, run again when there are workers"
+            )

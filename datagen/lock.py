@@ -1,0 +1,125 @@
+"""One run at a time on a dataset folder.
+
+The operating system holds the lock, so it is free again however the run ended, ``kill -9`` included. The file also
+says who holds it, and its ``token`` lets a worker find out whether it sees this very folder.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import socket
+import sys
+import time
+import uuid
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any
+
+import psutil
+
+from shared.errors import DatasetError
+
+FILE_NAME = ".lock"
+_FAR = 1 << 30
+"""Offset of the locked byte: on Windows a locked byte cannot be read, and the text in front must be."""
+_TAKEN = (errno.EACCES, errno.EAGAIN, errno.EDEADLK)
+_CANNOT_LOCK = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
+
+
+def _take(handle: IO[str]) -> None:
+    if sys.platform == "win32":
+        import msvcrt
+
+        handle.seek(_FAR)
+        msvcrt.locking(handle.fileno(), msvcrt.LK_NBLCK, 1)
+    else:
+        import fcntl
+
+        fcntl.flock(handle.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def read_holder(folder: Path | str) -> dict[str, Any]:
+    """What the lock file says of the last run on a folder: ``pid``, ``host``, ``since``, ``token``, ``system``."""
+    try:
+        found = json.loads((Path(folder) / FILE_NAME).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+class FolderLock:
+    """A context in which no other run may write to ``folder``.
+
+    Parameters
+    ----------
+    system
+        Path of the system description, kept in the file so that a repair finds it again.
+
+    Raises
+    ------
+    DatasetError
+        On entering, if another run is at it, or the folder cannot be written to.
+    """
+
+    def __init__(self, folder: Path, system: str = "") -> None:
+        self.folder = folder
+        self.token = uuid.uuid4().hex
+        self._system = system
+        self._handle: IO[str] | None = None
+
+    def __enter__(self) -> FolderLock:
+        path = self.folder / FILE_NAME
+        before = read_holder(self.folder)
+        try:
+            handle = open(path, "a+", encoding="utf-8")
+        except OSError as error:
+            raise DatasetError(f"{path}: cannot be written: {error.strerror}; expected a folder to write to") from None
+        try:
+            _take(handle)
+        except OSError as error:
+            if error.errno in _TAKEN or self._lives(before):
+                handle.close()
+                raise DatasetError(
+                    f"{self.folder}: another run is at it (process {before.get('pid', '?')} on "
+                    f"{before.get('host', 'an unknown machine')}, since {before.get('since', '?')}); "
+                    "wait for it, or stop it and run again"
+                ) from None
+            if error.errno not in _CANNOT_LOCK:
+                handle.close()
+                raise DatasetError(f"{path}: cannot be locked: {error.strerror}") from None
+        self._handle = handle
+        self._write({"token": self.token, "system": self._system or before.get("system", "")}, path)
+        return self
+
+    def _write(self, record: dict[str, Any], path: Path) -> None:
+        assert self._handle is not None
+        who = {"pid": os.getpid(), "host": socket.gethostname(), "since": time.strftime("%Y-%m-%d %H:%M:%S")}
+        try:
+            self._handle.seek(0)
+            self._handle.truncate()
+            self._handle.write(json.dumps({**who, **record}) + "\n")
+            self._handle.flush()
+        except OSError as error:
+            self._handle.close()
+            raise DatasetError(f"{path}: cannot be written: {error.strerror}") from None
+
+    @staticmethod
+    def _lives(holder: dict[str, Any]) -> bool:
+        """Where the file system knows no locks: whether the last holder seems to be still there."""
+        if not holder or holder.get("released"):
+            return False
+        return holder.get("host") != socket.gethostname() or psutil.pid_exists(int(holder.get("pid", -1)))
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._handle is not None:
+            try:
+                self._write({"system": self._system, "released": True}, self.folder / FILE_NAME)
+            except DatasetError:  # a full disk: the lock is what matters, and it goes with the handle
+                pass
+            finally:
+                self._handle.close()
+                self._handle = None

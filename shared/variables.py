@@ -1,0 +1,130 @@
+"""The variables that a system description declares: parameters, inputs and where they come from, outputs, effects."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from shared.signals import Table
+
+
+class Parameter(Table):
+    """An estimated parameter and its prior: uniform in ``scale`` between ``min`` and ``max``."""
+
+    name: str
+    description: str = ""
+    unit: str
+    min: float
+    max: float
+    scale: Literal["linear", "log"] = "linear"
+
+    @model_validator(mode="after")
+    def _range(self) -> Parameter:
+        if not self.min < self.max:
+            raise ValueError(f"range is reversed or empty: min {self.min:g}, max {self.max:g}; expected min < max")
+        if self.min <= 0:
+            # targets are log10 of the parameter (paper, section 2.4)
+            raise ValueError(f"min is {self.min:g}; expected a positive number, because targets are logarithms")
+        return self
+
+    def from_unit(self, u: np.ndarray | float) -> np.ndarray:
+        """Map uniform numbers in [0, 1] to the parameter's prior [unit]."""
+        u = np.asarray(u, dtype=float)
+        if self.scale == "log":
+            return self.min * (self.max / self.min) ** u
+        return self.min + (self.max - self.min) * u
+
+
+class _Input(Table):
+    name: str
+    unit: str
+    interpolation: Literal["linear", "previous"] = "linear"
+
+
+class WeatherInput(_Input):
+    """An input read from the weather table."""
+
+    source: Literal["weather"]
+    column: str
+
+
+class OccupancyInput(_Input):
+    """The number of persons present."""
+
+    source: Literal["occupancy"]
+    interpolation: Literal["previous"] = "previous"
+
+
+class ScheduleInput(_Input):
+    """An input that follows a schedule of the week."""
+
+    source: Literal["schedule"]
+    schedule: str
+    interpolation: Literal["previous"] = "previous"
+
+
+class ExcitationInput(_Input):
+    """A sum of sinusoids added to a control action; zero when excitation is switched off."""
+
+    source: Literal["excitation"]
+    excitation: str
+
+
+class ConstantInput(_Input):
+    """An input that stays at one value."""
+
+    source: Literal["constant"]
+    value: float
+
+
+class MeasuredInput(_Input):
+    """An input that only a recording provides; ``value`` stands in where there is none."""
+
+    source: Literal["measured"]
+    column: str
+    value: float = 0.0
+
+
+Input = Annotated[
+    WeatherInput | OccupancyInput | ScheduleInput | ExcitationInput | ConstantInput | MeasuredInput,
+    Field(discriminator="source"),
+]
+
+
+class Noise(Table):
+    """A sensor: Gaussian noise, then quantisation, then dropouts."""
+
+    sd: float = Field(0.0, ge=0, description="standard deviation [unit of the output]")
+    quantum: float = Field(0.0, ge=0, description="resolution of the reading [unit of the output]; 0 is none")
+    dropout: float = Field(0.0, ge=0, lt=1, description="share of readings lost")
+
+
+class Output(Table):
+    """A recorded output. ``method`` follows CF cell methods: an instant, or the mean since the last step."""
+
+    name: str
+    variable: str = ""
+    unit: str
+    long_name: str = ""
+    standard_name: str = ""
+    method: Literal["point", "mean"] = "point"
+    accuracy: float = Field(gt=0, description="what a noise-free value is good for [unit]: the numerical floor")
+    noise: dict[str, Noise] = {}
+
+    @property
+    def fmu_variable(self) -> str:
+        """The FMU's variable behind this output."""
+        return self.variable or self.name
+
+
+class Effect(Table):
+    """A candidate for the sim-to-real gap: an amplitude whose zero is the base model."""
+
+    name: str
+    kind: Literal["parameter", "sensor", "input"]
+    target: str
+    unit: str
+    max: float
+    description: str = ""

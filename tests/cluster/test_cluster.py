@@ -1,0 +1,104 @@
+"""Workers that are not ours: behind a scheduler, without our files, of another version, as Slurm's jobs.
+
+Slurm's test needs a Slurm: ``tests/cluster/slurm.sh start`` makes one of this machine (as root) and prints SLURM_CONF.
+"""
+
+import os
+import shutil
+import socket
+import subprocess
+import sys
+from contextlib import contextmanager
+from dataclasses import replace
+
+import pytest
+
+from datagen import run, verify
+from datagen.cluster import ClusterError
+from datagen.worker import Job, simulate_shard
+from shared.errors import DatasetError
+from shared.system import load_system
+from tests.datagen.faults import faulty, hashes
+
+pytestmark = pytest.mark.slow
+SIZE = {"systems": 12, "seed": 3, "shard_size": 2, "quiet": True}
+OLDER = """
+import distributed.versions as versions
+if not hasattr(versions, "real"):  # a preload is imported twice
+    versions.real = versions._version_cached
+versions._version_cached = lambda name: "0.0.1" if name == "zeroshot-fmu" else versions.real(name)
+"""
+
+
+@pytest.fixture(scope="module")
+def tanks(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("faulty")
+    faulty.build(folder)
+    return folder
+
+
+@contextmanager
+def scheduler_with(*words, before=()):
+    """A scheduler and a worker in processes of their own; ``before`` is put in front of the worker's command."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        address = f"tcp://127.0.0.1:{probe.getsockname()[1]}"
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    start = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", address, "--no-dashboard"]
+    scheduler = subprocess.Popen(start, **quiet)
+    start = [*before, sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", *words]
+    worker = subprocess.Popen(start, **quiet)
+    try:
+        yield address
+    finally:
+        for process in (worker, scheduler):
+            process.terminate()
+            process.wait(20)
+
+
+def test_workers_that_see_none_of_our_files_get_the_fmu_and_hand_the_shards_back(tanks, tmp_path):
+    toml = faulty.describe(tanks)
+    hide = ["unshare", "-m", "sh", "-c", 'mount -t tmpfs tmpfs "$0" && mount -t tmpfs tmpfs "$1" && shift && exec "$@"']
+    hide += [str(tanks), str(tmp_path)]
+    if subprocess.run([*hide, "true"], capture_output=True).returncode:
+        pytest.skip("only root can hide a folder from a process")
+    run(toml, tmp_path / "here", workers=1, **SIZE)
+    with scheduler_with(before=hide) as address:
+        run(toml, tmp_path / "there", scheduler=address, **SIZE)
+    assert hashes(tmp_path / "there") == hashes(tmp_path / "here")
+    assert verify(tmp_path / "there") == []
+
+
+def test_a_worker_of_another_version_is_refused(tanks, tmp_path):
+    (tmp_path / "older.py").write_text(OLDER)
+    with (
+        scheduler_with("--preload", str(tmp_path / "older.py"), "--no-nanny") as address,
+        pytest.raises((ClusterError, DatasetError), match=r"zeroshot-fmu 0\.0\.1, this run .*same version everywhere"),
+    ):
+        run(faulty.describe(tanks), tmp_path / "ds", scheduler=address, **SIZE)
+
+
+def test_a_worker_that_joins_later_checks_the_version_itself(tanks):
+    system = load_system(faulty.describe(tanks))
+    job = Job(system.canonical(), str(system.path), "0" * 64, 1, True, "")
+    with pytest.raises(DatasetError, match=r"this run 9\.9; expected the same version"):
+        simulate_shard(replace(job, version="9.9"), "shard-000000.nc", [0])
+
+
+def test_no_scheduler_is_a_sentence(tanks, tmp_path):
+    with pytest.raises(ClusterError, match="no Dask scheduler answers"):
+        run(faulty.describe(tanks), tmp_path / "ds", scheduler="nonsense", **SIZE)
+
+
+def test_slurm_gives_the_same_data(tanks, tmp_path):
+    if not shutil.which("sbatch"):
+        pytest.skip("Slurm is not installed; tests/cluster/slurm.sh start installs and starts one")
+    if not os.environ.get("SLURM_CONF"):
+        pytest.skip("SLURM_CONF is not set; tests/cluster/slurm.sh start prints it")
+    pytest.importorskip("dask_jobqueue")
+    toml = faulty.describe(tanks)
+    run(toml, tmp_path / "here", workers=1, **SIZE)
+    options = {"memory": "1GiB", "walltime": "00:10:00"}
+    run(toml, tmp_path / "slurm", cluster="slurm", workers=2, cluster_options=options, **SIZE)
+    assert hashes(tmp_path / "slurm") == hashes(tmp_path / "here")
+    assert verify(tmp_path / "slurm") == []
