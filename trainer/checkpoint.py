@@ -17,7 +17,7 @@ from safetensors.torch import load as load_tensors
 from safetensors.torch import save as save_tensors
 
 from shared.errors import EstimatorError
-from shared.store import sha256_of, write_atomically
+from shared.store import Records, sha256_of, write_atomically
 from trainer.encoding import Encoding
 from trainer.models import build
 from trainer.models.base import Estimator, Shape
@@ -40,8 +40,14 @@ class _Table(BaseModel):
 class Systems(_Table):
     """Systems of a dataset: with the system hash, (root seed, index) is what a simulated system is."""
 
-    root_seed: int
+    root_seeds: list[int]
+    """of each system: a merged dataset has several"""
     indices: list[int]
+
+    @classmethod
+    def of(cls, records: Records, rows: np.ndarray) -> Systems:
+        """The systems in some rows of records."""
+        return cls(root_seeds=[int(s) for s in records.seeds[rows]], indices=records.systems[rows].tolist())
 
 
 class Training(_Table):
@@ -91,12 +97,14 @@ class Card(_Table):
     versions: dict[str, str]
     weights_sha256: str = ""
 
-    def seen(self, system_hash: str, root_seed: int) -> set[int]:
-        """Indices of a dataset's systems that the run trained on or chose its weights by."""
+    def seen(self, system_hash: str, records: Records) -> np.ndarray:
+        """Which rows of records, of a system, the run trained on or chose its weights by; bool (systems,)."""
         if system_hash != self.system_hash:
-            return set()
-        known = (self.training_systems, self.validation_systems)
-        return {index for part in known if part.root_seed == root_seed for index in part.indices}
+            return np.zeros(len(records.systems), dtype=bool)
+        parts = (self.training_systems, self.validation_systems)
+        known = {pair for part in parts for pair in zip(part.root_seeds, part.indices, strict=True)}
+        rows = zip(records.seeds, records.systems, strict=True)
+        return np.array([(int(seed), int(index)) in known for seed, index in rows], dtype=bool)
 
     def shape(self) -> Shape:
         """Sizes of the estimator."""

@@ -217,12 +217,13 @@ def info(run: Path, /, *, json: Annotated[bool, Parameter(negative="")] = False)
         return
     weights = sum(tensor.numel() for tensor in loaded.model.parameters())
     done = card.training
+    seeds = ", ".join(map(str, sorted(set(card.training_systems.root_seeds))))
     rows: list[tuple[str, Any]] = [
         ("model", f"{card.model} {card.options}, {weights} weights"),
         ("system", f"{card.system_name} ({card.system_hash[:12]})"),
         ("reads", f"{card.context_hours:g} h of {', '.join(card.encoding.channels)}, step {card.encoding.step:g} s"),
         ("noise", card.noise),
-        ("trained on", f"{len(card.training_systems.indices)} systems of root seed {card.training_systems.root_seed}"),
+        ("trained on", f"{len(card.training_systems.indices)} systems of root seed {seeds}"),
         ("training", f"step {done.best_step} of {done.steps}, {done.batch_size} windows each, {done.seconds:g} s"),
         ("validation loss", f"{done.validation_loss:.4f} (1 is the mean)"),
     ]

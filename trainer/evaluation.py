@@ -73,7 +73,7 @@ def evaluate(
         raise EstimatorError(f"windows: is {windows}; expected at least 1")
     records = load_records(dataset, card.encoding.recorded)
     _check_records(card, records, dataset.folder)
-    seen = card.seen(dataset.manifest.system_hash, dataset.manifest.root_seed)
+    seen = card.seen(dataset.manifest.system_hash, records)
     rows = {"paper": np.arange(len(records.systems)), "unseen": unseen_rows(records, seen)}
     if not len(rows["unseen"]):
         raise EstimatorError(
@@ -95,7 +95,7 @@ def evaluate(
         batch = source.gather(torch.from_numpy(where), torch.from_numpy(starts))
         truth = records.parameters[where]
         estimate = card.encoding.estimates(run.answers(batch.windows, batch.time))
-        protocols[name] = figures_of_merit(card.encoding.parameters, truth, estimate, records.systems[where], seen)
+        protocols[name] = figures_of_merit(card.encoding.parameters, truth, estimate, where, seen)
         clouds[name] = (truth, estimate, r2(truth, estimate))
     limit, note = find_ceiling(card, dataset, None if ceiling is None else Path(ceiling))
     result = Evaluation(
@@ -117,21 +117,26 @@ def evaluate(
     return result
 
 
-def unseen_rows(records: Records, seen: set[int]) -> np.ndarray:
-    """Rows of the systems for the protocol "unseen".
+def unseen_rows(records: Records, seen: np.ndarray) -> np.ndarray:
+    """Rows of the systems for the protocol "unseen"; ``seen`` says of each row whether the run knows it.
 
-    With ``seen`` empty the dataset is not the training's: every system is unseen. Otherwise the test split counts, less
+    Where it knows none the dataset is not the training's: every system is unseen. Otherwise the test split counts, less
     what the run has seen after all.
     """
-    if not seen:
+    if not seen.any():
         return np.arange(len(records.systems))
-    return np.array([row for row in records.of_split("test") if int(records.systems[row]) not in seen], dtype=np.int64)
+    test = records.of_split("test")
+    return test[~seen[test]]
 
 
 def figures_of_merit(
-    parameters: list[str], truth: np.ndarray, estimate: np.ndarray, systems: np.ndarray, seen: set[int]
+    parameters: list[str], truth: np.ndarray, estimate: np.ndarray, where: np.ndarray, seen: np.ndarray
 ) -> Protocol:
-    """R2 with intervals by system, and median relative accuracy; arrays are (windows, parameters) and (windows,)."""
+    """R2 with intervals by system, and median relative accuracy.
+
+    ``truth`` and ``estimate`` are (windows, parameters), ``where`` the row of each window's system (windows,), ``seen``
+    which rows the run knows (rows,).
+    """
 
     def scores(rows: np.ndarray) -> np.ndarray:
         each = r2(truth[rows], estimate[rows])
@@ -140,11 +145,11 @@ def figures_of_merit(
     middle = scores(np.arange(len(truth)))
     with warnings.catch_warnings():  # where no resample has an R2, neither has the interval
         warnings.filterwarnings("ignore", "All-NaN slice")
-        low, high = bootstrap_by_system(systems, scores, level=LEVEL)
+        low, high = bootstrap_by_system(where, scores, level=LEVEL)
     value = [float(v) if np.isfinite(v) else None for v in middle]
     spans = [tuple(float(v) if np.isfinite(v) else None for v in pair) for pair in zip(low, high, strict=True)]
     accuracy = np.median(relative_accuracy(truth, estimate), axis=0)
-    unique = np.unique(systems)
+    unique = np.unique(where)
     return Protocol.model_validate(
         {
             "r2": dict(zip(parameters, value[:-1], strict=True)),
@@ -154,7 +159,7 @@ def figures_of_merit(
             "relative_accuracy": dict(zip(parameters, accuracy.tolist(), strict=True)),
             "windows": len(truth),
             "systems": len(unique),
-            "systems_trained_on": len(seen.intersection(unique.tolist())),
+            "systems_trained_on": int(seen[unique].sum()),
         }
     )
 

@@ -122,7 +122,6 @@ def fit(
             ),
         )
     )
-    root_seed = dataset.manifest.root_seed
     with _torch_state(seeds[2], threads):
         network, merged = build(model, shape_of(encoding), chosen)
         card = Card(
@@ -134,8 +133,8 @@ def fit(
             system_name=dataset.system.name,
             system_hash=dataset.manifest.system_hash,
             fmu_sha256=dataset.manifest.fmu_sha256,
-            training_systems=Systems(root_seed=root_seed, indices=records.systems[training].tolist()),
-            validation_systems=Systems(root_seed=root_seed, indices=records.systems[validation].tolist()),
+            training_systems=Systems.of(records, training),
+            validation_systems=Systems.of(records, validation),
             validation_rmse={},
             training=Training(
                 seed=seed,

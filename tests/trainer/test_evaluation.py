@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import matplotlib.image
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 from shared.ceiling import Ceiling, Ceilings, write_ceilings
 from shared.errors import DatasetError, EstimatorError, ZeroshotError
 from shared.store import DatasetFolder
-from trainer.checkpoint import Run
+from trainer.checkpoint import Run, Systems
 from trainer.evaluation import evaluate, figures_of_merit, unseen_rows
 from trainer.fitting import fit
 from trainer.windows import WindowSource
@@ -47,12 +48,27 @@ def test_all_systems_of_another_root_seed_are_unseen(ridge_run, other_tanks, tmp
 def test_a_test_system_that_was_trained_on_after_all_does_not_count(tanks):
     records = DatasetFolder(tanks).load()
     test = records.of_split("test").tolist()
-    assert unseen_rows(records, {test[0], test[3]}).tolist() == test[1:3] + test[4:]
+    seen = np.isin(np.arange(len(records.systems)), [test[0], test[3]])
+    assert unseen_rows(records, seen).tolist() == test[1:3] + test[4:]
+
+
+def test_systems_of_a_merged_dataset_are_known_by_seed_and_index(ridge_run, tanks):
+    """Index 3 of another root seed is another system; one that was trained on is known wherever it lies."""
+    records = DatasetFolder(tanks).load()
+    half = np.arange(len(records.systems)) % 2 == 0
+    joined = replace(records, seeds=np.where(half, 1, 2).astype(object))
+    alone = ridge_run.card.seen(ridge_run.card.system_hash, records)
+    assert alone.sum() == 90
+    np.testing.assert_array_equal(ridge_run.card.seen(ridge_run.card.system_hash, joined), alone & half)
+    kept = Systems.of(joined, np.array([0, 1]))
+    assert kept.root_seeds == [1, 2]
+    assert not ridge_run.card.seen("another system", records).any()
 
 
 def test_a_run_that_has_seen_everything_cannot_be_evaluated(ridge_run, tanks, tmp_path):
     card = ridge_run.card.model_copy(deep=True)
     card.training_systems.indices = list(range(100))
+    card.training_systems.root_seeds = [1] * 100
     with pytest.raises(EstimatorError, match="expected at least one test system"):
         evaluate(Run(card, ridge_run.model), tanks, out=tmp_path)
 
@@ -62,7 +78,9 @@ def test_figures_of_merit_of_known_estimates():
     truth = np.repeat(rng.uniform(1, 2, (20, 3)), 5, axis=0)
     estimate = np.stack([truth[:, 0], np.full(100, truth[:, 1].mean()), truth[:, 2] * 1.1], axis=1)
     truth[:, 2] *= 1.0
-    found = figures_of_merit(["a", "b", "c"], truth, estimate, np.repeat(np.arange(20), 5), {3, 4, 77})
+    found = figures_of_merit(
+        ["a", "b", "c"], truth, estimate, np.repeat(np.arange(20), 5), np.isin(np.arange(20), [3, 4])
+    )
     assert found.r2["a"] == 1
     assert found.r2_interval["a"] == (1, 1)
     assert found.r2["b"] == pytest.approx(0)

@@ -60,7 +60,7 @@ def test_the_run_folder_says_how_it_came_about(tanks, tmp_path):
     assert (card.training.seed, card.training.batch_size, card.training.lr) == (9, 16, 1e-3)
     assert (card.system_hash, card.fmu_sha256) == (dataset.manifest.system_hash, dataset.manifest.fmu_sha256)
     records = dataset.load()
-    assert card.training_systems.root_seed == 1
+    assert set(card.training_systems.root_seeds) == {1}
     assert card.training_systems.indices == records.systems[records.of_split("train")].tolist()
     assert card.validation_systems.indices == records.systems[records.of_split("validation")].tolist()
     assert set(card.validation_rmse) == {"tank.drain", "tank.fill"}
