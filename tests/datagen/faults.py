@@ -51,7 +51,7 @@ def _is_worker(process):
         return False
 
 
-def wait_for(condition, timeout=60):
+def wait_for(condition, timeout=180):
     """Wait until something is true; returns it."""
     until = time.monotonic() + timeout
     while time.monotonic() < until:
