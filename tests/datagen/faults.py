@@ -25,7 +25,14 @@ def farm(*words, **kinds):
     """Start ``datagen run`` as a user would, in a process group of its own."""
     command = [sys.executable, "-m", "datagen.cli", "run", *map(str, words)]
     return subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True, **kinds
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+        # a shell that starts the tests in the background has told them, and so their children, to ignore Ctrl-C
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        **kinds,
     )
 
 
