@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
-from rich.console import Console
 from rich.table import Table
 
 from shared.assignments import assignments
-from shared.console import FAULT, OK, new_app, start
+from shared.console import FAULT, OK, new_app, new_console, start
 from shared.errors import ZeroshotError
 
 app = new_app(
@@ -20,7 +19,7 @@ app = new_app(
     "Simulate random systems of an FMU into a dataset that an estimator can learn from.\n\n"
     "A system description (TOML) names the FMU, its parameters, inputs and outputs; `datagen run` makes the dataset.",
 )
-console = Console(highlight=False)
+console = new_console()
 
 
 @app.command
