@@ -17,7 +17,8 @@ _CARD = """\
 
 {{ done }} of {{ manifest.systems }} systems, {{ hours }} h each in steps of {{ step }} s, root seed
 {{ seeds }}, in {{ manifest.shards | length }} shards. Time is local standard time, in seconds since
-{{ epoch }}; a value belongs to the step that ends at its time.
+{{ epoch }}{% if roams %}, and runs from the beginning of each record: add its `start`{% endif %}; a value belongs to
+the step that ends at its time.
 {%- if not manifest.settings.excitation %} Excitation was switched off.{% endif %}
 
 | split | systems |
@@ -67,6 +68,7 @@ def write_card(folder: Path, manifest: Manifest, system: System) -> None:
             hours=f"{system.experiment.hours:g}",
             step=f"{system.experiment.step:g}",
             epoch=EPOCH,
+            roams=system.experiment.start[1] > 0,
             splits=[(name, splits.count(k)) for k, name in enumerate(SPLITS)],
         )
     )

@@ -70,7 +70,7 @@ def run(
     system
         A system description or its path.
     preset
-        One of the description's: gives ``systems``, ``hours`` and ``step`` where they are not given here.
+        One of the description's: gives ``systems``, ``hours`` and ``step`` where they are not given here, and ``start``.
     hours, step
         Length [h] and output step [s], by default the description's.
     workers, scheduler, cluster, cluster_options, host
@@ -99,6 +99,7 @@ def run(
     if preset is not None:
         chosen = described.preset(preset)
         systems, hours, step = systems or chosen.systems, hours or chosen.hours, step or chosen.step
+        described = described.with_experiment(start=chosen.start)
     if systems is None:
         raise DatasetError("systems is missing; expected a number of systems, or a preset")
     if systems < 1:
@@ -108,7 +109,7 @@ def run(
     described = described.with_experiment(hours=hours, step=step)
     fmu_hash = Simulator(described).fmu.sha256
     weather = weather_hashes(described)
-    settings = {**described.experiment.model_dump(), "excitation": excitation, "weather": weather}
+    settings = {**described.experiment.model_dump(mode="json"), "excitation": excitation, "weather": weather}
     wanted = Manifest(
         system_name=described.name,
         system_hash=described.hash(),

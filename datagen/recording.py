@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from datagen.sampling import sample_parameters
+from datagen.sampling import record_start, sample_parameters
 from datagen.simulator import Simulator
 from datagen.worker import simulate_system
 from shared.errors import SystemDescriptionError
@@ -64,15 +64,24 @@ def simulate(
         parameters=values[None],
         outputs=trajectory.outputs[None],
         inputs=trajectory.inputs[None],
+        starts=np.array([record_start(described, seed, index)]),
         attributes={
             "fmu_sha256": simulator.fmu.sha256,
             "root_seed": str(seed),
             **({"other_parameters": ", ".join(f"{k}={v:g}" for k, v in others.items())} if others else {}),
         },
     )
-    record = shard.isel(system=0)
+    record = _on_the_clock(shard.isel(system=0))
     if out is not None:
         path = Path(out)
         path.parent.mkdir(parents=True, exist_ok=True)
         write_shard(path, record, [index])
     return record
+
+
+def _on_the_clock(record: xr.Dataset) -> xr.Dataset:
+    """The record of one system with its beginning in its time, as measurements have it."""
+    begin = float(record["start"])
+    attrs = {**record["time"].attrs, "long_name": "end of the output step, local standard time"}
+    moved = record.drop_vars("start").assign_coords(time=("time", record["time"].values + begin, attrs))
+    return moved.assign(time_bnds=record["time_bnds"] + begin)

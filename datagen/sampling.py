@@ -6,6 +6,7 @@ A system's data depend on (root seed, system index) alone, never on which worker
 from __future__ import annotations
 
 import hashlib
+import math
 
 import numpy as np
 
@@ -34,6 +35,18 @@ def stream(root_seed: int, index: int, name: str) -> np.random.Generator:
     # Python's own hash differs between processes. The top bit keeps clear of the small keys that splits use.
     number = int.from_bytes(hashlib.sha256(name.encode()).digest()[:4], "big") | 0x80000000
     return np.random.default_rng(np.random.SeedSequence(root_seed, spawn_key=(index, number)))
+
+
+def record_start(system: System, root_seed: int, index: int) -> float:
+    """Draw when a system's record begins [s since time zero]: a whole day within ``experiment.start``, uniformly.
+
+    Whole days, so that every record begins at midnight; where no midnight lies within, its first hour.
+    """
+    first, last = system.experiment.start
+    day, days = math.ceil(first / 24), math.floor(last / 24) - math.ceil(first / 24) + 1
+    if days < 1:
+        return first * 3600.0
+    return 86400.0 * (day + int(stream(root_seed, index, "start").integers(days)))
 
 
 def sample_parameters(system: System, root_seed: int, index: int) -> np.ndarray:

@@ -25,7 +25,7 @@ from distributed import get_worker
 from datagen.guard import guarded as in_children
 from datagen.inputs import build_inputs
 from datagen.package import locate, sees_folder
-from datagen.sampling import sample_parameters
+from datagen.sampling import record_start, sample_parameters
 from datagen.simulator import Simulator, Trajectory
 from shared import __version__
 from shared.errors import DatasetError, SimulationError
@@ -113,15 +113,16 @@ def simulate_system(
     """
     system = simulator.system
     experiment = system.experiment
+    begin = record_start(system, root_seed, index)
     sampled = dict(zip(system.parameter_names, sample_parameters(system, root_seed, index).tolist(), strict=True))
-    start, stop = -experiment.warm_up_hours * HOUR, experiment.hours * HOUR
+    start, stop = begin - experiment.warm_up_hours * HOUR, begin + experiment.hours * HOUR
     inputs = build_inputs(system, root_seed=root_seed, index=index, start=start, stop=stop, excitation=excitation)
     return simulator.run(
         {**sampled, **(parameters or {})},
         inputs,
         start=start,
         stop=stop,
-        record_from=0.0,
+        record_from=begin,
         replay=replay,
         tolerance=tolerance,
     )
@@ -241,6 +242,7 @@ def _deliver(job: Job, file: str, indices: Sequence[int], outcomes: list[Any]) -
         parameters=np.stack([drawn[index] for index in done]),
         outputs=np.stack([one.outputs for one in good]),
         inputs=np.stack([one.inputs for one in good]),
+        starts=np.array([record_start(system, job.root_seed, index) for index in done]),
         attributes={"fmu_sha256": job.fmu_sha256, "root_seed": str(job.root_seed), "settings": job.settings},
     )
     entry, data = _write(job, file, shard, done)

@@ -2,7 +2,8 @@
 
 A shard has dimensions (system, time). Outputs and inputs are float32, parameters float64, one value a system.
 Every variable says its role (``parameter``, ``output``, ``input``), its units and, for series, its CF cell method:
-``time: point`` is an instant, ``time: mean`` the mean over the step that ends there (see ``time_bnds``).
+``time: point`` is an instant, ``time: mean`` the mean over the step that ends there (see ``time_bnds``). Time runs
+from the beginning of each system's own record, which is ``start`` after time zero.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ import xarray as xr
 from shared.errors import DatasetError
 from shared.system import System
 
-SCHEMA_VERSION = "1.0"
+SCHEMA_VERSION = "2.0"
+"""2.0 added ``start``: a reader of 1.0 would take every record to begin at time zero."""
 EPOCH = "2001-01-01 00:00:00"
 """Time zero of every simulated year: 1 January of a common year that began on a Monday, local standard time."""
 CONTENT_HASH = "content_hash"
@@ -49,6 +51,7 @@ def build_shard(
     outputs: np.ndarray,
     inputs: np.ndarray,
     attributes: dict[str, str],
+    starts: np.ndarray | None = None,
 ) -> xr.Dataset:
     """Put simulated systems into a dataset that follows the schema.
 
@@ -62,6 +65,8 @@ def build_shard(
         Shapes (systems, outputs, time) and (systems, inputs, time) [unit of each].
     attributes
         Further global attributes, for example hashes and versions.
+    starts
+        When each system's record begins, shape (systems,) [s since time zero]; zero if not given.
     """
     step = system.experiment.step
     count = outputs.shape[2]
@@ -69,6 +74,11 @@ def build_shard(
     series = ("system", "time")
     variables: dict[str, tuple] = {
         "time_bnds": (("time", "bnds"), np.stack([time - step, time], axis=1)),
+        "start": (
+            ("system",),
+            np.zeros(len(indices)) if starts is None else np.asarray(starts, dtype=np.float64),
+            {"long_name": f"beginning of the record after {EPOCH}; its time runs from there", "units": "s"},
+        ),
         "split": (
             ("system",),
             np.array([split_of(root_seed, int(i)) for i in indices], dtype=np.int8),
@@ -101,7 +111,7 @@ def build_shard(
             ("time",),
             time,
             {
-                "long_name": "end of the output step, local standard time",
+                "long_name": "end of the output step, local standard time, where start is 0",
                 "standard_name": "time",
                 "units": f"seconds since {EPOCH}",
                 "units_metadata": "leap_seconds: none",

@@ -159,7 +159,8 @@ class Records:
 
     ``values`` float32 (systems, channels, time) [units of the channels], ``parameters`` float64
     (systems, parameters), ``systems`` int64 (systems,), ``splits`` int8 (systems,), ``time`` (time,) [s], ``seeds``
-    (systems,) root seeds as Python integers: a system is known by its root seed and its index.
+    (systems,) root seeds as Python integers: a system is known by its root seed and its index. ``starts`` (systems,)
+    [s since time zero]: when each record begins; ``time`` runs from there.
     """
 
     channels: list[str]
@@ -169,6 +170,7 @@ class Records:
     splits: np.ndarray
     time: np.ndarray
     seeds: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=object))
+    starts: np.ndarray = field(default_factory=lambda: np.empty(0))
 
     def of_split(self, split: str) -> np.ndarray:
         """Rows of a split, by its name (``train``, ``validation``, ``test``)."""
@@ -250,7 +252,7 @@ class DatasetFolder:
                 raise DatasetError(f"{self.folder}: no channel {channel!r}; found {', '.join(known)}")
         if not self.manifest.shards:
             raise DatasetError(f"{self.folder}: the dataset has no shards yet; expected a finished `datagen run`")
-        values, parameters, systems, splits = [], [], [], []
+        values, parameters, systems, splits, starts = [], [], [], [], []
         seeds: list[int] = []
         time: np.ndarray = np.empty(0)
         for entry in self.manifest.shards:
@@ -261,6 +263,7 @@ class DatasetFolder:
                     systems.append(shard["system"][...])
                     splits.append(shard["split"][...])
                     seeds += [self.manifest.seed_of(entry)] * len(systems[-1])
+                    starts.append(shard["start"][...] if "start" in shard.variables else np.zeros(len(systems[-1])))
                     time = shard["time"][...]
                 except (IndexError, OSError, RuntimeError, ValueError) as error:
                     raise DatasetError(f"{self.shard_path(entry)}: damaged or incomplete ({error})") from None
@@ -273,4 +276,5 @@ class DatasetFolder:
             splits=np.concatenate(splits)[order],
             time=time,
             seeds=np.array(seeds, dtype=object)[order],
+            starts=np.concatenate(starts)[order],
         )

@@ -36,7 +36,8 @@ class Experiment(Table):
 
     step: float = Field(3600.0, gt=0, description="output step [s]")
     hours: float = Field(8760.0, gt=0, description="length of the record [h]")
-    warm_up_hours: float = Field(0.0, ge=0, description="simulated before time zero and dropped [h]")
+    start: tuple[float, float] = Field((0.0, 0.0), description="hours of the year between which a record may begin [h]")
+    warm_up_hours: float = Field(0.0, ge=0, description="simulated before the record begins and dropped [h]")
     tolerance: float = Field(1e-6, gt=0, le=1e-2, description="relative tolerance of the integrator")
 
 
@@ -53,6 +54,7 @@ class Preset(Table):
     systems: int = Field(ge=1)
     hours: float | None = Field(None, gt=0, description="length of the record [h]")
     step: float | None = Field(None, gt=0, description="output step [s]")
+    start: tuple[float, float] | None = Field(None, description="hours between which a record may begin [h]")
     description: str = ""
 
 
@@ -104,6 +106,11 @@ class System(Table):
         for channel in self.estimator.channels:
             if channel not in known:
                 raise ValueError(f"estimator.channels: {channel!r} is neither an output nor an input")
+        for where, span in [("experiment", self.experiment.start)] + [
+            (f"presets.{name}", one.start) for name, one in self.presets.items() if one.start is not None
+        ]:
+            if not 0 <= span[0] <= span[1]:
+                raise ValueError(f"{where}: start is {span[0]:g} to {span[1]:g} h; expected 0 <= first <= last")
         if self.experiment.hours * 3600 % self.experiment.step:
             raise ValueError(f"experiment: step {self.experiment.step:g} s does not divide {self.experiment.hours:g} h")
         return self
@@ -137,15 +144,21 @@ class System(Table):
         """The description as canonical JSON, without where it lies."""
         return json.dumps(self.model_dump(mode="json", exclude={"path"}), sort_keys=True, separators=(",", ":"))
 
-    def with_experiment(self, *, hours: float | None = None, step: float | None = None) -> System:
-        """The same system with another length [h] or output step [s].
+    def with_experiment(
+        self,
+        *,
+        hours: float | None = None,
+        step: float | None = None,
+        start: tuple[float, float] | None = None,
+    ) -> System:
+        """The same system with another length [h], output step [s] or span of beginnings [h].
 
         Raises
         ------
         SystemDescriptionError
             If the step does not divide the length.
         """
-        changes = {name: value for name, value in (("hours", hours), ("step", step)) if value is not None}
+        changes = {name: value for name, value in (("hours", hours), ("step", step), ("start", start)) if value is not None}
         if not changes:
             return self
         raw = json.loads(self.canonical())
@@ -168,9 +181,10 @@ class System(Table):
     def hash(self) -> str:
         """sha256 of what is simulated: equal for equal systems, however long and for whom they are simulated.
 
-        ``experiment``, ``presets`` and ``estimator`` are defaults of commands, not the system, and are left out.
+        ``experiment``, ``presets`` and ``estimator`` are defaults of commands and ``effects`` are what diagnosis tries:
+        none of them changes a simulated system, and they are left out.
         """
-        content = self.model_dump(mode="json", exclude={"path", "experiment", "presets", "estimator"})
+        content = self.model_dump(mode="json", exclude={"path", "experiment", "presets", "estimator"}) | {"effects": []}
         return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
     def noise_sd(self, preset: str) -> np.ndarray:

@@ -59,6 +59,7 @@ class WindowSource:
         # (systems, time, channels): a window is then one contiguous piece of memory
         self.values = torch.from_numpy(np.ascontiguousarray(records.values.transpose(0, 2, 1), dtype=np.float32))
         self.time = torch.from_numpy(records.time.astype(np.float64))
+        self.begin = torch.from_numpy(records.starts.astype(np.float64))
         self.targets = encoding.targets(records.parameters)
         self.encoding = encoding
         self.sensors = sensors
@@ -68,7 +69,7 @@ class WindowSource:
     def gather(self, rows: torch.Tensor, starts: torch.Tensor) -> Batch:
         """Windows of the records ``rows`` that begin at the samples ``starts``, both int64 (batch,)."""
         values = self.values[rows[:, None], starts[:, None] + self._offsets]
-        time = self.time[starts]
+        time = self.begin[rows] + self.time[starts]
         return Batch(self.encoding.encode(self.sensors(values, self.generator), time), time, self.targets[rows])
 
 

@@ -19,7 +19,8 @@ BASE = {
     "effect.infiltration.m0": 0.0, "effect.infiltration.cWind": 0.0, "effect.infiltration.cStack": 0.0,
     "effect.bridge.UA": 0.0, "effect.adjacent.UA": 0.0, "effect.adjacent.T": 293.15, "effect.furniture.C": 0.0,
     "effect.plug.Q": 0.0, "effect.shading.fra": 0.0, "effect.heater.derate": 0.0, "effect.mixing.bypass": 0.0,
-    "fraRadHea": 0.0,
+    "effect.window.m0": 0.0, "effect.window.cStack": 0.0, "effect.timetable.Q": 0.0, "effect.shutdown.fra": 0.0,
+    "effect.blinds.fra": 0.0, "effect.valve.Q": 0.0, "fraRadHea": 0.0,
 }  # fmt: skip
 
 
@@ -62,12 +63,12 @@ class Room:
         e = (ppm - u["CO2Out"] - 700.0) / 700.0
         w = 5.0 * (e + I_co2)
         y = np.clip(w, 0.0, p["conCO2.yMax"])
-        m = max(0.0, p["mOut_flow"] * (1 + y) + u["excOut"])
+        m = max(0.0, p["mOut_flow"] * (1 + y) + u["excOut"]) * (1 - p["effect.shutdown.fra"] * u["yOff"])
         dI_co2 = (e + (y - w) / (5.0 * 0.9)) / 120.0
         e = u["TSet"] - T
         w = 0.25 * (e + I_hea)
         y = np.clip(w, 0.0, 1.0)
-        Q = max(0.0, 1e4 * (1 - p["effect.heater.derate"]) * y + u["excHea"])
+        Q = max(0.0, 1e4 * (1 - p["effect.heater.derate"]) * y + u["excHea"]) + p["effect.valve.Q"]
         return m, Q, dI_co2, (e + (y - w) / (0.25 * 0.9)) / 14400.0
 
     def __call__(self, x, u):
@@ -85,7 +86,7 @@ class Room:
         Q_rad = 48.0 * u["nPer"] + p["fraRadHea"] * Q
         T_mrt = np.sum(self.A * surface) / np.sum(self.A) + Q_rad / (hr * np.sum(self.A))
         into = -convection - hr * self.A * (surface - T_mrt)
-        H = u["HFac"] * (1 - p["effect.shading.fra"])
+        H = u["HFac"] * (1 - p["effect.shading.fra"]) * (1 - p["effect.blinds.fra"] * u["ySha"])
         tau = (0.85 - p["glaSys.absSolFra"]) * self.A_win * H
         into[2] += 0.8 * tau
         into[3:] += 0.2 * tau * self.A[3:] / np.sum(self.A[3:])
@@ -109,9 +110,12 @@ class Room:
         dx[15] = (across + absorbed + into[1]) / self.C_pane
         m_inf = p["effect.infiltration.m0"] + p["effect.infiltration.cWind"] * u["winSpe"]
         m_inf += p["effect.infiltration.cStack"] * (np.hypot(T - u["TDryBul"], 0.01) - 0.01)
+        stack = np.hypot(T - u["TDryBul"], 0.01) - 0.01
+        m_inf += u["yWin"] * (p["effect.window.m0"] + p["effect.window.cStack"] * stack)
         m_mix = (1 - p["effect.mixing.bypass"]) * m + m_inf
         Q_air = np.sum(convection) + m_mix * 1006 * (u["TDryBul"] - T) + 48.0 * u["nPer"] + (1 - p["fraRadHea"]) * Q
-        Q_air += p["effect.plug.Q"] + p["effect.bridge.UA"] * (u["TDryBul"] - T)
+        Q_air += p["effect.plug.Q"] + p["effect.timetable.Q"] * u["yPlu"]
+        Q_air += p["effect.bridge.UA"] * (u["TDryBul"] - T)
         Q_air += p["effect.adjacent.UA"] * (p["effect.adjacent.T"] - T)
         dx[0] = Q_air / self.C_air
         X_out = u["CO2Out"] * 1e-6 * 44.0095 / 28.9647
@@ -152,6 +156,10 @@ def scenario(days, seed=0):
         "TSet": np.where((hour >= 6) & (hour < 22), 294.15, 289.15),
         "excHea": rng.normal(0, 800, n),
         "excOut": rng.normal(0, 0.05, n),
+        "yWin": rng.uniform(0, 1, n),
+        "yPlu": rng.uniform(0, 1, n),
+        "yOff": np.where((hour < 6) | (hour >= 22), 1.0, 0.0),
+        "ySha": rng.uniform(0, 1, n),
     }
 
 
@@ -167,6 +175,8 @@ CASES = {
         "effect.bridge.UA": 25.0, "effect.adjacent.UA": 40.0, "effect.adjacent.T": 288.15,
         "effect.furniture.C": 6e5, "effect.plug.Q": 350.0, "effect.shading.fra": 0.3,
         "effect.heater.derate": 0.4, "effect.mixing.bypass": 0.2, "fraRadHea": 0.3,
+        "effect.window.m0": 0.05, "effect.window.cStack": 0.004, "effect.timetable.Q": 600.0,
+        "effect.shutdown.fra": 0.8, "effect.blinds.fra": 0.7, "effect.valve.Q": 150.0,
     },
 }  # fmt: skip
 
@@ -206,6 +216,7 @@ def test_derivatives_agree_at_random_states(case, twin):
             "TDryBul": rng.normal(280, 10), "TSky": rng.normal(265, 10), "winSpe": rng.uniform(0.5, 9),
             "HFac": rng.uniform(0, 800), "CO2Out": 420.0, "nPer": rng.uniform(0, 20), "TSet": 294.15,
             "excHea": rng.normal(0, 2000), "excOut": rng.normal(0, 0.2),
+            "yWin": rng.uniform(), "yPlu": rng.uniform(), "yOff": rng.uniform(), "ySha": rng.uniform(),
         }  # fmt: skip
         t.set_all(u)
         t.x = x

@@ -63,6 +63,7 @@ def test_interface_of_the_system_description(description):
     inputs = [v.name for v in description.modelVariables if v.causality == "input"]
     assert inputs == [
         "TDryBul", "TSky", "winSpe", "HFac", "CO2Out", "nPer", "TSet", "excHea", "excOut", "QHea_in", "mOA_in",
+        "yWin", "yPlu", "yOff", "ySha",
     ]  # fmt: skip
     outputs = [(v.name, v.unit) for v in description.modelVariables if v.causality == "output"]
     assert outputs == [("TRoo", "K"), ("CO2", "ppm"), ("QHea", "W"), ("mOA", "kg/s")]

@@ -83,7 +83,13 @@ EFFECTS = {  # amplitude, output, sign and least size of the change after ten co
     "effect.plug.Q": (500.0, "TRoo", +0.3),
     "effect.shading.fra": (0.5, "TRoo", -0.3),
     "effect.mixing.bypass": (0.5, "CO2", +100.0),
+    "effect.window.m0": (0.03, "TRoo", -0.3),
+    "effect.window.cStack": (0.002, "TRoo", -0.3),
+    "effect.timetable.Q": (500.0, "TRoo", +0.3),
+    "effect.blinds.fra": (0.5, "TRoo", -0.3),
+    "effect.shutdown.fra": (0.5, "CO2", +100.0),
 }
+SHAPES = ("yWin", "yPlu", "yOff", "ySha")
 
 
 @pytest.mark.parametrize("name", EFFECTS)
@@ -91,6 +97,7 @@ def test_each_effect_acts(hours, name):
     amplitude, output, least = EFFECTS[name]
     values = WINTER | REPLAY | {"nPer": 2.0, "HFac": 50.0, "QHea_in": 100.0, "mOA_in": 0.03}
     k = ("TRoo", "CO2").index(output)
+    values |= dict.fromkeys(SHAPES, 1.0)
     change = hours(values | {name: amplitude}, 10)[k] - hours(values, 10)[k]
     assert np.sign(change) == np.sign(least)
     assert abs(least) < abs(change) < 50 * abs(least)
@@ -100,6 +107,17 @@ def test_derated_heater_gives_its_share(hours):
     cold = WINTER | {"TSet": 310.0}
     assert hours(cold, 5)[2] == 10000.0
     assert hours(cold | {"effect.heater.derate": 0.25}, 5)[2] == 7500.0
+
+
+@pytest.mark.parametrize("name", ["window.m0", "window.cStack", "timetable.Q", "blinds.fra", "shutdown.fra"])
+def test_an_effect_with_a_shape_sleeps_while_the_shape_is_zero(hours, name):
+    values = WINTER | REPLAY | {"nPer": 2.0, "HFac": 50.0}
+    np.testing.assert_array_equal(hours(values | {f"effect.{name}": 0.5}, 10), hours(values, 10))
+
+
+def test_leaking_valve_heats_under_control_only(hours):
+    assert hours(WINTER | {"TSet": 280.0, "effect.valve.Q": 300.0}, 5)[2] == 300.0
+    assert hours(WINTER | REPLAY | {"effect.valve.Q": 300.0}, 5)[2] == 1500.0
 
 
 def test_infiltration_counts_as_outdoor_air_for_co2(hours):

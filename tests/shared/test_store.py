@@ -104,9 +104,9 @@ def test_same_shard_written_twice_is_the_same_file(system, tmp_path):
 def test_newer_schema_is_refused(folder):
     path = folder / "manifest.json"
     raw = json.loads(path.read_text())
-    raw["schema_version"] = "2.0"
+    raw["schema_version"] = "3.0"
     path.write_text(json.dumps(raw))
-    with pytest.raises(DatasetError, match=r"schema version is '2\.0'.*update"):
+    with pytest.raises(DatasetError, match=r"schema version is '3\.0'.*update"):
         read_manifest(folder)
 
 

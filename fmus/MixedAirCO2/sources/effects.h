@@ -3,6 +3,7 @@
  *
  * To add one: give it a parameter `effect.<name>.*` with start 0 in variables.toml, and its term here. An
  * effect may add air exchange, add heat to the room air, add heat capacity, or scale sun, heater and mixing.
+ * One that comes and goes has a shape as well, an input between 0 and 1.
  */
 #ifndef EFFECTS_H
 #define EFFECTS_H
@@ -33,10 +34,29 @@ static inline double effect_infiltration(const double *r, double T_air, double T
            + r[V_effect_infiltration_cStack] * (smooth_abs(T_air - T_out) - DT_SMOOTH);
 }
 
+/* Air exchange through the window [kg/s]. */
+static inline double effect_window(const double *r, double T_air, double T_out)
+{
+    return r[V_yWin] * (r[V_effect_window_m0]
+                        + r[V_effect_window_cStack] * (smooth_abs(T_air - T_out) - DT_SMOOTH));
+}
+
+/* Share of the outdoor air flow that the fan delivers [1]. */
+static inline double effect_fan(const double *r)
+{
+    return 1.0 - r[V_effect_shutdown_fra] * r[V_yOff];
+}
+
+/* Share of the irradiance that moving blinds let through [1]. */
+static inline double effect_blinds(const double *r)
+{
+    return 1.0 - r[V_effect_blinds_fra] * r[V_ySha];
+}
+
 /* Heat to the room air [W]. */
 static inline double effect_heat(const double *r, double T_air, double T_out)
 {
-    return r[V_effect_plug_Q] + r[V_effect_bridge_UA] * (T_out - T_air)
+    return r[V_effect_plug_Q] + r[V_effect_timetable_Q] * r[V_yPlu] + r[V_effect_bridge_UA] * (T_out - T_air)
            + r[V_effect_adjacent_UA] * (r[V_effect_adjacent_T] - T_air);
 }
 

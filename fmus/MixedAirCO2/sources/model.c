@@ -42,8 +42,8 @@ static void controls(const Coef *c, const Modes *m, double *r, Limits *lim)
         lim->hea_low = u_hea;
         lim->hea_high = c->con_hea.y_max - u_hea;
     }
-    r[V_mOA] = m->flow == MODE_LOW ? 0.0 : m_request;
-    r[V_QHea] = m->heat == MODE_LOW ? 0.0 : Q_request;
+    r[V_mOA] = m->flow == MODE_LOW ? 0.0 : effect_fan(r) * m_request;
+    r[V_QHea] = (m->heat == MODE_LOW ? 0.0 : Q_request) + (c->replay ? 0.0 : r[V_effect_valve_Q]);
     lim->flow_low = m_request * c->inv_m_out;
     lim->heat_low = Q_request * c->inv_Q_scale;
 }
@@ -88,8 +88,8 @@ void model_evaluate(const Coef *c, const Modes *m, double *r, Limits *lim)
     const double Q_win_out = (c->A_win * h_vertical(d_po) + c->win_forced * v_root) * d_po
                              + c->win_lw * (T4_env - pow4(T_po));
 
-    /* sun: the effect's factor is already in the coefficients */
-    const double H = r[V_HFac];
+    /* sun: the factor of constant shading is already in the coefficients */
+    const double H = r[V_HFac] * effect_blinds(r);
     const double sol_pane = c->sol_pane * H;
 
     /* walls and panes */
@@ -103,7 +103,7 @@ void model_evaluate(const Coef *c, const Modes *m, double *r, Limits *lim)
 
     /* air */
     const double m_ven = c->effect.mixing * r[V_mOA];
-    const double m_inf = effect_infiltration(r, T_air, T_out);
+    const double m_inf = effect_infiltration(r, T_air, T_out) + effect_window(r, T_air, T_out);
     const double Q_ven = m_ven * c->cp * (T_out - T_air);
     const double Q_inf = m_inf * c->cp * (T_out - T_air);
     const double Q_eff = effect_heat(r, T_air, T_out);
