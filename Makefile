@@ -3,6 +3,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
+# small problems: a second thread of the linear algebra costs more than it brings
+export OMP_NUM_THREADS ?= 1
+
 .PHONY: demo test check clean
 .DEFAULT_GOAL := test
 

@@ -1,7 +1,7 @@
 """The simulation farm: samples systems, simulates FMUs, writes datasets.
 
 The functions behind the commands of the same names: :func:`run`, :func:`simulate`, :func:`info`, :func:`verify`,
-:func:`repair`, :func:`merge`, :func:`identifiability`.
+:func:`repair`, :func:`merge`, :func:`compare`, :func:`identifiability`.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ _HOMES = {
     "verify": "datagen.inspection",
     "merge": "datagen.merging",
     "repair": "datagen.mending",
+    "compare": "datagen.comparing",
     "identifiability": "datagen.ceilings",
 }
 

@@ -5,7 +5,7 @@ below are its places. Discrete inputs come last among the inputs: they are set i
 demand of them.
 
 Numba keeps what it compiled on disk and does not see that a file it took functions from has changed: whoever edits
-this file touches ``native.py`` and ``cosimulation.py`` too.
+this file, ``evaluation.py`` or ``sparse.py`` touches ``native.py``, ``newton.py`` and ``cosimulation.py`` too.
 """
 
 from __future__ import annotations
@@ -28,7 +28,10 @@ SEGMENT, FIRST, LAST = 25, 26, 27  # segment of the last look-up; segments allow
 VECTOR_DATA, CVODE, CV_REINIT, CV_SET_STOP, CV_MEMORY, STATE_VECTOR = 28, 29, 30, 31, 32, 33
 STATUS, FAILED_CALL, RHS_CALLS, INDICATOR_CALLS, EVENTS = 34, 35, 36, 37, 38
 FMI, N_CONTINUOUS, EXPIRED, DO_STEP, SET_SLOPES, STEPS = 39, 40, 41, 42, 43, 44  # EXPIRED: set by the watchdog
-PLAN_SIZE = 46
+CV_SYSTEM, SYSTEM, NEWTON_REALS, NEWTON_COUNTS = 45, 46, 47, 48  # what newton.py remembers, by address
+JACOBIAN, MATRIX, FACTORS, PATTERN, STRUCTURE, RESIDUAL = 49, 50, 51, 52, 53, 54
+TOLERANCES = 55
+PLAN_SIZE = 56
 
 # outcomes of a simulation; negative values are CVODE's own
 DONE, FMU_FAILED, TERMINATED, ENDLESS_EVENT, NOT_FINITE, CUT_SHORT, TIMED_OUT = 0, 1, 2, 3, 4, 5, 6
@@ -46,18 +49,23 @@ _c_pddi = foreign("i:pddi")
 _c_pddipppp = foreign("i:pddipppp")
 
 
-@intrinsic
-def _pointer(typingctx: Any, address: Any) -> Any:
-    """The address of doubles as a pointer that ``carray`` takes."""
-    pointer = types.CPointer(types.float64)
+def _pointer_to(kind: Any) -> Any:
+    """A numba function that makes an address a pointer to numbers of a kind, as ``carray`` takes it."""
+    pointer = types.CPointer(kind)
 
     def codegen(context: Any, builder: Any, called: Any, values: Any) -> Any:
         return builder.inttoptr(values[0], context.get_value_type(pointer))
 
-    return pointer(types.int64), codegen
+    def convert(typingctx: Any, address: Any) -> Any:
+        return pointer(types.int64), codegen
+
+    return intrinsic(convert)
 
 
-doubles: Any = _pointer  # numba's stubs do not know that the typing context is not passed
+doubles = _pointer_to(types.float64)
+integers = _pointer_to(types.int64)
+unsigned = _pointer_to(types.uint64)
+"""Unsigned numbers index an array at once; a signed one is asked whether it counts from the end."""
 
 
 @njit(cache=True, error_model="numpy")

@@ -3,10 +3,10 @@
 No Python runs between the start and the end of a simulation. CVODE calls :data:`right_hand_side` and
 :data:`event_indicators`, which call the FMU's C functions by address; :func:`drive` walks from jump to jump of the
 inputs. Inputs are applied inside the right-hand side, at the time that CVODE asks for: a solver that is shown inputs
-frozen over a step integrates another system.
+frozen over a step integrates another system. No step crosses a knot of the inputs: it would smooth a bend over.
 
-Means over the output step are extra states of the integration: d/dt q = output. They share the solver's steps and are
-kept out of its error test.
+Means over the output step are extra states of the integration: d/dt q = output. They share the solver's steps and its
+error test, where the outputs' accuracy is their tolerance.
 
 The callbacks get one array of integers, the plan; :mod:`datagen.calls` names its places.
 """
@@ -33,7 +33,6 @@ from datagen.calls import (
     EXPIRED,
     FIRST,
     FMU_FAILED,
-    GET_DERIVATIVES,
     GET_INDICATORS,
     GET_STATES,
     INDICATOR_CALLS,
@@ -47,17 +46,15 @@ from datagen.calls import (
     NEEDED,
     NOT_FINITE,
     PLAN_SIZE,
-    RHS_CALLS,
     SEGMENT,
-    SET_STATES,
     STATE_VECTOR,
     STATES_CHANGED,
     STATUS,
     TERMINATE,
     TERMINATED,
     TIMED_OUT,
+    TOLERANCES,
     VECTOR_DATA,
-    VR_MEANS,
     VR_POINTS,
     apply,
     check,
@@ -67,6 +64,7 @@ from datagen.calls import (
     new_discrete,
     set_inputs,
 )
+from datagen.evaluation import evaluate, set_states
 from datagen.foreign import foreign
 
 MAX_EVENTS_AT_ONCE = 1000
@@ -81,37 +79,29 @@ _c_reinit = foreign("i:pdp")
 _address_of = foreign("p:p")
 
 
-@njit(cache=True, error_model="numpy")
-def _set_states(plan: Any, address: int) -> bool:
-    if plan[N_STATES] == 0:
-        return True
-    return check(plan, _c_ppp(plan[SET_STATES], plan[COMPONENT], address, plan[N_STATES]), SET_STATES)
-
-
-@njit(cache=True, error_model="numpy")
-def _evaluate(t: float, y: int, ydot: int, plan: Any) -> int:
-    plan[RHS_CALLS] += 1
-    plan[STATUS] = 0
-    if plan[EXPIRED] != 0:
-        return -1
-    data = _address_of(plan[VECTOR_DATA], y)
-    out = _address_of(plan[VECTOR_DATA], ydot)
-    n = plan[N_STATES]
-    ok = apply(plan, t) and _set_states(plan, data)
-    if ok and n > 0:
-        ok = check(plan, _c_ppp(plan[GET_DERIVATIVES], plan[COMPONENT], out, n), GET_DERIVATIVES)
-    ok = ok and get_floats(plan, plan[VR_MEANS], plan[N_MEANS], out + 8 * n)
-    if n + plan[N_MEANS] == 0 and ok:
-        carray(doubles(out), (1,))[0] = 0.0  # CVODE wants at least one state
-    if ok:
-        return 0
-    return 1 if plan[STATUS] == 2 else -1  # fmi2Discard: CVODE tries a smaller step
-
-
 @cfunc("int32(float64, intp, intp, CPointer(int64))", cache=True, error_model="numpy")
 def right_hand_side(t: float, y: int, ydot: int, data: Any) -> int:
     """CVRhsFn: inputs at ``t``, states, derivatives, and the outputs whose means are wanted."""
-    return _evaluate(t, y, ydot, carray(data, (PLAN_SIZE,)))
+    plan = carray(data, (PLAN_SIZE,))
+    return evaluate(plan, t, _address_of(plan[VECTOR_DATA], y), _address_of(plan[VECTOR_DATA], ydot))
+
+
+@cfunc("int32(intp, intp, CPointer(int64))", cache=True, error_model="numpy")
+def error_weights(y: int, weights: int, data: Any) -> int:
+    """CVEwtFn: tolerances of the states are relative and absolute, of quadratures, which only grow, absolute.
+
+    Without states quadratures are all that is integrated, and count as states.
+    """
+    plan = carray(data, (PLAN_SIZE,))
+    n = plan[N_STATES]
+    size = max(n + plan[N_MEANS], 1)
+    tolerances = carray(doubles(plan[TOLERANCES]), (1 + size,))
+    relative, absolute = tolerances[0], tolerances[1:]
+    values = carray(doubles(_address_of(plan[VECTOR_DATA], y)), (size,))
+    out = carray(doubles(_address_of(plan[VECTOR_DATA], weights)), (size,))
+    for i in range(size):
+        out[i] = 1.0 / (absolute[i] + (relative * abs(values[i]) if i < n or n == 0 else 0.0))
+    return 0
 
 
 @cfunc("int32(float64, intp, intp, CPointer(int64))", cache=True, error_model="numpy")
@@ -120,7 +110,7 @@ def event_indicators(t: float, y: int, gout: int, data: Any) -> int:
     plan = carray(data, (PLAN_SIZE,))
     plan[INDICATOR_CALLS] += 1
     plan[STATUS] = 0
-    ok = apply(plan, t) and _set_states(plan, _address_of(plan[VECTOR_DATA], y))
+    ok = apply(plan, t) and set_states(plan, _address_of(plan[VECTOR_DATA], y))
     count = plan[N_INDICATORS]
     ok = ok and check(plan, _c_ppp(plan[GET_INDICATORS], plan[COMPONENT], gout, count), GET_INDICATORS)
     return 0 if ok else -1
@@ -218,7 +208,7 @@ def drive(
             outcome = _handle_event(plan, t, y_address, next_event)
             if outcome != DONE:
                 return outcome
-        restart = True
+        restart, knot, bound = True, stops[s] + 1, t
         while True:
             reached[0] = t
             if plan[EXPIRED] != 0:
@@ -232,13 +222,19 @@ def drive(
                 break
             if restart:
                 code = _c_reinit(plan[CV_REINIT], plan[CV_MEMORY], t, plan[STATE_VECTOR])
-                if code >= 0:  # never past a time event: what holds before it may not hold after it
-                    bound = min(end, next_event[0]) if next_event[0] > t else end
-                    code = _c_pd(plan[CV_SET_STOP], plan[CV_MEMORY], bound)
+                if code < 0:
+                    return code
+            if restart or t >= bound:
+                # no step goes past a time event, where the equations may change, or past a knot, where inputs bend:
+                # it would smooth the bend over
+                while knot_time[knot] <= t:
+                    knot += 1
+                bound = min(knot_time[knot], next_event[0]) if next_event[0] > t else knot_time[knot]
+                code = _c_pd(plan[CV_SET_STOP], plan[CV_MEMORY], bound)
                 if code < 0:
                     return code
                 restart = False
-            target = end
+            target = bound
             if row < rows:
                 target = min(target, output_time[row])
             target = max(min(target, next_event[0]), t)
@@ -251,7 +247,7 @@ def drive(
                 t = t_return[0]
             else:
                 t = target  # nearer than CVODE can start: nothing moves
-            if not (apply(plan, t) and _set_states(plan, y_address)):
+            if not (apply(plan, t) and set_states(plan, y_address)):
                 return FMU_FAILED
             if not completed_step(plan, flags):
                 return FMU_FAILED

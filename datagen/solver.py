@@ -8,25 +8,22 @@ from typing import Any
 
 import numpy as np
 from fmpy.sundials import cvode as cv
-from fmpy.sundials import cvode_ls as cv_ls
 from fmpy.sundials import nvector_serial as nv
 from fmpy.sundials import sundials_context as ctx
 from fmpy.sundials import sundials_types as st
-from fmpy.sundials import sunlinsol_dense, sunmatrix_dense
 from fmpy.sundials.libraries import (
     sundials_core,
     sundials_cvode,
     sundials_nvecserial,
-    sundials_sunlinsoldense,
-    sundials_sunmatrixdense,
 )
 
-from datagen import calls, native
+from datagen import calls, native, newton
 from shared.errors import SimulationError
 
 _ADDRESSES = {
     calls.CVODE: cv.CVode,
     calls.CV_REINIT: cv.CVodeReInit,
+    calls.CV_SYSTEM: sundials_cvode.CVodeGetNonlinearSystemData,
     calls.CV_SET_STOP: sundials_cvode.CVodeSetStopTime,
     calls.VECTOR_DATA: sundials_nvecserial.N_VGetArrayPointer_Serial,
 }
@@ -45,7 +42,7 @@ def _ok(code: int) -> None:
 
 
 class Cvode:
-    """CVODE's memory for one simulation: BDF, modified Newton, dense Jacobian by differences.
+    """CVODE's memory for one simulation: BDF, with the Newton iteration of :mod:`datagen.newton`.
 
     ``state`` is the state vector as an array that shares CVODE's memory.
 
@@ -62,7 +59,7 @@ class Cvode:
     absolute
         Absolute tolerance of each state and quadrature.
     longest
-        Longest step [s]: quadratures are not in the error test, so that nothing else might limit it.
+        Longest step [s], where the error test might let everything pass.
     """
 
     def __init__(
@@ -81,21 +78,21 @@ class Cvode:
             ctypes.c_void_p(plain(self._context))
         )  # outcomes are reported, not printed
         self._y = nv.N_VNew_Serial(size, self._context)
-        self._tolerance = nv.N_VNew_Serial(size, self._context)
         self.state = np.ctypeslib.as_array(nv.NV_DATA_S(self._y), (size,))
         self.state[:] = 0.0
         self.state[: len(initial)] = initial
-        np.ctypeslib.as_array(nv.NV_DATA_S(self._tolerance), (size,))[:] = absolute if len(initial) else 1.0
+        self._tolerances = np.concatenate([[relative], absolute if len(initial) else [1.0]])
+        plan[calls.TOLERANCES] = self._tolerances.ctypes.data
         self._memory = cv.CVodeCreate(cv.CV_BDF, self._context)
         self._rhs = cv.CVRhsFn(native.right_hand_side.address)
         self._root = cv.CVRootFn(native.event_indicators.address)
         _ok(cv.CVodeInit(self._memory, self._rhs, start, self._y))
-        _ok(cv.CVodeSVtolerances(self._memory, relative, self._tolerance))
+        weights = ctypes.c_void_p(native.error_weights.address)
+        _ok(sundials_cvode.CVodeWFtolerances(ctypes.c_void_p(self._memory), weights))
         if plan[calls.N_INDICATORS]:
             _ok(cv.CVodeRootInit(self._memory, int(plan[calls.N_INDICATORS]), self._root))
-        self._matrix = sunmatrix_dense.SUNDenseMatrix(size, size, self._context)
-        self._solver = sunlinsol_dense.SUNLinSol_Dense(self._y, self._matrix, self._context)
-        _ok(cv_ls.CVodeSetLinearSolver(self._memory, self._solver, self._matrix))
+        self._solver = self._newton(plan, size)
+        _ok(sundials_cvode.CVodeSetNonlinearSolver(ctypes.c_void_p(self._memory), ctypes.c_void_p(self._solver)))
         _ok(cv.CVodeSetMaxNumSteps(self._memory, MAX_STEPS))
         _ok(sundials_cvode.CVodeSetMaxStep(ctypes.c_void_p(self._memory), ctypes.c_double(longest)))
         _ok(cv.CVodeSetNoInactiveRootWarn(self._memory))
@@ -104,6 +101,22 @@ class Cvode:
             plan[place] = plain(function)
         plan[calls.CV_MEMORY] = self._memory
         plan[calls.STATE_VECTOR] = plain(self._y)
+
+    def _newton(self, plan: np.ndarray, size: int) -> int:
+        """A SUNNonlinearSolver around :mod:`datagen.newton`; its content is the plan."""
+        lengths = newton.sizes(int(plan[calls.N_STATES]), size)
+        self._arrays = {place: np.zeros(length, dtype=np.int64) for place, length in lengths.items()}
+        for place, array in self._arrays.items():
+            plan[place] = array.ctypes.data
+        make = sundials_core.SUNNonlinSolNewEmpty
+        make.restype = ctypes.c_void_p
+        solver: int = make(ctypes.c_void_p(plain(self._context)))
+        content_and_operations = (ctypes.c_void_p * 2).from_address(solver)
+        content_and_operations[0] = plan.ctypes.data
+        operations = (ctypes.c_void_p * 6).from_address(content_and_operations[1] or 0)
+        for place, function in ((0, newton.kind), (3, newton.solve), (5, newton.set_function)):
+            operations[place] = function.address
+        return solver
 
     def steps(self) -> int:
         """Steps taken since the last restart."""
@@ -115,8 +128,6 @@ class Cvode:
         """Give the memory back."""
         memory = ctypes.c_void_p(self._memory)
         cv.CVodeFree(byref(memory))
-        sundials_sunlinsoldense.SUNLinSolFree_Dense(ctypes.c_void_p(plain(self._solver)))
-        sundials_sunmatrixdense.SUNMatDestroy_Dense(ctypes.c_void_p(plain(self._matrix)))
+        sundials_core.SUNNonlinSolFreeEmpty(ctypes.c_void_p(self._solver))
         nv.N_VDestroy_Serial(self._y)
-        nv.N_VDestroy_Serial(self._tolerance)
         sundials_core.SUNContext_Free(byref(self._context))

@@ -1,4 +1,7 @@
-"""From recordings to what the model still lacks. The function behind the command: :func:`residuals`."""
+"""From recordings to parameters, forecasts, and what the model still lacks.
+
+The functions behind the commands: :func:`import_recording`, :func:`residuals`.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +9,14 @@ from importlib import import_module
 from typing import Any
 
 
+_HOMES = {
+    "import_recording": "diagnosis.importing.importer",
+    "residuals": "diagnosis.simulated",
+}
+
+
 def __getattr__(name: str) -> Any:
     """Import what is asked for and no more."""
-    if name == "residuals":
-        return import_module("diagnosis.simulated").residuals
+    if name in _HOMES:
+        return getattr(import_module(_HOMES[name]), name)
     raise AttributeError(f"module 'diagnosis' has no attribute {name!r}")

@@ -43,11 +43,11 @@ def build(out: Path = DEFAULT_OUT, nodes: int = 3, platforms: Iterable[str] = tu
     for key in platforms:
         path, content = compile_binary(BINARIES[key], sources, table.identifier)
         files[path] = content
-    _write_zip(out, files)
+    write_zip(out, files)
     return out
 
 
-def _write_zip(out: Path, files: dict[str, bytes]) -> None:
+def write_zip(out: Path, files: dict[str, bytes]) -> None:
     """Write files sorted, with fixed time stamps and modes, modelDescription.xml first."""
     temporary = out.with_name(out.name + ".part")
     with zipfile.ZipFile(temporary, "w") as archive:

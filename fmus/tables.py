@@ -76,9 +76,13 @@ def source_hash() -> str:
 
 def load_table(nodes: int = 3) -> Table:
     """Read the variables table for walls of `nodes` nodes (at least 2)."""
+    return table_of(tomllib.loads(TABLE_FILE.read_text(encoding="utf-8")), nodes, source_hash())
+
+
+def table_of(raw: dict[str, Any], nodes: int, digest: str) -> Table:
+    """The table of what a variables file holds, for walls of `nodes` nodes; `digest` is the hash of the sources."""
     if nodes < 2:
         raise ValueError(f"a wall needs at least 2 nodes, not {nodes}")
-    raw = tomllib.loads(TABLE_FILE.read_text(encoding="utf-8"))
     counts = {"nodes": nodes, "layers": raw["model"]["layers"]}
     variables: list[Variable] = []
     for kind in KINDS:
@@ -99,7 +103,7 @@ def load_table(nodes: int = 3) -> Table:
         nodes=nodes,
         layers=counts["layers"],
         event_indicators=raw["model"]["event_indicators"],
-        source_hash=source_hash(),
+        source_hash=digest,
     )
 
 

@@ -237,8 +237,14 @@ class DatasetFolder:
         """Content hash of a shard as it lies on disk."""
         return self.shard_facts(entry)[0]
 
-    def load(self, channels: list[str] | None = None) -> Records:
-        """Read channels (outputs or inputs; the estimator's by default) and parameters of all systems.
+    def load(self, channels: list[str] | None = None, rows: np.ndarray | None = None) -> Records:
+        """Read channels (outputs or inputs; the estimator's by default; none if empty) and parameters.
+
+        Parameters
+        ----------
+        rows
+            Systems to read, as rows of what is read without ``rows`` (all systems, by index), rising; all by default.
+            Shards with none of them are not opened.
 
         Raises
         ------
@@ -252,29 +258,37 @@ class DatasetFolder:
                 raise DatasetError(f"{self.folder}: no channel {channel!r}; found {', '.join(known)}")
         if not self.manifest.shards:
             raise DatasetError(f"{self.folder}: the dataset has no shards yet; expected a finished `datagen run`")
-        values, parameters, systems, splits, starts = [], [], [], [], []
-        seeds: list[int] = []
-        time: np.ndarray = np.empty(0)
+        listed = np.concatenate([np.array(entry.systems, dtype=np.int64) for entry in self.manifest.shards])
+        order = np.argsort(listed, kind="stable")
+        chosen = order if rows is None else order[rows]
+        place = np.full(len(listed), -1)  # of each listed system in what is returned
+        place[chosen] = np.arange(len(chosen))
+        values = np.empty((0, 0, 0), dtype=np.float32)
+        parameters = np.empty((len(chosen), len(self.system.parameters)))
+        splits, starts = np.empty(len(chosen), dtype=np.int8), np.zeros(len(chosen))
+        seeds = np.empty(len(chosen), dtype=object)
+        time, end = np.empty(0), 0
         for entry in self.manifest.shards:
+            begin, end = end, end + len(entry.systems)
+            here = np.flatnonzero(place[begin:end] >= 0)
+            to = place[begin:end][here]
+            if not len(here):
+                continue
             with self._open(entry) as shard:
                 try:
-                    values.append(np.stack([shard[name][...] for name in wanted], axis=1))
-                    parameters.append(np.stack([shard[n][...] for n in self.system.parameter_names], axis=1))
-                    systems.append(shard["system"][...])
-                    splits.append(shard["split"][...])
-                    seeds += [self.manifest.seed_of(entry)] * len(systems[-1])
-                    starts.append(shard["start"][...] if "start" in shard.variables else np.zeros(len(systems[-1])))
+                    if shard["system"][...].tolist() != entry.systems:
+                        raise ValueError("its systems are not those that the manifest lists")
                     time = shard["time"][...]
+                    if len(values) != len(chosen):  # filled in place: a second copy would double the memory
+                        values = np.empty((len(chosen), len(wanted), len(time)), dtype=np.float32)
+                    for k, name in enumerate(wanted):
+                        values[to, k] = shard[name][...][here]
+                    for k, name in enumerate(self.system.parameter_names):
+                        parameters[to, k] = shard[name][...][here]
+                    splits[to] = shard["split"][...][here]
+                    seeds[to] = self.manifest.seed_of(entry)
+                    if "start" in shard.variables:
+                        starts[to] = shard["start"][...][here]
                 except (IndexError, OSError, RuntimeError, ValueError) as error:
                     raise DatasetError(f"{self.shard_path(entry)}: damaged or incomplete ({error})") from None
-        order = np.argsort(np.concatenate(systems), kind="stable")
-        return Records(
-            channels=wanted,
-            values=np.concatenate(values)[order],
-            parameters=np.concatenate(parameters)[order],
-            systems=np.concatenate(systems)[order],
-            splits=np.concatenate(splits)[order],
-            time=time,
-            seeds=np.array(seeds, dtype=object)[order],
-            starts=np.concatenate(starts)[order],
-        )
+        return Records(wanted, values, parameters, listed[chosen], splits, time, seeds, starts)

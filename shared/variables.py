@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from shared.effects import Effect as Effect
 from shared.signals import Table
 
 
@@ -117,14 +118,3 @@ class Output(Table):
     def fmu_variable(self) -> str:
         """The FMU's variable behind this output."""
         return self.variable or self.name
-
-
-class Effect(Table):
-    """A candidate for the sim-to-real gap: an amplitude whose zero is the base model."""
-
-    name: str
-    kind: Literal["parameter", "sensor", "input"]
-    target: str
-    unit: str
-    max: float
-    description: str = ""

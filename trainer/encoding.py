@@ -76,6 +76,13 @@ class Encoding(BaseModel):
     derived: list[str]
     step: float
     length: int
+    """Samples of a window; the longest where there are several lengths."""
+    shorter: list[int] = []
+    """Lengths below it that the estimator was trained on as well."""
+    optional: list[str] = []
+    """Recorded channels that may be missing, not a number."""
+    largest_gap: float = 0.0
+    """Share of a window that an output may miss."""
     mean: list[float]
     sd: list[float]
     parameters: list[str]
@@ -115,7 +122,17 @@ class Encoding(BaseModel):
         return np.clip(10.0**log10, self.parameter_min, self.parameter_max)
 
 
-def make_encoding(system: System, records: Records, derived: list[str], length: int, training: np.ndarray) -> Encoding:
+def make_encoding(
+    system: System,
+    records: Records,
+    derived: list[str],
+    length: int,
+    training: np.ndarray,
+    *,
+    shorter: list[int] | None = None,
+    optional: list[str] | None = None,
+    largest_gap: float = 0.0,
+) -> Encoding:
     """Encoding of a dataset, from the rows ``training`` of its records alone.
 
     A channel or target that does not vary keeps its mean and gets a standard deviation of one.
@@ -137,6 +154,9 @@ def make_encoding(system: System, records: Records, derived: list[str], length: 
         derived=derived,
         step=step,
         length=length,
+        shorter=shorter or [],
+        optional=optional or [],
+        largest_gap=largest_gap,
         mean=mean.tolist(),
         sd=np.where(sd > 1e-6 * np.abs(mean), sd, 1.0).tolist(),
         parameters=system.parameter_names,

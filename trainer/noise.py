@@ -27,7 +27,8 @@ def hold_last(values: torch.Tensor, lost: torch.Tensor) -> torch.Tensor:
 class Sensors:
     """The sensors of recorded channels under a preset: Gaussian noise, then quantisation, then dropouts.
 
-    Inputs have no sensors and pass unchanged, and so do outputs that the preset does not mention.
+    Inputs have no sensors and pass unchanged, and so do outputs that the preset does not mention. Of several presets,
+    joined by spaces, each window draws one.
 
     Raises
     ------
@@ -36,23 +37,30 @@ class Sensors:
     """
 
     def __init__(self, system: System, recorded: list[str], preset: str) -> None:
-        if preset not in system.noise_presets:
-            raise EstimatorError(
-                f"noise: {preset!r} is not a preset of {system.name}; found {', '.join(system.noise_presets)}"
-            )
-        sensors = {output.name: output.noise.get(preset, Noise()) for output in system.outputs}
-        chosen = [sensors.get(name, Noise()) for name in recorded]
-        self.sd = torch.tensor([n.sd for n in chosen])
-        self.quantum = torch.tensor([n.quantum for n in chosen])
-        self.dropout = torch.tensor([n.dropout for n in chosen])
-        self.silent = not any(n.sd or n.quantum or n.dropout for n in chosen)
+        chosen = []
+        for name in preset.split() or [preset]:
+            if name not in system.noise_presets:
+                raise EstimatorError(
+                    f"noise: {name!r} is not a preset of {system.name}; found {', '.join(system.noise_presets)}"
+                )
+            sensors = {output.name: output.noise.get(name, Noise()) for output in system.outputs}
+            chosen.append([sensors.get(channel, Noise()) for channel in recorded])
+        # (presets, recorded)
+        self.sd = torch.tensor([[n.sd for n in row] for row in chosen])
+        self.quantum = torch.tensor([[n.quantum for n in row] for row in chosen])
+        self.dropout = torch.tensor([[n.dropout for n in row] for row in chosen])
+        self.silent = not any(n.sd or n.quantum or n.dropout for row in chosen for n in row)
 
     def __call__(self, values: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
         """Readings of the windows ``values`` (batch, length, recorded) [units]; the draw comes from ``generator``."""
         if self.silent:
             return values
-        noisy = values + self.sd * torch.randn(values.shape, generator=generator)
-        grain = torch.where(self.quantum > 0, self.quantum, torch.ones_like(self.quantum))
-        noisy = torch.where(self.quantum > 0, torch.round(noisy / grain) * grain, noisy)
-        lost = torch.rand(values.shape, generator=generator) < self.dropout
+        which = torch.zeros(len(values), dtype=torch.int64)
+        if len(self.sd) > 1:
+            which = torch.randint(len(self.sd), (len(values),), generator=generator)
+        sd, quantum, dropout = (part[which][:, None, :] for part in (self.sd, self.quantum, self.dropout))
+        noisy = values + sd * torch.randn(values.shape, generator=generator)
+        grain = torch.where(quantum > 0, quantum, torch.ones_like(quantum))
+        noisy = torch.where(quantum > 0, torch.round(noisy / grain) * grain, noisy)
+        lost = torch.rand(values.shape, generator=generator) < dropout
         return hold_last(noisy, lost)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -53,9 +53,18 @@ class WindowSource:
     ----------
     generator
         Where sensor noise comes from.
+    gaps
+        What makes readings go missing, if anything does.
     """
 
-    def __init__(self, records: Records, encoding: Encoding, sensors: Sensors, generator: torch.Generator) -> None:
+    def __init__(
+        self,
+        records: Records,
+        encoding: Encoding,
+        sensors: Sensors,
+        generator: torch.Generator,
+        gaps: Callable[[torch.Tensor, torch.Generator], torch.Tensor] | None = None,
+    ) -> None:
         # (systems, time, channels): a window is then one contiguous piece of memory
         self.values = torch.from_numpy(np.ascontiguousarray(records.values.transpose(0, 2, 1), dtype=np.float32))
         self.time = torch.from_numpy(records.time.astype(np.float64))
@@ -64,32 +73,52 @@ class WindowSource:
         self.encoding = encoding
         self.sensors = sensors
         self.generator = generator
+        self.gaps = gaps
         self._offsets = torch.arange(encoding.length)
 
-    def gather(self, rows: torch.Tensor, starts: torch.Tensor) -> Batch:
-        """Windows of the records ``rows`` that begin at the samples ``starts``, both int64 (batch,)."""
-        values = self.values[rows[:, None], starts[:, None] + self._offsets]
+    def gather(self, rows: torch.Tensor, starts: torch.Tensor, length: int | None = None) -> Batch:
+        """Windows of the records ``rows`` that begin at the samples ``starts``, both int64 (batch,).
+
+        They are as long as the encoding says, or ``length`` samples.
+        """
+        values = self.values[rows[:, None], starts[:, None] + self._offsets[:length]]
         time = self.begin[rows] + self.time[starts]
-        return Batch(self.encoding.encode(self.sensors(values, self.generator), time), time, self.targets[rows])
+        values = self.sensors(values, self.generator)
+        if self.gaps is not None:
+            values = self.gaps(values, self.generator)
+        return Batch(self.encoding.encode(values, time), time, self.targets[rows])
 
 
 class Sampler:
-    """The paper's sampler: a system uniformly, then a start uniformly; an epoch is as many windows as one asks for."""
+    """The paper's sampler: a system uniformly, then a start uniformly; an epoch is as many windows as one asks for.
 
-    def __init__(self, source: WindowSource, rows: np.ndarray, seed: int) -> None:
+    Where the encoding has several lengths, all windows of a batch have one of them: half of the batches have the length
+    ``main``, the others take turns by chance, long ones less often in proportion, so that each costs the same.
+    """
+
+    def __init__(self, source: WindowSource, rows: np.ndarray, seed: int, main: int | None = None) -> None:
         self.source = source
         self.rows = torch.from_numpy(np.asarray(rows, dtype=np.int64))
-        self.starts = source.values.shape[1] - source.encoding.length + 1
+        self.lengths = [*source.encoding.shorter, source.encoding.length]
+        others = [0.0 if length == main else 1.0 / length for length in self.lengths]
+        share = 0.5 if main is not None and len(self.lengths) > 1 else 0.0
+        self.odds = torch.tensor([(1 - share) * o / (sum(others) or 1.0) for o in others])
+        if main is not None:
+            self.odds[self.lengths.index(main)] = share or 1.0
         self.generator = torch.Generator().manual_seed(seed)
 
-    def indices(self, count: int) -> tuple[torch.Tensor, torch.Tensor]:
+    def indices(self, count: int, length: int | None = None) -> tuple[torch.Tensor, torch.Tensor]:
         """Rows and starts of ``count`` windows, int64 (count,) each."""
+        starts = self.source.values.shape[1] - (length or self.source.encoding.length) + 1
         which = torch.randint(len(self.rows), (count,), generator=self.generator)
-        return self.rows[which], torch.randint(self.starts, (count,), generator=self.generator)
+        return self.rows[which], torch.randint(starts, (count,), generator=self.generator)
 
     def draw(self, count: int) -> Batch:
         """A batch of ``count`` windows."""
-        return self.source.gather(*self.indices(count))
+        if len(self.lengths) == 1:
+            return self.source.gather(*self.indices(count))
+        length = self.lengths[int(torch.multinomial(self.odds, 1, generator=self.generator))]
+        return self.source.gather(*self.indices(count, length), length)
 
     def epoch(self, batch_size: int, size: int) -> Iterator[Batch]:
         """A virtual epoch: ``size`` windows in batches; the last one may be smaller."""

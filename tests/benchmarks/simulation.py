@@ -1,19 +1,26 @@
 """One simulated year: the native integrator beside ``fmpy.simulate_fmu``, in turn, on the same inputs.
 
 fmpy freezes its inputs over each output step, so both get inputs that are constant over each hour, given to fmpy as
-double knots: then it is exact, and the two must agree. Run: ``python tests/benchmarks/simulation.py [--days 365]``.
+double knots: then it is exact, and the two must agree. Then the farm's own inputs: time and accuracy, and how much of
+the time the FMU's own functions take, called as often, one after another, with nothing around them. Times are of the
+processor, not of the clock, so that others on the machine disturb them less.
+
+Run: ``python tests/benchmarks/simulation.py [--days 365]``.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import statistics
 import time
 from pathlib import Path
 
 import fmpy
 import numpy as np
+from numba import njit
 
+from datagen.foreign import foreign
 from datagen.inputs import build_inputs
 from datagen.sampling import sample_parameters
 from datagen.simulator import Simulator
@@ -21,6 +28,48 @@ from datagen.tables import Piecewise, merge
 from shared.system import load_system
 
 HERE = Path(__file__).resolve().parents[2]
+
+
+_set_time = foreign("i:pd")
+_pass = foreign("i:pppp")
+_exchange = foreign("i:ppp")
+
+
+@njit(error_model="numpy")
+def evaluate(functions, component, count, states, inputs, input_references, output_references, derivatives):
+    """Call the FMU's functions ``count`` times as an evaluation of derivatives, or of indicators, calls them."""
+    set_time, set_real, set_states, get, get_real = functions
+    out = np.empty(256)
+    for k in range(count):
+        row = k % len(states)
+        _set_time(set_time, component, 3600.0 * row)
+        _pass(set_real, component, input_references.ctypes.data, inputs.shape[1], inputs[row].ctypes.data)
+        _exchange(set_states, component, states[row].ctypes.data, states.shape[1])
+        _exchange(get, component, out.ctypes.data, derivatives)
+        if derivatives == states.shape[1]:
+            _pass(get_real, component, output_references.ctypes.data, len(output_references), out.ctypes.data)
+
+
+def seconds_inside(simulator, values, table, stop, counts):
+    """Time of the FMU's own functions alone [s], evaluated as often as in a simulation, at states it went through."""
+    system, fmu = simulator.system, simulator.fmu
+    states = simulator.run(values, table, start=0.0, stop=stop, record_states=True).states[:-1]
+    inputs = np.ascontiguousarray(table.means(np.arange(0.0, stop + 1, 3600.0)))
+    references = [fmu.variables[name].valueReference for name in system.input_names]
+    means = [fmu.variables[o.fmu_variable].valueReference for o in system.outputs if o.method == "mean"]
+    found = 0.0
+    for name, size, calls in (
+        ("fmi2GetDerivatives", fmu.n_states, counts["right_hand_sides"]),
+        ("fmi2GetEventIndicators", fmu.n_indicators, counts["indicator_calls"]),
+    ):
+        names = ("fmi2SetTime", "fmi2SetReal", "fmi2SetContinuousStates", name, "fmi2GetReal")
+        functions = tuple(fmu.interface.address(one) for one in names)
+        arrays = (states, inputs, np.array(references, dtype=np.uint32), np.array(means, dtype=np.uint32), size)
+        evaluate(functions, fmu.interface.instance, 10, *arrays)
+        began = time.process_time()
+        evaluate(functions, fmu.interface.instance, calls, *arrays)
+        found += time.process_time() - began
+    return found
 
 
 def main() -> None:
@@ -34,8 +83,8 @@ def main() -> None:
     points = [o for o in system.outputs if o.method == "point"]
     rows = [system.output_names.index(o.name) for o in points]
     edges = np.arange(0.0, stop + 1, 3600.0)
-    seconds: dict[str, list[float]] = {name: [] for name in ("native", "fmpy", "farm")}
-    errors: dict[str, list[np.ndarray]] = {"native": [], "fmpy": []}
+    seconds: dict[str, list[float]] = {name: [] for name in ("native", "fmpy", "farm", "inside")}
+    errors: dict[str, list[np.ndarray]] = {"native": [], "fmpy": [], "farm": []}
     for index in range(options.rounds):
         real = build_inputs(system, root_seed=7, index=index, start=0.0, stop=stop)
         means = real.means(edges)
@@ -48,10 +97,10 @@ def main() -> None:
         values = dict(zip(system.parameter_names, sample_parameters(system, 7, index).tolist(), strict=True))
         if index == 0:  # compile before anything is timed
             simulator.run(values, table, start=0.0, stop=7200.0)
-        began = time.perf_counter()
+        began = time.process_time()
         ours = simulator.run(values, table, start=0.0, stop=stop).outputs[rows]
-        seconds["native"].append(time.perf_counter() - began)
-        began = time.perf_counter()
+        seconds["native"].append(time.process_time() - began)
+        began = time.process_time()
         record = fmpy.simulate_fmu(
             str(system.fmu_path),
             stop_time=stop,
@@ -62,12 +111,16 @@ def main() -> None:
             relative_tolerance=system.experiment.tolerance,
             record_events=False,
         )
-        seconds["fmpy"].append(time.perf_counter() - began)
+        seconds["fmpy"].append(time.process_time() - began)
         assert len(record) == len(edges), "fmpy returned short data"
         theirs = np.stack([record[o.fmu_variable][1:] for o in points])
-        began = time.perf_counter()
-        counts = simulator.run(values, real, start=0.0, stop=stop).statistics
-        seconds["farm"].append(time.perf_counter() - began)
+        began = time.process_time()
+        farm = simulator.run(values, real, start=0.0, stop=stop)
+        seconds["farm"].append(time.process_time() - began)
+        counts = farm.statistics
+        seconds["inside"].append(seconds_inside(simulator, values, real, stop, counts))
+        tight = simulator.run(values, real, start=0.0, stop=stop, tolerance=1e-9)
+        errors["farm"].append(np.abs(farm.outputs - tight.outputs))
         reference = simulator.run(values, table, start=0.0, stop=stop, tolerance=1e-9).outputs[rows]
         errors["native"].append(np.abs(ours - reference))
         errors["fmpy"].append(np.abs(theirs - reference))
@@ -76,17 +129,28 @@ def main() -> None:
         f"{options.days} days, {options.rounds} systems, tolerance {system.experiment.tolerance:g}; errors are against"
     )
     print("the native integrator at 1e-9\n")
-    heads = " | ".join(f"{o.name} rms [{o.unit}] | {o.name} largest" for o in points)
-    print(f"| what | median time per core [s] | {heads} |")
+    print(f"| what | median processor time [s] | {heads_of(points)} |")
     print("|---|---|" + "---|---|" * len(points))
     for name, label in (("native", "native integrator"), ("fmpy", "fmpy.simulate_fmu, same inputs as double knots")):
-        all_errors = np.concatenate(errors[name], axis=1)
-        cells = " | ".join(f"{np.sqrt(np.mean(e**2)):.2g} | {e.max():.2g}" for e in all_errors)
+        cells = cells_of(np.concatenate(errors[name], axis=1))
         print(f"| {label} | {statistics.median(seconds[name]):.3f} | {cells} |")
     print(f"\nratio fmpy / native: {ratio:.1f}")
-    print(
-        f"the farm's own inputs (lines and jumps within the hour): {statistics.median(seconds['farm']):.3f} s, {counts}"
-    )
+    share = statistics.median(f / i for f, i in zip(seconds["farm"], seconds["inside"], strict=True))
+    print("\nThe farm's own inputs (lines and jumps within the hour):\n")
+    print(f"| processor time [s] | in the FMU's own functions [s] | ratio | {heads_of(system.outputs)} |")
+    print("|---|---|---|" + "---|---|" * len(system.outputs))
+    cells = cells_of(np.concatenate(errors["farm"], axis=1))
+    farm_seconds, inside = statistics.median(seconds["farm"]), statistics.median(seconds["inside"])
+    print(f"| {farm_seconds:.3f} | {inside:.3f} | {share:.2f} | {cells} |\n\n{counts}")
+    print(f"load average {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
+
+
+def heads_of(outputs):
+    return " | ".join(f"{o.name} rms [{o.unit}] | {o.name} largest" for o in outputs)
+
+
+def cells_of(errors):
+    return " | ".join(f"{np.sqrt(np.mean(e**2)):.2g} | {e.max():.2g}" for e in errors)
 
 
 if __name__ == "__main__":

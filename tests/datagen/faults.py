@@ -36,10 +36,36 @@ def farm(*words, **kinds):
     )
 
 
-def finish(process, timeout=90):
-    """Exit code and output of a process."""
-    said, _ = process.communicate(timeout=timeout)
+def finish(process, timeout=300):
+    """Exit code and output of a process; one that does not end is ended, with its group."""
+    try:
+        said, _ = process.communicate(timeout=timeout)
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+        raise
     return process.returncode, said
+
+
+def family_of(pid):
+    """All processes below a process, and itself."""
+    try:
+        process = psutil.Process(pid)
+        return [process, *process.children(recursive=True)]
+    except psutil.NoSuchProcess:
+        return []
+
+
+def alive(processes):
+    """Those that still run; a dead one that nobody has collected does not."""
+    return [one for one in processes if one.is_running() and _status(one) != psutil.STATUS_ZOMBIE]
+
+
+def _status(process):
+    try:
+        return process.status()
+    except psutil.NoSuchProcess:
+        return psutil.STATUS_ZOMBIE
 
 
 def workers_of(pid):

@@ -12,7 +12,7 @@ from datagen import mending, run, verify
 from datagen.lock import FolderLock
 from shared.errors import DatasetError, SimulationError
 from shared.store import DatasetFolder, read_manifest, write_manifest
-from tests.datagen.faults import farm, faulty, finish, hashes, kill, shards_in, wait_for, workers_of
+from tests.datagen.faults import alive, family_of, farm, faulty, finish, hashes, kill, shards_in, wait_for, workers_of
 
 pytestmark = pytest.mark.slow
 SIZE = {"systems": 12, "seed": 3, "shard_size": 2, "workers": 2, "quiet": True}
@@ -46,6 +46,7 @@ def whole(good, tmp_path_factory):
 def test_killed_and_run_again_it_is_the_same(good, whole, tmp_path, victim):
     process = farm(good, "--out", tmp_path / "ds", *WORDS)
     wait_for(lambda: len(shards_in(tmp_path / "ds")) >= 3 or process.poll() is not None)
+    family = family_of(process.pid)
     if victim == "client":
         kill(process.pid)
         finish(process)
@@ -56,18 +57,67 @@ def test_killed_and_run_again_it_is_the_same(good, whole, tmp_path, victim):
         assert "the same command goes on from there" in said, said
         assert "Traceback" not in said, said
     else:
-        for pid in workers_of(process.pid)[:1]:
-            kill(pid)
+        kill(workers_of(process.pid)[0])
     if victim == "worker":
         code, said = finish(process)
     else:
         assert len(hashes(tmp_path / "ds")) < MANY
-        wait_for(lambda: not workers_of(process.pid))
+        wait_for(lambda: not alive(family))
         code, said = finish(farm(good, "--out", tmp_path / "ds", *WORDS))
     assert code == 0, said
     assert hashes(tmp_path / "ds") == hashes(whole)
     assert verify(tmp_path / "ds") == []
     assert (tmp_path / "ds" / "failures.jsonl").read_text() == ""
+
+
+FEW = ["--systems", 4, *WORDS[2:]]
+MOMENTS = {
+    "folder": lambda out, pid: (out / "manifest.json").exists() or len(family_of(pid)) > 1,
+    "manifest": lambda out, pid: (out / "manifest.json").exists(),
+    "workers": lambda out, pid: workers_of(pid),
+    "all workers": lambda out, pid: len(workers_of(pid)) == 2,
+}
+
+
+@pytest.fixture(scope="module")
+def few(good, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("few") / "ds"
+    code, said = finish(farm(good, "--out", folder, *FEW))
+    assert code == 0, said
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("moment", "how"),
+    [
+        ("folder", signal.SIGINT),
+        ("manifest", signal.SIGKILL),
+        ("workers", signal.SIGINT),
+        ("workers", signal.SIGKILL),
+        ("all workers", signal.SIGINT),
+    ],
+)
+def test_stopped_before_its_first_shard_it_leaves_nothing_behind(good, few, tmp_path, moment, how):
+    out = tmp_path / "ds"
+    process = farm(good, "--out", out, *FEW)
+    wait_for(lambda: MOMENTS[moment](out, process.pid) or process.poll() is not None)
+    family = family_of(process.pid)
+    assert process.poll() is None
+    assert shards_in(out) == []
+    if how == signal.SIGKILL:
+        kill(process.pid)
+    else:
+        os.killpg(process.pid, signal.SIGINT)
+    code, said = finish(process)
+    assert code == (-signal.SIGKILL if how == signal.SIGKILL else 130), said
+    assert "Traceback" not in said, said
+    wait_for(lambda: not alive(family))
+    code, said = finish(farm(good, "--out", out, *FEW))
+    assert code == 0, said
+    assert hashes(out) == hashes(few)
+    assert verify(out) == []
+    assert sorted(path.name for path in out.iterdir()) == sorted(path.name for path in few.iterdir())
+    assert sorted(path.name for path in (out / "shards").iterdir()) == sorted(hashes(few))
 
 
 def test_a_second_run_on_one_folder_is_refused(good, tmp_path):

@@ -185,3 +185,12 @@ def test_an_instance_complains_after_another_one_is_gone(default_system):
     for _ in range(3):
         with pytest.raises(SimulationError, match="absSolFra"):
             old.run({"glaSys.absSolFra": 0.99}, constant_inputs(old, 3600.0), start=0.0, stop=3600.0)
+
+
+def test_inputs_that_bend_cost_no_accuracy(simulator, default_system):
+    values = dict(zip(default_system.parameter_names, sample_parameters(default_system, 7, 0).tolist(), strict=True))
+    span = {"start": 0.0, "stop": 40 * 86400.0}
+    inputs = build_inputs(default_system, root_seed=7, index=0, **span)
+    coarse, fine = (simulator.run(values, inputs, **span, tolerance=t).outputs for t in (1e-6, 1e-10))
+    room = default_system.output_names.index("TRoo")
+    assert np.sqrt(np.mean((coarse - fine)[room] ** 2)) < 3e-4  # 7e-4 where steps cross the knots of the weather

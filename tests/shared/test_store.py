@@ -159,3 +159,29 @@ def test_unknown_channel_is_a_sentence(folder):
 
 def test_time_axis_ends_at_the_record():
     assert time_axis(300.0, 12)[-1] == 3600.0
+
+
+def test_some_systems_are_read_as_they_are_among_all(folder, monkeypatch):
+    dataset = DatasetFolder(folder)
+    whole = dataset.load(["CO2"])
+    rows = np.array([1, 5, 6])  # by index: systems 1, 11 and 12
+    some = dataset.load(["CO2"], rows)
+    assert some.systems.tolist() == [1, 11, 12]
+    for name in ("values", "parameters", "systems", "splits", "seeds", "starts"):
+        np.testing.assert_array_equal(getattr(some, name), getattr(whole, name)[rows], err_msg=name)
+    opened, go = [], DatasetFolder._open
+    monkeypatch.setattr(DatasetFolder, "_open", lambda self, entry: opened.append(entry.file) or go(self, entry))
+    dataset.load(["CO2"], np.array([0, 2]))
+    assert opened == ["shard-000001.nc"]
+    bare = dataset.load([])
+    assert bare.values.shape == (7, 0, 48)
+    np.testing.assert_array_equal(bare.parameters, whole.parameters)
+
+
+def test_a_shard_with_other_systems_than_the_manifest_lists_is_named(folder):
+    path = folder / "manifest.json"
+    raw = json.loads(path.read_text())
+    raw["shards"][1]["systems"] = [0, 1, 2, 4]
+    path.write_text(json.dumps(raw))
+    with pytest.raises(DatasetError, match=r"shard-000001\.nc: damaged or incomplete \(its systems are not those"):
+        DatasetFolder(folder).load()

@@ -18,6 +18,7 @@ ESTIMATORS: dict[str, str] = {
     "patch-transformer": "trainer.models.patch_transformer:PatchTransformer",
     "lstm": "trainer.models.lstm:Lstm",
     "tcn": "trainer.models.tcn:Tcn",
+    "multiscale-transformer": "trainer.models.multiscale_transformer:MultiscaleTransformer",
     "summary-mlp": "trainer.models.summary_mlp:SummaryMlp",
     "ridge": "trainer.models.ridge:Ridge",
     "mean": "trainer.models.mean:Mean",

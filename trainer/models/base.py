@@ -40,6 +40,7 @@ class Recipe:
     batch_size: int = 16
     lr: float = 1e-3
     schedule: Literal["constant", "cosine"] = "constant"
+    optimiser: Literal["adamax", "adamw", "muon"] = "adamax"
 
 
 class Estimator(nn.Module):
@@ -48,6 +49,10 @@ class Estimator(nn.Module):
     recipe: ClassVar[Recipe] = Recipe()
     iterates: ClassVar[bool] = True
     """False where :meth:`prepare` is the whole training."""
+    reads_missing: ClassVar[bool] = False
+    """Whether outputs may be missing, not a number, in its windows."""
+    reads_shorter: ClassVar[bool] = False
+    """Whether windows may be shorter than its shape says."""
 
     def prepare(self, draw: Callable[[int], Batch], validation: Batch, windows: int) -> None:
         """See training data once, before the first step: ``draw(n)`` gives n random training windows.
@@ -71,6 +76,14 @@ class Estimator(nn.Module):
             float32 (batch, parameters).
         """
         raise NotImplementedError
+
+    def answer_and_embed(self, windows: torch.Tensor, time: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Answers, and what else the estimator makes of windows, (batch, any): a posterior is conditioned on both.
+
+        Nothing else by default. Arguments are those of :meth:`forward`.
+        """
+        answers = self(windows, time)
+        return answers, answers[:, :0]
 
 
 def initialise(module: nn.Module) -> None:

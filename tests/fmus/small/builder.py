@@ -70,6 +70,22 @@ MODELS = {
         ),
         internal=1e-3,
     ),
+    "house": Model(
+        (
+            Variable("T", "local", 18.0, rate=True, unit="degC"),
+            Variable("ro", "parameter", 7.0, "tunable", unit="K/kW"),
+            Variable("ri", "parameter", 0.6, "tunable", unit="K/kW"),
+            Variable("c", "parameter", 4.0, "tunable", unit="kWh/K"),
+            Variable("a", "parameter", 2.5, "tunable", unit="m2"),
+            Variable("q", "parameter", 0.1, "tunable", unit="kW"),
+            Variable("To", "input", 5.0, unit="degC"),
+            Variable("S", "input", 0.0, unit="kW/m2"),
+            Variable("N", "input", 0.0),
+            Variable("P", "input", 0.0, unit="kW"),
+            Variable("Y", "output", 18.0, unit="degC"),
+        ),
+        internal=60.0,
+    ),
     "feedthrough": Model(
         (
             Variable("u", "input", 0.0),

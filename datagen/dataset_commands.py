@@ -1,0 +1,91 @@
+"""The commands for datasets that are there: ``datagen info``, ``verify`` and ``merge``."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+from rich.table import Table
+
+from shared.console import FAULT, OK, new_console
+
+console = new_console()
+
+
+def info(folder: Path, *, as_json: Annotated[bool, Parameter(name="--json", negative=())] = False) -> int:
+    """Say what a dataset holds.
+
+    Parameters
+    ----------
+    folder
+        Dataset folder.
+    as_json
+        Print JSON.
+    """
+    from datagen import info as info_
+
+    found = info_(folder)
+    if as_json:
+        sys.stdout.write(json.dumps(found, indent=1) + "\n")
+        return OK
+    table = Table(box=None, show_header=False)
+    for name, value in found.items():
+        text = ", ".join(map(str, value)) if isinstance(value, list) else str(value)
+        table.add_row(name, text)
+    console.print(table)
+    return OK
+
+
+def verify(
+    folder: Path,
+    *,
+    repair: Annotated[bool, Parameter(negative=())] = False,
+    system: Path | None = None,
+    as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
+) -> int:
+    """Hold every shard of a dataset against its manifest. Exit code 1 if anything is wrong.
+
+    Parameters
+    ----------
+    folder
+        Dataset folder.
+    repair
+        Simulate damaged and missing shards again; they must come out as the manifest says.
+    system
+        System description for a repair, if the dataset was not made on this machine.
+    as_json
+        Print JSON.
+    """
+    from datagen import repair as repair_
+    from datagen import verify as verify_
+
+    mended = repair_(folder, system) if repair else []
+    faults = verify_(folder)
+    if as_json:
+        found = {"folder": str(folder), "ok": not faults, "faults": faults, **({"repaired": mended} if repair else {})}
+        sys.stdout.write(json.dumps(found, indent=1) + "\n")
+    else:
+        for file in mended:
+            console.print(f"{file}: simulated again", markup=False)
+        console.print("\n".join(faults) if faults else f"{folder}: every shard is as the manifest says", markup=False)
+    return FAULT if faults else OK
+
+
+def merge(folders: Annotated[list[Path], Parameter(consume_multiple=True, negative=())], /, *, out: Path) -> int:
+    """Join datasets of one system, made from different root seeds, into a new one.
+
+    Parameters
+    ----------
+    folders
+        Dataset folders, at least two.
+    out
+        Folder of the joint dataset; must not exist.
+    """
+    from datagen import merge as merge_
+
+    manifest = merge_(folders, out)
+    console.print(f"{len(manifest.done())} systems in {out}", markup=False)
+    return OK

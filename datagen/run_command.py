@@ -1,0 +1,118 @@
+"""The command ``datagen run``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from shared.console import FAULT, OK, new_console
+from shared.errors import ZeroshotError
+
+console = new_console()
+
+
+def run(
+    system: Path,
+    *,
+    out: Path,
+    systems: int | None = None,
+    preset: str | None = None,
+    hours: float | None = None,
+    step: float | None = None,
+    seed: int = 0,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    cluster: str = "local",
+    cluster_option: Annotated[list[str] | None, Parameter(consume_multiple=True, negative=())] = None,
+    host: str | None = None,
+    shard_size: int = 10,
+    excitation: bool = True,
+    extend: Annotated[bool, Parameter(negative=())] = False,
+    retry_failures: Annotated[bool, Parameter(negative=())] = False,
+    failure_budget: float = 0.05,
+    timeout: float = 600.0,
+    quiet: bool = False,
+) -> int:
+    """Simulate random systems into a dataset folder. Run again to resume an unfinished one.
+
+    Parameters
+    ----------
+    system
+        System description (TOML), or its folder.
+    out
+        Dataset folder; made if it does not exist.
+    systems
+        How many systems.
+    preset
+        Take systems, hours and step from this preset of the description, where they are not given here.
+    hours
+        Length of each record [h]; by default the description's.
+    step
+        Output step [s]; by default the description's.
+    seed
+        Root seed. With a system's index it decides everything about that system.
+    workers
+        Worker processes on this machine, by default one a core; with `--cluster slurm` the number of jobs.
+    scheduler
+        Address of a running Dask scheduler, in place of workers on this machine.
+    cluster
+        `local`, or `slurm` to submit the workers as jobs.
+    cluster_option
+        Of a Slurm job, as NAME=VALUE: queue, account, walltime, memory, cores, interface.
+    host
+        Address that our scheduler listens on. Loopback by default, which workers on other machines do not reach.
+    shard_size
+        Systems per file.
+    excitation
+        Add the description's small sinusoids to the control actions.
+    extend
+        Add systems to a dataset that has fewer; the shards that are there stay as they are.
+    retry_failures
+        Simulate the systems in failures.jsonl once more, each together with the others of its shard: a shard is
+        always written whole.
+    failure_budget
+        Share of the systems that may fail before the run is stopped.
+    timeout
+        Seconds that one system may take before it counts as failed.
+    quiet
+        No progress bar.
+    """
+    from datagen import run as run_
+
+    manifest = run_(
+        system,
+        out,
+        systems=systems,
+        preset=preset,
+        hours=hours,
+        step=step,
+        seed=seed,
+        workers=workers,
+        scheduler=scheduler,
+        cluster=cluster,
+        cluster_options=_options(cluster_option or []),
+        host=host,
+        shard_size=shard_size,
+        excitation=excitation,
+        extend=extend,
+        retry_failures=retry_failures,
+        failure_budget=failure_budget,
+        timeout=timeout,
+        quiet=quiet,
+    )
+    done = sum(len(entry.systems) for entry in manifest.shards)
+    if not quiet:
+        console.print(f"{done} of {manifest.systems} systems in {out}", markup=False)
+        if done < manifest.systems:
+            console.print(f"{manifest.systems - done} failed: see {out / 'failures.jsonl'}", markup=False)
+    return OK if done == manifest.systems else FAULT
+
+
+def _options(words: list[str]) -> dict[str, str]:
+    pairs = [word.partition("=") for word in words]
+    for name, sign, _ in pairs:
+        if not sign:
+            raise ZeroshotError(f"--cluster-option {name!r}; expected NAME=VALUE")
+    return {name: value for name, _, value in pairs}

@@ -1,0 +1,70 @@
+"""The command ``datagen simulate``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+from rich.table import Table
+
+from shared.assignments import assignments
+from shared.console import OK, new_console
+
+console = new_console()
+
+
+def simulate(
+    system: Path,
+    *,
+    out: Path,
+    set_: Annotated[list[str] | None, Parameter(name="--set", consume_multiple=True, negative=())] = None,
+    hours: float | None = None,
+    step: float | None = None,
+    seed: int = 0,
+    index: int = 0,
+    excitation: bool = True,
+) -> int:
+    """Simulate one system into one NetCDF file, the shape in which recordings come.
+
+    Parameters
+    ----------
+    system
+        System description (TOML), or its folder.
+    out
+        The NetCDF file to write.
+    set_
+        Parameter values as NAME=VALUE; the others are drawn as the farm would for this seed and index.
+    hours
+        Length of the record [h]; by default the description's.
+    step
+        Output step [s]; by default the description's.
+    seed
+        Root seed of what is drawn: parameters that are not set, occupancy, weather file.
+    index
+        System index of what is drawn.
+    excitation
+        Add the description's small sinusoids to the control actions.
+    """
+    from datagen import simulate as simulate_
+
+    record = simulate_(
+        system,
+        parameters=assignments(set_ or []),
+        out=out,
+        hours=hours,
+        step=step,
+        seed=seed,
+        index=index,
+        excitation=excitation,
+    )
+    table = Table("variable", "unit", "minimum", "mean", "maximum", box=None)
+    for name, values in record.data_vars.items():
+        if values.attrs.get("role") == "parameter":
+            table.add_row(str(name), values.attrs["units"], "", f"{float(values):.5g}", "")
+        elif values.attrs.get("role") == "output":
+            low, mean, high = (f"{float(f()):.5g}" for f in (values.min, values.mean, values.max))
+            table.add_row(str(name), values.attrs["units"], low, mean, high)
+    console.print(table)
+    console.print(f"written to {out}", markup=False)
+    return OK

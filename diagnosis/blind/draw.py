@@ -1,0 +1,134 @@
+"""Which recording a number stands for: stratum, effects and amplitudes, drawn by (seed, index) alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from datagen.sampling import stream
+from diagnosis.blind.truth import Form, Truth
+from diagnosis.effects import Effect, clash
+from shared.system import System
+
+Item = TypeVar("Item")
+Acts = Effect | Form
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One effect in a recording: a candidate as it is, or a form of the truth, with its amplitude [unit]."""
+
+    acts: Acts
+    amplitude: float
+
+    @property
+    def label(self) -> str:
+        """The candidate's name that is the right answer; empty if none is."""
+        return self.acts.effect if isinstance(self.acts, Form) else self.acts.name
+
+    @property
+    def form(self) -> str:
+        """The form's name; empty for a candidate as it is."""
+        return self.acts.name if isinstance(self.acts, Form) else ""
+
+
+@dataclass(frozen=True)
+class Case:
+    """What a recording is of. ``unknown_occupancy`` and ``replay`` are what the campaign could measure."""
+
+    seed: int
+    index: int
+    stratum: str
+    causes: tuple[Cause, ...]
+    unknown_occupancy: bool
+    replay: bool
+
+    def rng(self, purpose: str) -> np.random.Generator:
+        """The stream of randomness of this recording for one purpose."""
+        return stream(self.seed, self.index, f"blind.{purpose}")
+
+
+def draw_case(truth: Truth, system: System, effects: list[Effect], seed: int, index: int) -> Case:
+    """Draw one case. Strata come in shuffled blocks and causes in shuffled rounds, so that all occur about equally."""
+    order = truth.strata.order
+    block, place = divmod(index, len(order))
+    shuffled = _shuffled(order, seed, f"strata.{block}")
+    stratum = shuffled[place]
+    turn = block * order.count(stratum) + shuffled[:place].count(stratum)
+    causes = _causes(truth, effects, seed, index, stratum, turn)
+    conditions = stream(seed, index, "blind.conditions").random(2)
+    modes = set.intersection({"control", "replay"}, *(set(_modes(one.acts)) for one in causes))
+    wanted = "replay" if conditions[1] < truth.measuring.replay else "control"
+    return Case(
+        seed,
+        index,
+        stratum,
+        causes,
+        unknown_occupancy=bool(conditions[0] < truth.measuring.unknown_occupancy),
+        replay="replay" in modes and (wanted == "replay" or "control" not in modes),
+    )
+
+
+def _causes(truth: Truth, effects: list[Effect], seed: int, index: int, stratum: str, turn: int) -> tuple[Cause, ...]:
+    def pick(acts: Sequence[Acts], purpose: str) -> Acts:
+        round_, place = divmod(turn, len(acts))
+        return _shuffled(acts, seed, f"{purpose}.{round_}")[place]
+
+    other: list[Acts] = [form for form in truth.forms if form.effect]
+    chosen: list[Acts] = []
+    if stratum == "library":
+        chosen = [pick(effects, "library")]
+    elif stratum == "form":
+        chosen = [pick(other, "form")]
+    elif stratum == "outside":
+        chosen = [pick(truth.outside, "outside")]
+    elif stratum == "two":
+        first = pick(effects, "two")
+        rng = stream(seed, index, "blind.second")
+        every: list[Acts] = [*effects, *other]
+        rest = [one for one in every if _together(first, one, effects)]
+        chosen = [first, rest[int(rng.integers(len(rest)))]]
+    rng = stream(seed, index, "blind.amplitudes")
+    return tuple(Cause(acts, _amplitude(acts, truth, rng)) for acts in chosen)
+
+
+def _together(first: Acts, second: Acts, effects: list[Effect]) -> bool:
+    """Whether two causes differ, can be told as two candidates, and do not drive the same thing."""
+    names = [one.effect if isinstance(one, Form) else one.name for one in (first, second)]
+    if names[0] == names[1]:
+        return False
+    if clash([effect for effect in effects if effect.name in names]) or not set(_modes(first)) & set(_modes(second)):
+        return False
+    return not _driven(first) & _driven(second)
+
+
+def _driven(acts: Acts) -> set[str]:
+    if isinstance(acts, Form):
+        return {*acts.parameters, *acts.constants, *(one.input for one in acts.inputs if one.use == "set")}
+    return set(getattr(acts, "owns", acts.changes))
+
+
+def _modes(acts: Acts) -> list[str]:
+    if isinstance(acts, Form):
+        return list(acts.modes)
+    spec = getattr(acts, "spec", None)
+    return list(spec.modes) if spec is not None else ["control", "replay"]
+
+
+def _amplitude(acts: Acts, truth: Truth, rng: np.random.Generator) -> float:
+    """Log-uniform over the range of sizes, of either sign where both are possible."""
+    low, high = np.log(truth.amplitudes)
+    size, sign = np.exp(low + (high - low) * rng.random()), rng.random()
+    if isinstance(acts, Form):
+        return float(min(size * acts.scale, acts.limit) * (-1.0 if acts.signed and sign < 0.5 else 1.0))
+    negative = acts.lower < 0 and sign < 0.5
+    bound = -acts.lower if negative else acts.upper
+    return float(min(size * acts.scale, bound) * (-1.0 if negative else 1.0))
+
+
+def _shuffled(items: Sequence[Item], seed: int, purpose: str) -> list[Item]:
+    order = stream(seed, 0, f"blind.order.{purpose}").permutation(len(items))
+    return [items[k] for k in order]

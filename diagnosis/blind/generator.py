@@ -1,0 +1,250 @@
+"""One recording of a blind check: the true room is lived in, measured, and set beside what the model would say.
+
+Everything depends on (seed, index) alone: recordings can be made in any order by any number of processes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from datagen.inputs import build_inputs, system_weather
+from datagen.sampling import record_start, sample_parameters
+from datagen.simulator import Simulator
+from datagen.tables import InputTable, Piecewise, merge
+from diagnosis.blind.draw import Case, Cause, draw_case
+from diagnosis.blind.faults import erring, wander_path
+from diagnosis.blind.processes import Window, drive
+from diagnosis.blind.room import Lived, coarse, live
+from diagnosis.blind.truth import Driven, Fault, Form, Occupant, Truth
+from diagnosis.effects import Effect, library
+from diagnosis.recording import HOUR, Recording
+from shared.errors import SystemDescriptionError
+from shared.system import System
+
+YEAR_HOURS = 8760.0
+ROUNDS = 6
+"""How often a candidate that follows a measured output is simulated until output and effect agree."""
+
+
+@dataclass(frozen=True)
+class Made:
+    """One recording and its answer.
+
+    ``clean`` and ``base`` (outputs, steps) [unit of each]: what the sensors would show without noise, and what the
+    base model says with the true parameters, driven by what was recorded. ``case`` is the answer; ``inputs`` are those
+    that were recorded, without their errors, each (steps,).
+    """
+
+    case: Case
+    start: float
+    time: np.ndarray
+    clean: np.ndarray
+    base: np.ndarray
+    inputs: dict[str, np.ndarray]
+    parameters: dict[str, float]
+    controllers: dict[str, float]
+
+
+class Generator:
+    """Makes recordings of one system by one truth.
+
+    Raises
+    ------
+    SystemDescriptionError, FmuError
+        If truth and system do not fit each other, or their FMUs do not fit them.
+    """
+
+    def __init__(self, system: System, truth: Truth, *, hours: float) -> None:
+        latest = max(YEAR_HOURS - hours, 0.0)
+        self.system = system.with_experiment(hours=hours, start=(0.0, latest))
+        self.truth, self.hours = truth, hours
+        self.step = system.experiment.step
+        if self.step % truth.step or HOUR % truth.step or self.step < truth.step or (hours * HOUR) % HOUR:
+            raise SystemDescriptionError(
+                f"{truth.path}: step is {truth.step:g} s; expected a part of an hour and of {self.step:g} s"
+            )
+        self.true_system = truth.described(self.system)
+        self.effects = library(system)
+        self.model, self.room = Simulator(self.system), Simulator(self.true_system)
+
+    def make(self, seed: int, index: int) -> Made:
+        """Live, and compare with the base model; no noise yet."""
+        case = draw_case(self.truth, self.system, self.effects, seed, index)
+        return self.make_case(case)
+
+    def make_case(self, case: Case) -> Made:
+        """The same for a given case."""
+        start = record_start(self.system, case.seed, case.index)
+        stop = start + self.hours * HOUR
+        begin = start - self.system.experiment.warm_up_hours * HOUR
+        table = build_inputs(self.true_system, root_seed=case.seed, index=case.index, start=begin, stop=stop)
+        recorded = signals_of(table)
+        drawn = sample_parameters(self.system, case.seed, case.index).tolist()
+        parameters = dict(zip(self.system.parameter_names, drawn, strict=True))
+        controllers = self._controllers(case)
+        time = start + self.step * np.arange(1, round((stop - start) / self.step) + 1)
+        steps = _Span(begin, start, stop, time)
+
+        guess = np.zeros((len(self.system.outputs), len(time)))
+        follows = any(getattr(one.acts, "follows", frozenset()) for one in case.causes)
+        if follows:
+            guess = self._base(parameters, recorded, steps)
+        for _ in range(ROUNDS if follows else 1):
+            lived, signals = self._live({**parameters, **controllers}, case, recorded, steps, guess)
+            warm = round((start - begin) / self.truth.step)
+            shown = self._shown(case, lived, signals, warm, steps)
+            guess = 0.5 * (guess + shown)
+        for cause in case.causes:
+            if not isinstance(cause.acts, Form):
+                shown = cause.acts.outputs(cause.amplitude, shown, time)
+        replayed = self._actuators(lived, shown, warm, steps) if case.replay else None
+        base = self._base(parameters, {**recorded, **(replayed or {})}, steps, replay=case.replay)
+        return Made(case, start, time, shown, base, self._recorded(case, table, steps), parameters, controllers)
+
+    def _live(
+        self,
+        parameters: dict[str, float],
+        case: Case,
+        recorded: dict[str, Piecewise],
+        steps: _Span,
+        measured: np.ndarray,
+    ) -> tuple[Lived, dict[str, Piecewise]]:
+        """The room with all causes at work; ``measured`` is what candidates that follow an output follow."""
+        signals, values, window = dict(recorded), dict(parameters), None
+        for cause in case.causes:
+            if isinstance(cause.acts, Form):
+                form = cause.acts
+                values |= {**form.constants, **{k: v * cause.amplitude for k, v in form.parameters.items()}}
+                for k, one in enumerate(form.inputs):
+                    rng = case.rng(_purpose(form, k, one))
+                    if isinstance(one.process, Occupant):
+                        window = (one.input, one.process.room, Window(one.process, signals, rng))
+                    signals[one.input] = drive(one, cause.amplitude, signals, steps.begin, steps.stop, rng)
+            else:
+                values |= cause.acts.parameters(cause.amplitude)
+                recording = Recording(path=Path("truth"), step=self.step, time=steps.time, outputs=measured, inputs={})
+                signals = cause.acts.inputs(cause.amplitude, signals, recording)
+        lived = live(
+            self.room,
+            values,
+            signals,
+            begin=steps.begin,
+            start=steps.begin,
+            stop=steps.stop,
+            step=self.truth.step,
+            tolerance=self.truth.tolerance,
+            window=window,
+        )
+        return lived, signals
+
+    def _shown(self, case: Case, lived: Lived, signals: dict[str, Piecewise], warm: int, steps: _Span) -> np.ndarray:
+        """What the truth's own sensors show without noise, shape (outputs, steps)."""
+        outputs, time = lived.outputs[:, warm:].copy(), lived.time[warm:]
+        followed: dict[str, Any] = {name: values[warm:] for name, values in lived.states.items()} | signals
+        for cause in case.causes:
+            for k, fault in enumerate(cause.acts.faults if isinstance(cause.acts, Form) else []):
+                if fault.kind == "series" and fault.series not in followed:
+                    weather = system_weather(self.system, case.seed, case.index)
+                    followed[fault.series] = weather.signal(fault.series, steps.begin, steps.stop)
+                path = wander_path(fault, case.rng(_purpose(cause.acts, k, fault)), self.hours)
+                for name in fault.outputs:
+                    row = self.system.output_names.index(name)
+                    size = cause.amplitude * fault.amount
+                    outputs[row] = erring(fault, size, outputs[row], time, followed, path)
+        return coarse(outputs, [one.method for one in self.system.outputs], round(self.step / self.truth.step))
+
+    def _base(
+        self, parameters: dict[str, float], signals: dict[str, Piecewise], steps: _Span, replay: bool = False
+    ) -> np.ndarray:
+        """The base model, shape (outputs, steps)."""
+        table = merge({name: signals[name] for name in self.system.input_names}, steps.begin, steps.stop)
+        made = self.model.run(
+            parameters, table, start=steps.begin, stop=steps.stop, record_from=steps.start, replay=replay
+        )
+        return made.outputs
+
+    def _actuators(self, lived: Lived, shown: np.ndarray, warm: int, steps: _Span) -> dict[str, Piecewise]:
+        """The actuators as they were recorded, warm-up before them, by the inputs that replay them."""
+        ratio = round(self.step / self.truth.step)
+        before = coarse(lived.outputs[:, :warm], [one.method for one in self.system.outputs], ratio)
+        ends = np.concatenate([steps.time[0] - self.step * np.arange(before.shape[1], 0, -1), steps.time])
+        signals = {}
+        for one in self.system.inputs:
+            if one.source == "measured" and one.column in self.system.output_names:
+                row = self.system.output_names.index(one.column)
+                values = np.concatenate([before[row], shown[row]])
+                signals[one.name] = Piecewise(ends - self.step, values, "previous")
+        return signals
+
+    def _controllers(self, case: Case) -> dict[str, float]:
+        """What the true controllers have otherwise, where nobody needs to know them."""
+        if not case.replay:
+            return {}
+        rng, drawn = case.rng("controllers"), {}
+        for name, (value, low, high) in self.truth.measuring.controllers.items():
+            drawn[name] = float(value * np.exp(rng.uniform(np.log(low), np.log(high))))
+        return drawn
+
+    def _recorded(self, case: Case, table: InputTable, steps: _Span) -> dict[str, np.ndarray]:
+        """Inputs that were measured: the weather always, persons if counted, the control's own unless replayed."""
+        edges = np.concatenate([[steps.start], steps.time])
+        means, instants = table.means(edges), table.at(steps.time)
+        found = {}
+        for one in self.system.inputs:
+            column = table.names.index(one.name)
+            known = {
+                "weather": True,
+                "occupancy": not case.unknown_occupancy,
+                "schedule": not case.replay,
+                "excitation": not case.replay,
+            }.get(one.source, False)
+            if known:
+                found[one.name] = (means if one.interpolation == "previous" else instants)[:, column]
+        return found
+
+
+@dataclass(frozen=True)
+class _Span:
+    """Begin of the warm-up, start and stop of the recording [s]; ``time`` (steps,) ends of its steps [s]."""
+
+    begin: float
+    start: float
+    stop: float
+    time: np.ndarray
+
+
+def _purpose(acts: Effect | Form, place: int, one: Driven | Fault) -> str:
+    """What a stream of randomness is for: things of one key share it."""
+    key = one.key if isinstance(one, Fault) else getattr(one.process, "key", "")
+    return f"{acts.name}.{key}" if key else f"{acts.name}.{type(one).__name__}.{place}"
+
+
+def signals_of(table: InputTable) -> dict[str, Piecewise]:
+    """The inputs of a table as signals again: steps where each is level between knots, straight lines elsewhere."""
+    signals = {}
+    for k, name in enumerate(table.names):
+        left, right = table.left[:, k], table.right[:, k]
+        if (left == right).all():
+            changes = np.flatnonzero(np.diff(left)) + 1
+            keep = np.concatenate([[0], changes])
+            signals[name] = Piecewise(table.time[keep], left[keep], "previous")
+        else:
+            signals[name] = Piecewise(table.time, np.append(left, right[-1]))
+    return signals
+
+
+def describe(cause: Cause) -> dict[str, Any]:
+    """A cause for the sealed file."""
+    acts = cause.acts
+    return {
+        "effect": cause.label,
+        "form": cause.form,
+        "description": acts.description,
+        "amplitude": cause.amplitude,
+        "unit": acts.unit,
+        "scale": acts.scale,
+    }

@@ -1,0 +1,231 @@
+"""Write a blind set: a folder of recordings to publish, and beside it the sealed answers."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import secrets
+import shutil
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from diagnosis.blind.generator import Generator, Made, describe
+from diagnosis.blind.measuring import measured, published, write
+from diagnosis.blind.sealed import publish, salt_of, seal
+from diagnosis.blind.truth import default_truth, load_truth
+from shared.errors import RecordingError
+from shared.store import sha256_of, write_atomically
+from shared.system import System, load_system
+
+HOURS = 672.0
+RECORDINGS = "recordings"
+_DIGITS = 7
+"""Significant digits of the sealed series: below the sensors' floor."""
+
+Progress = Callable[[int, int], None]
+
+
+def make(
+    system: System | Path | str,
+    out: Path | str,
+    *,
+    recordings: int = 200,
+    seed: int | None = None,
+    answers: Path | str | None = None,
+    truth: Path | str | None = None,
+    hours: float = HOURS,
+    workers: int = 1,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Write recordings whose effect is sealed, and return the manifest.
+
+    Until all are made they lie with their answers beside the sealed file, in a folder with ``.part`` after its name;
+    the same call goes on from there.
+
+    Parameters
+    ----------
+    out
+        Folder of what is published: ``recordings/*.nc`` and ``manifest.json``.
+    seed
+        Decides all; drawn if not given. It is sealed with the answers: who knows it can make the set again.
+    answers
+        The sealed file; beside the folder, with ``.answers.json`` after its name, if not given.
+    truth
+        The truth's TOML; ``truth/truth.toml`` beside the system's folder if not given.
+    hours
+        Length of each recording [h].
+    workers
+        Processes. A recording depends on the seed and its number alone.
+
+    Raises
+    ------
+    RecordingError
+        If the folder or the sealed file exists, one lies in the other, or what was begun was begun otherwise.
+    SystemDescriptionError, FmuError, SimulationError
+        If system or truth cannot be used.
+    """
+    described = system if isinstance(system, System) else load_system(system)
+    where = Path(truth) if truth is not None else default_truth(described)
+    fmu = where.parent / load_truth(where, described).fmu
+    folder = Path(out)
+    sealed = Path(answers) if answers is not None else folder.with_name(f"{folder.name}.answers.json")
+    _refuse(folder, sealed)
+    if recordings < 1:
+        raise ValueError(f"recordings is {recordings}; expected at least 1")
+    about = {
+        "system_name": described.name,
+        "system_hash": described.hash(),
+        "fmu_sha256": sha256_of(described.fmu_path),
+        "step": described.experiment.step,
+        "hours": hours,
+    }
+    part = sealed.with_name(f"{sealed.name}.part")
+    begun = {**about, "recordings": recordings, "truth": sha256_of(where), "truth_fmu": sha256_of(fmu)}
+    chosen = _begin(part, begun | {"effects": [one.model_dump(mode="json") for one in described.effects]}, seed)
+    jobs = [(chosen, index, part) for index in range(recordings) if not _answer(part, index).exists()]
+    _work_off(described, where, hours, jobs, workers, lambda done: progress and progress(done, recordings), recordings)
+
+    width = max(len(str(recordings - 1)), 4)
+    (folder / RECORDINGS).mkdir(parents=True, exist_ok=True)
+    opened, listed = [], []
+    for index in range(recordings):
+        # written anew and in order: when a file was made would tell how long its simulation took
+        file = f"{RECORDINGS}/{index:0{width}}.nc"
+        write_atomically(folder / file, _recording(part, index).read_bytes())
+        os.utime(folder / file, (0, 0))
+        answer = json.loads(_answer(part, index).read_text(encoding="utf-8"))
+        conditions = {"occupancy": answer["occupancy"], "replay": answer["replay"]}
+        opened.append({"file": file, **answer})
+        listed.append({"file": file, "sha256": sha256_of(folder / file), **conditions})
+    digest = seal(sealed, {"salt": salt_of(chosen), "seed": chosen, **about, "recordings": opened})
+    manifest = {**about, "answers_sha256": digest, "recordings": listed}
+    publish(folder, manifest)
+    shutil.rmtree(part)
+    return manifest
+
+
+def _refuse(folder: Path, sealed: Path) -> None:
+    if (folder / RECORDINGS).exists() and any(folder.glob("manifest.json")):
+        raise RecordingError(f"{folder}: holds a blind set; expected a new folder")
+    if sealed.exists():
+        raise RecordingError(f"{sealed}: exists; expected a new file for the answers")
+    if folder.resolve() in sealed.resolve().parents:
+        raise RecordingError(f"{sealed}: lies in {folder}, which is published; expected another place for the answers")
+
+
+def _begin(part: Path, about: dict[str, Any], seed: int | None) -> int:
+    """The seed of a set that is begun, or of one that was begun before with the same settings."""
+    path = part / "settings.json"
+    if path.exists():
+        found = json.loads(path.read_text(encoding="utf-8"))
+        before = found.pop("seed")
+        if found != about or seed not in (None, before):
+            raise RecordingError(f"{part}: was begun with other settings; expected the same, or remove it")
+        return int(before)
+    part.mkdir(parents=True, exist_ok=True)
+    chosen = secrets.randbits(60) if seed is None else seed
+    write_atomically(path, json.dumps({**about, "seed": chosen}).encode())
+    return chosen
+
+
+def _recording(part: Path, index: int) -> Path:
+    return part / f"{index}.nc"
+
+
+def _answer(part: Path, index: int) -> Path:
+    return part / f"{index}.json"
+
+
+Job = tuple[int, int, Path]
+
+
+def _work_off(
+    system: System,
+    truth: Path,
+    hours: float,
+    jobs: list[Job],
+    workers: int,
+    tell: Callable[[int], object],
+    total: int,
+) -> None:
+    """Make what is missing."""
+    done = total - len(jobs)
+    tell(done)
+    if workers <= 1:
+        generator = Generator(system, load_truth(truth, system), hours=hours)
+        for k, job in enumerate(jobs, done + 1):
+            write_one(generator, *job)
+            tell(k)
+        return
+    context = multiprocessing.get_context("spawn")  # loading an FMU changes the folder of its process
+    with ProcessPoolExecutor(workers, context, _prepare, (system, truth, hours)) as pool:
+        futures = [pool.submit(_work, job) for job in jobs]
+        try:
+            for k, future in enumerate(as_completed(futures), done + 1):
+                future.result()
+                tell(k)
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+
+
+_generator: Generator | None = None
+
+
+def _prepare(system: System, truth: Path, hours: float) -> None:
+    global _generator
+    _generator = Generator(system, load_truth(truth, system), hours=hours)
+
+
+def _work(job: Job) -> None:
+    assert _generator is not None
+    write_one(_generator, *job)
+
+
+def write_one(generator: Generator, seed: int, index: int, part: Path) -> None:
+    """Make one recording: write it and then its answer."""
+    made = generator.make(seed, index)
+    outputs, noises = measured(made, generator.system, generator.truth)
+    write(_recording(part, index), published(made, outputs, generator.system, generator.truth))
+    write_atomically(_answer(part, index), json.dumps(answer_of(made, noises, generator.system)).encode())
+
+
+def answer_of(made: Made, noises: dict[str, dict[str, float]], system: System) -> dict[str, Any]:
+    """What is sealed of one recording.
+
+    ``verdict`` and ``effects`` are the right answer; ``gap`` is the root mean square of what the base model with the
+    true parameters misses of the noise-free record [unit of each output], and ``gap_over_noise`` that over the noise;
+    ``clean`` and ``base`` are the two series.
+    """
+    case = made.case
+    effects = [cause.label for cause in case.causes]
+    gap = np.sqrt(np.mean((made.clean - made.base) ** 2, axis=1))
+    verdict = "no_gap" if not case.causes else "effect" if all(effects) else "none_of_these"
+    sds = np.hypot([noises[o.name]["sd"] for o in system.outputs], [o.accuracy for o in system.outputs])
+    return {
+        "stratum": case.stratum,
+        "verdict": verdict,
+        "effects": [name for name in effects if name],
+        "causes": [describe(cause) for cause in case.causes],
+        "occupancy": "unknown" if case.unknown_occupancy else "measured",
+        "replay": case.replay,
+        "start": made.start,
+        "parameters": made.parameters,
+        "controllers": made.controllers,
+        "noise": noises,
+        "gap": dict(zip(system.output_names, gap.tolist(), strict=True)),
+        "gap_over_noise": dict(zip(system.output_names, (gap / sds).tolist(), strict=True)),
+        "clean": _series(system, made.clean),
+        "base": _series(system, made.base),
+    }
+
+
+def _series(system: System, values: np.ndarray) -> dict[str, list[float]]:
+    return {
+        name: [float(f"{x:.{_DIGITS}g}") for x in row] for name, row in zip(system.output_names, values, strict=True)
+    }

@@ -1,0 +1,162 @@
+"""What drives the truth: random processes of occupants, neighbours and weather, as signals.
+
+Times are seconds since time zero; every process is drawn over the whole span of the simulation, warm-up included.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from scipy.signal import lfilter
+from scipy.special import expit
+
+from datagen.tables import SNAP, Piecewise
+from diagnosis.blind.truth import Daily, Damped, Driven, Episodes, Glare, Hump, Occupant, Process, Spans, Wander
+from diagnosis.effects.shapes import joined
+from diagnosis.recording import DAY, HOUR
+
+Random = Callable[[str], np.random.Generator]
+"""The stream of randomness for a purpose."""
+
+
+def autoregressive(rng: np.random.Generator, count: int, memory: float) -> np.ndarray:
+    """A stationary AR(1) series of unit variance whose correlation falls to 1/e in ``memory`` steps, shape (count,)."""
+    phi = np.exp(-1.0 / memory)
+    white = rng.standard_normal(count)
+    white[1:] *= np.sqrt(1.0 - phi**2)
+    return np.asarray(lfilter([1.0], [1.0, -phi], white))
+
+
+def drive(
+    one: Driven, amplitude: float, signals: Mapping[str, Piecewise], start: float, stop: float, rng: np.random.Generator
+) -> Piecewise:
+    """The true input: the process in place of what is recorded, or what is recorded changed by it."""
+    made = process_signal(one.process, signals, start, stop, rng)
+    size = amplitude * one.amount
+    old = signals[one.input]
+    match one.use:
+        case "set":
+            return made
+        case "add":
+            return joined(old, made, lambda x, y: x + size * y)
+        case "gain":
+            return joined(old, made, lambda x, y: x * (1.0 + size * y))
+        case "shift":
+            times = old.times + size * made.at(old.times)
+            times, keep = np.unique(np.maximum.accumulate(times), return_index=True)
+            return Piecewise(times, old.values[keep], old.kind)
+
+
+def process_signal(
+    process: Process, signals: Mapping[str, Piecewise], start: float, stop: float, rng: np.random.Generator
+) -> Piecewise:
+    """One process over ``start`` to ``stop``; an occupant's window is closed here, and opened by the simulation."""
+    if isinstance(process, Occupant):
+        return Piecewise.constant(0.0)
+    if isinstance(process, Spans):
+        return _spans(process, start, stop, rng)
+    if isinstance(process, Episodes):
+        return _episodes(process, signals[process.presence], start, stop, rng)
+    if isinstance(process, Glare):
+        return _glare(process, signals, start, stop, rng)
+    hours = np.arange(np.floor(start / HOUR), np.ceil(stop / HOUR) + 1)
+    times = hours * HOUR
+    if isinstance(process, Wander):
+        path = process.mean + process.sd * autoregressive(rng, len(hours), process.hours)
+        return Piecewise(times, np.clip(path, process.low, process.high))
+    if isinstance(process, Daily):
+        swing = process.swing * np.cos(2 * np.pi * (hours - process.peak) / 24)
+        return Piecewise(times, process.mean + swing + process.sd * autoregressive(rng, len(hours), process.hours))
+    if isinstance(process, Hump):
+        away = (hours - process.peak + 12) % 24 - 12
+        return Piecewise(times, np.exp(-0.5 * (away / process.width) ** 2))
+    return _damped(process, signals, times)
+
+
+def _damped(process: Damped, signals: Mapping[str, Piecewise], times: np.ndarray) -> Piecewise:
+    top = signals[process.series].at(times) / process.reference if process.series else np.ones_like(times)
+    return Piecewise(times, top / (1.0 + np.maximum(signals[process.by].at(times), 0.0) / process.by_reference))
+
+
+def _steps(begins: np.ndarray, ends: np.ndarray, levels: np.ndarray, start: float) -> Piecewise:
+    """Steps to a level from each beginning to its end; where two overlap the higher level holds."""
+    order = np.argsort(begins, kind="stable")
+    begins, ends, levels = begins[order], ends[order], levels[order]
+    times = np.unique(np.concatenate([[start - DAY], begins, ends]))
+    times = times[np.diff(times, prepend=-np.inf) > SNAP]
+    values = np.zeros(len(times))
+    for begin, end, level in zip(begins, ends, levels, strict=True):
+        now = (times >= begin - SNAP) & (times < end - SNAP)
+        values[now] = np.maximum(values[now], level)
+    return Piecewise(times, values, "previous")
+
+
+def _spans(process: Spans, start: float, stop: float, rng: np.random.Generator) -> Piecewise:
+    days = np.arange(np.floor(start / DAY) - 1, np.ceil(stop / DAY))
+    begins, ends, levels = [], [], []
+    for first, last in process.hours:
+        happens = rng.random(len(days)) < process.probability
+        if process.days == "weekday":
+            happens &= days.astype(np.int64) % 7 < 5
+        begin = days * DAY + (first + process.jitter * rng.standard_normal(len(days))) * HOUR
+        length = (last - first) % 24 + process.jitter * rng.standard_normal(len(days))
+        end = begin + np.maximum(length, 0.2) * HOUR
+        level = rng.uniform(*process.level, len(days))
+        begins.append(begin[happens])
+        ends.append(end[happens])
+        levels.append(level[happens])
+    return _steps(np.concatenate(begins), np.concatenate(ends), np.concatenate(levels), start)
+
+
+def _episodes(process: Episodes, presence: Piecewise, start: float, stop: float, rng: np.random.Generator) -> Piecewise:
+    count = rng.poisson(process.rate * (stop - start) / HOUR)
+    begins = np.sort(rng.uniform(start, stop, count))
+    lengths = rng.uniform(*process.hours, count) * HOUR
+    levels = rng.uniform(*process.level, count)
+    there = presence.at(begins) > 0
+    return _steps(begins[there], begins[there] + lengths[there], levels[there], start)
+
+
+def _glare(
+    process: Glare, signals: Mapping[str, Piecewise], start: float, stop: float, rng: np.random.Generator
+) -> Piecewise:
+    times = np.arange(np.floor(start / HOUR), np.ceil(stop / HOUR)) * HOUR
+    light, persons = signals[process.series].at(times), signals[process.presence].at(times)
+    limits, stays = rng.uniform(*process.limit, len(times)), rng.random(len(times)) < process.patience
+    closed, values, opened_on = False, np.zeros(len(times)), -1.0
+    for k, time in enumerate(times):
+        day = np.floor(time / DAY)
+        if persons[k] > 0:
+            if closed and day > opened_on and light[k] < limits[k]:
+                closed, opened_on = bool(stays[k]), day  # the first look of a day decides
+            if light[k] > limits[k]:
+                closed, opened_on = True, day
+        values[k] = float(closed)
+    return Piecewise(times, values, "previous")
+
+
+class Window:
+    """An occupant's window, asked hour after hour; see :class:`diagnosis.blind.truth.Occupant`."""
+
+    def __init__(self, process: Occupant, signals: Mapping[str, Piecewise], rng: np.random.Generator) -> None:
+        self.process, self.signals, self.rng = process, signals, rng
+        self.opening, self.alone = 0.0, False
+
+    def __call__(self, time: float, room: float) -> float:
+        """The opening over the hour from ``time`` [s], at a room temperature [K]: 0 to 1."""
+        p = self.process
+        chance, size, leaves = self.rng.random(3)
+        if self.signals[p.presence].at(time) <= 0:
+            if not self.alone and leaves > p.forgets:
+                self.opening = 0.0
+            self.alone = True
+            return self.opening
+        self.alone = False
+        outdoor = float(self.signals[p.outdoor].at(time)) - 273.15
+        odds = p.offset + p.indoors * (room - 273.15) + p.outdoors * outdoor
+        if self.opening > 0 and room < p.cold:
+            self.opening = 0.0
+        elif self.opening == 0 and chance < expit(odds):
+            self.opening = 0.3 + 0.7 * size
+        return self.opening

@@ -1,0 +1,75 @@
+"""The seal: answers lie in a file of their own, and only its hash is published with the recordings."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+from shared.errors import RecordingError
+from shared.store import sha256_of, write_atomically
+
+SCHEMA = "blind-1"
+MANIFEST = "manifest.json"
+
+
+def seal(path: Path, answers: dict[str, Any]) -> str:
+    """Write the answers and return their sha256. ``answers`` has a salt, so that nobody can guess their content."""
+    write_atomically(path, (json.dumps({"schema": SCHEMA, **answers}, separators=(",", ":")) + "\n").encode())
+    return sha256_of(path)
+
+
+def salt_of(seed: int) -> str:
+    """The salt of a set: a hash that only the seed gives, so that a set can be made again byte by byte."""
+    return hashlib.sha256(f"blind salt {seed}".encode()).hexdigest()
+
+
+def publish(folder: Path, manifest: dict[str, Any]) -> None:
+    """Write the manifest of the recordings."""
+    write_atomically(folder / MANIFEST, (json.dumps({"schema": SCHEMA, **manifest}, indent=1) + "\n").encode())
+
+
+def read_manifest(folder: Path | str) -> dict[str, Any]:
+    """The manifest of a blind set.
+
+    Raises
+    ------
+    RecordingError
+        If it is missing or of another schema.
+    """
+    return _read(Path(folder) / MANIFEST, "a manifest made by `diagnosis blind make`")
+
+
+def open_answers(folder: Path | str, answers: Path | str) -> dict[str, Any]:
+    """Open the sealed answers of a blind set: only those whose hash was published, for recordings as published.
+
+    Raises
+    ------
+    RecordingError
+        If a file is missing, the answers are not those that were sealed, or a recording has changed.
+    """
+    folder, answers = Path(folder), Path(answers)
+    manifest = read_manifest(folder)
+    opened = _read(answers, "answers made by `diagnosis blind make`")
+    if sha256_of(answers) != manifest["answers_sha256"]:
+        raise RecordingError(
+            f"{answers}: sha256 is {sha256_of(answers)}; expected {manifest['answers_sha256']}, as published"
+        )
+    for one in manifest["recordings"]:
+        path = folder / one["file"]
+        if not path.exists() or sha256_of(path) != one["sha256"]:
+            raise RecordingError(f"{path}: missing or changed since it was published")
+    return opened
+
+
+def _read(path: Path, what: str) -> dict[str, Any]:
+    try:
+        raw = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise RecordingError(f"{path}: no such file; expected {what}") from None
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise RecordingError(f"{path}: not valid JSON ({error}); expected {what}") from None
+    if not isinstance(raw, dict) or raw.get("schema") != SCHEMA:
+        raise RecordingError(f"{path}: schema is not {SCHEMA!r}; expected {what}")
+    return raw

@@ -1,0 +1,11 @@
+"""The effect library: candidates for what the base model leaves out.
+
+``library(system)`` gives the effects that a system's TOML declares and those that installed packages add.
+"""
+
+from __future__ import annotations
+
+from diagnosis.effects.base import Combination, Effect, Nothing, clash
+from diagnosis.effects.library import ENTRY_POINTS, build, library
+
+__all__ = ["ENTRY_POINTS", "Combination", "Effect", "Nothing", "build", "clash", "library"]

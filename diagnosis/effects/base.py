@@ -1,0 +1,188 @@
+"""What an effect is: something that the base model leaves out, with one amplitude whose zero is the base model.
+
+An effect acts in up to three places: on parameters of the FMU, on its inputs, and on its outputs (a sensor). Which
+effects there are is said in the system's TOML (:mod:`diagnosis.effects.library`) or by a user's own Python package.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from datagen.tables import Piecewise
+from diagnosis.recording import Recording
+from shared.errors import SystemDescriptionError
+
+
+@runtime_checkable
+class Effect(Protocol):
+    """A candidate cause of the gap.
+
+    Attributes
+    ----------
+    name, description, kind
+        ``kind`` is the generic kind: ``parameter``, ``shaped``, ``input``, ``sensor``, or a user's own.
+    unit
+        Of the amplitude.
+    scale
+        Standard deviation of the amplitude that is expected before anything is measured [unit], > 0.
+    lower, upper
+        What the amplitude may be [unit]; ``lower <= 0 <= upper``. Where ``lower`` is 0, derivatives at zero are
+        one-sided.
+    changes
+        FMU parameters, inputs and (with ``output:`` before the name) outputs that the effect touches. Two effects
+        that set the same parameter or replace the same shape cannot be combined (:func:`clash`).
+    """
+
+    @property
+    def name(self) -> str:
+        """As users see it."""
+        ...
+
+    @property
+    def description(self) -> str:
+        """One sentence."""
+        ...
+
+    @property
+    def kind(self) -> str:
+        """The generic kind."""
+        ...
+
+    @property
+    def unit(self) -> str:
+        """Of the amplitude."""
+        ...
+
+    @property
+    def scale(self) -> float:
+        """Standard deviation expected of the amplitude [unit]."""
+        ...
+
+    @property
+    def lower(self) -> float:
+        """Least amplitude [unit]."""
+        ...
+
+    @property
+    def upper(self) -> float:
+        """Greatest amplitude [unit]."""
+        ...
+
+    @property
+    def changes(self) -> frozenset[str]:
+        """What the effect touches."""
+        ...
+
+    def obstacle(self, recording: Recording, *, replay: bool) -> str:
+        """Why the effect cannot be tried on this recording, in one clause; empty if it can.
+
+        ``replay``: whether measured actuators replace the control loops.
+        """
+        ...
+
+    def parameters(self, amplitude: float) -> dict[str, float]:
+        """FMU parameters to set, by name [unit of each]; empty at zero."""
+        ...
+
+    def inputs(self, amplitude: float, inputs: dict[str, Piecewise], recording: Recording) -> dict[str, Piecewise]:
+        """All inputs with the changed and additional ones replaced; ``inputs`` itself, unchanged, at zero.
+
+        ``inputs`` may begin before the recording (warm-up); what they return spans at least the same time.
+        """
+        ...
+
+    def outputs(self, amplitude: float, outputs: np.ndarray, time: np.ndarray) -> np.ndarray:
+        """What the sensors show, shape (outputs, steps) [unit of each output]; ``outputs`` itself at zero.
+
+        ``time`` (steps,) are the ends of the recording's steps [s]; drifts are counted from the first.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Nothing:
+    """An effect that acts nowhere, whatever its amplitude: the base of the others."""
+
+    name: str
+    unit: str = "1"
+    scale: float = 1.0
+    lower: float = -np.inf
+    upper: float = np.inf
+    description: str = ""
+    kind: str = "nothing"
+
+    @property
+    def changes(self) -> frozenset[str]:
+        """Nothing."""
+        return frozenset()
+
+    def obstacle(self, recording: Recording, *, replay: bool) -> str:
+        """None."""
+        return ""
+
+    def parameters(self, amplitude: float) -> dict[str, float]:
+        """No parameter."""
+        return {}
+
+    def inputs(self, amplitude: float, inputs: dict[str, Piecewise], recording: Recording) -> dict[str, Piecewise]:
+        """The inputs as they are."""
+        return inputs
+
+    def outputs(self, amplitude: float, outputs: np.ndarray, time: np.ndarray) -> np.ndarray:
+        """The outputs as they are."""
+        return outputs
+
+
+def clash(effects: Sequence[Effect]) -> str:
+    """What several effects would both set, so that they cannot act together; empty if they can.
+
+    Inputs that effects change one after another, and sensors in series, are no clash; a parameter of the FMU has one
+    value, and a shape is one effect's own. Both are in ``owns`` of the kinds of this package; of others, all that
+    they change counts.
+    """
+    taken: dict[str, str] = {}
+    for effect in effects:
+        for what in sorted(getattr(effect, "owns", effect.changes)):
+            if what in taken:
+                return f"{taken[what]} and {effect.name} both set {what}"
+            taken[what] = effect.name
+    return ""
+
+
+@dataclass(frozen=True)
+class Combination:
+    """Several effects at once, each with its amplitude: their parameters together, their inputs and outputs in turn.
+
+    Raises
+    ------
+    SystemDescriptionError
+        If two of them set the same thing.
+    """
+
+    effects: tuple[Effect, ...] = ()
+
+    def __post_init__(self) -> None:
+        if why := clash(self.effects):
+            raise SystemDescriptionError(f"effects: {why}; expected effects that can act together")
+
+    def parameters(self, amplitudes: Sequence[float]) -> dict[str, float]:
+        """FMU parameters to set [unit of each]."""
+        return {k: v for e, a in zip(self.effects, amplitudes, strict=True) for k, v in e.parameters(a).items()}
+
+    def inputs(
+        self, amplitudes: Sequence[float], inputs: dict[str, Piecewise], recording: Recording
+    ) -> dict[str, Piecewise]:
+        """All inputs after all effects."""
+        for effect, amplitude in zip(self.effects, amplitudes, strict=True):
+            inputs = effect.inputs(amplitude, inputs, recording)
+        return inputs
+
+    def outputs(self, amplitudes: Sequence[float], outputs: np.ndarray, time: np.ndarray) -> np.ndarray:
+        """What the sensors show after all effects, shape (outputs, steps)."""
+        for effect, amplitude in zip(self.effects, amplitudes, strict=True):
+            outputs = effect.outputs(amplitude, outputs, time)
+        return outputs

@@ -1,0 +1,246 @@
+"""The generic kinds of effects: what the system's TOML declares, made to act. None knows a variable's name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import lfilter
+
+from datagen.tables import Piecewise
+from diagnosis.effects.shapes import joined, shape_signal
+from diagnosis.recording import DAY, Recording
+from shared.effects import DiurnalShape, InputEffect, ParameterEffect, SensorEffect, Shape, ShapedEffect, TimetableShape
+
+Declared = ParameterEffect | ShapedEffect | InputEffect | SensorEffect
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """An effect that was declared; ``input_names`` and ``output_names`` are the system's, in its order."""
+
+    spec: Declared
+    input_names: tuple[str, ...]
+    output_names: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """As declared."""
+        return self.spec.name
+
+    @property
+    def description(self) -> str:
+        """As declared."""
+        return self.spec.description
+
+    @property
+    def kind(self) -> str:
+        """As declared."""
+        return self.spec.kind
+
+    @property
+    def unit(self) -> str:
+        """Of the amplitude."""
+        return self.spec.unit
+
+    @property
+    def scale(self) -> float:
+        """Standard deviation expected of the amplitude [unit]."""
+        return self.spec.scale
+
+    @property
+    def lower(self) -> float:
+        """Least amplitude [unit]."""
+        return self.spec.lower
+
+    @property
+    def upper(self) -> float:
+        """Greatest amplitude [unit]."""
+        return self.spec.upper
+
+    @property
+    def owns(self) -> frozenset[str]:
+        """What no other effect may set at the same time."""
+        return frozenset()
+
+    @property
+    def changes(self) -> frozenset[str]:
+        """What the effect touches."""
+        return self.owns
+
+    @property
+    def follows(self) -> frozenset[str]:
+        """Measured outputs that the effect's shapes follow: without them it has no meaning."""
+        shapes = [shape for shape in self._shapes() if not isinstance(shape, TimetableShape | DiurnalShape)]
+        return frozenset(shape.series for shape in shapes) & frozenset(self.output_names)
+
+    def obstacle(self, recording: Recording, *, replay: bool) -> str:
+        """Why the effect cannot be tried on this recording, in one clause; empty if it can."""
+        if ("replay" if replay else "control") not in self.spec.modes:
+            return "measured actuators leave it no way to act" if replay else "it acts in replay only"
+        for name in sorted(self.follows):
+            if not np.isfinite(recording.outputs[self.output_names.index(name)]).any():
+                return f"{name} was not measured"
+        return ""
+
+    def parameters(self, amplitude: float) -> dict[str, float]:
+        """No parameter."""
+        return {}
+
+    def inputs(self, amplitude: float, inputs: dict[str, Piecewise], recording: Recording) -> dict[str, Piecewise]:
+        """The inputs as they are."""
+        return inputs
+
+    def outputs(self, amplitude: float, outputs: np.ndarray, time: np.ndarray) -> np.ndarray:
+        """The outputs as they are."""
+        return outputs
+
+    def _shapes(self) -> list[Shape]:
+        return []
+
+
+@dataclass(frozen=True)
+class FmuParameters(_Kind):
+    """Parameters of the FMU, each linear in the amplitude."""
+
+    spec: ParameterEffect | ShapedEffect
+
+    @property
+    def owns(self) -> frozenset[str]:
+        """Its parameters."""
+        return frozenset({*self.spec.parameters, *self.spec.constants})
+
+    def parameters(self, amplitude: float) -> dict[str, float]:
+        """``base`` + amplitude * ``parameters``, and the constants [unit of each]; empty at zero."""
+        if amplitude == 0:
+            return {}
+        base = self.spec.base if isinstance(self.spec, ParameterEffect) else {}
+        moved = {name: base.get(name, 0.0) + amplitude * each for name, each in self.spec.parameters.items()}
+        return {**self.spec.constants, **moved}
+
+
+@dataclass(frozen=True)
+class Shaped(FmuParameters):
+    """Parameters of the FMU, and an input of the FMU that says when they act."""
+
+    spec: ShapedEffect
+
+    @property
+    def owns(self) -> frozenset[str]:
+        """Its parameters and its shape's input."""
+        return super().owns | {self.spec.input}
+
+    def inputs(self, amplitude: float, inputs: dict[str, Piecewise], recording: Recording) -> dict[str, Piecewise]:
+        """The inputs with the shape in place of its input."""
+        if amplitude == 0:
+            return inputs
+        return {**inputs, self.spec.input: shape_signal(self.spec.shape, inputs, recording, self.output_names)}
+
+    def _shapes(self) -> list[Shape]:
+        return self.spec.shape
+
+
+@dataclass(frozen=True)
+class ChangedInput(_Kind):
+    """An input that is not what was recorded or scheduled."""
+
+    spec: InputEffect
+
+    @property
+    def changes(self) -> frozenset[str]:
+        """Its input."""
+        return frozenset({self.spec.input})
+
+    def inputs(self, amplitude: float, inputs: dict[str, Piecewise], recording: Recording) -> dict[str, Piecewise]:
+        """The inputs with the changed one in its place."""
+        if amplitude == 0:
+            return inputs
+        old, size = inputs[self.spec.input], amplitude * self.spec.factor
+        if self.spec.operation == "shift":
+            new = Piecewise(old.times + size, old.values, old.kind)
+        else:
+            shape = shape_signal(self.spec.shape, inputs, recording, self.output_names)
+            adds = self.spec.operation == "add"
+            new = joined(old, shape, (lambda x, y: x + size * y) if adds else (lambda x, y: x * (1.0 + size * y)))
+        return {**inputs, self.spec.input: new}
+
+    def _shapes(self) -> list[Shape]:
+        return self.spec.shape
+
+
+@dataclass(frozen=True)
+class Sensor(_Kind):
+    """A sensor that does not show what is there."""
+
+    spec: SensorEffect
+
+    @property
+    def changes(self) -> frozenset[str]:
+        """Its outputs, and the inputs that carry or follow its readings."""
+        outputs = {f"output:{name}" for name in self.spec.outputs}
+        return frozenset(outputs | {*self.spec.fed_back, *self.spec.replayed.values()})
+
+    def obstacle(self, recording: Recording, *, replay: bool) -> str:
+        """Why the effect cannot be tried on this recording: no channel of it was measured."""
+        seen = [np.isfinite(recording.outputs[k]).any() for k in self._rows()]
+        return super().obstacle(recording, replay=replay) or (
+            "" if any(seen) else f"{', '.join(self.spec.outputs)} was not measured"
+        )
+
+    def inputs(self, amplitude: float, inputs: dict[str, Piecewise], recording: Recording) -> dict[str, Piecewise]:
+        """Inputs that follow the sensor's reading: the controller's set point, and the actuator that is replayed."""
+        size = amplitude * self.spec.factor
+        if size == 0:
+            return inputs
+        changed = {}
+        for name in self.spec.fed_back:
+            changed[name] = Piecewise(inputs[name].times, inputs[name].values - size, inputs[name].kind)
+        for name in self.spec.replayed.values():
+            read = inputs[name]
+            match self.spec.operation:
+                case "bias":
+                    changed[name] = Piecewise(read.times, read.values - size, read.kind)
+                case "gain":
+                    true = (read.values + size * self.spec.about) / (1.0 + size)
+                    changed[name] = Piecewise(read.times, true, read.kind)
+                case "shift":
+                    changed[name] = Piecewise(read.times + size, read.values, read.kind)
+        return {**inputs, **changed}
+
+    def outputs(self, amplitude: float, outputs: np.ndarray, time: np.ndarray) -> np.ndarray:
+        """What the sensors show, shape (outputs, steps) [unit of each output]."""
+        size = amplitude * self.spec.factor
+        if size == 0:
+            return outputs
+        shown, rows = np.array(outputs, dtype=float), self._rows()
+        for k in rows:
+            shown[k] = self._reading(size, shown[k], time)
+        return shown
+
+    def _reading(self, size: float, y: np.ndarray, time: np.ndarray) -> np.ndarray:
+        match self.spec.operation:
+            case "bias":
+                return y + size
+            case "gain":
+                return y + size * (y - self.spec.about)
+            case "drift":
+                return y + size * (time - time[0]) / (30 * DAY)
+            case "shift":
+                return np.interp(time + size, time, y)
+            case "lag":
+                return lagged(y, size, float(time[1] - time[0]))
+
+    def _rows(self) -> list[int]:
+        return [self.output_names.index(name) for name in self.spec.outputs]
+
+
+def lagged(y: np.ndarray, constant: float, step: float) -> np.ndarray:
+    """First-order lag of samples ``y`` (steps,) at ``step`` [s] with a time constant [s] > 0, at rest at the start.
+
+    Exact for a signal of straight lines between the samples (first-order hold): over one step
+    z1 = a z0 + (b - a) y0 + (1 - b) y1 with a = exp(-step / constant), b = (1 - a) constant / step.
+    """
+    a = np.exp(-step / constant)
+    b = (1.0 - a) * constant / step
+    shown, _ = lfilter([1.0 - b, b - a], [1.0, -a], y - y[0], zi=np.zeros(1))
+    return np.asarray(shown + y[0])

@@ -1,0 +1,94 @@
+"""Which effects there are: those of the system's TOML, and those of installed packages.
+
+A package adds its own through the entry point group :data:`ENTRY_POINTS`: each entry is a function that gets the
+system and returns effects (:class:`diagnosis.effects.base.Effect`)::
+
+    [project.entry-points."zeroshot_fmu.effects"]
+    mine = "my_package:effects"
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.metadata import EntryPoint, entry_points
+
+from diagnosis.effects.base import Effect
+from diagnosis.effects.kinds import ChangedInput, Declared, FmuParameters, Sensor, Shaped
+from shared.effects import DiurnalShape, InputEffect, ParameterEffect, SensorEffect, Shape, ShapedEffect, TimetableShape
+from shared.errors import SystemDescriptionError
+from shared.system import System
+
+ENTRY_POINTS = "zeroshot_fmu.effects"
+
+
+def library(system: System, *, names: Sequence[str] | None = None) -> list[Effect]:
+    """All effects for a system, or those of ``names`` in that order.
+
+    Raises
+    ------
+    SystemDescriptionError
+        If an effect names what the system does not have, two have one name, or a package's effect is none.
+    """
+    found = [build(spec, system) for spec in system.effects]
+    for entry in entry_points(group=ENTRY_POINTS):
+        found += _loaded(entry, system)
+    by_name: dict[str, Effect] = {}
+    for effect in found:
+        if effect.name in by_name:
+            raise SystemDescriptionError(f"{system.path}: effects: {effect.name!r} is declared twice")
+        by_name[effect.name] = effect
+    if names is None:
+        return found
+    for name in names:
+        if name not in by_name:
+            raise SystemDescriptionError(
+                f"{system.path}: {name!r} is not an effect; found {', '.join(by_name) or 'none'}"
+            )
+    return [by_name[name] for name in names]
+
+
+def build(spec: Declared, system: System) -> Effect:
+    """The effect of one declaration, held against the system's names.
+
+    Raises
+    ------
+    SystemDescriptionError
+        If it names an input, an output or a series that the system does not have.
+    """
+    inputs, outputs = tuple(system.input_names), tuple(system.output_names)
+    where = f"{system.path}: effects {spec.name!r}"
+
+    def known(name: str, kinds: Sequence[str], what: str) -> None:
+        if name not in kinds:
+            raise SystemDescriptionError(f"{where}: {name!r} is not {what}; found {', '.join(kinds) or 'none'}")
+
+    shapes: list[Shape] = []
+    if isinstance(spec, ParameterEffect | ShapedEffect):
+        for name in {*spec.parameters, *spec.constants} & set(system.parameter_names):
+            raise SystemDescriptionError(f"{where}: {name!r} is an estimated parameter; expected another one")
+    if isinstance(spec, ShapedEffect | InputEffect):
+        known(spec.input, inputs, "an input")
+        shapes = spec.shape
+    if isinstance(spec, SensorEffect):
+        for name in spec.outputs:
+            known(name, outputs, "an output")
+        for name in [*spec.fed_back, *spec.replayed.values()]:
+            known(name, inputs, "an input")
+    for shape in shapes:
+        if not isinstance(shape, TimetableShape | DiurnalShape):
+            known(shape.series, inputs + outputs, "an input or output")
+    kind = {"parameter": FmuParameters, "shaped": Shaped, "input": ChangedInput, "sensor": Sensor}[spec.kind]
+    return kind(spec, inputs, outputs)
+
+
+def _loaded(entry: EntryPoint, system: System) -> list[Effect]:
+    """The effects of one installed package."""
+    where = f"entry point {entry.name!r} of {ENTRY_POINTS} ({entry.value})"
+    try:
+        effects = list(entry.load()(system))
+    except Exception as error:  # a stranger's code: whatever it raises, the user must learn whose it is
+        raise SystemDescriptionError(f"{where}: fails with {type(error).__name__}: {error}") from error
+    for effect in effects:
+        if not isinstance(effect, Effect):
+            raise SystemDescriptionError(f"{where}: gives a {type(effect).__name__}; expected effects")
+    return effects

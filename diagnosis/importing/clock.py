@@ -1,0 +1,208 @@
+"""Time stamps: from what loggers write to seconds on the building's own clock without daylight saving.
+
+A recording keeps **local standard time**: every day has 24 hours and the sun keeps its place in them. Its time runs
+from a Monday 00:00 near 1 January of the year in which it begins, so that a remainder gives time of day and day of
+week as for simulated years (time zero of those is Monday 1 January 2001), the season is right within three days, and
+the numbers stay small. The date of that Monday is in the units of the file's time: the calendar is not lost.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from datetime import UTC, date, datetime, timedelta, timezone, tzinfo
+from difflib import get_close_matches
+from zoneinfo import ZoneInfo, available_timezones
+
+import numpy as np
+import pandas as pd
+
+from diagnosis.importing.mapping import Time
+from shared.errors import RecordingError
+
+_OFFSET = re.compile(r"([+-])(\d{2}):?(\d{2})$")
+_STAMPED = r"(?:[Zz]|[+-]\d{2}:?\d{2}|[+-]\d{2})$"
+
+
+@dataclass(frozen=True)
+class Clock:
+    """The building's clock.
+
+    Attributes
+    ----------
+    zone
+        As the mapping names it.
+    offset
+        Local standard time minus UTC [s].
+    zero
+        The Monday from whose 00:00 local standard time the recording's time runs.
+    """
+
+    zone: str
+    offset: float
+    zero: date
+
+    @property
+    def units(self) -> str:
+        """CF units of the recording's time."""
+        return f"seconds since {self.zero.isoformat()} 00:00:00"
+
+    def seconds(self, utc: np.ndarray) -> np.ndarray:
+        """UTC [s since 1970] to the recording's time [s since ``zero``], same shape."""
+        return np.asarray(utc, dtype=np.float64) + self.offset - _epoch(self.zero)
+
+    def utc(self, seconds: np.ndarray) -> np.ndarray:
+        """The recording's time [s] to UTC [s since 1970], same shape."""
+        return np.asarray(seconds, dtype=np.float64) - self.offset + _epoch(self.zero)
+
+    def dates(self, seconds: np.ndarray) -> np.ndarray:
+        """The recording's time [s] as dates of local standard time, datetime64[s]."""
+        whole = np.round(np.asarray(seconds, dtype=np.float64)).astype("int64")
+        return np.asarray(np.datetime64(self.zero.isoformat(), "s") + whole.astype("timedelta64[s]"))
+
+    def text(self, seconds: float) -> str:
+        """A time as people read it."""
+        return str(self.dates(np.array([seconds]))[0]).replace("T", " ")[:16]
+
+
+def _epoch(day: date) -> float:
+    return datetime(day.year, day.month, day.day, tzinfo=UTC).timestamp()
+
+
+def find_zone(name: str, where: str) -> tzinfo:
+    """A time zone by its IANA name, ``UTC``, or a fixed offset such as ``+01:00``.
+
+    Raises
+    ------
+    RecordingError
+        If there is none of that name; similar ones are named.
+    """
+    fixed = _OFFSET.fullmatch(name)
+    if fixed and int(fixed[2]) < 24 and int(fixed[3]) < 60:
+        sign = -1 if fixed[1] == "-" else 1
+        return timezone(sign * timedelta(hours=int(fixed[2]), minutes=int(fixed[3])))
+    if name.upper() in ("UTC", "Z", "GMT"):
+        return UTC
+    try:
+        return ZoneInfo(name)
+    except (KeyError, ValueError, OSError):
+        near = get_close_matches(name, sorted(available_timezones()), n=3, cutoff=0.5)
+        hint = f"; did you mean {' or '.join(near)}?" if near else ""
+        raise RecordingError(
+            f"{where}: zone is {name!r}; expected an IANA name such as 'Europe/Amsterdam', 'UTC', or an offset such as "
+            f"'+01:00'{hint}"
+        ) from None
+
+
+def standard_offset(zone: tzinfo, utc: float) -> float:
+    """Standard time minus UTC [s] in the year of ``utc`` [s since 1970]: the smallest offset of its months.
+
+    Not ``utcoffset - dst``: zones whose law calls winter time the daylight saving (Ireland) say otherwise there.
+    """
+    year = datetime.fromtimestamp(utc, UTC).year
+    offsets = [datetime(year, month, 15, 12, tzinfo=UTC).astimezone(zone).utcoffset() for month in range(1, 13)]
+    return min(one.total_seconds() for one in offsets if one is not None)
+
+
+def time_zero(day: date) -> date:
+    """The Monday nearest to 1 January of a day's year."""
+    first = date(day.year, 1, 1)
+    after = -first.weekday() % 7
+    return first + timedelta(days=after if after <= 3 else after - 7)
+
+
+def make_clock(name: str, zone: tzinfo, first: float) -> Clock:
+    """The clock of a recording whose first reading is at ``first`` [s since 1970, UTC]."""
+    offset = standard_offset(zone, first)
+    local = datetime.fromtimestamp(first, UTC) + timedelta(seconds=offset)
+    return Clock(name, offset, time_zero(local.date()))
+
+
+def read_stamps(texts: pd.Series, settings: Time, where: str) -> tuple[np.ndarray, list[str]]:
+    """Time stamps to UTC [s since 1970], shape (rows,), and sentences on how they were understood.
+
+    Stamps with an offset or a Z mean what they say. Stamps without are of the zone's wall clock; the hour that the end
+    of daylight saving repeats is its first pass until the clock goes back, and its second from there on.
+
+    Raises
+    ------
+    RecordingError
+        If stamps cannot be read, lie in the hour that daylight saving skips, or run backwards.
+    """
+    zone = find_zone(settings.zone, where)
+    texts = texts.str.strip()
+    empty = texts.isna() | (texts == "")
+    if empty.any():
+        raise RecordingError(f"{where}: row {int(np.flatnonzero(empty)[0]) + 1} has no time stamp; expected one a row")
+    notes: list[str] = []
+    if settings.format == "unix":
+        utc = pd.to_numeric(texts, errors="coerce").to_numpy(dtype=np.float64)
+        _all_read(~np.isfinite(utc), texts, settings, where)
+    else:
+        stamped = texts.str.contains(_STAMPED, regex=True) & texts.str.contains(":", regex=False)
+        if stamped.any() and not stamped.all():
+            odd = int(np.flatnonzero(~stamped)[0])
+            raise RecordingError(
+                f"{where}: row {odd + 1} ({texts.iloc[odd]!r}) has no offset from UTC but others have; "
+                "expected all or none"
+            )
+        aware = bool(stamped.all())
+        parsed = pd.to_datetime(texts, format=settings.format, errors="coerce", utc=aware)
+        _all_read(parsed.isna().to_numpy(), texts, settings, where)
+        if aware:
+            utc = _seconds(pd.DatetimeIndex(parsed))
+        else:
+            utc, notes = _of_wall_clock(pd.DatetimeIndex(parsed), zone, settings.zone, where)
+    back = np.flatnonzero(np.diff(utc) < 0)
+    if back.size:
+        k = int(back[0])
+        raise RecordingError(
+            f"{where}: time runs backwards from row {k + 1} ({texts.iloc[k]!r}) to row {k + 2} ({texts.iloc[k + 1]!r}) "
+            f"in {back.size} place(s); expected rows in the order of time"
+        )
+    return utc, notes
+
+
+def _seconds(index: pd.DatetimeIndex) -> np.ndarray:
+    """Aware or naive stamps as they read [s since 1970]."""
+    naive = index.tz_convert("UTC").tz_localize(None) if index.tz is not None else index
+    return np.asarray((naive - pd.Timestamp(0)) / pd.Timedelta(seconds=1), dtype=np.float64)
+
+
+def _all_read(bad: np.ndarray, texts: pd.Series, settings: Time, where: str) -> None:
+    if bad.any():
+        k = int(np.flatnonzero(bad)[0])
+        raise RecordingError(
+            f"{where}: row {k + 1} ({texts.iloc[k]!r}) is not a time of format {settings.format!r}; expected "
+            "ISO 8601 as 2022-10-30 02:15:00+01:00, or time.format set to 'unix' or for example '%d/%m/%Y %H:%M'"
+        )
+
+
+def _of_wall_clock(stamps: pd.DatetimeIndex, zone: tzinfo, name: str, where: str) -> tuple[np.ndarray, list[str]]:
+    first = stamps.tz_localize(zone, ambiguous=np.ones(len(stamps), dtype=bool), nonexistent="NaT")
+    second = stamps.tz_localize(zone, ambiguous=np.zeros(len(stamps), dtype=bool), nonexistent="NaT")
+    lost = np.flatnonzero(first.isna())
+    if lost.size:
+        raise RecordingError(
+            f"{where}: {stamps[lost[0]]} does not exist in {name}, where daylight saving skips it; if the logger keeps "
+            "standard time all year, expected zone as an offset such as '+01:00'"
+        )
+    early, late, wall = _seconds(first), _seconds(second), _seconds(stamps)
+    repeated = early != late
+    utc = early.copy()
+    passed = False
+    for k in np.flatnonzero(repeated):
+        if k == 0 or not repeated[k - 1]:
+            passed = False
+        elif wall[k] <= wall[k - 1]:
+            passed = True
+        if passed:
+            utc[k] = late[k]
+    notes = []
+    if repeated.any():
+        again = int((utc != early).sum())
+        notes.append(
+            f"{int(repeated.sum())} stamps fall in the hour that the end of daylight saving repeats: "
+            f"{again} of them, from where the clock goes back, are of its second pass"
+        )
+    return utc, notes

@@ -1,0 +1,230 @@
+"""``import_recording``: a mapping and a CSV of measurements become a recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from diagnosis.importing.clock import Clock, find_zone, make_clock
+from diagnosis.importing.composing import Composer
+from diagnosis.importing.filling import longest_whole
+from diagnosis.importing.mapping import Mapping, load_mapping
+from diagnosis.importing.picture import draw_recording
+from diagnosis.importing.quality import ASSUMED, COMPUTED, IMPOSSIBLE, INTERPOLATED, PARTLY, STUCK
+from diagnosis.importing.reading import Measurements, read_measurements
+from diagnosis.importing.report import Comparison, ImportReport, VariableReport
+from diagnosis.importing.series import Series
+from diagnosis.importing.writing import build_recording, write_recording
+from shared.errors import RecordingError
+from shared.store import sha256_of
+from shared.system import System, load_system
+
+DAY = 86400.0
+_MOST_STEPS = 5_000_000
+
+
+def import_recording(
+    mapping: Path | str,
+    data: Path | str,
+    *,
+    out: Path | str,
+    system: System | Path | str | None = None,
+) -> ImportReport:
+    """Turn a CSV of measurements into a recording (NetCDF) and draw it.
+
+    Parameters
+    ----------
+    mapping
+        Column mapping (TOML): see :mod:`diagnosis.importing.mapping`.
+    data
+        The measurements (CSV).
+    out
+        The recording; its picture lies next to it, ending in ``.png``.
+    system
+        System description; by default the one that the mapping names.
+
+    Returns
+    -------
+    ImportReport
+        What was understood, and what could not be used.
+
+    Raises
+    ------
+    RecordingError
+        If mapping or measurements cannot be used. Nothing has been written then.
+    SystemDescriptionError
+        If the system description cannot be used.
+    """
+    settings = load_mapping(mapping)
+    described = _system(settings, system)
+    out = Path(out)
+    if out.suffix != ".nc":
+        raise RecordingError(f"{out}: ending is {out.suffix!r}; expected .nc")
+    measurements = read_measurements(Path(data), settings)
+    length = float(measurements.utc[-1] - measurements.utc[0])
+    interval = float(np.median(np.diff(measurements.utc)))
+    if length + interval < DAY:
+        raise RecordingError(f"{data}: spans {length / 3600:.3g} h; expected at least a day")
+    clock = make_clock(settings.time.zone, find_zone(settings.time.zone, str(settings.path)), measurements.utc[0])
+    composer = _composer(described, settings, measurements, clock)
+    series, missing = _series(composer)
+    composer.check_sun()
+    first, last = _stretch(composer, series)
+    for one in series:
+        one.cut(first, last)
+    time = composer.edges[first + 1 : last + 1]
+    attributes = {
+        "source": settings.source or str(Path(data).name),
+        "source_file": Path(data).name,
+        "source_sha256": sha256_of(Path(data)),
+        "comment": settings.description,
+    }
+    dataset = build_recording(series, time, clock, described, attributes)
+    begin, end = clock.text(time[0] - composer.step), clock.text(time[-1])
+    picture = draw_recording(series, time, clock, f"{out.name}: {begin} to {end}, steps of {composer.step:g} s")
+    write_recording(dataset, out, picture, out.with_suffix(".png"))
+    return ImportReport(
+        recording=str(out),
+        picture=str(out.with_suffix(".png")),
+        data=str(data),
+        system=str(described.path),
+        rows=len(measurements.utc),
+        interval=interval,
+        zone=settings.time.zone,
+        utc_offset=clock.offset / 3600.0,
+        time_zero=clock.zero.isoformat(),
+        begin=begin,
+        end=end,
+        step=composer.step,
+        steps=len(time),
+        variables=[_about(one) for one in series],
+        comparisons=[found for one in series if (found := _compare(one)) is not None],
+        not_recorded=missing,
+        unused_columns=[str(name) for name in measurements.columns if name not in composer.used],
+        notes=[*measurements.notes, *composer.notes],
+    )
+
+
+def _system(mapping: Mapping, given: System | Path | str | None) -> System:
+    if isinstance(given, System):
+        return given
+    if given is None and mapping.system is None:
+        raise RecordingError(f"{mapping.path}: system is missing; expected the system description that is measured")
+    system = load_system(given if given is not None else mapping.path.parent / str(mapping.system))
+    known = [*system.output_names, *system.input_names]
+    for name in mapping.variables:
+        if name not in known:
+            raise RecordingError(
+                f"{mapping.path}: variables: {name!r} is neither output nor input of {system.name}; "
+                f"found {', '.join(known)}"
+            )
+    if not any(name in mapping.variables for name in system.output_names):
+        raise RecordingError(
+            f"{mapping.path}: variables: no output of {system.name} is mapped; expected one of "
+            f"{', '.join(system.output_names)}"
+        )
+    return system
+
+
+def _composer(system: System, mapping: Mapping, data: Measurements, clock: Clock) -> Composer:
+    step = mapping.grid.step or system.experiment.step
+    time = clock.seconds(data.utc)
+    first, last = np.floor(time[0] / step) - 1, np.ceil(time[-1] / step) + 1
+    if last - first > _MOST_STEPS:
+        raise RecordingError(
+            f"{data.path}: {clock.text(time[0])} to {clock.text(time[-1])} are {last - first:.3g} steps of {step:g} s; "
+            f"expected at most {_MOST_STEPS:g} (is time.format right?)"
+        )
+    return Composer(system, mapping, data, clock, step * np.arange(first, last + 1))
+
+
+def _series(composer: Composer) -> tuple[list[Series], list[str]]:
+    """All series that can be had, and the names of the variables that cannot."""
+    series, missing = [], []
+    outputs = [(one.name, composer.output(one)) for one in composer.system.outputs]
+    inputs = [(one.name, composer.input(one)) for one in composer.system.inputs]
+    for name, made in [*outputs, *inputs]:
+        if made is None:
+            missing.append(name)
+        else:
+            series.append(made)
+    return series, missing
+
+
+def _stretch(composer: Composer, series: list[Series]) -> tuple[int, int]:
+    """The steps to keep: from the first to the last output, and of these the longest with all inputs."""
+    measured = np.any([np.isfinite(one.values) for one in series if one.target.role == "output"], axis=0)
+    if not measured.any():
+        raise RecordingError(f"{composer.data.path}: no output has a value on the grid of {composer.step:g} s")
+    first, last = int(np.flatnonzero(measured)[0]), int(np.flatnonzero(measured)[-1]) + 1
+    inputs = {one.target.name: one.values for one in series if one.target.role == "input"}
+    a, b = longest_whole(inputs, first, last)
+    gaps = {name: int((~np.isfinite(values[first:last])).sum()) for name, values in inputs.items()}
+    told = ", ".join(f"{name} in {count} steps" for name, count in gaps.items() if count)
+    if (b - a) * composer.step < DAY - 1e-6:
+        what = f"inputs are missing ({told})" if told else "there are outputs"
+        raise RecordingError(
+            f"{composer.data.path}: the longest stretch {'in which no ' if told else 'in which '}{what} has "
+            f"{(b - a) * composer.step / 3600:.3g} h; expected at least a day"
+            " (a mapping's fill says what may fill gaps)"
+        )
+    if (a, b) != (first, last):
+        edges = composer.edges
+        composer.notes.append(
+            f"inputs are missing ({told}) where nothing may fill them: of {composer.clock.text(edges[first])} to "
+            f"{composer.clock.text(edges[last])} the longest stretch with all inputs is kept, {b - a} of "
+            f"{last - first} steps"
+        )
+    return a, b
+
+
+def _about(one: Series) -> VariableReport:
+    there = np.isfinite(one.values)
+    seen = one.values[there]
+
+    def steps(bit: int) -> int:
+        return int(((one.flags & bit) > 0).sum())
+
+    def readings(bit: int) -> int:
+        return 0 if one.signal is None else int(((one.signal.flags & bit) > 0).sum())
+
+    return VariableReport(
+        name=one.target.name,
+        role=one.target.role,
+        unit=one.target.unit,
+        method=one.target.method,
+        origin=one.origin,
+        readings=0 if one.signal is None else len(one.signal.values),
+        minimum=float(seen.min()) if seen.size else None,
+        mean=float(seen.mean()) if seen.size else None,
+        maximum=float(seen.max()) if seen.size else None,
+        impossible=readings(IMPOSSIBLE),
+        stuck=readings(STUCK),
+        missing=int((~there).sum()),
+        partly=steps(PARTLY),
+        interpolated=steps(INTERPOLATED),
+        assumed=steps(ASSUMED),
+        computed=steps(COMPUTED) > 0,
+    )
+
+
+def _compare(one: Series) -> Comparison | None:
+    """Two meters of one quantity where both have values; None if there is no second or they share too little."""
+    if one.second is None:
+        return None
+    both = np.isfinite(one.values) & np.isfinite(one.second)
+    if both.sum() < 2:
+        return None
+    used, second = one.values[both], one.second[both]
+    vary = used.std() > 0 and second.std() > 0
+    return Comparison(
+        name=one.target.name,
+        second=one.second_name,
+        unit=one.target.unit,
+        steps=int(both.sum()),
+        mean_difference=float((used - second).mean()),
+        sd_difference=float((used - second).std()),
+        largest_difference=float(np.abs(used - second).max()),
+        correlation=float(np.corrcoef(used, second)[0, 1]) if vary else 0.0,
+    )

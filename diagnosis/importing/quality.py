@@ -1,0 +1,195 @@
+"""Readings with their quality: what is impossible or stuck is marked and never used."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from diagnosis.importing import units
+from diagnosis.importing.mapping import Source
+from shared.errors import RecordingError
+
+FLAGS = {
+    "missing": 1,
+    "partly_covered": 2,
+    "impossible_readings_left_out": 4,
+    "stuck_readings_left_out": 8,
+    "gap_interpolated": 16,
+    "assumed": 32,
+    "computed_from_other_quantities": 64,
+}
+"""Bits of the flag variables of a recording, in CF's ``flag_meanings``."""
+MISSING, PARTLY, IMPOSSIBLE, STUCK, INTERPOLATED, ASSUMED, COMPUTED = FLAGS.values()
+
+_SLACK = 1e-9
+"""Rounding that a limit forgives, as a share of its size."""
+
+
+@dataclass(frozen=True, eq=False)
+class Signal:
+    """Readings of one quantity, in the unit that the recording will have.
+
+    Attributes
+    ----------
+    begin, end
+        Interval of each reading, ordered and without overlap, shape (n,) [s]; equal for instants.
+    values
+        Shape (n,) [``unit``].
+    flags
+        Bits of :data:`FLAGS` of each reading, shape (n,); readings with any but ``COMPUTED`` are not used.
+    kind
+        ``point``: instants joined by straight lines; ``mean``: means of the intervals; ``hold``: states that hold.
+    max_gap
+        Readings further apart leave a gap [s].
+    """
+
+    begin: np.ndarray
+    end: np.ndarray
+    values: np.ndarray
+    flags: np.ndarray
+    kind: Literal["point", "mean", "hold"]
+    max_gap: float
+    unit: str
+
+    @property
+    def middle(self) -> np.ndarray:
+        """Middle of each reading's interval, shape (n,) [s]."""
+        return 0.5 * (self.begin + self.end)
+
+    @property
+    def used(self) -> np.ndarray:
+        """Which readings may be used, shape (n,)."""
+        return (self.flags & (IMPOSSIBLE | STUCK)) == 0
+
+    def clean(self) -> Signal:
+        """The readings that may be used."""
+        k = self.used
+        return replace(self, begin=self.begin[k], end=self.end[k], values=self.values[k], flags=self.flags[k])
+
+
+def make_signal(
+    time: np.ndarray,
+    readings: np.ndarray,
+    source: Source,
+    target: str,
+    *,
+    kind: Literal["point", "mean", "hold"],
+    stamp: Literal["start", "end"],
+    density: float,
+    where: str,
+) -> Signal:
+    """Readings of a column as a signal in the target's unit, nothing judged yet.
+
+    Parameters
+    ----------
+    time, readings
+        Stamps [s] and numbers as read, NaN where there is none, shape (rows,).
+    target
+        Unit of the system's variable.
+
+    Raises
+    ------
+    RecordingError
+        If the units do not fit.
+    """
+    there = np.isfinite(readings)
+    t = time[there] + source.shift
+    values = to_target(readings[there], source, target, density=density, where=where)
+    usual = usual_interval(time, there)
+    max_gap = 3600.0 * source.max_gap if source.max_gap is not None else 2.5 * usual
+    begin = end = t
+    if kind == "mean":
+        length = source.interval if source.interval is not None else usual
+        if stamp == "end":
+            begin = np.maximum(t - length, np.concatenate([[-np.inf], t[:-1]]))
+        else:
+            end = np.minimum(t + length, np.concatenate([t[1:], [np.inf]]))
+    elif kind == "hold":
+        # a state is logged when it changes: by default it holds for a day at most
+        holds = 3600.0 * source.max_gap if source.max_gap is not None else 86400.0
+        end = np.minimum(t + holds, np.concatenate([t[1:], [t[-1] + usual]])) if t.size else t
+    return Signal(begin, end, values, np.zeros(len(t), dtype=np.int8), kind, max_gap, target)
+
+
+def to_target(readings: np.ndarray, source: Source, target: str, *, density: float, where: str) -> np.ndarray:
+    """Numbers as read to the target's unit: ``scale * reading + offset`` in the declared unit, then converted."""
+    values = source.scale * readings + source.offset
+    if source.persons is not None:
+        values = values * source.persons
+    return units.convert(values, source.unit, target, density=density, where=where)
+
+
+def usual_interval(time: np.ndarray, there: np.ndarray) -> float:
+    """The median spacing of readings [s]; of the file's rows where there are fewer than two readings."""
+    spacing = np.diff(time[there]) if there.sum() > 1 else np.diff(time)
+    return float(np.median(spacing))
+
+
+def mark_impossible(signal: Signal, source: Source, *, density: float, where: str) -> Signal:
+    """Mark readings outside the possible values; small negative values of quantities that have none become zero.
+
+    Raises
+    ------
+    RecordingError
+        If more than half of the readings are impossible: then it is the unit, not the sensor.
+    """
+    low, high, zero = units.limits(source.unit, signal.unit)
+    if source.persons is not None:
+        low, high = low * source.persons, high * source.persons
+    if source.valid is not None:
+        ends = units.convert(np.array(source.valid), source.unit, signal.unit, density=density, where=where)
+        low, high, zero = float(ends.min()), float(ends.max()), False
+    elif (source.scale, source.offset) != (1.0, 0.0) and source.unit in units.WORD_LIMITS:
+        low, high = -np.inf, np.inf  # the word's limits hold for what was read, not for what was made of it
+    sizes = [abs(one) for one in (low, high) if np.isfinite(one)]
+    slack = _SLACK * max(sizes, default=0.0)
+    bad = (signal.values < low - slack) | (signal.values > high + slack)
+    if bad.sum() > 0.5 * len(bad):
+        middle = float(np.median(signal.values))
+        # what was read, as nearly as the conversion tells: the signal's own unit may hide the slip
+        raw = source_value(middle, source, signal.unit, density=density, where=where)
+        fits = [one for one in units.alternatives(raw, signal.unit, low, high, density=density) if one != source.unit]
+        hint = f"; is it in {' or '.join(fits)}?" if fits else ""
+        raise RecordingError(
+            f"{where}: declared in {source.unit!r}, its median {raw:.4g} is {middle:.4g} {signal.unit}, and "
+            f"{int(bad.sum())} of {len(bad)} readings lie outside {low:g} to {high:g} {signal.unit}{hint}"
+        )
+    values = np.where((signal.values < 0) & ~bad, 0.0, signal.values) if zero else signal.values
+    if zero is False and low == 0.0:
+        values = np.where((values < 0) & ~bad, 0.0, values)
+    flags = signal.flags | np.where(bad, IMPOSSIBLE, 0).astype(np.int8)
+    return replace(signal, values=values, flags=flags)
+
+
+def source_value(value: float, source: Source, unit: str, *, density: float, where: str) -> float:
+    """A value of a signal back in the declared unit of its column."""
+    return float(units.convert(value, unit, source.unit, density=density, where=where))
+
+
+def mark_stuck(signal: Signal, hours: float, *, except_zero: bool) -> Signal:
+    """Mark runs of equal readings that last longer than ``hours``; a gap ends a run.
+
+    Parameters
+    ----------
+    except_zero
+        Whether a run of zeros is believed: irradiance at night.
+    """
+    if hours <= 0 or len(signal.values) < 2:
+        return signal
+    usable = signal.used
+    same = (np.diff(signal.values) == 0) & (np.diff(signal.middle) <= signal.max_gap) & usable[1:] & usable[:-1]
+    runs = np.concatenate([[0], np.cumsum(~same)])
+    first = np.searchsorted(runs, np.arange(runs[-1] + 1), side="left")
+    last = np.searchsorted(runs, np.arange(runs[-1] + 1), side="right") - 1
+    long = signal.end[last] - signal.begin[first] > 3600.0 * hours
+    if except_zero:
+        long &= signal.values[first] != 0.0
+    return replace(signal, flags=signal.flags | np.where(long[runs], STUCK, 0).astype(np.int8))
+
+
+def is_constant(signal: Signal) -> bool:
+    """Whether all usable readings are the same."""
+    values = signal.values[signal.used]
+    return len(values) > 1 and bool((values == values[0]).all())

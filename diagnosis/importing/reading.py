@@ -1,0 +1,117 @@
+"""The measurement file: its rows in the order of time, its columns as numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from diagnosis.importing.clock import read_stamps
+from diagnosis.importing.mapping import Mapping
+from shared.errors import RecordingError
+
+_TRUE = {"true": "1", "yes": "1", "on": "1", "false": "0", "no": "0", "off": "0"}
+
+
+@dataclass
+class Measurements:
+    """A file of measurements.
+
+    Attributes
+    ----------
+    utc
+        Time stamps, strictly increasing, shape (rows,) [s since 1970].
+    columns
+        The file's columns as text, without that of the time stamps.
+    repeated
+        Rows whose time stamp another row had before: they were left out.
+    notes
+        Sentences on what was understood and what was left out.
+    """
+
+    path: Path
+    utc: np.ndarray
+    columns: pd.DataFrame
+    decimal: str
+    missing: set[str]
+    repeated: int = 0
+    notes: list[str] = field(default_factory=list)
+
+    def numbers(self, name: str, where: str) -> np.ndarray:
+        """A column as numbers, NaN where there is none, shape (rows,) [as in the file].
+
+        Raises
+        ------
+        RecordingError
+            If the file has no such column, or most of it is text or nothing.
+        """
+        if name not in self.columns:
+            raise RecordingError(
+                f"{where}: {self.path} has no column {name!r}; found {', '.join(map(str, self.columns.columns))}"
+            )
+        text = self.columns[name].str.strip()
+        text = text.where(~text.isin(self.missing))
+        if self.decimal != ".":
+            text = text.str.replace(self.decimal, ".", regex=False)
+        text = text.str.lower().replace(_TRUE)
+        values = pd.to_numeric(text, errors="coerce").to_numpy(dtype=np.float64)
+        values = np.where(np.isfinite(values), values, np.nan)
+        odd = text.notna().to_numpy() & np.isnan(values)
+        if odd.sum() > 0.5 * text.notna().sum() or not np.isfinite(values).any():
+            example = self.columns[name].iloc[int(np.flatnonzero(odd)[0])] if odd.any() else None
+            found = "is empty" if example is None else f"holds text such as {example!r} in {int(odd.sum())} rows"
+            raise RecordingError(f"{where}: column {name!r} of {self.path} {found}; expected numbers (file.decimal?)")
+        if odd.any():
+            example = self.columns[name].iloc[int(np.flatnonzero(odd)[0])]
+            self.notes.append(f"column {name}: {int(odd.sum())} texts such as {example!r} are taken as missing")
+        return values
+
+
+def read_measurements(path: Path, mapping: Mapping) -> Measurements:
+    """Read a CSV as a mapping says.
+
+    Raises
+    ------
+    RecordingError
+        If the file cannot be read, or its time stamps cannot be understood.
+    """
+    settings = mapping.file
+    try:
+        frame = pd.read_csv(
+            path,
+            sep=settings.separator,
+            skiprows=settings.skip,
+            encoding=settings.encoding,
+            dtype=str,
+            keep_default_na=False,
+            skip_blank_lines=True,
+        )
+    except FileNotFoundError:
+        raise RecordingError(f"{path}: no such file; expected measurements (CSV)") from None
+    except (OSError, UnicodeDecodeError, LookupError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+        raise RecordingError(f"{path}: not readable as CSV ({str(error).splitlines()[0]})") from None
+    frame.columns = frame.columns.str.strip()
+    name = mapping.time.column
+    if name not in frame:
+        raise RecordingError(
+            f"{mapping.path}: time.column: {path} has no column {name!r}; found {', '.join(frame.columns)} "
+            f"(separator {settings.separator!r})"
+        )
+    if len(frame) < 2:
+        raise RecordingError(f"{path}: has {len(frame)} rows; expected at least a day of measurements")
+    utc, notes = read_stamps(frame[name].fillna(""), mapping.time, f"{path}: column {name!r}")
+    keep = np.concatenate([[True], np.diff(utc) > 0])
+    if not keep.all():
+        notes.append(f"{int((~keep).sum())} rows repeat the time stamp of the row before: the first is used")
+    columns = frame.drop(columns=name).fillna("")
+    return Measurements(
+        path=path,
+        utc=utc[keep],
+        columns=columns[keep].reset_index(drop=True),
+        decimal=settings.decimal,
+        missing=set(settings.missing),
+        repeated=int((~keep).sum()),
+        notes=notes,
+    )

@@ -1,0 +1,135 @@
+"""What an import understood, and what it could not use."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel, ConfigDict
+from rich.console import Console
+from rich.table import Table as Grid
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class VariableReport(_Table):
+    """One variable of the recording.
+
+    ``origin`` is where it comes from in a few words. ``minimum``, ``mean`` and ``maximum`` are of the recording [unit].
+    ``impossible`` and ``stuck`` count readings left out; ``missing``, ``partly``, ``interpolated`` and ``assumed``
+    count steps of the recording.
+    """
+
+    name: str
+    role: str
+    unit: str
+    method: str
+    origin: str
+    readings: int
+    minimum: float | None
+    mean: float | None
+    maximum: float | None
+    impossible: int
+    stuck: int
+    missing: int
+    partly: int
+    interpolated: int
+    assumed: int
+    computed: bool
+
+
+class Comparison(_Table):
+    """Two meters of one quantity, on the steps where both have a value; differences are used minus second meter."""
+
+    name: str
+    second: str
+    unit: str
+    steps: int
+    mean_difference: float
+    sd_difference: float
+    largest_difference: float
+    correlation: float
+
+
+class ImportReport(_Table):
+    """What :func:`diagnosis.importing.import_recording` returns and ``diagnosis import --json`` prints.
+
+    ``begin`` and ``end`` are local standard time, ``utc_offset`` hours east of Greenwich, ``time_zero`` the Monday from
+    which the recording's seconds count.
+    """
+
+    schema_version: int = 1
+    recording: str
+    picture: str
+    data: str
+    system: str
+    rows: int
+    interval: float
+    zone: str
+    utc_offset: float
+    time_zero: str
+    begin: str
+    end: str
+    step: float
+    steps: int
+    variables: list[VariableReport]
+    comparisons: list[Comparison]
+    not_recorded: list[str]
+    unused_columns: list[str]
+    notes: list[str]
+
+
+def _number(value: float | None, unit: str) -> str:
+    if value is None:
+        return "-"
+    return f"{value - 273.15:.1f} °C" if unit == "K" else f"{value:.4g}"
+
+
+def print_report(report: ImportReport, console: Console) -> None:
+    """Print a report for people."""
+    hours = report.steps * report.step / 3600.0
+    console.print(
+        f"{report.data}: {report.rows} rows, usually {report.interval:g} s apart; clock of {report.zone}, "
+        f"kept in local standard time (UTC{report.utc_offset:+g} h)",
+        markup=False,
+        soft_wrap=True,
+    )
+    console.print(
+        f"{report.recording}: {report.begin} to {report.end}, {report.steps} steps of {report.step:g} s "
+        f"({hours / 24:.1f} days)",
+        markup=False,
+        soft_wrap=True,
+    )
+    table = Grid("variable", "unit", "from", "min", "mean", "max", "missing", "left out", "filled", box=None)
+    for one in report.variables:
+        left = [f"{n} {what}" for n, what in ((one.impossible, "impossible"), (one.stuck, "stuck")) if n]
+        filled = [f"{one.interpolated} interpolated"] if one.interpolated else []
+        if 0 < one.assumed < report.steps:
+            filled.append(f"{one.assumed} assumed")
+        table.add_row(
+            one.name,
+            one.unit,
+            one.origin,
+            *(_number(value, one.unit) for value in (one.minimum, one.mean, one.maximum)),
+            f"{one.missing / report.steps:.1%}" if one.missing else "-",
+            ", ".join(left) or "-",
+            ", ".join(filled) or "-",
+        )
+    console.print(table)
+    for pair in report.comparisons:
+        console.print(
+            f"{pair.name}: used minus second meter ({pair.second}): {pair.mean_difference:+.3g} {pair.unit} on average,"
+            f" standard deviation {pair.sd_difference:.3g}, at most {pair.largest_difference:.3g}, "
+            f"correlation {pair.correlation:.2f} over {pair.steps} steps",
+            markup=False,
+            soft_wrap=True,
+        )
+    for note in report.notes:
+        console.print(f"- {note}", markup=False, soft_wrap=True)
+    if report.not_recorded:
+        console.print(
+            f"not recorded: {', '.join(report.not_recorded)}: a simulation of this recording needs them from elsewhere",
+            style="yellow",
+        )
+    if report.unused_columns:
+        console.print(f"columns not used: {', '.join(report.unused_columns)}", markup=False, soft_wrap=True)
+    console.print(f"picture: {report.picture}", markup=False, soft_wrap=True)

@@ -1,0 +1,128 @@
+"""From readings at any time to a regular grid: means stay means, instants stay instants.
+
+Between readings nothing is invented: readings further apart than their signal's ``max_gap`` leave a gap. A reading
+that is a mean stands for the middle of its interval where an instant is asked for: at the edge of two equal intervals
+this is the mean of the two, as for weather files.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from diagnosis.importing.quality import IMPOSSIBLE, PARTLY, STUCK, Signal
+
+_WHOLE = 1.0 - 1e-9
+"""Share from which on a step counts as covered."""
+
+
+def means_of(signal: Signal, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean of a signal over each step, and how much of the step readings cover.
+
+    Parameters
+    ----------
+    edges
+        Of the steps, strictly increasing, shape (n + 1,) [s].
+
+    Returns
+    -------
+    tuple
+        Means, NaN where nothing covers the step, and coverage in [0, 1]; both (n,).
+    """
+    clean = signal.clean()
+    span = np.diff(edges)
+    if not len(clean.values):
+        return np.full(len(span), np.nan), np.zeros(len(span))
+    # about their own level, so that sums over a long record cancel nothing
+    level = float(clean.values.mean())
+    integral, covered = (_lines if clean.kind == "point" else _bins)(clean, clean.values - level, edges)
+    share = np.clip(np.diff(covered) / span, 0.0, 1.0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        means = np.where(share > 1e-9, level + np.diff(integral) / np.diff(covered), np.nan)
+    # sums leave a little rounding, by which nobody would be a little somebody: the mean of zeros is zero
+    low, high = float(clean.values.min()), float(clean.values.max())
+    largest = max(abs(low), abs(high))
+    if largest > 0:
+        means = np.round(means, 12 - int(np.ceil(np.log10(largest))))
+    means = np.clip(means, low, high)
+    return means, share
+
+
+def _bins(clean: Signal, values: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Integrals of values and of coverage up to each edge, of readings that hold over their intervals."""
+    length = clean.end - clean.begin
+    knots = np.stack([clean.begin, clean.end], axis=1).ravel()
+    before = np.concatenate([[0.0], np.cumsum(values * length)])
+    time = np.concatenate([[0.0], np.cumsum(length)])
+    integral = np.stack([before[:-1], before[1:]], axis=1).ravel()
+    covered = np.stack([time[:-1], time[1:]], axis=1).ravel()
+    return np.interp(edges, knots, integral), np.interp(edges, knots, covered)
+
+
+def _lines(clean: Signal, values: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same of instants that are joined by straight lines where they are close enough."""
+    t = clean.begin
+    if len(t) < 2:
+        return np.zeros(len(edges)), np.zeros(len(edges))
+    length = np.diff(t)
+    joined = length <= clean.max_gap * (1 + 1e-9)
+    area = np.where(joined, 0.5 * (values[1:] + values[:-1]) * length, 0.0)
+    before = np.concatenate([[0.0], np.cumsum(area)])
+    time = np.concatenate([[0.0], np.cumsum(np.where(joined, length, 0.0))])
+    at = np.clip(edges, t[0], t[-1])
+    k = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(t) - 2)
+    into = np.where(joined[k], at - t[k], 0.0)
+    slope = (values[k + 1] - values[k]) / length[k]
+    # an edge within a gap, or at its end, has all that lies before it
+    return before[k] + values[k] * into + 0.5 * slope * into**2, time[k] + into
+
+
+def instants_of(signal: Signal, times: np.ndarray) -> np.ndarray:
+    """Values of a signal at instants, NaN in gaps and outside, same shape as ``times`` [s]."""
+    clean = signal.clean()
+    n = len(clean.values)
+    if not n:
+        return np.full(len(times), np.nan)
+    if clean.kind == "hold":
+        k = np.searchsorted(clean.begin, times, side="right") - 1
+        inside = (k >= 0) & (times <= clean.end[k])
+        return np.where(inside, clean.values[k], np.nan)
+    t = clean.middle
+    k = np.clip(np.searchsorted(t, times, side="right") - 1, 0, max(n - 2, 0))
+    after = np.minimum(k + 1, n - 1)
+    close = (t[after] - t[k] <= clean.max_gap * (1 + 1e-9)) & (times >= t[0]) & (times <= t[-1])
+    exact = (times == t[k]) | (times == t[after])
+    return np.where(close | exact, np.interp(times, t, clean.values), np.nan)
+
+
+def resample(signal: Signal, edges: np.ndarray, method: str, coverage: float) -> tuple[np.ndarray, np.ndarray]:
+    """A signal on the grid with its flags.
+
+    Parameters
+    ----------
+    edges
+        Of the steps, shape (n + 1,) [s].
+    method
+        ``mean`` over each step, or ``point`` at its end.
+    coverage
+        Least share of a step that readings must cover for a mean.
+
+    Returns
+    -------
+    tuple
+        Values, NaN where there is none, and flags without ``missing``; both (n,).
+    """
+    flags = np.zeros(len(edges) - 1, dtype=np.int8)
+    if method == "mean":
+        values, share = means_of(signal, edges)
+        values = np.where(share >= coverage * _WHOLE, values, np.nan)
+        flags |= np.where(np.isfinite(values) & (share < _WHOLE), PARTLY, 0).astype(np.int8)
+    else:
+        values = instants_of(signal, edges[1:])
+    for bit in (IMPOSSIBLE, STUCK):
+        marked = (signal.flags & bit) > 0
+        # a reading belongs to every step that its interval touches; an instant to the step that ends there
+        first = np.searchsorted(edges, signal.begin[marked], side="right") - 1
+        last = np.searchsorted(edges, signal.end[marked], side="left") - 1
+        for a, b in zip(np.minimum(first, last), last, strict=True):
+            flags[max(a, 0) : max(b + 1, 0)] |= bit
+    return values, flags

@@ -1,0 +1,136 @@
+"""Units of columns: what people write, turned into what the system description wants. pint knows the units."""
+
+from __future__ import annotations
+
+import re
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from shared.errors import RecordingError
+
+_WORDS = {
+    "": "1",
+    "fraction": "1",
+    "presence": "1",
+    "bool": "1",
+    "person": "1",
+    "persons": "1",
+    "count": "1",
+    "counts": "1",
+    "%": "percent",
+    "°C": "degC",
+    "Celsius": "degC",
+    "celsius": "degC",
+    "degree": "deg",
+}
+"""Words that are no units of physics, or that pint reads otherwise, by what they stand for."""
+_CANDIDATES = ("degC", "K", "degF", "fraction", "percent", "ppm", "W/m2", "kW/m2", "m/s", "km/h", "m3/h", "kg/s")
+_TYPES_OF_FLOW = ("[length] ** 3 / [time]", "[mass] / [time]")
+
+
+@lru_cache(maxsize=1)
+def _registry() -> Any:
+    import pint
+
+    return pint.UnitRegistry()
+
+
+@lru_cache(maxsize=256)
+def _parsed(unit: str) -> Any:
+    """A unit of the FMI's or CF's spelling, as ``W/(m2.K)`` or ``W m-2``, as pint's."""
+    text = _WORDS.get(unit.strip(), unit.strip())
+    text = text.replace("²", "2").replace("³", "3").replace("°", "deg").replace("·", ".")
+    if text == "1":
+        return _registry().dimensionless
+    text = re.sub(r"(?<=[A-Za-z0-9)])\.(?=[A-Za-z(])", "*", text)
+    text = re.sub(r"([A-Za-z])(-?\d+)", r"\1**\2", text)
+    return _registry().parse_units(text)
+
+
+def convert(values: np.ndarray | float, unit: str, target: str, *, density: float, where: str) -> np.ndarray:
+    """Values from one unit to another, same shape.
+
+    Parameters
+    ----------
+    density
+        Of air, with which volume flows become mass flows and back [kg/m3].
+    where
+        Begins the sentence if the units do not fit.
+
+    Raises
+    ------
+    RecordingError
+        If a unit is not known, or the two measure different things.
+    """
+    values = np.asarray(values, dtype=np.float64)
+    if _WORDS.get(unit, unit) == _WORDS.get(target, target):
+        return values.copy()
+    registry = _registry()
+    parsed = []
+    for one in (unit, target):
+        try:
+            parsed.append(_parsed(one))
+        except Exception:
+            # pint's parser raises whatever Python's tokenizer meets
+            raise RecordingError(
+                f"{where}: unit {one!r} is not known; expected for example 'degC', 'K', 'ppm', 'm3/h', 'percent', "
+                "'fraction', 'persons' or 'presence'"
+            ) from None
+    source, goal = parsed
+    kinds = [one.dimensionality for one in (source, goal)]
+    if kinds[0] != kinds[1]:
+        flows = [registry.get_dimensionality(kind) for kind in _TYPES_OF_FLOW]
+        if kinds == flows:
+            return np.asarray(registry.convert(values, source, "m**3/s") * registry.convert(density, "kg/s", goal))
+        if kinds == flows[::-1]:
+            return np.asarray(registry.convert(registry.convert(values, source, "kg/s") / density, "m**3/s", goal))
+        hint = "; 'C' is coulomb, write 'degC'" if unit == "C" else ""
+        raise RecordingError(f"{where}: unit {unit!r} cannot become {target!r}; expected a unit of the same kind{hint}")
+    return np.asarray(registry.convert(values, source, goal), dtype=np.float64)
+
+
+def alternatives(value: float, target: str, low: float, high: float, *, density: float) -> list[str]:
+    """Common units in which ``value`` lies between ``low`` and ``high`` [target]: what a column may really be in."""
+    found = []
+    for unit in _CANDIDATES:
+        try:
+            inside = low <= float(convert(value, unit, target, density=density, where="")) <= high
+        except RecordingError:
+            continue
+        if inside:
+            found.append(unit)
+    return found
+
+
+# Possible values of quantities that buildings and their weather have, by the system's unit, and whether what is a
+# little below the lower limit is zero (the offset of pyranometers at night, the rounding of anemometers).
+_LIMITS: tuple[tuple[str, float, float, bool], ...] = (
+    ("K", 223.15, 333.15, False),
+    ("ppm", 300.0, 10000.0, False),
+    ("W/m2", -20.0, 1500.0, True),
+    ("m/s", -0.1, 75.0, True),
+    ("kg/s", -1e-3, np.inf, True),
+)
+WORD_LIMITS = {
+    "presence": (0.0, 1.0),
+    "bool": (0.0, 1.0),
+    "fraction": (0.0, 1.0),
+    "percent": (0.0, 1.0),
+    "%": (0.0, 1.0),
+}
+"""Shares of one whole, whichever way they are written."""
+_COUNTS = ("person", "persons", "count", "counts")
+
+
+def limits(unit: str, target: str) -> tuple[float, float, bool]:
+    """Lowest and highest possible value [target], and whether negative values within them count as zero."""
+    if target == "1" and unit in WORD_LIMITS:
+        return *WORD_LIMITS[unit], False
+    if target == "1" and unit in _COUNTS:
+        return 0.0, np.inf, False
+    for spelled, low, high, zero in _LIMITS:
+        if spelled == target:
+            return low, high, zero
+    return -np.inf, np.inf, False

@@ -1,0 +1,170 @@
+"""Weather that nobody measured, from what was: sun on the facade, temperature of the sky; and the sun as a clock."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pvlib
+
+from datagen.weather import sky_temperature
+from diagnosis.importing.clock import Clock
+from diagnosis.importing.mapping import Place
+from diagnosis.importing.quality import COMPUTED, Signal
+from diagnosis.importing.resampling import instants_of
+from shared.signals import Weather
+
+_FINEST = 300.0
+"""Means are split into parts of at most this length for the sun's movement within them [s]."""
+_SWINBANK = 9.365e-6
+"""Clear-sky emissivity over the square of the air temperature [1/K2] (Swinbank 1963)."""
+_SKY_BELOW_AIR = 11.0
+"""How far the sky is below the air in intermediate climates [K] (EN ISO 13790, section 11.3.3)."""
+
+
+def sun_position(utc: np.ndarray, place: Place) -> tuple[np.ndarray, np.ndarray]:
+    """Apparent zenith and azimuth of the sun [degree] at UTC [s since 1970], same shape."""
+    index = pd.to_datetime(np.asarray(utc, dtype=np.float64).ravel(), unit="s", utc=True)
+    found = pvlib.solarposition.get_solarposition(index, place.latitude, place.longitude, altitude=place.altitude)
+    shape = np.shape(utc)
+    return found["apparent_zenith"].to_numpy().reshape(shape), found["azimuth"].to_numpy().reshape(shape)
+
+
+def on_the_plane(ghi: Signal, clock: Clock, place: Place, plane: Weather) -> Signal:
+    """Global horizontal irradiance to a tilted plane [W/m2].
+
+    Split into direct and diffuse by Erbs et al. (1982), carried to the plane by the description's transposition model,
+    both as pvlib has them; the direct part is at most what a clear sky lets through (Meinel and Meinel 1976). A mean is
+    spread over its interval in proportion to the sine of the sun's height first, so that sunrise, sunset and long
+    intervals get the sun's real direction. Erbs' correlation is of hourly means: at shorter steps it is used as it
+    stands, and passing clouds make it worse.
+    """
+    longest = float((ghi.end - ghi.begin).max(initial=0.0))
+    parts = max(1, int(np.ceil(longest / _FINEST - 1e-9)))
+    share = (np.arange(parts) + 0.5) / parts
+    utc = clock.utc(ghi.begin[:, None] + share * (ghi.end - ghi.begin)[:, None])
+    zenith, azimuth = sun_position(utc, place)
+    height = np.maximum(np.cos(np.radians(zenith)), 0.0)
+    mean_height = height.mean(axis=1, keepdims=True)
+    values = np.where(np.isfinite(ghi.values), np.maximum(ghi.values, 0.0), 0.0)[:, None]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        spread = np.where(mean_height > 1e-3, height / mean_height, 1.0)
+    flat = pd.Series((values * spread).ravel())
+    day = pd.to_datetime(utc.ravel(), unit="s").day_of_year.to_numpy()
+    z, a = zenith.ravel(), azimuth.ravel()
+    extra, airmass = pvlib.irradiance.get_extra_radiation(day), pvlib.atmosphere.get_relative_airmass(z)
+    direct = np.asarray(pvlib.irradiance.erbs(flat.to_numpy(), z, day)["dni"])
+    # no more than a clear sky lets through: a reading that is late or early at a low sun would become a beam
+    direct = np.minimum(direct, np.where(np.isfinite(airmass), extra * 0.7 ** (np.nan_to_num(airmass) ** 0.678), 0.0))
+    total = pvlib.irradiance.get_total_irradiance(
+        plane.surface_tilt,
+        plane.surface_azimuth,
+        z,
+        a,
+        direct,
+        flat.to_numpy(),
+        flat.to_numpy() - direct * np.maximum(np.cos(np.radians(z)), 0.0),
+        dni_extra=extra,
+        airmass=airmass,
+        albedo=plane.albedo,
+        model=plane.transposition,
+    )["poa_global"]
+    # below the horizon what little light there is comes evenly from the sky
+    tilt = np.radians(plane.surface_tilt)
+    dusk = flat.to_numpy() * ((1 + np.cos(tilt)) / 2 + plane.albedo * (1 - np.cos(tilt)) / 2)
+    total = np.where(np.isfinite(total) & (z < 90.0), total, dusk)
+    poa = np.maximum(total, 0.0).reshape(zenith.shape).mean(axis=1)
+    return replace(ghi, values=poa, flags=ghi.flags | np.int8(COMPUTED))
+
+
+def cloud_cover(ghi: Signal, clock: Clock, place: Place) -> tuple[np.ndarray, np.ndarray]:
+    """Cloud cover of each day from its irradiance (Kasten and Czeplak 1980), sun above 10 degree.
+
+        GHI / GHI_clear = 1 - 0.75 N^3.4,   GHI_clear = 910 sin(h) - 30 W/m2
+
+    Returns
+    -------
+    tuple
+        Noons of the days [s] and the share of the sky covered, both (days,); empty if no day had such a sun.
+    """
+    clean = ghi.clean()
+    zenith, _ = sun_position(clock.utc(clean.middle), place)
+    sine = np.cos(np.radians(zenith))
+    up = sine > np.sin(np.radians(10.0))
+    day = np.floor(clean.middle / 86400.0).astype(np.int64)
+    days = np.unique(day[up])
+    if not days.size:
+        return np.empty(0), np.empty(0)
+    seen = np.array([clean.values[up & (day == one)].sum() for one in days])
+    clear = np.array([(910.0 * sine[up & (day == one)] - 30.0).sum() for one in days])
+    loss = np.clip((1.0 - seen / clear) / 0.75, 0.0, 1.0)
+    return days * 86400.0 + 43200.0, loss ** (1 / 3.4)
+
+
+def sky(air: Signal, others: dict[str, Signal], clock: Clock, place: Place | None) -> tuple[Signal, str]:
+    """Temperature of the sky [K] at the air temperature's readings, and a sentence on how it was estimated.
+
+    With a dew point: Clark and Allen (1978). Without: Swinbank (1963). Clouds by Walton (1983), as weather files do:
+
+        emissivity = clear (1 + 0.0224 n - 0.0035 n^2 + 0.00028 n^3),  n in tenths
+
+    from the measured cover, else from the irradiance (:func:`cloud_cover`). With neither dew point nor clouds the sky
+    is 11 K below the air (EN ISO 13790).
+    """
+    at = air.middle
+    cover, clouds = None, "no clouds known"
+    if "opaque_cover" in others:
+        cover, clouds = _everywhere(others["opaque_cover"], at), "measured cloud cover"
+    elif "ghi" in others and place is not None:
+        noons, found = cloud_cover(others["ghi"], clock, place)
+        if noons.size:
+            cover = np.interp(at, noons, found)
+            clouds = f"each day's cloud cover from its irradiance (Kasten and Czeplak; {found.mean():.2f} on average)"
+    # what may not be used is not computed with either: its powers may not exist
+    air_temperature = np.where(air.used, air.values, 283.15)
+    if "temp_dew" in others:
+        dew = _everywhere(others["temp_dew"], at)
+        tenths = np.zeros(len(at)) if cover is None else 10.0 * cover
+        values = sky_temperature({"temp_air": air_temperature, "temp_dew": dew, "opaque_cover": tenths})
+        how = f"dew point (Clark and Allen) and {clouds}"
+    elif cover is not None:
+        n = 10.0 * cover
+        emissivity = _SWINBANK * air_temperature**2 * (1 + 0.0224 * n - 0.0035 * n**2 + 0.00028 * n**3)
+        values = np.minimum(emissivity, 1.0) ** 0.25 * air_temperature
+        how = f"air temperature (Swinbank; no dew point) and {clouds}"
+    else:
+        values = air_temperature - _SKY_BELOW_AIR
+        how = f"air temperature less {_SKY_BELOW_AIR:g} K (EN ISO 13790; neither dew point nor clouds known)"
+    return replace(air, values=values, flags=air.flags | np.int8(COMPUTED)), how
+
+
+def _everywhere(signal: Signal, times: np.ndarray) -> np.ndarray:
+    """A slow quantity at any time: straight lines over its gaps, its nearest value beyond its ends."""
+    found = instants_of(signal, times)
+    clean = signal.clean()
+    return np.where(np.isfinite(found), found, np.interp(times, clean.middle, clean.values))
+
+
+def sun_clock(ghi: Signal, clock: Clock, place: Place) -> tuple[float, float, float]:
+    """How far the irradiance runs behind the sun of this place and clock: a check of stamps and zone.
+
+    Returns
+    -------
+    tuple
+        The shift with the highest correlation between irradiance and the sine of the sun's height [min; positive:
+        the stamps are late], within 4 hours; that correlation; and the share of the irradiance with the sun down.
+    """
+    clean = ghi.clean()
+    at = clean.middle
+    grid = np.arange(at[0] - 5 * 3600.0, at[-1] + 5 * 3600.0, 300.0)
+    zenith, _ = sun_position(clock.utc(grid), place)
+    height = np.maximum(np.cos(np.radians(zenith)), 0.0)
+    shifts = np.arange(-240, 241, 5)
+    total = float(clean.values.sum())
+    if total <= 0 or clean.values.std() == 0:
+        return 0.0, 0.0, 0.0
+    found = [float(np.corrcoef(clean.values, np.interp(at - 60.0 * one, grid, height))[0, 1]) for one in shifts]
+    best = int(np.argmax(found))
+    down = float(clean.values[np.interp(at, grid, zenith) > 92.0].sum()) / total
+    return float(shifts[best]), found[best], down

@@ -1,0 +1,255 @@
+"""Which cells are off: channel x hours x day type x regime x frequency band, by mean and by variance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagnosis.where.bands import WHOLE, band_names, split
+from diagnosis.where.finding import Finding
+from diagnosis.where.regimes import ANY, Regime
+from diagnosis.where.series import Residuals
+from diagnosis.where.significance import MaxTest, max_test
+from diagnosis.where.windows import Window, all_windows
+
+STATISTICS = ("mean", "variance")
+_DAYS = 2
+"""A cell must be seen on as many days: a single day is an episode's business."""
+_SAMPLES = 8
+"""A variance must rest on as many readings."""
+_RESOLVED = 0.1
+"""A band's mean takes part where the band keeps this share of an offset that is confined to the cell."""
+_AS_STRONG = 0.95
+"""A cell with fewer conditions is named instead of the strongest from this share of its studentised value on."""
+_OFFSET_SHARE = 1 / 2
+"""A mean is named before a variance of its channel from this share of the variance's studentised value on."""
+_FLOOR = 1e-6
+"""Variances below the square of this share of the channel's spread are rounding."""
+
+
+@dataclass(frozen=True)
+class CellTest:
+    """Result of :func:`scan_cells`.
+
+    The cells of ``test`` are laid out as ``shape``: (channels, bands, statistics, regimes, windows). ``alias`` points
+    every cell to the one that stands for it (cells that hold at the same steps are tested once); ``share`` is what the
+    band keeps of an offset confined to the cell; ``channels`` are indices of outputs.
+    """
+
+    test: MaxTest
+    channels: list[int]
+    bands: list[str]
+    regimes: list[Regime]
+    windows: list[Window]
+    alias: np.ndarray
+    share: np.ndarray
+    findings: list[Finding]
+
+    @property
+    def shape(self) -> tuple[int, int, int, int, int]:
+        """Channels, bands, statistics, regimes, windows."""
+        return len(self.channels), len(self.bands), len(STATISTICS), len(self.regimes), len(self.windows)
+
+    def laid_out(self, values: np.ndarray) -> np.ndarray:
+        """Values of cells, each read where its alias lies, in the layout of ``shape``."""
+        return values[self.alias].reshape(self.shape)
+
+
+def everywhere(steps: int) -> Regime:
+    """The regime that always holds."""
+    return Regime(ANY, "always", np.ones(steps, bool))
+
+
+def scan_cells(residuals: Residuals, regimes: Sequence[Regime] = (), *, alpha: float = 0.05, most: int = 8) -> CellTest:
+    """Test every cell's mean and variance against the twins', all under one p-value.
+
+    Variances enter as cube roots, which are nearly normal (Wilson and Hilferty 1931): the skewed variance of a
+    small cell would otherwise set the threshold for all means.
+
+    A finding is peeled off the recording's residual before the next is looked for (still against the twins' largest
+    statistic of the first round), so that one cause is not reported by all the cells that overlap it.
+
+    Parameters
+    ----------
+    regimes
+        From :func:`~diagnosis.where.regimes.find_regimes`; that which always holds is added.
+    alpha
+        Family-wise level at which cells are reported.
+    most
+        At most as many findings.
+    """
+    steps = len(residuals.time)
+    states = [everywhere(steps), *regimes]
+    windows, holds = all_windows(residuals)
+    bands = band_names(residuals.step, steps)
+    channels = residuals.measured
+    shape = (len(channels), len(bands), len(STATISTICS), len(states), len(windows))
+    stack = residuals.stacked
+    statistics = np.empty((len(stack), *shape))
+    share = np.zeros(shape)
+    alias = np.arange(share.size).reshape(shape)
+    for c, k in enumerate(channels):
+        floor = _floor(stack[:, k])
+        statistics[:, c] = _statistics(stack[:, k], states, holds, residuals.step, floor)
+        used, first = _tested(stack[0, k], states, holds, residuals.day)
+        share[c] = _share(stack[0, k], states, holds, residuals.step)
+        statistics[:, c][..., ~used] = np.nan
+        alias[c] = np.take_along_axis(
+            alias[c].reshape(*shape[1:3], -1), np.broadcast_to(first.ravel(), (*shape[1:3], first.size)), axis=-1
+        ).reshape(shape[1:])
+    unresolved = share < _RESOLVED
+    unresolved[:, :, STATISTICS.index("variance")] = False
+    statistics[:, unresolved] = np.nan
+    test = max_test(statistics.reshape(len(stack), -1))
+    found = CellTest(test, channels, bands, states, windows, alias.ravel(), share.ravel(), [])
+    found.findings.extend(_peel(residuals, found, holds, alpha, most))
+    return found
+
+
+def _floor(values: np.ndarray) -> float:
+    return float((_FLOOR * np.nanstd(values)) ** 2) or np.finfo(float).tiny
+
+
+def _row(mask: np.ndarray, row: int) -> np.ndarray:
+    return mask if mask.ndim == 1 else mask[row]
+
+
+def _statistics(
+    values: np.ndarray, states: Sequence[Regime], holds: np.ndarray, step: float, floor: float
+) -> np.ndarray:
+    """Means and cube roots of variances (rows, bands, 2, regimes, windows) of one channel's rows (rows, steps)."""
+    seen = np.isfinite(values)
+    inside = holds.T.astype(float)
+    counts = np.stack(
+        [(seen & s.mask[: len(values)] if s.mask.ndim == 2 else seen & s.mask) @ inside for s in states], 1
+    )
+    parts = split(values, step)
+    found = np.full((len(values), len(parts), len(STATISTICS), len(states), len(holds)), np.nan)
+    for b, part in enumerate(parts.values()):
+        filled = np.where(seen, part, 0.0)
+        for r, state in enumerate(states):
+            mask = state.mask if state.mask.ndim == 1 else state.mask[: len(values)]
+            kept = filled * mask
+            with np.errstate(invalid="ignore", divide="ignore"):
+                mean = (kept @ inside) / counts[:, r]
+                variance = (kept * filled) @ inside / counts[:, r] - mean**2
+                found[:, b, 0, r] = mean
+                found[:, b, 1, r] = np.where(counts[:, r] >= _SAMPLES, np.cbrt(np.maximum(variance, floor)), np.nan)
+    return found
+
+
+def _tested(
+    observed: np.ndarray, states: Sequence[Regime], holds: np.ndarray, day: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Which (regimes, windows) are tested, and the index of the one that stands for each."""
+    seen = np.isfinite(observed)
+    masks = (np.stack([_row(s.mask, 0) for s in states])[:, None] & holds & seen).reshape(-1, len(seen))
+    _, number = np.unique(day, return_inverse=True)
+    days = np.eye(number.max() + 1)[number]
+    enough = (masks @ days > 0).sum(axis=1) >= _DAYS
+    _, first, inverse = np.unique(np.packbits(masks, axis=1), axis=0, return_index=True, return_inverse=True)
+    stands = first[inverse.ravel()]
+    used = enough & (stands == np.arange(len(masks)))
+    return used.reshape(len(states), len(holds)), stands.reshape(len(states), len(holds))
+
+
+def _share(observed: np.ndarray, states: Sequence[Regime], holds: np.ndarray, step: float) -> np.ndarray:
+    """What each band keeps of a unit offset confined to a cell, shape (bands, 2, regimes, windows)."""
+    seen = np.isfinite(observed)
+    shares = []
+    for state in states:
+        masks = holds & _row(state.mask, 0) & seen
+        parts = split(np.where(seen, masks.astype(float), np.nan), step)
+        count = np.maximum(masks.sum(axis=1), 1)
+        shares.append([np.where(masks, part, 0.0).sum(axis=1) / count for part in parts.values()])
+    return np.repeat(np.array(shares).transpose(1, 0, 2)[:, None], len(STATISTICS), axis=1)
+
+
+def _peel(residuals: Residuals, cells: CellTest, holds: np.ndarray, alpha: float, most: int) -> list[Finding]:
+    """Findings, each looked for in what the ones before it leave.
+
+    An offset in part of a cell widens the whole, and scatter moves the mean of some hour: a mean is named first, unless
+    its channel's scatter stands out far more.
+    """
+    left = residuals.stacked[0].copy()
+    floors = [_floor(residuals.stacked[:, k]) for k in cells.channels]
+    states = [Regime(r.label, r.rule, np.atleast_2d(r.mask)[:1]) for r in cells.regimes]
+    statistics = np.where(cells.test.kept, cells.test.observed, np.nan)
+    t, adjusted = cells.test.t, cells.test.adjusted
+    found: list[Finding] = []
+    while len(found) < most:
+        size = np.where(cells.test.kept & (adjusted <= alpha), np.abs(t), -np.inf).reshape(cells.shape)
+        mean, variance = size.copy(), size.copy()
+        mean[:, :, 1], variance[:, :, 0] = -np.inf, -np.inf
+        widest = variance.max(axis=(1, 2, 3, 4), keepdims=True)
+        mean[mean < _OFFSET_SHARE * widest] = -np.inf
+        named = (mean if np.isfinite(mean).any() else variance).ravel()
+        if not np.isfinite(named).any():
+            break
+        top = _simplest(np.flatnonzero(named >= _AS_STRONG * named.max()), named, cells)
+        c, _, _, r, w = (int(i) for i in np.unravel_index(top, cells.shape))
+        k = cells.channels[c]
+        inside = holds[w] & states[r].mask[0] & np.isfinite(left[k])
+        left[k], amount = _taken_off(left[k], inside, top, float(statistics[top]), residuals.step, cells)
+        found.append(_finding(residuals, cells, top, amount, float(t[top]), float(adjusted[top])))
+        block = statistics.reshape(cells.shape)
+        block[c] = _statistics(left[k][None], states, holds, residuals.step, floors[c])[0]
+        statistics = np.where(cells.test.kept, block.ravel(), np.nan)
+        t, adjusted = cells.test.restudentise(statistics)
+    return found
+
+
+def _taken_off(
+    series: np.ndarray, inside: np.ndarray, top: int, value: float, step: float, cells: CellTest
+) -> tuple[np.ndarray, float]:
+    """A channel's series (steps,) without the excess of a cell, and the excess [unit]."""
+    _, b, s, _, _ = (int(i) for i in np.unravel_index(top, cells.shape))
+    usual, peeled = float(cells.test.typical[top]), series.copy()
+    if STATISTICS[s] == "mean":
+        amount = (value - usual) / float(cells.share[top])
+        peeled[inside] -= amount
+        return peeled, amount
+    part = split(series, step)[cells.bands[b]][inside]
+    sd, usual_sd = value**1.5, max(usual, 0.0) ** 1.5
+    peeled[inside] += (part - part.mean()) * (usual_sd / sd - 1)
+    return peeled, sd - usual_sd
+
+
+def _simplest(candidates: np.ndarray, size: np.ndarray, cells: CellTest) -> int:
+    """Of cells that are about as strong the one with the fewest conditions, and of those the strongest."""
+    _, b, _, r, w = np.unravel_index(candidates, cells.shape)
+    conditions = [
+        (r_ > 0) + (cells.windows[w_].hours != "any") + (cells.windows[w_].day_type != "any") + (b_ > 0)
+        for b_, r_, w_ in zip(b, r, w, strict=True)
+    ]
+    order = np.lexsort((-size[candidates], np.array(conditions)))
+    return int(candidates[order[0]])
+
+
+def _finding(residuals: Residuals, cells: CellTest, top: int, amount: float, t: float, adjusted: float) -> Finding:
+    c, b, s, r, w = (int(i) for i in np.unravel_index(top, cells.shape))
+    k, window = cells.channels[c], cells.windows[w]
+    words = {"mean": ("measured higher", "measured lower"), "variance": ("more scatter", "less scatter")}
+    return Finding(
+        kind="cell",
+        channel=residuals.names[k],
+        label=residuals.labels[k],
+        cell={
+            "hours": window.hours,
+            "day_type": window.day_type,
+            "regime": cells.regimes[r].label,
+            "rule": cells.regimes[r].rule,
+            "band": cells.bands[b],
+            "statistic": STATISTICS[s],
+        },
+        p_value=adjusted,
+        direction=words[STATISTICS[s]][0 if amount > 0 else 1],
+        size=amount,
+        unit=residuals.units[k],
+        t=t,
+    )
+
+
+__all__ = ["WHOLE", "CellTest", "everywhere", "scan_cells"]

@@ -1,0 +1,188 @@
+"""When the residual is different: change points and episodes, in mean and in scatter.
+
+Every stretch of 1, 2, 4, ... days, and everything up to or from a point (a change point), is held against the rest
+of the record: a scan over stretches (Arias-Castro, Donoho and Huo 2005, "Near-optimal detection of geometric objects
+by fast multiscale methods") sees short episodes that a cumulative sum averages away. The threshold is the twins', so
+the residual's own wandering counts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagnosis.where.finding import Finding
+from diagnosis.where.series import DAY, HOUR, Residuals
+from diagnosis.where.significance import MaxTest, max_test
+
+STATISTICS = ("mean", "variance")
+GRID = 6 * HOUR
+"""Beginnings and ends of stretches lie this far apart [s]."""
+_SAME = 0.5
+"""Stretches that share this part of the shorter one are the same."""
+_SEEN = 0.5
+"""A stretch and the rest must hold this share of their readings."""
+
+
+@dataclass(frozen=True)
+class EpisodeTest:
+    """Result of :func:`scan_episodes`; ``starts`` and ``stops`` are steps of the stretches, shape (stretches,).
+
+    The cells of ``test`` are laid out as (channels, statistics, stretches).
+    """
+
+    test: MaxTest
+    channels: list[int]
+    starts: np.ndarray
+    stops: np.ndarray
+    spans: list[tuple[float, float]]
+    findings: list[Finding]
+
+
+def scan_episodes(residuals: Residuals, *, alpha: float = 0.05, most: int = 5) -> EpisodeTest:
+    """Test every stretch's mean and variance against the rest of the record; one p-value for all.
+
+    A finding is taken off the recording's residual before the next is looked for, against the twins' largest
+    statistic of the first round.
+
+    Returns
+    -------
+    EpisodeTest
+        ``spans`` (first, last) [s] belong to ``findings``; their ``size`` is the difference to the rest of the record.
+    """
+    starts, stops = _stretches(residuals.step, len(residuals.time))
+    channels = residuals.measured
+    stack = residuals.stacked
+    parts = np.stack([_parts(stack[:, k], starts, stops) for k in channels], axis=1)
+    shape = (len(channels), len(STATISTICS), len(starts))
+    test = max_test((parts[..., 0, :] - parts[..., 1, :]).reshape(len(stack), -1))
+    usual, now = parts[1:].mean(axis=0), parts[0]
+    left = stack[0].copy()
+    t, adjusted = test.t, test.adjusted
+    found: list[Finding] = []
+    spans: list[tuple[float, float]] = []
+    open_ = np.ones(shape, bool)
+    while len(found) < most:
+        size = np.where(test.kept & (open_ & _is_odd(now, usual)).ravel() & (adjusted <= alpha), np.abs(t), -np.inf)
+        if not np.isfinite(size).any():
+            break
+        means = np.where(np.arange(size.size) // shape[2] % 2 == 0, size, -np.inf)
+        top = int(np.argmax(means if np.isfinite(means).any() else size))
+        c, s, e = (int(i) for i in np.unravel_index(top, shape))
+        k, inside = channels[c], np.zeros(left.shape[1], bool)
+        start, stop = _refined(left[k], int(starts[e]), int(stops[e]), STATISTICS[s])
+        inside[start:stop] = True
+        inner, outer = left[k, inside], left[k, ~inside]
+        if STATISTICS[s] == "mean":
+            amount = float(np.nanmean(inner) - np.nanmean(outer))
+            left[k, inside] -= amount
+        else:
+            amount = float(np.nanstd(inner) - np.nanstd(outer))
+            left[k, inside] = np.nanmean(inner) + (inner - np.nanmean(inner)) * (np.nanstd(outer) / np.nanstd(inner))
+        # the stretch that was tested and the one peeled differ at their edges: it is not to be found again
+        shared = np.minimum(stops, stop) - np.maximum(starts, start)
+        open_[c, s] &= shared < _SAME * np.minimum(stops - starts, stop - start)
+        first, last = residuals.time[start] - residuals.step, residuals.time[stop - 1]
+        found.append(_finding(residuals, k, STATISTICS[s], amount, float(t[top]), float(adjusted[top]), first, last))
+        spans.append((float(first), float(last)))
+        now = np.stack([_parts(left[j][None], starts, stops)[0] for j in channels])
+        t, adjusted = test.restudentise((now[..., 0, :] - now[..., 1, :]).ravel())
+    return EpisodeTest(test, channels, starts, stops, spans, found)
+
+
+def _stretches(step: float, steps: int) -> tuple[np.ndarray, np.ndarray]:
+    """Stretches of 1, 2, 4, ... days up to a third of the record, those up to and those from every change point."""
+    apart, day = max(1, round(GRID / step)), max(2, round(DAY / step))
+    pairs = []
+    length = day
+    while length <= steps // 3:
+        pairs += [(start, start + length) for start in range(0, steps - length + 1, apart)]
+        length *= 2
+    for start in range(apart, steps, apart):
+        if min(start, steps - start) >= day:
+            pairs += [(0, start), (start, steps)]
+    starts, stops = np.array(sorted(set(pairs)), dtype=int).reshape(-1, 2).T
+    return starts, stops
+
+
+def _is_odd(now: np.ndarray, usual: np.ndarray) -> np.ndarray:
+    """Whether it is the stretch that departs from what twins show, rather than the rest, (channels, 2, stretches)."""
+    apart = np.abs(now - usual)
+    return apart[..., 0, :] >= apart[..., 1, :]
+
+
+def _parts(values: np.ndarray, starts: np.ndarray, stops: np.ndarray) -> np.ndarray:
+    """Means and cube-rooted variances, inside and outside each stretch, shape (rows, 2, 2, stretches)."""
+    seen = np.isfinite(values)
+    centre = np.where(seen, values, 0.0).sum(axis=1, keepdims=True) / np.maximum(seen.sum(axis=1, keepdims=True), 1)
+    apart = np.where(seen, values - centre, 0.0)
+
+    def sums(of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        total = np.concatenate([np.zeros((len(of), 1)), np.cumsum(of, axis=1)], axis=1)
+        inside = total[:, stops] - total[:, starts]
+        return inside, total[:, -1:] - inside
+
+    count, first, second = sums(seen.astype(float)), sums(apart), sums(apart**2)
+    length = stops - starts
+    enough = (count[0] >= _SEEN * length) & (count[1] >= _SEEN * (values.shape[1] - length))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = [f / n for f, n in zip(first, count, strict=True)]
+        variance = [np.maximum(s / n - m**2, 0.0) for s, n, m in zip(second, count, mean, strict=True)]
+        mean = [m + centre for m in mean]
+        found = np.stack([np.stack(mean, axis=1), np.cbrt(np.stack(variance, axis=1))], axis=1)
+    return np.where(enough[:, None, None], found, np.nan)
+
+
+def _refined(values: np.ndarray, start: int, stop: int, statistic: str) -> tuple[int, int]:
+    """Where a stretch begins and ends more closely, by the likelihood of two means or two variances near the one found.
+
+    Up to its own length longer and down to half of it; the ends of the record stay.
+    """
+    steps, length = len(values), stop - start
+    seen = np.isfinite(values)
+    apart = np.where(seen, values - np.nanmean(values), 0.0)
+    n, first, second = (np.concatenate([[0.0], np.cumsum(v)]) for v in (seen, apart, apart**2))
+    begins = np.array([0]) if start == 0 else np.arange(max(0, start - length), min(start + length // 2, steps - 1) + 1)
+    ends = np.array([stop]) if stop == steps else np.arange(max(stop - length // 2, 1), min(stop + length, steps) + 1)
+    i, j = (grid.ravel() for grid in np.meshgrid(begins, ends, indexing="ij"))
+    keep = j - i >= max(2, length // 2)
+    i, j = i[keep], j[keep]
+    inside = [v[j] - v[i] for v in (n, first, second)]
+    outside = [v[-1] - w for v, w in zip((n, first, second), inside, strict=True)]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        spread = [s / m - (f / m) ** 2 for m, f, s in (inside, outside)]
+        if statistic == "mean":
+            cost = inside[0] * spread[0] + outside[0] * spread[1]
+        else:
+            tiny = np.finfo(float).tiny
+            cost = sum(m[0] * np.log(np.maximum(v, tiny)) for m, v in zip((inside, outside), spread, strict=True))
+    cost = np.where((inside[0] >= 2) & (outside[0] >= 2), cost, np.inf)
+    if not np.isfinite(cost).any():
+        return start, stop
+    best = int(np.argmin(cost))
+    return int(i[best]), int(j[best])
+
+
+def _finding(
+    residuals: Residuals, k: int, statistic: str, amount: float, t: float, p_value: float, first: float, last: float
+) -> Finding:
+    words = {"mean": ("measured higher", "measured lower"), "variance": ("more scatter", "less scatter")}
+    begin = residuals.time[0] - residuals.step
+    days = [(at - begin) / DAY for at in (first, last)]
+    to_end = last >= residuals.time[-1]
+    period = f"from day {days[0]:.2f} on" if to_end else f"from day {days[0]:.2f} to day {days[1]:.2f}"
+    return Finding(
+        kind="episode",
+        channel=residuals.names[k],
+        label=residuals.labels[k],
+        cell={"period": period, "first_s": f"{first:.0f}", "last_s": f"{last:.0f}", "statistic": statistic},
+        p_value=p_value,
+        direction=words[statistic][0 if amount > 0 else 1],
+        size=amount,
+        unit=residuals.units[k],
+        t=t,
+    )
+
+
+__all__ = ["EpisodeTest", "scan_episodes"]

@@ -1,0 +1,68 @@
+"""One place where recording and model differ, as a sentence and as a row of the report."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+from diagnosis.where.bands import MEANING, WHOLE
+
+Kind = Literal["cell", "correlation", "episode", "source", "sensor"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A significant difference.
+
+    ``cell`` says where it lies, in words by name; ``size`` is the difference in ``unit`` (for scatter that of the
+    standard deviations), ``t`` its studentised value and ``p_value`` the family-wise one.
+    """
+
+    kind: Kind
+    channel: str
+    label: str
+    cell: dict[str, str]
+    p_value: float
+    direction: str
+    size: float
+    unit: str
+    t: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """For ``report.json``."""
+        return asdict(self) | {"text": self.text}
+
+    @property
+    def text(self) -> str:
+        """As a sentence."""
+        return f"{self.label}: {self.direction}{self._amount()}{self._place()} (p = {self.p_value:.2g})"
+
+    def _amount(self) -> str:
+        if self.kind == "correlation":
+            return f" (r = {self.size:+.2f})"
+        if self.kind == "sensor":
+            return f" (log likelihood ratio {self.size:+.3g})"
+        return f" by {abs(self.size):.3g} {self.unit}"
+
+    def _place(self) -> str:
+        words = []
+        if self.kind == "sensor":
+            return ""
+        if self.kind in ("episode", "source"):
+            return f", {self.cell['period']}"
+        if self.kind == "correlation":
+            return f" {self.cell['input']}, {self.cell['lag']}"
+        if self.cell["hours"] != "any":
+            words.append(f"at {self.cell['hours']}")
+        if self.cell["day_type"] != "any":
+            words.append(f"on {self.cell['day_type']}s" if self.cell["day_type"] == "weekday" else "at weekends")
+        if self.cell["regime"] != "any":
+            words.append(f"while {self.cell['regime']}")
+        if self.cell["band"] != WHOLE:
+            words.append(f"seen in what changes {_speed(self.cell['band'])}")
+        return ", " + ", ".join(words) if words else ", throughout"
+
+
+def _speed(band: str) -> str:
+    meaning = MEANING[band]
+    return meaning if meaning.startswith(("slower", "faster")) else f"within {meaning}"

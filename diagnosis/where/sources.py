@@ -1,0 +1,284 @@
+"""The source that would close the residual (missing heat, missing CO2), and whether a balance or a sensor is off.
+
+A missing source acts on the outputs as the model's own sources do; a sensor's error shows on its channel alone, and
+imitating it takes a source that looks like a derivative. Both explanations get the same prior; the likelihood
+says which is the better.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from diagnosis.where.finding import Finding
+from diagnosis.where.inverse import Inverse, decompose
+from diagnosis.where.series import DAY, HOUR, Residuals
+from diagnosis.where.significance import MaxTest, max_test
+from diagnosis.where.whitened import Whitened, whitened
+
+MEMORIES = (6 * HOUR, 72 * HOUR)
+"""Two priors: a source that changes within hours, and one that changes within days [s]."""
+SHARES = (0.05, 0.2)
+"""Degrees of freedom per pulse at which single pulses are tested: fixed beforehand, not fitted to the recording."""
+STRONG = 3.0
+"""Log likelihood ratio that Kass and Raftery (1995) call strong."""
+_MOST_PULSES = 336
+_MOVES = 0.05
+"""An output is moved by a source when its response, in units of its noise, is this share of the largest."""
+
+Verdict = Literal["balance", "sensor", "undecided", "none"]
+
+
+@dataclass(frozen=True)
+class Operator:
+    """Response of the outputs to a source, linearised at the calibrated model.
+
+    ``response`` (outputs, steps, pulses) [unit of the output per unit of the source]; pulse ``j`` holds from
+    ``edges[j]`` to ``edges[j + 1]`` [s].
+    """
+
+    name: str
+    label: str
+    unit: str
+    response: np.ndarray
+    edges: np.ndarray
+
+
+@dataclass(frozen=True)
+class Source:
+    """A source that would close the residual.
+
+    ``estimate``, ``uncertainty`` (pulses,) [unit]: posterior mean and standard deviation; ``low``, ``high``: where 95 %
+    of the twins' lie, which have no gap. ``adjusted`` (pulses,): family-wise p of each pulse. ``gain``: log
+    likelihood over noise alone; ``p_value`` of that against the twins. ``roughness``: von Neumann's ratio of the source
+    estimated without any smoothness asked of it: 0 a smooth series, 2 white noise, towards 4 a derivative of spikes;
+    ``roughness_p``: how rarely a twin is rougher. ``rival``: the channel, of those that the source moves, whose own
+    error explains most; ``balance``: the source's gain less the rival's. ``verdict``: ``balance``, ``sensor``,
+    ``undecided`` by that difference, or ``none`` when neither explains more than in twins.
+    """
+
+    name: str
+    label: str
+    unit: str
+    edges: np.ndarray
+    estimate: np.ndarray
+    uncertainty: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    adjusted: np.ndarray
+    gain: float
+    p_value: float
+    roughness: float
+    roughness_p: float
+    rival: str
+    balance: float
+    verdict: Verdict
+
+    def to_dict(self) -> dict[str, Any]:
+        """For ``report.json``."""
+        return {
+            "name": self.name,
+            "unit": self.unit,
+            "mean": float(self.estimate.mean()),
+            "peak": float(self.estimate[np.argmax(np.abs(self.estimate))]),
+            "log_likelihood_gain": self.gain,
+            "p_value": self.p_value,
+            "roughness": self.roughness,
+            "roughness_p": self.roughness_p,
+            "rival": self.rival,
+            "balance": self.balance,
+            "verdict": self.verdict,
+            "significant_hours": float(((self.adjusted <= 0.05) * np.diff(self.edges)).sum() / HOUR),
+        }
+
+
+@dataclass(frozen=True)
+class SourceTest:
+    """Result of :func:`scan_sources`.
+
+    ``sensor_gains``: log likelihood over noise, by channel, of an error on that channel alone. The cells of ``test``
+    are the sources, then the sensors.
+    """
+
+    test: MaxTest
+    sources: list[Source]
+    sensor_gains: dict[str, float]
+    findings: list[Finding]
+
+    @property
+    def verdict(self) -> Verdict:
+        """That of the source which, with its rival, explains most."""
+        return max(self.sources, key=lambda one: max(one.gain, self.sensor_gains[one.rival])).verdict
+
+    def to_dict(self) -> dict[str, Any]:
+        """For ``report.json``."""
+        return {
+            "sources": [one.to_dict() for one in self.sources],
+            "sensor_gains": self.sensor_gains,
+            "verdict": self.verdict,
+            "p_value": self.test.p_value,
+        }
+
+
+def scan_sources(
+    residuals: Residuals, operators: Sequence[Operator], nuisance: np.ndarray | None = None, *, alpha: float = 0.05
+) -> SourceTest:
+    """Invert the residuals of recording and twins for every source, and weigh sources against sensors.
+
+    Parameters
+    ----------
+    operators
+        One for each source.
+    nuisance
+        See :func:`~diagnosis.where.whitened.whitened`.
+    """
+    white = whitened(residuals, nuisance)
+    grouped = [_grouped(one) for one in operators]
+    problems = [_problems(white, white.response(one.response), one.edges, (*MEMORIES, 0.0)) for one in grouped]
+    sources: list[tuple[Operator, Inverse, float, np.ndarray]] = []
+    pulses, source_gains = [], []
+    for one, (*smooth, rough) in zip(grouped, problems, strict=True):
+        gains, taus = (np.stack(v) for v in zip(*(p.gains() for p in smooth), strict=True))
+        best = int(np.argmax(gains[:, 0]))
+        source_gains.append(gains.max(axis=0))
+        levels = np.stack([p.solve(p.tau_for(share)) for p in smooth for share in SHARES], axis=1)
+        pulses.append(levels.reshape(len(levels), -1))
+        tau = taus[best, 0] or smooth[best].tau_for(SHARES[0])
+        sources.append((one, smooth[best], tau, _roughness(rough)))
+    sensors = _sensor_gains(residuals, white, grouped[0].edges)
+    gains_of_all = np.stack([*source_gains, *sensors.values()], axis=1)
+    whole = max_test(np.sqrt(gains_of_all), sides="upper")
+    pulse_test = max_test(np.concatenate(pulses, axis=1))
+    found, offset = [], 0
+    for j, (one, problem, tau, ratios) in enumerate(sources):
+        width = len(one.edges) - 1
+        levels_p = pulse_test.adjusted[offset : offset + pulses[j].shape[1]].reshape(-1, width)
+        offset += pulses[j].shape[1]
+        solved = problem.solve(tau)
+        low, high = np.quantile(solved[1:], [0.025, 0.975], axis=0)
+        rival = max((k for k in sensors if k in _moved(white, one)), key=lambda k: float(sensors[k][0]))
+        balance = float(source_gains[j][0] - sensors[rival][0])
+        sure = min(whole.adjusted[j], whole.adjusted[len(sources) + list(sensors).index(rival)]) <= alpha
+        roughness_p = float((1 + np.count_nonzero(ratios[1:] >= ratios[0])) / len(ratios))
+        found.append(
+            Source(
+                name=one.name,
+                label=one.label,
+                unit=one.unit,
+                edges=one.edges,
+                estimate=solved[0],
+                uncertainty=problem.uncertainty(tau),
+                low=low,
+                high=high,
+                adjusted=levels_p.min(axis=0),
+                gain=float(source_gains[j][0]),
+                p_value=float(whole.adjusted[j]),
+                roughness=float(ratios[0]),
+                roughness_p=roughness_p,
+                rival=residuals.names[rival],
+                balance=balance,
+                verdict=_verdict(balance) if sure else "none",
+            )
+        )
+    by_channel = {residuals.names[k]: float(gains[0]) for k, gains in sensors.items()}
+    return SourceTest(whole, found, by_channel, _findings(residuals, found, list(sensors), whole, alpha))
+
+
+def _grouped(operator: Operator) -> Operator:
+    """Sum neighbouring pulses until there are few enough to decompose quickly."""
+    pulses = operator.response.shape[2]
+    size = -(-pulses // _MOST_PULSES)
+    if size == 1:
+        return operator
+    cuts = np.arange(0, pulses, size)
+    edges = np.append(operator.edges[:-1][cuts], operator.edges[-1])
+    return Operator(
+        operator.name, operator.label, operator.unit, np.add.reduceat(operator.response, cuts, axis=2), edges
+    )
+
+
+def _problems(white: Whitened, response: np.ndarray, edges: np.ndarray, memories: Sequence[float]) -> list[Inverse]:
+    centres = (edges[1:] + edges[:-1]) / 2
+    return [decompose(white.rows, response, centres, memory) for memory in memories]
+
+
+def _sensor_gains(residuals: Residuals, white: Whitened, edges: np.ndarray) -> dict[int, np.ndarray]:
+    """Gains (rows,) by output of an error on that output alone, as free to move as a source is."""
+    within = (residuals.middle[:, None] > edges[:-1]) & (residuals.middle[:, None] <= edges[1:])
+    found = {}
+    for k in white.channels:
+        alone = np.zeros((len(residuals.names), *within.shape))
+        alone[k] = within
+        problems = _problems(white, white.response(alone), edges, MEMORIES)
+        found[k] = np.max([p.gains()[0] for p in problems], axis=0)
+    return found
+
+
+def _roughness(problem: Inverse) -> np.ndarray:
+    """Von Neumann's ratio (1941) of each row's source under a prior that asks for no smoothness, shape (rows,)."""
+    solved = problem.solve(problem.tau_for(0.9))
+    apart = solved - solved.mean(axis=1, keepdims=True)
+    return np.sum(np.diff(apart, axis=1) ** 2, axis=1) / np.maximum(np.sum(apart**2, axis=1), np.finfo(float).tiny)
+
+
+def _verdict(balance: float) -> Verdict:
+    return "balance" if balance > STRONG else "sensor" if balance < -STRONG else "undecided"
+
+
+def _moved(white: Whitened, operator: Operator) -> list[int]:
+    """Outputs that a source moves noticeably, in units of their noise: their sensors can be mistaken for it."""
+    size = {
+        k: float(np.linalg.norm(operator.response[k])) / s for k, s in zip(white.channels, white.scales, strict=True)
+    }
+    return [k for k, one in size.items() if one >= _MOVES * max(size.values())]
+
+
+def _findings(
+    residuals: Residuals, sources: Sequence[Source], sensors: list[int], whole: MaxTest, alpha: float
+) -> list[Finding]:
+    found: list[Finding] = []
+    for j, one in enumerate(sources):
+        if one.p_value <= alpha and one.verdict in ("balance", "undecided"):
+            peak = int(np.argmax(np.abs(one.estimate)))
+            day = (one.edges[peak] - one.edges[0]) / DAY
+            found.append(
+                Finding(
+                    kind="source",
+                    channel=one.name,
+                    label=one.label,
+                    cell={"period": f"largest on day {day:.2f}", "first_s": f"{one.edges[peak]:.0f}"},
+                    p_value=one.p_value,
+                    direction="the model lacks a gain" if one.estimate[peak] > 0 else "the model lacks a loss",
+                    size=float(one.estimate[peak]),
+                    unit=one.unit,
+                    t=float(whole.t[j]),
+                )
+            )
+        k = list(residuals.names).index(one.rival)
+        column = len(sources) + sensors.index(k)
+        named = any(f.kind == "sensor" and f.channel == one.rival for f in found)
+        if whole.adjusted[column] <= alpha and one.verdict in ("sensor", "undecided") and not named:
+            found.append(
+                Finding(
+                    kind="sensor",
+                    channel=one.rival,
+                    label=residuals.labels[k],
+                    cell={"against": one.name},
+                    p_value=float(whole.adjusted[column]),
+                    direction=f"an error of this channel alone explains the residual {_than(one)} {one.label}",
+                    size=-one.balance,
+                    unit="1",
+                    t=float(whole.t[column]),
+                )
+            )
+    return found
+
+
+def _than(source: Source) -> str:
+    return "better than" if source.verdict == "sensor" else "about as well as"
+
+
+__all__ = ["Operator", "Source", "SourceTest", "scan_sources"]

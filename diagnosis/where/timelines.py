@@ -1,0 +1,136 @@
+"""Pictures along time: the residual with its episodes, and the sources that would close it."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from diagnosis.where.episodes import EpisodeTest
+from diagnosis.where.ink import MEASURED, QUIET, TWINS, readable
+from diagnosis.where.series import DAY, Residuals
+from diagnosis.where.sources import SourceTest
+
+_SPAN = "#ee9944"
+
+
+def draw_episodes(residuals: Residuals, found: EpisodeTest) -> Figure:
+    """The residual of each channel against time, what twins show, and the stretches that stand out."""
+    down = len(found.channels)
+    figure = Figure(figsize=(12.5, 2.1 * down + 0.9), layout="constrained")
+    panels = figure.subplots(down, 1, squeeze=False, sharex=True)[:, 0]
+    begin = float(residuals.time[0] - residuals.step)
+    days = (residuals.middle - begin) / DAY
+    for axes, k in zip(panels, found.channels, strict=True):
+        low, high = _band(residuals.replicates[:, k])
+        axes.fill_between(days, low, high, color=TWINS, alpha=0.7, linewidth=0, label="95 % of twins without a gap")
+        axes.axhline(0, color="black", linewidth=0.6)
+        axes.plot(days, residuals.observed[k], color=QUIET, linewidth=0.9, label="this recording")
+        _weekends(axes, residuals, begin)
+        heights = iter(np.tile([0.92, 0.78, 0.64], 10))
+        for one, (first, last) in zip(found.findings, found.spans, strict=True):
+            if one.channel != residuals.names[k]:
+                continue
+            first, last = (first - begin) / DAY, (last - begin) / DAY
+            axes.axvspan(first, last, color=_SPAN, alpha=0.35, linewidth=0)
+            for edge in (first, last):
+                axes.axvline(edge, color=MEASURED, linewidth=1.0, linestyle="--")
+            axes.text(
+                (first + last) / 2,
+                next(heights),
+                f"{one.direction} by {abs(one.size):.3g} {one.unit}",
+                transform=axes.get_xaxis_transform(),
+                ha="left" if (first + last) / 2 < days[-1] * 0.12 else "right" if first > days[-1] * 0.88 else "center",
+                va="top",
+                fontsize=8,
+                bbox={"facecolor": "white", "edgecolor": MEASURED, "pad": 1.5, "alpha": 0.9},
+            )
+        _frame(axes, days, f"{residuals.labels[k]}\n[{residuals.units[k]}]")
+    panels[0].legend(fontsize=8, loc="upper right", bbox_to_anchor=(1, 1.22), ncols=2, frameon=False)
+    panels[-1].set_xlabel("day of the record", fontsize=9)
+    figure.suptitle(
+        "When the residual (measured minus model) changes\nOrange: significant stretches.  Light stripes: weekends.",
+        fontsize=10,
+    )
+    return figure
+
+
+def draw_sources(residuals: Residuals, found: SourceTest, *, alpha: float = 0.05) -> Figure:
+    """Each source that would close the residual, its uncertainty, and what twins without a gap would ask for."""
+    figure = Figure(figsize=(12.5, 2.5 * len(found.sources) + 1.1), layout="constrained")
+    panels = figure.subplots(len(found.sources), 1, squeeze=False, sharex=True)[:, 0]
+    begin = float(residuals.time[0] - residuals.step)
+    labels = dict(zip(residuals.names, residuals.labels, strict=True))
+    for axes, one in zip(panels, found.sources, strict=True):
+        peak = float(np.abs(one.estimate).max())
+        factor, unit = readable(one.unit, max(peak, float(np.abs(one.high).max())))
+        edges = (one.edges - begin) / DAY
+        centres = (edges[1:] + edges[:-1]) / 2
+        axes.fill_between(
+            centres, factor * one.low, factor * one.high, step="mid", color=TWINS, alpha=0.8, linewidth=0,
+            label="95 % of twins without a gap",
+        )  # fmt: skip
+        for sign in (-2, 2):
+            edge = factor * (one.estimate + sign * one.uncertainty)
+            axes.step(centres, edge, where="mid", color=QUIET, linewidth=0.5, alpha=0.7)
+        axes.step(
+            centres, factor * one.estimate, where="mid", color=QUIET, linewidth=1.2,
+            label="this recording, and two standard deviations either side",
+        )  # fmt: skip
+        # a pulse may stand out at another smoothness than the one drawn: mark it only where the drawing agrees
+        outside = (one.estimate > one.high) | (one.estimate < one.low)
+        sure = (one.adjusted <= alpha) & outside & (np.abs(one.estimate) > 2 * one.uncertainty)
+        if sure.any():
+            marked = np.where(sure, factor * one.estimate, np.nan)
+            axes.plot(
+                centres,
+                marked,
+                ".",
+                color=MEASURED,
+                markersize=4,
+                label=f"beyond what twins show anywhere (p <= {alpha:g})",
+            )
+        axes.axhline(0, color="black", linewidth=0.6)
+        _weekends(axes, residuals, begin)
+        _frame(axes, edges, f"{one.label}\n[{unit}]")
+        axes.set_title(
+            f"{one.label} {_VERDICTS[one.verdict].format(rival=labels[one.rival])}  "
+            f"(p = {one.p_value:.2g}, roughness {one.roughness:.1f}: 0 smooth, 2 noise, 4 spikes)",
+            fontsize=9,
+            loc="left",
+        )
+    panels[-1].set_xlabel("day of the record", fontsize=9)
+    handles = {text: handle for axes in panels for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)}
+    figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+    figure.suptitle(
+        "What source would close the gap\nAbove zero: the building gains what the model lacks; below: it loses it.",
+        fontsize=10,
+    )
+    return figure
+
+
+_VERDICTS = {
+    "none": "explains no more than in twins without a gap",
+    "balance": "explains the residual better than an error of {rival} alone: this balance is off",
+    "sensor": "explains the residual worse than an error of {rival} alone: suspect that sensor",
+    "undecided": "and an error of {rival} alone explain the residual about equally well",
+}
+
+
+def _band(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Quantiles over twins at each step; NaN where no twin has a reading."""
+    seen = np.isfinite(values).any(axis=0)
+    low, high = np.full(values.shape[1], np.nan), np.full(values.shape[1], np.nan)
+    low[seen], high[seen] = np.nanquantile(values[:, seen], [0.025, 0.975], axis=0)
+    return low, high
+
+
+def _weekends(axes: Axes, residuals: Residuals, begin: float) -> None:
+    for day in np.unique(residuals.day[residuals.weekend]):
+        axes.axvspan((day * DAY - begin) / DAY, ((day + 1) * DAY - begin) / DAY, color="#f3efe0", linewidth=0, zorder=0)
+
+
+def _frame(axes: Axes, days: np.ndarray, label: str) -> None:
+    axes.set_xlim(float(days[0]), float(days[-1]))
+    axes.set_ylabel(label, fontsize=8)
+    axes.tick_params(labelsize=8)

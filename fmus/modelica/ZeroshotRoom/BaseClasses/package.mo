@@ -1,0 +1,4 @@
+within ZeroshotRoom;
+package BaseClasses "What the models have in common"
+
+end BaseClasses;

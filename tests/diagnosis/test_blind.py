@@ -1,0 +1,283 @@
+"""The blind set: sealed, reproducible, and published without a trace of its answers."""
+
+import hashlib
+import json
+import shutil
+from collections import Counter
+
+import numpy as np
+import pytest
+import xarray as xr
+from cyclopts import App
+
+from diagnosis.blind.command import app as blind_app
+from diagnosis.blind.draw import Case, Cause, draw_case
+from diagnosis.blind.generator import Generator, signals_of
+from diagnosis.blind.make import answer_of, make
+from diagnosis.blind.measuring import measured
+from diagnosis.blind.sealed import open_answers, read_manifest
+from diagnosis.blind.truth import Form, default_truth, load_truth
+from diagnosis.effects import library
+from diagnosis.recording import HOUR, read_recording
+from shared.errors import RecordingError
+
+HOURS, SEED, COUNT = 96.0, 20, 8
+
+
+@pytest.fixture(scope="module")
+def truth(default_system):
+    return load_truth(default_truth(default_system), default_system)
+
+
+@pytest.fixture(scope="module")
+def generator(default_system, truth):
+    return Generator(default_system, truth, hours=HOURS)
+
+
+@pytest.fixture(scope="module")
+def blind_set(default_system, tmp_path_factory):
+    """Folder, sealed file."""
+    folder = tmp_path_factory.mktemp("blind") / "set"
+    make(default_system, folder, recordings=COUNT, seed=SEED, hours=HOURS)
+    return folder, folder.with_name("set.answers.json")
+
+
+@pytest.fixture(scope="module")
+def answers(blind_set):
+    return open_answers(*blind_set)
+
+
+def published_files(folder):
+    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+
+
+def test_hash_is_published_and_holds(blind_set, answers, tmp_path):
+    folder, sealed = blind_set
+    manifest = read_manifest(folder)
+    assert manifest["answers_sha256"] == hashlib.sha256(sealed.read_bytes()).hexdigest()
+    assert len(answers["salt"]) == 64
+    forged = tmp_path / "forged.json"
+    raw = json.loads(sealed.read_text())
+    raw["recordings"][0]["verdict"] = "none_of_these"
+    forged.write_text(json.dumps(raw))
+    with pytest.raises(RecordingError, match=r"forged\.json: sha256 is .*; expected .*, as published"):
+        open_answers(folder, forged)
+    copy = tmp_path / "set"
+    shutil.copytree(folder, copy)
+    first = copy / manifest["recordings"][0]["file"]
+    content = first.read_bytes()
+    first.write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
+    with pytest.raises(RecordingError, match=r"0000\.nc: missing or changed since it was published"):
+        open_answers(copy, sealed)
+
+
+def test_nothing_but_recordings_and_their_conditions_is_published(blind_set, answers, default_system, truth):
+    folder, sealed = blind_set
+    assert published_files(folder) == ["manifest.json", *(f"recordings/{k:04}.nc" for k in range(COUNT))]
+    assert folder not in sealed.parents
+    assert not sealed.with_name(f"{sealed.name}.part").exists()
+    manifest = read_manifest(folder)
+    assert set(manifest) == {
+        "schema", "system_name", "system_hash", "fmu_sha256", "step", "hours", "answers_sha256", "recordings",
+    }  # fmt: skip
+    assert all(set(one) == {"file", "sha256", "occupancy", "replay"} for one in manifest["recordings"])
+    words = [effect.name for effect in library(default_system)] + [form.name for form in truth.forms]
+    words += ["stratum", "amplitude", "salt", str(answers["seed"]), answers["salt"]]
+    for file in published_files(folder):
+        content = (folder / file).read_bytes()
+        for word in words:
+            if word.isdigit() and len(word) < 6:
+                continue  # a short number is in any file
+            assert f"{word}".encode() not in content or word in {"plug", "mixing", "clock", "bridge", "glare"}, (
+                file,
+                word,
+            )
+
+
+def test_size_attributes_order_and_times_follow_the_public_conditions_alone(blind_set, answers):
+    """Two recordings of the same conditions cannot be told apart but by their values."""
+    folder, _ = blind_set
+    looks: dict[tuple, set] = {}
+    stamps = set()
+    for answer in answers["recordings"]:
+        path = folder / answer["file"]
+        data = xr.load_dataset(path, decode_times=False)
+        look = (
+            path.stat().st_size,
+            tuple(data.variables),
+            json.dumps(data.attrs),
+            json.dumps([{k: str(v) for k, v in one.attrs.items()} for one in data.variables.values()]),
+            tuple(str(one.dtype) for one in data.variables.values()),
+        )
+        looks.setdefault((answer["occupancy"], answer["replay"]), set()).add(look)
+        stamps.add((path.stat().st_mtime, path.stat().st_mode))
+    assert all(len(found) == 1 for found in looks.values())
+    assert len(stamps) == 1
+    assert len({answer["stratum"] for answer in answers["recordings"]}) > 2
+
+
+def test_recordings_can_be_read_and_hold_what_was_measured(blind_set, answers, default_system):
+    folder, _ = blind_set
+    for answer in answers["recordings"]:
+        record = read_recording(folder / answer["file"], default_system)
+        assert len(record.time) == HOURS
+        assert record.start == answer["start"]
+        assert ("nPer" in record.inputs) == (answer["occupancy"] == "measured")
+        assert ("TSet" in record.inputs) == (not answer["replay"])
+        clean = np.array(list(answer["clean"].values()))
+        noise = record.outputs - clean
+        for k, output in enumerate(default_system.outputs):
+            assert np.nanstd(noise[k]) == pytest.approx(output.noise["sensor"].sd, rel=0.5)
+        assert 0 < np.isnan(record.outputs).mean() < 0.05
+
+
+def test_the_same_seed_gives_the_same_bytes_in_any_order_and_after_an_interruption(
+    blind_set, default_system, tmp_path, monkeypatch
+):
+    folder, sealed = blind_set
+    again = tmp_path / "again"
+    import diagnosis.blind.make as module
+
+    written, write_one = [], module.write_one
+
+    def stopped(generator, seed, index, part):
+        if len(written) == 3:
+            raise KeyboardInterrupt
+        written.append(index)
+        write_one(generator, seed, index, part)
+
+    monkeypatch.setattr(module, "write_one", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        make(default_system, again, recordings=COUNT, seed=SEED, hours=HOURS)
+    assert not again.exists()  # nothing is published before all is made
+    monkeypatch.undo()
+    with pytest.raises(RecordingError, match="begun with other settings"):
+        make(default_system, again, recordings=COUNT, seed=SEED + 1, hours=HOURS)
+    make(default_system, again, recordings=COUNT, hours=HOURS)
+    assert published_files(again) == published_files(folder)
+    for file in published_files(folder):
+        assert (again / file).read_bytes() == (folder / file).read_bytes()
+    assert again.with_name("again.answers.json").read_bytes() == sealed.read_bytes()
+
+
+@pytest.mark.slow
+def test_two_processes_make_the_same(blind_set, default_system, tmp_path):
+    """And a set of other length has the same recordings: each depends on the seed and its number alone."""
+    folder, _ = blind_set
+    make(default_system, tmp_path / "two", recordings=2, seed=SEED, hours=HOURS, workers=2)
+    for file in ("recordings/0000.nc", "recordings/0001.nc"):
+        assert (tmp_path / "two" / file).read_bytes() == (folder / file).read_bytes()
+
+
+def test_strata_come_as_often_as_declared_and_every_candidate_has_its_turn(default_system, truth):
+    effects = library(default_system)
+    block = len(truth.strata.order)
+    cases = [draw_case(truth, default_system, effects, 5, index) for index in range(20 * block)]
+    counted = Counter(case.stratum for case in cases)
+    assert counted == {name: 20 * count for name, count in truth.strata.model_dump().items()}
+    plain = Counter(case.causes[0].label for case in cases if case.stratum == "library")
+    assert set(plain) == {effect.name for effect in effects}
+    assert max(plain.values()) - min(plain.values()) <= 1
+    assert {case.causes[0].form for case in cases if case.stratum == "outside"} == {form.name for form in truth.outside}
+    # order tells nothing: the first of a block is of any stratum
+    assert len({case.stratum for case in cases[::block]}) >= 4
+    for case in cases:
+        labels = [cause.label for cause in case.causes]
+        assert len(labels) == {"none": 0, "two": 2}.get(case.stratum, 1)
+        assert len(set(labels)) == len(labels)
+        assert (case.stratum == "outside") == ("" in labels)
+        for cause in case.causes:
+            size = abs(cause.amplitude) / cause.acts.scale
+            assert size <= truth.amplitudes[1] * (1 + 1e-9)
+            if isinstance(cause.acts, Form):
+                assert abs(cause.amplitude) <= cause.acts.limit
+                assert not case.replay or "replay" in cause.acts.modes
+            else:
+                assert cause.acts.lower <= cause.amplitude <= cause.acts.upper
+                assert not case.replay or "replay" in cause.acts.spec.modes
+    assert 0.3 < np.mean([case.unknown_occupancy for case in cases]) < 0.7
+    assert 0.2 < np.mean([case.replay for case in cases]) < 0.4
+    other = [draw_case(truth, default_system, effects, 6, index).stratum for index in range(3 * block)]
+    assert other != [case.stratum for case in cases[: 3 * block]]
+
+
+def case_of(truth, default_system, name, amplitude, index=3, replay=False):
+    """A recording with one cause of a given name and amplitude, persons counted."""
+    acts = {form.name: form for form in truth.forms} | {effect.name: effect for effect in library(default_system)}
+    causes = (Cause(acts[name], amplitude),) if name else ()
+    return Case(SEED, index, "library" if name else "none", causes, unknown_occupancy=False, replay=replay)
+
+
+@pytest.mark.parametrize("replay", [False, True])
+def test_without_a_cause_the_base_model_misses_little(generator, truth, default_system, replay):
+    made = generator.make_case(case_of(truth, default_system, "", 0.0, replay=replay))
+    gap = np.sqrt(np.mean((made.clean - made.base) ** 2, axis=1))
+    assert 0 < gap[0] < 0.25  # the walls', and in replay the hourly means of the actuators
+    assert gap[1] < 5.0
+    answer = answer_of(made, measured(made, default_system, truth)[1], default_system)
+    assert (answer["verdict"], answer["effects"]) == ("no_gap", [])
+
+
+@pytest.mark.parametrize(
+    ("name", "amplitude", "channel", "sign"),
+    [
+        ("massive bridge", 120.0, "QHea", 1),
+        ("gusty cracks", 0.2, "CO2", -1),
+        ("short circuit at high flow", 0.9, "CO2", 1),
+        ("room sensor that wanders", 2.0, "TRoo", 1),
+        ("fan off on most nights", 1.0, "mOA", -1),
+        ("flow meter with a curve", 0.5, "mOA", 1),
+        ("plug", 2000.0, "TRoo", 1),
+        ("sensor.CO2.bias", 150.0, "CO2", 1),
+        ("heat recovery", 0.8, "QHea", -1),
+        ("door to the corridor", 0.5, "CO2", None),
+        ("window.warm", 1.0, "TRoo", None),
+        ("window occupant", 4.0, "TRoo", None),
+    ],
+)
+def test_causes_act_with_the_expected_sign(generator, truth, default_system, name, amplitude, channel, sign):
+    # the same room in winter for all but the windows, which want warmth
+    made = generator.make_case(case_of(truth, default_system, name, amplitude, WARM if sign is None else COLD))
+    gap = (made.clean - made.base)[default_system.output_names.index(channel)]
+    floor = default_system.outputs[default_system.output_names.index(channel)].accuracy
+    assert np.sqrt(np.mean(gap**2)) > 3 * floor
+    if sign is not None:
+        assert np.mean(gap) * sign > 0
+
+
+COLD, WARM = 11, 0
+"""Numbers of recordings that fall into winter and summer with this seed: found below."""
+
+
+def test_numbers_of_the_seasons(generator, default_system, truth):
+    for index, low, high in ((COLD, 0, 100), (WARM, 130, 260)):
+        made = generator.make_case(case_of(truth, default_system, "", 0.0, index))
+        assert low <= made.start / 86400 <= high
+
+
+def test_signals_of_a_table_are_its_columns(generator):
+    from datagen.inputs import build_inputs
+    from datagen.tables import merge
+
+    table = build_inputs(generator.system, root_seed=1, index=0, start=0.0, stop=96 * HOUR)
+    again = merge(signals_of(table), 0.0, 96 * HOUR)
+    t = np.linspace(0.0, 96 * HOUR - 1.0, 5000)
+    np.testing.assert_allclose(again.at(t), table.at(t), rtol=1e-12, atol=1e-9)
+
+
+def test_a_folder_is_not_written_over_and_answers_stay_outside(blind_set, default_system, tmp_path):
+    folder, _ = blind_set
+    with pytest.raises(RecordingError, match="holds a blind set; expected a new folder"):
+        make(default_system, folder, answers=tmp_path / "a.json", recordings=1, hours=HOURS)
+    with pytest.raises(RecordingError, match="which is published"):
+        make(default_system, tmp_path / "x", answers=tmp_path / "x" / "a.json", recordings=1, hours=HOURS)
+
+
+def test_command(default_system, tmp_path, capsys):
+    app = App(result_action="return_value")
+    app.command(blind_app)
+    words = ["blind", "make", str(tmp_path / "set"), "--system", str(default_system.path), "--recordings", "1"]
+    assert app([*words, "--seed", "4", "--hours", "48", "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["answers_sha256"] == read_manifest(tmp_path / "set")["answers_sha256"]
+    assert len(open_answers(tmp_path / "set", tmp_path / "set.answers.json")["recordings"]) == 1

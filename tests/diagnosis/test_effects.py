@@ -1,0 +1,284 @@
+"""The generic kinds of effects and their shapes, by hand-made signals; the library, its bounds and its errors."""
+
+from importlib import import_module
+from importlib.metadata import EntryPoint
+
+import numpy as np
+import pytest
+
+from datagen.tables import Piecewise
+from diagnosis.effects import Combination, Effect, Nothing, build, clash, library
+from diagnosis.effects.kinds import lagged
+from diagnosis.effects.shapes import joined, ramped, shape_signal, timetable
+from diagnosis.recording import DAY, HOUR, Recording
+from shared.effects import InputEffect, PresenceShape, SensorEffect, ShapedEffect, ThresholdShape, TimetableShape
+from shared.errors import RecordingError, SystemDescriptionError
+from shared.system import parse_system
+
+START, DAYS = 10 * DAY, 14
+
+
+@pytest.fixture(scope="module")
+def recording():
+    time = START + HOUR * np.arange(1, DAYS * 24 + 1)
+    warm = 294.0 + 4.0 * np.sin(2 * np.pi * time / DAY)
+    outputs = np.stack([warm, 600.0 + 200.0 * np.sin(2 * np.pi * time / DAY), 0 * time + 1000.0, 0 * time + 0.2])
+    return Recording(path="room.nc", step=HOUR, time=time, outputs=outputs, inputs={})
+
+
+@pytest.fixture(scope="module")
+def inputs(default_system, recording):
+    """Every input, varying, from five days before the recording on."""
+    times = np.arange(START - 5 * DAY, recording.stop + 1, HOUR)
+    hours = times / HOUR % 24
+    made = {name: Piecewise.constant(0.0) for name in default_system.input_names}
+    sun = np.maximum(0.0, 700.0 * np.sin(2 * np.pi * (hours - 6) / 24))
+    made |= {
+        "TDryBul": Piecewise(times, 280.0 + 5.0 * np.sin(2 * np.pi * times / DAY)),
+        "TSky": Piecewise(times, 268.0 + 5.0 * np.sin(2 * np.pi * times / DAY)),
+        "winSpe": Piecewise(times, 4.0 + np.cos(times / 40000.0)),
+        "HFac": Piecewise(times, sun),
+        "CO2Out": Piecewise.constant(420.0),
+        "nPer": Piecewise(times, np.where((hours >= 8) & (hours < 18), 10.0, 0.0), "previous"),
+        "TSet": Piecewise(times, np.where((hours >= 6) & (hours < 22), 294.15, 290.15), "previous"),
+    }
+    return made
+
+
+def effects(system):
+    return {effect.name: effect for effect in library(system)}
+
+
+def test_library_is_large_and_every_effect_keeps_the_protocol(default_system):
+    found = library(default_system)
+    assert len(found) >= 18
+    assert {effect.kind for effect in found} == {"parameter", "shaped", "input", "sensor"}
+    for effect in found:
+        assert isinstance(effect, Effect)
+        assert effect.lower <= 0 <= effect.upper
+        assert 0 < effect.scale < max(-effect.lower, effect.upper)
+        assert effect.description
+        assert effect.changes
+
+
+def test_zero_is_the_base_and_touches_nothing(default_system, recording, inputs):
+    outputs = recording.outputs
+    for effect in library(default_system):
+        assert effect.parameters(0.0) == {}
+        assert effect.inputs(0.0, inputs, recording) is inputs
+        assert effect.outputs(0.0, outputs, recording.time) is outputs
+
+
+def test_effects_are_no_part_of_the_hash(default_system):
+    text = default_system.path.read_text(encoding="utf-8")
+    bare = parse_system(text[: text.index("[[effects]]")], default_system.path)
+    assert not bare.effects
+    assert bare.hash() == default_system.hash()
+
+
+def test_what_an_effect_says_it_changes_is_what_it_changes(default_system, recording, inputs):
+    for effect in library(default_system):
+        after = effect.inputs(effect.scale, inputs, recording)
+        changed = {name for name in inputs if after[name] is not inputs[name]}
+        touched = changed | set(effect.parameters(effect.scale))
+        shown = effect.outputs(effect.scale, recording.outputs, recording.time)
+        rows = np.flatnonzero((shown != recording.outputs).any(axis=1))
+        touched |= {f"output:{default_system.output_names[k]}" for k in rows}
+        # a series that is constant here cannot show a lag or a shift
+        assert touched <= effect.changes
+        assert effect.changes - touched <= {"output:QHea", "output:mOA"}
+
+
+def test_timetable_wraps_past_midnight_and_knows_the_days(recording):
+    night = TimetableShape(form="timetable", hours=[(20.0, 6.0)], days="weekday")
+    shape = timetable(night, START, START + 14 * DAY)
+    # day 14 is a Monday, since time zero is: its night begins at 20 and ends on Tuesday at 6
+    hours = 14 * DAY + HOUR * np.array([5.99, 19.9, 20.0, 23.0, 29.9, 30.0])
+    np.testing.assert_array_equal(shape.at(hours), [0, 0, 1, 1, 1, 0])
+    friday, saturday = 18, 19
+    assert shape.at(saturday * DAY + 3 * HOUR) == 1  # of Friday's night
+    assert shape.at(saturday * DAY + 23 * HOUR) == 0
+    assert shape.at(friday * DAY + 12 * HOUR) == 0
+
+
+def test_threshold_and_presence_have_the_stated_values(recording, inputs, default_system):
+    shapes = [
+        ThresholdShape(form="threshold", series="TRoo", threshold=295.0, width=0.5),
+        PresenceShape(form="presence", series="nPer", half=2.0),
+    ]
+    made = shape_signal(shapes[:1], inputs, recording, default_system.output_names)
+    np.testing.assert_allclose(
+        made.at(recording.time), 1 / (1 + np.exp(-(recording.outputs[0] - 295.0) / 0.5)), rtol=1e-12
+    )
+    # before the recording its first day is repeated
+    np.testing.assert_allclose(made.at(recording.time[:24] - 3 * DAY), made.at(recording.time[:24]), rtol=1e-12)
+    persons = shape_signal(shapes[1:], inputs, recording, default_system.output_names)
+    assert persons.at(START + 12 * HOUR) == pytest.approx(10 / 12)
+    assert persons.at(START + 2 * HOUR) == 0
+    both = shape_signal(shapes, inputs, recording, default_system.output_names)
+    assert both.at(START + 3 * HOUR) == 0
+    assert 0 < both.at(START + 9 * HOUR) < 1
+
+
+def test_a_series_that_was_not_measured_is_an_obstacle(default_system, recording, inputs):
+    blind = Recording(
+        path="room.nc",
+        step=HOUR,
+        time=recording.time,
+        outputs=np.where(np.arange(4)[:, None] == 0, np.nan, recording.outputs),
+        inputs={},
+    )
+    window = effects(default_system)["window.warm"]
+    assert window.obstacle(recording, replay=False) == ""
+    assert "TRoo" in window.obstacle(blind, replay=False)
+    with pytest.raises(RecordingError, match=r"room\.nc: 'TRoo' was not measured"):
+        window.inputs(0.1, inputs, blind)
+    assert "TRoo" in effects(default_system)["sensor.temperature.bias"].obstacle(blind, replay=False)
+
+
+def test_replay_leaves_control_effects_no_way_to_act(default_system, recording):
+    cannot = {e.name for e in library(default_system) if e.obstacle(recording, replay=True)}
+    assert cannot == {"heater.derated", "heater.leaking", "schedule.shift", "thermostat.bias"}
+    assert not [e.name for e in library(default_system) if e.obstacle(recording, replay=False)]
+
+
+def test_gap_in_a_followed_series_is_bridged(default_system, recording, inputs):
+    outputs = recording.outputs.copy()
+    outputs[0, 30:33] = np.nan
+    holey = Recording(path="room.nc", step=HOUR, time=recording.time, outputs=outputs, inputs={})
+    made = effects(default_system)["window.warm"].inputs(0.1, inputs, holey)["yWin"]
+    assert np.isfinite(made.values).all()
+
+
+def test_input_effects_by_hand(default_system, recording, inputs):
+    found, t = effects(default_system), recording.time[:-1] - 600.0
+    sun = found["outdoor.temperature.sun"].inputs(4.0, inputs, recording)["TDryBul"]
+    np.testing.assert_allclose(sun.at(t), inputs["TDryBul"].at(t) - 4.0 * inputs["HFac"].at(t) / 1000.0, atol=1e-9)
+    lee = found["wind.sheltered"].inputs(0.25, inputs, recording)["winSpe"]
+    np.testing.assert_allclose(lee.at(t), 0.75 * inputs["winSpe"].at(t), rtol=1e-12)
+    late = found["schedule.shift"].inputs(1.0, inputs, recording)["TSet"]
+    day = 15 * DAY
+    assert late.at(day + 6.5 * HOUR) == 290.15
+    assert late.at(day + 7.0 * HOUR) == 294.15
+    swing = found["outdoor.CO2.swing"].inputs(30.0, inputs, recording)["CO2Out"]
+    assert swing.at(day + 6 * HOUR) == pytest.approx(450.0)
+    assert swing.at(day + 18 * HOUR) == pytest.approx(390.0)
+    assert found["outdoor.CO2.offset"].inputs(-25.0, inputs, recording)["CO2Out"].at(day) == 395.0
+
+
+def test_sensor_effects_by_hand(default_system, recording):
+    found, y, t = effects(default_system), recording.outputs, recording.time
+    bias = found["sensor.temperature.bias"].outputs(0.7, y, t)
+    np.testing.assert_allclose(bias[0], y[0] + 0.7)
+    np.testing.assert_array_equal(bias[1:], y[1:])
+    np.testing.assert_allclose(found["sensor.CO2.gain"].outputs(0.1, y, t)[1], 420 + 1.1 * (y[1] - 420))
+    drift = found["sensor.CO2.drift"].outputs(60.0, y, t)[1] - y[1]
+    assert drift[0] == 0
+    assert drift[-1] == pytest.approx(60.0 * (DAYS * 24 - 1) / (30 * 24))
+    late = found["clock"].outputs(1.0, y, t)
+    np.testing.assert_allclose(late[0, :-1], y[0, 1:])  # a clock that is an hour late reads what comes in an hour
+
+
+def test_lag_follows_a_sine_with_gain_and_phase_of_a_first_order_system():
+    step, constant, period = 600.0, 3 * HOUR, DAY
+    t = step * np.arange(20 * 144)
+    shown = lagged(np.sin(2 * np.pi * t / period), constant, step)
+    w = 2 * np.pi * constant / period
+    expected = np.sin(2 * np.pi * t / period - np.arctan(w)) / np.sqrt(1 + w**2)
+    np.testing.assert_allclose(shown[-144:], expected[-144:], atol=2e-4)
+    np.testing.assert_allclose(lagged(np.sin(t / period), 1e-3, step), np.sin(t / period), atol=1e-6)
+
+
+def test_meters_are_corrected_where_their_readings_are_replayed(default_system, recording, inputs):
+    """What the model gets is what the meter would show as it is recorded."""
+    read = {**inputs, "QHea_in": Piecewise(recording.time - HOUR, 500.0 + 0 * recording.time, "previous")}
+    meter = effects(default_system)["meter.heater.gain"]
+    true = meter.inputs(0.25, read, recording)["QHea_in"]
+    np.testing.assert_allclose(true.values, 400.0)
+    shown = meter.outputs(0.25, np.tile(true.values, (4, 1)), recording.time)
+    np.testing.assert_allclose(shown[2], 500.0)
+
+
+def test_thermostat_moves_the_set_point_against_its_error(default_system, recording, inputs):
+    thermostat = effects(default_system)["thermostat.bias"]
+    np.testing.assert_allclose(thermostat.inputs(0.5, inputs, recording)["TSet"].values, inputs["TSet"].values - 0.5)
+    assert thermostat.outputs(0.5, recording.outputs, recording.time)[0, 0] == recording.outputs[0, 0] + 0.5
+
+
+def test_joined_keeps_the_first_kind():
+    line = Piecewise(np.array([0.0, 7200.0]), np.array([0.0, 2.0]))
+    steps = Piecewise(np.array([0.0, 3600.0]), np.array([1.0, 3.0]), "previous")
+    both = joined(line, steps, np.add)
+    assert both.kind == "linear"
+    np.testing.assert_allclose(both.at([1800.0, 3600.0, 3660.0, 7200.0]), [1.5, 2.0, 3.0 + 3660 / 3600, 5.0])
+    turned = joined(steps, line, np.add)
+    assert turned.kind == "previous"
+    assert turned.at(1800.0) == pytest.approx(2.0)
+    assert ramped(Piecewise.constant(4.0)).at(9.0) == 4.0
+
+
+def test_combination_acts_in_turn_and_refuses_a_clash(default_system, recording, inputs):
+    found = effects(default_system)
+    pair = Combination((found["plug"], found["sensor.temperature.bias"]))
+    assert pair.parameters([300.0, 0.5]) == {"effect.plug.Q": 300.0}
+    np.testing.assert_allclose(
+        pair.outputs([300.0, 0.5], recording.outputs, recording.time)[0] - 0.5, recording.outputs[0]
+    )
+    offset = Combination((found["outdoor.CO2.offset"], found["outdoor.CO2.swing"]))
+    assert offset.inputs([10.0, 5.0], inputs, recording)["CO2Out"].at(15 * DAY + 6 * HOUR) == pytest.approx(435.0)
+    assert clash([found["window.warm"], found["window.night"]])
+    with pytest.raises(SystemDescriptionError, match=r"window\.warm and window\.night both set"):
+        Combination((found["window.warm"], found["window.night"]))
+    assert Nothing("placebo").outputs(3.0, recording.outputs, recording.time) is recording.outputs
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"kind": "sensor", "outputs": ["TWall"], "operation": "bias"}, "'TWall' is not an output"),
+        ({"kind": "input", "input": "rain", "operation": "add"}, "'rain' is not an input"),
+        ({"kind": "parameter", "parameters": {"roo.V": 1.0}}, "'roo.V' is an estimated parameter"),
+        ({"kind": "sensor", "outputs": ["CO2"], "operation": "lag", "lower": -1.0}, "expected lower = 0"),
+        ({"kind": "parameter", "parameters": {"x": 1.0}, "lower": 0.5}, "expected a range with 0"),
+        ({"kind": "sensor", "outputs": ["CO2"], "operation": "gain", "lower": -1.0}, "expected more than 0"),
+    ],
+)
+def test_wrong_declarations_are_refused_with_a_sentence(default_system, change, sentence):
+    text = default_system.path.read_text(encoding="utf-8")
+    one = {"name": "mine", "unit": "1", "scale": 1.0, "lower": 0.0, "upper": 2.0, **change}
+    lines = "\n".join(f"{k} = {_toml(v)}" for k, v in one.items())
+    with pytest.raises(SystemDescriptionError, match=sentence):
+        library(parse_system(f"{text}\n[[effects]]\n{lines}\n", default_system.path))
+
+
+def _toml(value):
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f'"{k}" = {v}' for k, v in value.items()) + " }"
+    return (
+        str(value).replace("'", '"') if isinstance(value, list) else f'"{value}"' if isinstance(value, str) else value
+    )
+
+
+def test_every_kind_of_the_description_has_a_maker(default_system):
+    common = {"name": "x", "unit": "1", "scale": 1.0, "lower": 0.0, "upper": 1.0}
+    shape = [{"form": "timetable", "hours": [(8.0, 9.0)]}]
+    for spec in (
+        ShapedEffect(kind="shaped", parameters={"effect.window.m0": 1.0}, input="yWin", shape=shape, **common),
+        InputEffect(kind="input", input="TDryBul", operation="add", **common),
+        SensorEffect(kind="sensor", outputs=["CO2"], operation="bias", **common),
+    ):
+        assert build(spec, default_system).kind == spec.kind
+
+
+def test_packages_add_their_own(default_system, monkeypatch):
+    made = [Nothing("mine")]
+    monkeypatch.setattr(EntryPoint, "load", lambda self: lambda system: made)
+    entry = EntryPoint("mine", "package:effects", "zeroshot_fmu.effects")
+    monkeypatch.setattr(import_module("diagnosis.effects.library"), "entry_points", lambda group: [entry])
+    assert library(default_system)[-1].name == "mine"
+    made[:] = [Nothing("plug")]
+    with pytest.raises(SystemDescriptionError, match="'plug' is declared twice"):
+        library(default_system)
+    made[:] = ["no effect"]
+    with pytest.raises(SystemDescriptionError, match=r"package:effects.*gives a str; expected effects"):
+        library(default_system)

@@ -1,0 +1,94 @@
+"""A patch transformer that reads its outputs at several scales: the default estimator.
+
+What sets systems apart are small deviations under a large common signal: how CO2 settles in the last per cent, how the
+temperature bends in an hour. So each output is also given as differences, and through asinh at several scales, which
+magnifies what is small and keeps what is large. Missing readings (not a number) are zero with a flag. Any context that
+is at most the trained one is read; patches are counted from its end.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import torch
+from torch import nn
+
+from shared.errors import EstimatorError
+from trainer.models.base import Estimator, Recipe, Shape
+
+LEVEL_SCALES = (1e-3, 1e-2, 1e-1)
+"""Of deviations from the window's low quantile [standard deviations of the channel]."""
+STEP_SCALES = (1e-3, 1e-2)
+"""Of differences between samples [standard deviations of the channel]."""
+LOW = 0.02
+"""The quantile that deviations are counted from: most outputs rest at their lower end."""
+GAIN = 0.25
+"""Brings asinh of large ratios back to the size of the other columns."""
+
+
+class MultiscaleTransformer(Estimator):
+    """Patches of multi-scale columns through an MLP, a pre-norm transformer encoder, mean and maximum, an MLP head."""
+
+    recipe: ClassVar[Recipe] = Recipe(steps=20000, batch_size=128, lr=1e-3, schedule="cosine", optimiser="muon")
+    reads_missing: ClassVar[bool] = True
+    reads_shorter: ClassVar[bool] = True
+
+    def __init__(
+        self,
+        shape: Shape,
+        patch: int = 12,
+        width: int = 128,
+        layers: int = 4,
+        heads: int = 8,
+        feedforward: int = 384,
+        dropout: float = 0.0,
+    ) -> None:
+        super().__init__()
+        if patch > shape.length:
+            raise EstimatorError(f"patch is {patch} samples; expected no more than the {shape.length} of the context")
+        if width % heads:
+            raise EstimatorError(f"width is {width}; expected a multiple of the {heads} attention heads")
+        self.outputs, self.patch, self.tokens = shape.outputs, patch, shape.length // patch
+        columns = shape.columns + shape.outputs * (2 + len(LEVEL_SCALES) + len(STEP_SCALES))
+        self.embedding = nn.Sequential(nn.Linear(patch * columns, 2 * width), nn.GELU(), nn.Linear(2 * width, width))
+        self.position = nn.Parameter(0.02 * torch.randn(self.tokens, width))
+        layer = nn.TransformerEncoderLayer(
+            width, heads, feedforward, dropout, activation="gelu", batch_first=True, norm_first=True
+        )
+        self.encoder = nn.TransformerEncoder(layer, layers, enable_nested_tensor=False)
+        self.norm = nn.LayerNorm(2 * width)
+        self.head = nn.Sequential(nn.Linear(2 * width, 2 * width), nn.GELU(), nn.Linear(2 * width, shape.parameters))
+
+    def forward(self, windows: torch.Tensor, time: torch.Tensor) -> torch.Tensor:
+        """See :class:`Estimator`."""
+        answer: torch.Tensor = self.head(self.embed(windows))
+        return answer
+
+    def answer_and_embed(self, windows: torch.Tensor, time: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """See :class:`Estimator`."""
+        embedding = self.embed(windows)
+        return self.head(embedding), embedding
+
+    def embed(self, windows: torch.Tensor) -> torch.Tensor:
+        """What the encoder makes of a window (batch, 2 width): the mean and the maximum over its patches."""
+        tokens = windows.shape[1] // self.patch
+        if not 1 <= tokens <= self.tokens:
+            raise EstimatorError(
+                f"a window has {windows.shape[1]} samples; expected {self.patch} to {self.tokens * self.patch}"
+            )
+        columns = self.columns(windows[:, -tokens * self.patch :])
+        patches = columns.reshape(len(columns), tokens, -1)
+        encoded = self.encoder(self.embedding(patches) + self.position[-tokens:])
+        return self.norm(torch.cat([encoded.mean(dim=1), encoded.amax(dim=1)], dim=1))
+
+    def columns(self, windows: torch.Tensor) -> torch.Tensor:
+        """Windows (batch, length, columns), missing readings not a number, to (batch, length, multi-scale columns)."""
+        series = windows[:, :, : self.outputs]
+        missing = torch.isnan(series)
+        low = torch.nanquantile(series, LOW, dim=1, keepdim=True)
+        above = series - low
+        steps = torch.cat([torch.zeros_like(series[:, :1]), series.diff(dim=1)], dim=1)
+        parts = [windows, 5 * steps]
+        parts += [GAIN * torch.asinh(above / scale) for scale in LEVEL_SCALES]
+        parts += [GAIN * torch.asinh(steps / scale) for scale in STEP_SCALES]
+        return torch.cat([torch.nan_to_num(torch.cat(parts, dim=2)), missing.to(windows.dtype)], dim=2)
