@@ -17,6 +17,7 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from shared.errors import SystemDescriptionError
+from shared.shipped import resolved, shipped_systems
 from shared.signals import Excitation, Occupancy, Schedule, Table, Weather
 from shared.variables import (
     Effect,
@@ -262,20 +263,24 @@ def _name_unnamed(raw: dict[str, object], path: Path) -> None:
 
 
 def load_system(path: Path | str) -> System:
-    """Read a system description.
+    """Read a system description: a TOML file, a folder that holds ``system.toml``, or the name of a shipped system.
 
     Raises
     ------
     SystemDescriptionError
         If the file is missing, not TOML, or does not describe a system.
     """
-    path = Path(path)
+    path = resolved(path)
     if path.is_dir():
         path = path / "system.toml"
     try:
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError:
-        raise SystemDescriptionError(f"{path}: no such file; expected a system description (TOML)") from None
+        names = ", ".join(shipped_systems())
+        raise SystemDescriptionError(
+            f"{path}: no such file; expected a system description (TOML), or the name of one that comes with the package"
+            f" ({names})"
+        ) from None
     except (OSError, UnicodeDecodeError) as error:
         raise SystemDescriptionError(f"{path}: cannot be read as text: {error}") from None
     return parse_system(text, path)

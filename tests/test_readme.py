@@ -12,7 +12,10 @@ from trainer.cli import app as trainer_app
 
 ROOT = Path(__file__).resolve().parents[1]
 APPS = {"datagen": datagen_app, "trainer": trainer_app, "diagnosis": diagnosis_app}
-DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "fmus").rglob("*.md"))]
+DOCUMENTS = [
+    ROOT / "README.md",
+    *(path for folder in ("docs", "fmus", "docker") for path in sorted((ROOT / folder).rglob("*.md"))),
+]
 
 
 def commands():

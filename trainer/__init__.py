@@ -1,8 +1,10 @@
 """Estimators: fit one to a dataset, evaluate it, use it on a recording.
 
     fit        dataset folder -> run folder (weights.safetensors, estimator.json, curve.csv, curve.png)
+    tune       dataset folder -> the options of an estimator that are best on validation systems
     evaluate   run folder and dataset folder -> R2 under the protocols "paper" and "unseen", tables, scatter figure
     predict    run folder and recording (NetCDF) -> parameter estimates with their validation error
+    benchmark  dataset folder -> the paper's tables and figures, and more, under many conditions
 
 The names are looked up when first used: they import torch, and the command line's ``--help`` must not wait for it.
 """
@@ -12,13 +14,15 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-__all__ = ["evaluate", "fit", "load_run", "predict"]
+__all__ = ["benchmark", "evaluate", "fit", "load_run", "predict", "tune"]
 
 _HOMES = {
+    "benchmark": "trainer.benchmarking.running",
     "evaluate": "trainer.evaluation",
     "fit": "trainer.fitting",
     "load_run": "trainer.checkpoint",
     "predict": "trainer.prediction",
+    "tune": "trainer.tuning",
 }
 
 

@@ -11,16 +11,18 @@ from typing import Any, Literal
 
 import numpy as np
 import torch
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, field_serializer, field_validator
 from safetensors import SafetensorError
 from safetensors.torch import load as load_tensors
 from safetensors.torch import save as save_tensors
 
 from shared.errors import EstimatorError
+from shared.shipped import resolved_estimator
 from shared.store import Records, sha256_of, write_atomically
 from trainer.encoding import Encoding
 from trainer.models import build
 from trainer.models.base import Estimator, Shape
+from trainer.spans import packed, unpacked
 
 SCHEMA_VERSION = 1
 CARD = "estimator.json"
@@ -44,6 +46,15 @@ class Systems(_Table):
     """of each system: a merged dataset has several"""
     indices: list[int]
 
+    @field_serializer("root_seeds", "indices", when_used="json")
+    def _pack(self, numbers: list[int]) -> str:
+        return packed(numbers)
+
+    @field_validator("root_seeds", "indices", mode="before")
+    @classmethod
+    def _unpack(cls, found: Any) -> Any:
+        return unpacked(found) if isinstance(found, str) else found
+
     @classmethod
     def of(cls, records: Records, rows: np.ndarray) -> Systems:
         """The systems in some rows of records."""
@@ -63,6 +74,8 @@ class Training(_Table):
     validation_windows: int
     seconds: float
     stopped: Stop
+    minutes: float | None = None
+    """budget [min], where it was not steps"""
 
 
 def shape_of(encoding: Encoding) -> Shape:
@@ -204,14 +217,14 @@ def read_card(folder: Path) -> Card:
 
 
 def load_run(folder: Path | str) -> Run:
-    """Load an estimator.
+    """Load an estimator from its folder, or the one that comes with a shipped system, by the system's name.
 
     Raises
     ------
     EstimatorError
         If the folder holds none, or one of its files is damaged or newer than this version.
     """
-    folder = Path(folder)
+    folder = resolved_estimator(folder)
     card = read_card(folder)
     path = folder / WEIGHTS
     try:

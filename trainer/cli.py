@@ -12,7 +12,10 @@ from rich.console import Console
 from rich.table import Table
 
 from shared.console import new_app, new_console, start
+from shared.errors import EstimatorError
+from trainer.benchmark_command import benchmark
 from trainer.models import ESTIMATORS
+from trainer.tune_command import tune
 
 app = new_app(
     "trainer",
@@ -29,6 +32,9 @@ A first session, on a dataset made by `datagen run`:
 Exit codes: 0 done, 1 something that the message tells how to mend, 2 wrong usage.""",
 )
 
+app.command(benchmark)
+app.command(tune)
+
 MODELS = f"Estimator: {', '.join(ESTIMATORS)}."
 
 
@@ -38,19 +44,24 @@ def fit(
     /,
     *,
     out: Path,
-    model: Annotated[str, Parameter(help=MODELS)] = "patch-transformer",
+    model: Annotated[str | None, Parameter(help=MODELS)] = None,
     context: float | None = None,
+    other_contexts: Annotated[list[float] | None, Parameter(consume_multiple=True, negative="")] = None,
     channels: Annotated[list[str] | None, Parameter(consume_multiple=True, negative="")] = None,
-    noise: str = "none",
+    optional: Annotated[list[str] | None, Parameter(consume_multiple=True, negative="")] = None,
+    noise: Annotated[tuple[str, ...], Parameter(consume_multiple=True, negative="")] = ("none",),
     steps: int | None = None,
     minutes: float | None = None,
     batch_size: int | None = None,
     lr: float | None = None,
     patch: int | None = None,
     option: dict[str, float] | None = None,
+    options: Path | None = None,
+    systems: int | None = None,
     seed: int = 0,
     threads: int = 1,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
+    resume: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
     """Fit an estimator to the training systems of a dataset.
 
@@ -71,8 +82,13 @@ def fit(
     channels
         What the estimator reads: outputs or inputs of the system, and time_of_day or day_of_week from the time stamps;
         the system description's by default.
+    other_contexts
+        Further lengths of a window [h], for multiscale-transformer: one estimator for them all.
+    optional
+        Outputs among the channels that a recording may lack, for multiscale-transformer.
     noise
-        Sensor preset of the system description, drawn afresh for every window; "none" is noise-free.
+        Sensor preset of the system description, drawn afresh for every window; "none" is noise-free. Of several each
+        window draws one.
     steps
         Optimiser steps; the model's own number by default.
     minutes
@@ -85,31 +101,56 @@ def fit(
         Samples of a patch (patch-transformer; the paper's 12 by default).
     option
         A further option of the model, for example `--option.width 32`.
+    options
+        File of `trainer tune` with the model, its options, batch size and learning rate; what is given here as well
+        comes first.
+    systems
+        Train on the first so many training systems only.
     seed
         Of weights, windows, noise and dropout.
     threads
         torch's threads; more than one is slower unless the machine is idle.
     overwrite
         Replace an estimator that OUT already holds.
+    resume
+        Go on with an interrupted training in OUT, to the same weights (with --steps); begin where there is none.
     """
     from trainer.fitting import fit as run_fit
+
+    chosen: dict[str, Any] = {}
+    if options is not None:
+        from trainer.tuning import read_options
+
+        tuned = read_options(options)
+        if model not in (None, tuned.model):
+            raise EstimatorError(f"{options}: is of the model {tuned.model}; expected {model}, or no --model")
+        model, chosen = tuned.model, dict(tuned.options)
+        batch_size, lr = batch_size or tuned.batch_size, lr or tuned.lr
+    model = model or "patch-transformer"
+    if patch is not None:
+        chosen.pop("patch", None)
+    chosen |= option or {}
 
     run = run_fit(
         dataset,
         out,
         model=model,
         context_hours=context,
+        other_contexts=other_contexts,
         channels=channels,
-        noise=noise,
+        optional=optional,
+        noise=" ".join(noise),
         steps=steps,
         minutes=minutes,
         batch_size=batch_size,
         lr=lr,
         patch=patch,
-        options=option,
+        options=chosen,
+        systems=systems,
         seed=seed,
         threads=threads,
         overwrite=overwrite,
+        resume=resume,
         progress=True,
     )
     done = run.card.training
@@ -128,6 +169,9 @@ def evaluate(
     *,
     windows: int = 1000,
     seed: int = 0,
+    noise: str | None = None,
+    context: float | None = None,
+    without: Annotated[list[str] | None, Parameter(consume_multiple=True, negative="")] = None,
     ceiling: Path | None = None,
     out: Path | None = None,
     json: Annotated[bool, Parameter(negative="")] = False,
@@ -146,6 +190,12 @@ def evaluate(
         Disjoint windows drawn for each protocol; fewer where there are fewer.
     seed
         Of the windows and the sensor noise.
+    noise
+        Sensor preset; what the run was trained on by default.
+    context
+        Length of a window [h], one of those that the run was trained on.
+    without
+        Optional channels of the run that are to be missing.
     ceiling
         File of `datagen identifiability`; DATASET/identifiability.json by default.
     out
@@ -156,7 +206,16 @@ def evaluate(
     from trainer.evaluation import evaluate as run_evaluate
     from trainer.report import notes, terminal_table
 
-    result = run_evaluate(run, dataset, windows=windows, seed=seed, ceiling=ceiling, out=out)
+    result = run_evaluate(
+        *(run, dataset),
+        windows=windows,
+        seed=seed,
+        noise=noise,
+        context_hours=context,
+        without=without,
+        ceiling=ceiling,
+        out=out,
+    )
     if json:
         print(result.model_dump_json(indent=1))
     else:

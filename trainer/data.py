@@ -10,15 +10,15 @@ from shared.errors import DatasetError
 from shared.store import DatasetFolder, Records
 
 
-def load_records(dataset: DatasetFolder, recorded: list[str]) -> Records:
-    """Read channels and parameters of all systems.
+def load_records(dataset: DatasetFolder, recorded: list[str], rows: np.ndarray | None = None) -> Records:
+    """Read channels and parameters of all systems, or of those in some ``rows``.
 
     Raises
     ------
     DatasetError
         If a value is not finite, or a parameter is not positive, or the time stamps are not evenly spaced.
     """
-    records = dataset.load(recorded)
+    records = dataset.load(recorded, rows)
     for k, channel in enumerate(records.channels):
         bad = ~np.isfinite(records.values[:, k]).all(axis=1)
         if bad.any():

@@ -25,7 +25,7 @@ from trainer.checkpoint import Card, Run, load_run, make_folder
 from trainer.data import load_records
 from trainer.figures import draw_scatter
 from trainer.noise import Sensors
-from trainer.report import CeilingFigures, Evaluation, Protocol, write_report
+from trainer.report import Answers, CeilingFigures, Evaluation, Protocol, write_answers, write_report
 from trainer.windows import WindowSource, disjoint_windows
 
 LEVEL = 0.9
@@ -38,10 +38,13 @@ def evaluate(
     *,
     windows: int = 1000,
     seed: int = 0,
+    noise: str | None = None,
+    context_hours: float | None = None,
+    without: list[str] | None = None,
     ceiling: Path | str | None = None,
     out: Path | str | None = None,
 ) -> Evaluation:
-    """Evaluate a run on a dataset and write evaluation.json, evaluation.md, evaluation.csv and scatter.png.
+    """Evaluate a run on a dataset and write evaluation.json, evaluation.md, evaluation.csv, answers.csv, scatter.png.
 
     Parameters
     ----------
@@ -52,7 +55,13 @@ def evaluate(
     windows
         Disjoint windows drawn for each protocol; fewer where the dataset has fewer.
     seed
-        Of the windows and of the sensor noise, which is the run's preset.
+        Of the windows and of the sensor noise.
+    noise
+        Sensor preset; what the run was trained on by default.
+    context_hours
+        Length of a window [h], one of those that the run was trained on; its main one by default.
+    without
+        Optional channels of the run that are to be missing.
     ceiling
         A file of ``datagen identifiability``; by default the one in the dataset folder, if there.
     out
@@ -68,42 +77,53 @@ def evaluate(
     run = run if isinstance(run, Run) else load_run(run)
     card = run.card
     dataset = DatasetFolder(dataset_dir)
-    _check_same_system(card, dataset)
+    check_same_system(card, dataset)
     if windows < 1:
         raise EstimatorError(f"windows: is {windows}; expected at least 1")
-    records = load_records(dataset, card.encoding.recorded)
-    _check_records(card, records, dataset.folder)
-    seen = card.seen(dataset.manifest.system_hash, records)
-    rows = {"paper": np.arange(len(records.systems)), "unseen": unseen_rows(records, seen)}
+    index = load_records(dataset, [])
+    preset, length = noise or card.noise, window_length(card, context_hours)
+    absent = absent_channels(card, without or [])
+    check_records(card, index, dataset.folder, length)
+    seen = card.seen(dataset.manifest.system_hash, index)
+    rows = {"paper": paper_rows(index, seen), "unseen": unseen_rows(index, seen)}
     if not len(rows["unseen"]):
         raise EstimatorError(
             f"{dataset.folder}: the run has trained on or been validated by all of its systems that count;"
             " expected at least one test system: simulate more, or another root seed"
         )
     seeds = np.random.SeedSequence(seed).generate_state(2)
+    drawn = {
+        name: disjoint_windows(chosen, len(index.time), length, windows, np.random.default_rng(seeds[1]))
+        for name, chosen in rows.items()
+    }
+    needed = np.unique(np.concatenate([where for where, _ in drawn.values()]))
     source = WindowSource(
-        records,
+        load_records(dataset, card.encoding.recorded, needed),
         card.encoding,
-        Sensors(dataset.system, card.encoding.recorded, card.noise),
+        Sensors(dataset.system, card.encoding.recorded, preset),
         torch.Generator().manual_seed(int(seeds[0])),
+        lambda values, _: values.masked_fill(absent, torch.nan),
     )
-    protocols, clouds = {}, {}
-    for name, chosen in rows.items():
-        where, starts = disjoint_windows(
-            chosen, len(records.time), card.encoding.length, windows, np.random.default_rng(seeds[1])
-        )
-        batch = source.gather(torch.from_numpy(where), torch.from_numpy(starts))
-        truth = records.parameters[where]
+    protocols, clouds, answers = {}, {}, {}
+    for name, (where, starts) in drawn.items():
+        place = torch.from_numpy(np.searchsorted(needed, where))
+        batch = source.gather(place, torch.from_numpy(starts), length)
+        truth = index.parameters[where]
         estimate = card.encoding.estimates(run.answers(batch.windows, batch.time))
         protocols[name] = figures_of_merit(card.encoding.parameters, truth, estimate, where, seen)
         clouds[name] = (truth, estimate, r2(truth, estimate))
-    limit, note = find_ceiling(card, dataset, None if ceiling is None else Path(ceiling))
+        answers[name] = Answers(index.seeds[where], index.systems[where], batch.time.numpy(), truth, estimate)
+    hours = length * card.encoding.step / 3600
+    channels = [name for name in card.encoding.channels if name not in (without or [])]
+    limit, note = find_ceiling(
+        card, dataset, None if ceiling is None else Path(ceiling), hours=hours, noise=preset, channels=channels
+    )
     result = Evaluation(
         model=card.model,
-        context_hours=card.context_hours,
+        context_hours=hours,
         step=card.encoding.step,
-        noise=card.noise,
-        channels=card.encoding.channels,
+        noise=preset,
+        channels=channels,
         protocols=protocols,
         ceiling=limit,
         ceiling_note=note,
@@ -112,9 +132,25 @@ def evaluate(
     if folder is not None:
         make_folder(folder)
         write_report(result, card, folder)
-        title = f"{card.model}, {card.context_hours:g} h, noise {card.noise}"
+        write_answers(answers, card.encoding.parameters, folder)
+        title = f"{card.model}, {hours:g} h, noise {preset}"
         draw_scatter(clouds, card.encoding.parameters, card.encoding.parameter_units, title, folder / "scatter.png")
     return result
+
+
+def paper_rows(records: Records, seen: np.ndarray) -> np.ndarray:
+    """Rows of the systems for the protocol "paper": the full dataset.
+
+    Where the run has trained on a part of the training systems only, the full dataset is that part, and as large a part
+    of the others: otherwise most windows would be of systems that it never saw, which is the other protocol.
+    """
+    training = records.of_split("train")
+    share = seen[training].mean() if len(training) else 0.0
+    if share in (0.0, 1.0):
+        return np.arange(len(records.systems))
+    others = [records.of_split(split) for split in ("validation", "test")]
+    kept = [rows[: max(1, round(share * len(rows)))] for rows in others]
+    return np.sort(np.concatenate([training[seen[training]], *kept]))
 
 
 def unseen_rows(records: Records, seen: np.ndarray) -> np.ndarray:
@@ -164,8 +200,10 @@ def figures_of_merit(
     )
 
 
-def find_ceiling(card: Card, dataset: DatasetFolder, path: Path | None) -> tuple[CeilingFigures | None, str]:
-    """The ceiling of the run's condition, or None; and a sentence that says which, or why there is none.
+def find_ceiling(
+    card: Card, dataset: DatasetFolder, path: Path | None, *, hours: float, noise: str, channels: list[str]
+) -> tuple[CeilingFigures | None, str]:
+    """The ceiling of a condition, or None; and a sentence that says which, or why there is none.
 
     Channels from the clock and inputs are no part of the condition: the ceiling takes them for known.
 
@@ -180,19 +218,16 @@ def find_ceiling(card: Card, dataset: DatasetFolder, path: Path | None) -> tuple
     ceilings = read_ceilings(where)
     if ceilings.system_hash != card.system_hash:
         return None, f"no ceiling: {where} is of another system ({ceilings.system_name})"
-    found = ceilings.find(
-        context_hours=card.context_hours, step=card.encoding.step, noise=card.noise, channels=card.encoding.recorded
-    )
-    condition = (
-        f"{card.context_hours:g} h, step {card.encoding.step:g} s, noise {card.noise},"
-        f" channels {' '.join(card.encoding.recorded)}"
-    )
+    read = [name for name in card.encoding.recorded if name in channels]
+    found = ceilings.find(context_hours=hours, step=card.encoding.step, noise=noise, channels=read)
+    condition = f"{hours:g} h, step {card.encoding.step:g} s, noise {noise}, channels {' '.join(read)}"
     if found is None:
         return None, f"no ceiling: {where} has none for {condition}"
     return CeilingFigures(r2=found.r2, r2_mean=found.r2_mean), f"ceiling for {condition}, over {found.systems} systems"
 
 
-def _check_same_system(card: Card, dataset: DatasetFolder) -> None:
+def check_same_system(card: Card, dataset: DatasetFolder) -> None:
+    """Refuse a dataset of another system than the run's."""
     if dataset.manifest.system_hash != card.system_hash:
         raise EstimatorError(
             f"{dataset.folder}: its system is {dataset.manifest.system_name} ({dataset.manifest.system_hash[:12]});"
@@ -200,11 +235,29 @@ def _check_same_system(card: Card, dataset: DatasetFolder) -> None:
         )
 
 
-def _check_records(card: Card, records: Records, folder: Path) -> None:
+def window_length(card: Card, hours: float | None) -> int:
+    """Samples of a window of so many hours, the run's main length by default."""
+    length = round((hours or card.context_hours) * 3600 / card.encoding.step)
+    known = [*card.encoding.shorter, card.encoding.length]
+    if length not in known:
+        found = ", ".join(f"{one * card.encoding.step / 3600:g} h" for one in known)
+        raise EstimatorError(f"context is {hours:g} h; the run was trained on {found}")
+    return length
+
+
+def absent_channels(card: Card, without: list[str]) -> torch.Tensor:
+    """Which recorded channels are to be missing; bool (recorded,)."""
+    for name in without:
+        if name not in card.encoding.optional:
+            found = ", ".join(card.encoding.optional) or "none"
+            raise EstimatorError(f"without: {name!r} is not a channel that the run can do without; found {found}")
+    return torch.tensor([name in without for name in card.encoding.recorded])
+
+
+def check_records(card: Card, records: Records, folder: Path, length: int) -> None:
+    """Refuse records of another step than the run's, or too short for windows of ``length`` samples."""
     step = float(records.time[1] - records.time[0]) if len(records.time) > 1 else card.encoding.step
     if abs(step - card.encoding.step) > 1e-6 * card.encoding.step:
         raise EstimatorError(f"{folder}: its step is {step:g} s; the run was trained on {card.encoding.step:g} s")
-    if len(records.time) < card.encoding.length:
-        raise EstimatorError(
-            f"{folder}: its records have {len(records.time)} samples; the run's context is {card.encoding.length}"
-        )
+    if len(records.time) < length:
+        raise EstimatorError(f"{folder}: its records have {len(records.time)} samples; the context is {length}")

@@ -1,4 +1,4 @@
-"""Figures of a run: the loss curve, and the estimates against the truth (paper, figure 4)."""
+"""Figures: the loss curve, estimates against the truth (paper, figure 4), and those of the benchmark."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ import io
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from shared.store import write_atomically
@@ -81,6 +83,118 @@ def draw_scatter(
         axes.set_ylabel(f"estimated [{unit}]", fontsize=8)
         axes.tick_params(labelsize=7)
         axes.legend(fontsize=7, loc="upper left", markerscale=2)
+    for axes in panels[len(parameters) :]:
+        axes.set_visible(False)
+    figure.suptitle(title)
+    save_png(figure, path)
+
+
+class Point(NamedTuple):
+    """A score and its interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+Line = tuple[str, Mapping[str, Point], float | None]
+"""A label, a point for each protocol, and the ceiling."""
+
+FLOOR = -0.5
+"""Scores below this are drawn here: how far below zero says nothing more."""
+
+
+def draw_scores(lines: Sequence[Line], title: str, path: Path) -> None:
+    """Mean R2 of each line under every protocol, with its interval, and the ceiling."""
+    figure = Figure(figsize=(8, 1.6 + 0.34 * len(lines)), layout="constrained")
+    axes = figure.subplots()
+    height = np.arange(len(lines))[::-1].astype(float)
+    for k, name in enumerate(lines[0][1]):
+        shifted = height + 0.12 * (1 - 2 * k)
+        _points(axes, [points[name] for _, points, _ in lines], shifted, name)
+    limits = [(limit, y) for (_, _, limit), y in zip(lines, height, strict=True) if limit is not None]
+    if limits:
+        x, y = np.array(limits).T
+        axes.plot(x, y, "|", color="black", markersize=14, markeredgewidth=2, label="ceiling")
+    axes.axvline(0, color="black", linewidth=0.8, linestyle=":")
+    axes.set_yticks(height, [label for label, _, _ in lines], fontsize=8)
+    axes.set(xlabel=f"mean R2 over the parameters ({FLOOR:g}: or less)", title=title, xlim=(FLOOR - 0.03, 1.03))
+    figure.legend(fontsize=8, loc="outside lower center", ncols=3)
+    save_png(figure, path)
+
+
+def _points(axes: Axes, points: Sequence[Point], height: np.ndarray, name: str) -> None:
+    value, low, high = np.clip(np.array(points), FLOOR, None).T
+    spread = [np.maximum(value - low, 0), np.maximum(high - value, 0)]
+    marker, colour = MARKERS.get(name, "."), COLOURS.get(name)
+    axes.errorbar(value, height, xerr=spread, fmt=marker, color=colour, markersize=5, capsize=2, label=name)
+
+
+def draw_series(
+    series: Mapping[tuple[str, str], Sequence[tuple[float, Point]]],
+    label: str,
+    title: str,
+    limit: float | None,
+    path: Path,
+) -> None:
+    """Mean R2 against a quantity, logarithmic, for each (estimator, protocol)."""
+    figure = Figure(figsize=(7, 4.5), layout="constrained")
+    axes = figure.subplots()
+    styles = ["-", "--", ":", "-."]
+    models = list(dict.fromkeys(model for model, _ in series))
+    for (model, protocol), points in series.items():
+        x = np.array([at for at, _ in points])
+        value, low, high = np.clip(np.array([point for _, point in points]), FLOOR, None).T
+        style, colour = styles[models.index(model) % len(styles)], COLOURS.get(protocol)
+        axes.plot(x, value, style, marker=MARKERS.get(protocol, "."), color=colour, label=f"{model}, {protocol}")
+        axes.fill_between(x, low, high, color=colour, alpha=0.08)
+    if limit is not None:
+        axes.axhline(limit, color="black", linewidth=1, label="ceiling")
+    axes.axhline(0, color="black", linewidth=0.8, linestyle=":")
+    axes.set(xscale="log", xlabel=label, ylabel="mean R2 over the parameters", title=title, ylim=(FLOOR - 0.03, 1.03))
+    axes.legend(fontsize=8)
+    save_png(figure, path)
+
+
+def draw_accuracy(
+    boxes: Mapping[str, Sequence[tuple[str, np.ndarray]]], parameters: Sequence[str], title: str, path: Path
+) -> None:
+    """Boxes of relative accuracy against context, a panel for each parameter (paper, figure 5).
+
+    Parameters
+    ----------
+    boxes
+        For each protocol: pairs of a label and the relative accuracy (windows, parameters).
+    """
+    across = min(4, len(parameters))
+    down = math.ceil(len(parameters) / across)
+    figure = Figure(figsize=(3.4 * across, 2.8 * down + 0.5), layout="constrained")
+    panels = figure.subplots(down, across, squeeze=False).flatten()
+    width = 0.8 / len(boxes)
+    for k, parameter in enumerate(parameters):
+        axes = panels[k]
+        for which, (name, pairs) in enumerate(boxes.items()):
+            place = np.arange(len(pairs)) + (which - (len(boxes) - 1) / 2) * width
+            drawn = axes.boxplot(
+                [values[:, k] for _, values in pairs],
+                positions=place,
+                widths=0.9 * width,
+                showfliers=False,
+                manage_ticks=False,
+                patch_artist=True,
+                medianprops={"color": "black"},
+            )
+            for box in drawn["boxes"]:
+                box.set(facecolor=COLOURS.get(name, "#999999"), alpha=0.6)
+            drawn["boxes"][0].set_label(name)
+        labels = [label for label, _ in next(iter(boxes.values()))]
+        axes.set_xticks(np.arange(len(labels)), labels)
+        axes.axhline(1.0, color="black", linewidth=0.8, linestyle=":")
+        axes.set_title(parameter, fontsize=10)
+        axes.set_xlabel("context [h]", fontsize=8)
+        axes.set_ylabel("relative accuracy", fontsize=8)
+        axes.tick_params(labelsize=7)
+    panels[0].legend(fontsize=7)
     for axes in panels[len(parameters) :]:
         axes.set_visible(False)
     figure.suptitle(title)

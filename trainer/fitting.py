@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import platform
 from collections.abc import Iterator
@@ -15,20 +16,25 @@ import torch
 
 import shared
 from shared.errors import EstimatorError
-from shared.store import DatasetFolder
-from trainer.checkpoint import CARD, WEIGHTS, Card, Run, Systems, Training, load_run, make_folder, shape_of
+from shared.store import DatasetFolder, Records
+from trainer.checkpoint import CARD, WEIGHTS, Card, Run, Systems, Training, load_run, make_folder, read_card, shape_of
 from trainer.data import load_records, rows_of
 from trainer.encoding import make_encoding, split_channels
+from trainer.missing import LONGEST, Missing
 from trainer.models import build, estimator_class, option_defaults
 from trainer.models.base import Recipe
 from trainer.noise import Sensors
+from trainer.state import STATE, check_settings
 from trainer.training import Loop
 from trainer.windows import Sampler, WindowSource, context_length, disjoint_windows
 
 VALIDATION_WINDOWS = 512
 WRITTEN = (
     *(CARD, WEIGHTS, "curve.csv", "curve.png"),
-    *("evaluation.json", "evaluation.md", "evaluation.csv", "scatter.png"),
+    *("evaluation.json", "evaluation.md", "evaluation.csv", "answers.csv", "scatter.png"),
+    *("posterior.json", "posterior.safetensors"),
+    *(f"calibration.{kind}" for kind in ("json", "md", "csv")),
+    *("sbc.png", "coverage.png"),
 )
 """Files of a run folder."""
 
@@ -39,7 +45,9 @@ def fit(
     *,
     model: str = "patch-transformer",
     context_hours: float | None = None,
+    other_contexts: list[float] | None = None,
     channels: list[str] | None = None,
+    optional: list[str] | None = None,
     noise: str = "none",
     steps: int | None = None,
     minutes: float | None = None,
@@ -47,9 +55,11 @@ def fit(
     lr: float | None = None,
     patch: int | None = None,
     options: dict[str, Any] | None = None,
+    systems: int | None = None,
     seed: int = 0,
     threads: int = 1,
     overwrite: bool = False,
+    resume: bool = False,
     progress: bool = False,
 ) -> Run:
     """Fit an estimator to the training systems of a dataset and keep the weights that were best on validation systems.
@@ -64,11 +74,16 @@ def fit(
         One of ``trainer.models.ESTIMATORS``.
     context_hours
         Length of a window [h]; the system description's by default.
+    other_contexts
+        Further lengths [h] that the estimator shall read, for a model that can; half of the batches have these.
     channels
         What the estimator reads: outputs, inputs, ``time_of_day``, ``day_of_week``; by default what the system
         description says.
     noise
-        Sensor preset of the system description, drawn afresh for every window.
+        Sensor preset of the system description, drawn afresh for every window. Of several, joined by spaces, each
+        window draws one.
+    optional
+        Outputs among the channels that a recording may lack, for a model that reads windows with missing readings.
     steps, minutes
         Budget: optimiser steps, or wall-clock time [min]; the model's own number of steps by default.
     batch_size, lr
@@ -77,12 +92,17 @@ def fit(
         Samples of a patch, for a model that has patches.
     options
         Further options of the model, by name.
+    systems
+        Train on the first so many training systems only; all by default.
     seed
         Of initial weights, windows, noise and dropout: equal seeds give equal runs (with ``steps``, on one thread).
     threads
         torch's threads; more than one is slower unless the machine is idle.
     overwrite
         Replace an estimator that ``out`` already holds.
+    resume
+        Go on with an unfinished training of the same settings in ``out``, to the same weights (with ``steps``) as if it
+        had not been interrupted; begin where there is none; leave a finished one as it is.
     progress
         Show a progress bar on stderr.
 
@@ -103,26 +123,37 @@ def fit(
             raise EstimatorError(f"patch: {model} has no patches; leave it out")
         chosen["patch"] = patch
     folder = Path(out)
-    if (folder / CARD).exists() and not overwrite:
-        raise EstimatorError(f"{folder}: already holds an estimator; choose another folder, or overwrite it")
+    if resume and overwrite:
+        raise EstimatorError("resume and overwrite: both are given; expected one of them")
+    if (folder / CARD).exists() and not overwrite and not resume:
+        raise EstimatorError(f"{folder}: already holds an estimator; choose another folder, resume it, or overwrite it")
     recorded, derived = split_channels(dataset.system, channels)
     sensors = Sensors(dataset.system, recorded, noise)
-    records = load_records(dataset, recorded)
-    training, validation = (rows_of(records, split, dataset.folder) for split in ("train", "validation"))
+    records = _records(dataset, recorded, systems)
+    training, validation = (records.of_split(split) for split in ("train", "validation"))
     hours = dataset.system.estimator.context_hours if context_hours is None else context_hours
     length = context_length(hours, records)
-    encoding = make_encoding(dataset.system, records, derived, length, training)
-    seeds = [int(s) for s in np.random.SeedSequence(seed).generate_state(4)]
-    source = WindowSource(records, encoding, sensors, torch.Generator().manual_seed(seeds[0]))
-    held_out = source.gather(
-        *map(
-            torch.from_numpy,
-            disjoint_windows(
-                validation, len(records.time), length, VALIDATION_WINDOWS, np.random.default_rng(seeds[1])
-            ),
-        )
+    kind = estimator_class(model)
+    if other_contexts and not kind.reads_shorter:
+        raise EstimatorError(f"other_contexts: {model} reads windows of one length; leave it out")
+    if optional and not kind.reads_missing:
+        raise EstimatorError(f"optional: {model} needs every channel; leave it out")
+    lengths = sorted({length, *(context_length(one, records) for one in other_contexts or [])})
+    encoding = make_encoding(
+        *(dataset.system, records, derived, lengths[-1], training),
+        shorter=lengths[:-1],
+        optional=optional,
+        largest_gap=LONGEST if kind.reads_missing else 0.0,
     )
-    with _torch_state(seeds[2], threads):
+    gaps = Missing(recorded, encoding.outputs, optional or []) if kind.reads_missing else None
+    seeds = [int(s) for s in np.random.SeedSequence(seed).generate_state(4)]
+    source = WindowSource(records, encoding, sensors, torch.Generator().manual_seed(seeds[0]), gaps)
+    records = replace(records, values=np.empty((0, 0, 0), np.float32))  # the source has its own copy
+    where, starts = disjoint_windows(
+        validation, len(records.time), length, VALIDATION_WINDOWS, np.random.default_rng(seeds[1])
+    )
+    held_out = source.gather(torch.from_numpy(where), torch.from_numpy(starts), length)
+    with torch_state(seeds[2], threads):
         network, merged = build(model, shape_of(encoding), chosen)
         card = Card(
             model=model,
@@ -147,6 +178,7 @@ def fit(
                 validation_windows=len(held_out.targets),
                 seconds=0.0,
                 stopped="running",
+                minutes=minutes,
             ),
             versions={
                 "zeroshot-fmu": shared.__version__,
@@ -155,12 +187,52 @@ def fit(
                 "numpy": np.__version__,
             },
         )
+        settings = settings_of(card, None if minutes else recipe.steps)
         make_folder(folder)
-        for name in WRITTEN:  # an evaluation of what is replaced must not stand beside the new estimator
-            (folder / name).unlink(missing_ok=True)
-        loop = Loop(folder, card, network, Sampler(source, training, seeds[3]), held_out, recipe, minutes)
-        loop.run(progress)
+        if resume and not (folder / STATE).exists() and (folder / CARD).exists():
+            done = read_card(folder)
+            if done.training.stopped in ("steps", "minutes"):
+                check_settings(folder / CARD, settings_of(done, None if minutes else done.training.steps), settings)
+                return load_run(folder)
+        if not (resume and (folder / STATE).exists()):
+            for name in (*WRITTEN, STATE):  # an evaluation of what is replaced must not stand beside the new estimator
+                (folder / name).unlink(missing_ok=True)
+        sampler = Sampler(source, training, seeds[3], length)
+        Loop(folder, card, network, sampler, held_out, recipe, minutes, settings).run(progress)
     return load_run(folder)
+
+
+def _records(dataset: DatasetFolder, recorded: list[str], systems: int | None) -> Records:
+    """Training and validation systems, of the former the first so many."""
+    index = load_records(dataset, [])
+    training, validation = (rows_of(index, split, dataset.folder) for split in ("train", "validation"))
+    if systems is not None and not 1 <= systems <= len(training):
+        raise EstimatorError(
+            f"systems: is {systems}; expected 1 to the {len(training)} training systems of the dataset"
+        )
+    return load_records(dataset, recorded, np.sort(np.concatenate([training[:systems], validation])))
+
+
+def settings_of(card: Card, steps: int | None) -> dict[str, Any]:
+    """What makes a training this one and no other, as JSON holds it; ``steps`` is None where the budget is minutes."""
+    training, encoding = card.training, card.encoding
+    known = (card.training_systems, card.validation_systems, encoding, card.system_hash)
+    digest = hashlib.sha256("".join(k if isinstance(k, str) else k.model_dump_json() for k in known).encode())
+    return {
+        "model": card.model,
+        "options": card.options,
+        "context_hours": card.context_hours,
+        "channels": encoding.channels,
+        "noise": card.noise,
+        "batch_size": training.batch_size,
+        "lr": training.lr,
+        "schedule": training.schedule,
+        "steps": steps,
+        "minutes": training.minutes,
+        "seed": training.seed,
+        "training systems": len(card.training_systems.indices),
+        "data": digest.hexdigest(),
+    }
 
 
 def _recipe(model: str, steps: int | None, minutes: float | None, batch_size: int | None, lr: float | None) -> Recipe:
@@ -174,7 +246,7 @@ def _recipe(model: str, steps: int | None, minutes: float | None, batch_size: in
 
 
 @contextmanager
-def _torch_state(seed: int, threads: int) -> Iterator[None]:
+def torch_state(seed: int, threads: int) -> Iterator[None]:
     """Seed torch and set its threads, and put back both afterwards: a library must not change its host."""
     before = torch.get_num_threads()
     with torch.random.fork_rng(devices=[]):

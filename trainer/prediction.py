@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 from pydantic import BaseModel, ConfigDict
 
-from shared.errors import RecordingError
+from shared.errors import EstimatorError, RecordingError
 from shared.schema import EPOCH
 from trainer.checkpoint import Run, load_run
 from trainer.encoding import Encoding
@@ -16,18 +17,27 @@ from trainer.encoding import Encoding
 NEAR = 1e-3
 """An estimate this close to an end of its range, as a share of the range, is said to lie at its bound."""
 
+SAMPLES = 1000
+"""Drawn from a posterior."""
+
 
 class _Table(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
 
 class Estimate(_Table):
-    """One parameter. ``rmse`` is the root mean square error of such estimates on validation systems [unit]."""
+    """One parameter. ``rmse`` is the root mean square error of such estimates on validation systems [unit].
+
+    Where the run has a posterior, ``median`` and ``low`` to ``high``, the central 90 % interval, are its own.
+    """
 
     value: float
     unit: str
     rmse: float
     at_bound: bool
+    median: float | None = None
+    low: float | None = None
+    high: float | None = None
 
 
 class Prediction(_Table):
@@ -37,6 +47,8 @@ class Prediction(_Table):
     begin: str
     end: str
     parameters: dict[str, Estimate]
+    correlation: list[list[float]] | None = None
+    """of the parameters under the posterior, in their order"""
 
 
 class Predictions(_Table):
@@ -47,11 +59,23 @@ class Predictions(_Table):
     model: str
     context_hours: float
     noise: str
+    absent: list[str] = []
+    """Channels that the run can do without, and that the recording lacks."""
     predictions: list[Prediction]
 
 
-def predict(run: Run | Path | str, file: Path | str) -> Predictions:
+def predict(
+    run: Run | Path | str,
+    file: Path | str,
+    *,
+    samples: int = SAMPLES,
+    seed: int = 0,
+    out: Path | str | None = None,
+    corner: Path | str | None = None,
+) -> Predictions:
     """Estimate parameters from a recording: one forward pass over its last context window.
+
+    A run with a posterior also gives intervals and correlations.
 
     Parameters
     ----------
@@ -60,50 +84,99 @@ def predict(run: Run | Path | str, file: Path | str) -> Predictions:
     file
         NetCDF with the run's recorded channels as variables over (time) or (system, time), each with ``units``, and a
         ``time`` coordinate, as the shards of a dataset have it. Each system of it is estimated by itself.
+    samples
+        Drawn from the posterior of each system.
+    seed
+        Of the samples.
+    out
+        NetCDF file to write the samples to.
+    corner
+        PNG file for the posterior's marginals and pairs; the recording must be of one system.
 
     Raises
     ------
     RecordingError
         If the recording cannot be read, or its channels, units, step, length or values do not fit the run.
     EstimatorError
-        If the run cannot be used.
+        If the run cannot be used, or samples or a figure are wanted and it has no posterior.
     """
+    from trainer.posterior.checkpoint import load_posterior  # the flows take a while to import
+    from trainer.posterior.inference import summarise
+    from trainer.posterior.recording import write_samples
+
     run = run if isinstance(run, Run) else load_run(run)
     encoding = run.card.encoding
-    values, stamps, systems = read_window(Path(file), encoding)
-    estimates = run.estimate(values, np.full(len(values), stamps[0]))
-    begin, end = (str(np.datetime64(EPOCH, "s") + np.timedelta64(round(s), "s")) for s in (stamps[0], stamps[-1]))
+    window = read_window(Path(file), encoding)
+    begins = window.begins + window.stamps[0]
+    estimates = run.estimate(window.values, begins)
+    posterior = load_posterior(run)
+    if posterior is None and (out is not None or corner is not None):
+        raise EstimatorError(f"{run.folder}: has no posterior to draw samples from; `trainer posterior` fits one")
+    if corner is not None and len(window.systems) > 1:
+        raise EstimatorError(f"{file}: has {len(window.systems)} systems; expected one for a corner plot")
+    drawn = None if posterior is None else posterior.sample(window.values, begins, samples, seed=seed)
+    found = None if drawn is None else summarise(drawn)
+    names, units = encoding.parameters, encoding.parameter_units
+    if drawn is not None and out is not None:
+        facts: dict[str, str | int] = {"recording": str(file), "estimator": run.card.weights_sha256, "seed": seed}
+        write_samples(Path(out), drawn, window.systems, names, units, facts)
+    if drawn is not None and corner is not None:
+        from trainer.posterior.figures import draw_corner
+
+        ranges = list(zip(encoding.parameter_min, encoding.parameter_max, strict=True))
+        draw_corner(drawn[0], names, units, ranges, Path(corner))
     low, high = np.array(encoding.parameter_min), np.array(encoding.parameter_max)
     near = NEAR * (high - low)
     predictions = []
-    for system, row in zip(systems, estimates, strict=True):
+    for i, (system, row, moved) in enumerate(zip(window.systems, estimates, window.begins, strict=True)):
+        begin, end = (_date(window.stamps[k] + moved) for k in (0, -1))
         parameters = {
             name: Estimate(
                 value=float(row[k]),
                 unit=encoding.parameter_units[k],
                 rmse=run.card.validation_rmse[name],
                 at_bound=bool(row[k] < low[k] + near[k] or row[k] > high[k] - near[k]),
+                median=None if found is None else float(found.median[i, k]),
+                low=None if found is None else float(found.low[i, k]),
+                high=None if found is None else float(found.high[i, k]),
             )
             for k, name in enumerate(encoding.parameters)
         }
-        predictions.append(Prediction(system=system, begin=begin, end=end, parameters=parameters))
+        correlation = None if found is None else found.correlation[i].tolist()
+        predictions.append(
+            Prediction(system=system, begin=begin, end=end, parameters=parameters, correlation=correlation)
+        )
     return Predictions(
         file=str(file),
         model=run.card.model,
-        context_hours=run.card.context_hours,
+        context_hours=len(window.stamps) * encoding.step / 3600,
         noise=run.card.noise,
+        absent=window.absent,
         predictions=predictions,
     )
 
 
-def read_window(path: Path, encoding: Encoding) -> tuple[np.ndarray, np.ndarray, list[int | None]]:
+class Window(NamedTuple):
     """The last context window of a recording.
 
-    Returns
-    -------
-    tuple
-        Values float32 (systems, length, recorded) [the run's units], time stamps (length,) [s since time zero], and the
-        systems' indices (None for a recording without them).
+    ``values`` float32 (systems, length, recorded) [the run's units], ``stamps`` (length,) [s since time zero, or since
+    ``begins``], ``begins`` (systems,) [s since time zero], ``systems`` their indices (None for a recording without
+    them), ``absent`` the optional channels that the recording lacks.
+    """
+
+    values: np.ndarray
+    stamps: np.ndarray
+    begins: np.ndarray
+    systems: list[int | None]
+    absent: list[str]
+
+
+def _date(stamp: float) -> str:
+    return str(np.datetime64(EPOCH, "s") + np.timedelta64(round(stamp), "s"))
+
+
+def read_window(path: Path, encoding: Encoding) -> Window:
+    """The last context window of a recording: the longest that it has of those that the run was trained on.
 
     Raises
     ------
@@ -117,22 +190,38 @@ def read_window(path: Path, encoding: Encoding) -> tuple[np.ndarray, np.ndarray,
     except (OSError, RuntimeError, ValueError) as error:
         raise RecordingError(f"{path}: cannot be read as NetCDF ({error})") from None
     stamps = _stamps(path, recording, encoding)
-    wanted = zip(encoding.recorded, encoding.units, strict=True)
-    series = [_channel(path, recording, name, unit) for name, unit in wanted]
+    length = len(stamps)
+    absent = [name for name in encoding.optional if name not in recording.data_vars]
+    series = [
+        np.full(length, np.nan, dtype=np.float32) if name in absent else _channel(path, recording, name, unit)
+        for name, unit in zip(encoding.recorded, encoding.units, strict=True)
+    ]
     # a channel that all systems share may come without the dimension system
-    values = np.stack(np.broadcast_arrays(*(one[..., -encoding.length :] for one in series)), axis=-1)
+    values = np.stack(np.broadcast_arrays(*(one[..., -length:] for one in series)), axis=-1)
     for k, name in enumerate(encoding.recorded):
-        bad = ~np.isfinite(values[..., k])
-        if bad.any():
-            raise RecordingError(
-                f"{path}: {name} has {int(bad.sum())} missing or infinite values in its last {encoding.length} samples;"
-                " expected none: fill them first, for example by holding the last value"
-            )
+        if name not in absent:
+            _check_gaps(path, name, values[..., k], encoding.largest_gap if k < encoding.outputs else 0.0)
     indices: list[int | None] = [None]
     if values.ndim == 3:
         known = "system" in recording.coords
         indices = [int(i) for i in recording["system"].values] if known else list(range(len(values)))
-    return values.reshape(-1, encoding.length, len(encoding.recorded)), stamps, indices
+    values = values.reshape(-1, length, len(encoding.recorded))
+    begins = np.zeros(len(values))
+    if "start" in recording.data_vars:  # a shard's time runs from the beginning of each record
+        begins += recording["start"].values.astype(np.float64)
+    return Window(values, stamps, begins, indices, absent)
+
+
+def _check_gaps(path: Path, name: str, values: np.ndarray, largest: float) -> None:
+    """Refuse infinite values, and more missing ones than the share ``largest`` of a window."""
+    bad = ~np.isfinite(values)
+    allowed = int(largest * values.shape[-1])
+    if np.isinf(values).any() or (bad.sum(axis=-1) > allowed).any():
+        raise RecordingError(
+            f"{path}: {name} has {int(bad.sum())} missing or infinite values in its last {values.shape[-1]} samples;"
+            f" expected {f'at most {allowed}' if allowed else 'none'}: fill them first, for example by holding the last"
+            " value"
+        )
 
 
 def _stamps(path: Path, recording: xr.Dataset, encoding: Encoding) -> np.ndarray:
@@ -144,17 +233,18 @@ def _stamps(path: Path, recording: xr.Dataset, encoding: Encoding) -> np.ndarray
     if not np.issubdtype(time.dtype, np.datetime64):
         raise RecordingError(f"{path}: time has no units; expected for example 'seconds since {EPOCH}'")
     seconds = (time.values - np.datetime64(EPOCH)) / np.timedelta64(1, "s")
-    if len(seconds) < encoding.length:
-        hours = len(seconds) * encoding.step / 3600
+    lengths = [length for length in (*encoding.shorter, encoding.length) if length <= len(seconds)]
+    if not lengths:
+        hours, least = len(seconds) * encoding.step / 3600, min([*encoding.shorter, encoding.length])
         raise RecordingError(
             f"{path}: has {len(seconds)} samples ({hours:g} h at the run's step);"
-            f" the run needs {encoding.length} ({encoding.length * encoding.step / 3600:g} h)"
+            f" the run needs {least} ({least * encoding.step / 3600:g} h)"
         )
-    window = seconds[-encoding.length :]
+    window = seconds[-max(lengths) :]
     steps = np.diff(window)
     wrong = np.flatnonzero(~(np.abs(steps - encoding.step) <= 1e-3 * encoding.step))
     if len(wrong):
-        where = time.values[-encoding.length :][wrong[0]].astype("M8[s]")
+        where = time.values[-max(lengths) :][wrong[0]].astype("M8[s]")
         raise RecordingError(
             f"{path}: its step is {steps[wrong[0]]:g} s after {where};"
             f" the run was trained on steps of {encoding.step:g} s throughout"

@@ -5,7 +5,9 @@ from __future__ import annotations
 import csv
 import io
 from pathlib import Path
+from typing import NamedTuple
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict
 from rich import box
 from rich.table import Table
@@ -14,6 +16,8 @@ from shared.store import write_atomically
 from trainer.checkpoint import Card
 
 Row = tuple[str, ...]
+ANSWERS = "answers.csv"
+"""Every window's true and estimated parameters."""
 
 
 class _Table(BaseModel):
@@ -31,6 +35,21 @@ class Protocol(_Table):
     windows: int
     systems: int
     systems_trained_on: int
+
+
+class Answers(NamedTuple):
+    """What an estimator answered to the windows of one protocol, and the truth."""
+
+    seeds: np.ndarray
+    """root seed of each window's system (windows,)"""
+    systems: np.ndarray
+    """index of each window's system (windows,)"""
+    begin: np.ndarray
+    """first time stamp (windows,) [s since time zero]"""
+    truth: np.ndarray
+    """(windows, parameters) [own units]"""
+    estimate: np.ndarray
+    """(windows, parameters) [own units]"""
 
 
 class CeilingFigures(_Table):
@@ -137,6 +156,38 @@ def as_csv(evaluation: Evaluation) -> str:
         mean = ceiling.r2_mean if ceiling else None
         writer.writerow([name, "mean", one.r2_mean, *one.r2_mean_interval, None, mean])
     return text.getvalue()
+
+
+def write_answers(answers: dict[str, Answers], parameters: list[str], folder: Path) -> None:
+    """Write answers.csv: one row per protocol and window, whose system is known by root seed and index."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    names = [f"{kind} {name}" for kind in ("true", "estimated") for name in parameters]
+    writer.writerow(["protocol", "root_seed", "system", "begin", *names])
+    for protocol, one in answers.items():
+        numbers = np.concatenate([one.begin[:, None], one.truth, one.estimate], axis=1)
+        for seed, system, row in zip(one.seeds, one.systems, numbers, strict=True):
+            writer.writerow([protocol, seed, system, *(f"{value:.9g}" for value in row)])
+    write_atomically(folder / ANSWERS, text.getvalue().encode())
+
+
+def read_answers(folder: Path) -> dict[str, Answers]:
+    """Read what :func:`write_answers` wrote."""
+    with open(folder / ANSWERS, encoding="utf-8", newline="") as file:
+        rows = list(csv.reader(file))
+    half = (len(rows[0]) - 4) // 2
+    found = {}
+    for protocol in dict.fromkeys(row[0] for row in rows[1:]):
+        chosen = [row for row in rows[1:] if row[0] == protocol]
+        numbers = np.array([row[3:] for row in chosen], dtype=float)
+        found[protocol] = Answers(
+            np.array([int(row[1]) for row in chosen], dtype=object),
+            np.array([int(row[2]) for row in chosen]),
+            numbers[:, 0],
+            numbers[:, 1 : 1 + half],
+            numbers[:, 1 + half :],
+        )
+    return found
 
 
 def write_report(evaluation: Evaluation, card: Card, folder: Path) -> None:

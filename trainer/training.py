@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -21,12 +22,27 @@ from shared.store import write_atomically
 from trainer.checkpoint import Card, Stop, forward_in_chunks, save_run
 from trainer.figures import draw_loss_curve
 from trainer.models.base import Estimator, Recipe
+from trainer.optimisers import make_optimisers, scale_rates
+from trainer.state import (
+    STATE,
+    check_settings,
+    generator_states,
+    optimiser_tensors,
+    read_state,
+    restore_generators,
+    restore_optimiser,
+    write_state,
+)
 from trainer.windows import Batch, Sampler
 
 CHECKS = 40
 """How often a training of the recipe's length is validated."""
 SAVE_SECONDS = 30.0
-"""An improved estimator is written at most this often, so that a killed run leaves one behind."""
+"""How often the state is written, and at most an improved estimator, so that a killed run loses little."""
+WARM_UP = 100
+"""Steps over which a cosine schedule rises to its learning rate."""
+CLIP = 1.0
+"""Largest norm of the gradient, but for the paper's Adamax."""
 Advance = Callable[[int, float, float], None]
 """Takes the step, the share of the budget spent, and the loss."""
 
@@ -48,7 +64,10 @@ class Curve:
 
 
 class Loop:
-    """The training itself: steps, validations, the best weights so far."""
+    """The training itself: steps, validations, the best weights so far.
+
+    ``settings`` say which training it is: a state written by another one is refused.
+    """
 
     def __init__(
         self,
@@ -59,12 +78,15 @@ class Loop:
         held_out: Batch,
         recipe: Recipe,
         minutes: float | None,
+        settings: dict[str, Any],
     ) -> None:
-        self.folder, self.card, self.network = folder, card, network
+        self.folder, self.card, self.network, self.settings = folder, card, network, settings
         self.sampler, self.held_out, self.recipe, self.minutes = sampler, held_out, recipe, minutes
         self.curve = Curve()
         self.best: dict[str, torch.Tensor] | None = None
-        self.begin = self.saved = time.monotonic()
+        self.optimisers = make_optimisers(network, recipe) if network.iterates else []
+        self.step, self.total, self.counted = 0, 0.0, 0
+        self.begin = self.saved = self.kept = time.monotonic()
 
     @property
     def seconds(self) -> float:
@@ -80,7 +102,8 @@ class Loop:
             If the loss stops being a finite number; the best estimator until then is written all the same.
         """
         recipe, network = self.recipe, self.network
-        network.prepare(self.sampler.draw, self.held_out, recipe.steps * recipe.batch_size)
+        if not self._restore():
+            network.prepare(self.sampler.draw, self.held_out, recipe.steps * recipe.batch_size)
         stopped: Stop = "steps"
         step = recipe.steps
         if network.iterates:
@@ -93,6 +116,7 @@ class Loop:
         elif not self._validate(step, math.nan):
             stopped = "not a number"
         self._finish(stopped)
+        (self.folder / STATE).unlink(missing_ok=True)
         if stopped == "not a number":
             kept = self.card.training
             where = f"the estimator of step {kept.best_step} is kept in {self.folder}" if self.best else "none is kept"
@@ -103,34 +127,83 @@ class Loop:
 
     def _steps(self, advance: Advance) -> tuple[int, Stop]:
         recipe, network = self.recipe, self.network
-        optimiser = torch.optim.Adamax(network.parameters(), lr=recipe.lr)
         every = max(1, min(200, recipe.steps // CHECKS))
-        total, counted, step = 0.0, 0, 0
         while True:
-            share = self.seconds / (60 * self.minutes) if self.minutes else step / recipe.steps
+            share = self.seconds / (60 * self.minutes) if self.minutes else self.step / recipe.steps
             if share >= 1:
-                if counted:
-                    self._validate(step, total / counted)
-                return step, "minutes" if self.minutes else "steps"
+                if self.counted or self.best is None:  # preparing may have taken the whole budget
+                    self._validate(self.step, self.total / self.counted if self.counted else math.nan)
+                return self.step, "minutes" if self.minutes else "steps"
+            if time.monotonic() - self.kept > SAVE_SECONDS:
+                self._keep()
             if recipe.schedule == "cosine":
-                for group in optimiser.param_groups:
-                    group["lr"] = recipe.lr * (0.5 + 0.5 * math.cos(math.pi * share))
+                rise = min(1.0, (self.step + 1) / WARM_UP)
+                scale_rates(self.optimisers, rise * (0.5 + 0.5 * math.cos(math.pi * share)))
             network.train()
             batch = self.sampler.draw(recipe.batch_size)
             loss = torch.nn.functional.mse_loss(network(batch.windows, batch.time), batch.targets)
             value = loss.item()
-            step += 1
             if not math.isfinite(value):
-                return step, "not a number"
-            optimiser.zero_grad()
+                return self.step + 1, "not a number"
+            network.zero_grad()
             loss.backward()
-            optimiser.step()
-            total, counted = total + value, counted + 1
-            advance(step, share, value)
-            if step % every == 0:
-                if not self._validate(step, total / counted):
-                    return step, "not a number"
-                total, counted = 0.0, 0
+            if recipe.optimiser != "adamax":
+                torch.nn.utils.clip_grad_norm_(network.parameters(), CLIP)
+            for one in self.optimisers:
+                one.step()
+            self.step += 1
+            self.total, self.counted = self.total + value, self.counted + 1
+            advance(self.step, share, value)
+            if self.step % every == 0:
+                if not self._validate(self.step, self.total / self.counted):
+                    return self.step, "not a number"
+                self.total, self.counted = 0.0, 0
+
+    def _generators(self) -> dict[str, torch.Generator]:
+        return {"windows": self.sampler.generator, "noise": self.sampler.source.generator}
+
+    def _keep(self) -> None:
+        """Write the state between two steps."""
+        summary = self.card.training
+        parts = {
+            "network": self.network.state_dict(),
+            "best": self.best or {},
+            **{f"optimiser {k}": optimiser_tensors(one) for k, one in enumerate(self.optimisers)},
+            "generators": generator_states(self._generators()),
+        }
+        facts = {
+            "settings": self.settings,
+            "step": self.step,
+            "total": self.total,
+            "counted": self.counted,
+            "seconds": self.seconds,
+            "curve": self.curve.rows,
+            "best_step": summary.best_step,
+            "validation_loss": summary.validation_loss,
+            "validation_rmse": self.card.validation_rmse,
+        }
+        write_state(self.folder / STATE, parts, facts)
+        self.kept = time.monotonic()
+
+    def _restore(self) -> bool:
+        """Go back to the state in the run folder; False where there is none."""
+        path = self.folder / STATE
+        if not path.exists():
+            return False
+        parts, facts = read_state(path)
+        check_settings(path, facts["settings"], self.settings)
+        self.network.load_state_dict(parts["network"])
+        self.best = parts.get("best")
+        for k, one in enumerate(self.optimisers):
+            restore_optimiser(one, parts.get(f"optimiser {k}", {}))
+        restore_generators(self._generators(), parts["generators"])
+        self.step, self.total, self.counted = facts["step"], facts["total"], facts["counted"]
+        self.curve.rows = [(row[0], row[1], row[2], row[3]) for row in facts["curve"]]
+        summary = self.card.training
+        summary.best_step, summary.validation_loss = facts["best_step"], facts["validation_loss"]
+        self.card.validation_rmse = facts["validation_rmse"]
+        self.begin = time.monotonic() - facts["seconds"]
+        return True
 
     def _validate(self, step: int, training_loss: float) -> bool:
         """Validate, remember the weights if they are the best so far; False if the loss is not finite."""

@@ -2,7 +2,8 @@
 
 Both take the same steps on windows of the same records, with the same loss and optimiser, on one thread. The plain loop
 is the paper's section 2.4: a Dataset whose items are one random window each, and a DataLoader that stacks them. The
-network alone, on a batch that is drawn once, says what is left to win.
+network alone, on a batch that is drawn once, says what is left to win. Time is the process's own, on one thread, so
+that what else the machine does is not in it.
 
 Run: ``python tests/benchmarks/training_throughput.py DATASET [--model patch-transformer] [--rounds 5]``.
 """
@@ -62,18 +63,18 @@ def plain(source: WindowSource, batch_size: int, steps: int, seed: int) -> Itera
 
 
 def train(make: Callable[[], torch.nn.Module], batches: Iterator[Batch], lr: float) -> float:
-    """Train as both loops do; returns the time it took [s]."""
+    """Train as both loops do; returns the processor time it took [s]."""
     network = make()
     optimiser = torch.optim.Adamax(network.parameters(), lr=lr)
     network.train()
-    began = time.perf_counter()
+    began = time.process_time()
     for batch in batches:
         loss = torch.nn.functional.mse_loss(network(batch.windows, batch.time), batch.targets)
         loss.item()
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
-    return time.perf_counter() - began
+    return time.process_time() - began
 
 
 def main() -> None:
@@ -111,16 +112,16 @@ def main() -> None:
     for seed in range(-1, options.rounds):
         for name, batches in loops.items():
             spent = train(make, batches(seed + 1), recipe.lr)
-            began = time.perf_counter()
+            began = time.process_time()
             for _ in batches(seed + 1):
                 pass
-            alone = time.perf_counter() - began
+            alone = time.process_time() - began
             if seed >= 0:  # the first round warms up
                 seconds[name].append(spent)
                 loading[name].append(alone)
     print(
         f"{options.model}, {options.context:g} h, {len(recorded)} channels, {batch_size} windows a step, {steps} steps,"
-        f" {options.rounds} rounds in turn, one thread; medians\n"
+        f" {options.rounds} rounds in turn, one thread, processor time; medians\n"
     )
     print("| loop | windows per second | of a step, drawing the batch [ms] |")
     print("|---|---|---|")

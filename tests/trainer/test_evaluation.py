@@ -20,9 +20,9 @@ def systems_looked_at(monkeypatch, run, dataset, tmp_path):
     """Rows gathered for each protocol, in the order of evaluation."""
     gather, looked = WindowSource.gather, []
 
-    def spy(self, rows, starts):
+    def spy(self, rows, starts, length=None):
         looked.append(set(rows.tolist()))
-        return gather(self, rows, starts)
+        return gather(self, rows, starts, length)
 
     monkeypatch.setattr(WindowSource, "gather", spy)
     result = evaluate(run, dataset, out=tmp_path)
@@ -192,7 +192,7 @@ def test_a_dataset_of_another_step_or_too_short_is_refused(ridge_run, tmp_path):
     with pytest.raises(EstimatorError, match="its step is 900 s; the run was trained on 1800 s"):
         evaluate(ridge_run, fine, out=tmp_path)
     short = make_dataset(tmp_path / "short", systems=10, text=TANK.replace("hours = 240.0", "hours = 12.0"))
-    with pytest.raises(EstimatorError, match="its records have 24 samples; the run's context is 48"):
+    with pytest.raises(EstimatorError, match="its records have 24 samples; the context is 48"):
         evaluate(ridge_run, short, out=tmp_path)
 
 

@@ -206,3 +206,15 @@ def test_another_system_needs_another_description_only(tmp_path):
     run = fit(renamed, tmp_path / "run", model="ridge", steps=1)
     assert run.card.encoding.parameters == ["pot.drain", "pot.fill"]
     assert run.card.encoding.channels == ["depth"]
+
+
+@pytest.mark.parametrize(("damage", "words"), [(None, "it is missing"), (b"CDF no more", "damaged or not NetCDF")])
+def test_a_missing_or_damaged_shard_is_named(tmp_path, damage, words):
+    dataset = make_dataset(tmp_path / "ds", systems=30)
+    shard = dataset / "shards" / "001.nc"
+    shard.unlink()
+    if damage:
+        shard.write_bytes(damage)
+    with pytest.raises(DatasetError, match=rf"001\.nc: .*{words}"):
+        fit(dataset, tmp_path / "run", model="mean")
+    assert not (tmp_path / "run").exists()

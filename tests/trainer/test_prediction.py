@@ -4,6 +4,7 @@ import xarray as xr
 
 from shared.errors import RecordingError
 from shared.store import DatasetFolder
+from trainer.fitting import fit
 from trainer.prediction import predict
 
 
@@ -118,3 +119,48 @@ def test_a_file_that_is_missing_or_no_netcdf_is_told(ridge_run, tmp_path):
     (tmp_path / "text.nc").write_text("time,level\n")
     with pytest.raises(RecordingError, match="cannot be read as NetCDF"):
         predict(ridge_run, tmp_path / "text.nc")
+
+
+@pytest.fixture(scope="module")
+def flexible(tanks, tmp_path_factory):
+    """An estimator that can do without one output, and with a shorter context."""
+    return fit(
+        *(tanks, tmp_path_factory.mktemp("flexible") / "run"),
+        model="multiscale-transformer",
+        channels=["level", "glow"],
+        optional=["glow"],
+        context_hours=24.0,
+        other_contexts=[48.0],
+        steps=30,
+        options={"width": 16, "layers": 1, "feedforward": 16},
+    )
+
+
+def test_an_optional_channel_may_be_absent(flexible, recording, tmp_path):
+    found = predict(flexible, write(recording, tmp_path / "r.nc"))
+    assert found.absent == ["glow"]
+    assert found.context_hours == 48.0  # the longest of the run's that the recording has
+    values = np.full((1, 96, 2), np.nan, dtype=np.float32)
+    values[0, :, 0] = recording["level"].values[-96:]
+    expected = flexible.estimate(values, recording["time"].values[-96:-95].astype("M8[s]").astype(float) - 978307200)
+    assert found.predictions[0].parameters["tank.drain"].value == pytest.approx(expected[0, 0])
+
+
+def test_a_shorter_recording_uses_a_shorter_context(flexible, recording, tmp_path):
+    short = write(recording.isel(time=slice(0, 60)), tmp_path / "r.nc")
+    assert predict(flexible, short).context_hours == 24.0
+
+
+def test_gaps_are_read_up_to_what_was_trained_on(flexible, recording, tmp_path):
+    gappy = recording.copy(deep=True)
+    gappy["level"][60:70] = np.nan
+    assert predict(flexible, write(gappy, tmp_path / "some.nc")).predictions
+    gappy["level"][60:90] = np.nan
+    with pytest.raises(RecordingError, match="level has 30 missing or infinite values.*expected at most 14"):
+        predict(flexible, write(gappy, tmp_path / "many.nc"))
+
+
+def test_a_shards_records_have_their_own_beginning(ridge_run, shard, tmp_path):
+    moved = shard.assign(start=("system", 86400.0 * np.arange(shard.sizes["system"]), {"units": "s"}))
+    found = predict(ridge_run, write(moved, tmp_path / "r.nc")).predictions
+    assert [one.end for one in found[:2]] == ["2001-01-11T00:00:00", "2001-01-12T00:00:00"]

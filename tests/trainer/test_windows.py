@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -83,3 +85,33 @@ def test_a_context_is_a_whole_number_of_samples(records):
     for hours in (0.7, 0, -3):
         with pytest.raises(EstimatorError, match="expected a whole number of steps of 1800 s"):
             context_length(hours, records)
+
+
+def test_a_record_has_its_own_beginning(tanks, records):
+    """The clock of a window is that of its record, wherever in the year it begins."""
+    system = DatasetFolder(tanks).system
+    moved = replace(records, starts=86400.0 * np.arange(len(records.systems)))
+    encoding = make_encoding(system, moved, ["time_of_day"], 48, moved.of_split("train"))
+    source = WindowSource(moved, encoding, Sensors(system, moved.channels, "none"), torch.Generator())
+    batch = source.gather(torch.tensor([0, 3]), torch.tensor([0, 10]))
+    assert batch.time.tolist() == [1800.0, 3 * 86400 + 11 * 1800.0]
+
+
+def test_lengths_take_turns(tanks, records):
+    system = DatasetFolder(tanks).system
+    encoding = make_encoding(system, records, [], 192, records.of_split("train"), shorter=[24, 48])
+    source = WindowSource(records, encoding, Sensors(system, records.channels, "none"), torch.Generator())
+    sampler = Sampler(source, np.arange(50), seed=0, main=48)
+    seen = np.array([sampler.draw(1).windows.shape[1] for _ in range(2000)])
+    share = {length: np.mean(seen == length) for length in (24, 48, 192)}
+    assert set(seen) == set(share)
+    assert share[48] == pytest.approx(0.5, abs=0.04)
+    assert share[24] / share[192] == pytest.approx(8, rel=0.3)  # each costs the same
+
+
+def test_a_short_window_may_begin_later(tanks, records):
+    system = DatasetFolder(tanks).system
+    encoding = make_encoding(system, records, [], 480, records.of_split("train"), shorter=[10])
+    source = WindowSource(records, encoding, Sensors(system, records.channels, "none"), torch.Generator())
+    _, starts = Sampler(source, np.arange(50), seed=0, main=10).indices(5000, 10)
+    assert (int(starts.min()), int(starts.max())) == (0, 470)

@@ -1,0 +1,31 @@
+"""What comes with the package: systems and their pretrained estimators, by name instead of by path."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+
+ESTIMATOR = "estimator"
+"""Folder of a shipped system that holds its pretrained estimator."""
+
+
+def shipped_systems() -> dict[str, Path]:
+    """Folders of the systems that come with the package, by name."""
+    found = find_spec("fmus")
+    folders = [Path(place) for place in (found.submodule_search_locations or [])] if found is not None else []
+    return {path.parent.name: path.parent for folder in folders for path in sorted(folder.glob("*/system.toml"))}
+
+
+def resolved(path: Path | str) -> Path:
+    """A path as it is; or, where nothing lies there and it is the name of a shipped system, that system's folder."""
+    path = Path(path)
+    if path.exists() or len(path.parts) != 1:
+        return path
+    return shipped_systems().get(path.name, path)
+
+
+def resolved_estimator(path: Path | str) -> Path:
+    """A run folder as it is; or, where none lies there and it names a shipped system, that system's estimator."""
+    path = Path(path)
+    folder = resolved(path)
+    return path if folder == path else folder / ESTIMATOR

@@ -1,0 +1,133 @@
+"""The search for an estimator's options."""
+
+import json
+
+import pytest
+
+from shared.errors import EstimatorError
+from shared.store import DatasetFolder
+from trainer.checkpoint import load_run, read_card
+from trainer.models import ESTIMATORS, estimator_class
+from trainer.tuning import BEST, read_options, space_of, tune
+from trainer.windows import WindowSource
+
+from .test_cli import run as command
+
+SETTINGS = {"model": "lstm", "steps": 3, "seed": 1, "context_hours": 6.0}
+
+
+@pytest.fixture
+def small(monkeypatch):
+    """An LSTM that trains in no time."""
+    kind = estimator_class("lstm")
+    monkeypatch.setattr(kind.__init__, "__defaults__", (8, 1, 0.0))
+
+
+@pytest.mark.slow
+def test_a_search_keeps_its_best_and_goes_on(tanks, tmp_path, small, capsys, monkeypatch):
+    looked = set()
+    gather = WindowSource.gather
+
+    def spy(self, rows, *arguments):
+        looked.update(self.targets[rows].flatten().tolist())
+        return gather(self, rows, *arguments)
+
+    monkeypatch.setattr(WindowSource, "gather", spy)
+    first = tune(tanks, tmp_path, trials=2, **SETTINGS)
+    assert first.trials == 2
+    cards = {folder.name: read_card(folder) for folder in sorted((tmp_path / "trials").iterdir())}
+    assert list(cards) == ["0000", "0001"]
+    assert cards["0000"].options == {"width": 8, "layers": 1, "dropout": 0.0}
+    assert (cards["0000"].training.lr, cards["0000"].training.batch_size) == (1e-3, 16)
+    assert first.default_loss == cards["0000"].training.validation_loss
+    assert first.validation_loss == min(card.training.validation_loss for card in cards.values())
+
+    again = tune(tanks, tmp_path, trials=4, **SETTINGS)
+    assert again.trials == 4
+    assert len(list((tmp_path / "trials").iterdir())) == 4
+    assert again.validation_loss <= first.validation_loss
+    assert read_options(tmp_path / BEST) == again
+    before = (tmp_path / "study.db").read_bytes()
+    assert tune(tanks, tmp_path, trials=4, **SETTINGS) == again
+    assert (tmp_path / "study.db").read_bytes() == before
+
+    monkeypatch.undo()
+    records = load_run(tmp_path / "trials" / "0000").card.encoding
+    index = DatasetFolder(tanks).load([])
+    targets = records.targets(index.parameters)
+    assert not looked & set(targets[index.of_split("test")].flatten().tolist())
+    assert looked & set(targets[index.of_split("validation")].flatten().tolist())
+
+    with pytest.raises(EstimatorError, match=r"study\.db: noise was 'none' and is 'gauge' now"):
+        tune(tanks, tmp_path, trials=5, **SETTINGS | {"noise": "gauge"})
+
+    out = tmp_path / "fitted"
+    code, _, _ = command(
+        capsys, "fit", tanks, "--options", tmp_path / BEST, "--steps", "2", "--out", out, "--option.layers", "2"
+    )
+    assert code == 0
+    card = json.loads((out / "estimator.json").read_text())
+    assert card["model"] == "lstm"
+    assert card["options"] == again.options | {"layers": 2}
+    assert (card["training"]["batch_size"], card["training"]["lr"]) == (again.batch_size, again.lr)
+    code, _, err = command(
+        capsys, "fit", tanks, "--options", tmp_path / BEST, "--model", "tcn", "--out", tmp_path / "x"
+    )
+    assert code == 1
+    assert "is of the model lstm; expected tcn" in err
+
+
+@pytest.mark.slow
+def test_a_search_that_was_killed_tries_the_cut_trial_again(tanks, tmp_path, small, monkeypatch):
+    from trainer import tuning
+
+    fit = tuning.fit
+
+    def killed(*arguments, **settings):
+        if arguments[1].name == "0001":
+            raise KeyboardInterrupt
+        return fit(*arguments, **settings)
+
+    monkeypatch.setattr(tuning, "fit", killed)
+    # as a kill would: the storage keeps the trial as running
+    monkeypatch.setattr("optuna.storages.RDBStorage.set_trial_state_values", _no_failures())
+    with pytest.raises(KeyboardInterrupt):
+        tune(tanks, tmp_path, trials=3, **SETTINGS)
+    monkeypatch.setattr(tuning, "fit", fit)
+    best = tune(tanks, tmp_path, trials=3, **SETTINGS)
+    assert best.trials == 3
+    assert sorted(folder.name for folder in (tmp_path / "trials").iterdir()) == ["0000", "0002", "0003"]
+
+
+def _no_failures():
+    from optuna.storages import RDBStorage
+    from optuna.trial import TrialState
+
+    real, ignored = RDBStorage.set_trial_state_values, []
+
+    def set_values(self, trial_id, state, *arguments, **settings):
+        if state == TrialState.FAIL and not ignored:
+            ignored.append(trial_id)
+            return True
+        return real(self, trial_id, state, *arguments, **settings)
+
+    return set_values
+
+
+@pytest.mark.parametrize("model", [name for name in ESTIMATORS if name not in ("mean", "ridge")])
+def test_every_trained_estimator_has_a_space(model):
+    space = space_of(model)
+    assert {"lr", "batch_size", "width", "layers", "dropout"} <= set(space)
+    assert space["lr"][1] == estimator_class(model).recipe.lr
+
+
+def test_what_cannot_be_searched_is_told(tanks, tmp_path):
+    with pytest.raises(EstimatorError, match="ridge is solved, not trained"):
+        tune(tanks, tmp_path, model="ridge")
+    with pytest.raises(EstimatorError, match="trials: is 0"):
+        tune(tanks, tmp_path, trials=0)
+    with pytest.raises(EstimatorError, match="no such file; `trainer tune` writes one"):
+        read_options(tmp_path / "none.json")
+    (tmp_path / "bad.json").write_text('{"options": {}}')
+    with pytest.raises(EstimatorError, match=r"bad\.json: model: Field required; expected a file of `trainer tune`"):
+        read_options(tmp_path / "bad.json")

@@ -1,0 +1,152 @@
+"""The finished fits of a condition: mean and spread over seeds, intervals by system."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from shared.metrics import bootstrap_by_system, r2, relative_accuracy
+from trainer.benchmarking.conditions import Condition
+from trainer.benchmarking.job import DONE, FAILED, Done, is_done
+from trainer.benchmarking.planning import Plan
+from trainer.checkpoint import Training, read_card
+from trainer.evaluation import LEVEL
+from trainer.report import Answers, CeilingFigures, Evaluation, read_answers
+
+DRAWS = 300
+"""Resamples of systems for an interval."""
+
+
+@dataclass(frozen=True)
+class Scores:
+    """One protocol. The last column of ``r2`` and the last number of ``low`` and ``high`` are the mean over parameters.
+
+    ``r2`` (seeds, parameters + 1); ``low`` and ``high`` (parameters + 1,): 90 % interval, by system, of the mean over
+    seeds; ``accuracy`` (parameters + 1,): median relative accuracy.
+    """
+
+    r2: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    accuracy: np.ndarray
+    windows: int
+    systems: int
+    trained_on: int
+
+    @property
+    def mean(self) -> np.ndarray:
+        """Over seeds (parameters + 1,)."""
+        mean: np.ndarray = self.r2.mean(axis=0)
+        return mean
+
+    @property
+    def sd(self) -> np.ndarray:
+        """Spread over seeds (parameters + 1,); not a number where there is one."""
+        if len(self.r2) < 2:
+            return np.full(self.r2.shape[1], np.nan)
+        sd: np.ndarray = self.r2.std(axis=0, ddof=1)
+        return sd
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What is known of a condition."""
+
+    condition: Condition
+    parameters: list[str]
+    units: list[str]
+    protocols: dict[str, Scores]
+    ceiling: CeilingFigures | None
+    ceiling_note: str
+    trainings: list[Training]
+    training_systems: int
+    warnings: list[str]
+    first: Path
+    """run folder of the first finished seed"""
+
+    def limit(self, k: int) -> float | None:
+        """Ceiling of parameter ``k``; of the mean over parameters where ``k`` is -1."""
+        if self.ceiling is None:
+            return None
+        return self.ceiling.r2_mean if k == -1 else self.ceiling.r2.get(self.parameters[k])
+
+
+def read_evaluation(folder: Path) -> Evaluation:
+    """``evaluation.json`` of a run folder."""
+    return Evaluation.model_validate_json((folder / "evaluation.json").read_text(encoding="utf-8"))
+
+
+def gather(plan: Plan, condition: Condition) -> Finding | None:
+    """The finding of a condition over the seeds that are finished; None where none is."""
+    fits = [plan.fit_of(condition, seed) for seed in range(plan.seeds)]
+    folders = [plan.folder(fit) for fit in fits if is_done(plan.folder(fit), fit)]
+    if not folders:
+        return None
+    cards = [read_card(folder) for folder in folders]
+    evaluation = read_evaluation(folders[0])
+    answers = [read_answers(folder) for folder in folders]
+    done = [Done.model_validate_json((folder / DONE).read_text(encoding="utf-8")) for folder in folders]
+    protocols = {
+        name: scores_of([one[name] for one in answers], evaluation.protocols[name].systems_trained_on)
+        for name in answers[0]
+    }
+    return Finding(
+        condition=condition,
+        parameters=cards[0].encoding.parameters,
+        units=cards[0].encoding.parameter_units,
+        protocols=protocols,
+        ceiling=evaluation.ceiling,
+        ceiling_note=evaluation.ceiling_note,
+        trainings=[card.training for card in cards],
+        training_systems=len(cards[0].training_systems.indices),
+        warnings=[one.warning for one in done if one.warning],
+        first=folders[0],
+    )
+
+
+def scores_of(answers: list[Answers], trained_on: int) -> Scores:
+    """Scores of the seeds' answers to the same windows; systems, never windows, are resampled for the interval."""
+    systems = system_codes(answers[0])
+
+    def of_seed(one: Answers, rows: np.ndarray) -> np.ndarray:
+        each = r2(one.truth[rows], one.estimate[rows])
+        return np.append(each, each.mean())
+
+    def over_seeds(rows: np.ndarray) -> np.ndarray:
+        mean: np.ndarray = np.mean([of_seed(one, rows) for one in answers], axis=0)
+        return mean
+
+    everything = np.arange(len(systems))
+    with warnings.catch_warnings():  # where no resample has an R2, neither has the interval
+        warnings.filterwarnings("ignore", "All-NaN slice")
+        low, high = bootstrap_by_system(systems, over_seeds, level=LEVEL, draws=DRAWS)
+    accuracy = np.concatenate([relative_accuracy(one.truth, one.estimate) for one in answers])
+    return Scores(
+        r2=np.stack([of_seed(one, everything) for one in answers]),
+        low=low,
+        high=high,
+        accuracy=np.append(np.median(accuracy, axis=0), np.median(accuracy)),
+        windows=len(systems),
+        systems=len(np.unique(systems)),
+        trained_on=trained_on,
+    )
+
+
+def system_codes(answers: Answers) -> np.ndarray:
+    """A number for each window's system, int64 (windows,): a system is known by root seed and index."""
+    codes: dict[tuple[int, int], int] = {}
+    pairs = zip(answers.seeds.tolist(), answers.systems.tolist(), strict=True)
+    return np.array([codes.setdefault(pair, len(codes)) for pair in pairs], dtype=np.int64)
+
+
+def failures(plan: Plan) -> list[str]:
+    """Sentences on fits that failed."""
+    found = []
+    for fit in plan.fits:
+        path = plan.folder(fit) / FAILED
+        if path.exists():
+            found.append(f"{fit.title()}: {path.read_text(encoding='utf-8').strip()}")
+    return found

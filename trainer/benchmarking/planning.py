@@ -1,0 +1,153 @@
+"""What a benchmark is going to do: which fits, where, and how long it will take."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from shared.errors import EstimatorError
+from shared.store import DatasetFolder
+from trainer.benchmarking.conditions import Budget, Condition, Fit
+from trainer.benchmarking.job import DONE, Done, is_done
+from trainer.benchmarking.parts import Ground, Part, make_parts
+from trainer.data import load_records, rows_of
+from trainer.models import estimator_class
+
+OURS = ("multiscale-transformer",)
+"""Estimators that stand beside the paper's, unless the user names others."""
+IDENTITY = "benchmark.json"
+
+
+@dataclass
+class Plan:
+    """What a benchmark is going to do."""
+
+    dataset: Path
+    out: Path
+    parts: list[Part]
+    seeds: int
+    budget: Budget
+    windows: int
+    workers: int
+    ceiling: Path | None
+    identity: dict[str, Any]
+    """which dataset this is"""
+    training: int
+    fits: list[Fit] = field(default_factory=list)
+
+    def folder(self, fit: Fit) -> Path:
+        """Run folder of a fit."""
+        return self.out / "fits" / fit.key()
+
+    def fit_of(self, condition: Condition, seed: int) -> Fit:
+        """The fit of a condition with a seed."""
+        return Fit(condition=condition, seed=seed, budget=self.budget, windows=self.windows)
+
+    def left(self) -> list[Fit]:
+        """Fits that are not finished."""
+        return [fit for fit in self.fits if not is_done(self.folder(fit), fit)]
+
+    def overheads(self) -> list[float]:
+        """What finished fits took beside their budget [s]: reading, solving, scoring."""
+        budget = 60 * (self.budget.minutes or 0)
+        found = []
+        for fit in self.fits:
+            if is_done(self.folder(fit), fit):
+                done = Done.model_validate_json((self.folder(fit) / DONE).read_text(encoding="utf-8"))
+                iterates = estimator_class(fit.condition.model).iterates
+                found.append(max(0.0, done.seconds - (budget if iterates else 0)))
+        return found
+
+    def minutes_left(self) -> tuple[float | None, bool]:
+        """Minutes that the fits left will take, None where unknown; and whether what is beside training is in them."""
+        left = self.left()
+        iterating = sum(estimator_class(fit.condition.model).iterates for fit in left)
+        overheads = self.overheads()
+        beside = sum(overheads) / len(overheads) / 60 * len(left) if overheads else 0.0
+        if self.budget.minutes is None:
+            return (beside / self.workers, True) if overheads else (None, False)
+        return (iterating * self.budget.minutes + beside) / self.workers, bool(overheads)
+
+
+def make_plan(
+    dataset_dir: Path | str,
+    out: Path | str,
+    *,
+    minutes: float | None = None,
+    steps: int | None = None,
+    seeds: int = 3,
+    parts: list[str] | None = None,
+    ours: list[str] | None = None,
+    windows: int = 1000,
+    workers: int = 1,
+    ceiling: Path | None = None,
+) -> Plan:
+    """The fits of a benchmark; arguments as for :func:`benchmark`.
+
+    Raises
+    ------
+    EstimatorError
+        If an argument is wrong, or ``out`` belongs to another dataset.
+    DatasetError
+        If the dataset cannot be used.
+    """
+    for name, value in (("seeds", seeds), ("windows", windows), ("workers", workers)):
+        if value < 1:
+            raise EstimatorError(f"{name}: is {value}; expected at least 1")
+    if minutes is not None and steps is not None:
+        raise EstimatorError("steps and minutes: both are given; expected one budget")
+    if (minutes if minutes is not None else steps if steps is not None else 1) <= 0:
+        raise EstimatorError("the budget of a fit is not positive; expected some minutes or steps")
+    for model in ours or []:
+        estimator_class(model)
+    dataset = DatasetFolder(dataset_dir)
+    index = load_records(dataset, [])
+    training = len(rows_of(index, "train", dataset.folder))
+    step = float(index.time[1] - index.time[0]) if len(index.time) > 1 else dataset.system.experiment.step
+    ground = Ground(dataset.system, len(index.time) * step / 3600, step, training, tuple(ours or OURS))
+    budget = Budget(minutes=3.0 if minutes is None and steps is None else minutes, steps=steps)
+    who = "\n".join(f"{seed} {system}" for seed, system in zip(index.seeds, index.systems, strict=True))
+    identity = {
+        "system_name": dataset.system.name,
+        "system_hash": dataset.manifest.system_hash,
+        "systems": len(index.systems),
+        "systems_sha256": hashlib.sha256(who.encode()).hexdigest(),
+        "hours": ground.hours,
+        "step": step,
+    }
+    plan = Plan(
+        dataset=Path(dataset_dir),
+        out=Path(out),
+        parts=make_parts(ground, parts),
+        seeds=seeds,
+        budget=budget,
+        windows=windows,
+        workers=workers,
+        ceiling=ceiling,
+        identity=identity,
+        training=training,
+    )
+    conditions = list(dict.fromkeys(row.condition for part in plan.parts for row in part.rows))
+    # one seed of everything first: a benchmark that is stopped early has whole tables
+    plan.fits = [plan.fit_of(condition, seed) for seed in range(seeds) for condition in conditions]
+    _check_identity(plan)
+    return plan
+
+
+def _check_identity(plan: Plan) -> None:
+    path = plan.out / IDENTITY
+    if not path.exists():
+        return
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise EstimatorError(f"{path}: damaged ({error}); choose another folder") from None
+    for name, value in plan.identity.items():
+        if found.get(name) != value:
+            raise EstimatorError(
+                f"{plan.out}: holds a benchmark of another dataset: {name} was {found.get(name)} and is {value} now;"
+                " choose another folder"
+            )

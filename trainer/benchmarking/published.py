@@ -1,0 +1,67 @@
+"""Another work's figures beside ours: a JSON file, because a figure belongs to a system and the code knows none.
+
+    {"source": "...", "figures": [{"part": "table4", "labels": ["24", "lstm"], "r2": {"parameter": 0.9}, "mean": 0.9}]}
+
+``labels`` are those of a line of ours; ``r2`` by parameter and ``mean`` over them are both optional.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from shared.errors import EstimatorError
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class Figure(_Table):
+    """R2 of one line of one part."""
+
+    part: str
+    labels: list[str]
+    r2: dict[str, float] = {}
+    mean: float | None = None
+
+
+class Published(_Table):
+    """The file."""
+
+    source: str = ""
+    figures: list[Figure] = []
+
+    def find(self, part: str, labels: tuple[str, ...], parameter: str | None) -> float | None:
+        """R2 of a parameter, or the mean over them where ``parameter`` is None; None where nothing was published."""
+        for one in self.figures:
+            if (one.part, tuple(one.labels)) == (part, labels):
+                if parameter is not None:
+                    return one.r2.get(parameter)
+                if one.mean is None and one.r2:
+                    return sum(one.r2.values()) / len(one.r2)
+                return one.mean
+        return None
+
+
+def read_published(path: Path | None) -> Published:
+    """Read such a file; nothing is published where there is none.
+
+    Raises
+    ------
+    EstimatorError
+        If a file that was named cannot be read.
+    """
+    if path is None:
+        return Published()
+    try:
+        return Published.model_validate_json(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise EstimatorError(f"{path}: no such file; expected published figures as JSON") from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        field = ".".join(str(part) for part in first["loc"])
+        raise EstimatorError(f"{path}: {field}: {first['msg']}; expected published figures as JSON") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise EstimatorError(f"{path}: cannot be read ({error}); expected published figures as JSON") from None

@@ -1,0 +1,178 @@
+"""Whether a posterior can be believed: coverage, rank histograms and scores on systems that nothing was made with.
+
+Windows of one system are not independent: intervals resample systems, and tests of uniformity take one window of each.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from shared.errors import EstimatorError
+from shared.metrics import bootstrap_by_system, r2
+from shared.store import DatasetFolder
+from trainer.checkpoint import Run, load_run, make_folder
+from trainer.data import load_records
+from trainer.evaluation import absent_channels, check_records, check_same_system, unseen_rows, window_length
+from trainer.noise import Sensors
+from trainer.posterior.checkpoint import load_posterior
+from trainer.posterior.figures import draw_coverage, draw_ranks
+from trainer.posterior.inference import Posterior, summarise
+from trainer.posterior.report import LEVELS, Calibration, Coverage, LogScore, ParameterCalibration, write_calibration
+from trainer.posterior.scores import covered, crps, positions, truncated_normal, uniformity
+from trainer.windows import WindowSource, disjoint_windows
+
+
+def calibration(
+    run: Run | Path | str,
+    dataset_dir: Path | str,
+    *,
+    windows: int = 2000,
+    samples: int = 400,
+    seed: int = 0,
+    noise: str | None = None,
+    context_hours: float | None = None,
+    without: list[str] | None = None,
+    out: Path | str | None = None,
+) -> Calibration:
+    """Measure a posterior on unseen systems; write calibration.json, calibration.md, calibration.csv and two figures.
+
+    Parameters
+    ----------
+    run
+        A run folder with a posterior, or a run loaded from one.
+    dataset_dir
+        A dataset of the same system. Of the training's own, the test systems count; of another one, all systems.
+    windows
+        Disjoint windows; fewer where the dataset has fewer.
+    samples
+        Of each window's posterior.
+    seed
+        Of the windows, the sensor noise and the samples.
+    noise
+        Sensor preset; what the run was trained on by default.
+    context_hours
+        Length of a window [h], one of those that the run was trained on; its main one by default.
+    without
+        Optional channels of the run that are to be missing.
+    out
+        Where the files go; the run folder by default.
+
+    Raises
+    ------
+    EstimatorError
+        If the run has no posterior, or does not fit the dataset, or the dataset has no unseen system.
+    DatasetError
+        If the dataset cannot be used.
+    """
+    run = run if isinstance(run, Run) else load_run(run)
+    posterior = load_posterior(run)
+    if posterior is None:
+        raise EstimatorError(f"{run.folder}: has no posterior; `trainer posterior` fits one")
+    for name, value in (("windows", windows), ("samples", samples)):
+        if value < 2:
+            raise EstimatorError(f"{name}: is {value}; expected at least 2")
+    card, encoding = run.card, run.card.encoding
+    dataset = DatasetFolder(dataset_dir)
+    check_same_system(card, dataset)
+    index = load_records(dataset, [])
+    preset, length = noise or card.noise, window_length(card, context_hours)
+    absent = absent_channels(card, without or [])
+    check_records(card, index, dataset.folder, length)
+    unseen = unseen_rows(index, card.seen(dataset.manifest.system_hash, index) | posterior.card.seen(index))
+    if not len(unseen):
+        raise EstimatorError(f"{dataset.folder}: the run or its posterior was made with all of its systems that count")
+    seeds = np.random.SeedSequence(seed).generate_state(4)
+    where, starts = disjoint_windows(unseen, len(index.time), length, windows, np.random.default_rng(seeds[0]))
+    needed = np.unique(where)
+    source = WindowSource(
+        load_records(dataset, encoding.recorded, needed),
+        encoding,
+        Sensors(dataset.system, encoding.recorded, preset),
+        torch.Generator().manual_seed(int(seeds[1])),
+        lambda values, _: values.masked_fill(absent, torch.nan),
+    )
+    batch = source.gather(torch.from_numpy(np.searchsorted(needed, where)), torch.from_numpy(starts), length)
+    truth = index.parameters[where]
+    drawn = posterior.sample_encoded(batch.windows, batch.time, samples, seed=int(seeds[2]))
+    position = positions(truth, drawn, np.random.default_rng(seeds[3]))
+    first = np.unique(where, return_index=True)[1]
+    density = posterior.log_prob_encoded(batch.windows, batch.time, truth)
+    estimate = encoding.estimates(run.answers(batch.windows, batch.time))
+    hours = length * encoding.step / 3600
+    result = Calibration(
+        model=card.model,
+        context_hours=hours,
+        noise=preset,
+        channels=[name for name in encoding.channels if name not in (without or [])],
+        windows=len(truth),
+        systems=len(needed),
+        samples=samples,
+        **_figures_of_merit(posterior, truth, drawn, estimate, position, density, where, first),
+    )
+    folder = Path(out) if out is not None else run.folder
+    if folder is not None:
+        make_folder(folder)
+        write_calibration(result, folder)
+        title = f"{card.model}, {hours:g} h, noise {preset}, {len(first)} unseen systems"
+        draw_ranks(position[first], encoding.parameters, title, folder / "sbc.png")
+        draw_coverage(position, len(first), encoding.parameters, title, folder / "coverage.png")
+    return result
+
+
+def _figures_of_merit(
+    posterior: Posterior,
+    truth: np.ndarray,
+    drawn: np.ndarray,
+    estimate: np.ndarray,
+    position: np.ndarray,
+    density: np.ndarray,
+    where: np.ndarray,
+    first: np.ndarray,
+) -> dict[str, Any]:
+    """Fields of a Calibration.
+
+    ``truth``, ``estimate`` and ``position`` are (windows, parameters), ``drawn`` (windows, n, parameters), ``density``
+    and ``where``, the system of each, (windows,); ``first`` are the windows of the rank tests.
+    """
+    names, prior = posterior.run.card.encoding.parameters, posterior.prior
+    rmse = np.array([posterior.run.card.validation_rmse[name] for name in names])
+    inside = np.stack([covered(position, level) for level in LEVELS], axis=1)  # (windows, levels, parameters)
+    inside = np.concatenate([inside, inside.mean(axis=2, keepdims=True)], axis=2)
+    low, high = bootstrap_by_system(where, lambda rows: inside[rows].mean(axis=0), level=0.9)
+    share = inside.mean(axis=0)
+    cover = [
+        {f"{level:g}": Coverage(share=share[i, k], low=low[i, k], high=high[i, k]) for i, level in enumerate(LEVELS)}
+        for k in range(len(names) + 1)
+    ]
+    chi2, kolmogorov = uniformity(position[first])
+    n = drawn.shape[1]
+    quantiles, gaussian_density = truncated_normal(estimate, rmse, prior.low, prior.high, truth, n)
+    flat = prior.from_unit(((np.arange(n) + 0.5) / n)[:, None]) * np.ones(len(names))
+    each = [crps(truth, one).mean(axis=0) for one in (drawn, quantiles, np.broadcast_to(flat, drawn.shape))]
+    found = summarise(drawn)
+    of_mean, of_point = r2(truth, found.mean), r2(truth, estimate)
+    width = np.median((found.high - found.low) / (prior.high - prior.low), axis=0)
+    parameters = {
+        name: ParameterCalibration(
+            coverage=cover[k],
+            chi2_p=chi2[k],
+            ks_p=kolmogorov[k],
+            crps=each[0][k],
+            crps_gaussian=each[1][k],
+            crps_prior=each[2][k],
+            r2_mean=_finite(of_mean[k]),
+            r2_point=_finite(of_point[k]),
+            width=width[k],
+        )
+        for k, name in enumerate(names)
+    }
+    score = LogScore(posterior=density.mean(), gaussian=gaussian_density.mean(), prior=prior.log_density(truth).mean())
+    return {"parameters": parameters, "coverage_mean": cover[-1], "log_score": score}
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,129 @@
+"""A posterior beside its estimator: ``posterior.safetensors`` and ``posterior.json`` in the run folder. No pickle."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from pydantic import BaseModel, ConfigDict, ValidationError
+from safetensors import SafetensorError
+from safetensors.torch import load as load_tensors
+from safetensors.torch import save as save_tensors
+
+from shared.errors import EstimatorError
+from shared.store import Records, sha256_of, write_atomically
+from trainer.checkpoint import Run, Systems
+from trainer.posterior.flow import PosteriorFlow
+from trainer.posterior.inference import Posterior
+from trainer.posterior.prior import Prior
+
+SCHEMA_VERSION = 1
+CARD = "posterior.json"
+WEIGHTS = "posterior.safetensors"
+
+
+class PosteriorCard(BaseModel):
+    """``posterior.json``."""
+
+    model_config = ConfigDict(extra="forbid")
+    schema_version: int = SCHEMA_VERSION
+    estimator_sha256: str
+    """of the estimator's weights: the posterior is of no use with others"""
+    logarithmic: list[bool]
+    """of each parameter: whether its prior is uniform in the logarithm"""
+    context: int
+    lengths: list[int]
+    """window lengths [samples], rising; each has temperatures of its own"""
+    options: dict[str, Any]
+    fitting_systems: Systems
+    calibration_systems: Systems
+    fitting_windows: int
+    calibration_windows: int
+    training_systems_used: int
+    """how many of the fitting systems the estimator had trained on"""
+    temperatures: list[dict[str, float]]
+    """of each length: the factor that calibration stretches each parameter's density by"""
+    gain: float
+    """mean log posterior density above the prior's on the calibration systems, before the temperatures [nat]"""
+    epochs: int
+    best_epoch: int
+    seed: int
+    seconds: float
+    versions: dict[str, str]
+    weights_sha256: str = ""
+
+    def seen(self, records: Records) -> np.ndarray:
+        """Which rows of records, of the run's own system, the posterior was made with; bool (systems,)."""
+        parts = (self.fitting_systems, self.calibration_systems)
+        known = {pair for part in parts for pair in zip(part.root_seeds, part.indices, strict=True)}
+        rows = zip(records.seeds, records.systems, strict=True)
+        return np.array([(int(seed), int(index)) in known for seed, index in rows], dtype=bool)
+
+
+def prior_of(run: Run, logarithmic: list[bool]) -> Prior:
+    """The prior of a run's parameters."""
+    encoding = run.card.encoding
+    return Prior(np.array(encoding.parameter_min), np.array(encoding.parameter_max), np.array(logarithmic))
+
+
+def save_posterior(folder: Path, card: PosteriorCard, flow: PosteriorFlow) -> None:
+    """Write both files, each whole, the weights first, then the card that names their hash."""
+    tensors = {name: tensor.detach().contiguous().clone() for name, tensor in flow.state_dict().items()}
+    write_atomically(folder / WEIGHTS, save_tensors(tensors))
+    card.weights_sha256 = sha256_of(folder / WEIGHTS)
+    write_atomically(folder / CARD, (card.model_dump_json(indent=1) + "\n").encode())
+
+
+def load_posterior(run: Run) -> Posterior | None:
+    """The posterior in a run's folder; None where there is none.
+
+    Raises
+    ------
+    EstimatorError
+        If it belongs to another estimator, or a file is damaged or newer than this version.
+    """
+    if run.folder is None or not (run.folder / CARD).exists():
+        return None
+    card = _read_card(run.folder / CARD)
+    path = run.folder / WEIGHTS
+    if card.estimator_sha256 != run.card.weights_sha256:
+        raise EstimatorError(
+            f"{run.folder / CARD}: was fitted to the estimator {card.estimator_sha256[:12]};"
+            f" this one is {run.card.weights_sha256[:12]}: fit the posterior again"
+        )
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise EstimatorError(f"{path}: cannot be read ({error.strerror}); fit the posterior again") from None
+    if sha256_of(path) != card.weights_sha256:
+        raise EstimatorError(f"{path}: damaged, or not the weights that {CARD} describes; fit the posterior again")
+    try:
+        with torch.random.fork_rng(devices=[]):  # initial weights must not use up the host's random numbers
+            flow = PosteriorFlow(len(card.logarithmic), card.context, len(card.lengths), **card.options)
+        flow.load_state_dict(load_tensors(data))
+    except (SafetensorError, RuntimeError, TypeError) as error:
+        reason = str(error).strip().splitlines()[0]
+        raise EstimatorError(f"{path}: does not fit {CARD} ({reason}); fit the posterior again") from None
+    return Posterior(run, card, flow, prior_of(run, card.logarithmic))
+
+
+def _read_card(path: Path) -> PosteriorCard:
+    try:
+        raw = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise EstimatorError(f"{path}: damaged, not valid JSON ({error}); fit the posterior again") from None
+    version = raw.get("schema_version") if isinstance(raw, dict) else None
+    if not isinstance(version, int):
+        raise EstimatorError(f"{path}: schema_version is missing; expected a file made by `trainer posterior`")
+    if version > SCHEMA_VERSION:
+        raise EstimatorError(
+            f"{path}: schema version is {version}; this version of zeroshot-fmu reads up to {SCHEMA_VERSION}: update it"
+        )
+    try:
+        return PosteriorCard.model_validate(raw)
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise EstimatorError(f"{path}: damaged: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None

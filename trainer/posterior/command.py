@@ -1,0 +1,143 @@
+"""The commands ``trainer posterior`` and ``trainer calibration``: thin shells over functions of this package."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+from rich.console import Console
+
+from shared.console import new_console
+
+
+def posterior(
+    run: Path,
+    dataset: Path,
+    /,
+    *,
+    systems: int | None = None,
+    training_systems: int = 0,
+    windows_per_system: int = 6,
+    epochs: int = 60,
+    seed: int = 0,
+    threads: int = 1,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Fit a posterior to an estimator: from then on `trainer predict` gives intervals and samples.
+
+    A normalising flow learns from one half of the validation systems how the truth is spread about the estimator's
+    answers; the other half stops its training and sets how wide its intervals must be to cover. Systems of the test
+    split take no part. The run folder gets posterior.safetensors and posterior.json.
+
+    Parameters
+    ----------
+    run
+        Run folder made by `trainer fit`.
+    dataset
+        Dataset of the training, or another one of the same system.
+    systems
+        Use so many of the validation systems; all by default.
+    training_systems
+        Fit the flow to so many training systems as well. The estimator knows them, so they make it too sure of itself.
+    windows_per_system
+        Windows of each fitting system, and half as many of each calibration system.
+    epochs
+        At most; training stops early.
+    seed
+        Of systems, windows, noise and weights.
+    threads
+        torch's threads; more than one is slower unless the machine is idle.
+    overwrite
+        Replace a posterior that RUN already has.
+    """
+    from trainer.posterior.fitting import fit_posterior
+
+    card = fit_posterior(
+        run,
+        dataset,
+        systems=systems,
+        training_systems=training_systems,
+        windows_per_system=windows_per_system,
+        epochs=epochs,
+        seed=seed,
+        threads=threads,
+        overwrite=overwrite,
+        progress=True,
+    ).card
+    Console(stderr=True).print(
+        f"{run}: posterior from {card.fitting_windows} windows of {len(card.fitting_systems.indices)} systems,"
+        f" calibrated by {len(card.calibration_systems.indices)} others; {card.gain:.2f} nat above the prior,"
+        f" {card.seconds:.0f} s",
+        highlight=False,
+    )
+
+
+def calibration(
+    run: Path,
+    dataset: Path,
+    /,
+    *,
+    windows: int = 2000,
+    samples: int = 400,
+    noise: str | None = None,
+    context: float | None = None,
+    without: Annotated[list[str] | None, Parameter(consume_multiple=True, negative="")] = None,
+    seed: int = 0,
+    out: Path | None = None,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Whether a posterior can be believed: coverage, rank histograms and scores on systems that it has never seen.
+
+    Writes calibration.json, calibration.md, calibration.csv, sbc.png (flat if calibrated) and coverage.png. Intervals
+    are 90 %, resampled by system.
+
+    Parameters
+    ----------
+    run
+        Run folder made by `trainer fit` and `trainer posterior`.
+    dataset
+        Dataset of the same system. With another root seed than the training's, all of its systems are unseen.
+    windows
+        Disjoint windows; fewer where there are fewer.
+    samples
+        Of each window's posterior.
+    noise
+        Sensor preset of the system description; the training's own by default.
+    context
+        Length of a window [h], one of those of the training; its main one by default.
+    without
+        Optional channels that are to be missing.
+    seed
+        Of windows, noise and samples.
+    out
+        Where the files go; RUN by default.
+    json
+        Print the figures as JSON, and nothing else, on stdout.
+    """
+    from trainer.posterior.assessment import calibration as run_calibration
+    from trainer.posterior.report import notes, terminal_table
+
+    result = run_calibration(
+        run,
+        dataset,
+        windows=windows,
+        samples=samples,
+        noise=noise,
+        context_hours=context,
+        without=without,
+        seed=seed,
+        out=out,
+    )
+    if json:
+        sys.stdout.write(result.model_dump_json(indent=1) + "\n")
+        return
+    console = new_console()
+    console.print(terminal_table(result))
+    for line in notes(result):
+        console.print(line, markup=False)
+    console.print(
+        f"written to {out or run}: calibration.json, calibration.md, calibration.csv, sbc.png, coverage.png",
+        markup=False,
+    )

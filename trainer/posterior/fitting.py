@@ -1,0 +1,218 @@
+"""Fit a posterior to a fitted estimator (neural posterior estimation; the paper's future work).
+
+Neither training nor test systems need take part. The flow is fitted to one half of the validation systems, as the
+estimator's errors on systems that it trained on are smaller than they will be; training stops, and temperatures are
+set, by the other half. Systems of the test split are not opened.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+import platform
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+import zuko
+from rich.console import Console
+from rich.progress import track
+
+import shared
+from shared.errors import EstimatorError
+from shared.store import DatasetFolder
+from trainer.checkpoint import Run, Systems, load_run
+from trainer.data import load_records, rows_of
+from trainer.evaluation import check_same_system
+from trainer.fitting import torch_state
+from trainer.posterior.checkpoint import CARD, PosteriorCard, load_posterior, save_posterior
+from trainer.posterior.conditions import Contexts, draw_contexts, lengths_of, source_of
+from trainer.posterior.flow import PosteriorFlow
+from trainer.posterior.inference import Posterior
+from trainer.posterior.prior import Prior
+from trainer.posterior.tempering import temper
+
+BATCH = 256
+LR = 1e-3
+WEIGHT_DECAY = 1e-2
+CLIP = 5.0
+PATIENCE = 8
+"""Epochs without a better density on the calibration systems, after which training stops."""
+FEWEST = 4
+"""Validation systems."""
+
+
+def fit_posterior(
+    run: Run | Path | str,
+    dataset_dir: Path | str,
+    *,
+    systems: int | None = None,
+    training_systems: int = 0,
+    windows_per_system: int = 6,
+    epochs: int = 60,
+    options: dict[str, Any] | None = None,
+    seed: int = 0,
+    threads: int = 1,
+    overwrite: bool = False,
+    progress: bool = False,
+) -> Posterior:
+    """Fit a flow for the parameters given what the estimator makes of a window; write it into the run folder.
+
+    Windows are drawn under the conditions of the estimator's own training. Writes posterior.safetensors and
+    posterior.json.
+
+    Parameters
+    ----------
+    run
+        A run folder, or a run loaded from one.
+    dataset_dir
+        The dataset of the training, or another one of the same system.
+    systems
+        Use so many of the validation systems; all by default.
+    training_systems
+        Fit the flow to so many systems of the training split as well.
+    windows_per_system
+        Windows of each fitting system, and half as many of each calibration system.
+    epochs
+        At most; training stops early.
+    options
+        Of the flow: ``summary``, ``width``, ``splines``, ``bins``, ``dropout``.
+    seed
+        Of the division of systems, the windows, the sensor noise and the weights: equal seeds give equal posteriors.
+    threads
+        torch's threads.
+    overwrite
+        Replace a posterior that the run already has.
+    progress
+        Show progress on stderr.
+
+    Raises
+    ------
+    EstimatorError
+        If an argument is wrong, the run and the dataset do not fit, or the density stops being a number.
+    DatasetError
+        If the dataset cannot be used, or has no validation systems.
+    """
+    run = run if isinstance(run, Run) else load_run(run)
+    if run.folder is None:
+        raise EstimatorError("run: is in no folder; expected one made by `trainer fit`")
+    if (run.folder / CARD).exists() and not overwrite:
+        raise EstimatorError(f"{run.folder}: already has a posterior; overwrite it, or leave it")
+    for name, value in (("windows_per_system", windows_per_system), ("epochs", epochs), ("threads", threads)):
+        if value < 1:
+            raise EstimatorError(f"{name}: is {value}; expected at least 1")
+    begin = time.monotonic()
+    dataset = DatasetFolder(dataset_dir)
+    check_same_system(run.card, dataset)
+    index = load_records(dataset, [])
+    prior = Prior.of(dataset.system)
+    seeds = [int(s) for s in np.random.SeedSequence(seed).generate_state(5)]
+    fitting, calibration = _halves(rows_of(index, "validation", dataset.folder), systems, seeds[0])
+    extra = index.of_split("train")
+    if not 0 <= training_systems <= len(extra):
+        raise EstimatorError(f"training_systems: is {training_systems}; expected 0 to the dataset's {len(extra)}")
+    extra = np.sort(np.random.default_rng(seeds[0]).choice(extra, training_systems, replace=False))
+    fitting = np.sort(np.concatenate([fitting, extra]))
+    few = max(1, windows_per_system // 2)
+    rows = np.sort(np.concatenate([fitting, calibration]))
+    source, parameters = source_of(run, dataset, rows)  # reading the shards is half of the cost: once
+    places = [np.searchsorted(rows, part) for part in (fitting, calibration)]
+    with torch_state(seeds[3], threads):
+        fit_to = draw_contexts(run, prior, source, parameters, places[0], windows_per_system, seeds[1])
+        held_out = draw_contexts(run, prior, source, parameters, places[1], few, seeds[2])
+        del source
+        flow, facts = train_flow(fit_to, held_out, len(lengths_of(run)), epochs, options or {}, progress)
+        temper(flow, held_out, seeds[4])
+    names = run.card.encoding.parameters
+    card = PosteriorCard(
+        estimator_sha256=run.card.weights_sha256,
+        logarithmic=prior.log.tolist(),
+        context=fit_to.context.shape[1],
+        lengths=lengths_of(run),
+        options=options or {},
+        fitting_systems=Systems.of(index, fitting),
+        calibration_systems=Systems.of(index, calibration),
+        fitting_windows=len(fit_to.z),
+        calibration_windows=len(held_out.z),
+        training_systems_used=int(run.card.seen(dataset.manifest.system_hash, index)[extra].sum()),
+        temperatures=[dict(zip(names, row.exp().tolist(), strict=True)) for row in flow.log_temperature],
+        seed=seed,
+        seconds=round(time.monotonic() - begin, 2),
+        versions={
+            "zeroshot-fmu": shared.__version__,
+            "python": platform.python_version(),
+            "torch": torch.__version__,
+            "zuko": zuko.__version__,
+        },
+        **facts,
+    )
+    save_posterior(run.folder, card, flow)
+    done = load_posterior(run)
+    assert done is not None
+    return done
+
+
+def _halves(rows: np.ndarray, systems: int | None, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Validation systems to fit to, and to calibrate with."""
+    if len(rows) < FEWEST or (systems is not None and not FEWEST <= systems <= len(rows)):
+        raise EstimatorError(
+            f"systems: is {len(rows) if systems is None else systems}; expected {FEWEST} or more validation"
+            f" systems, and no more than the dataset's {len(rows)}: half of them fit, the other half calibrates"
+        )
+    mixed = np.random.default_rng(seed).permutation(rows)[:systems]
+    half = len(mixed) // 2
+    return np.sort(mixed[:half]), np.sort(mixed[half:])
+
+
+def train_flow(
+    fit_to: Contexts, held_out: Contexts, lengths: int, epochs: int, options: dict[str, Any], progress: bool = False
+) -> tuple[PosteriorFlow, dict[str, Any]]:
+    """Train a flow on windows; keep the weights with the best mean log density on those held out.
+
+    Returns it with ``gain`` (mean log density over the prior's [nat]), ``epochs`` and ``best_epoch``.
+
+    Raises
+    ------
+    EstimatorError
+        If the density stops being a number, or an option is unknown.
+    """
+    try:
+        flow = PosteriorFlow(fit_to.z.shape[1], fit_to.context.shape[1], lengths, **options)
+    except TypeError as error:
+        raise EstimatorError(f"options: {error}") from None
+    flow.standardise(fit_to.context, fit_to.z)
+    optimiser = torch.optim.AdamW(flow.parameters(), lr=LR, weight_decay=WEIGHT_DECAY)
+    steps = math.ceil(len(fit_to.z) / BATCH)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, epochs * steps)
+    prior = torch.distributions.Normal(0.0, 1.0).log_prob(held_out.z).sum(dim=1).mean().item()
+    best, best_epoch, kept, epoch = -math.inf, 0, copy.deepcopy(flow.state_dict()), 0
+    numbers = range(1, epochs + 1)
+    for epoch in track(numbers, "posterior", console=Console(stderr=True)) if progress else numbers:
+        flow.train()
+        for chosen in torch.randperm(len(fit_to.z)).split(BATCH):
+            loss = -flow.raw_log_prob(fit_to.context[chosen], fit_to.z[chosen]).mean()
+            optimiser.zero_grad()
+            loss.backward()
+            torch.nn.utils.clip_grad_norm_(flow.parameters(), CLIP)
+            optimiser.step()
+            schedule.step()
+        gain = mean_log_prob(flow, held_out) - prior
+        if not math.isfinite(gain):
+            raise EstimatorError(f"the posterior's density is not a number in epoch {epoch}; try another seed")
+        if gain > best:
+            best, best_epoch, kept = gain, epoch, copy.deepcopy(flow.state_dict())
+        elif epoch - best_epoch >= PATIENCE:
+            break
+    flow.load_state_dict(kept)
+    flow.eval()
+    return flow, {"gain": best, "epochs": epoch, "best_epoch": best_epoch}
+
+
+def mean_log_prob(flow: PosteriorFlow, windows: Contexts) -> float:
+    """Mean log density of the truth, before the temperatures [nat]."""
+    flow.eval()
+    with torch.no_grad():
+        pairs = zip(windows.context.split(4096), windows.z.split(4096), strict=True)
+        return torch.cat([flow.raw_log_prob(context, z) for context, z in pairs]).mean().item()

@@ -1,0 +1,121 @@
+"""A posterior ready to use: samples, densities and summaries of the parameters behind windows."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import torch
+
+from shared.errors import EstimatorError
+from trainer.checkpoint import Run
+from trainer.posterior.context import as_float, context_of
+from trainer.posterior.flow import PosteriorFlow
+from trainer.posterior.prior import Prior
+
+if TYPE_CHECKING:
+    from trainer.posterior.checkpoint import PosteriorCard
+
+LEVEL = 0.9
+"""Of the intervals."""
+
+
+class Summary(NamedTuple):
+    """What samples (windows, n, parameters) say.
+
+    All are (windows, parameters) [own units] but ``correlation``, (windows, parameters, parameters). ``low`` and
+    ``high`` are the ends of the central interval of LEVEL.
+    """
+
+    median: np.ndarray
+    mean: np.ndarray
+    sd: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    correlation: np.ndarray
+
+
+class Posterior:
+    """The distribution of the parameters given a window."""
+
+    def __init__(self, run: Run, card: PosteriorCard, flow: PosteriorFlow, prior: Prior) -> None:
+        self.run, self.card, self.prior = run, card, prior
+        self.flow = flow.eval()
+
+    def sample(self, values: np.ndarray, time: np.ndarray, n: int, *, seed: int = 0) -> np.ndarray:
+        """Samples (windows, n, parameters) [own units], float64; equal seeds give equal samples.
+
+        Parameters
+        ----------
+        values
+            Recorded channels (windows, length, recorded) [units of the run's encoding], missing readings not a number.
+        time
+            Time stamp of each window's first sample (windows,) [s since time zero].
+
+        Raises
+        ------
+        EstimatorError
+            If the windows have a length that the posterior was not fitted to, or ``n`` is not positive.
+        """
+        return self.sample_encoded(*self._encode(values, time), n, seed=seed)
+
+    def sample_encoded(self, windows: torch.Tensor, time: torch.Tensor, n: int, *, seed: int = 0) -> np.ndarray:
+        """As :meth:`sample`, of encoded windows (windows, length, columns)."""
+        if n < 1:
+            raise EstimatorError(f"n: is {n}; expected at least 1 sample")
+        length = self._which_length(windows)
+        context = context_of(self.run, self.prior, windows, time)
+        # numpy's stream is filled window by window: the samples of one do not depend on how many follow it
+        base = np.random.default_rng(seed).standard_normal((len(context), n, self.flow.parameters_count), np.float32)
+        with torch.no_grad():
+            return self.prior.from_normal(self.flow.sample(context, torch.from_numpy(base), length).numpy())
+
+    def log_prob(self, values: np.ndarray, time: np.ndarray, parameters: np.ndarray) -> np.ndarray:
+        """Log density [nat, per own units] at parameters.
+
+        Parameters
+        ----------
+        values, time
+            As for :meth:`sample`.
+        parameters
+            (windows, parameters), or (windows, n, parameters) [own units].
+
+        Returns
+        -------
+        numpy.ndarray
+            (windows,) or (windows, n); minus infinity outside the ranges.
+        """
+        return self.log_prob_encoded(*self._encode(values, time), parameters)
+
+    def log_prob_encoded(self, windows: torch.Tensor, time: torch.Tensor, parameters: np.ndarray) -> np.ndarray:
+        """As :meth:`log_prob`, of encoded windows (windows, length, columns)."""
+        length = self._which_length(windows)
+        context = context_of(self.run, self.prior, windows, time)
+        points = parameters if parameters.ndim == 3 else parameters[:, None]
+        flat = points.reshape(-1, points.shape[-1])
+        with torch.no_grad():
+            density = self.flow.log_prob(context, as_float(self.prior.to_normal(points)), length)
+        inside = self.prior.inside(flat)
+        safe = np.where(inside[:, None], flat, self.prior.low)
+        found = np.where(inside, density.double().numpy().ravel() + self.prior.log_jacobian(safe), -np.inf)
+        return found.reshape(parameters.shape[:-1])
+
+    def _encode(self, values: np.ndarray, time: np.ndarray) -> tuple[torch.Tensor, torch.Tensor]:
+        stamps = torch.from_numpy(np.asarray(time, dtype=np.float64))
+        return self.run.card.encoding.encode(as_float(values), stamps), stamps
+
+    def _which_length(self, windows: torch.Tensor) -> int:
+        if windows.shape[1] not in self.card.lengths:
+            found = ", ".join(map(str, self.card.lengths))
+            raise EstimatorError(f"windows have {windows.shape[1]} samples; the posterior was fitted to {found}")
+        return self.card.lengths.index(windows.shape[1])
+
+
+def summarise(samples: np.ndarray) -> Summary:
+    """Median, mean, standard deviation, 90 % interval and correlations of samples (windows, n, parameters)."""
+    tail = (1 - LEVEL) / 2
+    low, median, high = np.quantile(samples, [tail, 0.5, 1 - tail], axis=1)
+    mean, sd = samples.mean(axis=1), samples.std(axis=1)
+    scaled = (samples - mean[:, None]) / np.where(sd > 0, sd, 1)[:, None]
+    correlation = np.einsum("wni,wnj->wij", scaled, scaled) / samples.shape[1]
+    return Summary(median, mean, sd, low, high, correlation)

@@ -1,0 +1,46 @@
+"""Samples of the parameters behind recordings, as a file."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from shared.errors import EstimatorError
+from shared.store import temporary_name
+
+
+def write_samples(
+    path: Path,
+    samples: np.ndarray,
+    systems: list[int | None],
+    parameters: list[str],
+    units: list[str],
+    attributes: dict[str, str | int],
+) -> None:
+    """Write samples (windows, n, parameters) [own units] as NetCDF: one variable per parameter, with its unit.
+
+    They are over (system, sample), or over (sample) alone where the recording has no systems.
+
+    Raises
+    ------
+    EstimatorError
+        If the file cannot be written.
+    """
+    alone = systems == [None]
+    dims = ("sample",) if alone else ("system", "sample")
+    variables = {
+        name: (dims, samples[0, :, k] if alone else samples[:, :, k], {"units": unit})
+        for k, (name, unit) in enumerate(zip(parameters, units, strict=True))
+    }
+    coordinates = {} if alone else {"system": systems}
+    temporary = temporary_name(path)
+    try:
+        xr.Dataset(variables, coordinates, attributes).to_netcdf(temporary, engine="netcdf4")
+        os.replace(temporary, path)
+    except (OSError, RuntimeError) as error:
+        raise EstimatorError(f"{path}: cannot be written ({error})") from None
+    finally:
+        temporary.unlink(missing_ok=True)

@@ -1,0 +1,183 @@
+"""What a calibration finds, and its tables: terminal, Markdown, CSV, JSON."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict
+from rich import box
+from rich.table import Table
+
+from shared.store import write_atomically
+
+LEVELS = (0.5, 0.8, 0.9, 0.95)
+"""Of the central intervals."""
+Row = tuple[str, ...]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class Coverage(_Table):
+    """Share of the windows whose central interval holds the truth, with its 90 % interval by system."""
+
+    share: float
+    low: float
+    high: float
+
+
+class ParameterCalibration(_Table):
+    """One parameter. ``crps`` [own unit], beside that of the estimate with the validation error, and of the prior."""
+
+    coverage: dict[str, Coverage]
+    """by level"""
+    chi2_p: float
+    ks_p: float
+    """of the ranks being uniform, one window of each system"""
+    crps: float
+    crps_gaussian: float
+    crps_prior: float
+    r2_mean: float | None
+    """of the posterior's mean"""
+    r2_point: float | None
+    """of the estimator's answer"""
+    width: float
+    """median width of the 90 % interval, as a share of the range"""
+
+
+class LogScore(_Table):
+    """Mean log density at the truth [nat], of all parameters together."""
+
+    posterior: float
+    gaussian: float
+    prior: float
+
+
+class Calibration(_Table):
+    """``calibration.json``."""
+
+    schema_version: int = 1
+    model: str
+    context_hours: float
+    noise: str
+    channels: list[str]
+    windows: int
+    systems: int
+    samples: int
+    parameters: dict[str, ParameterCalibration]
+    coverage_mean: dict[str, Coverage]
+    log_score: LogScore
+
+
+def _share(one: Coverage) -> str:
+    return f"{100 * one.share:.1f} [{100 * one.low:.1f}, {100 * one.high:.1f}]"
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3f}"
+
+
+def table_rows(result: Calibration) -> tuple[Row, list[Row]]:
+    """Header and rows; the last row is the mean."""
+    header = (
+        *("parameter", *(f"{100 * level:g} %" for level in LEVELS), "chi2 p", "KS p"),
+        *("CRPS/prior", "Gaussian's", "R2 mean", "R2 point", "width"),
+    )
+    rows: list[Row] = []
+    for name, one in result.parameters.items():
+        shares = [100 * one.coverage[f"{level:g}"].share for level in LEVELS]
+        cells = [f"{share:.1f}" if level != 0.9 else "" for share, level in zip(shares, LEVELS, strict=True)]
+        cells[LEVELS.index(0.9)] = _share(one.coverage["0.9"])
+        rows.append(
+            (
+                *(name, *cells, f"{one.chi2_p:.3f}", f"{one.ks_p:.3f}"),
+                *(f"{one.crps / one.crps_prior:.3f}", f"{one.crps_gaussian / one.crps_prior:.3f}"),
+                *(_number(one.r2_mean), _number(one.r2_point), f"{one.width:.3f}"),
+            )
+        )
+    middle = [f"{100 * result.coverage_mean[f'{level:g}'].share:.1f}" for level in LEVELS]
+    middle[LEVELS.index(0.9)] = _share(result.coverage_mean["0.9"])
+    each = list(result.parameters.values())
+    r2 = [[v for v in column if v is not None] for column in ([o.r2_mean for o in each], [o.r2_point for o in each])]
+    rows.append(
+        (
+            *("mean", *middle, "", ""),
+            f"{sum(o.crps / o.crps_prior for o in each) / len(each):.3f}",
+            f"{sum(o.crps_gaussian / o.crps_prior for o in each) / len(each):.3f}",
+            *(_number(sum(column) / len(column) if column else None) for column in r2),
+            f"{sum(o.width for o in each) / len(each):.3f}",
+        )
+    )
+    return header, rows
+
+
+def notes(result: Calibration) -> list[str]:
+    """Sentences under the table."""
+    score = result.log_score
+    return [
+        f"{result.windows} disjoint windows of {result.systems} systems that neither estimator nor posterior has seen,"
+        f" {result.samples} samples each",
+        "% columns: share of the windows whose central interval holds the truth; for 90 % with its interval by system",
+        "p: of the ranks being uniform, one window of each system",
+        "CRPS as a share of the prior's; Gaussian: the estimate with the validation error, cut off at the ranges",
+        "width: median width of the 90 % interval, as a share of the range",
+        f"mean log density at the truth above the prior's: posterior {score.posterior - score.prior:.2f} nat,"
+        f" Gaussian {score.gaussian - score.prior:.2f} nat",
+    ]
+
+
+def _title(result: Calibration) -> str:
+    return f"Posterior of {result.model}, {result.context_hours:g} h, noise {result.noise}"
+
+
+def terminal_table(result: Calibration) -> Table:
+    """The table for the terminal."""
+    header, rows = table_rows(result)
+    table = Table(title=_title(result), box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for k, name in enumerate(header):
+        table.add_column(name, justify="left" if k == 0 else "right")
+    for k, row in enumerate(rows):
+        table.add_row(*row, end_section=k == len(rows) - 2)
+    return table
+
+
+def markdown(result: Calibration) -> str:
+    """The table as Markdown."""
+    header, rows = table_rows(result)
+    lines = [
+        f"# {_title(result)}",
+        "",
+        f"Channels {', '.join(result.channels)}.",
+        "",
+        "| " + " | ".join(header) + " |",
+        "|" + "---|" * len(header),
+        *("| " + " | ".join(row) + " |" for row in rows),
+        "",
+        *(f"- {note}" for note in notes(result)),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def as_csv(result: Calibration) -> str:
+    """One row per parameter and level, full precision."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    other = ["chi2_p", "ks_p", "crps", "crps_gaussian", "crps_prior", "r2_mean", "r2_point", "width"]
+    writer.writerow(["parameter", "level", "coverage", "coverage_low", "coverage_high", *other])
+    for name, one in result.parameters.items():
+        figures = [getattr(one, field) for field in other]
+        for level, cover in one.coverage.items():
+            writer.writerow([name, level, cover.share, cover.low, cover.high, *figures])
+    for level, cover in result.coverage_mean.items():
+        writer.writerow(["mean", level, cover.share, cover.low, cover.high, *("" for _ in other)])
+    return text.getvalue()
+
+
+def write_calibration(result: Calibration, folder: Path) -> None:
+    """Write calibration.json, calibration.md and calibration.csv."""
+    write_atomically(folder / "calibration.json", (result.model_dump_json(indent=1) + "\n").encode())
+    write_atomically(folder / "calibration.md", markdown(result).encode())
+    write_atomically(folder / "calibration.csv", as_csv(result).encode())

@@ -1,0 +1,53 @@
+"""Temperatures: how far each parameter's density is stretched so that its intervals cover, measured on other systems.
+
+A flow is a little too sure of itself: it was trained on windows of few systems, which it remembers. For the factor t of
+a parameter, the 90 % interval's ends move from the flow's centre c to c + t (end - c). A truth needs the t that brings
+it inside; the 90 % quantile of the needed t over systems that the flow was not trained on makes 90 % of them covered.
+This is conformal prediction (Romano et al., 2019, Conformalized quantile regression, arXiv:1905.03222) with a factor in
+place of a margin, so that the result is a density still.
+"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+
+from trainer.posterior.conditions import Contexts
+from trainer.posterior.flow import PosteriorFlow
+from trainer.posterior.inference import LEVEL
+
+SAMPLES = 256
+"""Drawn per window, for the ends of its interval."""
+WINDOWS = 2000
+"""At most, of each length."""
+FEWEST = 50
+"""Where a length has fewer windows, those of all lengths are used."""
+
+
+def temper(flow: PosteriorFlow, held_out: Contexts, seed: int) -> None:
+    """Set a flow's temperatures, of each window length, from windows of systems that it was not trained on."""
+    flow.eval()
+    generator = torch.Generator().manual_seed(seed)
+    flow.log_temperature.zero_()
+    found = []
+    for length in range(len(flow.log_temperature)):
+        own = held_out.of_length(length)
+        own = own if len(own.z) >= FEWEST else held_out
+        chosen = torch.randperm(len(own.z), generator=generator)[:WINDOWS]
+        needed = _needed(flow, own.context[chosen], own.z[chosen], generator)
+        # the rank of split conformal prediction: exact coverage for finitely many windows
+        rank = min(len(needed), math.ceil(LEVEL * (len(needed) + 1)))
+        found.append(needed.sort(dim=0).values[rank - 1])
+    flow.log_temperature.copy_(torch.stack(found).log())
+
+
+def _needed(flow: PosteriorFlow, context: torch.Tensor, z: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
+    """Factors (windows, parameters) that bring the truth z to the end of its interval."""
+    base = torch.randn((len(z), SAMPLES, z.shape[1]), generator=generator)
+    with torch.no_grad():
+        samples, centre = flow.sample(context, base), flow.centre(context)
+    tail = (1 - LEVEL) / 2
+    low, high = torch.quantile(samples, torch.tensor([tail, 1 - tail]), dim=1)
+    reach = torch.where(z > centre, high - centre, centre - low)
+    return (z - centre).abs().clamp_min(1e-6) / reach.clamp_min(1e-6)
