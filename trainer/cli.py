@@ -15,6 +15,8 @@ from shared.console import new_app, new_console, start
 from shared.errors import EstimatorError
 from trainer.benchmark_command import benchmark
 from trainer.models import ESTIMATORS
+from trainer.posterior.command import calibration, posterior
+from trainer.predict_command import predict
 from trainer.tune_command import tune
 
 app = new_app(
@@ -32,8 +34,8 @@ A first session, on a dataset made by `datagen run`:
 Exit codes: 0 done, 1 something that the message tells how to mend, 2 wrong usage.""",
 )
 
-app.command(benchmark)
-app.command(tune)
+for one in (posterior, calibration, predict, benchmark, tune):
+    app.command(one)
 
 MODELS = f"Estimator: {', '.join(ESTIMATORS)}."
 
@@ -222,38 +224,6 @@ def evaluate(
         new_console().print(terminal_table(result))
         print("\n".join(notes(result)))
         print(f"written to {out or run}: evaluation.json, evaluation.md, evaluation.csv, scatter.png")
-
-
-@app.command
-def predict(run: Path, file: Path, /, *, json: Annotated[bool, Parameter(negative="")] = False) -> None:
-    """Estimate the parameters behind a recording, from its last context window.
-
-    Parameters
-    ----------
-    run
-        Run folder made by `trainer fit`.
-    file
-        NetCDF with the run's channels over (time) or (system, time), with units, as a dataset's shards have them.
-    json
-        Print the estimates as JSON, and nothing else, on stdout.
-    """
-    from trainer.prediction import predict as run_predict
-
-    result = run_predict(run, file)
-    if json:
-        print(result.model_dump_json(indent=1))
-        return
-    console = new_console()
-    for one in result.predictions:
-        name = "" if one.system is None else f"system {one.system}, "
-        table = Table(title=f"{name}{one.begin} to {one.end}")
-        for column in ("parameter", "estimate", "+- rmse", "unit", ""):
-            table.add_column(column, justify="right" if column in ("estimate", "+- rmse") else "left")
-        for parameter, value in one.parameters.items():
-            mark = "at the end of its range" if value.at_bound else ""
-            table.add_row(parameter, f"{value.value:.4g}", f"{value.rmse:.2g}", value.unit, mark)
-        console.print(table)
-    console.print("rmse: error of such estimates on the run's validation systems", highlight=False)
 
 
 @app.command

@@ -72,14 +72,14 @@ def test_the_gaussian_to_beat_is_cut_off_at_the_ranges():
 
 
 @pytest.fixture(scope="module")
-def tanks_300(tmp_path_factory):
-    return make_dataset(tmp_path_factory.mktemp("cal") / "ds", systems=300, root_seed=4)
+def many_tanks(tmp_path_factory):
+    return make_dataset(tmp_path_factory.mktemp("cal") / "ds", systems=1000, root_seed=4)
 
 
 @pytest.fixture(scope="module")
-def folder(tanks_300, tmp_path_factory):
-    run = fit(tanks_300, tmp_path_factory.mktemp("calrun") / "run", model="ridge", noise="gauge", steps=20)
-    fit_posterior(run, tanks_300, windows_per_system=10, epochs=6)
+def folder(many_tanks, tmp_path_factory):
+    run = fit(many_tanks, tmp_path_factory.mktemp("calrun") / "run", model="ridge", noise="gauge", steps=20)
+    fit_posterior(run, many_tanks, windows_per_system=10, epochs=6)
     return run.folder
 
 
@@ -111,7 +111,7 @@ def test_intervals_cover_unseen_systems(folder, others, tmp_path):
         assert matplotlib.image.imread(tmp_path / name).shape[1] > 400
 
 
-def test_windows_come_from_systems_that_nothing_was_made_with(folder, tanks_300, tmp_path, monkeypatch):
+def test_windows_come_from_systems_that_nothing_was_made_with(folder, many_tanks, tmp_path, monkeypatch):
     gather, looked, loaded = WindowSource.gather, [], []
     init = WindowSource.__init__
 
@@ -125,8 +125,8 @@ def test_windows_come_from_systems_that_nothing_was_made_with(folder, tanks_300,
 
     monkeypatch.setattr(WindowSource, "__init__", spy_init)
     monkeypatch.setattr(WindowSource, "gather", spy)
-    calibration(folder, tanks_300, windows=60, samples=20, out=tmp_path)
-    test = set(DatasetFolder(tanks_300).load([]).of_split("test").tolist())
+    calibration(folder, many_tanks, windows=60, samples=20, out=tmp_path)
+    test = set(DatasetFolder(many_tanks).load([]).of_split("test").tolist())
     assert {loaded[row] for row in looked} <= test
 
 
@@ -148,7 +148,7 @@ def test_systems_that_the_posterior_was_made_with_do_not_count(folder, others, t
     assert found.systems == len(test) == 10
 
 
-def test_the_commands_do_it_all(folder, tanks_300, others, tmp_path, capsys):
+def test_the_commands_do_it_all(folder, many_tanks, others, tmp_path, capsys):
     app = App(name="trainer", result_action="return_value")
     app.command(posterior_command, name="posterior")
     app.command(calibration_command, name="calibration")
@@ -156,7 +156,7 @@ def test_the_commands_do_it_all(folder, tanks_300, others, tmp_path, capsys):
     own.mkdir()
     for name in ("estimator.json", "weights.safetensors"):
         (own / name).write_bytes((folder / name).read_bytes())
-    app(["posterior", str(own), str(tanks_300), "--epochs", "1", "--systems", "12"])
+    app(["posterior", str(own), str(many_tanks), "--epochs", "1", "--systems", "12"])
     assert load_posterior(load_run(own)) is not None
     assert "calibrated by 6 others" in " ".join(capsys.readouterr().err.split())
     app(["calibration", str(own), str(others), "--windows", "50", "--samples", "20", "--json"])

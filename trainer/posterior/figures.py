@@ -33,7 +33,7 @@ def draw_ranks(position: np.ndarray, parameters: Sequence[str], title: str, path
         axes = panels[k]
         axes.axhspan(low, high, color="#dddddd", zorder=0)
         axes.axhline(systems / bins, color="black", linewidth=0.8, linestyle=":")
-        axes.hist(position[:, k], bins, (0, 1), color=BLUE, edgecolor="white", linewidth=0.5)
+        axes.hist(position[:, k], bins, range=(0, 1), color=BLUE, edgecolor="white", linewidth=0.5)
         axes.set_title(f"{name}: p {chi2[k]:.2f} (chi2), {kolmogorov[k]:.2f} (KS)", fontsize=9)
         axes.set(xlim=(0, 1), ylim=(0, None))
         axes.tick_params(labelsize=7)

@@ -36,9 +36,10 @@ def temper(flow: PosteriorFlow, held_out: Contexts, seed: int) -> None:
         own = own if len(own.z) >= FEWEST else held_out
         chosen = torch.randperm(len(own.z), generator=generator)[:WINDOWS]
         needed = _needed(flow, own.context[chosen], own.z[chosen], generator)
-        # the rank of split conformal prediction: exact coverage for finitely many windows
-        rank = min(len(needed), math.ceil(LEVEL * (len(needed) + 1)))
-        found.append(needed.sort(dim=0).values[rank - 1])
+        # split conformal prediction's margin for few systems; windows of one system do not count twice
+        systems = len(torch.unique(own.system[chosen]))
+        share = min(1.0, math.ceil(LEVEL * (systems + 1)) / systems)
+        found.append(needed.sort(dim=0).values[math.ceil(share * len(needed)) - 1])
     flow.log_temperature.copy_(torch.stack(found).log())
 
 
