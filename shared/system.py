@@ -159,7 +159,8 @@ class System(Table):
         SystemDescriptionError
             If the step does not divide the length.
         """
-        changes = {name: value for name, value in (("hours", hours), ("step", step), ("start", start)) if value is not None}
+        given = {"hours": hours, "step": step, "start": start}
+        changes = {name: value for name, value in given.items() if value is not None}
         if not changes:
             return self
         raw = json.loads(self.canonical())
@@ -278,8 +279,8 @@ def load_system(path: Path | str) -> System:
     except FileNotFoundError:
         names = ", ".join(shipped_systems())
         raise SystemDescriptionError(
-            f"{path}: no such file; expected a system description (TOML), or the name of one that comes with the package"
-            f" ({names})"
+            f"{path}: no such file; expected a system description (TOML), or the name of one that comes with the"
+            f" package ({names})"
         ) from None
     except (OSError, UnicodeDecodeError) as error:
         raise SystemDescriptionError(f"{path}: cannot be read as text: {error}") from None

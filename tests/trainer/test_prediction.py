@@ -156,7 +156,7 @@ def test_gaps_are_read_up_to_what_was_trained_on(flexible, recording, tmp_path):
     gappy["level"][60:70] = np.nan
     assert predict(flexible, write(gappy, tmp_path / "some.nc")).predictions
     gappy["level"][60:90] = np.nan
-    with pytest.raises(RecordingError, match="level has 30 missing or infinite values.*expected at most 14"):
+    with pytest.raises(RecordingError, match=r"level has 30 missing or infinite values.*expected at most 14"):
         predict(flexible, write(gappy, tmp_path / "many.nc"))
 
 
