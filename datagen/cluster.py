@@ -78,8 +78,11 @@ def connect(
     if scheduler:
         try:
             client = Client(scheduler, timeout=20)
-        except (OSError, ValueError) as error:
-            raise ClusterError(f"{scheduler}: no Dask scheduler answers: {error}; expected tcp://HOST:PORT") from None
+        except (OSError, ValueError, TypeError, RuntimeError) as error:  # the last two: TLS on one side only
+            raise ClusterError(
+                f"{scheduler}: no Dask scheduler answers: {error}; expected tcp://HOST:PORT, or tls://HOST:PORT with"
+                " certificates set"
+            ) from None
         with client:
             if not _count(client):
                 say.print(f"waiting for a worker at {scheduler}", markup=False)

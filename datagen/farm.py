@@ -70,7 +70,7 @@ def run(
     system
         A system description or its path.
     preset
-        One of the description's: gives ``start``, and ``systems``, ``hours`` and ``step`` where they are not given here.
+        One of the description's: gives ``start``, and ``systems``, ``hours``, ``step`` where they are not given here.
     hours, step
         Length [h] and output step [s], by default the description's.
     workers, scheduler, cluster, cluster_options, host

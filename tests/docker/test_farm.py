@@ -1,0 +1,231 @@
+"""What the compose file starts, started here: its commands, environments and health checks, as processes on loopback.
+
+Once as it is, once with the TLS file on top and certificates made by the script beside it.
+"""
+
+import json
+import os
+import re
+import shutil
+import socket
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from datagen import verify
+from tests.docker.compose import FOLDER, load, words_of
+from tests.docker.images import ROOT
+
+pytestmark = pytest.mark.slow
+BIN = Path(sys.executable).parent
+VARIABLES = {"ZEROSHOT_COUNT": "2", "ZEROSHOT_SEED": "5"}
+
+
+def free_ports(count):
+    probes = [socket.socket() for _ in range(count)]
+    for probe in probes:
+        probe.bind(("127.0.0.1", 0))
+    ports = [probe.getsockname()[1] for probe in probes]
+    for probe in probes:
+        probe.close()
+    return ports
+
+
+class Here:
+    """Translates what a service is given in its container to this machine."""
+
+    def __init__(self, folder, services):
+        self.services = services
+        self.folder = folder
+        (folder / "data").mkdir()
+        (folder / "tmp").mkdir()
+        scheduler, dashboard, worker = free_ports(3)
+        self.scheduler = scheduler
+        self.there = {
+            "scheduler:8786": f"127.0.0.1:{scheduler}",
+            "--port=8786": f"--port={scheduler}",
+            "address=:8787": f"address=127.0.0.1:{dashboard}",
+            "127.0.0.1:8787": f"127.0.0.1:{dashboard}",
+            "127.0.0.1:8788": f"127.0.0.1:{worker}",
+            "/run/secrets": str(folder / "certificates"),
+            "/systems": str(ROOT / "fmus"),
+            "=/data": f"={folder / 'data'}",
+            "=/tmp": f"={folder / 'tmp'}",
+        }
+
+    def __call__(self, text):
+        return re.sub("|".join(map(re.escape, self.there)), lambda found: self.there[found[0]], text)
+
+    def environment(self, name, **more):
+        ours = {key: value for key, value in os.environ.items() if not key.startswith("DASK_")}
+        given = {key: self(value) for key, value in self.services[name].get("environment", {}).items()}
+        return {**ours, **given, "OMP_NUM_THREADS": "1", **more}
+
+    def words(self, name, *more):
+        """The service's command; what is given as --NAME=VALUE takes the place of what it has."""
+        program, *rest = words_of(self.services[name])
+        kept = [self(word) for word in rest if word.split("=")[0] not in [other.split("=")[0] for other in more]]
+        return [str(BIN / program), *kept, *more]
+
+    def start(self, name, *more):
+        with open(self.folder / f"{name}.log", "w") as log:
+            return subprocess.Popen(
+                self.words(name, *more), env=self.environment(name), stdout=log, stderr=log, cwd=self.folder
+            )
+
+    def healthy(self, name):
+        kind, *words = self.services[name]["healthcheck"]["test"]
+        assert kind == "CMD"
+        command = [sys.executable, *(self(word) for word in words[1:])]
+        return subprocess.run(command, capture_output=True, timeout=70).returncode == 0
+
+    def wait_for_health(self, name, seconds=90):
+        end = time.monotonic() + seconds
+        while not self.healthy(name):
+            assert time.monotonic() < end, (self.folder / f"{name}.log").read_text()
+            time.sleep(0.5)
+
+    def datagen(self, *more):
+        return subprocess.run(
+            self.words("datagen", "--hours=24", *more),
+            env=self.environment("datagen"),
+            cwd=self.folder,
+            capture_output=True,
+            text=True,
+            timeout=200,
+        )
+
+
+@contextmanager
+def farm(folder, services):
+    here = Here(folder, services)
+    # in the container the scheduler listens on the farm's network; here on loopback alone
+    running = []
+    try:
+        running.append(here.start("scheduler", "--host=127.0.0.1"))
+        assert not here.healthy("worker")
+        here.wait_for_health("scheduler")
+        running.append(here.start("worker"))
+        here.wait_for_health("worker")
+        yield here
+    finally:
+        for process in reversed(running):
+            process.terminate()
+        for process in running:
+            process.wait(30)
+
+
+def certificates(folder):
+    done = subprocess.run(
+        ["sh", str(FOLDER / "certificates.sh"), str(folder), "2"], capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def test_the_compose_farm_makes_a_dataset(tmp_path):
+    with farm(tmp_path, load("compose.yaml", variables=VARIABLES)["services"]) as here:
+        done = here.datagen()
+    assert done.returncode == 0, done.stderr
+    assert "2 of 2 systems" in done.stdout
+    assert verify(tmp_path / "data" / "rooms") == []
+
+
+@pytest.fixture(scope="module")
+def guarded(tmp_path_factory):
+    """A farm with TLS, up for all tests that ask what it refuses."""
+    if not shutil.which("openssl"):
+        pytest.skip("no openssl on the PATH to make certificates with")
+    folder = tmp_path_factory.mktemp("guarded")
+    certificates(folder / "certificates")
+    services = load("compose.yaml", "compose.tls.yaml", variables={**VARIABLES, "ZEROSHOT_SCHEME": "tls"})["services"]
+    with farm(folder, services) as here:
+        yield here
+
+
+def test_a_farm_with_tls_makes_the_same_dataset(guarded):
+    done = guarded.datagen()
+    assert done.returncode == 0, done.stderr
+    dataset = guarded.folder / "data" / "rooms"
+    assert verify(dataset) == []
+    assert f"tls://127.0.0.1:{guarded.scheduler}" in (guarded.folder / "scheduler.log").read_text()
+    assert [entry["systems"] for entry in json.loads((dataset / "manifest.json").read_text())["shards"]] == [[0, 1]]
+
+
+def test_certificates_last_as_asked_and_serve_only_their_purpose(guarded):
+    for role in ("scheduler", "worker", "client"):
+        text = subprocess.run(
+            ["openssl", "x509", "-noout", "-text", "-in", str(guarded.folder / "certificates" / f"{role}.pem")],
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        assert "CA:FALSE" in text
+    soon = [
+        "openssl",
+        "x509",
+        "-noout",
+        "-checkend",
+        str(3 * 86400),
+        "-in",
+        str(guarded.folder / "certificates/ca.pem"),
+    ]
+    assert subprocess.run(soon, capture_output=True).returncode == 1
+    assert not list((guarded.folder / "certificates").glob("ca.key"))
+
+
+CONNECT = """
+import sys
+from datagen.cluster import ClusterError, connect
+try:
+    with connect(scheduler=sys.argv[1], quiet=True):
+        print("in")
+except ClusterError as error:
+    print("refused:", error)
+"""
+TLS = "DASK_DISTRIBUTED__COMM__TLS__"
+
+
+def connection(guarded, scheme="tls", **environment):
+    """What becomes of a client's connection, in a process of its own: Dask reads its settings once."""
+    done = subprocess.run(
+        [sys.executable, "-c", CONNECT, f"{scheme}://127.0.0.1:{guarded.scheduler}"],
+        env=guarded.environment("datagen", **environment),
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    return done.stdout.strip() or done.stderr.strip().splitlines()[-1]
+
+
+def test_a_farm_with_tls_lets_its_own_client_in(guarded):
+    assert connection(guarded) == "in"
+
+
+def test_a_farm_with_tls_refuses_a_client_of_another_authority(guarded, tmp_path):
+    others = certificates(tmp_path / "others")
+    theirs = {f"{TLS}CLIENT__CERT": str(others / "client.pem"), f"{TLS}CLIENT__KEY": str(others / "client.key")}
+    assert connection(guarded, **theirs).startswith("refused:")
+
+
+def test_a_client_refuses_a_farm_of_another_authority(guarded, tmp_path):
+    others = certificates(tmp_path / "others")
+    assert connection(guarded, **{f"{TLS}CA_FILE": str(others / "ca.pem")}).startswith("refused:")
+
+
+def test_a_farm_with_tls_refuses_a_client_that_speaks_tcp(guarded):
+    assert connection(guarded, "tcp", DASK_DISTRIBUTED__COMM__REQUIRE_ENCRYPTION="False").startswith("refused:")
+
+
+def test_a_client_that_must_encrypt_is_told_that_tcp_does_not(guarded):
+    assert connection(guarded, "tcp").startswith("refused:")
+
+
+def test_a_client_without_certificates_is_told_so(guarded):
+    nothing = {f"{TLS}{name}": "None" for name in ("CA_FILE", "CLIENT__CERT", "CLIENT__KEY")}
+    assert connection(guarded, **nothing).startswith("refused:")

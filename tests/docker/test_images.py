@@ -1,0 +1,169 @@
+"""The images' Dockerfiles: what they promise, and (slow) what their steps install."""
+
+import re
+import shutil
+import subprocess
+import sys
+from importlib.metadata import version
+
+import dockerfile
+import pytest
+import xarray as xr
+
+from tests.docker.compose import image_file
+from tests.docker.images import ROOT, build, context, read
+
+IMAGES = ("datagen", "trainer")
+RECIPE = ROOT / "fmus" / "modelica" / "Dockerfile"
+LIMIT_MB = {"datagen": 800, "trainer": 1300}
+"""Nothing large has come in unnoticed."""
+
+
+@pytest.fixture(params=IMAGES)
+def image(request):
+    return read(image_file(request.param))
+
+
+@pytest.mark.parametrize("path", [*map(image_file, IMAGES), RECIPE], ids=[*IMAGES, "modelica"])
+def test_hadolint_finds_nothing(path):
+    hadolint = shutil.which("hadolint", path=f"{sys.prefix}/bin:{sys.prefix}/Scripts")
+    done = subprocess.run([hadolint, "--no-color", str(path)], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout) == (0, "")
+
+
+def test_hadolint_does_find_an_unpinned_base(tmp_path):
+    (tmp_path / "Dockerfile").write_text("FROM python:latest\n")
+    hadolint = shutil.which("hadolint", path=f"{sys.prefix}/bin:{sys.prefix}/Scripts")
+    done = subprocess.run([hadolint, "--no-color", str(tmp_path / "Dockerfile")], capture_output=True, text=True)
+    assert done.returncode and "DL3007" in done.stdout
+
+
+def test_bases_are_pinned_to_a_version(image):
+    for stage in image.stages:
+        assert re.fullmatch(r"python:3\.\d+\.\d+-slim-[a-z]+", stage.base)
+
+
+def test_the_image_says_who_runs_what_and_whether_it_works(image):
+    final = image.final
+    name = image.path.stem
+    assert final.last("USER").value == ("10001:10001",)
+    assert (final.last("ENTRYPOINT").json, final.last("ENTRYPOINT").value) == (True, (name,))
+    assert final.last("HEALTHCHECK").value == ("CMD", name, "--version")
+    assert final.last("STOPSIGNAL").value == ("SIGINT",)
+    # nothing is installed as another user after that, nothing is fetched in the final stage
+    kinds = [command.cmd for command in final.commands]
+    assert not {"RUN", "COPY", "ADD"} & {*kinds[kinds.index("USER") :]}
+    assert not any(word in command.original for command in final.commands for word in ("pip ", "apt", "curl"))
+
+
+def test_the_final_stage_takes_the_environment_and_nothing_else(image):
+    copies = [command for command in image.final.commands if command.cmd == "COPY"]
+    assert [(command.flags, command.value) for command in copies] == [
+        (("--from=build",), ("/opt/zeroshot", "/opt/zeroshot"))
+    ]
+
+
+def test_no_address_of_an_index_is_written_down(image):
+    text = image.path.read_text()
+    assert "://" not in text
+    assert image.arguments["PIP_INDEX"] is None
+    assert '--extra-index-url "$PIP_INDEX"' in text
+
+
+def test_the_context_is_what_the_wheel_is_made_of():
+    files = context()
+    tops = {name.split("/")[0] for name in files}
+    ours = {"shared", "datagen", "trainer", "diagnosis", "fmus"}
+    assert tops == ours | {"LICENSE", "README.md", "constraints.txt", "pyproject.toml"}
+    assert {"fmus/MixedAirCO2.fmu", "fmus/MixedAirCO2/system.toml", "shared/system.py"} <= {*files}
+    assert not [name for name in files if "__pycache__" in name or name.endswith((".nbi", ".nbc", ".pyc"))]
+
+
+@pytest.fixture(scope="module", params=IMAGES)
+def built(request, tmp_path_factory):
+    """An image's steps, carried out."""
+    described = read(image_file(request.param))
+    python = shutil.which(f"python{described.python}")
+    if sys.version_info[:2] == tuple(map(int, described.python.split("."))):
+        python = sys._base_executable
+    if python is None:
+        pytest.skip(f"the image has Python {described.python}, and there is none on the PATH")
+    asked = [sys.executable, "-m", "pip", "index", "versions", "setuptools"]
+    if subprocess.run(asked, capture_output=True, timeout=600).returncode:
+        pytest.skip("pip reaches no index that has setuptools, so it cannot install anything")
+    return build(described, tmp_path_factory.mktemp(request.param) / "root", python)
+
+
+@pytest.mark.slow
+def test_the_steps_install_what_the_image_is_for(built, tmp_path, record_property):
+    name = built.final.last("ENTRYPOINT").value[0]
+    record_property("seconds", built.seconds)
+    record_property("megabytes", built.megabytes())
+    done = built.run(
+        "python", "-c", "import importlib.metadata as m; print(*(d.name for d in m.distributions()))", cwd=tmp_path
+    )
+    installed = {one.lower().replace("_", "-") for one in done.stdout.split()}
+    absent, present = {
+        "datagen": ({"torch", "safetensors", "zuko", "optuna"}, {"fmpy", "distributed", "numba", "bokeh"}),
+        "trainer": ({"fmpy", "dask", "distributed", "numba", "llvmlite", "pvlib"}, {"torch", "safetensors", "zuko"}),
+    }[name]
+    assert present <= installed and not absent & installed
+    assert not {"pip", "setuptools", "pytest", "ziglang", "cmake"} & installed
+    where = built.run("python", "-c", "import shared; print(shared.__file__)", cwd=tmp_path).stdout
+    assert where.startswith(str(built.inside("/opt/zeroshot")))
+    assert built.megabytes() < LIMIT_MB[name]
+
+    shown = built.run(name, "--help", cwd=tmp_path)
+    assert shown.returncode == 0 and f"Usage: {name}" in shown.stdout, shown.stderr
+    check = built.run(*built.final.last("HEALTHCHECK").value[1:], cwd=tmp_path)
+    assert (check.returncode, check.stdout.strip()) == (0, version("zeroshot-fmu"))
+    assert "group --gid 10001" in built.accounts and "user --uid 10001 --gid 10001" in built.accounts
+
+    if name == "datagen":
+        runs_the_packaged_system(built, tmp_path)
+    else:
+        trains_and_predicts(built, tmp_path)
+
+
+def runs_the_packaged_system(built, folder):
+    room = folder / "room.nc"
+    done = built.run("datagen", "simulate", "/systems/MixedAirCO2", "--out", str(room), "--hours", "48", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    with xr.open_dataset(room) as record:
+        temperature = record["TRoo"].values
+        assert temperature.shape == (48,)
+        assert 273 < temperature.min() < temperature.max() < 320
+    assert built.run("dask", "worker", "--version", cwd=folder).returncode == 0
+
+
+def trains_and_predicts(built, folder):
+    """A dataset that another environment made is all the trainer needs."""
+    farm = shutil.which("datagen", path=f"{sys.prefix}/bin")
+    words = [
+        "run",
+        "fmus/MixedAirCO2",
+        "--out",
+        str(folder / "d"),
+        "--systems",
+        "20",
+        "--hours",
+        "96",
+        "--workers",
+        "1",
+    ]
+    subprocess.run([farm, *words, "--quiet"], cwd=ROOT, check=True, timeout=300)
+    fit = ["fit", str(folder / "d"), "--model", "ridge", "--context", "48", "--out", str(folder / "run")]
+    done = built.run("trainer", *fit, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    shard = next((folder / "d" / "shards").glob("*.nc"))
+    done = built.run("trainer", "predict", str(folder / "run"), str(shard), "--json", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert "roo.V" in done.stdout
+
+
+def test_steps_that_fail_are_seen(tmp_path):
+    broken = tmp_path / "datagen.Dockerfile"
+    broken.write_text("ARG PYTHON=3.11.14-slim\nFROM python:${PYTHON}\nRUN exit 3\n")
+    assert dockerfile.parse_file(str(broken))
+    with pytest.raises(RuntimeError, match="RUN exit 3"):
+        build(read(broken), tmp_path / "root", sys.executable)
