@@ -1,6 +1,6 @@
 """From recordings to parameters, forecasts, and what the model still lacks.
 
-The functions behind the commands: :func:`import_recording`, :func:`residuals`.
+The functions behind the commands: :func:`import_recording`, :func:`residuals`, :func:`calibrate`, :func:`forecast`.
 """
 
 from __future__ import annotations
@@ -8,8 +8,9 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-
 _HOMES = {
+    "calibrate": "diagnosis.calibration",
+    "forecast": "diagnosis.forecasting",
     "import_recording": "diagnosis.importing.importer",
     "residuals": "diagnosis.simulated",
 }

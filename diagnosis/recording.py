@@ -64,7 +64,13 @@ def read_recording(path: Path | str, system: System) -> Recording:
         raise RecordingError(f"{path}: time is missing or shorter than two steps; expected a regular time coordinate")
     time = data["time"].values.astype(float)
     steps = np.diff(time)
-    if not np.allclose(steps, steps[0], rtol=0, atol=1e-3) or steps[0] <= 0:
+    if (steps <= 0).any():
+        at = int(np.argmax(steps <= 0))
+        raise RecordingError(
+            f"{path}: time runs backwards or stands still after step {at + 1}: {time[at]:g} s, then"
+            f" {time[at + 1]:g} s; expected times that increase"
+        )
+    if not np.allclose(steps, steps[0], rtol=0, atol=1e-3):
         raise RecordingError(f"{path}: time is not regular (steps of {steps.min():g} to {steps.max():g} s)")
 
     def series(name: str, unit: str) -> np.ndarray:

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import json
 import sys
+from collections import Counter
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import App, Parameter
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from shared.console import OK, new_console
+from shared.console import OK, errors, new_console
 
 app = App(name="blind", help="Recordings whose effect is sealed, to find out what a diagnosis is worth.")
 console = new_console()
+_COLUMNS = (TextColumn("recordings"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
 
 
 @app.command
@@ -54,8 +56,7 @@ def make(
     """
     from diagnosis.blind.make import make as make_
 
-    columns = (TextColumn("recordings"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, disable=as_json) as bar:
+    with Progress(*_COLUMNS, console=console, disable=as_json) as bar:
         task = bar.add_task("make", total=recordings)
         manifest = make_(
             system,
@@ -73,4 +74,117 @@ def make(
         return OK
     console.print(f"{len(manifest['recordings'])} recordings in {out}", markup=False)
     console.print(f"answers sealed with sha256 {manifest['answers_sha256']}", markup=False, soft_wrap=True)
+    return OK
+
+
+@app.command
+def run(
+    system: Path,
+    set_: Annotated[Path, Parameter(name="SET")],
+    *,
+    out: Path,
+    workers: int = 1,
+    without: Annotated[list[str] | None, Parameter(consume_multiple=True, negative=())] = None,
+    leave_one_out: Annotated[bool, Parameter(negative=())] = False,
+    estimator: Annotated[Path | None, Parameter(name="--run")] = None,
+    seed: int = 0,
+    limit: float = 3600.0,
+    as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
+) -> int:
+    """Diagnose every recording of a blind set, and write one verdict each. It reads the recordings only.
+
+    The same command goes on from where it stopped. A recording that fails counts as a wrong answer.
+
+    Parameters
+    ----------
+    system
+        System description (TOML), or its folder.
+    set_
+        Folder that `blind make` wrote.
+    out
+        Folder for the verdicts.
+    workers
+        Recordings diagnosed side by side, each in a process of its own.
+    without
+        Effects that are withheld from the library.
+    leave_one_out
+        Diagnose each recording again without each effect that had a chance.
+    estimator
+        Folder of an estimator, whose estimate is the first start.
+    seed
+        Of the diagnoses' own random numbers.
+    limit
+        A recording that takes longer counts as a failure [s].
+    as_json
+        Print how many verdicts of which kind there are, and their hash, as JSON.
+    """
+    from diagnosis.blind.running import run as run_
+    from diagnosis.blind.sealed import read_manifest
+    from diagnosis.blind.verdicts import digest, read_outcome
+
+    with Progress(*_COLUMNS, console=errors, disable=as_json) as bar:
+        task = bar.add_task("run", total=None)
+        run_(
+            system,
+            set_,
+            out,
+            workers=workers,
+            without=without or (),
+            leave_one_out=leave_one_out,
+            estimator=estimator,
+            seed=seed,
+            limit=limit,
+            progress=lambda done, total: bar.update(task, completed=done, total=total),
+        )
+    files = [one["file"] for one in read_manifest(set_)["recordings"]]
+    outcomes = [read_outcome(out, file) for file in files]
+    verdicts = Counter(one.answer for one in outcomes)
+    seconds = sum(one.seconds for one in outcomes) / len(outcomes)
+    sha256 = digest(out, files)
+    if as_json:
+        said = {"recordings": len(files), "verdicts": verdicts, "seconds": seconds, "verdicts_sha256": sha256}
+        sys.stdout.write(json.dumps(said, indent=1) + "\n")
+        return OK
+    counts = ", ".join(f"{count} {answer.replace('_', ' ')}" for answer, count in sorted(verdicts.items()))
+    console.print(f"{len(files)} recordings, {seconds:.0f} s each: {counts}", markup=False, soft_wrap=True)
+    console.print(f"verdicts in {out}, sha256 {sha256}", markup=False, soft_wrap=True)
+    return OK
+
+
+@app.command
+def score(
+    set_: Annotated[Path, Parameter(name="SET")],
+    answers: Path,
+    results: Path,
+    *,
+    out: Path,
+    seed: int = 0,
+    as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
+) -> int:
+    """Open the answers and hold the verdicts against them. Writes OUT (HTML), and beside it .json and .md.
+
+    Parameters
+    ----------
+    set_
+        Folder that `blind make` wrote.
+    answers
+        The sealed file.
+    results
+        Folder that `blind run` wrote.
+    out
+        The page.
+    seed
+        Of the bootstraps.
+    as_json
+        Print the score as JSON.
+    """
+    from diagnosis.blind.score_report import markdown
+    from diagnosis.blind.scoring import score as score_
+
+    done = score_(set_, answers, results, out=out, seed=seed)
+    if as_json:
+        sys.stdout.write(done.model_dump_json(indent=1) + "\n")
+        return OK
+    console.print(markdown(done), markup=False, soft_wrap=True)
+    console.print(f"{out}", markup=False)
     return OK

@@ -32,6 +32,8 @@ from diagnosis.side_by_side import InProcess, Outcome, Run
 from shared.errors import SimulationError
 from shared.system import load_system
 
+METHODS = ["cold", "warm", "evolution", "genetic"]
+
 
 class Counted(InProcess):
     """Simulations in this process, and how many there were."""
@@ -133,6 +135,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=9200, help="root seed; take one that no estimator was trained on")
     parser.add_argument("--limit", type=int, default=3000, help="simulations that a method may spend")
     parser.add_argument("--slack", type=float, default=5.0, help="per cent above the best misfit that count as reached")
+    parser.add_argument("--methods", nargs="+", choices=METHODS, default=METHODS)
     parser.add_argument("--out", type=Path, default=Path("warm-start"))
     options = parser.parse_args()
     system = load_system(options.system).with_experiment(hours=options.hours)
@@ -157,6 +160,7 @@ def main() -> None:
             problem = Problem(simulator, record, occupancy="measured")
             methods["warm"] = local(problem.unknowns(values))
         methods |= {"evolution": evolution(index), "genetic": genetic(index)}
+        methods = {name: method for name, method in methods.items() if name in options.methods}
         traces = {}
         for name, method in methods.items():
             # a plain misfit for all: no nuisance to integrate out, so that every method minimises the same

@@ -1,0 +1,137 @@
+"""The diagnosis as the blind check asks it: a recording and its public conditions in, a verdict out.
+
+The only module of the blind check that knows the diagnosis itself. It can be replaced by any other that judges.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import datagen
+import diagnosis
+import shared
+from diagnosis.blind.verdicts import Moved, Place, Shrunk, Verdict
+from shared.system import System
+
+if TYPE_CHECKING:
+    from diagnosis.effects import Effect
+    from diagnosis.gap.schema import Report
+
+
+class Judged(Protocol):
+    """A recording that was judged, and can be judged again with less."""
+
+    @property
+    def verdict(self) -> Verdict:
+        """With all candidates of the judge."""
+        ...
+
+    def without(self, name: str) -> Verdict:
+        """With one candidate fewer."""
+        ...
+
+
+class Judge(Protocol):
+    """What judges recordings. It must survive being pickled: every recording is judged in a process of its own."""
+
+    def __call__(self, recording: Path, *, replay: bool, occupancy: str) -> Judged:
+        """Judge one recording; the conditions are those that were published with it."""
+        ...
+
+
+@dataclass(frozen=True)
+class Diagnoser:
+    """Judges by :func:`diagnosis.gap.diagnosed.diagnose`.
+
+    Parameters
+    ----------
+    without
+        Candidates that are not to be considered at all.
+    estimator
+        Folder of an estimator, whose zero-shot estimate is the first start.
+    seed
+        Of twins, placebos and bootstraps.
+    """
+
+    system: System
+    without: tuple[str, ...] = ()
+    estimator: Path | None = None
+    seed: int = 0
+
+    def __call__(self, recording: Path, *, replay: bool, occupancy: str) -> Judged:
+        """See :class:`Judge`."""
+        return _Diagnosed(self, recording, replay, occupancy)
+
+    def effects(self, fewer: Sequence[str] = ()) -> list[Effect]:
+        """The candidates that are left."""
+        from diagnosis.effects import library
+
+        return [one for one in library(self.system) if one.name not in (*self.without, *fewer)]
+
+
+@dataclass(frozen=True)
+class _Diagnosed:
+    judge: Diagnoser
+    recording: Path
+    replay: bool
+    occupancy: str
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        return self._verdict(())
+
+    def without(self, name: str) -> Verdict:
+        return self._verdict((name,))
+
+    def _verdict(self, fewer: tuple[str, ...]) -> Verdict:
+        from diagnosis.gap.diagnosed import diagnose
+
+        done = diagnose(
+            self.judge.system,
+            self.recording,
+            run=self.judge.estimator,
+            replay=self.replay,
+            occupancy=self.occupancy,
+            effects=self.judge.effects(fewer),
+            seed=self.judge.seed,
+        )
+        return verdict_of(done.report)
+
+
+def verdict_of(report: Report) -> Verdict:
+    """What a score needs of ``report.json``."""
+    probabilities = {one.name: one.probability for one in report.effects}
+    return Verdict(
+        verdict=report.verdict,
+        probabilities=probabilities,
+        none=report.none_of_these,
+        nothing=report.no_gap,
+        named=[one.name for one in report.effects if one.named],
+        sets=report.sets,
+        alike={one.name: one.confusable for one in report.detectability},
+        smallest={one.name: one.smallest for one in report.detectability},
+        where=[Place(channel=one.channel, kind=one.kind, cell=one.cell, p_value=one.p_value) for one in report.where],
+        shrinkage={
+            one.channel: Shrunk(share=one.share, low=one.low, high=one.high, before=one.before, floor=one.floor)
+            for one in report.shrinkage
+        },
+        parameters={one.name: Moved(before=one.before, after=one.after) for one in report.parameters},
+        simulations=report.simulations,
+    )
+
+
+def program() -> str:
+    """The sha256 of all source that a verdict depends on, so that two programs' verdicts are not mixed."""
+    whole = hashlib.sha256()
+    for package in (shared, datagen, diagnosis):
+        root = Path(str(package.__file__)).parent
+        for path in sorted(root.rglob("*.py")):
+            inside = path.relative_to(root).as_posix()
+            if not inside.startswith("blind/"):
+                whole.update(f"{package.__name__}/{inside}\n".encode() + path.read_bytes())
+    return whole.hexdigest()

@@ -1,0 +1,194 @@
+"""Answers and verdicts side by side, one row for each recording: what all figures of a score are made from.
+
+When an effect can be expected to be seen is said here, from the sealed series alone; see :func:`visible`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from diagnosis.blind.verdicts import Outcome, Run, read_outcome, read_withheld
+from shared.errors import RecordingError
+
+WITHHELD = "withheld"
+"""Stratum of recordings whose only cause was withheld from the library."""
+VISIBLE = 1.0
+"""Root mean square of the gap over the standard deviation of one reading's noise, from which a gap can be seen."""
+QUANTILE = 0.95
+
+
+@dataclass(frozen=True)
+class Row:
+    """One recording.
+
+    ``truth`` is the right verdict and ``effects`` the candidates that are right; ``size`` is the largest amplitude over
+    its scale; ``visible`` the channels in which the gap can be expected to be seen. ``answer`` is what was sealed.
+    """
+
+    answer: dict[str, Any]
+    outcome: Outcome
+    stratum: str
+    truth: str
+    effects: tuple[str, ...]
+    size: float | None
+    visible: tuple[str, ...] = ()
+
+    @property
+    def single(self) -> bool:
+        """Whether the right answer is one effect."""
+        return self.truth == "effect" and len(self.effects) == 1
+
+    @property
+    def found(self) -> bool:
+        """Whether a gap was found."""
+        return self.outcome.verdict is not None and self.outcome.verdict.verdict != "no_gap"
+
+    @property
+    def best(self) -> str:
+        """The effect that was named first; empty if none was."""
+        return "" if self.outcome.verdict is None else self.outcome.verdict.best
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """All effects of the answer."""
+        verdict = self.outcome.verdict
+        named = verdict is not None and verdict.verdict in ("effect", "ambiguous")
+        return tuple(verdict.named) if verdict is not None and named else ()
+
+    @property
+    def top(self) -> bool:
+        """Whether the first named is right."""
+        return self.best in self.effects
+
+    @property
+    def covered(self) -> bool:
+        """Whether all that is right is named."""
+        return bool(self.effects) and set(self.effects) <= set(self.named)
+
+    @property
+    def right(self) -> bool:
+        """Whether the verdict is right: the first named effect, or that it is none, or that there is no gap."""
+        return self.top if self.truth == "effect" else self.outcome.answer == self.truth
+
+    @property
+    def declared(self) -> bool:
+        """Whether the diagnosis itself declared an effect of this amplitude to be seen, whatever it then found.
+
+        Only of a candidate's own form: another form's amplitude may be of another kind.
+        """
+        verdict = self.outcome.verdict
+        if verdict is None or not self.single or self.stratum != "library":
+            return False
+        least = verdict.smallest.get(self.effects[0])
+        return least is not None and abs(self.answer["causes"][0]["amplitude"]) >= least
+
+    @property
+    def gap(self) -> dict[str, float]:
+        """Sealed gap over noise by channel."""
+        return dict(self.answer["gap_over_noise"])
+
+    @cached_property
+    def difference(self) -> dict[str, np.ndarray]:
+        """Sealed noise-free record minus base model with the true parameters, each (steps,) [unit of the channel]."""
+        base = self.answer["base"]
+        return {name: np.array(clean) - np.array(base[name]) for name, clean in self.answer["clean"].items()}
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A recording of one effect, diagnosed without it.
+
+    ``again`` is false where the first verdict had given it no chance and so stands; ``alike`` are the candidates that
+    it was declared to be confusable with.
+    """
+
+    row: Row
+    outcome: Outcome
+    again: bool
+    alike: tuple[str, ...]
+
+    @property
+    def none(self) -> bool:
+        """Whether the answer is none of these."""
+        return self.outcome.answer == "none_of_these"
+
+    @property
+    def none_or_alike(self) -> bool:
+        """The same, or all that is named is confusable with what was withheld."""
+        verdict = self.outcome.verdict
+        if verdict is None or verdict.verdict not in ("effect", "ambiguous"):
+            return self.none
+        return bool(verdict.named) and set(verdict.named) <= set(self.alike)
+
+
+def side_by_side(opened: dict[str, Any], results: Path | str, run: Run) -> list[Row]:
+    """Join answers and verdicts.
+
+    Raises
+    ------
+    RecordingError
+        If the verdict on a recording is missing, or on another one.
+    """
+    rows = []
+    for answer in opened["recordings"]:
+        outcome = read_outcome(results, answer["file"])
+        if outcome.file != answer["file"]:
+            raise RecordingError(f"{results}: found the verdict on {outcome.file}; expected that on {answer['file']}")
+        effects = tuple(name for name in answer["effects"] if name not in run.without)
+        stratum, truth = answer["stratum"], answer["verdict"]
+        if truth == "effect" and not effects:
+            stratum, truth = WITHHELD, "none_of_these"
+        sizes = [abs(one["amplitude"]) / one["scale"] for one in answer["causes"]]
+        rows.append(Row(answer, outcome, stratum, truth, effects, max(sizes, default=None)))
+    limits = structural(rows)
+    return [replace(row, visible=visible(row, limits)) for row in rows]
+
+
+Limits = dict[tuple[bool, str], float]
+
+
+def structural(rows: Sequence[Row], quantile: float = QUANTILE) -> Limits:
+    """Gap over noise that recordings without any effect have, by (replay, channel): walls and sampling of the truth.
+
+    A quantile (the higher of its neighbours). Where no recording without effect has these actuators, all of them count.
+    """
+    none = [row for row in rows if row.truth == "no_gap"]
+    found: Limits = {}
+    for replay in (False, True):
+        like = [row for row in none if row.answer["replay"] == replay] or none
+        for channel in rows[0].gap if rows else []:
+            gaps = [row.gap[channel] for row in like]
+            found[replay, channel] = float(np.quantile(gaps, quantile, method="higher")) if gaps else 0.0
+    return found
+
+
+def visible(row: Row, limits: Limits) -> tuple[str, ...]:
+    """Channels in which a gap can be expected to be seen.
+
+    By definition, fixed before any verdict is looked at: those where the root mean square of the sealed gap is at
+    least the noise of one reading, and larger than in 95 % of the recordings of the set without any effect.
+    """
+    if row.truth == "no_gap":
+        return ()
+    return tuple(k for k, gap in row.gap.items() if gap >= VISIBLE and gap > limits[row.answer["replay"], k])
+
+
+def left_out(rows: Sequence[Row], results: Path | str) -> list[LeftOut]:
+    """Recordings of one effect of the library, diagnosed without it; empty where that was not asked for."""
+    found = []
+    for row in rows:
+        again = read_withheld(results, row.answer["file"]) if row.single else None
+        if again is None:
+            continue
+        name = row.effects[0]
+        outcome = again.outcomes.get(name, row.outcome)
+        said = row.outcome.verdict or outcome.verdict
+        alike = tuple(said.alike.get(name, ())) if said is not None else ()
+        found.append(LeftOut(row, outcome, name in again.outcomes, alike))
+    return found

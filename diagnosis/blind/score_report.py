@@ -1,0 +1,141 @@
+"""A score for people: one self-contained page, and the tables in Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from diagnosis.blind import score_pictures as pictures
+from diagnosis.blind.intervals import Figure, Share
+from diagnosis.blind.rates import LeftOutScore
+from diagnosis.blind.scoring import Score
+
+Lines = list[tuple[str, str, str]]
+OWN_FORM = "as the candidate has it; declared after parameters have compensated"
+
+
+def percent(one: Share) -> str:
+    """A share with its interval."""
+    if one.value is None:
+        return "–"
+    return f"{one.value:.0%} ({one.low:.0%} to {one.high:.0%}; {one.hits} of {one.n})"
+
+
+def number(one: Figure) -> str:
+    """A figure with its interval."""
+    if one.value is None:
+        return "–"
+    return f"{one.value:.3g} ({one.low:.3g} to {one.high:.3g}; n = {one.n})"
+
+
+def headline(done: Score) -> Lines:
+    """What there are targets for: what, figure, target."""
+    plain, _, form, _, both, _ = done.effects
+    return [
+        ("top-1, library effects at a detectable amplitude", percent(plain.top), "at least 90 %"),
+        ("set coverage, the same", percent(plain.covered), "at least 95 %"),
+        ("top-1, the same effects in another form", percent(form.top), "–"),
+        ("set coverage, the same", percent(form.covered), "–"),
+        ("top-1, both together", percent(both.top), "at least 90 %"),
+        ("set coverage, both together", percent(both.covered), "at least 95 %"),
+        ("false alarms without any effect", percent(done.false_alarms), "at most 5 %"),
+        (
+            "recall of none of these, causes outside the library, visible",
+            percent(done.none_of_these_visible),
+            "at least 80 %",
+        ),
+        ("the same, all amplitudes", percent(done.none_of_these), "–"),
+        ("leave-one-out, visible: none of these", percent(done.left_out_visible.none), "at least 80 %"),
+        ("the same, or only effects declared confusable with it", percent(done.left_out_visible.none_or_alike), "–"),
+        ("shrinkage against the oracle's, where the gap is largest", number(done.shrinkage[-1].ratio), "at least 0.9"),
+    ]
+
+
+def further(done: Score) -> Lines:
+    """Other figures: what, figure, and what it says."""
+    return [
+        ("right of all", percent(done.right), "first effect, none of these, or no gap"),
+        ("named an effect where there is none", percent(done.named_without_cause), "of recordings without any effect"),
+        ("library effects that the diagnosis declared it would see: top-1", percent(done.declared.top), OWN_FORM),
+        ("set coverage, the same", percent(done.declared.covered), ""),
+        ("two effects: a gap found", percent(done.two.found), ""),
+        ("two effects: one of them named first", percent(done.two.first), ""),
+        ("two effects: one of them named", percent(done.two.one), ""),
+        ("two effects: both named", percent(done.two.both), ""),
+        ("leave-one-out, all amplitudes: none of these", percent(done.left_out.none), _again(done.left_out)),
+        ("the same, or only effects confusable with it", percent(done.left_out.none_or_alike), ""),
+        ("the same: no gap", percent(done.left_out.quiet), ""),
+        ("first place named lies in the right channel", percent(done.where.channel), "visible gaps; silence counts"),
+        ("some place named lies in the right channel", percent(done.where.any_channel), "the same"),
+        ("gap larger than average in the first cell named", percent(done.where.cell), "where a cell was named"),
+        ("the same cells at other times", number(done.where.chance), "what chance gives"),
+        ("gap's mean square within over its average", number(done.where.lift), "median"),
+        ("Brier score of all answers", number(done.brier), "0 is perfect, 1 says nothing, 2 is worst"),
+        ("Brier score of the most probable answer", number(done.first_statement.brier), _reference(done)),
+        ("calibration error of the most probable answer", number(done.first_statement.error), ""),
+        ("seconds for one recording, median", number(done.seconds), "wall clock, all candidates"),
+        ("the same, of the processor", number(done.cpu_seconds), ""),
+    ]
+
+
+def _again(one: LeftOutScore) -> str:
+    return f"{one.again} of {one.n} diagnosed again; the others had given it no chance"
+
+
+def _reference(done: Score) -> str:
+    found = done.first_statement.reference
+    return "" if found is None else f"{found:.3g} by always saying how often it is right"
+
+
+def markdown(done: Score) -> str:
+    """The tables, with what it takes to make them again."""
+    parts = [
+        f"{done.recordings} recordings of {done.hours:g} h, seed {done.seed}, {len(done.library)} candidates"
+        f"{' without ' + ', '.join(done.without) if done.without else ''}; {len(done.failures)} failed."
+        " Intervals are 95 %.",
+        _table(("figure", "value", "target"), headline(done)),
+        _table(("further", "value", ""), further(done)),
+        _table(("stratum", *done.strata.columns), _matrix(done)),
+        _table(
+            ("channel", "share removed", "oracle", "ratio", "median ratio"),
+            [(c.channel, number(c.share), number(c.oracle), number(c.ratio), number(c.median)) for c in done.shrinkage],
+        ),
+        _table(
+            ("parameter", "error before", "error after", "change"),
+            [(p.parameter, number(p.before), number(p.after), number(p.change)) for p in done.parameters],
+        ),
+        done.visible_definition,
+        "```sh\n" + "\n".join(done.commands) + "\n```",
+        f"Answers sha256 `{done.answers_sha256}`, verdicts sha256 `{done.verdicts_sha256}`.",
+    ]
+    return "\n\n".join(parts)
+
+
+def _matrix(done: Score) -> list[tuple[str, ...]]:
+    return [(row, *map(str, counts)) for row, counts in zip(done.strata.rows, done.strata.counts, strict=True)]
+
+
+def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
+    lines = [head, tuple("---" for _ in head), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def page(done: Score) -> str:
+    """The page, pictures and all."""
+    environment = Environment(
+        loader=PackageLoader("diagnosis"), undefined=StrictUndefined, autoescape=True, trim_blocks=True
+    )
+    environment.filters["percent"] = percent
+    environment.filters["number"] = number
+    return environment.get_template("blind_score.html.j2").render(
+        score=done,
+        headline=headline(done),
+        further=further(done),
+        strata_picture=pictures.confusion(done.strata, "stratum", "verdict"),
+        confusion_picture=pictures.confusion(done.confusion, "true effect", "named first"),
+        power_picture=pictures.power(done.power_by_size, done.power_by_gap),
+        reliability_picture=pictures.reliability(done.first_statement, done.all_statements),
+        shrinkage_picture=pictures.shrinkage(done.shrinkage),
+        parameter_picture=pictures.parameters(done.parameters),
+    )

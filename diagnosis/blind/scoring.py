@@ -1,0 +1,300 @@
+"""Open the sealed answers and hold the verdicts against them. Nothing of the diagnosis itself is looked at here."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from pydantic import BaseModel, ConfigDict
+
+from diagnosis.blind import rates
+from diagnosis.blind.intervals import Figure, Share, figure, median, share
+from diagnosis.blind.opened import LeftOut, Row, left_out, side_by_side, structural
+from diagnosis.blind.places import Hit, hit
+from diagnosis.blind.sealed import open_answers, read_manifest
+from diagnosis.blind.shrinking import Error, Shrinkage, by_channel, errors, removed, where_largest
+from diagnosis.blind.verdicts import Run, digest, read_run
+from shared.errors import RecordingError
+from shared.store import sha256_of, write_atomically
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class Rates(_Table):
+    """Of recordings of one stratum or several: how many, and of those of one effect how many had it named.
+
+    ``found``: a gap was found; ``top``: the right effect was named first; ``covered``: it is in the set that was named.
+    """
+
+    what: str
+    found: Share
+    top: Share
+    covered: Share
+
+
+class Both(_Table):
+    """Of recordings of two causes: a gap found, one of them named first, one named at all, both named."""
+
+    found: Share
+    first: Share
+    one: Share
+    both: Share
+
+
+class Where(_Table):
+    """Of recordings whose gap can be seen: whether it lies where it was said; see :class:`diagnosis.blind.places.Hit`.
+
+    ``cell``: the sealed gap is larger than average within the first cell; ``chance``: how often the same cell shifted
+    in time would hit; ``lift``: median of how much larger its mean square is within.
+    """
+
+    channel: Share
+    any_channel: Share
+    cell: Share
+    chance: Figure
+    lift: Figure
+
+
+class Score(_Table):
+    """All figures; the file's schema is ``schema_version``."""
+
+    schema_version: int = 1
+    commands: list[str]
+    seed: int
+    bootstrap_seed: int
+    answers_sha256: str
+    verdicts_sha256: str
+    program: str
+    version: str
+    system: str
+    recordings: int
+    hours: float
+    library: list[str]
+    without: list[str]
+    failures: dict[str, str]
+    seconds: Figure
+    cpu_seconds: Figure
+    right: Share
+    visible_definition: str
+    strata: rates.Matrix
+    confusion: rates.Matrix
+    false_alarms: Share
+    named_without_cause: Share
+    effects: list[Rates]
+    declared: Rates
+    two: Both
+    none_of_these: Share
+    none_of_these_visible: Share
+    left_out: rates.LeftOutScore
+    left_out_visible: rates.LeftOutScore
+    power_by_size: list[rates.Point]
+    power_by_gap: list[rates.Point]
+    first_statement: rates.Reliability
+    all_statements: rates.Reliability
+    brier: Figure
+    where: Where
+    shrinkage: list[Shrinkage]
+    parameters: list[Error]
+    parameters_right: list[Error]
+
+
+def score(
+    folder: Path | str, answers: Path | str, results: Path | str, *, out: Path | str | None = None, seed: int = 0
+) -> Score:
+    """Score the verdicts of a run.
+
+    Parameters
+    ----------
+    folder
+        What ``blind make`` published.
+    answers
+        The sealed file.
+    results
+        What ``blind run`` wrote; of it only ``run.json`` and the verdict files are read.
+    out
+        The page (HTML); JSON and Markdown are written beside it.
+    seed
+        Of the bootstraps.
+
+    Raises
+    ------
+    RecordingError
+        If the answers are not those that were sealed, or the verdicts are incomplete or those of another set.
+    """
+    folder, results = Path(folder), Path(results)
+    run = read_run(results)
+    published = read_manifest(folder)
+    if run.answers_sha256 != published["answers_sha256"]:
+        raise RecordingError(f"{results}: is a run of another set; expected one of {folder}")
+    said = digest(results, [one["file"] for one in published["recordings"]])  # before anything is opened
+    opened = open_answers(folder, answers)
+    rows = side_by_side(opened, results, run)
+    _same_recordings(rows, folder)
+    made = _scored(rows, left_out(rows, results), run, opened, _places(rows, folder, opened["step"]), seed)
+    made = made.model_copy(
+        update={
+            "answers_sha256": sha256_of(Path(answers)),
+            "verdicts_sha256": said,
+            "commands": _commands(opened, run, folder, Path(answers), results, out, seed),
+        }
+    )
+    if out is not None:
+        from diagnosis.blind.score_report import markdown, page
+
+        out = Path(out)
+        out.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(out.with_suffix(".json"), (made.model_dump_json(indent=1) + "\n").encode())
+        write_atomically(out.with_suffix(".md"), (markdown(made) + "\n").encode())
+        write_atomically(out, page(made).encode())
+    return made
+
+
+VISIBLE = (
+    "A gap can be seen in a channel when the root mean square of the sealed difference (noise-free record less the base"
+    " model with the true parameters) is at least the noise of one reading, and larger than in 95 % of this set's"
+    " recordings without any effect and with the same actuators. An effect is at a detectable amplitude when its gap"
+    " can be seen in some channel. This was fixed before any verdict was scored, and knows nothing of the verdicts."
+)
+
+
+def _scored(
+    rows: list[Row], ones: list[LeftOut], run: Run, opened: dict[str, Any], places: list[Hit], seed: int
+) -> Score:
+    none = [row for row in rows if row.truth == "no_gap"]
+    outside = [row for row in rows if row.truth == "none_of_these"]
+    seen = [one for one in ones if one.row.visible]
+    found, unknown = removed(rows, structural(rows, 0.5))
+    named = [row for row in rows if row.named and row.truth == "effect"]
+    lifts = [(one.lift, one.chance) for one in places if one.lift is not None and one.chance is not None]
+    return Score(
+        commands=[],
+        seed=opened["seed"],
+        bootstrap_seed=seed,
+        answers_sha256="",
+        verdicts_sha256="",
+        program=run.program,
+        version=run.version,
+        system=run.system_name,
+        recordings=len(rows),
+        hours=opened["hours"],
+        library=run.library,
+        without=run.without,
+        failures={row.answer["file"]: row.outcome.failure for row in rows if row.outcome.verdict is None},
+        seconds=_median([row.outcome.seconds for row in rows], seed),
+        cpu_seconds=_median([used for row in rows if (used := row.outcome.cpu_seconds) is not None], seed),
+        right=share([row.right for row in rows]),
+        visible_definition=VISIBLE,
+        strata=rates.strata_by_verdict(rows),
+        confusion=rates.effects_by_name(rows, run.library),
+        false_alarms=share([row.outcome.answer != "no_gap" for row in none]),
+        named_without_cause=share([bool(row.named) for row in none]),
+        effects=_effects(rows),
+        declared=_rates("at an amplitude that the diagnosis declared it would see", [r for r in rows if r.declared]),
+        two=_two([row for row in rows if len(row.effects) > 1]),
+        none_of_these=share([row.right for row in outside]),
+        none_of_these_visible=share([row.right for row in outside if row.visible]),
+        left_out=rates.leave_one_out(ones),
+        left_out_visible=rates.leave_one_out(seen),
+        power_by_size=rates.power_by_size(rows),
+        power_by_gap=rates.power_by_gap(rows),
+        first_statement=rates.reliability_of_first(rows, seed),
+        all_statements=rates.reliability_of_all(rows, seed),
+        brier=rates.brier_of_answers(rows, seed),
+        where=Where(
+            channel=share([one.channel for one in places]),
+            any_channel=share([one.any_channel for one in places]),
+            cell=share([lift >= 1.0 for lift, _ in lifts]),
+            chance=figure(np.array([chance for _, chance in lifts]), seed=seed),
+            lift=_median([lift for lift, _ in lifts], seed),
+        ),
+        shrinkage=[*by_channel(found, unknown, seed), where_largest(found, seed)],
+        parameters=errors(named, run.parameters, seed),
+        parameters_right=errors([row for row in named if row.covered], run.parameters, seed),
+    )
+
+
+def _median(values: Sequence[float], seed: int) -> Figure:
+    return figure(np.array(values), median, seed=seed)
+
+
+def _effects(rows: Sequence[Row]) -> list[Rates]:
+    """The library's effects as candidates have them, in other forms, and both; all, and where they can be seen."""
+    found = []
+    kinds = {"as the candidate has it": ("library",), "in another form": ("form",), "both": ("library", "form")}
+    for what, strata in kinds.items():
+        for only in (True, False):
+            ones = [row for row in rows if row.single and row.stratum in strata and (row.visible or not only)]
+            found.append(_rates(f"{what}, {'at a detectable amplitude' if only else 'all amplitudes'}", ones))
+    return found
+
+
+def _rates(what: str, ones: Sequence[Row]) -> Rates:
+    return Rates(
+        what=what,
+        found=share([row.found for row in ones]),
+        top=share([row.top for row in ones]),
+        covered=share([row.covered for row in ones]),
+    )
+
+
+def _two(rows: Sequence[Row]) -> Both:
+    return Both(
+        found=share([row.found for row in rows]),
+        first=share([row.top for row in rows]),
+        one=share([bool(set(row.effects) & set(row.named)) for row in rows]),
+        both=share([row.covered for row in rows]),
+    )
+
+
+def _same_recordings(rows: Sequence[Row], folder: Path) -> None:
+    """Every verdict is on the recording that was published."""
+    for row in rows:
+        if row.outcome.sha256 != sha256_of(folder / row.answer["file"]):
+            raise RecordingError(f"verdict on {row.answer['file']}: sha256 is not that of the recording in {folder}")
+
+
+def _places(rows: Sequence[Row], folder: Path, step: float) -> list[Hit]:
+    """Where-hits of recordings whose gap can be seen; regimes are looked up in the recording's own inputs."""
+    found = []
+    for row in rows:
+        if not row.visible:
+            continue
+        with xr.open_dataset(folder / row.answer["file"], decode_times=False, engine="scipy") as data:
+            inputs = {
+                str(name): values.values.astype(float)
+                for name, values in data.data_vars.items()
+                if values.attrs.get("role") == "input"
+            }
+        found.append(hit(row, inputs, step))
+    return found
+
+
+def _commands(
+    opened: dict[str, Any], run: Run, folder: Path, answers: Path, results: Path, out: Path | str | None, seed: int
+) -> list[str]:
+    """The three commands that make, run and score this set again."""
+    count, system = len(opened["recordings"]), f"{run.system_name}/system.toml"
+    make = ["make", folder, "--system", system, "--recordings", count, "--seed", opened["seed"]]
+    made = ["run", system, folder, "--out", results, "--seed", run.settings.get("seed", 0)]
+    made += ["--without", *run.without] if run.without else []
+    made += ["--leave-one-out"] if (results / "without").exists() else []
+    scored = ["score", folder, answers, results, "--out", out or "score.html", "--seed", seed]
+    make += ["--hours", f"{opened['hours']:g}"]
+    return [shlex.join(["diagnosis", "blind", *map(_short, one)]) for one in (make, made, scored)]
+
+
+def _short(word: object) -> str:
+    """A word of a command; of paths the last part, wherever the folder was."""
+    return word.name if isinstance(word, Path) else str(word)
+
+
+def read_score(path: Path | str) -> Score:
+    """Read a ``.json`` that :func:`score` wrote."""
+    return Score.model_validate(json.loads(Path(path).read_text(encoding="utf-8")))

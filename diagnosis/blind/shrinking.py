@@ -1,0 +1,152 @@
+"""How far the gap was shrunk, against an oracle that knows the cause; and what became of the parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from diagnosis.blind.intervals import Figure, figure, median
+from diagnosis.blind.opened import Limits, Row
+from diagnosis.blind.verdicts import Parameter, Verdict
+
+WORST = -1.0
+"""A share below counts as this in means: a gap that was doubled, however much more."""
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class Shrinkage(_Table):
+    """Of one channel, over recordings whose gap can be seen in it.
+
+    ``share``: mean of what was removed (nothing where no effect was named); ``oracle``: of what an oracle would have;
+    ``ratio``: mean of the first over mean of the second; ``median``: median of the recordings' own ratios. ``unknown``:
+    recordings without a figure, because the diagnosis saw no gap above the noise on the part that it scored.
+    """
+
+    channel: str
+    share: Figure
+    oracle: Figure
+    ratio: Figure
+    median: Figure
+    unknown: int
+
+
+class Error(_Table):
+    """Of one parameter: distance to the truth in shares of its range (in its scale), without and with the effect.
+
+    ``change`` is the second less the first: below zero is better.
+    """
+
+    parameter: str
+    before: Figure
+    after: Figure
+    change: Figure
+
+
+@dataclass(frozen=True)
+class Removed:
+    """Of one recording and channel: the share that was removed, and that an oracle removes."""
+
+    row: Row
+    channel: str
+    share: float
+    oracle: float
+
+
+def removed(rows: Sequence[Row], limits: Limits) -> tuple[list[Removed], dict[str, int]]:
+    """Shares of recordings with causes of the library, in the channels where the gap can be seen; and those without.
+
+    The oracle knows cause and amplitude and takes the whole sealed gap away, but for what recordings without any effect
+    have as well (the truth's finer walls; the median of those with the same actuators): 1 - structural^2 / gap^2.
+    """
+    found, unknown = [], dict.fromkeys(rows[0].gap if rows else [], 0)
+    for row in rows:
+        if row.truth != "effect":
+            continue
+        for channel in row.visible:
+            left = limits[row.answer["replay"], channel]
+            oracle = 1.0 - min(left / row.gap[channel], 1.0) ** 2
+            share = _share(row.outcome.verdict, channel) if row.named else 0.0
+            if share is None:
+                unknown[channel] += 1
+            else:
+                found.append(Removed(row, channel, max(share, WORST), oracle))
+    return found, unknown
+
+
+def _share(verdict: Verdict | None, channel: str) -> float | None:
+    one = verdict.shrinkage.get(channel) if verdict is not None else None
+    return None if one is None else one.share
+
+
+def by_channel(found: Sequence[Removed], unknown: dict[str, int], seed: int = 0) -> list[Shrinkage]:
+    """Shrinkage channel by channel; channels in which no gap can be seen are left out."""
+    scored = []
+    for channel, lost in unknown.items():
+        ones = [one for one in found if one.channel == channel]
+        if ones or lost:
+            scored.append(_scored(channel, ones, lost, seed))
+    return scored
+
+
+def where_largest(found: Sequence[Removed], seed: int = 0) -> Shrinkage:
+    """The same, of each recording only the channel where its sealed gap over noise is largest."""
+    ones = [one for one in found if one.channel == max(one.row.visible, key=lambda k: one.row.gap[k])]
+    return _scored("where the gap is largest", ones, 0, seed)
+
+
+def _scored(channel: str, ones: Sequence[Removed], unknown: int, seed: int) -> Shrinkage:
+    both = np.array([[one.share, one.oracle] for one in ones]).reshape(-1, 2)
+    return Shrinkage(
+        channel=channel,
+        share=figure(both[:, 0], seed=seed),
+        oracle=figure(both[:, 1], seed=seed),
+        ratio=figure(both, lambda rows: rows[..., 0].mean(axis=1) / rows[..., 1].mean(axis=1), seed=seed),
+        median=figure(both, lambda rows: median(rows[..., 0] / rows[..., 1]), seed=seed),
+        unknown=unknown,
+    )
+
+
+def errors(rows: Sequence[Row], parameters: Sequence[Parameter], seed: int = 0) -> list[Error]:
+    """Errors of the parameters where effects were named; last, their mean over all parameters."""
+    made = [row for row in rows if row.named and _moved(row, parameters)]
+    table = np.array([[_errors(row, one) for one in parameters] for row in made]).reshape(-1, len(parameters), 2)
+    names = [one.name for one in parameters]
+    found = [_error(name, table[:, k], seed) for k, name in enumerate(names)]
+    return [*found, _error("all parameters", table.mean(axis=1), seed)] if names else []
+
+
+def _moved(row: Row, parameters: Sequence[Parameter]) -> bool:
+    verdict = row.outcome.verdict
+    return verdict is not None and all(
+        one.name in verdict.parameters and verdict.parameters[one.name].after is not None for one in parameters
+    )
+
+
+def _errors(row: Row, parameter: Parameter) -> tuple[float, float]:
+    assert row.outcome.verdict is not None
+    moved, true = row.outcome.verdict.parameters[parameter.name], row.answer["parameters"][parameter.name]
+    return _distance(moved.before, true, parameter), _distance(moved.after, true, parameter)
+
+
+def _distance(value: float | None, true: float, parameter: Parameter) -> float:
+    """Share of the range, shape (): on the parameter's own scale."""
+    if value is None:
+        return float("nan")
+    if parameter.scale == "log":
+        return float(abs(np.log(value / true)) / np.log(parameter.max / parameter.min))
+    return abs(value - true) / (parameter.max - parameter.min)
+
+
+def _error(name: str, pairs: np.ndarray, seed: int) -> Error:
+    return Error(
+        parameter=name,
+        before=figure(pairs[:, 0], seed=seed),
+        after=figure(pairs[:, 1], seed=seed),
+        change=figure(pairs[:, 1] - pairs[:, 0], seed=seed),
+    )

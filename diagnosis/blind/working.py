@@ -1,0 +1,98 @@
+"""Diagnose one recording of a blind set: a verdict or a failure, and the verdicts without single candidates."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from diagnosis.blind.judging import Judge, Judged
+from diagnosis.blind.verdicts import (
+    VERDICTS,
+    WITHOUT,
+    Outcome,
+    Verdict,
+    Withheld,
+    name_of,
+    read_outcome,
+    write_outcome,
+    write_withheld,
+)
+
+CHANCE = 0.01
+"""Leave-one-out withholds candidates that were named or given this probability: without another one, the verdict is
+the same, because no conclusion rested on it."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One recording, and what of it is still to be done."""
+
+    judge: Judge
+    folder: Path
+    results: Path
+    listed: dict[str, Any]
+    leave_one_out: bool
+
+
+def work(job: Job) -> None:
+    """Diagnose one recording and write what was said; a diagnosis that fails is an outcome too."""
+    file = job.listed["file"]
+    path = job.folder / file
+    judged = cache(lambda: job.judge(path, replay=job.listed["replay"], occupancy=job.listed["occupancy"]))
+    if (job.results / VERDICTS / name_of(file)).exists():
+        first = read_outcome(job.results, file)
+    else:
+        first = _outcome(job.listed, lambda: judged().verdict)
+        write_outcome(job.results, first)
+    if job.leave_one_out:
+        write_withheld(job.results, Withheld(file=file, outcomes=_left_out(job, judged, first)))
+
+
+def _left_out(job: Job, judged: Callable[[], Judged], first: Outcome) -> dict[str, Outcome]:
+    """Outcomes without each candidate that had a chance."""
+    if first.verdict is None:
+        return {}
+    found = {}
+    for name in contenders(first.verdict):
+        found[name] = _outcome(job.listed, lambda name=name: judged().without(name))  # type: ignore[misc]
+    return found
+
+
+def contenders(verdict: Verdict) -> list[str]:
+    """Candidates on which a verdict rested: none where there was no gap."""
+    if verdict.verdict == "no_gap":
+        return []
+    return [name for name, p in verdict.probabilities.items() if p >= CHANCE or name in verdict.named]
+
+
+def _outcome(listed: dict[str, Any], judge: Callable[[], Verdict]) -> Outcome:
+    began, used = time.perf_counter(), time.process_time()
+    verdict, failure = None, ""
+    try:
+        verdict = judge()
+    except Exception as error:  # whatever goes wrong, a recording without a verdict is a wrong answer, not a lost one
+        failure = f"{type(error).__name__}: {error}"
+    return Outcome(
+        file=listed["file"],
+        sha256=listed["sha256"],
+        seconds=time.perf_counter() - began,
+        cpu_seconds=time.process_time() - used,
+        verdict=verdict,
+        failure=failure,
+    )
+
+
+def lost(job: Job, seconds: float, why: str) -> None:
+    """Write down a failure for what a process that has ended did not write."""
+    file = job.listed["file"]
+    failed = Outcome(file=file, sha256=job.listed["sha256"], seconds=seconds, failure=why)
+    if not (job.results / VERDICTS / name_of(file)).exists():
+        write_outcome(job.results, failed)
+    if job.leave_one_out and not (job.results / WITHOUT / name_of(file)).exists():
+        first = read_outcome(job.results, file).verdict
+        names = [] if first is None else contenders(first)
+        write_withheld(job.results, Withheld(file=file, outcomes=dict.fromkeys(names, failed)))

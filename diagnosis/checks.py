@@ -1,0 +1,60 @@
+"""What a recording must be for a calibration: long enough, moving, and in the units that it says."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from diagnosis.recording import DAY, HOUR, Recording
+from shared.errors import RecordingError
+from shared.system import System
+
+
+def check_recording(recording: Recording, system: System) -> None:
+    """Refuse what cannot be calibrated on.
+
+    Raises
+    ------
+    RecordingError
+        If the recording is shorter than a day, or an output is constant or impossible for its unit.
+    """
+    span = recording.stop - recording.start
+    if span < DAY:
+        raise RecordingError(
+            f"{recording.path}: is {span / HOUR:g} h long; expected at least a day, better a week or more"
+        )
+    for output, values in zip(system.outputs, recording.outputs, strict=True):
+        seen = values[np.isfinite(values)]
+        if len(seen) and (seen == seen[0]).all() and output.name not in _replayed(system):
+            raise RecordingError(
+                f"{recording.path}: {output.name!r} is {seen[0]:g} {output.unit} throughout; expected a reading that"
+                " moves: drop the column if the sensor was stuck"
+            )
+        check_unit(recording, output.name, output.unit, seen)
+    for one in system.inputs:
+        if one.name in recording.inputs:
+            check_unit(recording, one.name, one.unit, recording.inputs[one.name])
+
+
+def check_unit(recording: Recording, name: str, unit: str, values: np.ndarray) -> None:
+    """Refuse values that cannot be in their unit: a temperature declared in kelvin that is in degrees Celsius.
+
+    Raises
+    ------
+    RecordingError
+        Naming the variable.
+    """
+    if unit == "K" and len(values) and float(np.median(values)) < 150.0:
+        raise RecordingError(
+            f"{recording.path}: {name!r} is declared in K but is {np.median(values):.3g} at the median; expected"
+            " kelvin: these look like degC, convert them"
+        )
+    if unit == "degC" and len(values) and float(np.median(values)) > 150.0:
+        raise RecordingError(
+            f"{recording.path}: {name!r} is declared in degC but is {np.median(values):.3g} at the median; expected"
+            " degrees Celsius: these look like K, convert them"
+        )
+
+
+def _replayed(system: System) -> set[str]:
+    """Outputs that may be replayed: an actuator may well stand still."""
+    return {one.column for one in system.inputs if one.source == "measured"}

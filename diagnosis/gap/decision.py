@@ -1,0 +1,123 @@
+"""From the search to an answer: no gap, an effect, a set that cannot be told apart, or none of these.
+
+Candidates are weighed by their evidence with an error that is as wide as what the best of them leaves unexplained: a
+cause that acts by a somewhat other law than its candidate must not make one candidate certain against another. That
+none of the candidates is the cause is weighed by how much is left: when the best fit is rejected on its own twins, the
+share of the first gain of a causeless discrepancy (:mod:`diagnosis.gap.colours`) that is still there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.special import expit
+
+from diagnosis.gap.refit import Refit
+from diagnosis.gap.search import LEVEL, Search
+from diagnosis.gap.stages import Stage
+
+Verdict = Literal["effect", "ambiguous", "none_of_these", "no_gap"]
+
+HALF = 0.4
+"""Share left at which, when the best fit is rejected, it is even whether the cause is among the candidates."""
+STEEP = 0.08
+STRONG = 3.0
+"""Log Bayes factor that Kass and Raftery (1995) call strong."""
+SURE = 0.8
+"""Probability, among candidates, at which one of them is named alone."""
+COVER = 0.95
+"""What a set that is named together holds of it."""
+
+
+@dataclass(frozen=True)
+class Decision:
+    """The answer.
+
+    ``probabilities`` by candidate, ``none`` and ``nothing`` (no gap) that there is none; for a single cause they sum
+    to 1. ``named`` are the effects of the answer, ``sets`` one for each effect found.
+    """
+
+    verdict: Verdict
+    probabilities: dict[str, float]
+    none: float
+    nothing: float
+    named: tuple[str, ...]
+    sets: tuple[tuple[str, ...], ...]
+    rejected: bool
+
+
+def gap_found(stage: Stage, where_p: float) -> bool:
+    """Whether model and recording differ in any of three ways, each against the same twins.
+
+    A place alone is a gap only if a discrepancy without a cause is plausible, too: people who come and go within a step
+    scatter more widely than the twins' do.
+    """
+    return stage.candidate_found or stage.misfits or (where_p <= LEVEL / 2 and stage.left_over > STRONG)
+
+
+def decide(search: Search, where_p: float, where_left_p: float) -> Decision:
+    """Decide.
+
+    Parameters
+    ----------
+    where_p, where_left_p
+        Family-wise p of where the residual lies, of the base model and with the chosen effects.
+    """
+    first, last = search.stages[0], search.last
+    if not gap_found(first, where_p):
+        odds = min(first.scan.p_value, first.scan.misfit_p) / LEVEL
+        nothing = float(odds / (1 + odds))
+        chance = _softmax(dict(zip(_names(first), first.scan.evidence, strict=True)))
+        named = {name: (1 - nothing) * 0.5 * p for name, p in chance.items()}
+        return Decision("no_gap", named, 0.5 * (1 - nothing), nothing, (), (), False)
+    rejected = gap_found(last, where_left_p)
+    share = search.share_left if search.chosen else 1.0
+    none = float(expit((share - HALF) / STEEP)) if rejected else float(0.5 * expit((share - 2 * HALF) / STEEP))
+    if not search.chosen:
+        none = max(none, 0.9)
+    probabilities: dict[str, float] = {}
+    sets = []
+    for k, refits in enumerate(search.refits):
+        chance = _candidates(search.stages[k], refits, search.stages[k + 1])
+        sets.append(_named(chance))
+        for name, p in chance.items():
+            probabilities[name] = max(probabilities.get(name, 0.0), (1 - none) * p)
+    if none > 0.5:
+        return Decision("none_of_these", probabilities, none, 0.0, (), (), rejected)
+    verdict: Verdict = "effect" if all(len(one) == 1 for one in sets) else "ambiguous"
+    named_ = tuple(dict.fromkeys(name for one in sets for name in one))
+    return Decision(verdict, probabilities, none, 0.0, named_, tuple(sets), rejected)
+
+
+def _names(stage: Stage) -> list[str]:
+    return [one.name for one in stage.lin.effects]
+
+
+def _candidates(stage: Stage, refits: list[Refit], after: Stage) -> dict[str, float]:
+    """Probabilities of a stage's candidates, given that one of them is the cause."""
+    value = {one.names[-1]: one.evidence_with(after.discrepant) for one in refits}
+    linear = dict(zip(_names(stage), stage.scan.evidence.tolist(), strict=True))
+    worst = min(value, key=lambda name: linear[name])
+    for name, one in linear.items():
+        if name not in value:  # judged by the straight line, from the least plausible of those that were refitted
+            value[name] = value[worst] + min(one - linear[worst], 0.0)
+    return _softmax(value)
+
+
+def _softmax(values: dict[str, float]) -> dict[str, float]:
+    if not values:
+        return {}
+    found = np.array(list(values.values()))
+    weight = np.exp(found - found.max())
+    return dict(zip(values, (weight / weight.sum()).tolist(), strict=True))
+
+
+def _named(chance: dict[str, float]) -> tuple[str, ...]:
+    """The best alone where it is sure enough, else the smallest set that covers."""
+    order = sorted(chance, key=lambda name: -chance[name])
+    if chance[order[0]] >= SURE:
+        return (order[0],)
+    reached = np.cumsum([chance[name] for name in order])
+    return tuple(order[: int(np.searchsorted(reached, COVER)) + 1])

@@ -1,0 +1,193 @@
+"""Linear Gaussian arithmetic on a linearised recording: products of whitened columns, by channel and colour of noise.
+
+With standard normal nuisance and unknowns, the residual is r = A x + e, e ~ N(0, S) and S block diagonal by channel.
+Everything that is asked later - evidences, scores, what parameters can imitate - follows from A' S^-1 A, A' S^-1 r and
+r' S^-1 r (Rasmussen and Williams 2006, section 2.7), which are sums over channels; so trying another colour on one
+channel costs one product.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.linalg import cho_solve, cholesky
+
+from diagnosis.gap.linear import Linearised
+from diagnosis.noise import NoiseModel
+
+AMPLITUDE = 2.0
+"""Prior standard deviation of a fitted amplitude [scale of the effect]: larger ones than expected are no surprise."""
+Colour = tuple[float, float, float]
+"""White part, slow part [unit of the output] and memory of the slow part [s] of one channel's error."""
+
+
+@dataclass(frozen=True)
+class Product:
+    """Of one channel or all: ``gram`` (columns, columns), ``score`` (columns,), ``square``, ``logdet``, ``count``."""
+
+    gram: np.ndarray
+    score: np.ndarray
+    square: float
+    logdet: float
+    count: int
+
+    def __add__(self, other: Product) -> Product:
+        return Product(
+            self.gram + other.gram,
+            self.score + other.score,
+            self.square + other.square,
+            self.logdet + other.logdet,
+            self.count + other.count,
+        )
+
+
+@dataclass
+class Grams:
+    """Columns in the order nuisance, unknowns, candidate effects; rows are the readings that are ``observed``.
+
+    The residual is taken at the prior mean of the unknowns, so that all columns have a prior centred on zero;
+    ``spread`` (unknowns,) are the unknowns' prior standard deviations, by which their columns are multiplied.
+    """
+
+    lin: Linearised
+    observed: np.ndarray
+    like: Grams | None = None
+    _cache: dict[tuple[int, Colour], Product] = field(default_factory=dict)
+    _nuisance: dict[int, tuple[Colour, np.ndarray, np.ndarray]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        lin = self.lin
+        first = len(lin.problem.system.parameters)
+        self.spread = np.ones(len(lin.z))
+        self.spread[first : first + len(lin.chosen)] = AMPLITUDE
+        self.free = np.concatenate([lin.by_unknown * self.spread, lin.by_effect], axis=2)
+        self.n_nuisance, self.n_unknown = lin.by_nuisance.shape[2], lin.by_unknown.shape[2]
+        self.rows = np.where(np.isfinite(lin.residual), lin.residual, 0.0) + lin.by_unknown @ lin.z
+        self.channels = [k for k in range(len(self.rows)) if self.observed[k].any()]
+        if self.like is not None and self.like.lin.by_nuisance is lin.by_nuisance:
+            self._nuisance = self.like._nuisance  # the same columns: whitened once
+
+    @property
+    def inner(self) -> np.ndarray:
+        """Places of nuisance and unknowns."""
+        return np.arange(self.n_nuisance + self.n_unknown)
+
+    @property
+    def outer(self) -> np.ndarray:
+        """Places of the candidate effects."""
+        return np.arange(self.n_nuisance + self.n_unknown, self.n_nuisance + self.free.shape[2])
+
+    def whitened(self, k: int, colour: Colour, values: np.ndarray) -> np.ndarray:
+        """One channel's series (steps[, n]) as rows of unit noise, shape (readings[, n])."""
+        return _model(colour).whiten(values[None], self.observed[k : k + 1], self.lin.problem.time)
+
+    def whitened_columns(self, k: int, colour: Colour) -> np.ndarray:
+        """One channel's columns, shape (readings, columns)."""
+        return np.concatenate([self._white_nuisance(k, colour)[0], self.whitened(k, colour, self.free[k])], axis=1)
+
+    def explained(self, x: np.ndarray) -> np.ndarray:
+        """Series that nuisance and unknowns (inner columns[, n]) make, shape (outputs, steps[, n]) [unit of each]."""
+        n = self.n_nuisance
+        return np.asarray(self.lin.by_nuisance @ x[:n] + self.free[..., : self.n_unknown] @ x[n:])
+
+    def channel(self, k: int, colour: Colour) -> Product:
+        """Products of one channel with one colour."""
+        key = (k, colour)
+        if key not in self._cache:
+            nuisance, gram = self._white_nuisance(k, colour)
+            made = self.whitened(k, colour, np.column_stack([self.rows[k], self.free[k]]))
+            rows, free = made[:, 0], made[:, 1:]
+            across = nuisance.T @ free
+            self._cache[key] = Product(
+                np.block([[gram, across], [across.T, free.T @ free]]),
+                np.concatenate([nuisance.T @ rows, free.T @ rows]),
+                float(rows @ rows),
+                _model(colour).logdet(self.observed[k : k + 1], self.lin.problem.time),
+                len(rows),
+            )
+        return self._cache[key]
+
+    def _white_nuisance(self, k: int, colour: Colour) -> tuple[np.ndarray, np.ndarray]:
+        """Nuisance columns of one channel, whitened, and their products; the last colour's are kept."""
+        kept = self._nuisance.get(k)
+        if kept is None or kept[0] != colour:
+            columns = self.whitened(k, colour, self.lin.by_nuisance[k])
+            kept = self._nuisance[k] = (colour, columns, columns.T @ columns)
+        return kept[1], kept[2]
+
+    def total(self, colours: dict[int, Colour]) -> Product:
+        """Sum over all channels that have readings."""
+        parts = [self.channel(k, colours[k]) for k in self.channels]
+        whole = parts[0]
+        for one in parts[1:]:
+            whole = whole + one
+        return whole
+
+    def evidence(self, colours: dict[int, Colour], effects: float = 0.0) -> float:
+        """Log evidence; the candidates' amplitudes are N(0, ``effects``^2) scales as well, or zero."""
+        return evidence(self.total(colours), self.inner.size, effects)
+
+
+def _model(colour: Colour) -> NoiseModel:
+    return NoiseModel(*(np.array([value]) for value in colour))
+
+
+def evidence(product: Product, inner: int, effects: float = 0.0) -> float:
+    """Log evidence of rows with standard normal unknowns in the first ``inner`` columns; see :meth:`Grams.evidence`."""
+    prior = np.ones(len(product.score))
+    prior[inner:] = effects
+    keep = prior > 0
+    scale = prior[keep]
+    gram = product.gram[np.ix_(keep, keep)] * np.outer(scale, scale)
+    score = product.score[keep] * scale
+    root = cholesky(np.eye(len(score)) + gram, lower=True)
+    explained = float(score @ cho_solve((root, True), score))
+    return -0.5 * (
+        product.square
+        - explained
+        + 2 * float(np.sum(np.log(np.diag(root))))
+        + product.logdet
+        + product.count * np.log(2 * np.pi)
+    )
+
+
+@dataclass(frozen=True)
+class Projected:
+    """What is left of scores and signatures when nuisance and unknowns have explained what they can.
+
+    ``information`` (effects, effects) and ``score`` (effects,) by amplitudes in scales; ``whole`` (effects,): squared
+    length of the signatures before; ``square``: of the residual after.
+    """
+
+    information: np.ndarray
+    score: np.ndarray
+    whole: np.ndarray
+    square: float
+    root: np.ndarray
+    across: np.ndarray
+
+    def score_of(self, scores: np.ndarray) -> np.ndarray:
+        """Scores (columns, n) of other rows, projected: (effects, n)."""
+        inner = len(self.root)
+        return np.asarray(scores[inner:] - self.across.T @ scores[:inner])
+
+    def explained(self, scores: np.ndarray) -> np.ndarray:
+        """What nuisance and unknowns explain of other rows' squares, shape (n,)."""
+        inner = scores[: len(self.root)]
+        return np.asarray(np.sum(inner * cho_solve((self.root, True), inner), axis=0))
+
+    def inner(self, scores: np.ndarray) -> np.ndarray:
+        """Posterior mean of nuisance and unknowns of rows with these scores (columns, n)."""
+        return np.asarray(cho_solve((self.root, True), scores[: len(self.root)]))
+
+
+def projected(product: Product, inner: int) -> Projected:
+    """Integrate out the first ``inner`` columns."""
+    root = cholesky(np.eye(inner) + product.gram[:inner, :inner], lower=True)
+    across = cho_solve((root, True), product.gram[:inner, inner:])
+    left = product.gram[inner:, inner:] - product.gram[inner:, :inner] @ across
+    score = product.score[inner:] - across.T @ product.score[:inner]
+    explained = float(product.score[:inner] @ cho_solve((root, True), product.score[:inner]))
+    whole = np.diag(product.gram)[inner:].copy()
+    return Projected(0.5 * (left + left.T), score, whole, product.square - explained, root, across)

@@ -1,0 +1,174 @@
+"""The simulation linearised around a fit: by parameters, by every effect's amplitude, and by the nuisance.
+
+All later steps work on these series; the simulator is asked again only to refit the few candidates that remain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import eigh
+
+from diagnosis.effects import Effect, clash
+from diagnosis.linearisation import Linearisation
+from diagnosis.problem import STEP, Problem
+from shared.errors import SimulationError
+
+UNFELT = 0.1
+"""A direction of the nuisance that moves all readings together by less than this, in units of noise, is left out."""
+WIDTH = 0.3
+"""Half-width of the difference in an amplitude [scale of the effect]: a secant over what is expected."""
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """Series around a fit.
+
+    ``residual`` (outputs, steps) [unit of each]: measured minus simulated with the nuisance at its prior mean, NaN
+    where nothing was measured; ``outputs`` (outputs, steps): simulated with the most likely nuisance. Derivatives
+    of the outputs: ``by_nuisance`` (outputs, steps, nuisance unknowns), standard normal; ``by_unknown`` (outputs,
+    steps, unknowns): parameters, amplitudes that were fitted, levels, at ``z`` (unknowns,); ``by_effect`` (outputs,
+    steps, effects) by amplitudes in units of scales, from zero. ``effects`` are the candidates, ``chosen`` what was
+    fitted.
+    """
+
+    problem: Problem
+    around: Linearisation
+    z: np.ndarray
+    residual: np.ndarray
+    outputs: np.ndarray
+    by_nuisance: np.ndarray
+    by_unknown: np.ndarray
+    by_effect: np.ndarray
+    effects: tuple[Effect, ...]
+    failed: tuple[str, ...]
+    simulations: int
+
+    @property
+    def chosen(self) -> tuple[Effect, ...]:
+        """Effects whose amplitudes are among the unknowns."""
+        return self.problem.effects
+
+    @property
+    def amplitudes(self) -> np.ndarray:
+        """Fitted amplitudes [scales], shape (chosen,)."""
+        count = len(self.problem.system.parameters)
+        return self.z[count : count + len(self.chosen)]
+
+
+def applicable(problem: Problem, effects: Sequence[Effect]) -> tuple[list[Effect], dict[str, str]]:
+    """Effects that can be tried on a recording beside those that a problem has, and why the others cannot."""
+    usable, why = [], {}
+    names = {one.name for one in problem.effects}
+    for effect in effects:
+        if effect.name in names:
+            continue
+        reason = effect.obstacle(problem.recording, replay=problem.replay) or clash([*problem.effects, effect])
+        if reason:
+            why[effect.name] = reason
+        else:
+            usable.append(effect)
+    return usable, why
+
+
+def linearised(
+    problem: Problem,
+    z: np.ndarray,
+    around: Linearisation,
+    effects: Sequence[Effect] = (),
+    by_unknown: np.ndarray | None = None,
+    by_nuisance: np.ndarray | None = None,
+) -> Linearised:
+    """Simulate on both sides of everything unknown, once.
+
+    Parameters
+    ----------
+    z
+        Unknowns of the problem, shape (unknowns,).
+    around
+        Its linearisation by the nuisance; the response is kept, the outputs are simulated at ``z``.
+    effects
+        Candidates whose amplitudes are zero at ``z``.
+    by_unknown, by_nuisance
+        Derivatives that are known already; they are not simulated again.
+    """
+    library = problem.with_effects([*problem.effects, *effects])
+    first = len(problem.system.parameters) + len(problem.effects)
+
+    def full(z: np.ndarray, amplitudes: np.ndarray) -> np.ndarray:
+        return np.concatenate([z[:first], amplitudes, z[first:]])
+
+    low, high = problem.bounds
+    none = np.zeros(len(effects))
+    cases, widths = [full(z, none)], []
+    for k in range(0 if by_unknown is not None else problem.size):
+        up, down = z.copy(), z.copy()
+        up[k], down[k] = min(z[k] + STEP, high[k]), max(z[k] - STEP, low[k])
+        cases += [full(up, none), full(down, none)]
+        widths.append(up[k] - down[k])
+    for k, effect in enumerate(effects):
+        up, down = none.copy(), none.copy()
+        up[k], down[k] = min(WIDTH, effect.upper / effect.scale), max(-WIDTH, effect.lower / effect.scale)
+        cases += [full(z, up), full(z, down)]
+        widths.append(up[k] - down[k])
+    base, *made = _simulated(library, cases, around.heights)
+    if base is None:
+        raise SimulationError("the simulation fails at the fit itself; expected one that reaches its end")
+    columns, failed = [], []
+    for k, width in enumerate(widths):
+        up_, down_ = made[2 * k], made[2 * k + 1]
+        if up_ is None or down_ is None:
+            columns.append(np.zeros_like(base))
+            failed.append(k)
+        else:
+            columns.append((up_ - down_) / width)
+    count = len(widths) - len(effects)
+    stacked = np.stack(columns, axis=-1) if columns else np.empty((*base.shape, 0))
+    at_mean = base + around.response @ (problem.nuisance.mean - around.heights)
+    return Linearised(
+        problem=problem,
+        around=replace(around, z=z, outputs=base),
+        z=np.asarray(z, dtype=float),
+        residual=np.where(np.isfinite(problem.measured), problem.measured - at_mean, np.nan),
+        outputs=base,
+        by_nuisance=felt_nuisance(problem, around) if by_nuisance is None else by_nuisance,
+        by_unknown=stacked[..., :count] if by_unknown is None else by_unknown,
+        by_effect=stacked[..., count:],
+        effects=tuple(effects),
+        failed=tuple(effects[k - count].name for k in failed if k >= count),
+        simulations=library.simulations,
+    )
+
+
+def felt_nuisance(problem: Problem, around: Linearisation) -> np.ndarray:
+    """Response to independent standard normal unknowns, shape (outputs, steps, unknowns) [unit of each output].
+
+    The nuisance's unknowns are turned to principal directions, and those that all readings together hardly feel are
+    left out: of a thousand pulses a few hundred directions remain.
+    """
+    response = around.response @ problem.nuisance.factor
+    used = problem.observed.any(axis=1)
+    rows = (response[used] / problem.floor[used, None, None]).reshape(-1, response.shape[2])
+    values, vectors = eigh(rows.T @ rows) if rows.size else (np.empty(0), np.empty((0, 0)))
+    return np.asarray(response @ vectors[:, values > UNFELT**2])
+
+
+def _simulated(problem: Problem, cases: list[np.ndarray], heights: np.ndarray) -> list[np.ndarray | None]:
+    """Outputs of each case, or None where a simulation did not reach its end."""
+    first = cases[0]
+    different = [case for case in cases[1:] if not np.array_equal(case, first)]
+    wanted = [first, *different]
+    made: list[np.ndarray | None]
+    try:
+        made = list(problem.simulate_all([(case, heights) for case in wanted]))
+    except SimulationError:
+        made = []
+        for case in wanted:
+            try:
+                made.append(problem.simulate(case, heights))
+            except SimulationError:
+                made.append(None)
+    rest = iter(made[1:])
+    return [made[0], *(made[0] if np.array_equal(case, first) else next(rest) for case in cases[1:])]

@@ -1,0 +1,121 @@
+"""What a fit may leave out and a test may not: how wide the nuisances really are.
+
+- Replayed actuators are read by meters, and what the meters get wrong drives the model: each replayed input gets pulses
+  whose prior is the meter's noise, a part of it slow.
+- When within a step people came and went has heavier tails than the normal prior of :mod:`diagnosis.unmeasured`, and a
+  quickly ventilated room remembers the end of a step better than its mean: the prior is widened, and the second half of
+  a step gets halves of its own, lest a short absence pass for a gap.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from diagnosis.fit import Fit
+from diagnosis.linearisation import Linearisation
+from diagnosis.nuisance import FIELDS, Nuisance, responses
+from diagnosis.problem import Problem
+from diagnosis.recording import DAY, HOUR
+
+PULSE = 3 * HOUR
+FOLLOWED = 3 * DAY
+SLOW = 0.3
+"""Share of a meter's variance that is slow, and its memory: not known, but a meter without any would be rare."""
+MEMORY = 6 * HOUR
+WITHIN = 2.0
+"""By how much the prior of changes within a step is widened."""
+
+
+def widened(base: Fit) -> tuple[Problem, Linearisation, int]:
+    """A fit's problem and linearisation with nuisances as wide as they are, and the simulations that took."""
+    problem, around = base.problem.with_effects(base.problem.effects), base.around
+    nuisance = problem.nuisance
+    wider = np.where(nuisance.turns, WITHIN, 1.0)[:, None]
+    problem.nuisance = replace(nuisance, factor=nuisance.factor * wider)
+    columns = np.abs(nuisance.factor[nuisance.turns]).any(axis=0)  # they share none with other pulses
+    around = replace(around, nuisance=np.where(columns, around.nuisance / WITHIN, around.nuisance))
+    system, driven = problem.system, problem.drive
+    for place, one in enumerate(system.inputs):
+        if one.source == "occupancy" and (problem.nuisance.turns & (problem.nuisance.column == place)).any():
+            problem, around = _joined(problem, around, _late(problem.nuisance, place), None)
+    for place, one in enumerate(system.inputs):
+        if one.source != "measured" or one.column not in driven.replayed:
+            continue
+        edges = np.append(np.arange(driven.start, driven.stop - 1.0, PULSE), driven.stop)
+        sd = float(problem.floor[system.output_names.index(one.column)])
+        problem, around = _joined(problem, around, _meter(edges, place, sd, problem.recording.step), FOLLOWED)
+    return problem, around, problem.simulations
+
+
+def _late(nuisance: Nuisance, place: int) -> Nuisance:
+    """For each change within a step one more within the step's second half."""
+    some = nuisance.turns & (nuisance.column == place)
+    begin, end = nuisance.begin[some], nuisance.end[some]
+    return Nuisance(
+        column=np.full(len(end), place),
+        begin=0.5 * (begin + end),
+        end=end,
+        turns=np.ones(len(end), dtype=bool),
+        recorded=np.ones(len(end), dtype=bool),
+        mean=np.zeros(len(end)),
+        factor=np.diag(nuisance.sd[some]),
+    )
+
+
+def _meter(edges: np.ndarray, place: int, sd: float, step: float) -> Nuisance:
+    """Means of a meter's error over pulses."""
+    count, centre = len(edges) - 1, 0.5 * (edges[1:] + edges[:-1])
+    readings = np.maximum(np.diff(edges) / step, 1.0)
+    slow = SLOW * np.exp(-np.abs(centre[:, None] - centre) / MEMORY)
+    covariance = sd**2 * (slow + np.diag((1 - SLOW) / readings))
+    return Nuisance(
+        column=np.full(count, place),
+        begin=edges[:-1],
+        end=edges[1:],
+        turns=np.zeros(count, dtype=bool),
+        recorded=np.ones(count, dtype=bool),
+        mean=np.zeros(count),
+        factor=np.linalg.cholesky(covariance),
+    )
+
+
+def both(old: Nuisance, pulses: Nuisance) -> Nuisance:
+    """Two nuisances, independent of each other."""
+    rows, columns = old.factor.shape
+    factor = np.zeros((rows + pulses.size, columns + pulses.factor.shape[1]))
+    factor[:rows, :columns], factor[rows:, columns:] = old.factor, pulses.factor
+    fields = {name: np.concatenate([getattr(old, name), getattr(pulses, name)]) for name in FIELDS}
+    return Nuisance(**fields, factor=factor, levels=old.levels)
+
+
+def felt(problem: Problem, z: np.ndarray, heights: np.ndarray, pulses: Nuisance, spacing: float | None) -> np.ndarray:
+    """Response of the outputs to further pulses, shape (outputs, steps, pulses); its simulations are the problem's."""
+    other = problem.with_effects(problem.effects)
+    other.nuisance = both(problem.nuisance, pulses)
+    base = other.simulate(z, np.concatenate([heights, pulses.mean]))
+    response = responses(
+        pulses,
+        lambda runs: other.simulate_all([(z, np.concatenate([heights, run])) for run in runs]),
+        base,
+        problem.time,
+        **({} if spacing is None else {"spacing": spacing}),
+    )
+    problem.simulations += other.simulations
+    return response
+
+
+def _joined(
+    problem: Problem, around: Linearisation, pulses: Nuisance, spacing: float | None
+) -> tuple[Problem, Linearisation]:
+    """A problem with further pulses, and what they do to the outputs around a linearisation."""
+    response = felt(problem, around.z, around.heights, pulses, spacing)
+    other = problem.with_effects(problem.effects)
+    other.nuisance, other.simulations = both(problem.nuisance, pulses), problem.simulations
+    return other, replace(
+        around,
+        heights=np.concatenate([around.heights, pulses.mean]),
+        nuisance=np.concatenate([around.nuisance, np.zeros(pulses.factor.shape[1])]),
+        response=np.concatenate([around.response, response], axis=2),
+    )

@@ -1,0 +1,73 @@
+"""``report.json`` and ``report.html``: written together, whole or not at all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from matplotlib.figure import Figure
+
+from diagnosis.gap.pictures import draw_angles, draw_candidates, draw_outputs, draw_parameters, draw_shares
+from diagnosis.pictures import embedded
+from diagnosis.recording import DAY
+from diagnosis.where.pictures import draw_cells, draw_correlations
+from diagnosis.where.timelines import draw_episodes, draw_sources
+from diagnosis.whole import whole
+from shared.schema import EPOCH
+
+if TYPE_CHECKING:
+    from diagnosis.gap.diagnosed import Diagnosis
+
+VERDICTS = {
+    "effect": "A cause is found",
+    "ambiguous": "Causes that cannot be told apart",
+    "none_of_these": "A gap, but none of the candidates explains it",
+    "no_gap": "No gap",
+}
+
+
+def write_report(done: Diagnosis, folder: Path) -> None:
+    """Write ``report.json`` and ``report.html`` into a folder, both or none."""
+    page = render(done)
+    with whole(folder) as draft:
+        (draft / "report.json").write_text(done.report.model_dump_json(indent=1) + "\n", encoding="utf-8")
+        (draft / "report.html").write_text(page, encoding="utf-8")
+
+
+def render(done: Diagnosis) -> str:
+    """The page as HTML, pictures and all."""
+    environment = Environment(
+        loader=PackageLoader("diagnosis"), undefined=StrictUndefined, autoescape=True, trim_blocks=True
+    )
+    environment.filters["number"] = lambda value: "–" if value is None else f"{value:.4g}"
+    environment.filters["percent"] = lambda value: "–" if value is None else f"{value:.0%}"
+    begin = np.datetime64(EPOCH, "s") + np.timedelta64(round(done.report.start), "s")
+    return environment.get_template("gap.html.j2").render(
+        report=done.report,
+        headline=VERDICTS[done.report.verdict],
+        begin=str(begin).replace("T", " "),
+        days=done.report.steps * done.report.step / DAY,
+        pictures=_pictures(done),
+    )
+
+
+def _pictures(done: Diagnosis) -> dict[str, str]:
+    """All pictures by name, those that there is something to show in."""
+    where = done.where
+    made: dict[str, Figure] = {
+        "outputs": draw_outputs(done),
+        "cells": draw_cells(where.residuals, where.cells),
+        "episodes": draw_episodes(where.residuals, where.episodes),
+        "candidates": draw_candidates(done),
+        "angles": draw_angles(done),
+        "parameters": draw_parameters(done),
+    }
+    if where.correlations is not None:
+        made["correlations"] = draw_correlations(where.residuals, where.correlations)
+    if where.sources is not None:
+        made["sources"] = draw_sources(where.residuals, where.sources)
+    if any(one.share is not None for one in done.report.shrinkage):
+        made["shares"] = draw_shares(done)
+    return {name: embedded(one) for name, one in made.items()}

@@ -1,0 +1,121 @@
+"""Pictures of a diagnosis: candidates, what looks alike, shares, parameters, and recording beside models."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from diagnosis.pictures import BLUE, GREY, ORANGE, RED, figure, readable
+from diagnosis.recording import DAY
+
+if TYPE_CHECKING:
+    from diagnosis.gap.diagnosed import Diagnosis
+
+_MOST = 14
+"""Candidates that a picture shows."""
+
+
+def draw_candidates(done: Diagnosis) -> Figure:
+    """Log-likelihood ratios of all candidates beside what the best of all candidates reaches in twins."""
+    scan = done.search.stages[0].scan
+    order = np.argsort(-scan.ratio, kind="stable")[:_MOST][::-1]
+    made = Figure(figsize=(10, 0.28 * len(order) + 1.0), layout="constrained")
+    axes = made.subplots()
+    names = [scan.effects[j].name for j in order]
+    named = {name for one in done.report.sets for name in one}
+    axes.barh(names, np.maximum(scan.ratio[order], 0.05), color=[BLUE if n in named else GREY for n in names])
+    axes.axvline(scan.threshold, color=RED, lw=1)
+    axes.set_xscale("log")
+    axes.set_xlabel("log-likelihood ratio, each with the parameters refitted on the straight line (log scale)")
+    axes.set_title(
+        "Red: what the best of all candidates reaches in 5 % of the twins, which have no gap. Blue: the answer.",
+        fontsize=9,
+        loc="left",
+    )
+    return made
+
+
+def draw_angles(done: Diagnosis) -> Figure:
+    """Angles between what the parameters cannot imitate of the candidates' signatures."""
+    scan = done.search.stages[0].scan
+    order = [j for j in np.argsort(-scan.ratio, kind="stable") if scan.expected[j] > 0.5][:_MOST]
+    angle = np.degrees(np.arccos(np.clip(np.abs(scan.cosines[np.ix_(order, order)]), 0, 1)))
+    made = Figure(figsize=(8.6, 0.36 * len(order) + 2.2), layout="constrained")
+    axes = made.subplots()
+    image = axes.imshow(angle, cmap="magma", vmin=0, vmax=90)
+    names = [scan.effects[j].name for j in order]
+    axes.set_xticks(range(len(order)), names, rotation=60, ha="right", fontsize=8)
+    axes.set_yticks(range(len(order)), names, fontsize=8)
+    for i in range(len(order)):
+        for j in range(len(order)):
+            light = "white" if angle[i, j] < 55 else "black"
+            axes.text(j, i, f"{angle[i, j]:.0f}", ha="center", va="center", fontsize=7, color=light)
+    made.colorbar(image, label="angle [degrees]; near 0 looks alike")
+    return made
+
+
+def draw_outputs(done: Diagnosis) -> Figure:
+    """Residuals of the base model and with the chosen effects; grey is what noise allows, shaded the scored part."""
+    first, last = done.search.stages[0], done.search.last
+    problem = first.lin.problem
+    channels = first.grams.channels
+    made, panels = figure(len(channels), height=1.7)
+    days = (problem.time - problem.recording.start) / DAY
+    for panel, k in zip(panels, channels, strict=True):
+        output = problem.system.outputs[k]
+        size = float(np.hypot(*first.colours.best[k][:2]))
+        panel.axhspan(-2 * size, 2 * size, color=GREY, alpha=0.2, lw=0)
+        panel.plot(days, first.twins.residual[k], color=ORANGE, lw=0.9, label="base model")
+        if done.search.chosen:
+            panel.plot(days, last.twins.residual[k], color=BLUE, lw=0.9, label="with the effects found")
+        panel.fill_between(days, 0, 1, where=done.scored, transform=panel.get_xaxis_transform(), color=GREY, alpha=0.12)
+        panel.set_ylabel(f"{output.name} [{readable(np.zeros(1), output.unit)[1].replace('°C', 'K')}]")
+    panels[0].legend(loc="upper right", fontsize=8, ncols=2)
+    panels[-1].set_xlabel("days of the recording")
+    return made
+
+
+def draw_parameters(done: Diagnosis) -> Figure:
+    """Parameters before and after, in their ranges."""
+    system = done.base.problem.system
+    rows = done.report.parameters
+    made = Figure(figsize=(10, 0.36 * len(rows) + 0.8), layout="constrained")
+    axes = made.subplots()
+    for i, (one, parameter) in enumerate(zip(rows, system.parameters, strict=True)):
+        low, high = parameter.min, parameter.max
+
+        def at(value: float, low: float = low, high: float = high) -> float:
+            return (value - low) / (high - low)
+
+        y = len(rows) - 1 - i
+        axes.plot([0, 1], [y, y], color=GREY, lw=6, alpha=0.25, solid_capstyle="butt")
+        axes.plot([at(one.before_low), at(one.before_high)], [y + 0.14] * 2, color=ORANGE, lw=2)
+        axes.plot(at(one.before), y + 0.14, "o", color=RED if one.at_bound else ORANGE, ms=5)
+        if one.after is not None and one.after_low is not None and one.after_high is not None:
+            axes.plot([at(one.after_low), at(one.after_high)], [y - 0.14] * 2, color=BLUE, lw=2)
+            axes.plot(at(one.after), y - 0.14, "o", color=RED if one.at_bound_after else BLUE, ms=5)
+    axes.set_yticks(range(len(rows)), [one.name for one in rows][::-1])
+    axes.set_xticks([0, 1], ["least", "greatest"])
+    axes.spines[["top", "right", "left"]].set_visible(False)
+    return made
+
+
+def draw_shares(done: Diagnosis) -> Figure:
+    """Shares of the gap that the effects remove, beside placebos."""
+    rows = [one for one in done.report.shrinkage if one.share is not None]
+    made = Figure(figsize=(10, 0.5 * len(rows) + 0.9), layout="constrained")
+    axes = made.subplots()
+    for y, one in enumerate(reversed(rows)):
+        assert one.low is not None and one.high is not None and one.share is not None and one.placebo is not None
+        axes.plot([max(one.low, -0.5), min(one.high, 1.5)], [y, y], color=BLUE, lw=3)
+        axes.plot(np.clip(one.share, -0.5, 1.5), y, "o", color=BLUE)
+        axes.plot(np.clip(one.placebo, -0.5, 1.5), y - 0.22, "x", color=GREY)
+    axes.axvline(0, color=GREY, lw=1)
+    axes.axvline(1, color=GREY, lw=1, ls=":")
+    axes.set_yticks(range(len(rows)), [one.channel for one in reversed(rows)])
+    axes.set_xlabel("share of the gap above the noise that is gone (blue, 90 % interval); placebo (grey cross)")
+    axes.set_xlim(-0.55, 1.55)
+    axes.set_ylim(-0.5, len(rows) - 0.5)
+    return made

@@ -1,0 +1,166 @@
+"""Refitting a candidate together with the parameters: nonlinear, because parameters that compensate move far.
+
+Gauss-Newton on the likelihood with the nuisance integrated out, each step a small bounded least-squares problem
+(scipy's ``lsq_linear``) on derivatives simulated anew; the response to the nuisance is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import cho_solve, cholesky, solve_triangular
+from scipy.optimize import lsq_linear
+from scipy.special import log_ndtr
+
+from diagnosis.effects import Effect
+from diagnosis.gap.grams import AMPLITUDE, Colour, Grams, projected
+from diagnosis.gap.linear import Linearised, linearised
+from diagnosis.problem import Problem
+from shared.errors import SimulationError
+
+STEPS = 5
+SETTLED = 0.05
+"""A step that promises less gain in log likelihood than this ends the search."""
+
+
+@dataclass(frozen=True)
+class Refit:
+    """Effects fitted with the parameters.
+
+    ``lin`` is the linearised problem there, without further candidates, ``grams`` its products; ``evidence`` with
+    the colours of the null; ``sd`` (unknowns,) of the posterior; ``settled``: whether no step promised more.
+    """
+
+    lin: Linearised
+    grams: Grams
+    evidence: float
+    sd: np.ndarray
+    settled: bool
+    simulations: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the effects."""
+        return tuple(one.name for one in self.lin.chosen)
+
+    def evidence_with(self, colours: dict[int, Colour]) -> float:
+        """Log evidence with other colours; an amplitude of one sign has twice the prior density there."""
+        grams = self.grams
+        product = grams.total(colours)
+        root = cholesky(np.eye(grams.inner.size) + product.gram, lower=True)
+        mean = cho_solve((root, True), product.score)
+        first = grams.n_nuisance + len(self.lin.problem.system.parameters)
+        value = grams.evidence(colours)
+        for k, effect in enumerate(self.lin.chosen):
+            if effect.lower >= 0:
+                unit = np.zeros(len(mean))
+                unit[first + k] = 1.0
+                sd = float(np.linalg.norm(solve_triangular(root, unit, lower=True)))
+                value += float(np.log(2) + log_ndtr(mean[first + k] / sd))
+        return value
+
+
+def refit(before: Grams, colours: dict[int, Colour], start: np.ndarray, new: Sequence[Effect]) -> Refit:
+    """Fit further effects from a start (unknowns with the new amplitudes after the old ones,).
+
+    Raises
+    ------
+    SimulationError
+        If the simulation fails on all the way.
+    """
+    problem = before.lin.problem.with_effects([*before.lin.chosen, *new])
+    z = np.clip(start, *_inner(problem))
+    here = _at(problem, z, before.lin)
+    count = here.simulations
+    cost = _cost(here, before, colours)
+    settled = False
+    for _ in range(STEPS):
+        step, promised = _step(here, before, colours)
+        settled = promised < SETTLED
+        if settled:
+            break
+        moved = None
+        for share in (1.0, 0.4, 0.15):
+            try:
+                there = _at(problem, here.z + share * step, before.lin, derivatives=False)
+            except SimulationError:
+                continue
+            count += there.simulations
+            value = _cost(there, before, colours)
+            if value < cost - 1e-3:
+                moved = (there.z, value)
+                break
+        if moved is None:
+            break
+        z, cost = moved
+        here = _at(problem, z, before.lin)
+        count += here.simulations
+    settled = settled or _step(here, before, colours)[1] < 20 * SETTLED
+    grams = Grams(here, before.observed, before)
+    left = projected(grams.total(colours), grams.n_nuisance)
+    covariance = np.linalg.inv(np.eye(grams.n_unknown) + left.information)
+    found = Refit(here, grams, 0.0, np.sqrt(np.diag(covariance)) * grams.spread, settled, count)
+    return replace(found, evidence=found.evidence_with(colours))
+
+
+def _inner(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
+    low, high = problem.bounds
+    margin = np.where(np.isfinite(high - low), 1e-6 * (high - low), 0.0)
+    return low + margin, high - margin
+
+
+def _at(problem: Problem, z: np.ndarray, before: Linearised, *, derivatives: bool = True) -> Linearised:
+    known = None if derivatives else np.zeros((*before.residual.shape, problem.size))
+    return linearised(problem, np.clip(z, *_inner(problem)), before.around, (), known, before.by_nuisance)
+
+
+def _cost(lin: Linearised, before: Grams, colours: dict[int, Colour]) -> float:
+    """Half the square of the residual at ``z``, nuisance integrated out, and of the unknowns."""
+    grams = Grams(replace(lin, by_unknown=np.zeros((*lin.residual.shape, 0)), z=np.zeros(0)), before.observed, before)
+    left = projected(grams.total(colours), grams.n_nuisance)
+    return 0.5 * (left.square + float(np.sum((lin.z / _spread(lin)) ** 2)))
+
+
+def _spread(lin: Linearised) -> np.ndarray:
+    first = len(lin.problem.system.parameters)
+    spread = np.ones(len(lin.z))
+    spread[first : first + len(lin.chosen)] = AMPLITUDE
+    return spread
+
+
+def _step(lin: Linearised, before: Grams, colours: dict[int, Colour]) -> tuple[np.ndarray, float]:
+    """Best step within bounds, shape (unknowns,), and the gain it promises."""
+    grams = Grams(lin, before.observed, before)
+    left = projected(grams.total(colours), grams.n_nuisance)
+    root = cholesky(np.eye(grams.n_unknown) + left.information, lower=True)
+    low, high = (bound / grams.spread for bound in lin.problem.bounds)
+    target = solve_triangular(root, left.score, lower=True)
+    found = lsq_linear(root.T, target, (low, high)).x
+    now = lin.z / grams.spread
+    gain = 0.5 * float(np.sum((root.T @ now - target) ** 2) - np.sum((root.T @ found - target) ** 2))
+    return (found - now) * grams.spread, gain
+
+
+def linear_start(grams: Grams, colours: dict[int, Colour], new: Sequence[int]) -> np.ndarray:
+    """Where the linearised problem sees the optimum with further effects, shape (unknowns + new,).
+
+    Parameters
+    ----------
+    new
+        Places among the candidate effects.
+    """
+    lin = grams.lin
+    inner = grams.inner
+    places = np.concatenate([inner, [grams.outer[j] for j in new]]).astype(int)
+    scale = np.concatenate([np.ones(len(inner)), np.full(len(new), AMPLITUDE)])
+    product = grams.total(colours)
+    gram = product.gram[np.ix_(places, places)] * np.outer(scale, scale)
+    x = np.linalg.solve(np.eye(len(places)) + gram, product.score[places] * scale)
+    unknowns = x[grams.n_nuisance : len(inner)] * grams.spread
+    amplitudes = x[len(inner) :] * AMPLITUDE
+    first = len(lin.problem.system.parameters) + len(lin.chosen)
+    # a straight line is trusted for a way, not to the end of the world
+    unknowns = lin.z + np.clip(unknowns - lin.z, -1.5, 1.5)
+    return np.concatenate([unknowns[:first], amplitudes, unknowns[first:]])

@@ -1,0 +1,220 @@
+"""The report's tables and sentences, from what the diagnosis found."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import ndtr
+
+from diagnosis.fit import EDGE, Fit
+from diagnosis.gap.decision import Decision
+from diagnosis.gap.refit import Refit
+from diagnosis.gap.schema import (
+    Detectability,
+    NamedEffect,
+    NoiseOf,
+    ParameterOf,
+    Place,
+    Report,
+    ShrinkageOf,
+    StageOf,
+)
+from diagnosis.gap.search import Search
+from diagnosis.gap.sentences import limits, summary
+from diagnosis.gap.shrinkage import Shrinkage
+from diagnosis.gap.stages import Stage
+from diagnosis.gap.twins import TWINS
+from diagnosis.recording import HOUR
+from diagnosis.where import Where
+
+NORMAL_90 = 1.645
+TYPICAL = 2.0
+"""Size, in scales, at which it is said what a candidate would be mistaken for."""
+
+
+def reported(
+    *,
+    base: Fit,
+    search: Search,
+    decision: Decision,
+    where: Where,
+    where_left: Where | None,
+    shrinkage: list[Shrinkage],
+    scored: np.ndarray,
+    seed: int,
+    simulations: int,
+    seconds: float,
+    cpu_seconds: float,
+) -> Report:
+    """All tables of ``report.json``."""
+    problem, first = base.problem, search.stages[0]
+    report = Report(
+        verdict=decision.verdict,
+        summary=[],
+        effects=_effects(search, decision),
+        sets=[list(one) for one in decision.sets],
+        none_of_these=decision.none,
+        no_gap=decision.nothing,
+        rejected=decision.rejected,
+        where=_places(where, dict(zip(problem.system.output_names, problem.floor.tolist(), strict=True))),
+        balance=where.verdict,
+        shrinkage=[ShrinkageOf(**vars(one)) for one in shrinkage],
+        parameters=_parameters(search),
+        detectability=_detectability(first),
+        excluded=search.excluded,
+        stages=_stages(search, where, where_left),
+        noise=_noise(first),
+        limits=[],
+        guideline14=[one.to_dict() for one in where.guideline],
+        system=problem.system.name,
+        system_hash=problem.system.hash(),
+        fmu_sha256=problem.simulator.fmu.sha256,
+        recording=str(problem.recording.path),
+        start=problem.recording.start,
+        steps=len(problem.time),
+        step=problem.recording.step,
+        fitted_share=float(1 - scored.mean()),
+        occupancy=problem.occupancy,
+        replay=problem.replay,
+        replayed=list(problem.drive.replayed),
+        assumed=problem.drive.assumed,
+        twins=TWINS,
+        seed=seed,
+        converged=search.base.settled,
+        simulations=simulations,
+        seconds=seconds,
+        cpu_seconds=cpu_seconds,
+    )
+    return report.model_copy(update={"summary": summary(report), "limits": limits(report)})
+
+
+def _effects(search: Search, decision: Decision) -> list[NamedEffect]:
+    """Candidates, the most probable first."""
+    fitted: dict[str, tuple[float, float, bool]] = {}
+    for refits in search.refits:
+        for one in reversed(refits):
+            place = len(one.lin.problem.system.parameters) + len(one.lin.chosen) - 1
+            z, sd = float(one.lin.z[place]), float(one.sd[place])
+            low, high = (bound[place] for bound in one.lin.problem.bounds)
+            fitted[one.names[-1]] = (z, sd, bool(z > high - 0.01 * (high - low) or (low < 0 and z < low + 0.01 * high)))
+    found = []
+    for effect in search.stages[0].lin.effects:
+        known = fitted.get(effect.name)
+        found.append(
+            NamedEffect(
+                name=effect.name,
+                description=effect.description,
+                probability=decision.probabilities.get(effect.name, 0.0),
+                named=effect.name in decision.named,
+                amplitude=None if known is None else known[0] * effect.scale,
+                low=None if known is None else max((known[0] - NORMAL_90 * known[1]) * effect.scale, effect.lower),
+                high=None if known is None else min((known[0] + NORMAL_90 * known[1]) * effect.scale, effect.upper),
+                unit=effect.unit,
+                at_bound=known is not None and known[2],
+            )
+        )
+    return sorted(found, key=lambda one: -one.probability)
+
+
+def _places(where: Where, noise: dict[str, float]) -> list[Place]:
+    """Findings, the surest first; equally sure ones by their size in units of the channel's noise."""
+    found = [
+        Place(
+            channel=one.channel,
+            cell=one.cell,
+            p_value=one.p_value,
+            kind=one.kind,
+            text=one.text,
+            size=one.size,
+            unit=one.unit,
+        )
+        for one in where.findings
+        if not one.direction.startswith("less")  # twins that scatter more than the recording are no gap of it
+    ]
+
+    def rank(one: Place) -> tuple[float, float]:
+        alike = one.kind in ("cell", "episode") and one.channel in noise
+        return one.p_value, -abs(one.size) / noise[one.channel] if alike else 0.0
+
+    return sorted(found, key=rank)
+
+
+def _parameters(search: Search) -> list[ParameterOf]:
+    """Before, and after if effects were chosen, with 90 % intervals [unit]."""
+    problem, one = search.base.lin.problem, search.base
+    before = [problem.values(one.lin.z + k * NORMAL_90 * one.sd) for k in (-1, 0, 1)]
+    after, edges = None, [_on_edge(search.base)] * 2
+    if search.chosen:
+        one = search.refits[-1][0]
+        edges[1] = _on_edge(one)
+        after = [one.lin.problem.values(one.lin.z + k * NORMAL_90 * one.sd) for k in (-1, 0, 1)]
+    found = []
+    for k, parameter in enumerate(problem.system.parameters):
+        found.append(
+            ParameterOf(
+                name=parameter.name,
+                unit=parameter.unit,
+                before_low=float(before[0][k]),
+                before=float(before[1][k]),
+                before_high=float(before[2][k]),
+                after_low=None if after is None else float(after[0][k]),
+                after=None if after is None else float(after[1][k]),
+                after_high=None if after is None else float(after[2][k]),
+                at_bound=bool(edges[0][k]),
+                at_bound_after=bool(edges[1][k]) and after is not None,
+            )
+        )
+    return found
+
+
+def _on_edge(one: Refit) -> np.ndarray:
+    """Whether each parameter lies on an end of its range, shape (parameters,)."""
+    place = ndtr(one.lin.z[: len(one.lin.problem.system.parameters)])
+    return np.asarray((place < EDGE) | (place > 1 - EDGE))
+
+
+def _detectability(first: Stage) -> list[Detectability]:
+    found, scan = [], first.scan
+    for j, effect in enumerate(scan.effects):
+        needed = np.sqrt(scan.threshold / scan.expected[j]) if scan.expected[j] > 1e-9 else np.inf
+        reach = max(effect.upper, -effect.lower) / effect.scale
+        found.append(
+            Detectability(
+                name=effect.name,
+                share=float(scan.share[j]),
+                expected=float(scan.expected[j]),
+                smallest=float(needed * effect.scale) if needed <= reach else None,
+                confusable=[scan.effects[i].name for i in scan.alike(j, TYPICAL)],
+                ratio=float(scan.ratio[j]),
+                p_value=float(scan.adjusted[j]),
+            )
+        )
+    return found
+
+
+def _stages(search: Search, where: Where, where_left: Where | None) -> list[StageOf]:
+    found = []
+    for k, stage in enumerate(search.stages):
+        best = int(np.argmax(stage.scan.ratio)) if len(stage.scan.ratio) else None
+        p = where.p_value if k == 0 else where_left.p_value if where_left and k == len(search.stages) - 1 else None
+        found.append(
+            StageOf(
+                effects=[one.name for one in stage.lin.chosen],
+                best=stage.scan.effects[best].name if best is not None else None,
+                ratio=float(stage.scan.ratio[best]) if best is not None else 0.0,
+                p_value=stage.scan.p_value,
+                misfit_p=stage.scan.misfit_p,
+                where_p=p,
+                left_over=stage.left_over,
+            )
+        )
+    return found
+
+
+def _noise(first: Stage) -> list[NoiseOf]:
+    names = first.lin.problem.system.output_names
+    found = []
+    for k, (white, slow, memory) in first.colours.best.items():
+        size = float(np.hypot(white, slow))
+        hours = memory / HOUR if slow > 0 else 0.0
+        found.append(NoiseOf(channel=names[k], size=size, slow_share=float((slow / size) ** 2), hours=hours))
+    return found

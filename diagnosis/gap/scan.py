@@ -1,0 +1,115 @@
+"""All candidates at once in the linearised problem: what could be detected at all, what is, and what looks alike.
+
+For a candidate with signature e that nuisance and parameters cannot imitate (F = e'e, g = e'r after projection), the
+log-likelihood ratio is the largest of a g - a^2 F / 2 over the amplitudes a that it may have (the score test, Cox and
+Hinkley 1974, section 9.3). Its null is that of twins, and the family's is the largest over all candidates (Westfall and
+Young 1993), so that many candidates cost their due. What is tested is whether an amplitude is more than negligible.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import log_ndtr
+
+from diagnosis.effects import Effect
+from diagnosis.gap.grams import Projected
+from diagnosis.gap.twins import Twins
+from diagnosis.where.significance import rank_p
+
+NEGLIGIBLE = 0.1
+"""Amplitude [scales] up to which an effect is none that matters: a model is right to no better than that, and finer
+differences between a wall and its model would otherwise pass for small effects."""
+SEEN = 0.05
+"""Squared length of a signature, at one scale, below which a candidate takes no part."""
+PRIORS = (0.5, 1.0, 2.0, 4.0)
+"""Prior standard deviations of an amplitude [scales] over which a Bayes factor is averaged."""
+APART = 3.0
+"""Log-likelihood ratio that two candidates of detectable size must differ by to be told apart."""
+
+
+@dataclass(frozen=True)
+class Scan:
+    """What the linearised problem says of each candidate.
+
+    ``share`` of its whitened signature that nuisance and parameters cannot imitate; ``expected``
+    log-likelihood ratio at one scale; ``amplitude`` [scales], ``ratio`` and ``evidence`` (log Bayes factor) found;
+    ``adjusted`` family-wise p; ``cosines`` (candidates, candidates) between what cannot be imitated. ``p_value`` of the
+    family, ``misfit_p`` of the residual's whole square.
+    """
+
+    effects: tuple[Effect, ...]
+    share: np.ndarray
+    expected: np.ndarray
+    amplitude: np.ndarray
+    ratio: np.ndarray
+    evidence: np.ndarray
+    adjusted: np.ndarray
+    cosines: np.ndarray
+    p_value: float
+    misfit: float
+    misfit_p: float
+    threshold: float
+
+    @property
+    def order(self) -> list[int]:
+        """Candidates, the most plausible first."""
+        return [int(j) for j in np.argsort(-self.evidence, kind="stable")]
+
+    def alike(self, j: int, size: float) -> list[int]:
+        """Candidates that a gap of candidate ``j`` and ``size`` [scales] would be mistaken for."""
+        ratio = size**2 * self.expected[j] * (1 - self.cosines[j] ** 2)
+        seen = self.expected > 0.5 * SEEN
+        return [i for i in np.flatnonzero((ratio < APART) & seen).tolist() if i != j]
+
+
+def scan(twins: Twins, effects: tuple[Effect, ...], misfit: float) -> Scan:
+    """Test all candidates; ``misfit`` is the recording's square after estimation."""
+    left = twins.left
+    low = np.array([one.lower / one.scale for one in effects])
+    high = np.array([one.upper / one.scale for one in effects])
+    size = np.diag(left.information) if len(effects) else np.empty(0)
+    kept = size > SEEN
+    amplitude, ratio = ratios(left, left.score[:, None], low, high)
+    _, null = ratios(left, left.score_of(twins.scores), low, high)
+    none = np.zeros((1, twins.scores.shape[1]))
+    most = np.concatenate([none, null[kept]]).max(axis=0)
+    found = ratio[:, 0] * kept
+    # over the best amplitude that does not matter; the twins' ratios are over none at all, which errs to the safe side
+    small = np.minimum(high, NEGLIGIBLE)
+    beyond = (ratio - ratios(left, left.score[:, None], np.maximum(low, -NEGLIGIBLE), small)[1])[:, 0] * kept
+    largest = float(beyond.max(initial=0.0))
+    length = np.sqrt(np.maximum(size, 1e-12))
+    return Scan(
+        effects=effects,
+        share=np.clip(size / np.maximum(left.whole, 1e-12), 0, 1),
+        expected=0.5 * size,
+        amplitude=amplitude[:, 0],
+        ratio=found,
+        evidence=np.where(kept, _factors(left, low), 0.0),
+        adjusted=rank_p(beyond, most),
+        cosines=np.clip(left.information / np.outer(length, length), -1, 1),
+        p_value=float(rank_p(np.array([largest]), most)[0]),
+        misfit=misfit,
+        misfit_p=float(rank_p(np.array([misfit]), twins.misfits)[0]),
+        threshold=float(np.quantile(most, 0.95)),
+    )
+
+
+def ratios(left: Projected, score: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Best amplitudes within bounds (effects,) [scales] and their log-likelihood ratios, both (effects, n)."""
+    size = np.maximum(np.diag(left.information), 1e-12)[:, None]
+    amplitude = np.clip(score / size, low[:, None], high[:, None])
+    return amplitude, amplitude * score - 0.5 * amplitude**2 * size
+
+
+def _factors(left: Projected, low: np.ndarray) -> np.ndarray:
+    """Log Bayes factors of an amplitude that is (half-)normal with any of the prior widths, shape (effects,)."""
+    size, score = np.diag(left.information), left.score
+    found = []
+    for sd in PRIORS:
+        precision = size + 1 / sd**2
+        one = -0.5 * np.log(precision * sd**2) + 0.5 * score**2 / precision
+        found.append(one + np.where(low >= 0, np.log(2) + log_ndtr(score / np.sqrt(precision)), 0.0))
+    return np.asarray(np.logaddexp.reduce(np.array(found), axis=0) - np.log(len(PRIORS)))

@@ -1,0 +1,158 @@
+"""``report.json`` of ``diagnosis run``: what a program may rely on. The version changes when a field does."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from diagnosis.gap.decision import Verdict
+
+SCHEMA_VERSION = 1
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class NamedEffect(_Table):
+    """One candidate: its probability of being a cause, and, if it was refitted, its size [unit]."""
+
+    name: str
+    description: str
+    probability: float
+    named: bool = Field(description="whether it is part of the answer")
+    amplitude: float | None = None
+    low: float | None = Field(None, description="end of the 90 % interval [unit]")
+    high: float | None = None
+    unit: str
+    at_bound: bool = False
+
+
+class Place(_Table):
+    """Where recording and base model differ; ``p_value`` is family-wise over all that was looked at."""
+
+    channel: str
+    cell: dict[str, str]
+    p_value: float
+    kind: str
+    text: str
+    size: float
+    unit: str
+
+
+class ShrinkageOf(_Table):
+    """Of one channel on the part that took no part in fitting or choosing.
+
+    Root mean squares [unit], and the share of the gap above the noise that the named effects remove. Shares are
+    null where there is no gap above the noise.
+    """
+
+    channel: str
+    unit: str
+    before: float
+    after: float
+    floor: float
+    share: float | None
+    low: float | None
+    high: float | None
+    placebo: float | None
+    placebo_best: float | None
+
+
+class ParameterOf(_Table):
+    """A parameter as the base model has it, and with the named effects, each with its 90 % interval [unit]."""
+
+    name: str
+    unit: str
+    before: float
+    before_low: float
+    before_high: float
+    after: float | None
+    after_low: float | None
+    after_high: float | None
+    at_bound: bool = Field(description="whether the base model's value lies on its bound")
+    at_bound_after: bool
+
+
+class Detectability(_Table):
+    """Of a candidate, before anything is ranked.
+
+    ``share`` of its signature that nuisance and parameters cannot imitate; ``expected`` log-likelihood ratio at one
+    scale; ``smallest`` amplitude [unit] that would be seen; ``confusable``: what a gap of that kind, at twice its
+    scale, would be mistaken for; then what was found.
+    """
+
+    name: str
+    share: float
+    expected: float
+    smallest: float | None
+    confusable: list[str]
+    ratio: float
+    p_value: float
+
+
+class StageOf(_Table):
+    """One stage of the search.
+
+    With which effects, p of the best further candidate (family-wise), p of the residual's
+    whole square, p of where the residual lies, and how much log evidence a causeless discrepancy would still gain.
+    """
+
+    effects: list[str]
+    best: str | None
+    ratio: float
+    p_value: float
+    misfit_p: float
+    where_p: float | None
+    left_over: float
+
+
+class NoiseOf(_Table):
+    """Noise of the null of one channel: size [unit], slow share of its variance and memory [h]."""
+
+    channel: str
+    size: float
+    slow_share: float
+    hours: float
+
+
+class Report(_Table):
+    """``report.json``."""
+
+    schema_version: int = SCHEMA_VERSION
+    verdict: Verdict
+    summary: list[str] = Field(description="the answer in three sentences: where, which, how far and how sure")
+    effects: list[NamedEffect] = Field(description="the most probable first")
+    sets: list[list[str]] = Field(description="for each effect found, the candidates that the data cannot tell apart")
+    none_of_these: float = Field(description="probability that the cause is not among the candidates")
+    no_gap: float = Field(description="probability that there is no gap")
+    rejected: bool = Field(description="whether the named effects are rejected on their own twins")
+    where: list[Place]
+    balance: str = Field(description="whether a balance or a sensor is off: balance, sensor, undecided, none")
+    shrinkage: list[ShrinkageOf]
+    parameters: list[ParameterOf]
+    detectability: list[Detectability]
+    excluded: dict[str, str] = Field(description="candidates that could not be tried, and why")
+    stages: list[StageOf]
+    noise: list[NoiseOf]
+    limits: list[str]
+    guideline14: list[dict[str, Any]]
+    system: str
+    system_hash: str
+    fmu_sha256: str
+    recording: str
+    start: float
+    steps: int
+    step: float
+    fitted_share: float = Field(description="share of the steps that was fitted; the rest was scored on")
+    occupancy: str
+    replay: bool
+    replayed: list[str]
+    assumed: dict[str, str]
+    twins: int
+    seed: int
+    converged: bool
+    simulations: int
+    seconds: float
+    cpu_seconds: float

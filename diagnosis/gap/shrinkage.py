@@ -1,0 +1,163 @@
+"""How far the gap shrinks: fitted on one part of the recording, scored on another, channel by channel.
+
+The gap of a channel is the mean square of its residual beyond what noise alone leaves; the share that the effect
+removes is held against placebos: random smooth signatures of the same size and freedom, which mean nothing.
+Intervals are those of a moving-block bootstrap (Kuensch 1989) of whole days.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import cho_solve
+
+from diagnosis.gap.colours import Colours
+from diagnosis.gap.grams import Grams, projected
+from diagnosis.gap.linear import Linearised
+from diagnosis.gap.stages import Stage
+from diagnosis.gap.twins import draw_errors
+from diagnosis.recording import DAY, HOUR
+
+DRAWS = 1000
+PLACEBOS = 12
+MEMORY = 12 * HOUR
+"""Of a placebo's signature [s]."""
+FLOOR_DRAWS = 100
+CLEAR = 3.0
+"""A gap is a gap from so many standard errors of the noise's own mean square on."""
+
+
+@dataclass(frozen=True)
+class Shrinkage:
+    """One channel.
+
+    Root mean squares [unit] on the scored part, ``floor`` of noise alone; ``share`` of the gap that the
+    effect removes with its 90 % interval, None where there is no gap above the floor; ``placebo`` the mean share of
+    placebos and ``placebo_best`` the largest.
+    """
+
+    channel: str
+    unit: str
+    before: float
+    after: float
+    floor: float
+    share: float | None
+    low: float | None
+    high: float | None
+    placebo: float | None
+    placebo_best: float | None
+
+
+def shrinkages(
+    base: Stage, last: Stage, colours: Colours, scored: np.ndarray, observed: np.ndarray, *, seed: int = 0
+) -> list[Shrinkage]:
+    """Shares of the gap that the chosen effects remove.
+
+    Parameters
+    ----------
+    scored
+        Steps that took no part in fitting or choosing, shape (steps,).
+    observed
+        All readings that count, fitted or scored, shape (outputs, steps).
+    """
+    rng = np.random.default_rng(seed)
+    before, after = _residual(base.lin, colours, observed), _residual(last.lin, colours, observed)
+    floors, errors = _floor(base.lin, colours, observed & scored, observed, rng)
+    shifted = _placebos(base, [one.name for one in last.lin.chosen], colours, observed, rng)
+    system, found = base.lin.problem.system, []
+    for k, output in enumerate(system.outputs):
+        rows = observed[k] & scored
+        if rows.sum() < 12:
+            continue
+        old, new = before[k] ** 2, after[k] ** 2
+        gap = float(old[rows].mean() - floors[k])
+        some = gap > CLEAR * errors[k]
+        shares = _bootstrap(old, new, rows, floors[k], base.lin.problem.recording.step, rng) if some else None
+        placebo = [float((old - one[k] ** 2)[rows].mean() / gap) for one in shifted] if some else []
+        found.append(
+            Shrinkage(
+                channel=output.name,
+                unit=output.unit,
+                before=float(np.sqrt(old[rows].mean())),
+                after=float(np.sqrt(new[rows].mean())),
+                floor=float(np.sqrt(floors[k])),
+                share=float((old - new)[rows].mean() / gap) if some else None,
+                low=float(np.quantile(shares, 0.05)) if shares is not None else None,
+                high=float(np.quantile(shares, 0.95)) if shares is not None else None,
+                placebo=float(np.mean(placebo)) if placebo else None,
+                placebo_best=float(np.max(placebo)) if placebo else None,
+            )
+        )
+    return found
+
+
+def _bare(lin: Linearised, observed: np.ndarray) -> Grams:
+    """Nuisance alone: the unknowns are what the fit made them."""
+    empty = np.zeros((*lin.residual.shape, 0))
+    return Grams(replace(lin, by_unknown=empty, by_effect=empty, z=np.zeros(0)), observed)
+
+
+def _residual(lin: Linearised, colours: Colours, observed: np.ndarray) -> np.ndarray:
+    """Residual with the most likely nuisance over the whole recording, shape (outputs, steps) [unit of each]."""
+    grams = _bare(lin, observed)
+    left = projected(grams.total(colours.best), grams.n_nuisance)
+    product = grams.total(colours.best)
+    return np.asarray(lin.residual - lin.by_nuisance @ cho_solve((left.root, True), product.score))
+
+
+def _floor(
+    lin: Linearised, colours: Colours, scored: np.ndarray, observed: np.ndarray, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean square that noise leaves on scored readings, and its standard deviation, both (outputs,)."""
+    grams = _bare(lin, observed)
+    left = projected(grams.total(colours.best), grams.n_nuisance)
+    series = lin.by_nuisance @ rng.standard_normal((grams.n_nuisance, FLOOR_DRAWS))
+    scores = np.zeros((grams.n_nuisance, FLOOR_DRAWS))
+    for k in grams.channels:
+        series[k] += draw_errors(colours.weights[k], lin.problem.time, FLOOR_DRAWS, rng)
+        scores += grams.whitened_columns(k, colours.best[k]).T @ grams.whitened(k, colours.best[k], series[k])
+    rest = series - lin.by_nuisance @ left.inner(scores)
+    mean, sd = np.zeros(len(series)), np.zeros(len(series))
+    for k, rows in enumerate(scored):
+        if rows.any():
+            squares = (rest[k, rows] ** 2).mean(axis=0)
+            mean[k], sd[k] = squares.mean(), squares.std()
+    return mean, sd
+
+
+def _placebos(
+    base: Stage, names: list[str], colours: Colours, observed: np.ndarray, rng: np.random.Generator
+) -> list[np.ndarray]:
+    """Residuals (outputs, steps) with random signatures of the chosen effects' size, fitted where the effects were."""
+    lin = base.lin
+    places = [k for k, one in enumerate(lin.effects) if one.name in names]
+    if not places:
+        return []
+    sizes = np.sqrt(np.mean(lin.by_effect[..., places] ** 2, axis=1))
+    made = []
+    for _ in range(PLACEBOS):
+        moved = np.empty((*lin.residual.shape, len(places)))
+        for k, j in np.ndindex(*sizes.shape):
+            colour = (0.0, float(sizes[k, j]), MEMORY)
+            moved[k, :, j] = draw_errors([(colour, 1.0)], lin.problem.time, 1, rng)[:, 0]
+        grams = Grams(replace(lin, by_effect=moved), base.grams.observed, base.grams)
+        product = grams.total(base.colours.best)
+        mean = np.linalg.solve(np.eye(len(product.score)) + product.gram, product.score)[grams.n_nuisance :]
+        mean[: grams.n_unknown] -= lin.z / grams.spread
+        there = replace(lin, residual=lin.residual - grams.free @ mean)
+        made.append(_residual(there, colours, observed))
+    return made
+
+
+def _bootstrap(
+    old: np.ndarray, new: np.ndarray, rows: np.ndarray, floor: float, step: float, rng: np.random.Generator
+) -> np.ndarray:
+    """Shares over resampled days, shape (draws,)."""
+    places = np.flatnonzero(rows)
+    length = min(max(round(DAY / step), 1), len(places))
+    count = -(-len(places) // length)
+    starts = rng.integers(0, len(places) - length + 1, (DRAWS, count))
+    drawn = places[(starts[..., None] + np.arange(length)).reshape(DRAWS, -1)[:, : len(places)]]
+    a, b = old[drawn].mean(axis=1), new[drawn].mean(axis=1)
+    return np.asarray((a - b) / np.maximum(a - floor, 1e-3 * np.abs(a)))

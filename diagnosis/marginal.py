@@ -1,0 +1,50 @@
+"""A Gaussian nuisance integrated out of standardised residuals."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import eigh
+
+
+class Marginal:
+    """Standardised residuals with the nuisance integrated out.
+
+    With iid N(0, 1) errors and ``by_unknown`` (rows, unknowns) the standardised outputs by standard normal unknowns,
+    the covariance of the residual is S = I + B B'. :meth:`root` applies S^(-1/2).
+    """
+
+    def __init__(self, by_unknown: np.ndarray) -> None:
+        self._by = by_unknown
+        gram = by_unknown.T @ by_unknown
+        values, vectors = eigh(gram) if gram.size else (np.empty(0), np.empty((0, 0)))
+        keep = values > 1e-6
+        self._values, self._vectors = values[keep], vectors[:, keep]
+        self._basis = by_unknown @ (self._vectors / np.sqrt(self._values))
+        self.logdet = float(np.sum(np.log1p(self._values)))
+
+    def root(self, rows: np.ndarray) -> np.ndarray:
+        """S^(-1/2) applied to standardised rows, shape (rows,) or (rows, n)."""
+        inside = self._basis.T @ rows
+        shrink = 1 - 1 / np.sqrt(1 + self._values)
+        return np.asarray(rows - self._basis @ (shrink * inside.T).T)
+
+    def unknowns(self, residual: np.ndarray) -> np.ndarray:
+        """Posterior mean of the unknowns given a standardised residual (rows,), shape (unknowns,)."""
+        projected = self._vectors.T @ (self._by.T @ residual)
+        return np.asarray(self._vectors @ (projected / (1 + self._values)))
+
+    def unknowns_factor(self) -> np.ndarray:
+        """A factor of the posterior covariance of the unknowns given the rest, shape (unknowns, unknowns)."""
+        count = self._by.shape[1]
+        return np.asarray(np.eye(count) - self._vectors * (1 - 1 / np.sqrt(1 + self._values)) @ self._vectors.T)
+
+    def inverse(self, rows: np.ndarray) -> np.ndarray:
+        """S^(-1) applied to standardised rows, shape (rows,) or (rows, n)."""
+        inside = self._basis.T @ rows
+        shrink = self._values / (1 + self._values)
+        return np.asarray(rows - self._basis @ (shrink * inside.T).T)
+
+    @property
+    def by_unknown(self) -> np.ndarray:
+        """B, shape (rows, unknowns)."""
+        return self._by

@@ -1,0 +1,146 @@
+"""Many simulations of one system: in this process, in processes of this machine, or on a Dask cluster.
+
+One interface for all three: :meth:`Runner.map` takes runs and returns their outputs in the same order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import pairwise
+from multiprocessing import get_context
+from typing import Any, Protocol
+
+import numpy as np
+
+from datagen.simulator import Simulator
+from datagen.tables import InputTable
+from datagen.worker import simulator_for
+from shared.errors import SimulationError
+from shared.system import System
+
+
+@dataclass(frozen=True)
+class Run:
+    """One simulation: values by name [units of the description], inputs, and what to record (all times [s])."""
+
+    parameters: dict[str, float]
+    inputs: InputTable
+    start: float
+    stop: float
+    record_from: float
+    replay: bool = False
+    tolerance: float | None = None
+
+
+Outcome = np.ndarray | SimulationError
+"""Outputs (outputs, steps) [unit of each], or why there are none."""
+
+
+class Runner(Protocol):
+    """What runs simulations."""
+
+    def map(self, runs: Sequence[Run]) -> list[Outcome]:
+        """Outcome of each run, in order; a failed simulation is an error in its place, not an exception."""
+
+
+class InProcess:
+    """One after another on a simulator that is loaded already."""
+
+    def __init__(self, simulator: Simulator) -> None:
+        self.simulator = simulator
+
+    def map(self, runs: Sequence[Run]) -> list[Outcome]:
+        """See :class:`Runner`."""
+        return [simulate(self.simulator, run) for run in runs]
+
+
+class Processes:
+    """In processes of this machine, each with its own simulator. Close it, or use :func:`side_by_side`."""
+
+    def __init__(self, system: System, workers: int) -> None:
+        self._what = (system.canonical(), str(system.path))
+        self.workers = workers
+        self._pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
+
+    def map(self, runs: Sequence[Run]) -> list[Outcome]:
+        """See :class:`Runner`."""
+        parts = _parts(runs, self.workers)
+        done = self._pool.map(_simulate_all, [self._what] * len(parts), parts)
+        return [one for part in done for one in part]
+
+    def close(self) -> None:
+        """End the processes."""
+        self._pool.shutdown(cancel_futures=True)
+
+
+class Cluster:
+    """On the workers of a Dask client, which see the FMU under the same path as this machine."""
+
+    def __init__(self, system: System, client: Any) -> None:
+        self._what = (system.canonical(), str(system.path))
+        self._client = client
+
+    def map(self, runs: Sequence[Run]) -> list[Outcome]:
+        """See :class:`Runner`."""
+        workers = max(len(self._client.scheduler_info(n_workers=-1)["workers"]), 1)
+        futures = [self._client.submit(_simulate_all, self._what, part, pure=False) for part in _parts(runs, workers)]
+        return [one for part in self._client.gather(futures) for one in part]
+
+
+@contextmanager
+def side_by_side(
+    simulator: Simulator, *, workers: int = 1, scheduler: str | None = None, quiet: bool = True
+) -> Iterator[Runner]:
+    """A runner: on a Dask cluster where a scheduler is given, in ``workers`` processes, or in this one.
+
+    Raises
+    ------
+    datagen.cluster.ClusterError
+        If the scheduler does not answer.
+    """
+    if scheduler is not None:
+        from datagen.cluster import connect
+
+        with connect(scheduler=scheduler, quiet=quiet) as client:
+            yield Cluster(simulator.system, client)
+    elif workers > 1:
+        pool = Processes(simulator.system, workers)
+        try:
+            yield pool
+        finally:
+            pool.close()
+    else:
+        yield InProcess(simulator)
+
+
+def simulate(simulator: Simulator, run: Run) -> Outcome:
+    """Simulate one run."""
+    try:
+        return simulator.run(
+            run.parameters,
+            run.inputs,
+            start=run.start,
+            stop=run.stop,
+            record_from=run.record_from,
+            replay=run.replay,
+            tolerance=run.tolerance,
+        ).outputs
+    except SimulationError as error:
+        return error
+
+
+def _parts(runs: Sequence[Run], workers: int) -> list[list[Run]]:
+    """Consecutive parts, a few for each worker, so that none waits long for another."""
+    count = max(min(4 * workers, len(runs)), 1)
+    edges = np.linspace(0, len(runs), count + 1).round().astype(int)
+    return [list(runs[a:b]) for a, b in pairwise(edges) if b > a]
+
+
+def _simulate_all(what: tuple[str, str], runs: Sequence[Run]) -> list[Outcome]:
+    simulator = simulator_for(*what)
+    if simulator is None:
+        return [SimulationError(f"{what[1]}: its FMU is not on this worker; expected the same path")] * len(runs)
+    return [simulate(simulator, run) for run in runs]

@@ -1,0 +1,101 @@
+"""The whole diagnosis on a small house, whose recordings another program made (an exact recursion)."""
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from diagnosis.effects import build
+from diagnosis.gap import Report, diagnose
+from shared.effects import InputEffect, SensorEffect
+
+
+def candidates(system):
+    """Errors of the room sensor, and of the outdoor temperature."""
+    common = {"outputs": ["room"], "kind": "sensor"}
+    specs = [
+        SensorEffect(
+            name="drift",
+            unit="K",
+            operation="drift",
+            scale=1.0,
+            lower=-8.0,
+            upper=8.0,
+            description="It drifts",
+            **common,
+        ),
+        SensorEffect(name="lag", unit="h", operation="lag", factor=3600.0, scale=1.0, lower=0.0, upper=8.0, **common),
+        SensorEffect(name="gain", unit="1", operation="gain", about=20.0, scale=0.1, lower=-0.6, upper=0.6, **common),
+        InputEffect(
+            name="swing",
+            kind="input",
+            unit="K",
+            input="To",
+            operation="add",
+            shape=[{"form": "diurnal", "peak": 3.0}],
+            scale=1.0,
+            lower=-5.0,
+            upper=5.0,
+        ),
+    ]
+    return [build(one, system) for one in specs]
+
+
+def changed(path, change):
+    """The recording with its room temperature changed by a function of time [s] and values."""
+    data = xr.load_dataset(path, decode_times=False)
+    data["room"].values[:] = change(data["time"].values, data["room"].values)
+    path.unlink()
+    data.to_netcdf(path)
+    return path
+
+
+@pytest.mark.slow
+def test_a_drifting_sensor_is_found_told_how_large_and_removed(house, house_recording, tmp_path):
+    system = house("me")
+    path = changed(house_recording(hours=336, seed=3), lambda t, y: y + 3.0 * (t - t[0]) / (30 * 86400.0))
+    done = diagnose(system, path, effects=candidates(system), out=tmp_path / "out")
+    report = done.report
+    assert report.verdict == "effect"
+    assert [one.name for one in report.effects if one.named] == ["drift"]
+    first = report.effects[0]
+    assert first.low < 3.0 < first.high
+    assert first.probability > 0.8
+    (room,) = report.shrinkage
+    assert room.share > 0.8 > room.placebo
+    assert room.before > 2 * room.floor
+    assert report.where and report.where[0].p_value <= 0.05
+    total = report.none_of_these + sum(one.probability for one in report.effects)
+    assert total == pytest.approx(1.0, abs=1e-6)
+    again = Report.model_validate(json.loads((tmp_path / "out" / "report.json").read_text(encoding="utf-8")))
+    assert again == report
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert page.count("data:image/png;base64,") >= 6
+    assert "http://" not in page and "https://" not in page
+    assert page.index(report.summary[0][:20]) < page.index("<img")
+    assert sorted(one.name for one in (tmp_path / "out").iterdir()) == ["report.html", "report.json"]
+
+
+@pytest.mark.slow
+def test_without_a_gap_none_is_reported(house, house_recording):
+    system = house("me")
+    report = diagnose(system, house_recording(hours=336, seed=4), effects=candidates(system)).report
+    assert report.verdict == "no_gap", report.stages
+    assert not any(one.named for one in report.effects)
+    assert report.no_gap > 0.5
+    assert all(one.p_value > 0.02 for one in report.stages)
+
+
+@pytest.mark.slow
+def test_a_cause_that_is_not_among_the_candidates_is_none_of_these(house, house_recording):
+    """A sensor that fails for two days in the middle: no drift, lag, gain or weather looks like it."""
+    system = house("me")
+    path = changed(
+        house_recording(hours=336, seed=5),
+        lambda t, y: y + 1.5 * np.sin(2 * np.pi * t / (53 * 3600.0)) * (t % 3e5 < 2e5),
+    )
+    report = diagnose(system, path, effects=candidates(system)).report
+    assert report.verdict == "none_of_these", report.stages
+    assert report.none_of_these > 0.5
+    assert report.stages[0].left_over > 10

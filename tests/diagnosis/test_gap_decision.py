@@ -1,0 +1,80 @@
+"""The rules between the search and the answer, on searches made up for the purpose."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from diagnosis.gap.decision import decide
+
+EFFECTS = ("one", "two", "three")
+
+
+def stage(*, found=True, misfits=True, left_over=100.0, chosen=(), evidence=(50.0, 48.0, 1.0), p=0.0025):
+    effects = tuple(SimpleNamespace(name=name) for name in EFFECTS if name not in chosen)
+    return SimpleNamespace(
+        candidate_found=found,
+        misfits=misfits,
+        left_over=left_over,
+        discrepant={},
+        lin=SimpleNamespace(effects=effects, chosen=chosen),
+        scan=SimpleNamespace(p_value=p, misfit_p=p, evidence=np.array(evidence[: len(effects)])),
+    )
+
+
+def refits(**evidence):
+    return [
+        SimpleNamespace(names=(name,), evidence_with=lambda colours, value=value: value)
+        for name, value in sorted(evidence.items(), key=lambda item: -item[1])
+    ]
+
+
+def searched(stages, made):
+    share = stages[-1].left_over / max(stages[0].left_over, 1.0)
+    return SimpleNamespace(stages=stages, refits=made, last=stages[-1], chosen=stages[-1].lin.chosen, share_left=share)
+
+
+def test_nothing_significant_is_no_gap_and_probabilities_sum_to_one():
+    only = stage(found=False, misfits=False, left_over=1.0, p=0.5, evidence=(0.0, 0.0, 0.0))
+    done = decide(searched([only], []), 0.5, 0.5)
+    assert done.verdict == "no_gap"
+    assert done.nothing == pytest.approx(25 / 26)
+    assert done.nothing + done.none + sum(done.probabilities.values()) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("left_over", "verdict"), [(100.0, "none_of_these"), (0.0, "no_gap")])
+def test_a_place_alone_is_a_gap_without_a_cause_if_a_discrepancy_is_plausible(left_over, verdict):
+    only = stage(found=False, misfits=False, left_over=left_over)
+    assert decide(searched([only], []), 0.01, 0.01).verdict == verdict
+
+
+def test_the_cause_that_is_far_better_is_named_alone():
+    after = stage(found=False, misfits=False, left_over=0.0, chosen=("one",))
+    done = decide(searched([stage(), after], [refits(one=0.0, two=-7.0)]), 0.002, 0.5)
+    assert (done.verdict, done.named) == ("effect", ("one",))
+    # the third was not refitted: it is as far behind the worst refit as the straight line has it
+    weights = np.exp([0.0, -7.0, -7.0 - 47.0])
+    assert done.probabilities["one"] == pytest.approx((1 - done.none) * weights[0] / weights.sum())
+
+
+def test_causes_that_are_equally_good_are_a_set():
+    after = stage(found=False, misfits=False, left_over=0.0, chosen=("one",))
+    done = decide(searched([stage(), after], [refits(one=0.0, two=-0.5)]), 0.002, 0.5)
+    assert (done.verdict, set(done.named)) == ("ambiguous", {"one", "two"})
+
+
+@pytest.mark.parametrize(("left_over", "verdict"), [(5.0, "effect"), (80.0, "none_of_these")])
+def test_a_rejected_fit_is_none_of_these_only_if_much_is_left(left_over, verdict):
+    """A cause of another form than its candidate leaves something; a cause that is no candidate leaves much."""
+    after = stage(found=False, misfits=True, left_over=left_over, chosen=("one",))
+    done = decide(searched([stage(), after], [refits(one=0.0, two=-30.0)]), 0.002, 0.002)
+    assert done.rejected
+    assert done.verdict == verdict
+
+
+def test_two_effects_are_both_named():
+    middle = stage(left_over=50.0, chosen=("one",), evidence=(20.0, 1.0))
+    after = stage(found=False, misfits=False, left_over=0.0, chosen=("one", "two"))
+    search = searched([stage(), middle, after], [refits(one=0.0, two=-9.0), refits(two=0.0, three=-9.0)])
+    done = decide(search, 0.002, 0.4)
+    assert (done.verdict, done.named) == ("effect", ("one", "two"))

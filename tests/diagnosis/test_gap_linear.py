@@ -1,0 +1,181 @@
+"""Linear Gaussian arithmetic against scipy's multivariate normal, and p-values against their definition."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from diagnosis.effects.base import Nothing
+from diagnosis.gap.colours import Colours, discrepancy, estimated_colours
+from diagnosis.gap.grams import AMPLITUDE, Grams, projected
+from diagnosis.gap.parts import kept_for_scoring
+from diagnosis.gap.scan import scan
+from diagnosis.gap.twins import draw_twins
+
+HOUR = 3600.0
+STEPS = 60
+
+
+def problem_of(rng, *, effects=3, chosen=0, outputs=2, steps=STEPS, nuisance=4, parameters=2):
+    """A linearised recording of random smooth columns, without any simulator."""
+    time = HOUR * np.arange(1, steps + 1)
+
+    def smooth(*shape):
+        raw = rng.standard_normal((outputs, steps + 12, *shape))
+        return np.stack([raw[:, k : k + steps] for k in range(12)]).mean(axis=0) * np.sqrt(12)
+
+    some = tuple(Nothing(f"chosen {k}", lower=-5.0, upper=5.0) for k in range(chosen))
+    return SimpleNamespace(
+        problem=SimpleNamespace(time=time, system=SimpleNamespace(parameters=[None] * parameters)),
+        chosen=some,
+        z=0.3 * rng.standard_normal(parameters + chosen),
+        residual=np.zeros((outputs, steps)),
+        by_nuisance=smooth(nuisance),
+        by_unknown=smooth(parameters + chosen),
+        by_effect=smooth(effects),
+        effects=tuple(Nothing(f"effect {k}", lower=-5.0 if k else 0.0, upper=5.0) for k in range(effects)),
+    )
+
+
+def seen(lin, share=0.9, seed=5):
+    return np.random.default_rng(seed).random(lin.residual.shape) < share
+
+
+def covariance_of(colour, time):
+    white, slow, memory = colour
+    return white**2 * np.eye(len(time)) + slow**2 * np.exp(-np.abs(time[:, None] - time) / memory)
+
+
+@pytest.mark.parametrize("chosen", [0, 1])
+def test_the_evidence_is_that_of_a_multivariate_normal(chosen):
+    rng = np.random.default_rng(1)
+    lin = problem_of(rng, chosen=chosen)
+    lin.residual = rng.standard_normal(lin.residual.shape)
+    observed = seen(lin)
+    colours = {0: (1.0, 0.5, 5 * HOUR), 1: (0.7, 0.0, HOUR)}
+    spread = np.array([1.0, 1.0] + [AMPLITUDE] * chosen)
+    columns = np.concatenate([lin.by_nuisance, lin.by_unknown * spread, 2.0 * lin.by_effect], axis=2)
+    rows = [columns[k, observed[k]] for k in range(2)]
+    a = np.concatenate(rows)
+    noise = [covariance_of(colours[k], lin.problem.time[observed[k]]) for k in range(2)]
+    s = np.block(
+        [[noise[0], np.zeros((len(noise[0]), len(noise[1])))], [np.zeros((len(noise[1]), len(noise[0]))), noise[1]]]
+    )
+    r = np.concatenate([(lin.residual + lin.by_unknown @ lin.z)[k, observed[k]] for k in range(2)])
+    expected = multivariate_normal.logpdf(r, np.zeros(len(r)), s + a @ a.T)
+    assert Grams(lin, observed).evidence(colours, 2.0) == pytest.approx(expected, abs=1e-6)
+
+
+def test_what_is_left_is_what_generalised_least_squares_leaves():
+    rng = np.random.default_rng(2)
+    lin = problem_of(rng)
+    lin.residual = rng.standard_normal(lin.residual.shape)
+    observed = seen(lin)
+    colours = {0: (1.0, 0.0, HOUR), 1: (2.0, 0.0, HOUR)}
+    grams = Grams(lin, observed)
+    left = projected(grams.total(colours), grams.inner.size)
+    size = np.concatenate([np.full(observed[0].sum(), 1.0), np.full(observed[1].sum(), 2.0)])
+    inner = np.concatenate([lin.by_nuisance, lin.by_unknown], axis=2)
+    a = np.concatenate([inner[k, observed[k]] for k in range(2)]) / size[:, None]
+    e = np.concatenate([lin.by_effect[k, observed[k]] for k in range(2)]) / size[:, None]
+    r = np.concatenate([(lin.residual + lin.by_unknown @ lin.z)[k, observed[k]] for k in range(2)]) / size
+    weight = np.linalg.inv(np.eye(len(r)) + a @ a.T)
+    np.testing.assert_allclose(left.information, e.T @ weight @ e, atol=1e-8)
+    np.testing.assert_allclose(left.score, e.T @ weight @ r, atol=1e-8)
+    assert left.square == pytest.approx(r @ weight @ r)
+
+
+def drawn(rng, lin, colours, amplitude=0.0):
+    """A recording of the linear model with one effect."""
+    made = lin.by_nuisance @ rng.standard_normal(lin.by_nuisance.shape[2]) + amplitude * lin.by_effect[..., 1]
+    for k, colour in colours.items():
+        root = np.linalg.cholesky(covariance_of(colour, lin.problem.time))
+        made[k] += root @ rng.standard_normal(len(lin.problem.time))
+    return made
+
+
+def test_without_a_gap_p_values_are_small_no_oftener_than_they_say_and_with_one_the_effect_is_found():
+    rng = np.random.default_rng(3)
+    colours = {0: (1.0, 0.0, HOUR), 1: (1.0, 0.0, HOUR)}
+    sure = Colours(colours, {k: [(one, 1.0)] for k, one in colours.items()}, 0.0)
+    p, misfit, right = [], [], 0
+    for k in range(60):
+        lin = problem_of(rng)
+        observed = seen(lin)
+        clean = lin.residual
+        for amplitude in (0.0, 3.0):
+            lin.residual = clean + drawn(rng, lin, colours, amplitude)
+            twins = draw_twins(Grams(lin, observed), sure, 99, seed=k)
+            found = scan(twins, lin.effects, twins.left.square)
+            if amplitude:
+                right += found.order[0] == 1 and found.p_value <= 0.05
+            else:
+                p.append(found.p_value)
+                misfit.append(found.misfit_p)
+    assert right == 60
+    assert np.mean(misfit) == pytest.approx(0.5, abs=0.15)  # a uniform mean has a standard error of 0.037 here
+    assert np.mean(np.array(misfit) <= 0.1) < 0.25
+    assert np.mean(np.array(p) <= 0.1) < 0.2
+    assert np.mean(p) > 0.4  # what is tested is more than a negligible amplitude: errs to the safe side
+
+
+def test_an_effect_of_negligible_size_is_no_gap_however_clear():
+    rng = np.random.default_rng(7)
+    lin = problem_of(rng)
+    lin.by_effect *= 100.0
+    colours = {0: (1.0, 0.0, HOUR), 1: (1.0, 0.0, HOUR)}
+    sure = Colours(colours, {k: [(one, 1.0)] for k, one in colours.items()}, 0.0)
+    noise = drawn(rng, lin, colours) + lin.by_unknown @ -lin.z
+    for amplitude, seen_ in ((0.05, False), (0.3, True)):
+        lin.residual = noise + amplitude * lin.by_effect[..., 1]
+        twins = draw_twins(Grams(lin, np.ones(noise.shape, dtype=bool)), sure, 99)
+        found = scan(twins, lin.effects, twins.left.square)
+        assert found.ratio[1] > 30
+        assert (found.p_value <= 0.02) == seen_
+
+
+def test_what_the_parameters_imitate_cannot_be_detected():
+    rng = np.random.default_rng(4)
+    lin = problem_of(rng)
+    lin.by_unknown = 30 * lin.by_unknown
+    lin.by_effect[..., 2] = lin.by_unknown[..., 0] / 30
+    lin.by_effect[..., 1] = lin.by_effect[..., 0] * 1.5
+    lin.residual = rng.standard_normal(lin.residual.shape)
+    colours = {0: (1.0, 0.0, HOUR), 1: (1.0, 0.0, HOUR)}
+    sure = Colours(colours, {k: [(one, 1.0)] for k, one in colours.items()}, 0.0)
+    twins = draw_twins(Grams(lin, seen(lin)), sure, 49)
+    found = scan(twins, lin.effects, twins.left.square)
+    assert found.share[2] < 0.01 < 0.2 < found.share[0]
+    assert found.cosines[0, 1] == pytest.approx(1.0)
+    assert found.alike(0, 10.0) == [1]
+
+
+def test_a_slow_noise_is_recognised_and_a_discrepancy_measured():
+    rng = np.random.default_rng(6)
+    lin = problem_of(rng, steps=400)
+    observed = np.ones(lin.residual.shape, dtype=bool)
+    true = {0: (np.sqrt(0.5), np.sqrt(0.5), 10 * HOUR), 1: (1.0, 0.0, HOUR)}
+    lin.residual = drawn(rng, lin, true)
+    grams = Grams(lin, observed)
+    found = estimated_colours(grams, np.ones(2))
+    assert found.best[0][1] > 0.5
+    assert found.best[1][1] < 0.3
+    gain, _ = discrepancy(grams, found, np.ones(2))
+    assert gain == 0.0
+    lin.residual = drawn(rng, lin, {0: (1.0, 5.0, 8 * HOUR), 1: (1.0, 0.0, HOUR)})
+    grams = Grams(lin, observed)
+    gain, colours = discrepancy(grams, estimated_colours(grams, np.ones(2)), np.ones(2))
+    assert gain > 30
+    assert colours[0][1] > 2 > colours[1][1]
+
+
+def test_the_part_that_is_kept_is_chosen_from_inputs_alone_and_unlike_the_rest():
+    time = HOUR * np.arange(1, 28 * 24 + 1)
+    warm = np.sin(2 * np.pi * time / (28 * 24 * HOUR)) * 10 + np.sin(2 * np.pi * time / (24 * HOUR))
+    record = SimpleNamespace(time=time, start=0.0, stop=float(time[-1]), step=HOUR, inputs={"x": warm, "c": time * 0})
+    kept = kept_for_scoring(record)
+    assert 0.15 < kept.mean() < 0.35
+    assert not kept[: 3 * 24].any()
+    assert (np.diff(np.flatnonzero(np.diff(kept.astype(int)))) >= 24).all()
+    assert abs(warm[kept]).mean() > 1.2 * abs(warm[~kept]).mean()
