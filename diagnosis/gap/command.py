@@ -90,5 +90,6 @@ def run(
     table.add_row("none of these", f"{report.none_of_these:.0%}", "", "")
     table.add_row("no gap", f"{report.no_gap:.0%}", "", "")
     console.print(table)
+    console.print(report.limits[0], style="yellow")
     console.print(f"{report.simulations} simulations, {report.seconds:.0f} s; {out / 'report.html'}")
     return OK

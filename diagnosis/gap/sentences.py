@@ -4,6 +4,11 @@ from __future__ import annotations
 
 from diagnosis.gap.schema import NamedEffect, Report
 
+UNCHECKED = (
+    "Too few blind recordings have been scored yet to say how often such verdicts and probabilities are right: take"
+    " them for an order in which to look, not for odds."
+)
+
 
 def summary(report: Report) -> list[str]:
     """Where, which, and how far; how sure is said with each."""
@@ -72,7 +77,9 @@ def _how_far(report: Report) -> str:
             "How far: on the part of the recording that took no part in fitting, no channel's gap stands out from the"
             " noise, so no share of it can be given."
         )
-    said = ", ".join(f"{one.share:.0%} in {one.channel} ({one.low:.0%} to {one.high:.0%})" for one in shares)
+    said = ", ".join(
+        f"{_share(one.share)} in {one.channel} ({_share(one.low)} to {_share(one.high)})" for one in shares
+    )
     placebo = max((one.placebo or 0.0) for one in shares)
     return (
         f"How far: on the part that took no part in fitting or choosing, this removes of the gap above noise {said};"
@@ -80,9 +87,14 @@ def _how_far(report: Report) -> str:
     )
 
 
+def _share(value: float | None) -> str:
+    """A share as text; above one, what is left is below the noise that was assumed: all of the gap, and no more."""
+    return "?" if value is None else f"{min(value, 1.0):.0%}"
+
+
 def limits(report: Report) -> list[str]:
     """What was not known and how that limits the answer."""
-    found = []
+    found = [UNCHECKED]
     if report.occupancy == "unknown":
         found.append(
             "Persons were not counted: whatever looks like people coming and going at other times than usual is taken"

@@ -41,7 +41,7 @@ def means_of(signal: Signal, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     # sums leave a little rounding, by which nobody would be a little somebody: the mean of zeros is zero
     low, high = float(clean.values.min()), float(clean.values.max())
     largest = max(abs(low), abs(high))
-    if largest > 0:
+    if largest > 1e-200:  # below, there are no decimals to round to
         means = np.round(means, 12 - int(np.ceil(np.log10(largest))))
     means = np.clip(means, low, high)
     return means, share
