@@ -6,11 +6,11 @@ import json
 from pathlib import Path
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from datagen.tables import Piecewise
 from diagnosis.calibration import Calibrated
 from diagnosis.calibration_summary import CORRELATED
+from diagnosis.pages import page_environment
 from diagnosis.pictures import BLUE, GREY, ORANGE, RED, embedded, figure, readable
 from diagnosis.recording import DAY, HOUR
 from diagnosis.whole import whole
@@ -33,11 +33,7 @@ def write_calibration(done: Calibrated, folder: Path) -> None:
 
 def render(done: Calibrated) -> str:
     """The page as HTML, pictures and all."""
-    environment = Environment(
-        loader=PackageLoader("diagnosis"), undefined=StrictUndefined, autoescape=True, trim_blocks=True
-    )
-    environment.filters["number"] = lambda value: "–" if value is None else f"{value:.4g}"
-    environment.filters["percent"] = lambda value: "–" if value is None else f"{value:.1%}"
+    environment = page_environment()
     begin = np.datetime64(EPOCH, "s") + np.timedelta64(round(done.report.start), "s")
     return environment.get_template("calibration.html.j2").render(
         report=done.report,

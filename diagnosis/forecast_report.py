@@ -5,9 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from diagnosis.forecasting import Forecasted
+from diagnosis.pages import page_environment
 from diagnosis.pictures import BLUE, ORANGE, embedded, figure, readable
 from diagnosis.recording import DAY
 from diagnosis.whole import whole
@@ -24,11 +23,7 @@ def write_forecast(done: Forecasted, folder: Path) -> None:
 
 def render(done: Forecasted) -> str:
     """The page as HTML, pictures and all."""
-    environment = Environment(
-        loader=PackageLoader("diagnosis"), undefined=StrictUndefined, autoescape=True, trim_blocks=True
-    )
-    environment.filters["number"] = lambda value: "–" if value is None else f"{value:.4g}"
-    environment.filters["percent"] = lambda value: "–" if value is None else f"{value:.1%}"
+    environment = page_environment()
     return environment.get_template("forecast.html.j2").render(report=done.report, picture=_picture(done))
 
 

@@ -34,7 +34,11 @@ def c_sources(table: Table) -> dict[str, str]:
 def build(out: Path = DEFAULT_OUT, nodes: int = 3, platforms: Iterable[str] = tuple(BINARIES)) -> Path:
     """Write the FMU with walls of `nodes` nodes and binaries for `platforms` (keys of BINARIES)."""
     table = load_table(nodes)
-    sources = c_sources(table)
+    return write_fmu(out, table, c_sources(table), platforms)
+
+
+def write_fmu(out: Path, table: Table, sources: dict[str, str], platforms: Iterable[str]) -> Path:
+    """Compile sources for each platform and write them with their description as an FMU."""
     files: dict[str, bytes] = {
         "modelDescription.xml": render_model_description(table).encode(),
         "resources/source.sha256": f"{table.source_hash}\n".encode(),

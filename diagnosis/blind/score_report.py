@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from diagnosis.blind import score_pictures as pictures
 from diagnosis.blind.intervals import Figure, Share
 from diagnosis.blind.rates import LeftOutScore
 from diagnosis.blind.scoring import Score
+from diagnosis.pages import page_environment
 
 Lines = list[tuple[str, str, str]]
 OWN_FORM = "as the candidate has it; declared after parameters have compensated"
@@ -123,9 +122,7 @@ def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
 
 def page(done: Score) -> str:
     """The page, pictures and all."""
-    environment = Environment(
-        loader=PackageLoader("diagnosis"), undefined=StrictUndefined, autoescape=True, trim_blocks=True
-    )
+    environment = page_environment()
     environment.filters["percent"] = percent
     environment.filters["number"] = number
     return environment.get_template("blind_score.html.j2").render(

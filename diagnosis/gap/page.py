@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
 from diagnosis.gap.pictures import draw_angles, draw_candidates, draw_outputs, draw_parameters, draw_shares
+from diagnosis.pages import page_environment
 from diagnosis.pictures import embedded
 from diagnosis.recording import DAY
 from diagnosis.where.pictures import draw_cells, draw_correlations
@@ -38,11 +38,7 @@ def write_report(done: Diagnosis, folder: Path) -> None:
 
 def render(done: Diagnosis) -> str:
     """The page as HTML, pictures and all."""
-    environment = Environment(
-        loader=PackageLoader("diagnosis"), undefined=StrictUndefined, autoescape=True, trim_blocks=True
-    )
-    environment.filters["number"] = lambda value: "–" if value is None else f"{value:.4g}"
-    environment.filters["percent"] = lambda value: "–" if value is None else f"{value:.0%}"
+    environment = page_environment(decimals=0)
     begin = np.datetime64(EPOCH, "s") + np.timedelta64(round(done.report.start), "s")
     return environment.get_template("gap.html.j2").render(
         report=done.report,

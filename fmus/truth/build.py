@@ -19,10 +19,10 @@ from pathlib import Path
 if __package__ in (None, ""):  # run as a script
     sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from fmus.build import write_zip
-from fmus.render import render_header, render_model_description, render_tables
+from fmus.build import write_fmu
+from fmus.render import render_header, render_tables
 from fmus.tables import TABLE_FILE, Table, source_files, source_hash, table_of
-from fmus.toolchain import BINARIES, compile_binary, native_platform
+from fmus.toolchain import BINARIES, native_platform
 
 HERE = Path(__file__).resolve().parent
 DEFAULT_OUT = HERE / "MixedAirCO2Truth.fmu"
@@ -66,17 +66,7 @@ def truth_sources(table: Table) -> dict[str, str]:
 def build(out: Path = DEFAULT_OUT, nodes: int = NODES, platforms: Iterable[str] = tuple(BINARIES)) -> Path:
     """Write the FMU with binaries for ``platforms`` (keys of BINARIES)."""
     table = truth_table(nodes)
-    sources = truth_sources(table)
-    files: dict[str, bytes] = {
-        "modelDescription.xml": render_model_description(table).encode(),
-        "resources/source.sha256": f"{table.source_hash}\n".encode(),
-    }
-    files |= {f"sources/{name}": text.encode() for name, text in sources.items()}
-    for key in platforms:
-        path, content = compile_binary(BINARIES[key], sources, table.identifier)
-        files[path] = content
-    write_zip(out, files)
-    return out
+    return write_fmu(out, table, truth_sources(table), platforms)
 
 
 def main(argv: list[str] | None = None) -> int:
