@@ -9,8 +9,8 @@ from importlib import import_module
 from typing import Any
 
 _HOMES = {
-    "calibrate": "diagnosis.calibration",
-    "forecast": "diagnosis.forecasting",
+    "calibrate": "diagnosis.calibrating.calibration",
+    "forecast": "diagnosis.forecasting.forecast",
     "import_recording": "diagnosis.importing.importer",
     "residuals": "diagnosis.simulated",
 }

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from pydantic import BaseModel, ConfigDict
+from rich.table import Table
 
 TEMPERATURES = ("K", "degC", "degF")
 """Units whose zero is arbitrary or far away: a share of their mean says nothing."""
@@ -49,3 +52,12 @@ def score(measured: np.ndarray, simulated: np.ndarray, unit: str) -> Score:
         nmbe=bias / yardstick if yardstick > 0 else None,
         share_of=share_of,
     )
+
+
+def score_table(outputs: Mapping[str, Score]) -> Table:
+    """Scores by output, for the terminal."""
+    table = Table("output", "unit", "RMSE", "bias", "CVRMSE", "NMBE", "shares of", box=None)
+    for name, one in outputs.items():
+        shares = ["-" if value is None else f"{value:.2%}" for value in (one.cvrmse, one.nmbe)]
+        table.add_row(name, one.unit, f"{one.rmse:.4g}", f"{one.bias:.4g}", *shares, one.share_of)
+    return table

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from diagnosis.fitting.noise import HOUR
 from diagnosis.gap.grams import Colour, Grams
-from diagnosis.noise import HOUR
 
 SHARES = (0.3, 0.5)
 MEMORIES = (3 * HOUR, 10 * HOUR)

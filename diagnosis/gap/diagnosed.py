@@ -10,19 +10,19 @@ from pathlib import Path
 import numpy as np
 
 from datagen.simulator import Simulator
-from diagnosis.calibration import estimate
-from diagnosis.checks import check_recording
+from diagnosis.calibrating.calibration import estimate
+from diagnosis.calibrating.checks import check_recording
 from diagnosis.effects import Effect, library
-from diagnosis.fit import Fit, fit
+from diagnosis.fitting.fit import Fit, fit
+from diagnosis.fitting.problem import Problem
+from diagnosis.fitting.side_by_side import side_by_side
 from diagnosis.gap.decision import Decision, decide, gap_found
 from diagnosis.gap.parts import kept_for_scoring
 from diagnosis.gap.places import operators, place
 from diagnosis.gap.schema import Report
 from diagnosis.gap.search import Search, search
 from diagnosis.gap.shrinkage import Shrinkage, shrinkages
-from diagnosis.problem import Problem
 from diagnosis.recording import HOUR, Recording, read_recording
-from diagnosis.side_by_side import side_by_side
 from diagnosis.where import Where
 from shared.system import System, load_system
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.linalg import cho_solve, cholesky
 
+from diagnosis.fitting.noise import NoiseModel
 from diagnosis.gap.linear import Linearised
-from diagnosis.noise import NoiseModel
 
 AMPLITUDE = 2.0
 """Prior standard deviation of a fitted amplitude [scale of the effect]: larger ones than expected are no surprise."""

@@ -12,8 +12,8 @@ import numpy as np
 from scipy.linalg import eigh
 
 from diagnosis.effects import Effect, clash
-from diagnosis.linearisation import Linearisation
-from diagnosis.problem import STEP, Problem
+from diagnosis.fitting.linearisation import Linearisation
+from diagnosis.fitting.problem import STEP, Problem
 from shared.errors import SimulationError
 
 UNFELT = 0.1

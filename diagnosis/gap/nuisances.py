@@ -2,9 +2,9 @@
 
 - Replayed actuators are read by meters, and what the meters get wrong drives the model: each replayed input gets pulses
   whose prior is the meter's noise, a part of it slow.
-- When within a step people came and went has heavier tails than the normal prior of :mod:`diagnosis.unmeasured`, and a
-  quickly ventilated room remembers the end of a step better than its mean: the prior is widened, and the second half of
-  a step gets halves of its own, lest a short absence pass for a gap.
+- When within a step people came and went has heavier tails than the normal prior of
+  :mod:`diagnosis.fitting.unmeasured`, and a quickly ventilated room remembers the end of a step better than its mean:
+  the prior is widened, and the second half of a step gets halves of its own, lest a short absence pass for a gap.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.fit import Fit
-from diagnosis.linearisation import Linearisation
-from diagnosis.nuisance import FIELDS, Nuisance, responses
-from diagnosis.problem import Problem
+from diagnosis.fitting.fit import Fit
+from diagnosis.fitting.linearisation import Linearisation
+from diagnosis.fitting.nuisance import FIELDS, Nuisance, responses
+from diagnosis.fitting.problem import Problem
 from diagnosis.recording import DAY, HOUR
 
 PULSE = 3 * HOUR

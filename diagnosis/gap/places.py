@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.effects import Effect, Nothing
+from diagnosis.fitting.nuisance import Nuisance
+from diagnosis.fitting.problem import Problem
 from diagnosis.gap.nuisances import felt
 from diagnosis.gap.stages import Stage
-from diagnosis.nuisance import Nuisance
-from diagnosis.problem import Problem
 from diagnosis.recording import DAY, HOUR
 from diagnosis.where import Operator, Residuals, Where, find_regimes, locate
 from shared.effects import ShapedEffect

@@ -15,9 +15,9 @@ from scipy.optimize import lsq_linear
 from scipy.special import log_ndtr
 
 from diagnosis.effects import Effect
+from diagnosis.fitting.problem import Problem
 from diagnosis.gap.grams import AMPLITUDE, Colour, Grams, projected
 from diagnosis.gap.linear import Linearised, linearised
-from diagnosis.problem import Problem
 from shared.errors import SimulationError
 
 STEPS = 5

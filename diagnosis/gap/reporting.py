@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import ndtr
 
-from diagnosis.fit import EDGE, Fit
+from diagnosis.fitting.fit import EDGE, Fit
 from diagnosis.gap.decision import Decision
 from diagnosis.gap.refit import Refit
 from diagnosis.gap.schema import (

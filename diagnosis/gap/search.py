@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from diagnosis.effects import Effect
-from diagnosis.fit import Fit
+from diagnosis.fitting.fit import Fit
 from diagnosis.gap.colours import estimated_colours
 from diagnosis.gap.grams import Grams
 from diagnosis.gap.linear import Linearised, applicable, linearised

@@ -18,7 +18,7 @@ from datagen.inputs import build_inputs
 from datagen.sampling import sample_parameters
 from datagen.simulator import Simulator
 from datagen.tables import Piecewise
-from diagnosis.forecasting import forecast
+from diagnosis.forecasting.forecast import forecast
 from diagnosis.recording import HOUR, Recording
 from shared.errors import ZeroshotError
 from shared.schema import build_shard

@@ -24,11 +24,11 @@ from scipy.optimize import differential_evolution
 
 from datagen import simulate
 from datagen.simulator import Simulator
-from diagnosis.calibration import estimate
-from diagnosis.fit import fit
-from diagnosis.problem import LIMIT, Problem
+from diagnosis.calibrating.calibration import estimate
+from diagnosis.fitting.fit import fit
+from diagnosis.fitting.problem import LIMIT, Problem
 from diagnosis.recording import read_recording
-from diagnosis.side_by_side import InProcess, Outcome, Run
+from diagnosis.fitting.side_by_side import InProcess, Outcome, Run
 from shared.errors import SimulationError
 from shared.system import load_system
 
@@ -41,7 +41,7 @@ class Counted(InProcess):
     count = 0
 
     def map(self, runs: Sequence[Run]) -> list[Outcome]:
-        """See :class:`diagnosis.side_by_side.Runner`."""
+        """See :class:`diagnosis.fitting.side_by_side.Runner`."""
         self.count += len(runs)
         return super().map(runs)
 

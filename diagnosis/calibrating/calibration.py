@@ -1,0 +1,155 @@
+"""``calibrate``: from a recording to a system's parameters, how sure they are, and what is left unexplained."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from datagen.simulator import Simulator
+from diagnosis.calibrating.checks import check_recording
+from diagnosis.calibrating.schema import Calibration, read_calibration
+from diagnosis.calibrating.summary import summarise
+from diagnosis.fitting.fit import Fit, fit
+from diagnosis.fitting.problem import Problem
+from diagnosis.fitting.side_by_side import side_by_side
+from diagnosis.recording import HOUR, Recording, read_recording
+from diagnosis.whole import whole
+from shared.errors import EstimatorError, RecordingError
+from shared.system import System, load_system
+
+__all__ = ["Calibrated", "Calibration", "calibrate", "check_recording", "estimate", "read_calibration", "whole"]
+
+STARTS = 3
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """A calibration and what it was made from, for whoever goes on: forecasts, pictures, effects."""
+
+    report: Calibration
+    fit: Fit
+
+    @property
+    def problem(self) -> Problem:
+        """The problem as it was fitted in the end."""
+        return self.fit.problem
+
+
+def calibrate(
+    system: System | Path | str,
+    recording: Recording | Path | str,
+    *,
+    run: Path | str | None = None,
+    out: Path | str | None = None,
+    replay: bool = False,
+    occupancy: str | None = None,
+    noise: str = "sensor",
+    estimate_noise: bool = True,
+    starts: int = STARTS,
+    warm_up: float = 240.0,
+    seed: int = 0,
+    workers: int = 1,
+    scheduler: str | None = None,
+) -> Calibrated:
+    """Estimate a system's parameters from a recording by simulation.
+
+    Parameters
+    ----------
+    run
+        Folder of an estimator, whose zero-shot estimate is the first start; without, the middle of the prior is.
+    out
+        Folder for ``calibration.json`` and the page ``calibration.html``, written when all is done.
+    replay
+        The recorded actuators replace the model's control loops.
+    occupancy
+        ``measured`` or ``unknown``; measured where the recording has it, if not given.
+    noise
+        A noise preset of the description.
+    estimate_noise
+        Estimate by how much the outputs' errors exceed that, and how slow they are.
+    starts
+        Starts in all; further ones are drawn from the prior.
+    warm_up
+        The recording's first day is repeated this long before its start [h].
+    workers, scheduler
+        Processes on this machine, or the address of a Dask scheduler, for the simulations.
+
+    Raises
+    ------
+    RecordingError
+        If the recording is shorter than a day, has a constant output, or does not fit the system.
+    SystemDescriptionError, FmuError, SimulationError, EstimatorError
+        If the system, its FMU or the estimator cannot be used.
+    """
+    described = system if isinstance(system, System) else load_system(system)
+    record = recording if isinstance(recording, Recording) else read_recording(recording, described)
+    check_recording(record, described)
+    described = described.with_experiment(step=record.step, hours=len(record.time) * record.step / HOUR)
+    simulator = Simulator(described)
+    with side_by_side(simulator, workers=workers, scheduler=scheduler) as runner:
+        problem = Problem(
+            simulator,
+            record,
+            noise=noise,
+            occupancy=occupancy,
+            replay=replay,
+            warm_up=warm_up * HOUR,
+            runner=runner,
+        )
+        zero_shot = estimate(run, record, described) if run is not None else {}
+        first = problem.unknowns(zero_shot)
+        others = np.random.default_rng(seed).standard_normal((max(starts - 1, 0), problem.size))
+        found = fit(problem, [first, *others], estimate_noise=estimate_noise)
+        report = summarise(found, zero_shot, str(run) if run is not None else "prior")
+    done = Calibrated(report, found)
+    if out is not None:
+        from diagnosis.calibrating.report import write_calibration
+
+        write_calibration(done, Path(out))
+    return done
+
+
+def estimate(run: Path | str, recording: Recording, system: System) -> dict[str, float]:
+    """Zero-shot values by name [unit of the description], from the recording's readings and its own span of its file.
+
+    Readings that were lost are interpolated, since estimators want one at every step.
+
+    Raises
+    ------
+    EstimatorError
+        If the estimator is one of another system.
+    RecordingError
+        If the recording lacks a channel of the estimator, or is shorter than its context.
+    """
+    from trainer import predict
+
+    data = xr.load_dataset(recording.path, decode_times=False)
+    time = data["time"].values.astype(float)
+    data = data.isel(time=np.flatnonzero((time >= recording.time[0] - 1) & (time <= recording.time[-1] + 1)))
+    data = data.isel(system=0, drop=True) if "system" in data.dims else data
+    for output, readings in zip(system.output_names, recording.outputs, strict=True):
+        if output in data:
+            data[output].values[:] = readings
+    for name in data.data_vars:
+        values = data[name].values
+        if data[name].dims == ("time",) and np.issubdtype(values.dtype, np.floating):
+            seen = np.isfinite(values)
+            if seen.any() and not seen.all():
+                values[~seen] = np.interp(np.flatnonzero(~seen), np.flatnonzero(seen), values[seen])
+    with tempfile.TemporaryDirectory(prefix="zeroshot-span-") as folder:
+        path = Path(folder) / recording.path.name
+        data.to_netcdf(path)
+        try:
+            found = predict(run, path).predictions[0].parameters
+        except RecordingError as error:
+            raise RecordingError(str(error).replace(str(path), str(recording.path))) from None
+    values_by_name = {name: one.value for name, one in found.items()}
+    if sorted(values_by_name) != sorted(system.parameter_names):
+        raise EstimatorError(
+            f"{run}: estimates {', '.join(values_by_name)}; the system has {', '.join(system.parameter_names)}"
+        )
+    return values_by_name

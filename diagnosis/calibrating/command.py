@@ -1,0 +1,100 @@
+"""The command ``diagnosis calibrate``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+from rich.table import Table
+
+from diagnosis.scores import score_table
+from shared.console import OK, errors, new_console
+
+console = new_console()
+
+
+def calibrate(
+    system: Path,
+    recording: Path,
+    *,
+    out: Path,
+    run: Path | None = None,
+    replay: bool = False,
+    occupancy: Literal["measured", "unknown"] | None = None,
+    noise: str = "sensor",
+    starts: int = 3,
+    warm_up: float = 240.0,
+    workers: int = 1,
+    scheduler: str | None = None,
+    seed: int = 0,
+    as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
+) -> int:
+    """Estimate a system's parameters from a recording: zero-shot first, then by simulation.
+
+    Writes calibration.json and calibration.html: parameters with their uncertainty, what the recording tells and what
+    not, the fit, and what is left.
+
+    Parameters
+    ----------
+    system
+        System description (TOML), or its folder.
+    recording
+        The recording (NetCDF).
+    out
+        Folder for the results.
+    run
+        Folder of an estimator, whose estimate is the first start; without one, the middle of the prior is.
+    replay
+        The recorded actuators replace the model's control loops.
+    occupancy
+        Whether persons were counted; without this, they were if the recording has them.
+    noise
+        Noise preset of the description.
+    starts
+        Starts in all; further ones are drawn from the prior.
+    warm_up
+        The recording's first day is repeated this long before its start [h].
+    workers
+        Processes that simulate side by side.
+    scheduler
+        Address of a Dask scheduler, to simulate on its workers.
+    seed
+        Of the further starts.
+    as_json
+        Print JSON.
+    """
+    from diagnosis.calibrating.calibration import calibrate as calibrate_
+    from diagnosis.calibrating.report import summary
+
+    with errors.status("simulating", spinner="dots"):
+        done = calibrate_(
+            system,
+            recording,
+            run=run,
+            out=out,
+            replay=replay,
+            occupancy=occupancy,
+            noise=noise,
+            starts=starts,
+            warm_up=warm_up,
+            workers=workers,
+            scheduler=scheduler,
+            seed=seed,
+        )
+    if as_json:
+        sys.stdout.write(done.report.model_dump_json(indent=1) + "\n")
+        return OK
+    table = Table("parameter", "unit", "value", "90 % interval", "told", "", box=None)
+    for one in done.report.parameters:
+        note = "on its bound" if one.at_bound else one.identified
+        table.add_row(
+            one.name, one.unit, f"{one.value:.4g}", f"{one.low:.4g} to {one.high:.4g}", f"{one.told:.0%}", note
+        )
+    console.print(table)
+    console.print(score_table(done.report.outputs))
+    for sentence in summary(done):
+        console.print(sentence, markup=False)
+    console.print(f"{done.report.simulations} simulations, {done.report.seconds:.0f} s; {out / 'calibration.html'}")
+    return OK

@@ -1,0 +1,114 @@
+"""``calibration.json``: what a calibration found."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict
+
+from diagnosis.scores import Score
+from shared.errors import RecordingError
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class Parameter(_Table):
+    """One parameter.
+
+    ``low`` and ``high`` are the ends of the 90 % credible interval [unit]; ``told`` is the share of
+    the prior variance that the recording removed, in the scale in which the prior is standard normal.
+    """
+
+    name: str
+    description: str
+    unit: str
+    prior_min: float
+    prior_max: float
+    value: float
+    low: float
+    high: float
+    told: float
+    identified: str
+    at_bound: bool
+    zero_shot: float | None = None
+
+
+class Channel(Score):
+    """One output.
+
+    Scores of the fit, and the noise that was found [unit; h]. ``chi2`` is the mean square of the
+    standardised residual with the nuisance integrated out: near 1 where model and noise explain the recording.
+    """
+
+    used: bool
+    noise: float
+    slow_noise: float
+    slow_hours: float
+    chi2: float | None
+
+
+class Pair(_Table):
+    """Two parameters that the recording cannot well tell apart."""
+
+    first: str
+    second: str
+    correlation: float
+
+
+class Calibration(_Table):
+    """``calibration.json``.
+
+    ``covariance`` (unknowns, unknowns) is that of the posterior in which the recording counts for 1 / ``widened``^2 of
+    what it is worth to the model: see :data:`diagnosis.calibrating.summary.WIDENED`.
+    """
+
+    schema_version: int = 1
+    system: str
+    system_hash: str
+    fmu_sha256: str
+    recording: str
+    steps: int
+    step: float
+    start: float
+    replay: bool
+    occupancy: str
+    assumed: dict[str, str]
+    replayed: list[str]
+    started_from: str
+    parameters: list[Parameter]
+    correlated: list[Pair]
+    correlation: list[list[float]]
+    outputs: dict[str, Channel]
+    z: list[float]
+    covariance: list[list[float]]
+    widened: float
+    log_likelihood: float
+    log_evidence: float
+    converged: bool
+    simulations: int
+    seconds: float
+
+    def parameter(self, name: str) -> Parameter:
+        """A parameter by its name."""
+        return next(one for one in self.parameters if one.name == name)
+
+
+def read_calibration(path: Path | str) -> Calibration:
+    """Read ``calibration.json``, or the one in a folder.
+
+    Raises
+    ------
+    RecordingError
+        If it is missing or not such a file.
+    """
+    path = Path(path)
+    path = path / "calibration.json" if path.is_dir() else path
+    try:
+        return Calibration.model_validate(json.loads(path.read_text(encoding="utf-8")))
+    except FileNotFoundError:
+        raise RecordingError(f"{path}: no such file; `diagnosis calibrate` writes one") from None
+    except (OSError, ValueError) as error:
+        raise RecordingError(f"{path}: not a file of `diagnosis calibrate`: {error}") from None

@@ -1,0 +1,110 @@
+"""From a fit to the figures of ``calibration.json``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from diagnosis.calibrating.schema import Calibration, Channel, Pair, Parameter
+from diagnosis.fitting.fit import Fit
+from diagnosis.recording import HOUR
+from diagnosis.scores import score
+
+TOLD = (0.5, 0.9)
+"""Shares of the prior variance that the recording removed: below the first a parameter is hardly told, above the
+second it is told well."""
+CORRELATED = 0.8
+WIDENED = 1.5
+"""Without a count of persons, intervals from the recording alone are made so much wider: who was there is described by
+a Gaussian that real rooms, and the description's own, do not follow."""
+
+
+def summarise(found: Fit, zero_shot: dict[str, float], started_from: str) -> Calibration:
+    """The report of a fit."""
+    problem = found.problem
+    system = problem.system
+    count = len(system.parameters)
+    widened = WIDENED if problem.occupancy == "unknown" else 1.0
+    prior = np.eye(problem.size)
+    covariance = np.linalg.inv(prior + (np.linalg.inv(found.covariance) - prior) / widened**2)
+    sd = np.sqrt(np.diag(covariance))
+    low, value, high = (problem.values(found.z + k * 1.645 * sd) for k in (-1, 0, 1))
+    parameters = [
+        Parameter(
+            name=one.name,
+            description=one.description,
+            unit=one.unit,
+            prior_min=one.min,
+            prior_max=one.max,
+            value=float(value[k]),
+            low=float(low[k]),
+            high=float(high[k]),
+            told=float(1 - sd[k] ** 2),
+            identified=_identified(1 - sd[k] ** 2),
+            at_bound=one.name in found.at_bound,
+            zero_shot=zero_shot.get(one.name),
+        )
+        for k, one in enumerate(system.parameters)
+    ]
+    correlation = covariance / np.outer(sd, sd)
+    pairs = [
+        Pair(first=problem.names[i], second=problem.names[j], correlation=float(correlation[i, j]))
+        for i, j in _pairs(count)
+        if abs(correlation[i, j]) > CORRELATED
+    ]
+    return Calibration(
+        system=system.name,
+        system_hash=system.hash(),
+        fmu_sha256=problem.simulator.fmu.sha256,
+        recording=str(problem.recording.path),
+        steps=len(problem.time),
+        step=problem.recording.step,
+        start=problem.recording.start,
+        replay=problem.replay,
+        occupancy=problem.occupancy,
+        assumed=problem.drive.assumed,
+        replayed=list(problem.drive.replayed),
+        started_from=started_from,
+        parameters=parameters,
+        correlated=sorted(pairs, key=lambda pair: -abs(pair.correlation)),
+        correlation=correlation.tolist(),
+        outputs=_channels(found),
+        z=found.z.tolist(),
+        covariance=covariance.tolist(),
+        widened=widened,
+        log_likelihood=found.log_likelihood,
+        log_evidence=found.log_evidence,
+        converged=found.converged,
+        simulations=found.simulations,
+        seconds=found.seconds,
+    )
+
+
+def _identified(told: float) -> str:
+    return "well" if told >= TOLD[1] else "partly" if told >= TOLD[0] else "hardly"
+
+
+def _pairs(count: int) -> Iterator[tuple[int, int]]:
+    return ((i, j) for i in range(count) for j in range(i))
+
+
+def _channels(found: Fit) -> dict[str, Channel]:
+    problem, noise = found.problem, found.problem.noise
+    parts = np.split(found.residual, np.cumsum(problem.observed.sum(axis=1))[:-1])
+    made = {}
+    for k, output in enumerate(problem.system.outputs):
+        seen = np.isfinite(problem.measured[k])
+        if not seen.any():
+            continue
+        used = bool(problem.observed[k].any())
+        scores = score(problem.measured[k], found.around.outputs[k], output.unit)
+        made[output.name] = Channel(
+            **scores.model_dump(),
+            used=used,
+            noise=float(noise.white[k]),
+            slow_noise=float(noise.slow[k]),
+            slow_hours=float(noise.time[k] / HOUR) if noise.slow[k] > 0 else 0.0,
+            chi2=float(np.mean(parts[k] ** 2)) if used else None,
+        )
+    return made

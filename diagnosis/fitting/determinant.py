@@ -1,0 +1,69 @@
+"""How the covariance of a residual depends on the unknowns: the part of a marginal likelihood that a mode lacks.
+
+With persons integrated out the residual's covariance is S = I + B B', and B, the answer of the outputs to persons,
+depends on the unknowns. Of the likelihood's log|S| / 2 this gives the gradient tr(M_k), with M_k = B' S^-1 dB/dz_k,
+and tr(M_k M_l), by which the expected information exceeds that of the residual's mean alone (Fisher information of a
+Gaussian with mean and covariance: Mardia and Marshall 1984, Biometrika 71, 135-146).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import eigh
+
+from diagnosis.fitting.linearisation import Linearisation
+from diagnosis.fitting.nuisance import responses
+from diagnosis.fitting.problem import Problem
+
+WIDTH = 0.2
+"""Of the difference in an unknown [prior standard deviations]."""
+
+
+@dataclass(frozen=True)
+class Determinant:
+    """What log|S| / 2 is near a point.
+
+    At ``z`` (unknowns,): its ``slope`` (unknowns,), and a ``root`` R (unknowns, unknowns) of what the information gains
+    by it, which is R' R.
+    """
+
+    z: np.ndarray
+    slope: np.ndarray
+    root: np.ndarray
+
+
+def determinant(problem: Problem, around: Linearisation) -> Determinant:
+    """Simulate the answers to persons beside ``around``, for each unknown.
+
+    Only pulses that a level multiplies count: how the answer to other nuisances depends on unknowns does not matter.
+    """
+    size = problem.size
+    crowd = problem.nuisance.recorded & ~problem.nuisance.turns
+    crowd &= np.isin(problem.nuisance.column, [one.column for one in problem.nuisance.levels])
+    if not crowd.any():
+        return Determinant(around.z, np.zeros(size), np.zeros((size, size)))
+    some, factor = problem.nuisance.only(crowd), problem.nuisance.factor[crowd]
+    weight = around.marginal.inverse(around.marginal.by_unknown).T
+    high = problem.bounds[1]
+    products = []
+    for k in range(size):
+        z = around.z.copy()
+        z[k] += WIDTH if z[k] + WIDTH <= high[k] else -WIDTH
+
+        def simulate(pulses: list[np.ndarray], z: np.ndarray = z) -> list[np.ndarray]:
+            cases = []
+            for one in pulses:
+                heights = around.heights.copy()
+                heights[crowd] += one
+                cases.append((z, heights))
+            return problem.simulate_all(cases)
+
+        answer = responses(some, simulate, problem.simulate(z, around.heights), problem.time)
+        change = (answer - around.response[:, :, crowd]) / (z[k] - around.z[k])
+        products.append(weight @ problem.standardised(change @ factor))
+    gained = np.array([[np.sum(a * b.T) for b in products] for a in products])
+    values, vectors = eigh(0.5 * (gained + gained.T))
+    root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+    return Determinant(around.z, np.array([np.trace(one) for one in products]), root)

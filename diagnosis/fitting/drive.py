@@ -1,0 +1,129 @@
+"""What drives the model over a recording: every input as a signal, measured or from the description.
+
+Before its start the recording's first day is repeated, so that the simulation arrives at it warmed up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from datagen.inputs import schedule_signal
+from datagen.tables import Piecewise
+from diagnosis.recording import DAY, Recording
+from shared.errors import RecordingError
+from shared.system import System
+
+
+@dataclass(frozen=True)
+class Drive:
+    """All inputs of a system over a recording and its warm-up.
+
+    ``signals`` by name in the order of the description; ``assumed`` says of each input that was not measured what
+    stands in for it; ``replayed`` names the outputs whose measurement drives the model, which therefore tell nothing;
+    ``begin`` is the start of the warm-up, ``start`` and ``stop`` those of the recording [s].
+    """
+
+    signals: dict[str, Piecewise]
+    assumed: dict[str, str]
+    replayed: tuple[str, ...]
+    begin: float
+    start: float
+    stop: float
+
+
+def drive(system: System, recording: Recording, *, warm_up: float, replay: bool = False) -> Drive:
+    """Collect the inputs over a recording and ``warm_up`` seconds before it.
+
+    What was not measured is taken from the description: constants and schedules as they are, excitation as none. The
+    occupancy is left at zero where it was not measured: see :mod:`diagnosis.fitting.nuisance`.
+
+    Raises
+    ------
+    RecordingError
+        If the weather was not measured, or an actuator that is to be replayed.
+    """
+    repeats, day = _repeats(recording, warm_up)
+    begin = recording.start - repeats * day * recording.step
+    signals: dict[str, Piecewise] = {}
+    assumed: dict[str, str] = {}
+    replayed = []
+    for one in system.inputs:
+        values = recording.inputs.get(one.name)
+        if one.source == "measured":
+            if replay:
+                values, column = _actuator(system, recording, one.name, one.column, one.value)
+                replayed.append(column)
+                if (values == one.value).all():
+                    assumed[one.name] = f"{one.value:g} {one.unit} throughout"
+            elif values is None:
+                assumed[one.name] = f"{one.value:g} {one.unit}, unused"
+        if values is not None:
+            signals[one.name] = _extended(recording, values, repeats, day, held=one.interpolation == "previous")
+        elif one.source == "weather":
+            raise RecordingError(f"{recording.path}: input {one.name!r} was not recorded; expected it in {one.unit}")
+        elif one.source == "schedule":
+            signals[one.name] = schedule_signal(system.schedules[one.schedule], begin, recording.stop)
+            assumed[one.name] = f"schedule {one.schedule!r} of the description"
+        elif one.source == "occupancy":
+            signals[one.name] = Piecewise.constant(0.0)
+            assumed[one.name] = "unknown, inferred with the prior of the description"
+        elif one.source == "excitation":
+            signals[one.name] = Piecewise.constant(0.0)
+            assumed[one.name] = "none"
+        else:
+            signals[one.name] = Piecewise.constant(one.value)
+            assumed.setdefault(one.name, f"{one.value:g} {one.unit} of the description")
+    return Drive(signals, assumed, tuple(replayed), begin, recording.start, recording.stop)
+
+
+def crowd(system: System, recording: Recording, wanted: str | None) -> str:
+    """Whether persons were counted: ``measured``, ``unknown``, or ``none`` for a system without.
+
+    Raises
+    ------
+    RecordingError
+        If they are to be measured and were not recorded.
+    """
+    names = [one.name for one in system.inputs if one.source == "occupancy"]
+    if not names:
+        return "none"
+    seen = all(name in recording.inputs for name in names)
+    if wanted == "measured" and not seen:
+        raise RecordingError(
+            f"{recording.path}: {', '.join(names)} was not recorded; expected it, or occupancy unknown"
+        )
+    if wanted not in (None, "measured", "unknown"):
+        raise ValueError(f"occupancy is {wanted!r}; expected 'measured', 'unknown' or None")
+    return wanted or ("measured" if seen else "unknown")
+
+
+def _actuator(system: System, recording: Recording, name: str, column: str, stand_in: float) -> tuple[np.ndarray, str]:
+    """A measured actuator: its own column, or the output that it is the measurement of."""
+    own = recording.inputs.get(name)
+    if own is not None and not (own == stand_in).all():
+        return own, column
+    if column in system.output_names:
+        values = recording.outputs[system.output_names.index(column)]
+        seen = np.isfinite(values)
+        if seen.any():
+            # a reading that was lost is held from the one before: an actuator stays where it is
+            last = np.maximum.accumulate(np.where(seen, np.arange(len(values)), -1))
+            return values[np.where(last < 0, int(np.argmax(seen)), last)], column
+    elif own is not None:  # the system has no such output: its recordings cannot say more than this
+        return own, column
+    raise RecordingError(f"{recording.path}: {name!r} (column {column!r}) was not recorded; replay needs it")
+
+
+def _repeats(recording: Recording, warm_up: float) -> tuple[int, int]:
+    """How often the first day is repeated, and its steps."""
+    day = max(min(round(DAY / recording.step), len(recording.time)), 1)
+    return -(-round(warm_up / recording.step) // day), day
+
+
+def _extended(recording: Recording, values: np.ndarray, repeats: int, day: int, *, held: bool) -> Piecewise:
+    """A series with its first day repeated before it: steps that end at its times, or straight lines between them."""
+    time = np.concatenate([recording.time[0] - recording.step * np.arange(repeats * day, 0, -1), recording.time])
+    values = np.concatenate([np.tile(values[:day], repeats), values])
+    return Piecewise(time - recording.step, values, "previous") if held else Piecewise(time, values)

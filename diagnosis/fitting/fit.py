@@ -1,0 +1,298 @@
+"""Fitting: the most plausible unknowns of a problem, and how sure they are.
+
+A round linearises the simulation by the nuisance (:mod:`.nuisance`), which gives the residual its covariance
+S, and solves
+
+    minimise |S^(-1/2) (measured - simulated(z))|^2 + |z|^2
+
+with scipy's bounded trust-region least squares. S and the most likely nuisance are then renewed at the new optimum,
+until it stays. Alone, that would be the mode over unknowns and nuisance together, which is far from the truth where
+there are many nuisances that unknowns multiply (Neyman and Scott 1948). Integrated out, the nuisance adds log|S| to
+what is minimised (Laplace), as a parabola from :mod:`diagnosis.fitting.determinant`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.linalg import cho_factor
+from scipy.optimize import least_squares
+from scipy.special import ndtr
+
+from diagnosis.fitting.determinant import Determinant, determinant
+from diagnosis.fitting.noise import NoiseModel, estimated
+from diagnosis.fitting.problem import Linearisation, Problem
+from diagnosis.fitting.stretching import stretched
+from shared.errors import SimulationError
+
+ROUNDS = 10
+MOVED = 0.25
+"""An optimum that moves less than this between rounds [posterior standard deviations] stays."""
+NEAR = 3.0
+"""One that moves less than this is near enough for the log determinant to matter."""
+REUSED = 1.0
+"""The parabola of the log determinant is kept for moves up to this [posterior standard deviations]."""
+EDGE = 0.01
+"""A parameter this close to an end of its range, as a share of the range, lies on its bound."""
+_HOPELESS = 1e3
+"""Standardised residual of a simulation that failed."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What a fit found.
+
+    Attributes
+    ----------
+    z
+        Unknowns at the optimum, shape (unknowns,).
+    covariance
+        Of the posterior there, shape (unknowns, unknowns): see :mod:`diagnosis.fitting.stretching`.
+    cost
+        Half the sum of squares of the marginal standardised residual and of ``z``.
+    log_likelihood
+        Of the measurements at the optimum, the nuisance integrated out.
+    log_evidence
+        The unknowns integrated out as well (Laplace).
+    residual
+        Marginal standardised residual, shape (readings,).
+    jacobian
+        Its derivative by the unknowns, shape (readings, unknowns).
+    around
+        The linearisation by the nuisance at the optimum.
+    problem
+        The problem as it was fitted in the end: with estimated noise, without history that nobody feels.
+    at_bound
+        Names of unknowns that lie on their bounds.
+    converged
+        Whether the last round left the optimum where it was.
+    simulations, seconds
+        What it took.
+    """
+
+    z: np.ndarray
+    covariance: np.ndarray
+    cost: float
+    log_likelihood: float
+    log_evidence: float
+    residual: np.ndarray
+    jacobian: np.ndarray
+    around: Linearisation
+    problem: Problem
+    at_bound: tuple[str, ...]
+    converged: bool
+    simulations: int
+    seconds: float
+    history: tuple[tuple[int, float], ...] = field(default=())
+
+    @property
+    def sd(self) -> np.ndarray:
+        """Posterior standard deviations of the unknowns, shape (unknowns,)."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def correlation(self) -> np.ndarray:
+        """Posterior correlations of the unknowns, shape (unknowns, unknowns)."""
+        return np.asarray(self.covariance / np.outer(self.sd, self.sd))
+
+    def draws(self, count: int, seed: int = 0) -> np.ndarray:
+        """Draws of the unknowns from the posterior, shape (count, unknowns)."""
+        rng = np.random.default_rng(seed)
+        return self.z + rng.standard_normal((count, len(self.z))) @ np.linalg.cholesky(self.covariance).T
+
+
+def fit(
+    problem: Problem,
+    starts: Sequence[np.ndarray] | None = None,
+    *,
+    rounds: int = ROUNDS,
+    estimate_noise: bool = False,
+    around: Linearisation | None = None,
+) -> Fit:
+    """Fit a problem from one or several starts.
+
+    Parameters
+    ----------
+    starts
+        Each (unknowns,); the middle of the prior if none is given. All are fitted with the covariance at the first;
+        the best of them goes on.
+    rounds
+        How often the nuisance's part of the covariance is renewed at most; 0 keeps that of ``around``.
+    estimate_noise
+        Estimate a slow error of each output and by how much its noise exceeds the given one.
+    around
+        A linearisation to begin with, for example of a fit with fewer effects.
+
+    Raises
+    ------
+    SimulationError
+        If the simulation fails at every start.
+    """
+    began, counted = time.perf_counter(), problem.simulations
+    starts = [np.zeros(problem.size)] if starts is None or not len(starts) else [np.asarray(s, float) for s in starts]
+    if around is None:
+        around = _first(problem, starts)
+        problem, around = problem.pruned(around)
+    z = _best_start(problem, starts, around)
+    converged, near, history = rounds == 0, rounds == 0, []
+    bent, information = None, np.eye(problem.size)
+    for round_ in range(max(rounds, 1)):
+        if rounds:
+            around = problem.renewed(z, around)
+        before = z
+        if near and (bent is None or _far(z, bent.z, information) > REUSED):
+            bent = determinant(problem, around)
+        z, jacobian = _solve(problem, z, around, bent, 4 if near else 8)
+        information = np.eye(problem.size) + jacobian.T @ jacobian
+        moved = _far(z, before, information)
+        history.append((problem.simulations - counted, moved))
+        stays, near = near and moved < MOVED, near or moved < NEAR
+        if estimate_noise and (stays or round_ == 1):
+            noise = _noise(problem, z, around)
+            stays = stays and _same(noise, problem.noise)
+            problem = _go_on(problem, noise)
+            around = replace(around, marginal=problem.marginal(around.response))
+        if stays:
+            converged = True
+            break
+    slope = np.zeros(problem.size) if bent is None else bent.slope + bent.root.T @ (bent.root @ (z - bent.z))
+    return _finish(problem, z, around, slope, converged, history, began, counted)
+
+
+def _go_on(problem: Problem, noise: NoiseModel) -> Problem:
+    other = problem.with_noise(noise)
+    other.simulations = problem.simulations
+    return other
+
+
+def _first(problem: Problem, starts: list[np.ndarray]) -> Linearisation:
+    """A linearisation at the first start that can be simulated."""
+    for k, start in enumerate(starts):
+        try:
+            return problem.linearise(start)
+        except SimulationError:
+            if k == len(starts) - 1:
+                raise
+    raise AssertionError("no start")
+
+
+def _best_start(problem: Problem, starts: list[np.ndarray], around: Linearisation) -> np.ndarray:
+    """Where the best of several starts leads with one covariance for all."""
+    if len(starts) == 1:
+        return starts[0]
+    best: tuple[float, np.ndarray] | None = None
+    for start in starts:
+        z, _ = _solve(problem, start, around, None, most=5)
+        try:
+            residual = problem.residuals(z, around)
+        except SimulationError:
+            continue
+        cost = float(residual @ residual + z @ z)
+        if best is None or cost < best[0]:
+            best = (cost, z)
+    if best is None:
+        raise SimulationError(f"none of {len(starts)} starts could be simulated")
+    return best[1]
+
+
+def _far(z: np.ndarray, other: np.ndarray, information: np.ndarray) -> float:
+    """Root mean square distance of two points [posterior standard deviations]."""
+    return float(np.sqrt((z - other) @ information @ (z - other) / len(z)))
+
+
+def _solve(
+    problem: Problem, z: np.ndarray, around: Linearisation, bent: Determinant | None, most: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """The optimum with a given covariance, and the Jacobian of the residual there."""
+    low, high = problem.bounds
+    inner = np.clip(z, low + 1e-6 * (high - low), high - 1e-6 * (high - low)) if np.isfinite(high - low).all() else z
+    inner = np.where(np.isfinite(inner), inner, z)
+    size = problem.size
+    readings = int(problem.observed.sum())
+
+    centre = np.zeros(size) if bent is None else -bent.slope
+    rows = np.eye(size) if bent is None else np.vstack([np.eye(size), bent.root])
+
+    def rest(z: np.ndarray) -> list[np.ndarray]:
+        """Of the prior and the determinant: squares that add up to |z|^2 + log|S|, but for a constant."""
+        return [z - centre] if bent is None else [z - centre, bent.root @ (z - bent.z)]
+
+    def residual(z: np.ndarray) -> np.ndarray:
+        try:
+            found = problem.residuals(z, around)
+        except SimulationError:
+            found = np.full(readings, _HOPELESS)
+        return np.concatenate([found, *rest(z)])
+
+    def jacobian(z: np.ndarray) -> np.ndarray:
+        return np.vstack([problem.jacobian(z, around), rows])
+
+    found = least_squares(residual, inner, jacobian, bounds=(low, high), max_nfev=most, ftol=1e-4, xtol=1e-4, gtol=1e-4)
+    return found.x, found.jac[:readings]
+
+
+def _noise(problem: Problem, z: np.ndarray, around: Linearisation) -> NoiseModel:
+    """Noise of the residual that is left with the most likely nuisance."""
+    left = problem.measured - problem.simulate(z, problem.nuisance.heights(problem.likely_nuisance(z, around)))
+    base = NoiseModel.white_only(problem.floor)
+    return estimated(base, np.where(problem.observed, left, 0.0), problem.observed, problem.time)
+
+
+def _same(a: NoiseModel, b: NoiseModel) -> bool:
+    return bool(np.allclose(np.log(a.sd), np.log(b.sd), atol=0.2))
+
+
+def _finish(
+    problem: Problem,
+    z: np.ndarray,
+    around: Linearisation,
+    slope: np.ndarray,
+    converged: bool,
+    history: list[tuple[int, float]],
+    began: float,
+    counted: int,
+) -> Fit:
+    jacobian = problem.jacobian(z, around, central=True)
+    residual = problem.residuals(z, around)
+    information = np.eye(problem.size) + jacobian.T @ jacobian
+    factor = cho_factor(information, lower=True)
+    logdet = problem.noise.logdet(problem.observed, problem.time) + around.marginal.logdet
+    likelihood = -0.5 * (float(residual @ residual) + logdet + len(residual) * np.log(2 * np.pi))
+    evidence = likelihood - 0.5 * float(z @ z) - float(np.sum(np.log(np.diag(factor[0]))))
+    nuisance = problem.likely_nuisance(z, around)
+    heights = problem.nuisance.heights(nuisance)
+    final = replace(around, z=z, nuisance=nuisance, heights=heights, outputs=problem.simulate(z, heights))
+    return Fit(
+        z=z,
+        covariance=stretched(problem, z, around, information, slope),
+        cost=0.5 * float(residual @ residual + z @ z),
+        log_likelihood=likelihood,
+        log_evidence=evidence,
+        residual=residual,
+        jacobian=jacobian,
+        around=final,
+        problem=problem,
+        at_bound=_at_bound(problem, z),
+        converged=converged,
+        simulations=problem.simulations - counted,
+        seconds=time.perf_counter() - began,
+        history=tuple(history),
+    )
+
+
+def _at_bound(problem: Problem, z: np.ndarray) -> tuple[str, ...]:
+    count = len(problem.system.parameters)
+    low, high = problem.bounds
+    names = []
+    for k, name in enumerate(problem.names):
+        if k < count:
+            place = float(ndtr(z[k]))
+            touches = place < EDGE or place > 1 - EDGE
+        else:  # ranges of amplitudes may be infinite, and zero is no bound but the base model
+            touches = any(bound != 0 and abs(z[k] - bound) < EDGE for bound in (low[k], high[k]))
+        if touches:
+            names.append(name)
+    return tuple(names)

@@ -1,0 +1,170 @@
+"""What is not known about the inputs and not asked for either: who was in the room, and what came before the recording.
+
+Both enter as pulses on inputs with a Gaussian prior, around which the simulation is linearised: with ``o`` the heights,
+
+    outputs(z, o) = outputs(z, o*) + H(z) (o - o*),   o ~ N(mean, C),
+
+so that they can be integrated out of a likelihood (:class:`.marginal.Marginal`), and estimated where they are
+wanted.
+
+- **Unknown occupancy** is the mean number of persons in each half hour, with mean and covariance of the description's
+  random occupancy: only hours at which somebody may come carry unknowns. How many persons belong to the room at all
+  scales everything, and so much that a Gaussian would not do: that level is an unknown of its own (:class:`Level`),
+  and the pulses say how a room of the average level is used.
+- **Measured occupancy and replayed actuators** are known as means over the recording's steps; when within a step people
+  came, or the heater was on, is not known.
+- **History**: what an input was before the recording, against the first day that stands in for it, in a few spans
+  that get longer the further back they lie. Its spread is that of the input in the recording itself from day to day.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from datagen.tables import SNAP, InputTable
+from diagnosis.recording import DAY
+
+SPACING = DAY
+"""Pulses this far apart share a simulation [s]: what one does is over, or nearly, when the next one comes."""
+HEIGHT = 0.5
+"""Height of a pulse in the difference, in prior standard deviations."""
+
+
+FIELDS = ("column", "begin", "end", "turns", "recorded", "mean")
+
+
+@dataclass(frozen=True)
+class Level:
+    """What all pulses on one input, and its signal, are multiplied by: ``exp(mean + sd * N(0, 1))``."""
+
+    column: int
+    mean: float
+    sd: float
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """Pulses on inputs and their prior.
+
+    ``column`` (pulses,) places among the inputs; ``begin`` and ``end`` (pulses,) [s]; ``turns`` (pulses,): the second
+    half of the pulse has the opposite sign; ``recorded`` (pulses,): within the recording, not before it; ``mean``
+    (pulses,) and ``factor`` (pulses, unknowns) [unit of the input]: heights are ``mean + factor @ N(0, 1)``.
+    """
+
+    column: np.ndarray
+    begin: np.ndarray
+    end: np.ndarray
+    turns: np.ndarray
+    recorded: np.ndarray
+    mean: np.ndarray
+    factor: np.ndarray
+    levels: tuple[Level, ...] = ()
+
+    @property
+    def size(self) -> int:
+        """Number of pulses."""
+        return len(self.mean)
+
+    @property
+    def sd(self) -> np.ndarray:
+        """Prior standard deviation of each height [unit of the input]."""
+        return np.asarray(np.sqrt(np.sum(self.factor**2, axis=1)))
+
+    @property
+    def edges(self) -> np.ndarray:
+        """All times at which a pulse begins, turns or ends [s]."""
+        return np.unique(np.concatenate([self.begin, self.end, (0.5 * (self.begin + self.end))[self.turns]]))
+
+    def added(self, table: InputTable, heights: np.ndarray) -> InputTable:
+        """A table, whose knots hold :attr:`edges`, with pulses of these heights added [unit of the input]."""
+        some = np.flatnonzero(heights)
+        if not len(some):
+            return table
+        steps = np.zeros((len(table.time), len(table.names)))
+
+        def step(times: np.ndarray, which: np.ndarray, by: np.ndarray) -> None:
+            np.add.at(steps, (np.searchsorted(table.time, times - SNAP), self.column[which]), by)
+
+        step(self.begin[some], some, heights[some])
+        turning = some[self.turns[some]]
+        step(0.5 * (self.begin + self.end)[turning], turning, -2 * heights[turning])
+        step(self.end[some], some, np.where(self.turns[some], heights[some], -heights[some]))
+        raised = np.cumsum(steps, axis=0)[:-1]
+        jump = table.jump | (np.abs(steps) > 0).any(axis=1)
+        jump[[0, -1]] = False
+        return InputTable(table.names, table.time, table.left + raised, table.right + raised, jump)
+
+    def only(self, keep: np.ndarray) -> Nuisance:
+        """Some of the pulses (pulses,); the others stay at their prior mean, which must be zero."""
+        factor = self.factor[keep]
+        used = np.abs(factor).any(axis=0)
+        fields = {name: getattr(self, name)[keep] for name in FIELDS}
+        return replace(self, **fields, factor=factor[:, used])
+
+    def heights(self, unknowns: np.ndarray) -> np.ndarray:
+        """Heights for standard normal unknowns, shape (pulses,): nobody can be fewer than none."""
+        heights = self.mean + self.factor @ unknowns
+        return np.where(self.recorded & ~self.turns, np.maximum(heights, 0.0), heights)
+
+
+def no_nuisance() -> Nuisance:
+    """Nothing unknown."""
+    none = np.empty(0)
+    nobody = none.astype(bool)
+    return Nuisance(none.astype(int), none, none, nobody, nobody, none, np.empty((0, 0)))
+
+
+def responses(
+    nuisance: Nuisance,
+    simulate: Callable[[list[np.ndarray]], list[np.ndarray]],
+    base: np.ndarray,
+    time: np.ndarray,
+    spacing: float = SPACING,
+) -> np.ndarray:
+    """Outputs by heights of pulses, by differences of whole simulations, several pulses in each.
+
+    Parameters
+    ----------
+    simulate
+        Outputs (outputs, steps) for pulses of given heights (pulses,) on top of the base.
+    base
+        Outputs without, shape (outputs, steps).
+    time
+        Ends of the steps, shape (steps,) [s].
+    spacing
+        Pulses at least so far apart share a simulation, and each is followed until the next [s].
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (outputs, steps, pulses) [unit of the output per unit of the input].
+    """
+    result = np.zeros((*base.shape, nuisance.size))
+    height = HEIGHT * nuisance.sd
+    combs: list[list[int]] = []
+    last: list[float] = []
+    for k in np.argsort(nuisance.begin, kind="stable"):
+        apart = spacing / 2 if nuisance.turns[k] else spacing  # what takes back as much as it gives is over sooner
+        for c, reached in enumerate(last):
+            if nuisance.recorded[k] and nuisance.begin[k] >= reached + apart - SNAP:
+                combs[c].append(k)
+                last[c] = nuisance.begin[k]
+                break
+        else:
+            combs.append([k])
+            last.append(nuisance.begin[k] if nuisance.recorded[k] else np.inf)
+    runs = []
+    for comb in combs:
+        heights = np.zeros(nuisance.size)
+        heights[comb] = height[comb]
+        runs.append(heights)
+    for comb, outputs in zip(combs, simulate(runs), strict=True):
+        moved = outputs - base
+        starts = [*nuisance.begin[comb], np.inf]
+        for i, k in enumerate(comb):
+            rows = (time > starts[i] + SNAP) & (time <= starts[i + 1] + SNAP)
+            result[:, rows, k] = moved[:, rows] / height[k]
+    return result

@@ -1,0 +1,296 @@
+"""A recording as a problem of estimation: unknowns with standard normal priors, and the simulation between.
+
+The unknowns ``z`` are the description's parameters, each by the probit of its place in its range (so that bounds hold
+and the uniform prior in the parameter's scale is N(0, 1) exactly), an amplitude for each effect in units of its scale
+(zero is the base model), and last the level of an unknown occupancy. Persons that were not counted and what came before
+the recording are nuisances, by which the simulation is linearised: see :mod:`diagnosis.fitting.nuisance`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+
+import numpy as np
+
+from datagen.simulator import Simulator
+from diagnosis.effects.base import Effect
+from diagnosis.fitting.drive import crowd, drive
+from diagnosis.fitting.linearisation import Linearisation
+from diagnosis.fitting.marginal import Marginal
+from diagnosis.fitting.noise import NoiseModel
+from diagnosis.fitting.nuisance import responses
+from diagnosis.fitting.runs import Runs
+from diagnosis.fitting.side_by_side import InProcess, Runner
+from diagnosis.fitting.unknowns import LIMIT, Unknowns
+from diagnosis.fitting.unmeasured import nuisance_of
+from diagnosis.recording import HOUR, Recording
+from shared.errors import RecordingError, SimulationError
+
+WARM_UP = 240 * HOUR
+STEP = 0.1
+"""Half-width of a difference in an unknown, in prior standard deviations."""
+TOLERANCE = 1e-6
+"""Of the integrator at most: differences of simulations are small."""
+UNFELT = 0.1
+"""What moves no reading by more than this share of its noise, with its whole prior spread, is no longer followed."""
+__all__ = ["LIMIT", "STEP", "Linearisation", "Problem"]
+
+
+class Problem:
+    """What is known, what is unknown, and how the one follows from the other; see the module.
+
+    Parameters
+    ----------
+    noise
+        A preset of the description, standard deviations (outputs,) [unit of each], or a noise model.
+    effects
+        Their amplitudes join the unknowns after the parameters.
+    occupancy
+        ``unknown``, ``measured``, or None: measured where the recording has it.
+    replay
+        The recorded actuators replace the model's control loops; what was replayed is no evidence.
+    warm_up
+        The recording's first day is repeated so long before it [s].
+    history
+        Whether what came before the recording is a nuisance; otherwise its first day stands in for it exactly.
+    runner
+        Where simulations run; in this process by default.
+
+    Raises
+    ------
+    RecordingError
+        If the recording lacks an input, or has nothing to fit.
+    """
+
+    def __init__(
+        self,
+        simulator: Simulator,
+        recording: Recording,
+        *,
+        noise: str | np.ndarray | NoiseModel = "sensor",
+        effects: Sequence[Effect] = (),
+        occupancy: str | None = None,
+        replay: bool = False,
+        warm_up: float = WARM_UP,
+        history: bool = True,
+        runner: Runner | None = None,
+    ) -> None:
+        self.simulator, self.recording, self.replay = simulator, recording, replay
+        self.system = system = simulator.system
+        self.effects = tuple(effects)
+        self.runner: Runner = runner or InProcess(simulator)
+        self.simulations = 0
+        self.drive = drive(system, recording, warm_up=warm_up, replay=replay)
+        self.occupancy = crowd(system, recording, occupancy)
+        if isinstance(noise, str):
+            plain = noise == "sensor" and noise not in system.noise_presets  # the default, where there is none
+            noise = system.noise_sd("none" if plain else noise)
+        self.noise = noise if isinstance(noise, NoiseModel) else NoiseModel.white_only(noise)
+        self.floor = self.noise.white
+        self.nuisance, stand_ins = nuisance_of(system, recording, self.drive, occupancy=self.occupancy)
+        if not history:
+            self.nuisance = self.nuisance.only(self.nuisance.recorded)
+        tolerance = min(TOLERANCE, system.experiment.tolerance)
+        self._runs = Runs(self.drive, stand_ins, recording, replay=replay, tolerance=tolerance)
+        self.observed = np.isfinite(recording.outputs)
+        for name in self.drive.replayed:
+            if name in system.output_names:
+                self.observed[system.output_names.index(name)] = False
+        if not self.observed.any():
+            raise RecordingError(f"{recording.path}: no output was measured that is not replayed; nothing to fit")
+        self.measured = recording.outputs
+
+    @property
+    def unknown(self) -> Unknowns:
+        """The unknowns and the values that they stand for."""
+        return Unknowns(self.system, self.effects, self.nuisance.levels)
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the unknowns: parameters, effects, levels of the nuisance."""
+        return self.unknown.names
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return self.unknown.size
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper bounds of the unknowns, each (unknowns,)."""
+        return self.unknown.bounds
+
+    def values(self, z: np.ndarray) -> np.ndarray:
+        """Parameters, amplitudes and levels, shape (..., unknowns) [unit of each]."""
+        return self.unknown.values(z)
+
+    def unknowns(self, values: Mapping[str, float]) -> np.ndarray:
+        """The unknowns of given values by name; zero (middle of the prior, no effect) for others, shape (unknowns,)."""
+        return self.unknown.of(values)
+
+    @property
+    def time(self) -> np.ndarray:
+        """Ends of the steps, shape (steps,) [s]."""
+        return self.recording.time
+
+    def with_effects(self, effects: Sequence[Effect]) -> Problem:
+        """The same problem with other effects; it counts its own simulations."""
+        other = self._copy()
+        other.effects = tuple(effects)
+        return other
+
+    def with_measured(self, outputs: np.ndarray) -> Problem:
+        """The same problem with other measurements (outputs, steps) [unit of each]: for twins."""
+        other = self._copy()
+        other.measured = outputs
+        other.observed = self.observed & np.isfinite(outputs)
+        return other
+
+    def with_observed(self, observed: np.ndarray) -> Problem:
+        """The same problem where only some readings count, shape (outputs, steps): for held-out parts."""
+        other = self._copy()
+        other.observed = self.observed & observed
+        return other
+
+    def with_noise(self, noise: NoiseModel) -> Problem:
+        """The same problem with another noise."""
+        other = self._copy()
+        other.noise = noise
+        return other
+
+    def simulate(self, z: np.ndarray, heights: np.ndarray | None = None) -> np.ndarray:
+        """Outputs (outputs, steps) [unit of each]; nuisance heights (pulses,) are their prior means if not given.
+
+        Raises
+        ------
+        SimulationError
+            If the simulation did not reach its end.
+        """
+        return self.simulate_all([(z, self.nuisance.mean if heights is None else heights)])[0]
+
+    def simulate_all(self, cases: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[np.ndarray]:
+        """Outputs of several cases (z, nuisance heights), side by side where the runner can.
+
+        Raises
+        ------
+        SimulationError
+            If one did not reach its end.
+        """
+        unknown = self.unknown
+        outcomes = self.runner.map(
+            [self._runs.run(unknown, self.nuisance, np.asarray(z, dtype=float), heights) for z, heights in cases]
+        )
+        self.simulations += len(cases)
+        made = []
+        for (z, _), outcome in zip(cases, outcomes, strict=True):
+            if isinstance(outcome, SimulationError):
+                raise outcome
+            for effect, amplitude in zip(self.effects, unknown.amplitudes(z), strict=True):
+                outcome = effect.outputs(amplitude, outcome, self.time)
+            made.append(outcome)
+        return made
+
+    def residuals(self, z: np.ndarray, around: Linearisation | None = None) -> np.ndarray:
+        """Measured minus simulated, standardised, a row for each observed reading.
+
+        With a linearisation, its nuisance is integrated out: the residual is taken at the nuisance's prior mean and its
+        covariance made the identity.
+        """
+        if around is None:
+            return self.standardised(self.measured - self.simulate(z))
+        outputs = self.simulate(z, around.heights) + around.response @ (self.nuisance.mean - around.heights)
+        return around.marginal.root(self.standardised(self.measured - outputs))
+
+    def jacobian(self, z: np.ndarray, around: Linearisation | None = None, *, central: bool = False) -> np.ndarray:
+        """Derivative of :meth:`residuals`, shape (readings, unknowns), by differences of whole simulations."""
+        z = np.asarray(z, dtype=float)
+        heights = self.nuisance.mean if around is None else around.heights
+        low, high = self.bounds
+        ends, widths = [], []
+        for k in range(self.size):
+            up, down = z.copy(), z.copy()
+            up[k] = min(z[k] + STEP, high[k])
+            down[k] = max(z[k] - STEP, low[k])
+            if not central:
+                (down if up[k] > z[k] else up)[k] = z[k]
+            ends += [up, down]
+            widths.append(up[k] - down[k])
+        # z itself is an end of many differences, and simulated once or known already
+        known = {} if around is None or not np.array_equal(z, around.z) else {z.tobytes(): around.outputs}
+        wanted = {one.tobytes(): one for one in ends if one.tobytes() not in known}
+        known |= dict(zip(wanted, self.simulate_all([(one, heights) for one in wanted.values()]), strict=True))
+        made = [known[a.tobytes()] - known[b.tobytes()] for a, b in zip(ends[::2], ends[1::2], strict=True)]
+        whitened = self.standardised(-np.stack(made, axis=-1) / np.array(widths)) if made else np.empty((0, 0))
+        return around.marginal.root(whitened) if around is not None else whitened
+
+    def linearise(
+        self, z: np.ndarray, nuisance: np.ndarray | None = None, response: np.ndarray | None = None
+    ) -> Linearisation:
+        """Linearise by the nuisance around ``z`` and a nuisance (standard normal; prior mean by default).
+
+        ``response`` of another point saves its simulations.
+        """
+        z = np.asarray(z, dtype=float)
+        nuisance = np.zeros(self.nuisance.factor.shape[1]) if nuisance is None else nuisance
+        heights = self.nuisance.heights(nuisance)
+        base = self.simulate(z, heights)
+        if response is None:
+            response = responses(
+                self.nuisance,
+                lambda pulses: self.simulate_all([(z, heights + one) for one in pulses]),
+                base,
+                self.time,
+            )
+        return Linearisation(z, nuisance, heights, base, response, self.marginal(response))
+
+    def pruned(self, around: Linearisation) -> tuple[Problem, Linearisation]:
+        """The same problem without the history and the changes within steps that no reading feels."""
+        moved = np.abs(around.response) * self.nuisance.sd / self.noise.sd[:, None, None]
+        guessed = self.nuisance.recorded & ~self.nuisance.turns
+        keep = guessed | (moved.max(axis=(0, 1), initial=0.0) > UNFELT)
+        other = self._copy()
+        other.simulations = self.simulations
+        other.nuisance = self.nuisance.only(keep)
+        used = np.abs(self.nuisance.factor[keep]).any(axis=0)
+        response = around.response[:, :, keep]
+        lin = Linearisation(
+            around.z, around.nuisance[used], around.heights[keep], around.outputs, response, other.marginal(response)
+        )
+        return other, lin
+
+    def renewed(self, z: np.ndarray, around: Linearisation) -> Linearisation:
+        """Linearise at ``z`` and at the nuisance that is most likely there.
+
+        Of the way from the old nuisance to the new one only as much is gone as makes the measurements more plausible:
+        a controller that saturates bends the straight line.
+        """
+        target = self.likely_nuisance(z, around)
+        best: tuple[float, np.ndarray] | None = None
+        for share in (1.0, 0.5, 0.2):
+            nuisance = around.nuisance + share * (target - around.nuisance)
+            left = self.standardised(self.measured - self.simulate(z, self.nuisance.heights(nuisance)))
+            cost = float(left @ left + nuisance @ nuisance)
+            if best is not None and cost > best[0]:
+                break
+            best = (cost, nuisance)
+        assert best is not None
+        return self.linearise(z, best[1])
+
+    def marginal(self, response: np.ndarray) -> Marginal:
+        """What integrates the nuisance out, for a response (outputs, steps, pulses)."""
+        return Marginal(self.standardised(response @ self.nuisance.factor))
+
+    def likely_nuisance(self, z: np.ndarray, around: Linearisation) -> np.ndarray:
+        """Posterior mean of the nuisance given ``z``, standard normal before, shape (nuisance unknowns,)."""
+        outputs = self.simulate(z, around.heights) + around.response @ (self.nuisance.mean - around.heights)
+        return around.marginal.unknowns(self.standardised(self.measured - outputs))
+
+    def standardised(self, values: np.ndarray) -> np.ndarray:
+        """Whitened rows of observed readings of (outputs, steps[, n]) [unit of each], shape (readings[, n])."""
+        return self.noise.whiten(values, self.observed, self.time)
+
+    def _copy(self) -> Problem:
+        other = copy(self)
+        other.simulations = 0
+        return other

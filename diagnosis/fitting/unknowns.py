@@ -1,0 +1,89 @@
+"""The unknowns of a problem: standard normal numbers, and the values that they stand for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr, ndtri
+
+from diagnosis.effects.base import Effect
+from diagnosis.fitting.nuisance import Level
+from shared.system import System
+
+LIMIT = 3.7
+"""Bound of a parameter's unknown: the outer 0.01 % of its range are not told apart from its ends."""
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """Parameters by the probit of their place in their range, amplitudes in units of their scales, and levels.
+
+    So bounds hold, and the uniform prior in a parameter's scale is N(0, 1) exactly.
+    """
+
+    system: System
+    effects: tuple[Effect, ...]
+    levels: tuple[Level, ...]
+
+    @property
+    def names(self) -> list[str]:
+        """Names: parameters, effects, levels of the nuisance."""
+        levels = [f"level of {self.system.input_names[one.column]}" for one in self.levels]
+        return [*self.system.parameter_names, *(one.name for one in self.effects), *levels]
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return len(self.system.parameters) + len(self.effects) + len(self.levels)
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper bounds, each (unknowns,)."""
+        count = len(self.system.parameters)
+        low = [-LIMIT] * count + [one.lower / one.scale for one in self.effects]
+        high = [LIMIT] * count + [one.upper / one.scale for one in self.effects]
+        levels = [LIMIT] * len(self.levels)
+        return np.array([*low, *(-x for x in levels)], dtype=float), np.array([*high, *levels], dtype=float)
+
+    def values(self, z: np.ndarray) -> np.ndarray:
+        """Parameters, amplitudes and levels, shape (..., unknowns) [unit of each]."""
+        z = np.asarray(z, dtype=float)
+        made = np.empty_like(z)
+        for k, one in enumerate(self.system.parameters):
+            made[..., k] = one.from_unit(ndtr(z[..., k]))
+        for k, effect in enumerate(self.effects, len(self.system.parameters)):
+            made[..., k] = effect.scale * z[..., k]
+        for k, level in enumerate(self.levels, self.size - len(self.levels)):
+            made[..., k] = np.exp(level.mean + level.sd * z[..., k])
+        return made
+
+    def of(self, values: Mapping[str, float]) -> np.ndarray:
+        """The unknowns of given values by name; zero (middle of the prior, no effect) for others, shape (unknowns,)."""
+        z = np.zeros(self.size)
+        for k, one in enumerate(self.system.parameters):
+            if one.name in values:
+                low, high, value = one.min, one.max, float(values[one.name])
+                if one.scale == "log":
+                    low, high, value = np.log(low), np.log(high), np.log(max(value, 1e-300))
+                z[k] = np.clip(ndtri(np.clip((value - low) / (high - low), 0, 1)), -LIMIT, LIMIT)
+        for k, effect in enumerate(self.effects, len(self.system.parameters)):
+            z[k] = values.get(effect.name, 0.0) / effect.scale
+        return z
+
+    def parameters(self, z: np.ndarray) -> dict[str, float]:
+        """What the model is given: parameters, and those that effects set, by name [unit of each]."""
+        made = dict(zip(self.system.parameter_names, self.values(z).tolist(), strict=False))
+        for effect, amplitude in zip(self.effects, self.amplitudes(z), strict=True):
+            made |= effect.parameters(amplitude)
+        return made
+
+    def amplitudes(self, z: np.ndarray) -> tuple[float, ...]:
+        """Amplitudes of the effects [unit of each]."""
+        first = len(self.system.parameters)
+        return tuple(float(one.scale * x) for one, x in zip(self.effects, z[first:], strict=False))
+
+    def level_values(self, z: np.ndarray) -> np.ndarray:
+        """What each level multiplies by, shape (levels,)."""
+        return self.values(z)[self.size - len(self.levels) :]

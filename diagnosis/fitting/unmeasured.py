@@ -1,0 +1,182 @@
+"""What is not known about a recording's inputs, as pulses with a prior: see :mod:`diagnosis.fitting.nuisance`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.linalg import eigh
+
+from datagen.occupancy import occupancy_prior
+from datagen.tables import SNAP, Piecewise
+from diagnosis.fitting.drive import Drive
+from diagnosis.fitting.nuisance import FIELDS, Level, Nuisance, no_nuisance
+from diagnosis.recording import DAY, HOUR, Recording
+from shared.system import System
+
+PULSE = 1800.0
+"""Length of an occupancy pulse [s]: people come and go within the hour, and nobody knows when."""
+HISTORY = (0.0, 0.25 * DAY, DAY, 3 * DAY)
+"""Ends of the spans before the recording [s]; the last one reaches to the start of the warm-up."""
+DRAWS = 4000
+NEGLIGIBLE = 1e-4
+"""Share of the variance below which directions of the prior are left out."""
+
+
+def _joined(parts: Sequence[Nuisance]) -> Nuisance:
+    parts = [one for one in parts if one.size]
+    if not parts:
+        return no_nuisance()
+    factor = np.zeros((sum(one.size for one in parts), sum(one.factor.shape[1] for one in parts)))
+    row = column = 0
+    for one in parts:
+        factor[row : row + one.size, column : column + one.factor.shape[1]] = one.factor
+        row, column = row + one.size, column + one.factor.shape[1]
+    levels = tuple(level for one in parts for level in one.levels)
+    fields = {name: np.concatenate([getattr(one, name) for one in parts]) for name in FIELDS}
+    return Nuisance(**fields, factor=factor, levels=levels)
+
+
+def nuisance_of(
+    system: System, recording: Recording, driven: Drive, *, occupancy: str, seed: int = 0
+) -> tuple[Nuisance, dict[str, Piecewise]]:
+    """The nuisance of a recording, and the signals that stand in for what it describes.
+
+    Parameters
+    ----------
+    occupancy
+        ``unknown``, ``measured``, or ``none`` for a system without.
+
+    Returns
+    -------
+    tuple
+        The pulses, whose heights are added to ``driven.signals`` updated by the second item.
+    """
+    parts, signals = [], {}
+    for place, one in enumerate(system.inputs):
+        if one.source == "occupancy" and occupancy == "unknown":
+            part, signals[one.name] = _unknown_occupancy(system, place, driven, seed)
+        elif one.source == "measured" and one.name not in recording.inputs and not driven.replayed:
+            continue
+        else:
+            part = _history(place, driven, recording, driven.signals[one.name])
+            if one.source in ("occupancy", "measured") and one.interpolation == "previous":
+                part = _joined([_within_steps(place, recording, driven.signals[one.name]), part])
+        parts.append(part)
+    return _joined(parts), signals
+
+
+def _spans(driven: Drive) -> list[tuple[float, float]]:
+    """Spans before the recording [s], nearest first."""
+    ends = [driven.start - back for back in HISTORY if driven.start - back > driven.begin + SNAP]
+    return [(max(b, driven.begin), a) for a, b in zip(ends, [*ends[1:], driven.begin], strict=True)]
+
+
+def _unknown_occupancy(system: System, place: int, driven: Drive, seed: int) -> tuple[Nuisance, Piecewise]:
+    """Half-hourly persons in the recording and their means before it; the signal holds the usual day before it."""
+    assert system.occupancy is not None
+    back = round((driven.start - driven.begin) / PULSE)
+    count = int(np.ceil((driven.stop - driven.start) / PULSE - 1e-9))
+    edges = driven.start + PULSE * np.arange(-back, count + 1)
+    draws = occupancy_prior(system.occupancy, edges, DRAWS, seed)
+    level = draws.mean(axis=1)
+    draws, level = draws[level > 0], level[level > 0]  # rooms that nobody uses have no level
+    level = level / level.mean()
+    draws = draws / level[:, None]
+    usual = draws.mean(axis=0)
+    edges[-1] = driven.stop
+    inside = back + np.flatnonzero(draws[:, back:].std(axis=0) > NEGLIGIBLE * max(draws.std(), 1e-12))
+    begins, ends, heights = [edges[inside]], [edges[inside + 1]], [draws[:, inside]]
+    for a, b in _spans(driven):
+        rows = (edges[:-1] > a - PULSE / 2) & (edges[:-1] < b - PULSE / 2)
+        if rows.any():
+            begins.append(np.array([a]))
+            ends.append(np.array([b]))
+            heights.append((draws[:, rows] - usual[rows]).mean(axis=1, keepdims=True))
+    known = np.concatenate([usual[:back], np.zeros(count)])
+    known[np.setdiff1d(np.arange(back, back + count), inside)] = usual[
+        np.setdiff1d(np.arange(back, back + count), inside)
+    ]
+    stacked = np.concatenate(heights, axis=1)
+    begin, end = np.concatenate(begins), np.concatenate(ends)
+    return (
+        Nuisance(
+            column=np.full(len(begin), place),
+            begin=begin,
+            end=end,
+            turns=np.zeros(len(begin), dtype=bool),
+            recorded=begin > driven.start - SNAP,
+            mean=stacked.mean(axis=0),
+            factor=_factor(np.atleast_2d(np.cov(stacked, rowvar=False))),
+            levels=(Level(place, float(np.log(level).mean()), float(np.log(level).std())),),
+        ),
+        Piecewise(edges[:-1], known, "previous"),
+    )
+
+
+def _factor(covariance: np.ndarray) -> np.ndarray:
+    """A factor F with F F' = covariance but for negligible directions, shape (n, rank)."""
+    values, vectors = eigh(covariance)
+    keep = values > NEGLIGIBLE**2 * values[-1]
+    return np.asarray(vectors[:, keep] * np.sqrt(values[keep]))
+
+
+def _within_steps(place: int, recording: Recording, signal: Piecewise) -> Nuisance:
+    """Means over long steps: the halves of a step may differ as much as its neighbours do, and so may its quarters.
+
+    What changes once, at any time of a step with equal probability, changes within each half of it with half the
+    probability, but then as much: the spread of a half's halves is sqrt(1/2) of that of the step's.
+    """
+    if recording.step < 1.5 * PULSE:
+        return no_nuisance()
+    values = signal.at(recording.time - 0.5 * recording.step)
+    change = np.abs(np.diff(values))
+    spread = 0.5 * np.maximum(np.append(0.0, change), np.append(change, 0.0))
+    some = np.flatnonzero(spread > 1e-3 * max(float(values.std()), 1e-12))
+    begin, half = recording.time[some] - recording.step, 0.5 * recording.step
+    begins = np.concatenate([begin, begin, begin + half])
+    count = len(begins)
+    return Nuisance(
+        column=np.full(count, place),
+        begin=begins,
+        end=begins + np.repeat([recording.step, half, half], len(some)),
+        turns=np.ones(count, dtype=bool),
+        recorded=np.ones(count, dtype=bool),
+        mean=np.zeros(count),
+        factor=np.diag(np.repeat([1.0, np.sqrt(0.5), np.sqrt(0.5)], len(some)) * np.tile(spread[some], 3)),
+    )
+
+
+def _history(place: int, driven: Drive, recording: Recording, signal: Piecewise) -> Nuisance:
+    """Offsets of an input before the recording, as much as such spans differ from day to day within it."""
+    begin, end, spread = [], [], []
+    for a, b in _spans(driven):
+        found = _day_to_day(signal, recording, driven.start - b, min(b - a, DAY))
+        if found > 0:
+            begin.append(a)
+            end.append(b)
+            spread.append(found)
+    count = len(begin)
+    return Nuisance(
+        column=np.full(count, place),
+        begin=np.array(begin),
+        end=np.array(end),
+        turns=np.zeros(count, dtype=bool),
+        recorded=np.zeros(count, dtype=bool),
+        mean=np.zeros(count),
+        factor=np.diag(spread) if count else np.empty((0, 0)),
+    )
+
+
+def _day_to_day(signal: Piecewise, recording: Recording, back: float, length: float) -> float:
+    """Standard deviation over days of the difference between a span of the day and that of the day repeated."""
+    grid = np.arange(recording.start, recording.stop, min(recording.step, HOUR)) + 0.5 * min(recording.step, HOUR)
+    values = signal.at(grid)
+    day = round(DAY / (grid[1] - grid[0]))
+    days = len(values) // day
+    if days < 3:  # too few days to compare: all of its variation
+        return float(values.std())
+    first = round((DAY - back % DAY - length) % DAY / DAY * day)
+    width = max(round(length / DAY * day), 1)
+    rolled = np.roll(values[: days * day], -first)[: days * day].reshape(days, day)[:, :width].mean(axis=1)
+    return float(np.sqrt(2) * rolled.std())

@@ -1,0 +1,1 @@
+"""The days after a recording's first ones: :func:`diagnosis.forecasting.forecast.forecast`."""

@@ -1,0 +1,214 @@
+"""``forecast``: a recording's first days tell the parameters, and the model goes on with them (Figure 3 of the paper).
+
+The bands are simulations with parameters and nuisance drawn from the posterior of the context, plus measurement noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from datagen.simulator import Simulator
+from diagnosis.calibrating.calibration import calibrate
+from diagnosis.calibrating.checks import check_recording
+from diagnosis.calibrating.schema import Calibration, read_calibration
+from diagnosis.fitting.problem import Problem
+from diagnosis.fitting.side_by_side import side_by_side
+from diagnosis.recording import HOUR, Recording, read_recording
+from diagnosis.scores import Score, score
+from shared.errors import RecordingError, SimulationError
+from shared.system import System, load_system
+
+DRAWS = 40
+LEVEL = 0.9
+
+
+class Ahead(Score):
+    """Scores of one output's forecast, and the share of readings within its band."""
+
+    covered: float
+
+
+class Forecast(BaseModel):
+    """``forecast.json``. Scores are None where nothing was measured ahead."""
+
+    model_config = ConfigDict(extra="forbid")
+    schema_version: int = 1
+    system: str
+    recording: str
+    context_hours: float
+    ahead_hours: float
+    level: float
+    draws: int
+    occupancy: str
+    calibration: Calibration
+    outputs: dict[str, Ahead | None]
+
+
+@dataclass(frozen=True)
+class Forecasted:
+    """A forecast and its curves.
+
+    ``time`` (steps,) [s]; ``measured``, ``centre``, ``low``, ``high`` (outputs, steps) [unit of each] over context and
+    forecast; ``context`` steps belong to the context.
+    """
+
+    report: Forecast
+    system: System
+    time: np.ndarray
+    measured: np.ndarray
+    centre: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    context: int
+
+
+def forecast(
+    system: System | Path | str,
+    recording: Recording | Path | str,
+    *,
+    context: float = 168.0,
+    ahead: float = 336.0,
+    run: Path | str | None = None,
+    calibration: Calibration | Path | str | None = None,
+    out: Path | str | None = None,
+    replay: bool = False,
+    occupancy: str | None = None,
+    noise: str = "sensor",
+    draws: int = DRAWS,
+    starts: int = 3,
+    warm_up: float = 240.0,
+    seed: int = 0,
+    workers: int = 1,
+    scheduler: str | None = None,
+) -> Forecasted:
+    """Calibrate on the first ``context`` hours of a recording and simulate the next ``ahead`` hours.
+
+    Ahead, the recording's inputs drive the model; its outputs are only compared with.
+
+    Parameters
+    ----------
+    run
+        Folder of an estimator for the first guess.
+    calibration
+        A calibration made before, in place of one on the context.
+    draws
+        Simulations behind the bands.
+    out
+        Folder for ``forecast.json`` and ``forecast.html``, written when all is done.
+
+    Other parameters are those of :func:`diagnosis.calibrating.calibration.calibrate`.
+
+    Raises
+    ------
+    RecordingError
+        If the recording ends before the forecast does, or cannot be calibrated on.
+    """
+    described = system if isinstance(system, System) else load_system(system)
+    record = recording if isinstance(recording, Recording) else read_recording(recording, described)
+    split, end = round(context * HOUR / record.step), round((context + ahead) * HOUR / record.step)
+    if end > len(record.time):
+        raise RecordingError(
+            f"{record.path}: is {len(record.time) * record.step / HOUR:g} h long; expected at least"
+            f" {context + ahead:g} h: {context:g} h of context and the inputs of {ahead:g} h ahead"
+        )
+    whole_record, first = _part(record, end), _part(record, split)
+    check_recording(first, described)
+    described = described.with_experiment(step=record.step, hours=context + ahead)
+    common = {"replay": replay, "occupancy": occupancy, "warm_up": warm_up}
+    if calibration is None:
+        done = calibrate(
+            described.with_experiment(hours=context),
+            first,
+            run=run,
+            noise=noise,
+            starts=starts,
+            seed=seed,
+            workers=workers,
+            scheduler=scheduler,
+            **common,  # type: ignore[arg-type]
+        )
+        report, noise_model = done.report, done.problem.noise
+    else:
+        report = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
+        if report.system_hash != described.hash():
+            raise RecordingError(f"{calibration}: is a calibration of {report.system}; expected one of this system")
+        noise_model = noise  # type: ignore[assignment]
+    z, covariance = np.array(report.z), np.array(report.covariance)
+    simulator = Simulator(described)
+    with side_by_side(simulator, workers=workers, scheduler=scheduler) as runner:
+        problem = Problem(
+            simulator, whole_record, noise=noise_model, replay=replay, occupancy=occupancy, warm_up=warm_up * HOUR,
+            runner=runner,
+        )  # fmt: skip
+        seen = np.zeros(problem.observed.shape, dtype=bool)
+        seen[:, :split] = True
+        centre, made = _ensemble(problem.with_observed(seen), z, covariance, draws, seed)
+    low, high = np.quantile(made, [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=0)
+    outputs: dict[str, Ahead | None] = {}
+    for k, output in enumerate(described.outputs):
+        found = whole_record.outputs[k, split:]
+        inside = np.isfinite(found)
+        outputs[output.name] = None
+        if inside.any() and output.name not in problem.drive.replayed:
+            covered = (found >= low[k, split:]) & (found <= high[k, split:])
+            scores = score(found, centre[k, split:], output.unit)
+            outputs[output.name] = Ahead(**scores.model_dump(), covered=float(covered[inside].mean()))
+    answer = Forecasted(
+        Forecast(
+            system=described.name,
+            recording=str(record.path),
+            context_hours=context,
+            ahead_hours=ahead,
+            level=LEVEL,
+            draws=draws,
+            occupancy=problem.occupancy,
+            calibration=report,
+            outputs=outputs,
+        ),
+        described,
+        problem.time,
+        whole_record.outputs,
+        centre,
+        low,
+        high,
+        split,
+    )
+    if out is not None:
+        from diagnosis.forecasting.report import write_forecast
+
+        write_forecast(answer, Path(out))
+    return answer
+
+
+def _part(record: Recording, steps: int) -> Recording:
+    """The first steps of a recording."""
+    inputs = {name: values[:steps] for name, values in record.inputs.items()}
+    return Recording(record.path, record.step, record.time[:steps], record.outputs[:, :steps], inputs)
+
+
+def _ensemble(
+    problem: Problem, z: np.ndarray, covariance: np.ndarray, draws: int, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """The most likely outputs (outputs, steps), and draws with noise (draws, outputs, steps) [unit of each]."""
+    around = problem.renewed(z, problem.linearise(z))
+    centre = problem.simulate(z, problem.nuisance.heights(problem.likely_nuisance(z, around)))
+    rng = np.random.default_rng(seed)
+    low, high = problem.bounds
+    factor = np.linalg.cholesky(covariance)
+    spread = around.marginal.unknowns_factor()
+    made = []
+    for _ in range(draws):
+        drawn = np.clip(z + factor @ rng.standard_normal(len(z)), low, high)
+        try:
+            nuisance = problem.likely_nuisance(drawn, around) + spread @ rng.standard_normal(len(spread))
+            outputs = problem.simulate(drawn, problem.nuisance.heights(nuisance))
+        except SimulationError:
+            continue
+        made.append(outputs + problem.noise.draw(rng, problem.time))
+    if len(made) < draws / 2:
+        raise SimulationError(f"{draws - len(made)} of {draws} draws from the posterior could not be simulated")
+    return centre, np.stack(made)

@@ -1,0 +1,43 @@
+"""The page of a forecast: context, what the model said about the days ahead, and what was measured there."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from diagnosis.forecasting.forecast import Forecasted
+from diagnosis.pages import page_environment
+from diagnosis.pictures import BLUE, ORANGE, embedded, figure, readable
+from diagnosis.recording import DAY
+from diagnosis.whole import whole
+
+
+def write_forecast(done: Forecasted, folder: Path) -> None:
+    """Write ``forecast.json`` and ``forecast.html`` into a folder, both or none."""
+    page = render(done)
+    with whole(folder) as draft:
+        text = json.dumps(done.report.model_dump(mode="json"), indent=1)
+        (draft / "forecast.json").write_text(text + "\n", encoding="utf-8")
+        (draft / "forecast.html").write_text(page, encoding="utf-8")
+
+
+def render(done: Forecasted) -> str:
+    """The page as HTML, pictures and all."""
+    environment = page_environment()
+    return environment.get_template("forecast.html.j2").render(report=done.report, picture=_picture(done))
+
+
+def _picture(done: Forecasted) -> str:
+    days = (done.time - done.time[0]) / DAY
+    made, panels = figure(len(done.system.outputs), height=2.2)
+    for k, (panel, output) in enumerate(zip(panels, done.system.outputs, strict=True)):
+        low, unit = readable(done.low[k], output.unit)
+        high, _ = readable(done.high[k], output.unit)
+        panel.axvspan(days[0], days[done.context - 1], color=BLUE, alpha=0.06, lw=0)
+        panel.fill_between(days, low, high, color=ORANGE, alpha=0.25, lw=0, label=f"{done.report.level:.0%} band")
+        panel.plot(days, readable(done.measured[k], output.unit)[0], lw=1.0, color=BLUE, label="measured")
+        panel.plot(days, readable(done.centre[k], output.unit)[0], "--", lw=1.0, color=ORANGE, label="model")
+        panel.set_ylabel(f"{output.name} [{unit}]")
+    panels[0].legend(loc="upper right", ncols=3, fontsize=8)
+    panels[-1].set_xlabel("days; shaded: the context that the parameters were estimated from")
+    return embedded(made)

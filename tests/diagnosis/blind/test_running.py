@@ -1,0 +1,236 @@
+"""Running a blind set: it reads the recordings only, goes on where it stopped, and loses no recording that fails."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from cyclopts import App
+
+import diagnosis.blind.judging as judging
+import diagnosis.blind.running as running
+from diagnosis.blind.command import app as blind_app
+from diagnosis.blind.make import make
+from diagnosis.blind.running import run
+from diagnosis.blind.scoring import score
+from diagnosis.blind.verdicts import read_outcome, read_run, read_withheld
+from shared.errors import RecordingError, SystemDescriptionError
+from shared.store import sha256_of
+from tests.diagnosis.blind.blind_cases import Case, HandJudge, write_set
+
+
+def hand_set(folder, system, rooms):
+    """A set of recordings that are off or not, published as if they were of a system."""
+    cases = [Case("library", ("a",), room=room, replay=k == 1) for k, room in enumerate(rooms)]
+    folder, answers = write_set(folder, cases)
+    manifest = json.loads((folder / "manifest.json").read_text())
+    manifest |= {"system_hash": system.hash(), "fmu_sha256": sha256_of(system.fmu_path)}
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    return folder, answers
+
+
+@pytest.fixture(autouse=True)
+def one_program(monkeypatch):
+    """Sources may be edited while tests run; what a run makes of that has a test of its own."""
+    monkeypatch.setattr(running, "program", lambda: "program")
+
+
+@pytest.fixture
+def blind_set(tmp_path, default_system):
+    return hand_set(tmp_path / "set", default_system, [3.0, 0.0, 3.0])[0]
+
+
+def files(folder):
+    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+
+
+def answers_of(results, count=3):
+    return [read_outcome(results, f"recordings/{k:04}.nc").answer for k in range(count)]
+
+
+def test_one_verdict_for_each_recording_with_its_public_conditions(blind_set, default_system, tmp_path):
+    asked, told = tmp_path / "asked", []
+    asked.mkdir()
+    made = run(
+        default_system, blind_set, tmp_path / "out", workers=0, judge=HandJudge(asked),
+        progress=lambda *one: told.append(one),
+    )  # fmt: skip
+    assert files(tmp_path / "out") == ["run.json", *(f"verdicts/{k:04}.json" for k in range(3))]
+    assert answers_of(tmp_path / "out") == ["effect", "no_gap", "effect"]
+    assert sorted(path.read_text() for path in asked.iterdir()) == ["False measured", "False measured", "True measured"]
+    assert told == [(0, 3), (1, 3), (2, 3), (3, 3)]
+    assert read_run(tmp_path / "out") == made
+    assert made.library == [one.name for one in default_system.effects]
+    assert [one.name for one in made.parameters] == default_system.parameter_names
+
+
+def test_a_run_goes_on_where_it_stopped(blind_set, default_system, tmp_path):
+    asked = tmp_path / "asked"
+    asked.mkdir()
+    out = tmp_path / "out"
+    run(default_system, blind_set, out, workers=0, judge=HandJudge(asked))
+    (out / "verdicts" / "0001.json").unlink()
+    kept = (out / "verdicts" / "0000.json").read_bytes()
+    run(default_system, blind_set, out, workers=0, judge=HandJudge(asked))
+    assert sorted(path.stem for path in asked.iterdir()) == ["0000", "0001", "0001", "0002"]
+    assert (out / "verdicts" / "0000.json").read_bytes() == kept
+
+
+def test_the_program_is_what_a_verdict_depends_on_and_not_the_blind_check(tmp_path, monkeypatch):
+    import diagnosis
+    import shared
+
+    for name in ("diagnosis", "shared"):
+        (tmp_path / name / "blind").mkdir(parents=True)
+        (tmp_path / name / "__init__.py").write_text("")
+    monkeypatch.setattr(diagnosis, "__file__", str(tmp_path / "diagnosis" / "__init__.py"))
+    monkeypatch.setattr(shared, "__file__", str(tmp_path / "shared" / "__init__.py"))
+    before = judging.program()
+    (tmp_path / "diagnosis" / "blind" / "scoring.py").write_text("pass")
+    assert judging.program() == before
+    (tmp_path / "diagnosis" / "fit.py").write_text("pass")
+    assert judging.program() != before
+
+
+def test_another_run_of_the_same_folder_is_refused(blind_set, default_system, tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    run(default_system, blind_set, out, workers=0, judge=HandJudge())
+    name = default_system.effects[0].name
+    with pytest.raises(RecordingError, match="library was"):
+        run(default_system, blind_set, out, workers=0, judge=HandJudge(), without=[name])
+    with pytest.raises(RecordingError, match="settings was"):
+        run(default_system, blind_set, out, workers=0, judge=HandJudge(), seed=1)
+    larger = default_system.effects[0].model_copy(update={"scale": 2 * default_system.effects[0].scale})
+    other = default_system.model_copy(update={"effects": [larger, *default_system.effects[1:]]})
+    with pytest.raises(RecordingError, match=r"settings was .*effects"):
+        run(other, blind_set, out, workers=0, judge=HandJudge())
+    monkeypatch.setattr(running, "program", lambda: "another")
+    with pytest.raises(RecordingError, match="program was 'program'; expected 'another'"):
+        run(default_system, blind_set, out, workers=0, judge=HandJudge())
+
+
+def test_a_program_that_changes_while_it_runs_is_noticed(blind_set, default_system, tmp_path, monkeypatch):
+    programs = iter(["first", "second"])
+    monkeypatch.setattr(running, "program", lambda: next(programs))
+    with pytest.raises(RecordingError, match="source changed while it ran"):
+        run(default_system, blind_set, tmp_path / "out", workers=0, judge=HandJudge())
+
+
+def test_sets_of_another_system_and_changed_recordings_are_refused(blind_set, default_system, house, tmp_path):
+    with pytest.raises(RecordingError, match="system_hash is"):
+        run(house("me"), blind_set, tmp_path / "out", workers=0, judge=HandJudge())
+    with pytest.raises(SystemDescriptionError, match="'ghost' is withheld but no effect"):
+        run(default_system, blind_set, tmp_path / "out", without=["ghost"])
+    (blind_set / "recordings" / "0002.nc").write_bytes(b"other")
+    with pytest.raises(RecordingError, match=r"0002\.nc: missing or changed since it was published"):
+        run(default_system, blind_set, tmp_path / "out", workers=0, judge=HandJudge())
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_recording_that_fails_has_an_outcome(blind_set, default_system, tmp_path):
+    run(default_system, blind_set, tmp_path / "out", workers=0, judge=HandJudge(fails=("0001",)))
+    failed = read_outcome(tmp_path / "out", "recordings/0001.nc")
+    assert (failed.answer, failed.failure) == ("failed", "ValueError: cannot judge this")
+    assert answers_of(tmp_path / "out") == ["effect", "failed", "effect"]
+
+
+@pytest.mark.slow
+def test_processes_that_die_or_hang_lose_one_recording_each(default_system, tmp_path):
+    folder, _ = hand_set(tmp_path / "set", default_system, [3.0, 0.0, 3.0, 0.0])
+    judge = HandJudge(dies=("0001",), hangs=("0002",))
+    run(default_system, folder, tmp_path / "out", workers=2, judge=judge, limit=40.0, leave_one_out=True)
+    assert answers_of(tmp_path / "out", 4) == ["effect", "failed", "failed", "no_gap"]
+    assert read_outcome(tmp_path / "out", "recordings/0001.nc").failure == "its process ended with code 17"
+    assert "longer than 40 s" in read_outcome(tmp_path / "out", "recordings/0002.nc").failure
+    assert set(read_withheld(tmp_path / "out", "recordings/0000.nc").outcomes) == {"a", "b"}
+    assert read_withheld(tmp_path / "out", "recordings/0001.nc").outcomes == {}
+
+
+def test_leave_one_out_withholds_what_had_a_chance_and_comes_after(blind_set, default_system, tmp_path):
+    out = tmp_path / "out"
+    run(default_system, blind_set, out, workers=0, judge=HandJudge())
+    kept = [(out / "verdicts" / f"{k:04}.json").read_bytes() for k in range(3)]
+    run(default_system, blind_set, out, workers=0, judge=HandJudge(), leave_one_out=True)
+    assert kept == [(out / "verdicts" / f"{k:04}.json").read_bytes() for k in range(3)]
+    again = read_withheld(out, "recordings/0000.nc")
+    assert {name: one.answer for name, one in again.outcomes.items()} == {"a": "none_of_these", "b": "none_of_these"}
+    assert read_withheld(out, "recordings/0001.nc").outcomes == {}  # no gap: no candidate had a chance
+
+
+OPENED = """
+import json, sys
+from pathlib import Path
+opened = []
+sys.addaudithook(lambda name, args: opened.append(str(args[0])) if name == "open" else None)
+from diagnosis.blind.running import run
+from tests.diagnosis.blind.blind_cases import HandJudge
+run(*sys.argv[1:4], workers=0, judge=HandJudge(), leave_one_out=True)
+print(json.dumps(opened))
+"""
+
+
+def test_a_run_opens_the_recordings_and_their_manifest_only(blind_set, default_system, tmp_path):
+    """Beside them lie the answers and what else might tell; the verdicts are the same whether they do or not."""
+    decoys = ["set.answers.json.part", "answers.json", "set/answers.json", "set/recordings/0000.json"]
+    for decoy in decoys:
+        (tmp_path / decoy).write_text("{}")
+    words = [str(default_system.path), str(blind_set), str(tmp_path / "out")]
+    root = Path(__file__).resolve().parents[3]
+    made = subprocess.run(
+        [sys.executable, "-c", OPENED, *words], capture_output=True, text=True, check=True, cwd=root,
+        env={**os.environ, "PYTHONPATH": str(root)},
+    )  # fmt: skip
+    opened = {Path(one) for one in json.loads(made.stdout.splitlines()[-1])}
+    inside = {path.relative_to(tmp_path).as_posix() for path in opened if tmp_path in path.parents}
+    read = {one for one in inside if not one.startswith("out/")}
+    assert read == {"set/manifest.json", *(f"set/recordings/{k:04}.nc" for k in range(3))}
+    for decoy in [*decoys, "set.answers.json"]:
+        (tmp_path / decoy).unlink()
+    run(default_system, blind_set, tmp_path / "alone", workers=0, judge=HandJudge(), leave_one_out=True)
+    assert said(tmp_path / "alone") == said(tmp_path / "out")
+
+
+def said(results):
+    """All verdicts, without how long they took."""
+    found = {}
+    for path in sorted(results.rglob("0*.json")):
+        text = path.read_text()
+        found[path.parent.name, path.name] = [line for line in text.splitlines() if "seconds" not in line]
+    return found
+
+
+def test_commands(blind_set, default_system, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(running, "Diagnoser", lambda *_: HandJudge())
+    app = App(result_action="return_value")
+    app.command(blind_app)
+    words = ["blind", "run", str(default_system.path), str(blind_set), "--out", str(tmp_path / "out"), "--workers", "0"]
+    assert app([*words, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["recordings"], told["verdicts"]) == (3, {"effect": 2, "no_gap": 1})
+    answers, page = tmp_path / "set.answers.json", tmp_path / "score.html"
+    words = ["blind", "score", str(blind_set), str(answers), str(tmp_path / "out"), "--out", str(page)]
+    assert app([*words, "--json"]) == 0
+    scored = json.loads(capsys.readouterr().out)
+    assert scored["verdicts_sha256"] == told["verdicts_sha256"]
+    assert scored["answers_sha256"] == sha256_of(answers)
+    assert (scored["right"]["hits"], scored["right"]["n"]) == (2, 3)
+    assert page.exists()
+
+
+@pytest.mark.slow
+def test_the_diagnosis_itself_judges_a_set_whose_answers_lie_elsewhere(default_system, tmp_path):
+    """End to end on one short recording; while it runs there are no answers on the machine."""
+    make(default_system, tmp_path / "set", recordings=1, seed=2, hours=72.0)
+    answers = (tmp_path / "set.answers.json").read_bytes()
+    (tmp_path / "set.answers.json").unlink()
+    run(default_system, tmp_path / "set", tmp_path / "out", workers=0)
+    outcome = read_outcome(tmp_path / "out", "recordings/0000.nc")
+    assert outcome.failure == ""
+    assert outcome.verdict is not None
+    assert set(outcome.verdict.parameters) == set(default_system.parameter_names)
+    (tmp_path / "set.answers.json").write_bytes(answers)
+    done = score(tmp_path / "set", tmp_path / "set.answers.json", tmp_path / "out", out=tmp_path / "score.html")
+    assert done.recordings == 1
+    assert not done.failures

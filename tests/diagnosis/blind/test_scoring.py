@@ -1,0 +1,337 @@
+"""Scores of verdicts that were made by hand, against figures that were worked out by hand."""
+
+import base64
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from diagnosis.blind.intervals import figure, share
+from diagnosis.blind.places import steps_of
+from diagnosis.blind.rates import statements
+from diagnosis.blind.score_report import markdown
+from diagnosis.blind.scoring import read_score, score
+from diagnosis.blind.verdicts import Moved, Outcome, Place, Shrunk, Verdict, Withheld, read_outcome, write_withheld
+from shared.errors import RecordingError
+from tests.diagnosis.blind.blind_cases import AIR, ROOM, Case, write_results, write_set
+
+
+def said(*named, p=None, none=0.0, nothing=0.0, **more):
+    """A verdict that names effects, with probabilities p."""
+    word = "effect" if len(named) == 1 else "ambiguous"
+    p = p or {name: (1 - none - nothing) / len(named) for name in named}
+    return Verdict(verdict=word, probabilities=p, none=none, nothing=nothing, named=list(named), **more)
+
+
+NONE = Verdict(verdict="none_of_these", probabilities={"a": 0.1, "b": 0.1}, none=0.8, nothing=0.0)
+QUIET = Verdict(verdict="no_gap", probabilities={"a": 0.1}, none=0.0, nothing=0.9)
+
+
+def cases():
+    """Twelve recordings; the structural gap of those without effect is at most 0.4 in the room."""
+    at_noon = [Place(channel=ROOM, cell={"hours": "08:00-10:00", "day_type": "any", "band": "all"}, p_value=0.005)]
+    moved = {"r": Moved(before=10.0, after=1.0), "v": Moved(before=12.0, after=11.0)}
+    shrunk = {ROOM: Shrunk(share=0.9, low=0.8, high=1.0), AIR: Shrunk(share=None, low=None, high=None)}
+    return [
+        Case("none", truth="no_gap", room=0.4, verdict=QUIET),
+        Case("none", truth="no_gap", room=0.2, verdict=said("a", p={"a": 0.5}, none=0.5)),
+        Case("none", truth="no_gap", room=0.2, verdict=None),
+        Case("library", ("a",), sizes=(2.0,), room=4.0, hours=(8, 10),
+             verdict=said("a", p={"a": 0.9, "b": 0.1}, where=at_noon, shrinkage=shrunk, parameters=moved)),
+        Case("library", ("a",), sizes=(0.3,), room=0.3, verdict=QUIET),
+        Case("library", ("b",), sizes=(1.0,), room=2.0, air=2.0,
+             verdict=said("a", "b", p={"a": 0.6, "b": 0.3}, none=0.1, shrinkage=shrunk, parameters=moved,
+                          where=[Place(channel=AIR, kind="episode", cell={"period": "x"}, p_value=0.01)])),
+        Case("form", ("b",), sizes=(2.0,), room=3.0, air=3.0, verdict=said("b")),
+        Case("form", ("a",), sizes=(0.6,), room=2.0, verdict=NONE),
+        Case("two", ("a", "b"), sizes=(1.0, 4.0), room=4.0, verdict=said("a", "b")),
+        Case("two", ("a", "c"), sizes=(1.0, 1.0), room=4.0, verdict=said("c")),
+        Case("outside", truth="none_of_these", room=3.0, verdict=NONE),
+        Case("outside", truth="none_of_these", room=0.5, verdict=said("c")),
+    ]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def scored(tmp_path_factory):
+    root = tmp_path_factory.mktemp("scored")
+    folder, answers = write_set(root / "set", cases())
+    results = write_results(root / "results", folder, cases())
+    return score(folder, answers, results, out=root / "score.html"), root
+
+
+def counts(one):
+    return (one.hits, one.n)
+
+
+def test_intervals_are_wilsons_and_the_bootstraps():
+    one = share([True, False])
+    # by hand: n = 2, p = 1/2, z = 1.959964
+    z2 = 1.959964**2
+    half = 1.959964 * np.sqrt(0.25 / 2 + z2 / 16) / (1 + z2 / 2)
+    assert (one.low, one.high) == pytest.approx((0.5 - half, 0.5 + half), abs=1e-6)
+    assert one.low == pytest.approx(0.0945, abs=1e-4)
+    assert share([]).value is None
+    found = figure(np.random.default_rng(0).standard_normal(400), seed=1)
+    assert found.high - found.low == pytest.approx(2 * 1.96 / 20, rel=0.1)
+
+
+def test_false_alarms_recall_and_coverage_are_those_worked_out(scored):
+    done, _ = scored
+    assert counts(done.false_alarms) == (2, 3)  # one named an effect, one failed
+    assert counts(done.named_without_cause) == (1, 3)
+    assert counts(done.none_of_these) == (1, 2)
+    assert counts(done.none_of_these_visible) == (1, 1)  # 0.5 of the noise cannot be seen
+    by_what = {one.what: one for one in done.effects}
+    seen = by_what["as the candidate has it, at a detectable amplitude"]
+    assert (counts(seen.found), counts(seen.top), counts(seen.covered)) == ((2, 2), (1, 2), (2, 2))
+    every = by_what["as the candidate has it, all amplitudes"]
+    assert (counts(every.found), counts(every.top), counts(every.covered)) == ((2, 3), (1, 3), (2, 3))
+    both = by_what["both, at a detectable amplitude"]
+    assert (counts(both.found), counts(both.top), counts(both.covered)) == ((4, 4), (2, 4), (3, 4))
+    assert (counts(done.two.one), counts(done.two.first), counts(done.two.both)) == ((2, 2), (2, 2), (1, 2))
+    # right: 0 no gap; 3 and 6 the first effect; 8 and 9 one of two; 10 none of these
+    assert counts(done.right) == (6, 12)
+    assert done.failures == {"recordings/0002.nc": "SimulationError: it stopped"}
+
+
+def test_confusion_matrices_count_every_recording(scored):
+    done, _ = scored
+    strata = dict(zip(done.strata.rows, done.strata.counts, strict=True))
+    assert done.strata.columns == ["effect", "ambiguous", "none_of_these", "no_gap", "failed"]
+    assert strata == {
+        "none": [1, 0, 0, 1, 1], "library": [1, 1, 0, 1, 0], "form": [1, 0, 1, 0, 0], "two": [1, 1, 0, 0, 0],
+        "outside": [1, 0, 1, 0, 0],
+    }  # fmt: skip
+    named = {
+        (true, name): n
+        for true, row in zip(done.confusion.rows, done.confusion.counts, strict=True)
+        for name, n in zip(done.confusion.columns, row, strict=True)
+        if n
+    }
+    assert named == {
+        ("a", "a"): 1, ("a", "no gap"): 1, ("a", "none of these"): 1, ("b", "a"): 1, ("b", "b"): 1,
+        ("none of these", "none of these"): 1, ("none of these", "c"): 1,
+        ("no gap", "no gap"): 1, ("no gap", "a"): 1, ("no gap", "failed"): 1,
+    }  # fmt: skip
+
+
+def test_power_is_counted_in_bins_of_amplitude_and_of_the_sealed_gap(scored):
+    done, _ = scored
+    # sizes 2, 0.3, 1, 2, 0.6 of one effect; bins below 0.5, to 1, to 2, above
+    assert [counts(point.found) for point in done.power_by_size] == [(0, 1), (1, 1), (1, 1), (2, 2)]
+    assert [counts(point.top) for point in done.power_by_size] == [(0, 1), (0, 1), (0, 1), (2, 2)]
+    # gaps 4, 0.3, 2, 3, 2
+    assert [counts(point.found) for point in done.power_by_gap] == [(0, 1), (0, 0), (0, 0), (3, 3), (1, 1), (0, 0)]
+    assert done.power_by_gap[-1].high is None
+
+
+def test_reliability_and_brier(scored):
+    done, _ = scored
+    first = done.first_statement
+    assert sum(one.happened.n for one in first.bins) == 11  # all with a verdict
+    # what was said first: 0.9 0.5 0.9 0.9 0.6 1 0.8 0.5 1 0.8 1; what came: 1 0 1 0 0 1 0 1 1 1 0
+    p = np.array([0.9, 0.5, 0.9, 0.9, 0.6, 1.0, 0.8, 0.5, 1.0, 0.8, 1.0])
+    y = np.array([1, 0, 1, 0, 0, 1, 0, 1, 1, 1, 0])
+    assert first.brier.value == pytest.approx(np.mean((p - y) ** 2))
+    assert first.reference == pytest.approx(y.mean() * (1 - y.mean()))
+    bins = {(one.low, one.high): (one.said, counts(one.happened)) for one in first.bins}
+    assert bins[0.4, 0.6] == (pytest.approx(0.5), (1, 2))
+    assert bins[0.6, 0.8] == (pytest.approx(0.6), (0, 1))
+    assert bins[0.8, 0.95] == (pytest.approx(0.86), (3, 5))
+    assert bins[0.95, 1.0] == (pytest.approx(1.0), (2, 3))
+    # |sum of said - sum of happened| over bins: |1-1|, |.6-0|, |4.3-3|, |3-2|
+    assert first.error.value == pytest.approx((0.0 + 0.6 + 1.3 + 1.0) / 11)
+    # all answers, one cause at most: 0.02, 1 + .25 + .25, 1, .02, .81 + .81, .36+.49+.01, 0, .81+.01+.64, .06, 2
+    expected = [0.02, 1.5, 1.0, 0.02, 1.62, 0.86, 0.0, 1.46, 0.06, 2.0]
+    assert done.brier.n == 10
+    assert done.brier.value == pytest.approx(np.mean(expected))
+
+
+def test_a_failed_recording_says_nothing_and_everything_said_is_a_statement(scored):
+    done, root = scored
+    assert len(statements_of(root, 3)) == 4  # two effects, none, no gap
+    assert statements_of(root, 2) == []
+    every = done.all_statements
+    assert sum(one.happened.n for one in every.bins) == 22  # said with 1 % or more
+
+
+def statements_of(root, number):
+    from diagnosis.blind.opened import side_by_side
+    from diagnosis.blind.sealed import open_answers
+    from diagnosis.blind.verdicts import read_run
+
+    opened = open_answers(root / "set", root / "set.answers.json")
+    return statements(side_by_side(opened, root / "results", read_run(root / "results"))[number])
+
+
+def test_places_are_held_against_the_sealed_gap(scored):
+    done, _ = scored
+    # visible gaps: 3 (right cell), 5 (air, as large as the room), 6, 7, 8, 9, 10 (no place)
+    assert counts(done.where.channel) == (2, 7)
+    assert counts(done.where.cell) == (1, 1)
+    assert done.where.lift.value == pytest.approx(12.0)  # two hours of twenty-four
+    # two-hour cells overlap the gap's when shifted by 0, 1 or 23 h modulo a day: 3 + 4 + 4 of 95 shifts
+    assert done.where.chance.value == pytest.approx(11 / 95)
+
+
+def test_cells_are_read_as_they_are_written():
+    series = {"x": np.arange(48.0)}
+    cell = {"hours": "06:00-12:00", "day_type": "weekend", "regime": "x high", "rule": "x > 33.5 W/m2"}
+    start = 5 * 86400.0 - 86400.0  # Friday, then Saturday
+    assert np.flatnonzero(steps_of(cell, start, 3600.0, 48, series)).tolist() == [34, 35]
+    assert steps_of({"rule": "y > 3"}, 0.0, 3600.0, 48, series) is None
+    assert steps_of({"rule": "x = 0"}, 0.0, 3600.0, 48, series).sum() == 1
+    assert steps_of({"hours": "any", "day_type": "any", "rule": "always"}, 0.0, 3600.0, 48, series).all()
+
+
+def test_shrinkage_is_held_against_the_oracle(scored):
+    done, _ = scored
+    by_channel = {one.channel: one for one in done.shrinkage}
+    room = by_channel[ROOM]
+    # visible in the room with causes of the library: 3, 5 (0.9 each), 6 (named, no figure), 7 (nothing named: 0),
+    # 8 and 9 (named, no figure); the structural gap is 0.2, the median
+    assert (room.share.n, room.unknown) == (3, 3)
+    assert room.share.value == pytest.approx(1.8 / 3)
+    oracles = 1 - 0.04 / np.array([16.0, 4.0, 4.0])
+    assert room.oracle.value == pytest.approx(oracles.mean())
+    assert room.ratio.value == pytest.approx(0.6 / oracles.mean())
+    assert room.median.value == pytest.approx(0.9 / oracles[0])  # of 0.9 / .9975, 0.9 / .99 and 0: the middle one
+    assert (by_channel[AIR].share.n, by_channel[AIR].unknown) == (0, 2)
+
+
+def test_errors_of_parameters_are_shares_of_their_ranges(scored):
+    done, _ = scored
+    by_name = {one.parameter: one for one in done.parameters}
+    # r: 10 against 1 on a logarithmic range of 1 to 100 is half of it; v: 12 and 11 against 10 on 0 to 20
+    assert (by_name["r"].before.value, by_name["r"].after.value) == pytest.approx((0.5, 0.0))
+    assert (by_name["v"].before.value, by_name["v"].after.value) == pytest.approx((0.1, 0.05))
+    assert by_name["all parameters"].change.value == pytest.approx(-0.275)
+    assert by_name["v"].before.n == 2
+
+
+def test_leave_one_out_counts_both_ways(tmp_path):
+    ones = [
+        Case("library", ("a",), room=3.0, verdict=said("a", p={"a": 0.9, "b": 0.1}, alike={"a": ["b"]})),
+        Case("library", ("a",), room=3.0, verdict=said("a", alike={"a": ["c"]})),
+        Case("form", ("b",), room=3.0, verdict=NONE),
+        Case("library", ("b",), room=3.0, verdict=said("b")),
+        Case("none", truth="no_gap", verdict=QUIET),
+    ]
+    folder, answers = write_set(tmp_path / "set", ones)
+    results = write_results(tmp_path / "results", folder, ones)
+    again = [{"a": said("b"), "b": said("a")}, {"a": said("b")}, {}, {"b": None}, {}]
+    for k, outcomes in enumerate(again):
+        first = read_outcome(results, f"recordings/{k:04}.nc")
+        made = {
+            name: Outcome(file=first.file, sha256=first.sha256, seconds=1.0, verdict=one, failure="" if one else "x")
+            for name, one in outcomes.items()
+        }
+        write_withheld(results, Withheld(file=first.file, outcomes=made))
+    done = score(folder, answers, results).left_out
+    # b for a where they are confusable; b for a where they are not; none at once; failed
+    assert (done.n, done.again) == (4, 3)
+    assert (counts(done.none), counts(done.none_or_alike), counts(done.quiet)) == ((1, 4), (2, 4), (0, 4))
+
+
+def test_what_was_withheld_from_the_library_is_none_of_these(tmp_path):
+    ones = [
+        Case("library", ("a",), room=3.0, verdict=NONE),
+        Case("form", ("a",), room=3.0, verdict=said("b")),
+        Case("two", ("a", "b"), room=3.0, verdict=said("b")),
+    ]
+    folder, answers = write_set(tmp_path / "set", ones)
+    results = write_results(tmp_path / "results", folder, ones, library=("b", "c"), without=("a",))
+    done = score(folder, answers, results)
+    assert counts(done.none_of_these) == (1, 2)
+    assert dict(zip(done.strata.rows, done.strata.counts, strict=True))["withheld"] == [1, 0, 1, 0, 0]
+    assert counts(done.right) == (2, 3)  # b is what is left of a and b
+
+
+def test_what_is_visible_depends_on_the_answers_alone(tmp_path):
+    """A gap of twice the noise is no gap where recordings without effect have as much; actuators apart."""
+    ones = [
+        Case("none", truth="no_gap", room=2.5, replay=True, verdict=QUIET),
+        Case("none", truth="no_gap", room=0.5, verdict=QUIET),
+        Case("library", ("a",), room=2.0, replay=True, verdict=said("a")),
+        Case("library", ("a",), room=2.0, verdict=QUIET),
+        Case("library", ("a",), room=3.0, replay=True, verdict=said("a")),
+    ]
+    folder, answers = write_set(tmp_path / "set", ones)
+    done = score(folder, answers, write_results(tmp_path / "results", folder, ones))
+    seen = {one.what: one for one in done.effects}["as the candidate has it, at a detectable amplitude"]
+    assert counts(seen.top) == (1, 2)
+    other = [Case(one.stratum, one.effects, one.truth, one.sizes, one.room, replay=one.replay) for one in ones]
+    done = score(folder, answers, write_results(tmp_path / "other", folder, other))
+    seen = {one.what: one for one in done.effects}["as the candidate has it, at a detectable amplitude"]
+    assert counts(seen.top) == (0, 2)
+
+
+def test_what_the_diagnosis_declared_it_would_see_is_scored_by_itself(tmp_path):
+    ones = [
+        Case("library", ("a",), sizes=(1.0,), room=3.0, verdict=said("a", smallest={"a": 2.9})),
+        Case("library", ("a",), sizes=(1.0,), room=3.0, verdict=said("b", smallest={"a": 3.0})),  # 3 in its unit
+        Case("library", ("a",), sizes=(1.0,), room=3.0, verdict=said("b", smallest={"a": 3.1})),
+        Case("library", ("a",), sizes=(1.0,), room=3.0, verdict=said("a", smallest={"a": None})),
+        Case("form", ("a",), sizes=(2.0,), room=3.0, verdict=said("a", smallest={"a": 0.1})),
+    ]
+    folder, answers = write_set(tmp_path / "set", ones)
+    done = score(folder, answers, write_results(tmp_path / "results", folder, ones))
+    assert counts(done.declared.top) == (1, 2)
+
+
+def test_page_json_and_markdown_say_the_same(scored):
+    done, root = scored
+    assert read_score(root / "score.json") == done
+    text = (root / "score.md").read_text()
+    assert text == markdown(done) + "\n"
+    assert "| false alarms without any effect | 67% (21% to 94%; 2 of 3) | at most 5 % |" in text
+    assert "diagnosis blind make set --system Hand/system.toml --recordings 12 --seed 7 --hours 96" in text
+    page = (root / "score.html").read_text()
+    assert "67% (21% to 94%; 2 of 3)" in page
+    assert "http" not in page.replace("http-equiv", "")  # nothing is loaded from elsewhere
+    pictures = [part.split('"')[0] for part in page.split("data:image/png;base64,")[1:]]
+    assert len(pictures) == 6
+    assert all(base64.b64decode(one)[:4] == b"\x89PNG" for one in pictures)
+
+
+def test_verdicts_of_another_set_and_incomplete_ones_are_refused(scored, tmp_path):
+    _, root = scored
+    folder, answers = write_set(tmp_path / "set", cases()[:2], seed=8)
+    with pytest.raises(RecordingError, match="is a run of another set"):
+        score(folder, answers, root / "results")
+    results = write_results(tmp_path / "results", folder, cases()[:2])
+    (results / "verdicts" / "0001.json").unlink()
+    with pytest.raises(RecordingError, match=r"0001\.json: no such file; expected a file of `diagnosis blind run`"):
+        score(folder, answers, results)
+    (results / "verdicts" / "0001.json").write_text('{"schema": "blind-verdict-1", "file": 3}')
+    with pytest.raises(RecordingError, match=r"0001\.json: file: .* \(found 3\)"):
+        score(folder, answers, results)
+
+
+OPENED = """
+import json, sys
+opened = []
+sys.addaudithook(lambda name, args: opened.append(str(args[0])) if name == "open" else None)
+from diagnosis.blind.scoring import score
+score(*sys.argv[1:4])
+print(json.dumps({"opened": opened, "modules": list(sys.modules)}))
+"""
+
+
+def test_a_score_sees_verdicts_and_answers_and_no_more(scored):
+    """Of the results it opens the verdict files alone, whatever lies beside them; and no diagnosis is loaded."""
+    done, root = scored
+    for decoy in ("report.html", "verdicts/0000.npz", "residuals.nc"):
+        (root / "results" / decoy).write_text("not to be read")
+    paths = [str(root / "set"), str(root / "set.answers.json"), str(root / "results")]
+    made = subprocess.run([sys.executable, "-c", OPENED, *paths], capture_output=True, text=True, check=True)
+    found = json.loads(made.stdout.splitlines()[-1])
+    inside = {Path(one).relative_to(root).as_posix() for one in found["opened"] if one.startswith(str(root))}
+    recordings = {f"set/recordings/{k:04}.nc" for k in range(12)}
+    verdicts = {f"results/verdicts/{k:04}.json" for k in range(12)}
+    assert inside == {"set/manifest.json", "set.answers.json", "results/run.json", *recordings, *verdicts}
+    assert not [name for name in found["modules"] if name.startswith(("diagnosis.gap", "diagnosis.blind.judging"))]
+    assert done.recordings == 12

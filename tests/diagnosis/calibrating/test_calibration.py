@@ -1,0 +1,98 @@
+"""Calibrations of a second system, by command and function, and what a recording cannot be."""
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from diagnosis.calibrating.calibration import calibrate
+from diagnosis.calibrating.schema import read_calibration
+from diagnosis.cli import app
+from diagnosis.scores import score
+from shared.console import FAULT, OK, start
+from shared.errors import RecordingError
+
+TRUTH = {"ro": 7.0, "ri": 0.6, "c": 4.0, "a": 2.5}
+
+
+def changed(path, change):
+    data = xr.load_dataset(path, decode_times=False)
+    out = change(data)
+    bad = path.with_name("bad.nc")
+    (out if isinstance(out, xr.Dataset) else data).to_netcdf(bad)
+    return bad
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda d: d["room"].attrs.update(units="K"), "'room' is in 'K'.*'degC'"),
+        (lambda d: d["room"].values.__iadd__(273.15), "declared in degC but is.*look like K"),
+        (lambda d: d["room"].values.fill(20.0), "'room' is 20 degC throughout"),
+        (lambda d: d.isel(time=slice(0, 20)), "20 h long; expected at least a day"),
+        (lambda d: d.isel(time=slice(None, None, -1)), "time runs backwards or stands still after step 1: "),
+        (lambda d: d.drop_vars("room"), "none of the outputs room"),
+    ],
+)
+def test_each_fault_is_a_sentence_and_nothing_is_written(house, house_recording, tmp_path, change, said, capsys):
+    bad = changed(house_recording(hours=72), change)
+    out = tmp_path / "out"
+    with pytest.raises(RecordingError, match=said):
+        calibrate(house("me"), bad, out=out)
+    assert start(app, ["calibrate", str(house("me").path), str(bad), "--out", str(out)]) == FAULT
+    assert not out.exists()
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_kelvin_that_are_degrees_are_found(house, house_recording, default_system, tmp_path):
+    """The default system has its temperatures in kelvin: readings near 21 are not."""
+    from datagen import simulate
+
+    path = tmp_path / "room.nc"
+    simulate(default_system, hours=48, seed=1, out=path)
+    bad = changed(path, lambda d: d["TRoo"].values.__isub__(273.15))
+    with pytest.raises(RecordingError, match=r"'TRoo' is declared in K but is.*look like degC"):
+        calibrate(default_system, bad)
+
+
+def test_a_description_of_another_fmu_is_told(house, house_recording, default_system):
+    with pytest.raises(RecordingError, match="none of the outputs TRoo"):
+        calibrate(default_system, house_recording(hours=48))
+
+
+@pytest.mark.slow
+def test_the_command_writes_figures_and_a_page(house, house_recording, tmp_path, capsys):
+    out = tmp_path / "made" / "here"
+    recording = house_recording(hours=120)
+    words = ["calibrate", str(house("me").path), str(recording), "--out", str(out), "--starts", "1", "--json"]
+    assert start(app, words) == OK
+    said = json.loads(capsys.readouterr().out)
+    assert sorted(one.name for one in out.iterdir()) == ["calibration.html", "calibration.json"]
+    assert list(out.parent.iterdir()) == [out]
+    report = read_calibration(out)
+    assert said == report.model_dump(mode="json")
+    assert report.occupancy == "measured"
+    for name, true in TRUTH.items():
+        one = report.parameter(name)
+        assert one.prior_min <= one.low < one.value < one.high <= one.prior_max
+        assert abs(np.log(one.value / true)) < 4 * abs(np.log(one.high / one.low)) / 3.29
+    page = (out / "calibration.html").read_text()
+    assert page.count("data:image/png;base64,") == 5
+    assert all(name in page for name in TRUTH)
+    assert "http" not in page.replace("http-equiv", "")
+
+
+def test_scores_by_hand():
+    measured = np.array([290.0, 291.0, np.nan, 293.0])
+    simulated = np.array([290.5, 291.0, 7.0, 292.0])
+    found = score(measured, simulated, "K")
+    assert found.rmse == pytest.approx(np.sqrt((0.25 + 1.0) / 3))
+    assert found.bias == pytest.approx(0.5 / 3)
+    assert found.steps == 3
+    assert found.share_of == "95 % range"
+    assert found.cvrmse == pytest.approx(found.rmse / np.diff(np.quantile([290, 291, 293], [0.025, 0.975]))[0])
+    celsius = score(measured - 273.15, simulated - 273.15, "degC")
+    assert celsius.cvrmse == pytest.approx(found.cvrmse)
+    plain = score(np.array([100.0, 300.0]), np.array([110.0, 310.0]), "ppm")
+    assert (plain.cvrmse, plain.nmbe, plain.share_of) == (pytest.approx(0.05), pytest.approx(-0.05), "mean")

@@ -1,0 +1,141 @@
+"""Fits against what can be computed otherwise: a grid over the posterior, and an exact recursion of a house."""
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from datagen.occupancy import sample_occupancy
+from datagen.simulator import Simulator
+from diagnosis.effects.base import Nothing
+from diagnosis.fitting.fit import fit
+from diagnosis.fitting.problem import Problem
+from diagnosis.fitting.unknowns import Unknowns
+from diagnosis.recording import read_recording
+
+TRUTH = {"ro": 7.0, "ri": 0.6, "c": 4.0, "a": 2.5}
+
+
+@pytest.mark.parametrize("kind", ["me", "cs"])
+def test_a_house_is_recovered(house, house_recording, kind):
+    """The recording is made by another program, the exact recursion; both kinds of FMU find its parameters."""
+    system = house(kind)
+    record = read_recording(house_recording(), system)
+    found = fit(Problem(Simulator(system), record, history=False))
+    assert found.converged
+    error = (found.z - found.problem.unknowns(TRUTH)) / found.sd
+    assert np.abs(error).max() < 3.5
+    assert found.sd.max() < 0.2
+    assert found.at_bound == ()
+    # less than 1: the heater is a mean over hours to the fit, which cannot know that it was constant within them
+    assert 0.2 < np.mean(found.residual**2) < 1.3
+
+
+def test_the_posterior_is_that_of_a_grid(house, house_recording):
+    """One unknown at a time is free; its posterior is summed over a grid, without any linearisation."""
+    system = house("me")
+    record = read_recording(house_recording(hours=48, noise=0.3), system)
+    free = next(one for one in system.parameters if one.name == "a")
+    others = [one for one in system.parameters if one.name != "a"]
+    alone = system.model_copy(
+        update={"parameters": [free], "fixed": {**system.fixed, **{one.name: TRUTH[one.name] for one in others}}}
+    )
+    problem = Problem(Simulator(alone), record, noise=np.array([0.3]), history=False)
+    problem.nuisance = problem.nuisance.only(np.zeros(problem.nuisance.size, dtype=bool))
+    found = fit(problem)
+    grid = np.linspace(-3, 3, 301)
+    loss = np.array([np.sum(problem.residuals(np.array([z])) ** 2) for z in grid])
+    weight = np.exp(-0.5 * (loss - loss.min())) * norm.pdf(grid)
+    weight /= weight.sum()
+    mean = float(weight @ grid)
+    assert found.z[0] == pytest.approx(mean, abs=0.1 * found.sd[0])
+    assert found.sd[0] == pytest.approx(float(np.sqrt(weight @ (grid - mean) ** 2)), rel=0.1)
+    log_evidence = np.log(np.sum(np.exp(-0.5 * (loss - loss.min())) * norm.pdf(grid)) * (grid[1] - grid[0]))
+    log_evidence -= 0.5 * loss.min() + 48 * np.log(0.3 * np.sqrt(2 * np.pi))
+    assert found.log_evidence == pytest.approx(log_evidence, abs=0.05)
+
+
+class Bias(Nothing):
+    """A sensor that shows too much, always."""
+
+    def outputs(self, amplitude, outputs, time):
+        return outputs + amplitude
+
+
+class Jump(Nothing):
+    """A sensor that shows too much from the middle of the recording on."""
+
+    def outputs(self, amplitude, outputs, time):
+        return outputs + amplitude * (time > time.mean())
+
+
+def test_an_effect_joins_the_unknowns(house, house_recording):
+    """A bias of 0.4 K that comes with the second half is found together with the parameters, as large as it is."""
+    system = house("me")
+    path = house_recording(hours=240)
+    record = read_recording(path, system)
+    record.outputs[0] += 0.4 * (record.time > record.time.mean())
+    problem = Problem(Simulator(system), record, history=False, effects=[Jump("bias", "degC", scale=0.5)])
+    assert problem.names[-1] == "bias"
+    found = fit(problem)
+    assert abs(problem.values(found.z)[-1] - 0.4) < 3.5 * 0.5 * found.sd[-1]
+    without = fit(problem.with_effects([]))
+    assert found.log_evidence > without.log_evidence + 3
+    assert problem.with_effects([]).names == list(TRUTH)
+
+
+def test_a_bias_that_the_insulation_imitates_is_not_claimed(house, house_recording):
+    """A constant bias is a little less insulation: the posterior says so, and tells it where insulation is known."""
+    system = house("me")
+    record = read_recording(house_recording(hours=240), system)
+    record.outputs[0] += 0.4
+    bias = Bias("bias", "degC", scale=0.5)
+    found = fit(Problem(Simulator(system), record, history=False, effects=[bias]))
+    assert abs(found.correlation[-1, 0]) > 0.97
+    assert found.sd[-1] > 0.4
+    assert abs(found.z[-1] - 0.4 / 0.5) < 3 * found.sd[-1]
+    rest = [one for one in system.parameters if one.name != "ro"]
+    known = system.model_copy(update={"parameters": rest, "fixed": {**system.fixed, "ro": TRUTH["ro"]}})
+    sure = fit(Problem(Simulator(known), record, history=False, effects=[bias]))
+    assert sure.sd[-1] < 0.15
+    assert abs(sure.z[-1] - 0.4 / 0.5) < 3.5 * sure.sd[-1]
+
+
+def test_held_out_readings_do_not_count(house, house_recording):
+    system = house("me")
+    record = read_recording(house_recording(hours=96), system)
+    problem = Problem(Simulator(system), record, history=False)
+    half = np.zeros(problem.observed.shape, dtype=bool)
+    half[:, :48] = True
+    damaged = problem.with_measured(np.where(half, problem.measured, 1e6)).with_observed(half)
+    whole = problem.with_observed(half)
+    z = problem.unknowns(TRUTH)
+    np.testing.assert_array_equal(damaged.residuals(z), whole.residuals(z))
+    assert len(whole.residuals(z)) == 48
+
+
+def test_bounds_are_flagged(house, house_recording):
+    """A house with four times the glass that the range allows."""
+    system = house("me")
+    record = read_recording(house_recording(values={"a": 20.0}), system)
+    assert "a" in fit(Problem(Simulator(system), record, history=False)).at_bound
+
+
+@pytest.mark.slow
+def test_errors_are_as_large_as_the_posterior_says(house, house_recording):
+    """Four houses whose persons nobody counted: standardised errors are neither too large nor too small."""
+    system = house("me")
+    simulator = Simulator(system)
+    errors = []
+    for seed in range(4):
+        rng = np.random.default_rng(100 + seed)
+        z = 0.7 * rng.standard_normal(4)
+        values = dict(zip(TRUTH, Unknowns(system, (), ()).values(z), strict=True))
+        persons = sample_occupancy(system.occupancy, rng, -240 * 3600.0, 144 * 3600.0)
+        half_hours = -240 * 3600.0 + 1800 * np.arange(768)
+        crowd = np.mean([persons.at(half_hours + 60 * k) for k in range(30)], axis=0)
+        record = read_recording(house_recording(144, seed=seed, persons=crowd, values=values, count=False), system)
+        found = fit(Problem(simulator, record))
+        errors.append((found.z[:4] - z) / found.sd[:4])
+    errors = np.array(errors)
+    assert 0.6 < np.sqrt(np.mean(errors**2)) < 1.5
+    assert np.mean(np.abs(errors) < 1.645) > 0.7

@@ -1,0 +1,88 @@
+"""The nuisance: integrated out as dense algebra would, with responses as one pulse at a time would give."""
+
+import numpy as np
+import pytest
+
+from datagen.simulator import Simulator
+from datagen.tables import Piecewise, merge
+from diagnosis.fitting.marginal import Marginal
+from diagnosis.fitting.nuisance import Nuisance, responses
+from diagnosis.fitting.problem import Problem
+from diagnosis.recording import read_recording
+
+HOUR = 3600.0
+
+
+def test_marginal_is_dense_algebra():
+    rng = np.random.default_rng(0)
+    by, residual = rng.standard_normal((30, 8)), rng.standard_normal(30)
+    by[:, 7] = by[:, 6]  # what cannot be told apart
+    covariance = np.eye(30) + by @ by.T
+    marginal = Marginal(by)
+    root = marginal.root(np.eye(30))
+    np.testing.assert_allclose(root @ root.T, np.linalg.inv(covariance), atol=1e-10)
+    np.testing.assert_allclose(marginal.root(residual), root @ residual, atol=1e-10)
+    np.testing.assert_allclose(marginal.inverse(residual), np.linalg.solve(covariance, residual), atol=1e-10)
+    assert marginal.logdet == pytest.approx(np.linalg.slogdet(covariance)[1])
+    posterior = np.linalg.inv(np.eye(8) + by.T @ by)
+    np.testing.assert_allclose(marginal.unknowns(residual), posterior @ by.T @ residual, atol=1e-9)
+    factor = marginal.unknowns_factor()
+    np.testing.assert_allclose(factor @ factor.T, posterior, atol=1e-9)
+
+
+def test_pulses_are_added_where_they_belong():
+    table = merge({"u": Piecewise(np.array([0.0, 10.0]), np.array([0.0, 10.0])), "n": Piecewise.constant(1.0)}, 0, 10)
+    nuisance = Nuisance(
+        column=np.array([1, 1]),
+        begin=np.array([2.0, 6.0]),
+        end=np.array([4.0, 8.0]),
+        turns=np.array([False, True]),
+        recorded=np.array([True, True]),
+        mean=np.zeros(2),
+        factor=np.eye(2),
+    )
+    made = nuisance.added(table.refined(nuisance.edges), np.array([3.0, 0.5]))
+    at = np.array([1.0, 3.0, 5.0, 6.5, 7.5, 9.0])
+    np.testing.assert_allclose(made.at(at), np.column_stack([at, [1.0, 4.0, 1.0, 1.5, 0.5, 1.0]]))
+    np.testing.assert_array_equal(made.time[made.jump], [2.0, 4.0, 6.0, 7.0, 8.0])
+
+
+def test_pulses_that_share_a_simulation_answer_as_alone(house, house_recording):
+    """This house forgets by a factor of 50 in the 12 h after which the next pulse that turns may begin."""
+    system = house("me")
+    record = read_recording(house_recording(hours=96, count=False), system)
+    problem = Problem(Simulator(system), record, occupancy="unknown", history=False)
+    z = problem.unknowns({"ro": 2.5, "ri": 0.6, "c": 1.2, "a": 2.5})  # forgets within 3 h
+    base = problem.simulate(z)
+
+    def simulate(runs):
+        return problem.simulate_all([(z, problem.nuisance.mean + one) for one in runs])
+
+    together = responses(problem.nuisance, simulate, base, problem.time)
+    alone = responses(problem.nuisance, simulate, base, problem.time, spacing=1e9)
+    np.testing.assert_allclose(together, alone, atol=1e-2 * np.abs(alone).max())
+    assert np.abs(alone).max() > 0
+
+
+def test_the_usual_day_and_its_level_are_those_of_the_sampler(house, house_recording):
+    """Pulses drawn from the prior, times levels drawn from theirs, have the mean and spread of the sampler."""
+    from datagen.occupancy import occupancy_prior
+
+    system = house("me")
+    record = read_recording(house_recording(hours=72, count=False), system)
+    problem = Problem(Simulator(system), record, occupancy="unknown", history=False)
+    nuisance = problem.nuisance
+    nuisance = nuisance.only(~nuisance.turns)  # persons, not when the heater was on within its hours
+    rng = np.random.default_rng(0)
+    heights = nuisance.mean + rng.standard_normal((4000, nuisance.factor.shape[1])) @ nuisance.factor.T
+    level = nuisance.levels[0]
+    persons = heights * np.exp(level.mean + level.sd * rng.standard_normal(4000))[:, None]
+    draws = occupancy_prior(system.occupancy, np.arange(0, 72 * HOUR + 1, 1800), 4000, 5)
+    wanted = draws[:, np.round(nuisance.begin / 1800).astype(int)]
+    assert nuisance.size > 40
+    np.testing.assert_allclose(persons.mean(axis=0), wanted.mean(axis=0), atol=0.3)
+    # the level is taken as lognormal, whose upper tail is longer than the sampler's: a wider prior, by a third at most
+    busy = wanted.std(axis=0) > 1.0
+    ratio = persons.std(axis=0)[busy] / wanted.std(axis=0)[busy]
+    assert busy.sum() > 30
+    assert 0.9 < ratio.min() <= ratio.max() < 1.4

@@ -1,0 +1,33 @@
+"""Simulations side by side give what they give one after another."""
+
+import numpy as np
+import pytest
+
+from datagen.simulator import Simulator
+from diagnosis.fitting.problem import Problem
+from diagnosis.fitting.side_by_side import Cluster, side_by_side
+from diagnosis.recording import read_recording
+
+
+@pytest.mark.slow
+def test_the_same_outputs_wherever_they_are_simulated(house, house_recording):
+    from distributed import Client, LocalCluster
+
+    system = house("me")
+    record = read_recording(house_recording(hours=48), system)
+    simulator = Simulator(system)
+    cases = [(np.full(4, z), None) for z in (-1.0, 0.0, 1.0)]
+
+    def outputs(runner):
+        problem = Problem(simulator, record, history=False, runner=runner)
+        return np.stack(problem.simulate_all([(z, problem.nuisance.mean) for z, _ in cases]))
+
+    with side_by_side(simulator) as runner:
+        alone = outputs(runner)
+    with side_by_side(simulator, workers=2) as runner:
+        np.testing.assert_array_equal(outputs(runner), alone)
+    with (
+        LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster,
+        Client(cluster) as client,
+    ):
+        np.testing.assert_array_equal(outputs(Cluster(system, client)), alone)

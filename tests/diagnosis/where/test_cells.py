@@ -1,0 +1,169 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from diagnosis.where import Regime, Residuals
+from diagnosis.where.cells import scan_cells
+from shared.errors import RecordingError
+from tests.diagnosis.where.where_cases import twins, wander, with_observed
+
+
+def weekday_afternoon(residuals):
+    return (residuals.hour >= 14) & (residuals.hour < 15) & ~residuals.weekend
+
+
+def injected(residuals, amount, channel=1):
+    observed = residuals.observed.copy()
+    observed[channel, weekday_afternoon(residuals)] += amount
+    return with_observed(residuals, observed)
+
+
+@pytest.fixture(scope="module")
+def quiet():
+    return twins(1, outputs=2, twins=99)
+
+
+def test_without_a_gap_nothing_is_found(quiet):
+    found = scan_cells(quiet)
+    assert found.test.p_value > 0.05
+    assert found.findings == []
+
+
+def test_an_offset_at_one_hour_of_weekdays_is_named_with_its_size(quiet):
+    found = scan_cells(injected(quiet, 0.8))
+    top = found.findings[0]
+    assert (top.channel, top.cell["hours"], top.cell["day_type"]) == ("y1", "14:00-15:00", "weekday")
+    assert top.cell["regime"] == "any"
+    assert top.cell["statistic"] == "mean"
+    assert top.direction == "measured higher"
+    assert top.size == pytest.approx(0.8, abs=0.15)
+    assert top.p_value == pytest.approx(0.01)
+    # peeled off, it leaves no echo in the hours beside it or in the scatter of the day
+    assert len(found.findings) == 1
+
+
+def test_an_offset_in_a_regime_is_named(quiet):
+    rng = np.random.default_rng(7)
+    regimes = [Regime(f"state {k}", "", np.repeat(rng.random(672 // 3) < 0.3, 3)) for k in range(4)]
+    observed = quiet.observed.copy()
+    observed[0, regimes[2].mask] -= 0.6
+    top = scan_cells(with_observed(quiet, observed), regimes).findings[0]
+    assert (top.channel, top.cell["regime"], top.cell["hours"]) == ("y0", "state 2", "any")
+    assert top.direction == "measured lower"
+    assert top.size == pytest.approx(-0.6, abs=0.12)
+
+
+def test_more_scatter_is_named_by_its_band(quiet):
+    observed = quiet.observed.copy()
+    noise = np.random.default_rng(8).normal(size=672) * 0.5
+    night = quiet.hour < 6
+    observed[0, night] += noise[night]
+    top = scan_cells(with_observed(quiet, observed)).findings[0]
+    assert (top.channel, top.cell["hours"], top.cell["statistic"]) == ("y0", "00:00-06:00", "variance")
+    assert top.cell["band"] in ("fast", "hours")
+    assert top.direction == "more scatter"
+    assert top.size > 0
+
+
+def test_missing_readings_are_left_out(quiet):
+    observed = injected(quiet, 0.9).observed
+    rng = np.random.default_rng(2)
+    observed[:, rng.random(672) < 0.15] = np.nan
+    observed[:, 200:260] = np.nan
+    observed[0] = np.nan
+    replicates = quiet.replicates.copy()
+    replicates[rng.random(replicates.shape) < 0.02] = np.nan
+    gappy = Residuals(quiet.time, observed, replicates, quiet.names, quiet.units)
+    found = scan_cells(gappy)
+    assert found.channels == [1]
+    assert found.findings[0].cell["hours"] == "14:00-15:00"
+    assert found.findings[0].size == pytest.approx(0.9, abs=0.2)
+
+
+def test_means_and_variances_are_those_of_plain_selection(quiet):
+    """The vectorised statistics of every cell against NumPy on the selected steps."""
+    regime = Regime("state", "", np.random.default_rng(3).random(672) < 0.5)
+    observed = quiet.observed.copy()
+    observed[:, 50:70] = np.nan
+    case = with_observed(quiet, observed)
+    found = scan_cells(case, [regime])
+    laid = found.test.observed.reshape(found.shape)
+    at = {(w.start, w.stop, w.day_type): j for j, w in enumerate(found.windows)}
+    pick = (case.hour >= 6) & (case.hour < 12) & case.weekend & regime.mask & np.isfinite(observed[1])
+    assert laid[1, 0, 0, 1, at[6, 12, "weekend"]] == pytest.approx(observed[1, pick].mean(), rel=1e-10)
+    assert laid[1, 0, 1, 1, at[6, 12, "weekend"]] ** 3 == pytest.approx(observed[1, pick].var(), rel=1e-6)
+    twin = case.replicates[:, 1][:, pick].mean(axis=1)
+    typical = found.test.typical.reshape(found.shape)[1, 0, 0, 1, at[6, 12, "weekend"]]
+    assert typical == pytest.approx(twin.mean(), rel=1e-9)
+
+
+def test_each_twin_may_have_its_own_regimes(quiet):
+    masks = np.random.default_rng(4).random((100, 672)) < 0.4
+    found = scan_cells(quiet, [Regime("own", "", masks)])
+    at = next(j for j, w in enumerate(found.windows) if w.hours == "any" and w.day_type == "any")
+    expected = np.mean([quiet.replicates[b, 0, masks[b + 1]].mean() for b in range(99)])
+    assert found.test.typical.reshape(found.shape)[0, 0, 0, 1, at] == pytest.approx(expected, rel=1e-9)
+
+
+@settings(max_examples=8, deadline=None)
+@given(seed=st.integers(0, 100), scales=st.tuples(st.floats(1e-6, 1e3), st.floats(1e-2, 1e6)), swap=st.booleans())
+def test_units_and_order_of_channels_do_not_matter(seed, scales, swap):
+    plain = injected(twins(seed, steps=336, twins=39), 1.0)
+    order = [1, 0] if swap else [0, 1]
+    scale = np.array(scales)[:, None]
+    other = Residuals(
+        plain.time,
+        (plain.observed * scale)[order],
+        (plain.replicates * scale)[:, order],
+        [plain.names[k] for k in order],
+        [plain.units[k] for k in order],
+    )
+    a, b = scan_cells(plain), scan_cells(other)
+    np.testing.assert_allclose(
+        b.test.adjusted.reshape(b.shape), a.test.adjusted.reshape(a.shape)[order], atol=1.01 / 40
+    )
+    assert b.test.p_value == pytest.approx(a.test.p_value)
+    first, second = a.findings[0], b.findings[0]
+    assert (first.channel, first.cell) == (second.channel, second.cell)
+    assert second.size == pytest.approx(first.size * scales[plain.names.index(first.channel)], rel=1e-5)
+
+
+def test_too_few_twins_are_refused(quiet):
+    with pytest.raises(RecordingError, match="found 10 twins; expected at least 19"):
+        Residuals(quiet.time, quiet.observed, quiet.replicates[:10], quiet.names, quiet.units)
+
+
+def test_twins_of_another_length_are_refused(quiet):
+    with pytest.raises(RecordingError, match=r"replicates: shape is \(99, 2, 600\)"):
+        Residuals(quiet.time, quiet.observed, quiet.replicates[:, :, :600], quiet.names, quiet.units)
+
+
+@pytest.mark.slow
+def test_false_alarms_are_as_rare_as_promised():
+    """400 recordings without a gap, strongly autocorrelated, with missing readings and regimes."""
+    rng = np.random.default_rng(10)
+    time = (np.arange(120) + 1) * 3600.0
+    alarms = 0
+    for _ in range(400):
+        rows = wander(rng, (20, 1, 120))
+        rows[0][:, rng.random(120) < 0.05] = np.nan
+        regimes = [Regime("shared", "", wander(rng, (120,)) > 0), Regime("own", "", wander(rng, (20, 120)) > 0.3)]
+        found = scan_cells(Residuals(time, rows[0], rows[1:], ["a"], ["K"]), regimes)
+        alarms += found.test.p_value <= 0.05
+        assert bool(found.findings) == (found.test.p_value <= 0.05)
+    assert abs(alarms / 400 - 0.05) < 2.6 * np.sqrt(0.05 * 0.95 / 400)
+
+
+@pytest.mark.slow
+def test_power_grows_with_amplitude_and_the_place_is_right():
+    """The same 10 recordings with growing offsets, in standard deviations of the residual."""
+    power, hits = [], []
+    for amount in (0.1, 0.4, 0.8):
+        tops = [scan_cells(injected(twins(seed, twins=39), amount)).findings[:1] for seed in range(10)]
+        power.append(np.mean([bool(one) for one in tops]))
+        hits.append([one[0].cell["hours"] == "14:00-15:00" and one[0].channel == "y1" for one in tops if one])
+    assert power[0] <= 0.35
+    assert power[0] < power[1] <= power[2]
+    assert power[2] == 1.0
+    assert np.mean(hits[2]) == 1.0

@@ -1,0 +1,137 @@
+import base64
+import io
+import json
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+from diagnosis.where import Regime, locate
+from diagnosis.where.correlation import scan_correlations
+from diagnosis.where.episodes import scan_episodes
+from diagnosis.where.ink import as_base64
+from diagnosis.where.pictures import draw_cells, draw_correlations
+from diagnosis.where.timelines import draw_episodes, draw_sources
+from tests.diagnosis.where.where_cases import first_order, heat, twins, wander, with_observed
+
+STEPS, PER = 336, 4
+
+
+@pytest.fixture(scope="module")
+def quiet():
+    return twins(5, outputs=2, steps=STEPS, twins=59)
+
+
+@pytest.fixture(scope="module")
+def inputs(quiet):
+    rng = np.random.default_rng(11)
+    sun = np.clip(np.sin((quiet.hour - 6) / 12 * np.pi), 0, None) * (1 + 0.4 * wander(rng, (STEPS,), 0.8))
+    return {"sun": 500 * sun, "wind": np.abs(wander(rng, (STEPS,), 0.9)), "constant": np.full(STEPS, 420.0)}
+
+
+def test_nothing_is_found_where_nothing_is(quiet, inputs):
+    assert scan_correlations(quiet, inputs).findings == []
+    assert scan_episodes(quiet).findings == []
+    assert scan_correlations(quiet, {"constant": inputs["constant"]}) is None
+
+
+def test_the_input_that_the_residual_follows_is_named_with_its_lag(quiet, inputs):
+    observed = quiet.observed.copy()
+    observed[0, 5:] -= 0.4 * inputs["wind"][:-5]
+    found = scan_correlations(with_observed(quiet, observed), inputs)
+    assert found.inputs == ["sun", "wind"]
+    assert [(f.channel, f.cell["input"], f.cell["lag_hours"]) for f in found.findings] == [("y0", "wind", "5")]
+    assert found.findings[0].direction == "falls with"
+    # prewhitened alike, the correlation is that of NumPy on the innovations
+    lag = int(np.argmin(found.correlation[0, 1]))
+    assert found.lags[lag] == 5 * 3600
+
+
+def test_inputs_that_merely_follow_the_cause_are_not_named(quiet, inputs):
+    observed = quiet.observed.copy()
+    observed[1] += 0.004 * inputs["sun"]
+    followers = {**inputs, "warmth": np.convolve(inputs["sun"], np.exp(-np.arange(20) / 3), "full")[:STEPS]}
+    found = scan_correlations(with_observed(quiet, observed), followers)
+    assert [(f.channel, f.cell["input"], f.cell["lag_hours"]) for f in found.findings] == [("y1", "sun", "0")]
+
+
+def test_an_episode_is_found_with_its_ends(quiet):
+    observed = quiet.observed.copy()
+    observed[0, 100:150] += 5.0
+    found = scan_episodes(with_observed(quiet, observed))
+    assert [f.channel for f in found.findings] == ["y0"]
+    assert found.findings[0].size == pytest.approx(5.0, abs=1.5)
+    first, last = found.spans[0]
+    assert first / 3600 == pytest.approx(100, abs=2)
+    assert last / 3600 == pytest.approx(150, abs=2)
+
+
+def test_a_change_of_scatter_is_found_where_it_begins(quiet):
+    observed = quiet.observed.copy()
+    observed[1, 200:] += 2.5 * np.random.default_rng(1).normal(size=STEPS - 200)
+    found = scan_episodes(with_observed(quiet, observed))
+    top = found.findings[0]
+    assert (top.channel, top.direction, top.cell["statistic"]) == ("y1", "more scatter", "variance")
+    assert found.spans[0][0] / 3600 == pytest.approx(200, abs=24)
+    assert top.cell["period"].endswith("on")
+
+
+@pytest.fixture(scope="module")
+def everything(quiet, inputs):
+    plant = heat(
+        first_order(STEPS, 12, 1 / 300, outputs=2, output=0, per=PER)
+        + first_order(STEPS, 12, -1 / 400, outputs=2, output=1, per=PER)
+    )
+    gains = 0.6 * inputs["sun"].reshape(-1, PER).mean(axis=1)
+    observed = quiet.observed + plant.response @ gains
+    observed[:, 40:60] = np.nan
+    regimes = [Regime("sun out", "sun > 100 W/m2", inputs["sun"] > 100)]
+    return locate(
+        with_observed(quiet, observed), inputs=inputs, measured=observed + 300, regimes=regimes, operators=[plant]
+    )
+
+
+def test_one_p_value_covers_all_families(everything):
+    assert everything.p_value == pytest.approx(1 / 60)
+    assert everything.families == ["cells", "correlations", "episodes", "sources"]
+    assert all(f.p_value <= 0.05 for f in everything.findings)
+    kinds = {f.kind for f in everything.findings}
+    assert {"cell", "correlation", "source"} <= kinds
+    assert everything.verdict == "balance"
+
+
+def test_the_report_s_part_is_plain_json(everything):
+    content = json.loads(json.dumps(everything.to_dict()))
+    first = content["where"][0]
+    assert {"channel", "cell", "p_value", "direction", "size", "unit", "text"} <= set(first)
+    assert {"hours", "day_type", "regime", "band"} <= set(first["cell"])
+    assert content["sources"]["verdict"] == "balance"
+    assert content["regimes"]["sun out"] == "sun > 100 W/m2"
+    assert [g["channel"] for g in content["guideline14"]] == ["y0", "y1"]
+    assert content["guideline14"][0]["cvrmse"] is None
+    assert "p = " in first["text"]
+
+
+@pytest.mark.parametrize("picture", ["cells", "correlations", "episodes", "sources"])
+def test_pictures_are_drawn(everything, picture):
+    draw = {
+        "cells": lambda w: draw_cells(w.residuals, w.cells),
+        "correlations": lambda w: draw_correlations(w.residuals, w.correlations),
+        "episodes": lambda w: draw_episodes(w.residuals, w.episodes),
+        "sources": lambda w: draw_sources(w.residuals, w.sources),
+    }[picture]
+    figure = draw(everything)
+    pixels = matplotlib.image.imread(io.BytesIO(base64.b64decode(as_base64(figure, dpi=60))))
+    assert pixels.std() > 0.05
+    panels = {"cells": 2, "correlations": 4, "episodes": 2, "sources": 1}[picture]
+    assert len([a for a in figure.axes if a.get_title(loc="left") or a.get_title() or picture == "episodes"]) >= panels
+
+
+def test_the_heat_map_shows_the_offsets_in_the_channel_s_unit(everything):
+    figure = draw_cells(everything.residuals, everything.cells)
+    image = figure.axes[0].get_images()[0].get_array()
+    hours = everything.residuals.hour
+    seen = np.isfinite(everything.residuals.observed[0])
+    pick = (hours >= 15) & (hours < 16) & seen
+    typical = everything.residuals.replicates[:, 0][:, pick].mean()
+    assert image[0, 15] == pytest.approx(everything.residuals.observed[0, pick].mean() - typical, rel=1e-9)

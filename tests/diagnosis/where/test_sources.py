@@ -1,0 +1,132 @@
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from diagnosis.where.colour import fill, fit_colour, whiten
+from diagnosis.where.inverse import decompose
+from diagnosis.where.sources import scan_sources
+from diagnosis.where.whitened import whitened
+from tests.diagnosis.where.where_cases import first_order, heat, twins, wander, with_observed
+
+STEPS, PER = 336, 2
+
+
+@pytest.fixture(scope="module")
+def quiet():
+    return twins(3, outputs=2, steps=STEPS, twins=59)
+
+
+@pytest.fixture(scope="module")
+def plant():
+    """A source warms output 0 (time constant 12 h) and lowers output 1, as a controller answers it."""
+    return heat(
+        first_order(STEPS, 12, 1 / 300, outputs=2, output=0, per=PER)
+        + first_order(STEPS, 12, -1 / 400, outputs=2, output=1, per=PER)
+    )
+
+
+def test_an_autoregression_is_fitted_and_taken_out():
+    rng = np.random.default_rng(0)
+    series = wander(rng, (60, 700), 0.9)
+    series[rng.random(series.shape) < 0.1] = np.nan
+    colour = fit_colour(series, 2)
+    assert colour == pytest.approx([0.9, 0.0], abs=0.03)
+    white = whiten(wander(rng, (60, 700), 0.9), np.array([0.9]))
+    assert np.isnan(white[:, 0]).all()
+    assert white[:, 1:].std() == pytest.approx(np.sqrt(1 - 0.81), rel=0.02)
+
+
+def test_gaps_are_joined_by_straight_lines():
+    assert fill(np.array([np.nan, 1.0, np.nan, np.nan, 4.0, np.nan])).tolist() == [1.0, 1.0, 2.0, 3.0, 4.0, 4.0]
+
+
+def test_the_inverse_is_the_ridge_solution_and_its_gain_the_gaussian_evidence():
+    """Against the normal equations and scipy's multivariate normal, written out densely."""
+    rng = np.random.default_rng(1)
+    response, rows = rng.normal(size=(30, 8)), rng.normal(size=(3, 30)) * 3
+    centres = np.arange(8) * 3600.0
+    covariance = np.exp(-np.abs(centres[:, None] - centres) / 7200.0)
+    problem = decompose(rows, response, centres, 7200.0)
+    tau = 0.7
+    precision = response.T @ response + np.linalg.inv(tau * covariance)
+    np.testing.assert_allclose(problem.solve(tau), np.linalg.solve(precision, response.T @ rows.T).T, rtol=1e-6)
+    np.testing.assert_allclose(problem.uncertainty(tau), np.sqrt(np.diag(np.linalg.inv(precision))), rtol=1e-6)
+    gains, taus = problem.gains()
+    for row, gain, best in zip(rows, gains, taus, strict=True):
+        dense = np.eye(30) + best * response @ covariance @ response.T
+        expected = multivariate_normal(np.zeros(30), dense).logpdf(row) - multivariate_normal(np.zeros(30)).logpdf(row)
+        assert gain == pytest.approx(expected, abs=1e-5)
+    share = problem.tau_for(0.3) * problem.strength
+    assert (share / (1 + share)).sum() == pytest.approx(0.3 * 8, rel=1e-6)
+
+
+def test_without_a_gap_no_source_is_missing(quiet, plant):
+    found = scan_sources(quiet, [plant])
+    assert found.test.p_value > 0.05
+    assert found.verdict == "none"
+    assert found.findings == []
+
+
+def test_a_missing_source_is_found_with_its_course(quiet, plant):
+    truth = np.where((np.arange(STEPS // PER) * PER % 24 >= 9) & (np.arange(STEPS // PER) * PER % 24 < 17), 250.0, 0.0)
+    found = scan_sources(with_observed(quiet, quiet.observed + plant.response @ truth), [plant])
+    one = found.sources[0]
+    assert found.verdict == "balance"
+    assert one.p_value == pytest.approx(1 / 60)
+    assert np.corrcoef(one.estimate, truth)[0, 1] > 0.9
+    assert one.estimate[truth > 0].mean() == pytest.approx(250, rel=0.2)
+    assert np.mean(np.abs(one.estimate - truth) < 2 * one.uncertainty) > 0.8
+    assert one.roughness < 1.5
+    assert found.findings[0].direction == "the model lacks a gain"
+    assert found.findings[0].unit == "W"
+
+
+def test_a_sensor_fault_is_told_from_a_balance(quiet, plant):
+    """A sensor that reads a day of steps off: to imitate it the source would have to pulse both ways."""
+    observed = quiet.observed.copy()
+    observed[0, 100:124] += 1.5
+    observed[0, 200:230] -= 1.5
+    found = scan_sources(with_observed(quiet, observed), [plant])
+    assert found.verdict == "sensor"
+    assert found.sources[0].rival == "y0"
+    assert found.sources[0].balance < -3
+    assert [f.kind for f in found.findings] == ["sensor"]
+
+
+def test_missing_readings_do_not_look_like_a_source(quiet, plant):
+    truth = np.zeros(STEPS // PER)
+    truth[60:80] = 400.0
+    observed = quiet.observed + plant.response @ truth
+    observed[:, np.random.default_rng(1).random(STEPS) < 0.1] = np.nan
+    observed[1, 20:60] = np.nan
+    found = scan_sources(with_observed(quiet, observed), [plant])
+    assert found.verdict == "balance"
+    assert found.sources[0].estimate[62:78].mean() == pytest.approx(400, rel=0.25)
+
+
+def test_what_calibration_can_imitate_is_taken_out(quiet, plant):
+    """A nuisance that is the source's own response leaves nothing for the source to explain."""
+    truth = np.full(STEPS // PER, 200.0)
+    response = (plant.response @ truth)[:, :, None]
+    found = scan_sources(with_observed(quiet, quiet.observed + 5 * response[..., 0]), [plant], response)
+    assert found.test.p_value > 0.05
+    white = whitened(quiet, response)
+    assert np.abs(white.response(response)).max() < 1e-8
+    assert np.abs(white.rows @ whitened(quiet).response(response)).max() < 1e-6
+
+
+@pytest.mark.slow
+def test_source_and_sensor_are_told_apart_nine_times_in_ten(plant):
+    """Twenty recordings each of a random smooth source and of a sensor with as smooth an error."""
+    right = []
+    for seed in range(20):
+        case = twins(100 + seed, outputs=2, steps=STEPS, twins=39)
+        rng = np.random.default_rng(seed)
+        source = 300 * wander(rng, (STEPS // PER,), np.exp(-PER / 24))
+        right.append(
+            scan_sources(with_observed(case, case.observed + plant.response @ source), [plant]).verdict == "balance"
+        )
+        error = np.zeros((2, STEPS))
+        error[seed % 2] = 1.5 * np.repeat(rng.normal(size=STEPS // 12), 12)
+        right.append(scan_sources(with_observed(case, case.observed + error), [plant]).verdict == "sensor")
+    assert np.mean(right) >= 0.9
