@@ -6,7 +6,7 @@ READY := $(VENV)/.ready
 # small problems: a second thread of the linear algebra costs more than it brings
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test check clean
+.PHONY: demo test check docs wheels clean
 .DEFAULT_GOAL := test
 
 $(READY): pyproject.toml constraints.txt
@@ -23,6 +23,14 @@ check: $(READY)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python -m pytest -q tests/test_readme.py
+
+docs: $(READY)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+# the wheel in clean environments under every Python that is there; PYTHONS names others
+PYTHONS ?= python3.11 python3.12 python3.13
+wheels: $(READY)
+	ZEROSHOT_PYTHONS="$(PYTHONS)" $(BIN)/python -m pytest -rA tests/packaging
 
 test: check
 	$(BIN)/python -m pytest -n 2

@@ -6,8 +6,7 @@ The functions behind the commands of the same names: :func:`run`, :func:`simulat
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import Any
+from shared.lazy import lazily
 
 _HOMES = {
     "run": "datagen.farm",
@@ -20,9 +19,4 @@ _HOMES = {
     "identifiability": "datagen.ceilings",
 }
 
-
-def __getattr__(name: str) -> Any:
-    """Import what is asked for and no more: the command line's help should not wait for numba and Dask."""
-    if name in _HOMES:
-        return getattr(import_module(_HOMES[name]), name)
-    raise AttributeError(f"module 'datagen' has no attribute {name!r}")
+__getattr__ = lazily(__name__, _HOMES)

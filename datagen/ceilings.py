@@ -14,7 +14,7 @@ simulations, so saturation and events are in them. Weather, schedules and excita
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
@@ -31,6 +31,8 @@ from datagen.simulator import Simulator
 from datagen.tables import InputTable
 from shared.ceiling import Ceiling
 from shared.errors import SystemDescriptionError
+from shared.interrupts import interrupts_held
+from shared.progress import progress_bar
 from shared.system import System, load_system
 
 HOUR = 3600.0
@@ -85,6 +87,7 @@ def ceilings_of(
     systems: int = 10,
     seed: int = 1,
     workers: int = 1,
+    quiet: bool = True,
 ) -> list[Ceiling]:
     """Ceilings for several contexts [h] and several (noise, channels) at little more than the cost of one.
 
@@ -99,13 +102,17 @@ def ceilings_of(
         described.noise_sd(noise)
         if not set(channels) & set(described.output_names):
             raise SystemDescriptionError(f"{described.path}: channels {channels} hold no output; nothing to learn from")
-    results = []
-    for context in contexts:
-        windows = _windows(described, context, systems, seed, workers)
-        spread = np.concatenate([w.visited for w in windows]).std(axis=0)
-        for noise, channels in wanted:
-            variances = np.array([posterior_variance(described, w, spread, noise, channels) for w in windows])
-            results.append(_summarise(described, variances, context, noise, channels, seed))
+    results, lengths = [], list(contexts)
+    with progress_bar("windows", systems * len(lengths), shown=not quiet) as bar:
+        for count, context in enumerate(lengths):
+            windows = []
+            for window in _windows(described, context, systems, seed, workers):
+                windows.append(window)
+                bar.update(count * systems + len(windows), note=f"{context:g} h")
+            spread = np.concatenate([w.visited for w in windows]).std(axis=0)
+            for noise, channels in wanted:
+                variances = np.array([posterior_variance(described, w, spread, noise, channels) for w in windows])
+                results.append(_summarise(described, variances, context, noise, channels, seed))
     return results
 
 
@@ -150,12 +157,15 @@ def _summarise(
     )
 
 
-def _windows(system: System, context: float, systems: int, seed: int, workers: int) -> list[Window]:
+def _windows(system: System, context: float, systems: int, seed: int, workers: int) -> Iterator[Window]:
     jobs = [(system, context, seed, index) for index in range(systems)]
     if workers <= 1:
-        return [_window(*job) for job in jobs]
+        yield from (_window(*job) for job in jobs)
+        return
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        return list(pool.map(_window, *zip(*jobs, strict=True)))
+        with interrupts_held():
+            found = pool.map(_window, *zip(*jobs, strict=True))
+        yield from found
 
 
 _SIMULATORS: dict[str, Simulator] = {}

@@ -5,25 +5,24 @@ Whatever listens, listens on loopback unless told otherwise: a scheduler runs an
 
 from __future__ import annotations
 
-import signal
-import sys
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from importlib.metadata import version
-from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
 
 import dask
 from dask.distributed import Client, LocalCluster
-from rich.console import Console
 
 from datagen.dispatch import PATIENCE
 from shared.errors import ZeroshotError
+from shared.interrupts import interrupts_held
+from shared.logs import fields, logger
 
 _PACKAGE = "zeroshot-fmu"
 LOOPBACK = "127.0.0.1"
+_log = logger(__name__)
 CLUSTERS = ("local", "slurm")
 _CONFIG = {
     # a shard whose worker died comes back at once: the farm itself finds out whose fault it was
@@ -50,7 +49,6 @@ def connect(
     cluster: str = "local",
     options: Mapping[str, str] | None = None,
     host: str | None = None,
-    quiet: bool = False,
 ) -> Iterator[Client]:
     """A Dask client with workers behind it, all of this version.
 
@@ -74,7 +72,6 @@ def connect(
     """
     if cluster not in CLUSTERS:
         raise ClusterError(f"cluster is {cluster!r}; expected {' or '.join(CLUSTERS)}")
-    say = Console(quiet=quiet, highlight=False, soft_wrap=True)
     if scheduler:
         try:
             client = Client(scheduler, timeout=20)
@@ -85,21 +82,21 @@ def connect(
             ) from None
         with client:
             if not _count(client):
-                say.print(f"waiting for a worker at {scheduler}", markup=False)
+                _log.info("waiting for a worker at %s", scheduler)
                 _wait(client, scheduler)
             _check_versions(client)
-            say.print(f"{_count(client)} workers; dashboard at {client.dashboard_link}", markup=False)
+            _say(_count(client), client.dashboard_link)
             yield client
         return
     with dask.config.set(_CONFIG):
         if cluster == "slurm":
             with _slurm(workers or 1, dict(options or {}), host) as running, Client(running) as client:
-                say.print(f"waiting for Slurm's first worker; dashboard at {running.dashboard_link}", markup=False)
+                _log.info("waiting for Slurm's first worker; dashboard at %s", running.dashboard_link)
                 client.wait_for_workers(1)
                 _check_versions(client)
                 yield client
             return
-        with _interrupts_held():
+        with interrupts_held():
             running = LocalCluster(
                 n_workers=workers,
                 threads_per_worker=1,
@@ -108,23 +105,21 @@ def connect(
                 dashboard_address=f"{LOOPBACK}:0",
                 silence_logs=50,
             )
-        with running, Client(running) as client:
-            say.print(f"{len(running.workers)} workers; dashboard at {running.dashboard_link}", markup=False)
-            yield client
+        ended = False
+        try:
+            with running, Client(running) as client:
+                _say(len(running.workers), running.dashboard_link)
+                yield client
+                ended = True
+        except TimeoutError:
+            if not ended:
+                raise
+            # all that was asked for is there; on a busy machine Dask gives up waiting for its own processes
+            _log.warning("the workers had not ended when Dask stopped waiting for them")
 
 
-@contextmanager
-def _interrupts_held() -> Iterator[None]:
-    """Hold Ctrl-C back while workers start: they inherit that for good, and only this process answers to it."""
-    if sys.platform == "win32":
-        yield
-        return
-    resource_tracker.ensure_running()  # its start would let Ctrl-C through again
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+def _say(workers: int, dashboard: str) -> None:
+    _log.info("%d workers; dashboard at %s", workers, dashboard, extra=fields(workers=workers, dashboard=dashboard))
 
 
 def _slurm(jobs: int, options: dict[str, str], host: str | None) -> Any:

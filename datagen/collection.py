@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dask.distributed import Client, KilledWorker
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from datagen.dispatch import PATIENCE, PER_WORKER, Dispatcher
 from datagen.failures import Failures
@@ -17,6 +16,8 @@ from datagen.package import package_files, receive
 from datagen.plan import Piece
 from datagen.worker import Job, ShardResult, simulate_shard
 from shared.errors import SimulationError
+from shared.logs import fields, logger
+from shared.progress import progress_bar
 from shared.store import Manifest, write_atomically, write_manifest
 from shared.system import System
 
@@ -28,6 +29,9 @@ _DEATHS = 4
 """A shard under guard cannot take its worker down. If its workers still die so often, it is not the FMU."""
 _EARLY = 20
 """Systems after which a run stops if more than half have failed, whatever the budget."""
+
+
+_log = logger(__name__)
 
 
 @dataclass
@@ -77,19 +81,10 @@ class Collection:
             (_Task(piece) for piece in pieces),
             patience=patience,
         )
-        columns = (
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
-            TextColumn("{task.fields[rate]}"),
-        )
         began, finished = time.monotonic(), 0
         try:
-            with Progress(*columns, disable=quiet) as progress:
-                done = len(self.manifest.done())
-                bar = progress.add_task("simulating", total=self.manifest.systems, completed=done, rate="")
+            done = len(self.manifest.done())
+            with progress_bar("simulating", self.manifest.systems, done=done, shown=not quiet) as bar:
                 for task, outcome in flight:
                     if isinstance(outcome, KilledWorker):
                         self._killed(flight, task, outcome)
@@ -102,7 +97,7 @@ class Collection:
                         self.take(task.piece, outcome)
                         finished += len(task.piece.systems)
                         rate = f"{finished / (time.monotonic() - began):.2f} systems/s"
-                        progress.update(bar, completed=len(self.failures) + self._count(), rate=rate)
+                        bar.update(len(self.failures) + self._count(), note=rate)
                         self._check_budget(finished)
         finally:
             self.store()
@@ -119,6 +114,7 @@ class Collection:
     def _killed(self, flight: Dispatcher[_Task], task: _Task, error: KilledWorker) -> None:
         """Nobody knows yet whose fault it was: simulate the shard under guard, which tells."""
         task.deaths += 1
+        _log.debug("a worker died over shard %s", task.piece.file, extra=fields(worker=str(error.last_worker)))
         if task.deaths >= _DEATHS:
             raise SimulationError(
                 f"{task.piece.file}: {task.deaths} workers died over it, the last at {error.last_worker.address}, "
@@ -131,6 +127,7 @@ class Collection:
         new = self.failures.drop(piece.root_seed, piece.systems) > 0 or bool(result.failures)
         for failure in result.failures:
             self.failures.put(failure)
+            _log.debug("system %d failed", failure["system"], extra=fields(**failure))
         self._failed_now += len(result.failures)
         if new:
             self.failures.write(self.folder)
@@ -138,6 +135,7 @@ class Collection:
             if result.data is not None:
                 write_atomically(self.folder / "shards" / piece.file, result.data)
             self._entries[piece.file] = result.entry
+            _log.debug("shard %s", piece.file, extra=fields(systems=result.entry.systems, seed=piece.root_seed))
         if time.monotonic() - self._stored > self._pause:
             self.store()
 

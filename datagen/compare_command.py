@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from shared.console import OK, new_console
+from shared.logs import USUAL, Reporting
 
 console = new_console()
 
@@ -29,7 +30,7 @@ def compare(
     excitation: bool = True,
     out: Path | None = None,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
-    quiet: bool = False,
+    report: Reporting = USUAL,
 ) -> int:
     """How far two models of one system are apart: by the time of year, by regime, by system.
 
@@ -60,8 +61,6 @@ def compare(
         Folder for the table (Markdown, CSV) and the picture.
     as_json
         Print JSON.
-    quiet
-        No progress bar.
     """
     from datagen.comparing import compare as compare_
     from datagen.comparison_report import records, write_report
@@ -76,7 +75,7 @@ def compare(
         hours=hours,
         step=step,
         excitation=excitation,
-        quiet=quiet or as_json,
+        quiet=report.quiet,
     )
     written = write_report(found, out) if out is not None else []
     if as_json:

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.progress import track
 
 from datagen.inputs import build_inputs
 from datagen.recorded import load_recorded, series_of
@@ -21,6 +20,7 @@ from datagen.sampling import record_start, sample_parameters
 from datagen.simulator import Simulator
 from datagen.tables import InputTable
 from shared.errors import SystemDescriptionError
+from shared.progress import tracked
 from shared.system import System, load_system
 from shared.variables import ConstantInput, MeasuredInput, Output
 
@@ -172,7 +172,7 @@ def _with_system(system: System, other: System, count: int, seed: int, excitatio
     experiment = system.experiment
     places = [system.output_names.index(one.name) for one in outputs]
     runs = []
-    for index in track(range(count), "systems", disable=quiet):
+    for index in tracked(range(count), "systems", shown=not quiet):
         values = dict(zip(system.parameter_names, sample_parameters(system, seed, index).tolist(), strict=True))
         begin = record_start(system, seed, index)
         start, stop = begin - experiment.warm_up_hours * HOUR, begin + experiment.hours * HOUR
@@ -197,7 +197,7 @@ def _with_recorded(system: System, mapping: Path, data: Path | str | None, count
     simulator = Simulator(described)
     places = [described.output_names.index(one.name) for one in outputs]
     runs, labels = [], []
-    for case in track(cases[:count], "recorded systems", disable=quiet):
+    for case in tracked(cases[:count], "recorded systems", shown=not quiet):
         time, measured, table = series_of(spec, case, described)
         # ours are values just before a jump; the last row has no after
         late, rows = (AFTER, time[:-1]) if spec.jumps == "after" else (0.0, time)

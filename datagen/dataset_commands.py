@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from shared.console import FAULT, OK, new_console
+from shared.logs import USUAL, Reporting
 
 console = new_console()
 
@@ -45,6 +46,7 @@ def verify(
     repair: Annotated[bool, Parameter(negative=())] = False,
     system: Path | None = None,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
+    report: Reporting = USUAL,
 ) -> int:
     """Hold every shard of a dataset against its manifest. Exit code 1 if anything is wrong.
 
@@ -62,8 +64,8 @@ def verify(
     from datagen import repair as repair_
     from datagen import verify as verify_
 
-    mended = repair_(folder, system) if repair else []
-    faults = verify_(folder)
+    mended = repair_(folder, system, quiet=report.quiet) if repair else []
+    faults = verify_(folder, quiet=report.quiet)
     if as_json:
         found = {"folder": str(folder), "ok": not faults, "faults": faults, **({"repaired": mended} if repair else {})}
         sys.stdout.write(json.dumps(found, indent=1) + "\n")

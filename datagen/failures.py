@@ -7,10 +7,21 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel, ConfigDict
+
 from shared.errors import DatasetError
+from shared.reading import parse_json, read_text, validated
 from shared.store import write_atomically
 
 FILE_NAME = "failures.jsonl"
+
+
+class _Record(BaseModel):
+    """A line; ``parameters`` and ``cause`` are for people."""
+
+    model_config = ConfigDict(extra="allow")
+    root_seed: int
+    system: int
 
 
 class Failures:
@@ -31,13 +42,16 @@ class Failures:
             If a line cannot be read.
         """
         path = folder / FILE_NAME
-        try:
-            lines = path.read_text(encoding="utf-8").splitlines()
-            return cls(json.loads(line) for line in lines if line.strip())
-        except FileNotFoundError:
+        expected = "one JSON object a line, made by `datagen run`"
+        if not path.exists():
             return cls()
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise DatasetError(f"{path}: not a list of failures: {error}; expected one JSON object a line") from None
+        lines = read_text(path, DatasetError, expected).split("\n")
+        found = []
+        for number, line in enumerate(lines, 1):
+            if line.strip():
+                where = f"{path}: line {number}"
+                found.append(validated(_Record, parse_json(line, where, DatasetError, expected), where, DatasetError))
+        return cls(one.model_dump() for one in found)
 
     def write(self, folder: Path) -> None:
         """Write ``failures.jsonl`` whole, in the order of the systems."""

@@ -14,8 +14,6 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 from datagen.card import write_card
 from datagen.cluster import connect
 from datagen.collection import FAILURE_BUDGET, Collection
@@ -34,9 +32,11 @@ from datagen.worker import RECYCLE, TIMEOUT, Job
 from shared.ceiling import FILE_NAME as CEILING_FILE
 from shared.ceiling import read_ceilings
 from shared.errors import DatasetError, SimulationError, ZeroshotError
+from shared.logs import logger
 from shared.store import Manifest, read_manifest, write_atomically, write_manifest
 from shared.system import System, load_system
 
+_log = logger(__name__)
 _FIXED = ("system_hash", "fmu_sha256", "root_seed", "shard_size", "settings")
 
 
@@ -153,7 +153,7 @@ def run(
             first = next(pieces, None)
             if first is not None:
                 places: dict[str, Any] = {"workers": workers, "scheduler": scheduler, "cluster": cluster}
-                with connect(**places, options=cluster_options, host=host, quiet=quiet) as client:
+                with connect(**places, options=cluster_options, host=host) as client:
                     patience = float("inf") if cluster == "slurm" else PATIENCE
                     collection.collect(client, chain([first], pieces), quiet=quiet, patience=patience)
             if not (folder / FAILURES_FILE).exists():
@@ -221,9 +221,7 @@ def _check_live(system: System, timeout: float) -> None:
     """Refuse dead parameters. The FMU is looked at in a process apart: it may crash at the ends of its ranges."""
     found = guarded(_probe, [system], timeout=timeout, tries=1)[0]
     if isinstance(found, SimulationError):
-        Console(stderr=True, highlight=False, soft_wrap=True).print(
-            f"warning: could not check that all parameters are alive: {found}", markup=False
-        )
+        _log.warning("could not check that all parameters are alive: %s", found)
     elif isinstance(found, ZeroshotError):
         raise found
 

@@ -16,11 +16,15 @@ from fmpy.model_description import ModelDescription, ScalarVariable
 from datagen.fmi import Interface
 from datagen.fmi2 import Fmi2
 from datagen.fmi3 import Fmi3
+from datagen.unpacking import check_descriptions, check_identifier, unpack_archive
 from shared.errors import FmuError, SystemDescriptionError
+from shared.reading import shown, size_of, why
 from shared.store import sha256_of
 from shared.system import System
 
 _UNITLESS = {"", "1", "-"}
+MOST_INDICATORS = 1_000_000
+"""More than any model has, and few enough to make room for."""
 
 
 @lru_cache(maxsize=8)
@@ -32,19 +36,31 @@ def unpack(path: Path, sha256: str) -> tuple[Path, ModelDescription]:
     FmuError
         If the file is missing or is not an FMU.
     """
-    try:
-        description = fmpy.read_model_description(str(path), validate=False)
-    except FileNotFoundError:
-        raise FmuError(f"{path}: no such file; expected an FMU") from None
-    except Exception as error:  # fmpy raises bare exceptions of many kinds for broken archives
-        raise FmuError(f"{path}: not a readable FMU: {error}") from None
+    size_of(path, FmuError, "an FMU")
     folder = Path(tempfile.mkdtemp(prefix="zeroshot-fmu-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    unpack_archive(path, folder)
     try:
-        fmpy.extract(str(path), unzipdir=str(folder))
-    except Exception as error:
-        raise FmuError(f"{path}: cannot be unpacked: {error}") from None
-    return folder, description
+        check_descriptions(path, folder)
+        return folder, _description(path, folder)
+    except FmuError:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+
+
+def _description(path: Path, folder: Path) -> ModelDescription:
+    try:
+        found = fmpy.read_model_description(str(folder), validate=False)
+    except Exception as error:  # fmpy raises whatever it meets in a description that is not one
+        raise FmuError(f"{path}: not a readable FMU: {why(error)}") from None
+    for kind in (found.modelExchange, found.coSimulation):
+        if kind is not None:
+            check_identifier(path, kind.modelIdentifier)
+    if not 0 <= found.numberOfEventIndicators <= MOST_INDICATORS:
+        raise FmuError(
+            f"{path}: has {shown(found.numberOfEventIndicators)} event indicators; expected 0 to {MOST_INDICATORS}"
+        )
+    return found
 
 
 def fmu_sha256(path: Path) -> str:
@@ -56,9 +72,8 @@ def fmu_sha256(path: Path) -> str:
         If it cannot be read.
     """
     try:
+        size_of(path, FmuError, "an FMU")
         return sha256_of(path)
-    except FileNotFoundError:
-        raise FmuError(f"{path}: no such file; expected an FMU") from None
     except OSError as error:
         raise FmuError(f"{path}: cannot be read: {error}") from None
 
@@ -80,10 +95,10 @@ class Fmu:
         self.sha256 = fmu_sha256(path)
         folder, self.description = unpack(path, self.sha256)
         version = str(self.description.fmiVersion)
-        if self.description.modelExchange is None and self.description.coSimulation is None:
-            raise FmuError(f"{path}: FMI {version} without Model Exchange or Co-Simulation; expected one of the two")
         if version != "2.0" and not version.startswith("3."):
             raise FmuError(f"{path}: FMI {version}; expected FMI 2.0 or 3.0")
+        if self.description.modelExchange is None and self.description.coSimulation is None:
+            raise FmuError(f"{path}: FMI {version} without Model Exchange or Co-Simulation; expected one of the two")
         self.variables: dict[str, ScalarVariable] = {v.name: v for v in self.description.modelVariables}
         self.interface: Interface = (Fmi2 if version == "2.0" else Fmi3)(path, folder, self.description)
         self.cosimulation = self.interface.cosimulation

@@ -21,6 +21,7 @@ from typing import Any
 
 import psutil
 
+from shared.children import command, environment
 from shared.errors import SimulationError, ZeroshotError
 
 START_UP = 120.0
@@ -81,7 +82,8 @@ def _one_child(
     (folder / "work").write_bytes(pickle.dumps((function, work, timeout)))
     # a session of its own: Ctrl-C at the terminal is for the farm, which then ends the child
     child = subprocess.Popen(
-        [sys.executable, "-m", "datagen.guard", str(folder), str(os.getpid())],
+        command("datagen.guard", str(folder), str(os.getpid())),
+        env=environment(),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,

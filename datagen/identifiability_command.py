@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from shared.console import OK, new_console
+from shared.logs import USUAL, Reporting
 
 console = new_console()
 
@@ -26,6 +27,7 @@ def identifiability(
     workers: int = 2,
     out: Path | None = None,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
+    report: Reporting = USUAL,
 ) -> int:
     """The limit of R2 that any estimator can reach, per parameter, from the FMU's sensitivities.
 
@@ -66,6 +68,7 @@ def identifiability(
         systems=systems,
         seed=seed,
         workers=workers,
+        quiet=report.quiet,
     )
     path = out or described.path.parent / FILE_NAME
     kept = Ceilings(

@@ -8,6 +8,8 @@ from typing import Any
 
 from datagen.failures import Failures
 from shared.errors import DatasetError
+from shared.progress import tracked
+from shared.reading import read_text
 from shared.schema import SPLITS, split_of
 from shared.store import DatasetFolder, ShardEntry, sha256_of
 
@@ -57,7 +59,7 @@ def info(folder: Path | str) -> dict[str, Any]:
     }
 
 
-def verify(folder: Path | str) -> list[str]:
+def verify(folder: Path | str, *, quiet: bool = True) -> list[str]:
     """Hold a dataset against its manifest; returns one sentence per fault, none if all is well.
 
     Raises
@@ -65,14 +67,14 @@ def verify(folder: Path | str) -> list[str]:
     DatasetError
         If the manifest itself cannot be read.
     """
-    return [fault.text for fault in find_faults(DatasetFolder(folder))]
+    return [fault.text for fault in find_faults(DatasetFolder(folder), quiet=quiet)]
 
 
-def find_faults(dataset: DatasetFolder) -> list[Fault]:
+def find_faults(dataset: DatasetFolder, *, quiet: bool = True) -> list[Fault]:
     """What :func:`verify` says, with the shards concerned."""
     faults: list[Fault] = []
     seen: set[tuple[int, int]] = set()
-    for entry in dataset.manifest.shards:
+    for entry in tracked(dataset.manifest.shards, "shards", shown=not quiet):
         path = dataset.shard_path(entry)
         seed = dataset.manifest.seed_of(entry)
         twice = [index for index in entry.systems if (seed, index) in seen]
@@ -121,9 +123,10 @@ def _check_rest(dataset: DatasetFolder, done: set[tuple[int, int]]) -> list[Faul
     card = dataset.folder / "README.md"
     if dataset.manifest.shards and not card.exists():
         faults.append(Fault(f"{card}: missing; `datagen run` and `datagen verify --repair` write it"))
-    elif card.exists() and dataset.manifest.system_hash[:16] not in card.read_text(encoding="utf-8"):
-        faults.append(Fault(f"{card}: not the card of this dataset"))
     try:
+        text = read_text(card, DatasetError, "the dataset's card") if card.exists() else None
+        if text is not None and dataset.manifest.system_hash[:16] not in text:
+            faults.append(Fault(f"{card}: not the card of this dataset"))
         failures = Failures.read(dataset.folder)
     except DatasetError as error:
         return [*faults, Fault(str(error))]

@@ -20,6 +20,7 @@ from typing import IO, Any
 import psutil
 
 from shared.errors import DatasetError
+from shared.reading import read_json
 
 FILE_NAME = ".lock"
 _FAR = 1 << 30
@@ -43,8 +44,8 @@ def _take(handle: IO[str]) -> None:
 def read_holder(folder: Path | str) -> dict[str, Any]:
     """What the lock file says of the last run on a folder: ``pid``, ``host``, ``since``, ``token``, ``system``."""
     try:
-        found = json.loads((Path(folder) / FILE_NAME).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        found = read_json(Path(folder) / FILE_NAME, DatasetError, "a lock")
+    except DatasetError:
         return {}
     return found if isinstance(found, dict) else {}
 
@@ -110,7 +111,9 @@ class FolderLock:
         """Where the file system knows no locks: whether the last holder seems to be still there."""
         if not holder or holder.get("released"):
             return False
-        return holder.get("host") != socket.gethostname() or psutil.pid_exists(int(holder.get("pid", -1)))
+        pid = holder.get("pid")
+        here = holder.get("host") == socket.gethostname()
+        return not here or (isinstance(pid, int) and 0 <= pid < 1 << 31 and psutil.pid_exists(pid))
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 from dataclasses import replace
 from pathlib import Path
 
@@ -72,7 +73,7 @@ def repair(folder: Path | str, system: Path | str | None = None, *, workers: int
             seed = manifest.seed_of(entry)
             by_seed.setdefault(seed, []).append(Piece(entry.file, tuple(entry.systems), seed))
         if by_seed:
-            with connect(workers=workers, quiet=True) as client:
+            with connect(workers=workers) as client:
                 for seed, pieces in by_seed.items():
                     one = replace(job, root_seed=seed)
                     collection = _Repair(dataset.folder, manifest, failures, one, described, budget=FAILURE_BUDGET)
@@ -81,9 +82,21 @@ def repair(folder: Path | str, system: Path | str | None = None, *, workers: int
     return sorted(broken)
 
 
+def _last_system(folder: Path) -> str | None:
+    """Description of the last run, if that was on this machine; never one that came along with the dataset.
+
+    A description names an FMU, and a repair runs it: from elsewhere, the user must have named it.
+    """
+    last = read_holder(folder)
+    found = last.get("system")
+    if last.get("host") != socket.gethostname() or not isinstance(found, str) or not Path(found).is_absolute():
+        return None
+    return None if Path(found).resolve().is_relative_to(folder.resolve()) else found
+
+
 def _find_system(dataset: DatasetFolder, system: Path | str | None) -> System:
     manifest = dataset.manifest
-    origin = system or read_holder(dataset.folder).get("system")
+    origin = system or _last_system(dataset.folder)
     if not origin:
         raise DatasetError(f"{dataset.folder}: its system description is not known here; name it with --system")
     described = load_system(origin)

@@ -34,22 +34,27 @@ excitation is off.
 
 from __future__ import annotations
 
-import tomllib
+import gzip
+import io
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 import pandas as pd
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from datagen.inputs import build_inputs
 from datagen.tables import InputTable, Piecewise
 from datagen.transposition import irradiance_on_plane
 from shared.errors import RecordingError
+from shared.reading import MIB, check_columns, listed, read_bytes, read_toml, shown, validated, why
 from shared.signals import Table
 from shared.system import System
 from shared.variables import OccupancyInput, WeatherInput
+
+MOST_CSV = 1024 * MIB
 
 
 class RecordedInput(Table):
@@ -102,6 +107,10 @@ class Recorded(Table):
     folder: Path = Path()
 
 
+class _File(Table):
+    recorded: Recorded
+
+
 @dataclass(frozen=True)
 class Case:
     """One recorded room: its name and parameters by name [unit of the description]."""
@@ -118,19 +127,11 @@ def load_recorded(mapping: Path, system: System, folder: Path | None = None) -> 
     RecordingError
         If the mapping or the cases cannot be read, or do not give what the description needs.
     """
-    try:
-        raw = tomllib.loads(mapping.read_text(encoding="utf-8"))
-        if set(raw) != {"recorded"}:
-            raise RecordingError(f"{mapping}: tables are {', '.join(raw) or 'none'}; expected [recorded] alone")
-        spec = Recorded.model_validate({**raw["recorded"], "folder": folder or mapping.parent})
-    except OSError as error:
-        raise RecordingError(f"{mapping}: cannot be read: {error.strerror}; expected a mapping (TOML)") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise RecordingError(f"{mapping}: not valid TOML: {error}") from None
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(map(str, first["loc"]))
-        raise RecordingError(f"{mapping}: recorded.{where}: {first['msg']} (found {first['input']!r})") from None
+    raw = read_toml(mapping, RecordingError, "a mapping (TOML)")
+    if set(raw) != {"recorded"} or not isinstance(raw["recorded"], dict):
+        raise RecordingError(f"{mapping}: tables are {listed(raw) or 'none'}; expected [recorded] alone")
+    given = {**raw["recorded"], "folder": folder or mapping.parent}
+    spec = validated(_File, {"recorded": given}, f"{mapping}", RecordingError).recorded
     _check(mapping, spec, system)
     path = spec.folder / spec.cases
     table = _read_csv(path)
@@ -152,7 +153,7 @@ def series_of(spec: Recorded, case: Case, system: System) -> tuple[np.ndarray, d
     RecordingError
         If a file or a column is missing, or times are not evenly spaced.
     """
-    path = spec.folder / spec.series.format(name=case.name)
+    path = spec.folder / spec.series.replace("{name}", case.name)
     own, time = _series(path, spec.time)
     shared = (spec.folder / spec.shared, *_series(spec.folder / spec.shared, spec.time)) if spec.shared else None
 
@@ -224,12 +225,20 @@ def _check(mapping: Path, spec: Recorded, system: System) -> None:
 
 
 def _read_csv(path: Path) -> pd.DataFrame:
+    data = read_bytes(path, RecordingError, "a CSV file", MOST_CSV)
     try:
-        return pd.read_csv(path)
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read: {error.strerror or error}; expected a CSV file") from None
-    except (ValueError, pd.errors.ParserError) as error:
-        raise RecordingError(f"{path}: not a readable CSV file: {str(error).splitlines()[0]}") from None
+        if path.suffix == ".gz":
+            with gzip.open(io.BytesIO(data)) as packed:
+                data = packed.read(MOST_CSV + 1)
+        if len(data) > MOST_CSV:
+            raise RecordingError(f"{path}: unpacks to more than {MOST_CSV // MIB} MiB; expected a CSV file")
+        text = data.decode("utf-8-sig")
+        check_columns(text, ",", f"{path}", RecordingError)
+        return pd.read_csv(io.StringIO(text))
+    except (OSError, EOFError, zlib.error) as error:
+        raise RecordingError(f"{path}: not a readable gzip file: {why(error)}") from None
+    except (ValueError, ArithmeticError, LookupError, MemoryError) as error:  # what pandas meets in text that is no CSV
+        raise RecordingError(f"{path}: not a readable CSV file: {why(error)}") from None
 
 
 def _series(path: Path, time: str) -> tuple[pd.DataFrame, np.ndarray]:
@@ -243,14 +252,15 @@ def _series(path: Path, time: str) -> tuple[pd.DataFrame, np.ndarray]:
 
 def _column(table: pd.DataFrame, column: str, path: Path, numbers: bool = True) -> np.ndarray:
     if column not in table:
-        raise RecordingError(f"{path}: no column {column!r}; found {', '.join(map(str, table.columns))}")
+        raise RecordingError(f"{path}: no column {column!r}; found {listed(table.columns)}")
     if not numbers:
         return np.asarray(table[column])
     values = pd.to_numeric(table[column], errors="coerce").to_numpy(dtype=np.float64)
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size:
         raise RecordingError(
-            f"{path}: column {column!r} has {str(table[column].iloc[bad[0]])!r} in row {bad[0] + 1}; expected a number"
+            f"{path}: column {column!r} has {shown(str(table[column].iloc[bad[0]]))} in row {bad[0] + 1};"
+            " expected a number"
         )
     return values
 

@@ -7,12 +7,14 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from shared.console import FAULT, OK, new_console
+from shared.console import OK, PARTLY, new_console, resumable
 from shared.errors import ZeroshotError
+from shared.logs import USUAL, Reporting
 
 console = new_console()
 
 
+@resumable()
 def run(
     system: Path,
     *,
@@ -33,9 +35,11 @@ def run(
     retry_failures: Annotated[bool, Parameter(negative=())] = False,
     failure_budget: float = 0.05,
     timeout: float = 600.0,
-    quiet: bool = False,
+    report: Reporting = USUAL,
 ) -> int:
     """Simulate random systems into a dataset folder. Run again to resume an unfinished one.
+
+    Exit code 3 if systems have failed: the dataset is whole but for them.
 
     Parameters
     ----------
@@ -76,8 +80,6 @@ def run(
         Share of the systems that may fail before the run is stopped.
     timeout
         Seconds that one system may take before it counts as failed.
-    quiet
-        No progress bar.
     """
     from datagen import run as run_
 
@@ -100,14 +102,14 @@ def run(
         retry_failures=retry_failures,
         failure_budget=failure_budget,
         timeout=timeout,
-        quiet=quiet,
+        quiet=report.quiet,
     )
     done = sum(len(entry.systems) for entry in manifest.shards)
-    if not quiet:
+    if not report.quiet:
         console.print(f"{done} of {manifest.systems} systems in {out}", markup=False)
         if done < manifest.systems:
             console.print(f"{manifest.systems - done} failed: see {out / 'failures.jsonl'}", markup=False)
-    return OK if done == manifest.systems else FAULT
+    return OK if done == manifest.systems else PARTLY
 
 
 def _options(words: list[str]) -> dict[str, str]:

@@ -1,6 +1,7 @@
-"""Irradiance on a plane at instants, from the direct normal, diffuse and global horizontal irradiance at them.
+"""Irradiance on a plane, from the direct normal, diffuse and global horizontal irradiance and where the sun stands.
 
-Weather files hold hourly means and are treated in :mod:`datagen.weather`; this is for signals that are instants.
+For hourly means of weather files :mod:`datagen.weather` says where it stands; :func:`irradiance_on_plane` is for
+signals that are instants.
 """
 
 from __future__ import annotations
@@ -39,10 +40,48 @@ def irradiance_on_plane(
     seconds = pd.to_timedelta(np.asarray(time, dtype=np.float64) - 3600.0 * utc_offset, unit="s")
     times = pd.DatetimeIndex(pd.Timestamp(EPOCH, tz="UTC") + seconds)
     sun = pvlib.solarposition.get_solarposition(times, latitude, longitude, altitude=altitude)
+    return transposed(
+        times,
+        sun,
+        *(dni, dhi, ghi),
+        tilt=plane.surface_tilt,
+        azimuth=plane.surface_azimuth,
+        albedo=plane.albedo,
+        model=plane.transposition,
+    )
+
+
+def transposed(
+    times: pd.DatetimeIndex,
+    sun: pd.DataFrame,
+    dni: np.ndarray,
+    dhi: np.ndarray,
+    ghi: np.ndarray,
+    *,
+    tilt: float,
+    azimuth: float,
+    albedo: float,
+    model: str,
+) -> np.ndarray:
+    """Global irradiance on a plane [W/m2], shape (n,), by pvlib's transposition.
+
+    Parameters
+    ----------
+    times
+        When, shape (n,).
+    sun
+        Where it then stands: ``apparent_zenith`` and ``azimuth`` [degree], n rows.
+    dni, dhi, ghi
+        Shape (n,) each [W/m2].
+    tilt, azimuth
+        Of the plane [degree].
+    model
+        A transposition that pvlib knows.
+    """
     zenith = sun["apparent_zenith"].to_numpy()
     parts = pvlib.irradiance.get_total_irradiance(
-        plane.surface_tilt,
-        plane.surface_azimuth,
+        tilt,
+        azimuth,
         zenith,
         sun["azimuth"].to_numpy(),
         dni,
@@ -50,11 +89,11 @@ def irradiance_on_plane(
         dhi,
         dni_extra=pvlib.irradiance.get_extra_radiation(times.day_of_year.to_numpy()),
         airmass=pvlib.atmosphere.get_relative_airmass(zenith),
-        albedo=plane.albedo,
-        model=plane.transposition,
+        albedo=albedo,
+        model=model,
     )
     values = np.asarray(parts["poa_global"], dtype=np.float64)
-    tilt = np.cos(np.radians(plane.surface_tilt))
+    up = np.cos(np.radians(tilt))
     # no air mass below the horizon: what little diffuse light there is comes from the whole sky
-    dusk = dhi * (1 + tilt) / 2 + ghi * plane.albedo * (1 - tilt) / 2
+    dusk = dhi * (1 + up) / 2 + ghi * albedo * (1 - up) / 2
     return np.maximum(np.where(np.isfinite(values) & (zenith < 90.0), values, dusk), 0.0)

@@ -18,6 +18,7 @@ import pandas as pd
 import pvlib
 
 from datagen.tables import Piecewise
+from datagen.transposition import transposed
 from datagen.weather_files import HOURS, YEAR, HourlyRecord, read_hourly
 from shared.errors import WeatherError
 from shared.signals import Weather
@@ -201,25 +202,8 @@ def _plane_of_array(record: HourlyRecord, tilt: float, azimuth: float, albedo: f
     raw = record.columns
     times = _sunlit_middles(record)
     sun = _sun(times, record)
-    zenith = sun["apparent_zenith"].to_numpy()
-    parts = pvlib.irradiance.get_total_irradiance(
-        tilt,
-        azimuth,
-        zenith,
-        sun["azimuth"].to_numpy(),
-        raw["dni"],
-        raw["ghi"],
-        raw["dhi"],
-        dni_extra=pvlib.irradiance.get_extra_radiation(times.day_of_year.to_numpy()),
-        airmass=pvlib.atmosphere.get_relative_airmass(zenith),
-        albedo=albedo,
-        model=model,
-    )
-    poa = np.asarray(parts["poa_global"], dtype=np.float64)
-    # no airmass below the horizon: what little diffuse light there is comes from the whole sky
-    dusk = raw["dhi"] * (1 + np.cos(np.radians(tilt))) / 2 + raw["ghi"] * albedo * (1 - np.cos(np.radians(tilt))) / 2
-    poa = np.where(np.isfinite(poa) & (zenith < 90.0), poa, dusk)
-    return np.maximum(poa, 0.0)
+    parts = (raw["dni"], raw["dhi"], raw["ghi"])
+    return transposed(times, sun, *parts, tilt=tilt, azimuth=azimuth, albedo=albedo, model=model)
 
 
 def _sunlit_middles(record: HourlyRecord) -> pd.DatetimeIndex:

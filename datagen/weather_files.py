@@ -17,8 +17,11 @@ import pandas as pd
 import pvlib
 
 from shared.errors import WeatherError
+from shared.reading import MIB, size_of
 
 HOURS = 8760
+MOST = 64 * MIB
+"""Bytes of a weather file; a year of hours takes two of them."""
 YEAR = 2001
 """The common year whose dates stand for the typical year (``shared.schema.EPOCH``)."""
 
@@ -90,8 +93,12 @@ def read_hourly(path: Path) -> HourlyRecord:
     reader = readers.get(path.suffix.lower())
     if reader is None:
         raise WeatherError(f"{path}: ending is {path.suffix!r}; expected .csv (TMY3), .epw or .mos")
-    if not path.is_file():
+    if not path.exists():
         raise WeatherError(f"{path}: no such weather file; expected TMY3 (.csv), EPW (.epw) or Modelica (.mos)")
+    if (size := size_of(path, WeatherError, "a weather file")) > MOST:
+        raise WeatherError(
+            f"{path}: has {size / MIB:.0f} MiB; expected a weather file, of at most {MOST / MIB:.0f} MiB"
+        )
     try:
         frame, place = reader(path)
     except WeatherError:

@@ -5,8 +5,7 @@ The functions behind the commands: :func:`import_recording`, :func:`residuals`, 
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import Any
+from shared.lazy import lazily
 
 _HOMES = {
     "calibrate": "diagnosis.calibrating.calibration",
@@ -15,9 +14,4 @@ _HOMES = {
     "residuals": "diagnosis.simulated",
 }
 
-
-def __getattr__(name: str) -> Any:
-    """Import what is asked for and no more."""
-    if name in _HOMES:
-        return getattr(import_module(_HOMES[name]), name)
-    raise AttributeError(f"module 'diagnosis' has no attribute {name!r}")
+__getattr__ = lazily(__name__, _HOMES)

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
 
 from datagen.tables import InputTable, Piecewise, merge
 from shared.errors import RecordingError
+from shared.netcdf import read_netcdf
+from shared.reading import shown
 from shared.system import System
 
 HOUR = 3600.0
@@ -50,19 +51,16 @@ def read_recording(path: Path | str, system: System) -> Recording:
         If the file is unreadable, has no regular time, no output of the system, or a variable in another unit.
     """
     path = Path(path)
-    try:
-        data = xr.load_dataset(path, decode_times=False)
-    except FileNotFoundError:
-        raise RecordingError(f"{path}: no such file; expected a recording (NetCDF)") from None
-    except (OSError, ValueError) as error:
-        raise RecordingError(f"{path}: not readable as NetCDF ({error})") from None
+    data = read_netcdf(path, RecordingError, "a recording (NetCDF)")
     if "system" in data.dims:
         if data.sizes["system"] != 1:
             raise RecordingError(f"{path}: holds {data.sizes['system']} systems; expected a recording of one")
         data = data.isel(system=0)
-    if "time" not in data.coords or data.sizes.get("time", 0) < 2:
+    if "time" not in data.coords or data["time"].dims != ("time",) or data.sizes.get("time", 0) < 2:
         raise RecordingError(f"{path}: time is missing or shorter than two steps; expected a regular time coordinate")
     time = data["time"].values.astype(float)
+    if not np.isfinite(time).all():
+        raise RecordingError(f"{path}: time has values that are not finite; expected a regular time coordinate")
     steps = np.diff(time)
     if (steps <= 0).any():
         at = int(np.argmax(steps <= 0))
@@ -75,8 +73,8 @@ def read_recording(path: Path | str, system: System) -> Recording:
 
     def series(name: str, unit: str) -> np.ndarray:
         found = data[name].attrs.get("units", "")
-        if found != unit:
-            raise RecordingError(f"{path}: {name!r} is in {found!r}; the system description has {unit!r}")
+        if not isinstance(found, str) or found != unit:
+            raise RecordingError(f"{path}: {name!r} is in {shown(found)}; the system description has {unit!r}")
         if data[name].dims != ("time",):
             raise RecordingError(f"{path}: {name!r} has dimensions {data[name].dims}; expected ('time',)")
         return data[name].values.astype(float)

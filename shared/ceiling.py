@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 
 from shared.errors import ZeroshotError
+from shared.reading import read_json, validated
 from shared.store import write_atomically
 
 FILE_NAME = "identifiability.json"
@@ -75,12 +76,8 @@ def read_ceilings(path: Path) -> Ceilings:
     ZeroshotError
         If it is missing or not such a file.
     """
-    try:
-        return Ceilings.model_validate_json(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise ZeroshotError(f"{path}: no such file; `datagen identifiability` writes one") from None
-    except (OSError, UnicodeDecodeError, ValidationError) as error:
-        raise ZeroshotError(f"{path}: not a file of `datagen identifiability`: {error}") from None
+    expected = "a file of `datagen identifiability`"
+    return validated(Ceilings, read_json(path, ZeroshotError, expected), f"{path}", ZeroshotError, expected)
 
 
 def write_ceilings(path: Path, ceilings: Ceilings) -> None:

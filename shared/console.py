@@ -3,20 +3,35 @@
 from __future__ import annotations
 
 import os
+import platform
+import shlex
 import sys
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
 
 import cyclopts
 from rich.console import Console
 
 from shared import __version__
-from shared.errors import ZeroshotError
+from shared.errors import IncompleteError, ZeroshotError
+from shared.interrupts import Terminated, terminable
+from shared.logs import USUAL, Reporting, fields, logger, reported
 
-OK, FAULT, USAGE = 0, 1, 2
-"""Exit codes: done; a sentence on standard error says what is wrong; the command line itself is wrong."""
+OK, FAULT, USAGE, PARTLY, STOPPED, ENDED = 0, 1, 2, 3, 130, 143
+"""Exit codes: done; a sentence on standard error says what is wrong; the command line itself is wrong; done but for a
+part that failed and is listed; stopped by Ctrl-C; stopped by SIGTERM."""
 
+_EPILOGUE = (
+    "Exit codes: 0 done, 1 something that the message tells how to mend, 2 wrong usage, 3 done but for a part that"
+    " failed and is listed, 130 or 143 stopped."
+)
 _PIPED_WIDTH = 120
 """Columns of text that goes into a file or a pipe, where nobody has a window to ask."""
+_OURS = ("shared", "datagen", "trainer", "diagnosis", "fmus")
+_Command = TypeVar("_Command", bound=Callable[..., Any])
+_resumable: dict[Callable[..., Any], tuple[tuple[str, ...], tuple[str, ...]]] = {}
+_log = logger(__name__)
 
 
 def new_console() -> Console:
@@ -37,6 +52,7 @@ def new_app(name: str, help_text: str) -> cyclopts.App:
         help=help_text,
         version=__version__,
         help_format="markdown",
+        help_epilogue=_EPILOGUE,
         result_action="return_value",
         exit_on_error=False,
         print_error=True,
@@ -44,23 +60,85 @@ def new_app(name: str, help_text: str) -> cyclopts.App:
     )
 
 
+def resumable(*more: str, instead_of: Sequence[str] = ()) -> Callable[[_Command], _Command]:
+    """Mark a command that goes on where it was stopped, if it is given again.
+
+    Parameters
+    ----------
+    more
+        Options that it takes for that.
+    instead_of
+        Options that do not go together with those.
+    """
+
+    def mark(command: _Command) -> _Command:
+        _resumable[command] = more, tuple(instead_of)
+        return command
+
+    return mark
+
+
 def start(app: cyclopts.App, arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit code.
 
     A command may return an exit code of its own. Only our own bugs show a traceback.
     """
+    words = list(arguments) if arguments is not None else sys.argv[1:]
     try:
-        code = app(list(arguments) if arguments is not None else sys.argv[1:])
+        command, bound, _ = app.parse_args(words)
     except cyclopts.CycloptsError:
         return USAGE
-    except ZeroshotError as error:
+    options = next((value for value in bound.arguments.values() if isinstance(value, Reporting)), USUAL)
+    try:
+        with reported(options, errors):
+            return _carry_out(app.name[0], words, command, lambda: command(*bound.args, **bound.kwargs))
+    except ZeroshotError as error:  # no log can be written
         errors.print(f"error: {error}", markup=False)
         return FAULT
+
+
+def _carry_out(program: str, words: list[str], command: Callable[..., Any], call: Callable[[], Any]) -> int:
+    began, code = time.monotonic(), FAULT
+    about = {"version": __version__, "python": platform.python_version(), "pid": os.getpid(), "folder": os.getcwd()}
+    _log.debug("%s", shlex.join([program, *words]), extra=fields(**about))
+    try:
+        with terminable():
+            found = call()
+        code = found if isinstance(found, int) else OK
+    except IncompleteError as error:
+        _log.error("%s", error)
+        code = PARTLY
+    except ZeroshotError as error:
+        _log.error("%s", error)
+    except ModuleNotFoundError as error:
+        missing = (error.name or "").split(".")[0]
+        if missing in ("", *_OURS):
+            _log.critical("a bug of ours", exc_info=True)
+            raise
+        _log.error(
+            "%s needs %s, which is not installed; what it needs comes with: pip install 'zeroshot-fmu[%s]'",
+            *(program, missing, program),
+        )
     except BrokenPipeError:
         # the reader of a pipe went away; keep the interpreter from complaining about it at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return OK
-    except KeyboardInterrupt:
-        errors.print("stopped; what was finished is kept, the same command goes on from there")
-        return 130
-    return code if isinstance(code, int) else OK
+        code = OK
+    except KeyboardInterrupt as interrupt:
+        _log.warning("%s", _how_to_go_on(program, words, command))
+        code = ENDED if isinstance(interrupt, Terminated) else STOPPED
+    except BaseException:
+        _log.critical("a bug of ours", exc_info=True)
+        raise
+    finally:
+        seconds = time.monotonic() - began
+        _log.debug("exit code %d after %.1f s", code, seconds, extra=fields(code=code, seconds=round(seconds, 3)))
+    return code
+
+
+def _how_to_go_on(program: str, words: list[str], command: Callable[..., Any]) -> str:
+    if command not in _resumable:
+        return "stopped before its end; the same command begins anew"
+    more, instead_of = _resumable[command]
+    kept = [word for word in words if word not in instead_of]
+    again = shlex.join([program, *kept, *(word for word in more if word not in kept)])
+    return f"stopped; what was finished is kept, and this goes on from there:\n  {again}"

@@ -7,9 +7,10 @@
     ├── SimulationError           a simulation did not reach its end
     ├── DatasetError              a dataset, shard or manifest cannot be used
     ├── EstimatorError            a training run or a checkpoint cannot be used
-    └── RecordingError            a recording cannot be used
+    ├── RecordingError            a recording cannot be used
+    └── IncompleteError           all is done but for a part that failed
 
-The command lines print the text and exit with 1; anything else that escapes is a bug of ours.
+The command lines print the text and exit with 1, or 3 for the last; anything else that escapes is a bug of ours.
 """
 
 
@@ -43,3 +44,7 @@ class EstimatorError(ZeroshotError):
 
 class RecordingError(ZeroshotError):
     """A recording cannot be used."""
+
+
+class IncompleteError(ZeroshotError):
+    """The work is done and written but for a part that failed; the text says how much, and where the causes are."""

@@ -15,6 +15,7 @@ import numpy as np
 import xarray as xr
 
 from shared.errors import DatasetError
+from shared.reading import shown
 from shared.system import System
 
 SCHEMA_VERSION = "2.0"
@@ -158,7 +159,7 @@ def check_version(found: str, where: str) -> None:
     """
     ours = SCHEMA_VERSION.split(".")[0]
     theirs = str(found).split(".")[0]
-    if not theirs.isdigit() or int(theirs) > int(ours):
+    if not (theirs.isdecimal() and len(theirs) < 10) or int(theirs) > int(ours):
         raise DatasetError(
-            f"{where}: schema version is {found!r}; this version of zeroshot-fmu reads up to {ours}.x: update it"
+            f"{where}: schema version is {shown(found)}; this version of zeroshot-fmu reads up to {ours}.x: update it"
         )

@@ -10,9 +10,9 @@ Span = tuple[float, float]
 
 
 class Table(BaseModel):
-    """A table of the description: unknown fields are refused, and nothing changes once it is read."""
+    """A table of the description: unknown fields are refused, numbers are finite, nothing changes once it is read."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class Weather(Table):

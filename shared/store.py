@@ -7,7 +7,6 @@ file, flushed and renamed, so that a reader sees a file whole or not at all.
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import socket
 from dataclasses import dataclass, field
@@ -17,59 +16,16 @@ from typing import Any
 import netCDF4
 import numpy as np
 import xarray as xr
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from shared.errors import DatasetError
-from shared.schema import CONTENT_HASH, SCHEMA_VERSION, SPLITS, check_version, content_hash, dataset_hash
+from shared.manifest import Manifest as Manifest
+from shared.manifest import ShardEntry as ShardEntry
+from shared.manifest import Source as Source
+from shared.netcdf import read_netcdf
+from shared.netcdf_child import check_declared
+from shared.reading import read_json, size_of, validated, why
+from shared.schema import CONTENT_HASH, SPLITS, check_version, dataset_hash
 from shared.system import System, system_from_canonical
-
-
-class ShardEntry(BaseModel):
-    """What the manifest knows of one shard; ``root_seed`` only where it is not the dataset's (merged datasets)."""
-
-    model_config = ConfigDict(extra="ignore")
-    file: str
-    systems: list[int]
-    sha256: str
-    content_hash: str
-    root_seed: int | None = None
-
-
-class Source(BaseModel):
-    """One of the datasets that a merged dataset came from."""
-
-    root_seed: int
-    systems: int
-
-
-class Manifest(BaseModel):
-    """What a dataset is, and which shards it has.
-
-    ``stages`` are the numbers of systems asked for one after another, if the dataset was extended; ``sources`` the
-    datasets it was merged from, if it was.
-    """
-
-    schema_version: str = SCHEMA_VERSION
-    system_name: str
-    system_hash: str
-    system: str = Field(description="the system description as canonical JSON")
-    fmu_sha256: str
-    root_seed: int
-    systems: int = Field(description="systems asked for")
-    shard_size: int
-    settings: dict[str, Any] = {}
-    versions: dict[str, str] = {}
-    stages: list[int] = []
-    sources: list[Source] = []
-    shards: list[ShardEntry] = []
-
-    def seed_of(self, entry: ShardEntry) -> int:
-        """Root seed of a shard's systems."""
-        return self.root_seed if entry.root_seed is None else entry.root_seed
-
-    def done(self) -> list[tuple[int, int]]:
-        """Root seed and index of every system that is in a shard."""
-        return [(self.seed_of(entry), index) for entry in self.shards for index in entry.systems]
 
 
 def temporary_name(path: Path) -> Path:
@@ -110,21 +66,11 @@ def read_manifest(folder: Path | str) -> Manifest:
         If it is missing, damaged, or of a newer schema.
     """
     path = Path(folder) / "manifest.json"
-    try:
-        raw = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise DatasetError(f"{path}: no such file; expected a dataset made by `datagen run`") from None
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise DatasetError(f"{path}: not valid JSON: {error}; expected a manifest made by `datagen run`") from None
+    raw = read_json(path, DatasetError, "a dataset made by `datagen run`")
     if not isinstance(raw, dict) or "schema_version" not in raw:
         raise DatasetError(f"{path}: schema_version is missing; expected a manifest made by `datagen run`")
     check_version(raw["schema_version"], str(path))
-    try:
-        return Manifest.model_validate(raw)
-    except ValidationError as error:
-        first = error.errors()[0]
-        field = ".".join(str(part) for part in first["loc"])
-        raise DatasetError(f"{path}: {field}: {first['msg']}") from None
+    return validated(Manifest, raw, f"{path}", DatasetError)
 
 
 def write_shard(path: Path, dataset: xr.Dataset, systems: list[int]) -> ShardEntry:
@@ -177,6 +123,17 @@ class Records:
         return np.flatnonzero(self.splits == SPLITS.index(split))
 
 
+_DAMAGED = (ArithmeticError, AttributeError, LookupError, MemoryError, OSError, RuntimeError, TypeError, ValueError)
+"""What netCDF4 and numpy raise over a file that is not what it should be."""
+
+
+def _finite(shard: netCDF4.Dataset, name: str) -> np.ndarray:
+    values: np.ndarray = shard[name][...]
+    if not np.isfinite(values).all():
+        raise ValueError(f"{name} has values that are not finite")
+    return values
+
+
 class DatasetFolder:
     """A dataset, opened for reading.
 
@@ -195,27 +152,37 @@ class DatasetFolder:
 
     def shard_path(self, entry: ShardEntry) -> Path:
         """Where a shard lies; a name that leaves the folder is refused."""
-        if Path(entry.file).name != entry.file:
+        if Path(entry.file).name != entry.file or "\0" in entry.file:
             raise DatasetError(f"{self.folder}: shard {entry.file!r} is not a plain file name")
         return self.folder / "shards" / entry.file
 
     def _open(self, entry: ShardEntry) -> netCDF4.Dataset:
+        """A shard for reading; only one with the hash that the manifest gives meets the C libraries in this process."""
         path = self.shard_path(entry)
+        if not path.exists():
+            raise DatasetError(f"{path}: the manifest lists this shard, but it is missing")
+        size = size_of(path, DatasetError, "a shard")
         try:
+            if sha256_of(path) != entry.sha256:
+                raise DatasetError(
+                    f"{path}: damaged or changed, its sha256 is not the manifest's; try `datagen verify`"
+                )
             shard = netCDF4.Dataset(path, "r")
-        except FileNotFoundError:
-            raise DatasetError(f"{path}: the manifest lists this shard, but it is missing") from None
-        except OSError as error:
-            raise DatasetError(f"{path}: damaged or not NetCDF ({error})") from None
-        shard.set_auto_mask(False)
-        check_version(getattr(shard, "zeroshot_schema_version", "missing"), str(path))
-        if getattr(shard, "system_hash", "") != self.manifest.system_hash:
-            shard.close()
-            raise DatasetError(f"{path}: belongs to another system than the manifest says")
+            shard.set_auto_mask(False)
+            facts = {name: shard.getncattr(name) for name in shard.ncattrs()}
+            self._check_facts(path, facts)
+            check_declared(shard.variables.values(), size)
+        except _DAMAGED as error:
+            raise DatasetError(f"{path}: damaged or not NetCDF ({why(error)})") from None
         return shard
 
+    def _check_facts(self, path: Path, facts: dict[str, Any]) -> None:
+        check_version(facts.get("zeroshot_schema_version", "missing"), str(path))
+        if facts.get("system_hash", "") != self.manifest.system_hash:
+            raise DatasetError(f"{path}: belongs to another system than the manifest says")
+
     def shard_facts(self, entry: ShardEntry) -> tuple[str, dict[str, Any]]:
-        """Content hash of a shard as it lies on disk, and what the file says of itself.
+        """Content hash of a shard as it lies on disk, and what the file says of itself, read in a child process.
 
         The facts are the global attributes, ``systems``, ``splits`` and ``steps``.
 
@@ -224,14 +191,16 @@ class DatasetFolder:
         DatasetError
             If the shard is missing, damaged or of another system.
         """
-        with self._open(entry) as shard:
-            try:
-                facts: dict[str, Any] = {name: shard.getncattr(name) for name in shard.ncattrs()}
-                facts |= {"systems": shard["system"][...].tolist(), "splits": shard["split"][...].tolist()}
-                facts["steps"] = len(shard["time"])
-                return content_hash([(name, v[...]) for name, v in shard.variables.items()]), facts
-            except (IndexError, OSError, RuntimeError) as error:
-                raise DatasetError(f"{self.shard_path(entry)}: damaged ({error})") from None
+        path = self.shard_path(entry)
+        shard = read_netcdf(path, DatasetError, "a shard made by `datagen run`", times=None)
+        facts: dict[str, Any] = dict(shard.attrs)
+        self._check_facts(path, facts)
+        for name in ("system", "split", "time"):
+            if name not in shard.variables:
+                raise DatasetError(f"{path}: damaged (it has no variable {name!r})")
+        facts |= {"systems": shard["system"].values.tolist(), "splits": shard["split"].values.tolist()}
+        facts["steps"] = shard.sizes.get("time", 0)
+        return dataset_hash(shard), facts
 
     def shard_content_hash(self, entry: ShardEntry) -> str:
         """Content hash of a shard as it lies on disk."""
@@ -278,7 +247,7 @@ class DatasetFolder:
                 try:
                     if shard["system"][...].tolist() != entry.systems:
                         raise ValueError("its systems are not those that the manifest lists")
-                    time = shard["time"][...]
+                    time = _finite(shard, "time")
                     if len(values) != len(chosen):  # filled in place: a second copy would double the memory
                         values = np.empty((len(chosen), len(wanted), len(time)), dtype=np.float32)
                     for k, name in enumerate(wanted):
@@ -288,7 +257,7 @@ class DatasetFolder:
                     splits[to] = shard["split"][...][here]
                     seeds[to] = self.manifest.seed_of(entry)
                     if "start" in shard.variables:
-                        starts[to] = shard["start"][...][here]
-                except (IndexError, OSError, RuntimeError, ValueError) as error:
-                    raise DatasetError(f"{self.shard_path(entry)}: damaged or incomplete ({error})") from None
+                        starts[to] = _finite(shard, "start")[here]
+                except _DAMAGED as error:
+                    raise DatasetError(f"{self.shard_path(entry)}: damaged or incomplete ({why(error)})") from None
         return Records(wanted, values, parameters, listed[chosen], splits, time, seeds, starts)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import tomllib
 from pathlib import Path
 from typing import Literal
 
@@ -17,8 +16,10 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from shared.errors import SystemDescriptionError
+from shared.reading import MOST_TOML, parse_json, parse_toml, read_text, short, shown
 from shared.shipped import resolved, shipped_systems
 from shared.signals import Excitation, Occupancy, Schedule, Table, Weather
+from shared.sources import Source
 from shared.variables import (
     Effect,
     ExcitationInput,
@@ -74,6 +75,7 @@ class System(Table):
     inputs: list[Input] = []
     outputs: list[Output] = Field(min_length=1)
     effects: list[Effect] = []
+    sources: list[Source] = []
     weather: Weather | None = None
     occupancy: Occupancy | None = None
     schedules: dict[str, Schedule] = {}
@@ -103,6 +105,10 @@ class System(Table):
                 raise ValueError(f"inputs: {one.name!r} comes from the weather, but there is no [weather] table")
             if isinstance(one, OccupancyInput) and self.occupancy is None:
                 raise ValueError(f"inputs: {one.name!r} comes from the occupancy, but there is no [occupancy] table")
+        for k, source in enumerate(self.sources):
+            before = [earlier.name for earlier in self.sources[:k]]
+            if fault := source.fault(self.input_names, self.parameter_names, before):
+                raise ValueError(fault)
         known = {*self.output_names, *self.input_names}
         for channel in self.estimator.channels:
             if channel not in known:
@@ -183,10 +189,11 @@ class System(Table):
     def hash(self) -> str:
         """sha256 of what is simulated: equal for equal systems, however long and for whom they are simulated.
 
-        ``experiment``, ``presets`` and ``estimator`` are defaults of commands and ``effects`` are what diagnosis tries:
-        none of them changes a simulated system, and they are left out.
+        ``experiment``, ``presets`` and ``estimator`` are defaults of commands and ``effects`` and ``sources`` are what
+        diagnosis tries: none of them changes a simulated system, and they are left out.
         """
-        content = self.model_dump(mode="json", exclude={"path", "experiment", "presets", "estimator"}) | {"effects": []}
+        without = {"path", "experiment", "presets", "estimator", "sources"}
+        content = self.model_dump(mode="json", exclude=without) | {"effects": []}
         return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
     def noise_sd(self, preset: str) -> np.ndarray:
@@ -217,11 +224,11 @@ def _sentence(error: ValidationError) -> str:
     if kind == "missing":
         what = "missing; expected a value"
     elif kind == "extra_forbidden":
-        what = f"unknown field (found {first['input']!r})"
+        what = f"unknown field (found {shown(first['input'])})"
     elif kind != "value_error":
-        what = f"{what} (found {first['input']!r})"
+        what = f"{what} (found {shown(first['input'])})"
     more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-    return f"{'.'.join(where)}: {what}{more}" if where else f"{what}{more}"
+    return f"{short('.'.join(where))}: {short(what)}{more}" if where else f"{short(what)}{more}"
 
 
 def parse_system(text: str, path: Path) -> System:
@@ -232,16 +239,15 @@ def parse_system(text: str, path: Path) -> System:
     SystemDescriptionError
         With one sentence that names the field, what was found and what was expected.
     """
-    try:
-        raw = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise SystemDescriptionError(f"{path}: not valid TOML: {error}") from None
-    return _validate({**raw, "path": path}, path)
+    return _validate({**parse_toml(text, f"{path}", SystemDescriptionError), "path": path}, path)
 
 
 def system_from_canonical(text: str, path: Path) -> System:
     """Rebuild a system from :meth:`System.canonical`, as manifests hold it."""
-    return _validate({**json.loads(text), "path": path}, path)
+    raw = parse_json(text, f"{path}", SystemDescriptionError, "a system description")
+    if not isinstance(raw, dict):
+        raise SystemDescriptionError(f"{path}: is {shown(raw)}; expected a system description")
+    return _validate({**raw, "path": path}, path)
 
 
 def _validate(raw: dict[str, object], path: Path) -> System:
@@ -259,7 +265,7 @@ def _name_unnamed(raw: dict[str, object], path: Path) -> None:
         for item in items if isinstance(items, list) else []:
             if isinstance(item, dict) and "name" in item and not item.get("unit"):
                 raise SystemDescriptionError(
-                    f'{path}: {table} {item["name"]!r} has no unit; expected for example "K", or "1" for a number'
+                    f'{path}: {table} {shown(item["name"])} has no unit; expected for example "K", or "1" for a number'
                 )
 
 
@@ -274,14 +280,6 @@ def load_system(path: Path | str) -> System:
     path = resolved(path)
     if path.is_dir():
         path = path / "system.toml"
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        names = ", ".join(shipped_systems())
-        raise SystemDescriptionError(
-            f"{path}: no such file; expected a system description (TOML), or the name of one that comes with the"
-            f" package ({names})"
-        ) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise SystemDescriptionError(f"{path}: cannot be read as text: {error}") from None
-    return parse_system(text, path)
+    names = ", ".join(shipped_systems())
+    expected = f"a system description (TOML), or the name of one that comes with the package ({names})"
+    return parse_system(read_text(path, SystemDescriptionError, expected, most=MOST_TOML), path)

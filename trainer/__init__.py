@@ -11,8 +11,7 @@ The names are looked up when first used: they import torch, and the command line
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import Any
+from shared.lazy import lazily
 
 __all__ = ["benchmark", "evaluate", "fit", "load_run", "predict", "tune"]
 
@@ -25,8 +24,4 @@ _HOMES = {
     "tune": "trainer.tuning",
 }
 
-
-def __getattr__(name: str) -> Any:
-    if name in _HOMES:
-        return getattr(import_module(_HOMES[name]), name)
-    raise AttributeError(f"module 'trainer' has no attribute {name!r}")
+__getattr__ = lazily(__name__, _HOMES)

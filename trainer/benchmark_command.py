@@ -6,15 +6,21 @@ import json as json_text
 import shlex
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
-from rich.console import Console
 from rich.table import Table
 
-from shared.console import new_console
+from shared.console import new_console, resumable
+from shared.logs import USUAL, Reporting, logger
+
+if TYPE_CHECKING:
+    from trainer.benchmarking.planning import Plan
+
+_log = logger(__name__)
 
 
+@resumable()
 def benchmark(
     dataset: Path,
     /,
@@ -31,12 +37,13 @@ def benchmark(
     published: Path | None = None,
     plan: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
-    quiet: Annotated[bool, Parameter(negative="")] = False,
+    report: Reporting = USUAL,
 ) -> None:
     """The paper's tables and figures, and past them: many fits, scored side by side under both protocols.
 
     Writes results.md and, for every part, CSV, Markdown and PNG. Each fit is a run folder under OUT/fits: the same
-    command goes on where it was stopped, and uses again what is finished.
+    command goes on where it was stopped, and uses again what is finished. Exit code 3 if a fit has failed: the rest is
+    done and written.
 
     Parts: table3 (patch size), table4 (estimators at 1, 3, 7 days), figure4 (scatter at 48 h), figure5 (relative
     accuracy from 1 to 30 days), systems (R2 against the number of training systems), channels (what each added sensor
@@ -73,59 +80,36 @@ def benchmark(
         Say which fits are left and how long they will take, and do nothing.
     json
         Print the plan as JSON, and nothing else, on stdout; only with --plan.
-    quiet
-        No progress.
     """
+    asked: dict[str, Any] = {
+        "minutes": minutes,
+        "steps": steps,
+        "seeds": seeds,
+        "parts": parts,
+        "ours": ours,
+        "windows": windows,
+        "workers": workers,
+        "ceiling": ceiling,
+    }
     if plan:
-        _print_plan(dataset, out, minutes, steps, seeds, parts, ours, windows, workers, ceiling, json)
+        from trainer.benchmarking.planning import make_plan
+
+        _print_plan(make_plan(dataset, out, **asked), json)
         return
     from trainer.benchmarking.running import benchmark as run_benchmark
 
     page = run_benchmark(
         dataset,
         out,
-        minutes=minutes,
-        steps=steps,
-        seeds=seeds,
-        parts=parts,
-        ours=ours,
-        windows=windows,
-        workers=workers,
-        ceiling=ceiling,
+        **asked,
         published=published,
         command=shlex.join(["trainer", *sys.argv[1:]]),
-        progress=not quiet,
+        progress=not report.quiet,
     )
-    Console(stderr=True).print(f"written: {page}", highlight=False)
+    _log.info("written: %s", page)
 
 
-def _print_plan(
-    dataset: Path,
-    out: Path,
-    minutes: float | None,
-    steps: int | None,
-    seeds: int,
-    parts: list[str] | None,
-    ours: list[str] | None,
-    windows: int,
-    workers: int,
-    ceiling: Path | None,
-    json: bool,
-) -> None:
-    from trainer.benchmarking.planning import make_plan
-
-    made = make_plan(
-        dataset,
-        out,
-        minutes=minutes,
-        steps=steps,
-        seeds=seeds,
-        parts=parts,
-        ours=ours,
-        windows=windows,
-        workers=workers,
-        ceiling=ceiling,
-    )
+def _print_plan(made: Plan, json: bool) -> None:
     left = made.left()
     waiting = {fit.condition for fit in left}
     expected, whole = made.minutes_left()
@@ -134,7 +118,7 @@ def _print_plan(
         facts = {"fits": len(made.fits), "left": len(left), "minutes": expected, "with_overheads": whole}
         sys.stdout.write(json_text.dumps(facts | {"parts": parts_found}, indent=1) + "\n")
         return
-    table = Table(title=f"{made.training} training systems, {made.budget.text()} a fit, {seeds} seeds")
+    table = Table(title=f"{made.training} training systems, {made.budget.text()} a fit, {made.seeds} seeds")
     for column in ("part", "line", "estimator", "context [h]", "channels", "noise", "systems", ""):
         table.add_column(column)
     for part in made.parts:
@@ -151,5 +135,5 @@ def _print_plan(
         lines.append("how long they take is known when the first one is finished: the budget is in steps")
     else:
         rest = "with reading and scoring" if whole else "and reading and scoring, which is known when one is finished"
-        lines.append(f"{expected:.0f} min with {workers} at a time, {rest}")
+        lines.append(f"{expected:.0f} min with {made.workers} at a time, {rest}")
     console.print("\n".join(lines), markup=False, soft_wrap=True)

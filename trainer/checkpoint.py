@@ -5,24 +5,23 @@ No pickle: loading a run executes nothing that it holds.
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 import torch
-from pydantic import BaseModel, ConfigDict, ValidationError, field_serializer, field_validator
-from safetensors import SafetensorError
-from safetensors.torch import load as load_tensors
+from pydantic import BaseModel, ConfigDict, field_serializer, field_validator
 from safetensors.torch import save as save_tensors
 
 from shared.errors import EstimatorError
+from shared.reading import read_json, validated
 from shared.shipped import resolved_estimator
 from shared.store import Records, sha256_of, write_atomically
 from trainer.encoding import Encoding
 from trainer.models import build
 from trainer.models.base import Estimator, Shape
 from trainer.spans import packed, unpacked
+from trainer.weights import check_card_version, load_weights
 
 SCHEMA_VERSION = 1
 CARD = "estimator.json"
@@ -98,6 +97,8 @@ class Card(_Table):
     options: dict[str, Any]
     context_hours: float
     noise: str
+    begun_with: str | None = None
+    """sha256 of the weights that the training began with, if not with random ones"""
     encoding: Encoding
     system_name: str
     system_hash: str
@@ -195,25 +196,9 @@ def read_card(folder: Path) -> Card:
         If it is missing, damaged, or of a newer version.
     """
     path = folder / CARD
-    try:
-        raw = json.loads(path.read_text(encoding="utf-8"))
-    except (FileNotFoundError, NotADirectoryError):
-        raise EstimatorError(f"{path}: no such file; expected a run folder made by `trainer fit`") from None
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise EstimatorError(f"{path}: damaged, not valid JSON ({error}); fit the estimator again") from None
-    version = raw.get("schema_version") if isinstance(raw, dict) else None
-    if not isinstance(version, int):
-        raise EstimatorError(f"{path}: schema_version is missing; expected a file made by `trainer fit`")
-    if version > SCHEMA_VERSION:
-        raise EstimatorError(
-            f"{path}: schema version is {version}; this version of zeroshot-fmu reads up to {SCHEMA_VERSION}: update it"
-        )
-    try:
-        return Card.model_validate(raw)
-    except ValidationError as error:
-        first = error.errors()[0]
-        field = ".".join(str(part) for part in first["loc"])
-        raise EstimatorError(f"{path}: damaged: {field}: {first['msg']}") from None
+    raw = read_json(path, EstimatorError, "a run folder made by `trainer fit`")
+    check_card_version(path, raw, SCHEMA_VERSION, "trainer fit")
+    return validated(Card, raw, f"{path}: damaged", EstimatorError)
 
 
 def load_run(folder: Path | str) -> Run:
@@ -226,19 +211,11 @@ def load_run(folder: Path | str) -> Run:
     """
     folder = resolved_estimator(folder)
     card = read_card(folder)
-    path = folder / WEIGHTS
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise EstimatorError(f"{path}: cannot be read ({error.strerror}); fit the estimator again") from None
-    if sha256_of(path) != card.weights_sha256:
-        raise EstimatorError(f"{path}: damaged, or not the weights that {CARD} describes; fit the estimator again")
-    with torch.random.fork_rng(devices=[]):  # initial weights, soon replaced, must not use up the host's random numbers
-        model, _ = build(card.model, card.shape(), card.options)
-    try:
-        model.load_state_dict(load_tensors(data))
-    except (SafetensorError, RuntimeError) as error:
-        reason = str(error).strip().splitlines()[0]
-        raise EstimatorError(f"{path}: does not fit {CARD} ({reason}); fit the estimator again") from None
-    model.eval()
+    model = load_weights(
+        folder / WEIGHTS,
+        card.weights_sha256,
+        CARD,
+        "fit the estimator again",
+        lambda: build(card.model, card.shape(), card.options)[0],
+    )
     return Run(card, model, folder)

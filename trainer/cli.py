@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
-from rich.console import Console
 from rich.table import Table
 
-from shared.console import new_app, new_console, start
+from shared.console import new_app, new_console, resumable, start
 from shared.errors import EstimatorError
+from shared.logs import USUAL, Reporting, fields, logger
 from trainer.benchmark_command import benchmark
 from trainer.models import ESTIMATORS
 from trainer.posterior.command import calibration, posterior
@@ -29,18 +29,18 @@ A first session, on a dataset made by `datagen run`:
 
     trainer evaluate runs/ridge DATASET
 
-    trainer predict runs/ridge recording.nc
-
-Exit codes: 0 done, 1 something that the message tells how to mend, 2 wrong usage.""",
+    trainer predict runs/ridge recording.nc""",
 )
 
 for one in (posterior, calibration, predict, benchmark, tune):
     app.command(one)
 
+_log = logger("trainer.cli")
 MODELS = f"Estimator: {', '.join(ESTIMATORS)}."
 
 
 @app.command
+@resumable("--resume", instead_of=["--overwrite"])
 def fit(
     dataset: Path,
     /,
@@ -59,11 +59,13 @@ def fit(
     patch: int | None = None,
     option: dict[str, float] | None = None,
     options: Path | None = None,
+    begin_with: Path | None = None,
     systems: int | None = None,
     seed: int = 0,
     threads: int = 1,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     resume: Annotated[bool, Parameter(negative="")] = False,
+    report: Reporting = USUAL,
 ) -> None:
     """Fit an estimator to the training systems of a dataset.
 
@@ -85,9 +87,9 @@ def fit(
         What the estimator reads: outputs or inputs of the system, and time_of_day or day_of_week from the time stamps;
         the system description's by default.
     other_contexts
-        Further lengths of a window [h], for multiscale-transformer: one estimator for them all.
+        Further lengths of a window [h], for the multiscale and the regression transformer: one estimator for them all.
     optional
-        Outputs among the channels that a recording may lack, for multiscale-transformer.
+        Outputs among the channels that a recording may lack, for the multiscale and the regression transformer.
     noise
         Sensor preset of the system description, drawn afresh for every window; "none" is noise-free. Of several each
         window draws one.
@@ -106,6 +108,9 @@ def fit(
     options
         File of `trainer tune` with the model, its options, batch size and learning rate; what is given here as well
         comes first.
+    begin_with
+        Run folder, or name of a shipped system, whose estimator's weights to begin with; it must have been trained with
+        the same dataset, channels and contexts. What the model has beyond that one begins untrained.
     systems
         Train on the first so many training systems only.
     seed
@@ -148,18 +153,19 @@ def fit(
         lr=lr,
         patch=patch,
         options=chosen,
+        begin_with=begin_with,
         systems=systems,
         seed=seed,
         threads=threads,
         overwrite=overwrite,
         resume=resume,
-        progress=True,
+        progress=not report.quiet,
     )
     done = run.card.training
-    Console(stderr=True).print(
-        f"{out}: {model}, step {done.best_step} of {done.steps} kept, validation loss {done.validation_loss:.4f}"
-        f" (1 is the mean), {done.seconds:.1f} s",
-        highlight=False,
+    _log.info(
+        "%s: %s, step %d of %d kept, validation loss %.4f (1 is the mean), %.1f s",
+        *(out, model, done.best_step, done.steps, done.validation_loss, done.seconds),
+        extra=fields(**done.model_dump(mode="json")),
     )
 
 

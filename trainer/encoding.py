@@ -14,13 +14,15 @@ import math
 
 import numpy as np
 import torch
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from shared.errors import EstimatorError
 from shared.store import Records
 from shared.system import System
 
 DAY = 86400.0
+LONGEST = 10_000_000
+"""Samples of a window: a year at steps of three seconds, or a fortnight of every tenth of one."""
 DERIVED = {"time_of_day": DAY, "day_of_week": 7 * DAY}
 """Derived channels: sine and cosine of the time stamp with this period [s]."""
 
@@ -74,8 +76,8 @@ class Encoding(BaseModel):
     """How many of the recorded channels are outputs; they come first."""
     units: list[str]
     derived: list[str]
-    step: float
-    length: int
+    step: float = Field(gt=0, allow_inf_nan=False)
+    length: int = Field(gt=0, le=LONGEST)
     """Samples of a window; the longest where there are several lengths."""
     shorter: list[int] = []
     """Lengths below it that the estimator was trained on as well."""
@@ -91,6 +93,28 @@ class Encoding(BaseModel):
     parameter_max: list[float]
     target_mean: list[float]
     target_sd: list[float]
+
+    @model_validator(mode="after")
+    def _fits(self) -> Encoding:
+        """What a file says of channels and parameters goes together, and can be computed with."""
+        for count, names in (
+            (len(self.recorded), ("units", "mean", "sd")),
+            (len(self.parameters), ("parameter_units", "parameter_min", "parameter_max", "target_mean", "target_sd")),
+        ):
+            for name in names:
+                if len(getattr(self, name)) != count:
+                    raise ValueError(f"{name}: has {len(getattr(self, name))} values; expected {count}")
+        for name in ("mean", "sd", "parameter_min", "parameter_max", "target_mean", "target_sd"):
+            if not all(math.isfinite(value) for value in getattr(self, name)):
+                raise ValueError(f"{name}: has a value that is not finite")
+        if min([*self.sd, *self.target_sd], default=1.0) <= 0:
+            raise ValueError("sd, target_sd: has a value that is not positive")
+        if not 0 <= self.outputs <= len(self.recorded):
+            raise ValueError(f"outputs: is {self.outputs}; expected 0 to {len(self.recorded)}")
+        for name in self.derived:
+            if name not in DERIVED:
+                raise ValueError(f"derived: {name!r} is not known; expected one of {', '.join(DERIVED)}")
+        return self
 
     @property
     def channels(self) -> list[str]:

@@ -19,10 +19,10 @@ from shared.errors import EstimatorError
 from shared.store import DatasetFolder, Records
 from trainer.checkpoint import CARD, WEIGHTS, Card, Run, Systems, Training, load_run, make_folder, read_card, shape_of
 from trainer.data import load_records, rows_of
-from trainer.encoding import make_encoding, split_channels
+from trainer.encoding import Encoding, make_encoding, split_channels
 from trainer.missing import LONGEST, Missing
 from trainer.models import build, estimator_class, option_defaults
-from trainer.models.base import Recipe
+from trainer.models.base import Estimator, Recipe
 from trainer.noise import Sensors
 from trainer.state import STATE, check_settings
 from trainer.training import Loop
@@ -55,6 +55,7 @@ def fit(
     lr: float | None = None,
     patch: int | None = None,
     options: dict[str, Any] | None = None,
+    begin_with: Path | str | None = None,
     systems: int | None = None,
     seed: int = 0,
     threads: int = 1,
@@ -92,6 +93,8 @@ def fit(
         Samples of a patch, for a model that has patches.
     options
         Further options of the model, by name.
+    begin_with
+        A run whose weights to begin with, of the same encoding. What this model has beyond that one begins untrained.
     systems
         Train on the first so many training systems only; all by default.
     seed
@@ -155,12 +158,14 @@ def fit(
     held_out = source.gather(torch.from_numpy(where), torch.from_numpy(starts), length)
     with torch_state(seeds[2], threads):
         network, merged = build(model, shape_of(encoding), chosen)
+        earlier = None if begin_with is None else take_weights(network, encoding, load_run(begin_with))
         card = Card(
             model=model,
             options=merged,
             context_hours=hours,
             noise=noise,
             encoding=encoding,
+            begun_with=earlier,
             system_name=dataset.system.name,
             system_hash=dataset.manifest.system_hash,
             fmu_sha256=dataset.manifest.fmu_sha256,
@@ -213,6 +218,32 @@ def _records(dataset: DatasetFolder, recorded: list[str], systems: int | None) -
     return load_records(dataset, recorded, np.sort(np.concatenate([training[:systems], validation])))
 
 
+def take_weights(network: Estimator, encoding: Encoding, earlier: Run) -> str:
+    """Give a network the weights of an earlier run; returns what identifies them, the sha256 of their file.
+
+    Raises
+    ------
+    EstimatorError
+        If the earlier run encodes its windows in another way, or has weights that the network has not.
+    """
+    for field in Encoding.model_fields:
+        found, expected = getattr(earlier.card.encoding, field), getattr(encoding, field)
+        if found != expected:
+            raise EstimatorError(
+                f"begin_with: {earlier.folder}: {field} is {found!r}; expected {expected!r}, as in this training:"
+                " give the same dataset, channels and contexts"
+            )
+    own, given = network.state_dict(), earlier.model.state_dict()
+    for name, tensor in given.items():
+        if name not in own or own[name].shape != tensor.shape:
+            raise EstimatorError(
+                f"begin_with: {earlier.folder}: {name} has shape {tuple(tensor.shape)};"
+                f" expected {tuple(own[name].shape) if name in own else 'no such weights'}"
+            )
+    network.load_state_dict(own | given)
+    return earlier.card.weights_sha256
+
+
 def settings_of(card: Card, steps: int | None) -> dict[str, Any]:
     """What makes a training this one and no other, as JSON holds it; ``steps`` is None where the budget is minutes."""
     training, encoding = card.training, card.encoding
@@ -230,6 +261,7 @@ def settings_of(card: Card, steps: int | None) -> dict[str, Any]:
         "steps": steps,
         "minutes": training.minutes,
         "seed": training.seed,
+        "begun with": card.begun_with,
         "training systems": len(card.training_systems.indices),
         "data": digest.hexdigest(),
     }

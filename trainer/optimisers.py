@@ -20,8 +20,9 @@ def make_optimisers(network: nn.Module, recipe: Recipe) -> list[torch.optim.Opti
         return [torch.optim.Adamax(network.parameters(), lr=recipe.lr)]
     if recipe.optimiser == "adamw":
         return [torch.optim.AdamW(network.parameters(), lr=recipe.lr, weight_decay=WEIGHT_DECAY)]
-    # the layer that gives the answers is not an inner one
-    inner = [p for name, p in network.named_parameters() if p.ndim == 2 and name.endswith("weight")][:-1]
+    matrices = [p for name, p in network.named_parameters() if p.ndim == 2 and name.endswith("weight")]
+    # layers that give answers are not inner ones; the last matrix is one, and has a row for each
+    inner = [p for p in matrices if len(p) != len(matrices[-1])]
     chosen = {id(p) for p in inner}
     rest = [p for p in network.parameters() if id(p) not in chosen]
     return [

@@ -10,6 +10,8 @@ import xarray as xr
 from pydantic import BaseModel, ConfigDict
 
 from shared.errors import EstimatorError, RecordingError
+from shared.netcdf import read_netcdf
+from shared.reading import shown
 from shared.schema import EPOCH
 from trainer.checkpoint import Run, load_run
 from trainer.encoding import Encoding
@@ -183,12 +185,7 @@ def read_window(path: Path, encoding: Encoding) -> Window:
     RecordingError
         If the recording does not fit the run; the sentence says in what.
     """
-    try:
-        recording = xr.load_dataset(path, engine="netcdf4", decode_timedelta=False)
-    except FileNotFoundError:
-        raise RecordingError(f"{path}: no such file; expected a recording (NetCDF)") from None
-    except (OSError, RuntimeError, ValueError) as error:
-        raise RecordingError(f"{path}: cannot be read as NetCDF ({error})") from None
+    recording = read_netcdf(path, RecordingError, "a recording (NetCDF)", times=True)
     stamps = _stamps(path, recording, encoding)
     length = len(stamps)
     absent = [name for name in encoding.optional if name not in recording.data_vars]
@@ -203,12 +200,15 @@ def read_window(path: Path, encoding: Encoding) -> Window:
             _check_gaps(path, name, values[..., k], encoding.largest_gap if k < encoding.outputs else 0.0)
     indices: list[int | None] = [None]
     if values.ndim == 3:
-        known = "system" in recording.coords
+        known = "system" in recording.coords and recording["system"].dtype.kind in "iu"
         indices = [int(i) for i in recording["system"].values] if known else list(range(len(values)))
     values = values.reshape(-1, length, len(encoding.recorded))
     begins = np.zeros(len(values))
     if "start" in recording.data_vars:  # a shard's time runs from the beginning of each record
-        begins += recording["start"].values.astype(np.float64)
+        starts = recording["start"]
+        if starts.ndim > 1 or starts.size not in (1, len(begins)) or not np.isfinite(starts).all():
+            raise RecordingError(f"{path}: start has {starts.size} values; expected one number for each system")
+        begins += starts.values.astype(np.float64)
     return Window(values, stamps, begins, indices, absent)
 
 
@@ -230,7 +230,7 @@ def _stamps(path: Path, recording: xr.Dataset, encoding: Encoding) -> np.ndarray
         found = ", ".join(map(str, recording.coords))
         raise RecordingError(f"{path}: has no coordinate 'time'; found {found or 'none'}")
     time = recording["time"]
-    if not np.issubdtype(time.dtype, np.datetime64):
+    if time.dims != ("time",) or not np.issubdtype(time.dtype, np.datetime64):
         raise RecordingError(f"{path}: time has no units; expected for example 'seconds since {EPOCH}'")
     seconds = (time.values - np.datetime64(EPOCH)) / np.timedelta64(1, "s")
     lengths = [length for length in (*encoding.shorter, encoding.length) if length <= len(seconds)]
@@ -261,10 +261,11 @@ def _channel(path: Path, recording: xr.Dataset, name: str, unit: str) -> np.ndar
     units = variable.attrs.get("units")
     if units is None:
         raise RecordingError(f"{path}: {name} has no units; the run expects {unit!r}")
-    if units != unit:
-        raise RecordingError(f"{path}: {name} is in {units!r}; the run expects {unit!r}: convert it first")
+    if not isinstance(units, str) or units != unit:
+        raise RecordingError(f"{path}: {name} is in {shown(units)}; the run expects {unit!r}: convert it first")
     if variable.dims not in (("time",), ("system", "time")):
         raise RecordingError(
             f"{path}: {name} has dimensions ({', '.join(map(str, variable.dims))}); expected (time) or (system, time)"
         )
-    return variable.values.astype(np.float32)
+    with np.errstate(over="ignore"):  # beyond a float32 is infinite, and refused as such
+        return variable.values.astype(np.float32)

@@ -9,15 +9,18 @@ from typing import NamedTuple
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
-from rich import box
 from rich.table import Table
 
+from shared.errors import EstimatorError
+from shared.reading import MIB, read_text, why
 from shared.store import write_atomically
 from trainer.checkpoint import Card
+from trainer.tables import Row, markdown_table
+from trainer.tables import terminal_table as plain_table
 
-Row = tuple[str, ...]
 ANSWERS = "answers.csv"
 """Every window's true and estimated parameters."""
+MOST_ANSWERS = 512 * MIB
 
 
 class _Table(BaseModel):
@@ -114,12 +117,7 @@ def terminal_table(evaluation: Evaluation) -> Table:
     """The table for the terminal."""
     header, rows = table_rows(evaluation)
     title = f"{evaluation.model}, {evaluation.context_hours:g} h, noise {evaluation.noise}"
-    table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for k, name in enumerate(header):
-        table.add_column(name, justify="left" if k == 0 else "right", no_wrap=k <= len(evaluation.protocols))
-    for k, row in enumerate(rows):
-        table.add_row(*row, end_section=k == len(rows) - 2)
-    return table
+    return plain_table(title, header, rows, whole=1 + len(evaluation.protocols))
 
 
 def markdown(evaluation: Evaluation, card: Card) -> str:
@@ -132,9 +130,7 @@ def markdown(evaluation: Evaluation, card: Card) -> str:
         f" channels {', '.join(evaluation.channels)}; {card.training.best_step} steps of {card.training.batch_size}"
         f" windows, {len(card.training_systems.indices)} training systems.",
         "",
-        "| " + " | ".join(header) + " |",
-        "|" + "---|" * len(header),
-        *("| " + " | ".join(row) + " |" for row in rows),
+        markdown_table(header, rows),
         "",
         *(f"- {note}" for note in notes(evaluation)),
     ]
@@ -172,9 +168,22 @@ def write_answers(answers: dict[str, Answers], parameters: list[str], folder: Pa
 
 
 def read_answers(folder: Path) -> dict[str, Answers]:
-    """Read what :func:`write_answers` wrote."""
-    with open(folder / ANSWERS, encoding="utf-8", newline="") as file:
-        rows = list(csv.reader(file))
+    """Read what :func:`write_answers` wrote.
+
+    Raises
+    ------
+    EstimatorError
+        If the file is missing or damaged.
+    """
+    path = folder / ANSWERS
+    text = read_text(path, EstimatorError, "a file of `trainer evaluate`", most=MOST_ANSWERS)
+    try:
+        return _parsed(list(csv.reader(io.StringIO(text, newline=""))))
+    except (ArithmeticError, LookupError, ValueError, csv.Error) as error:
+        raise EstimatorError(f"{path}: damaged ({why(error)}); evaluate the run again") from None
+
+
+def _parsed(rows: list[list[str]]) -> dict[str, Answers]:
     half = (len(rows[0]) - 4) // 2
     found = {}
     for protocol in dict.fromkeys(row[0] for row in rows[1:]):

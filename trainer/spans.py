@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+MOST = 10_000_000
+"""Numbers of a list: a short text could stand for any number of them."""
+
 
 def packed(numbers: Sequence[int]) -> str:
     """A list of whole numbers, none negative, as text: stretches that count up, and repetitions."""
@@ -23,16 +26,27 @@ def packed(numbers: Sequence[int]) -> str:
     return " ".join(parts)
 
 
+def _size(part: str) -> int:
+    """How many numbers a part stands for."""
+    if "*" in part:
+        return int(part.partition("*")[2])
+    low, dash, high = part.partition("-")
+    return int(high) - int(low) + 1 if dash else 1
+
+
 def unpacked(text: str) -> list[int]:
     """What :func:`packed` made of a list.
 
     Raises
     ------
     ValueError
-        If the text is not of that form.
+        If the text is not of that form, or stands for more than :data:`MOST` numbers.
     """
     numbers: list[int] = []
     for part in text.split():
+        size = _size(part)
+        if not 0 <= size <= MOST - len(numbers):
+            raise ValueError(f"{part!r} is too long a list; expected at most {MOST} numbers in all")
         first, star, count = part.partition("*")
         low, dash, high = part.partition("-")
         if star:

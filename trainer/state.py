@@ -15,6 +15,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
 from shared.errors import EstimatorError
+from shared.reading import parse_json, size_of, why
 from shared.store import write_atomically
 
 STATE = "state.safetensors"
@@ -40,14 +41,17 @@ def read_state(path: Path) -> tuple[dict[str, Tensors], dict[str, Any]]:
         If the file is damaged.
     """
     parts: dict[str, Tensors] = {}
+    size_of(path, EstimatorError, "a state of `trainer fit`; remove it to train from the beginning")
     try:
         with safe_open(path, framework="pt") as file:
-            facts = json.loads(file.metadata()[_FACTS])
+            facts = parse_json(file.metadata()[_FACTS], f"{path}", EstimatorError, "a state of `trainer fit`")
+            if not isinstance(facts, dict):
+                raise TypeError("its facts are no table")
             for key in file.keys():  # noqa: SIM118  the file is no mapping
                 part, _, name = key.partition("/")
                 parts.setdefault(part, {})[name] = file.get_tensor(key)
     except (SafetensorError, OSError, TypeError, KeyError, ValueError) as error:
-        raise EstimatorError(f"{path}: damaged ({error}); remove it to train from the beginning") from None
+        raise EstimatorError(f"{path}: damaged ({why(error)}); remove it to train from the beginning") from None
     return parts, facts
 
 

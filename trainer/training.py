@@ -14,10 +14,11 @@ from typing import Any
 
 import numpy as np
 import torch
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from shared.errors import EstimatorError
+from shared.logs import fields, logger
+from shared.progress import progress_bar
+from shared.reading import why
 from shared.store import write_atomically
 from trainer.checkpoint import Card, Stop, forward_in_chunks, save_run
 from trainer.figures import draw_loss_curve
@@ -25,6 +26,7 @@ from trainer.models.base import Estimator, Recipe
 from trainer.optimisers import make_optimisers, scale_rates
 from trainer.state import (
     STATE,
+    Tensors,
     check_settings,
     generator_states,
     optimiser_tensors,
@@ -35,6 +37,7 @@ from trainer.state import (
 )
 from trainer.windows import Batch, Sampler
 
+_log = logger(__name__)
 CHECKS = 40
 """How often a training of the recipe's length is validated."""
 SAVE_SECONDS = 30.0
@@ -191,6 +194,13 @@ class Loop:
         if not path.exists():
             return False
         parts, facts = read_state(path)
+        try:
+            self._take(path, parts, facts)
+        except (AttributeError, LookupError, RuntimeError, TypeError, ValueError) as error:
+            raise EstimatorError(f"{path}: damaged ({why(error)}); remove it to train from the beginning") from None
+        return True
+
+    def _take(self, path: Path, parts: dict[str, Tensors], facts: dict[str, Any]) -> None:
         check_settings(path, facts["settings"], self.settings)
         self.network.load_state_dict(parts["network"])
         self.best = parts.get("best")
@@ -203,13 +213,14 @@ class Loop:
         summary.best_step, summary.validation_loss = facts["best_step"], facts["validation_loss"]
         self.card.validation_rmse = facts["validation_rmse"]
         self.begin = time.monotonic() - facts["seconds"]
-        return True
 
     def _validate(self, step: int, training_loss: float) -> bool:
         """Validate, remember the weights if they are the best so far; False if the loss is not finite."""
         answers = forward_in_chunks(self.network, self.held_out.windows, self.held_out.time)
         loss = torch.nn.functional.mse_loss(answers, self.held_out.targets).item()
         self.curve.rows.append((step, self.seconds, training_loss, loss))
+        figures = fields(step=step, training_loss=training_loss, validation_loss=loss, run=str(self.folder))
+        _log.debug("step %d: validation loss %.4f", step, loss, extra=figures)
         summary = self.card.training
         summary.steps, summary.seconds = step, round(self.seconds, 2)
         if not math.isfinite(loss):
@@ -240,21 +251,14 @@ class Loop:
 @contextmanager
 def _bar(shown: bool, title: str, steps: int, minutes: float | None) -> Iterator[Advance]:
     """A progress bar on stderr; yields a function of (step, share of the budget, loss)."""
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn() if minutes is None else TextColumn("{task.fields[step]} steps"),
-        TextColumn("loss {task.fields[loss]:.3f}"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=Console(stderr=True), disable=not shown) as bar:
-        task = bar.add_task(title, total=steps if minutes is None else 1.0, loss=math.nan, step=0)
+    with progress_bar(title, steps if minutes is None else 1.0, shown=shown) as bar:
         smooth = math.nan
 
         def advance(step: int, share: float, loss: float) -> None:
             nonlocal smooth
             smooth = loss if math.isnan(smooth) else 0.98 * smooth + 0.02 * loss
             if step % 10 == 0 or step == steps:
-                bar.update(task, completed=step if minutes is None else share, loss=smooth, step=step)
+                done, count = (step, None) if minutes is None else (share, f"{step} steps")
+                bar.update(done, note=f"loss {smooth:.3f}", count=count)
 
         yield advance

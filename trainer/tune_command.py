@@ -9,9 +9,11 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
-from shared.console import new_console
+from shared.console import new_console, resumable
+from shared.logs import USUAL, Reporting
 
 
+@resumable()
 def tune(
     dataset: Path,
     /,
@@ -27,6 +29,7 @@ def tune(
     systems: int | None = None,
     seed: int = 0,
     json: Annotated[bool, Parameter(negative="")] = False,
+    report: Reporting = USUAL,
 ) -> None:
     """Search an estimator's options, batch size and learning rate with Optuna, on validation systems only.
 
@@ -75,7 +78,7 @@ def tune(
         noise=noise,
         systems=systems,
         seed=seed,
-        progress=True,
+        progress=not report.quiet,
     )
     if json:
         sys.stdout.write(best.model_dump_json(indent=1) + "\n")

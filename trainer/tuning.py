@@ -11,17 +11,19 @@ from typing import Any
 
 import optuna
 from optuna.trial import FrozenTrial, Trial, TrialState
-from pydantic import BaseModel, ConfigDict, ValidationError
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from pydantic import BaseModel, ConfigDict
 
 from shared.errors import EstimatorError
+from shared.logs import fields, logger
+from shared.progress import progress_bar
+from shared.reading import read_json, validated
 from shared.store import DatasetFolder, write_atomically
 from trainer.checkpoint import make_folder
 from trainer.data import load_records
 from trainer.fitting import fit
 from trainer.models import estimator_class, option_defaults
 
+_log = logger(__name__)
 BEST, STUDY = "best.json", "study.db"
 Suggest = Callable[[Trial, str, Any], Any]
 
@@ -80,16 +82,8 @@ def read_options(path: Path) -> Best:
     EstimatorError
         If it cannot be read as one.
     """
-    try:
-        return Best.model_validate_json(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise EstimatorError(f"{path}: no such file; `trainer tune` writes one") from None
-    except ValidationError as error:
-        first = error.errors()[0]
-        field = ".".join(str(part) for part in first["loc"])
-        raise EstimatorError(f"{path}: {field}: {first['msg']}; expected a file of `trainer tune`") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise EstimatorError(f"{path}: cannot be read ({error}); expected a file of `trainer tune`") from None
+    expected = "a file of `trainer tune`"
+    return validated(Best, read_json(path, EstimatorError, expected), f"{path}", EstimatorError, expected)
 
 
 def space_of(model: str) -> dict[str, tuple[Suggest, Any]]:
@@ -232,12 +226,13 @@ def _study(folder: Path, settings: dict[str, Any], defaults: dict[str, Any], see
             load_if_exists=True,
             sampler=optuna.samplers.TPESampler(seed=seed, n_startup_trials=8),
         )
+        if fresh or "settings" not in study.user_attrs:
+            study.set_user_attr("settings", json.dumps(settings))
+            study.enqueue_trial(defaults)
+        found = dict(json.loads(study.user_attrs["settings"]))
+        study.get_trials(deepcopy=False)
     except Exception as error:  # sqlalchemy's own errors, which optuna lets through
         raise EstimatorError(f"{path}: cannot be opened as an Optuna study ({type(error).__name__})") from None
-    if fresh or "settings" not in study.user_attrs:
-        study.set_user_attr("settings", json.dumps(settings))
-        study.enqueue_trial(defaults)
-    found = json.loads(study.user_attrs["settings"])
     for name, value in settings.items():
         if found.get(name) != value:
             raise EstimatorError(
@@ -273,20 +268,14 @@ def _best(study: optuna.Study, model: str, settings: dict[str, Any]) -> Best:
 @contextmanager
 def _bar(shown: bool, total: int, done: int) -> Iterator[Callable[[optuna.Study, FrozenTrial], None]]:
     """Progress of a search on stderr; yields what is to be called after each trial."""
-    columns = (
-        TextColumn("trials"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("best {task.fields[best]:.4f}"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=Console(stderr=True), disable=not shown) as bar:
-        task = bar.add_task("trials", total=total, completed=done, best=math.nan)
+    with progress_bar("trials", total, done=done, shown=shown) as bar:
 
         def say(study: optuna.Study, trial: FrozenTrial) -> None:
             losses = [
                 one.value for one in _finished(study) if one.state is TrialState.COMPLETE and one.value is not None
             ]
-            bar.update(task, completed=len(_finished(study)), best=min(losses, default=math.nan))
+            bar.update(len(_finished(study)), note=f"best {min(losses, default=math.nan):.4f}")
+            figures = fields(trial=trial.number, validation_loss=trial.value, state=trial.state.name, **trial.params)
+            _log.debug("trial %d", trial.number, extra=figures)
 
         yield say

@@ -9,20 +9,21 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import App, Parameter
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from shared.console import OK, errors, new_console
+from shared.console import OK, PARTLY, new_console, resumable
+from shared.logs import USUAL, Reporting
+from shared.progress import progress_bar
 
 app = App(name="blind", help="Recordings whose effect is sealed, to find out what a diagnosis is worth.")
 console = new_console()
-_COLUMNS = (TextColumn("recordings"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
 
 
 @app.command
+@resumable()
 def make(
     out: Path,
     *,
-    system: Path = Path("fmus/MixedAirCO2"),
+    system: Path = Path("MixedAirCO2"),
     recordings: int = 200,
     seed: int | None = None,
     answers: Path | None = None,
@@ -30,6 +31,7 @@ def make(
     hours: float = 672.0,
     workers: int = 1,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
+    report: Reporting = USUAL,
 ) -> int:
     """Write recordings whose effect is sealed: a folder to publish, and beside it the answers.
 
@@ -56,8 +58,7 @@ def make(
     """
     from diagnosis.blind.make import make as make_
 
-    with Progress(*_COLUMNS, console=console, disable=as_json) as bar:
-        task = bar.add_task("make", total=recordings)
+    with progress_bar("recordings", recordings, shown=not report.quiet) as bar:
         manifest = make_(
             system,
             out,
@@ -67,7 +68,7 @@ def make(
             truth=truth,
             hours=hours,
             workers=workers,
-            progress=lambda done, _: bar.update(task, completed=done),
+            progress=lambda done, _: bar.update(done),
         )
     if as_json:
         sys.stdout.write(json.dumps(manifest, indent=1) + "\n")
@@ -78,6 +79,7 @@ def make(
 
 
 @app.command
+@resumable()
 def run(
     system: Path,
     set_: Annotated[Path, Parameter(name="SET")],
@@ -90,10 +92,12 @@ def run(
     seed: int = 0,
     limit: float = 3600.0,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
+    report: Reporting = USUAL,
 ) -> int:
     """Diagnose every recording of a blind set, and write one verdict each. It reads the recordings only.
 
-    The same command goes on from where it stopped. A recording that fails counts as a wrong answer.
+    The same command goes on from where it stopped. A recording that fails counts as a wrong answer;
+    the exit code is then 3.
 
     Parameters
     ----------
@@ -120,10 +124,9 @@ def run(
     """
     from diagnosis.blind.running import run as run_
     from diagnosis.blind.sealed import read_manifest
-    from diagnosis.blind.verdicts import digest, read_outcome
+    from diagnosis.blind.verdicts import FAILED, digest, read_outcome
 
-    with Progress(*_COLUMNS, console=errors, disable=as_json) as bar:
-        task = bar.add_task("run", total=None)
+    with progress_bar("recordings", shown=not report.quiet) as bar:
         run_(
             system,
             set_,
@@ -134,21 +137,22 @@ def run(
             estimator=estimator,
             seed=seed,
             limit=limit,
-            progress=lambda done, total: bar.update(task, completed=done, total=total),
+            progress=lambda done, total: bar.update(done, total=total),
         )
     files = [one["file"] for one in read_manifest(set_)["recordings"]]
     outcomes = [read_outcome(out, file) for file in files]
     verdicts = Counter(one.answer for one in outcomes)
     seconds = sum(one.seconds for one in outcomes) / len(outcomes)
     sha256 = digest(out, files)
+    code = PARTLY if verdicts[FAILED] else OK
     if as_json:
         said = {"recordings": len(files), "verdicts": verdicts, "seconds": seconds, "verdicts_sha256": sha256}
         sys.stdout.write(json.dumps(said, indent=1) + "\n")
-        return OK
+        return code
     counts = ", ".join(f"{count} {answer.replace('_', ' ')}" for answer, count in sorted(verdicts.items()))
     console.print(f"{len(files)} recordings, {seconds:.0f} s each: {counts}", markup=False, soft_wrap=True)
     console.print(f"verdicts in {out}, sha256 {sha256}", markup=False, soft_wrap=True)
-    return OK
+    return code
 
 
 @app.command

@@ -6,7 +6,6 @@ The only module of the blind check that knows the diagnosis itself. It can be re
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -20,6 +19,7 @@ from shared.system import System
 
 if TYPE_CHECKING:
     from diagnosis.effects import Effect
+    from diagnosis.gap.diagnosed import Diagnosis
     from diagnosis.gap.schema import Report
 
 
@@ -67,11 +67,11 @@ class Diagnoser:
         """See :class:`Judge`."""
         return _Diagnosed(self, recording, replay, occupancy)
 
-    def effects(self, fewer: Sequence[str] = ()) -> list[Effect]:
+    def effects(self) -> list[Effect]:
         """The candidates that are left."""
         from diagnosis.effects import library
 
-        return [one for one in library(self.system) if one.name not in (*self.without, *fewer)]
+        return [one for one in library(self.system) if one.name not in self.without]
 
 
 @dataclass(frozen=True)
@@ -82,25 +82,26 @@ class _Diagnosed:
     occupancy: str
 
     @cached_property
-    def verdict(self) -> Verdict:
-        return self._verdict(())
-
-    def without(self, name: str) -> Verdict:
-        return self._verdict((name,))
-
-    def _verdict(self, fewer: tuple[str, ...]) -> Verdict:
+    def done(self) -> Diagnosis:
+        """The diagnosis with all candidates of the judge."""
         from diagnosis.gap.diagnosed import diagnose
 
-        done = diagnose(
+        return diagnose(
             self.judge.system,
             self.recording,
             run=self.judge.estimator,
             replay=self.replay,
             occupancy=self.occupancy,
-            effects=self.judge.effects(fewer),
+            effects=self.judge.effects(),
             seed=self.judge.seed,
         )
-        return verdict_of(done.report)
+
+    @property
+    def verdict(self) -> Verdict:
+        return verdict_of(self.done.report)
+
+    def without(self, name: str) -> Verdict:
+        return verdict_of(self.done.without([name]).report)
 
 
 def verdict_of(report: Report) -> Verdict:
@@ -122,6 +123,8 @@ def verdict_of(report: Report) -> Verdict:
         },
         parameters={one.name: Moved(before=one.before, after=one.after) for one in report.parameters},
         simulations=report.simulations,
+        rejected=report.rejected,
+        left_over=[one.left_over for one in report.stages],
     )
 
 

@@ -19,6 +19,8 @@ from diagnosis.blind.measuring import measured, published, write
 from diagnosis.blind.sealed import publish, salt_of, seal
 from diagnosis.blind.truth import default_truth, load_truth
 from shared.errors import RecordingError
+from shared.interrupts import interrupts_held
+from shared.reading import read_json
 from shared.store import sha256_of, write_atomically
 from shared.system import System, load_system
 
@@ -98,7 +100,7 @@ def make(
         file = f"{RECORDINGS}/{index:0{width}}.nc"
         write_atomically(folder / file, _recording(part, index).read_bytes())
         os.utime(folder / file, (0, 0))
-        answer = json.loads(_answer(part, index).read_text(encoding="utf-8"))
+        answer = read_json(_answer(part, index), RecordingError, "an answer of a set that is being made")
         conditions = {"occupancy": answer["occupancy"], "replay": answer["replay"]}
         opened.append({"file": file, **answer})
         listed.append({"file": file, "sha256": sha256_of(folder / file), **conditions})
@@ -122,9 +124,9 @@ def _begin(part: Path, about: dict[str, Any], seed: int | None) -> int:
     """The seed of a set that is begun, or of one that was begun before with the same settings."""
     path = part / "settings.json"
     if path.exists():
-        found = json.loads(path.read_text(encoding="utf-8"))
-        before = found.pop("seed")
-        if found != about or seed not in (None, before):
+        found = read_json(path, RecordingError, "settings of a set that is being made")
+        before = found.pop("seed", None) if isinstance(found, dict) else None
+        if not isinstance(before, int) or found != about or seed not in (None, before):
             raise RecordingError(f"{part}: was begun with other settings; expected the same, or remove it")
         return int(before)
     part.mkdir(parents=True, exist_ok=True)
@@ -164,7 +166,8 @@ def _work_off(
         return
     context = multiprocessing.get_context("spawn")  # loading an FMU changes the folder of its process
     with ProcessPoolExecutor(workers, context, _prepare, (system, truth, hours)) as pool:
-        futures = [pool.submit(_work, job) for job in jobs]
+        with interrupts_held():  # the first one starts the processes
+            futures = [pool.submit(_work, job) for job in jobs]
         try:
             for k, future in enumerate(as_completed(futures), done + 1):
                 future.result()

@@ -6,12 +6,16 @@ import operator
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+import xarray as xr
 
 from diagnosis.blind.opened import Row
 from diagnosis.blind.verdicts import Place
 from diagnosis.where.bands import split
+from shared.errors import RecordingError
+from shared.reading import why
 
 HOUR, DAY = 3600.0, 86400.0
 SAME = 0.5
@@ -58,6 +62,25 @@ def hit(row: Row, inputs: Mapping[str, np.ndarray], step: float) -> Hit:
         lift=lift,
         chance=chance,
     )
+
+
+def inputs_of(recording: Path) -> dict[str, np.ndarray]:
+    """The inputs in a recording whose hash was published, each (steps,) [unit of the system description].
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be read.
+    """
+    try:
+        with xr.open_dataset(recording, decode_times=False, engine="scipy") as data:
+            return {
+                str(name): values.values.astype(float)
+                for name, values in data.data_vars.items()
+                if values.attrs.get("role") == "input"
+            }
+    except Exception as error:  # scipy reads NetCDF in Python, and raises whatever it meets in a damaged file
+        raise RecordingError(f"{recording}: cannot be read as NetCDF ({why(error)}); expected a recording") from None
 
 
 def lifted(row: Row, place: Place, inputs: Mapping[str, np.ndarray], step: float) -> tuple[float | None, float | None]:

@@ -25,9 +25,12 @@ from diagnosis.blind.working import CHANCE, Job, lost, work
 from diagnosis.effects import library
 from shared import __version__
 from shared.errors import RecordingError, SystemDescriptionError
+from shared.interrupts import interrupts_held
+from shared.logs import fields, logger
 from shared.store import sha256_of
 from shared.system import System, load_system
 
+_log = logger(__name__)
 LIMIT = 3600.0
 """A diagnosis that takes longer is stopped and counts as a failure [s]."""
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -142,7 +145,8 @@ def _side_by_side(jobs: Sequence[Job], workers: int, limit: float, tell: Callabl
             while waiting and len(running) < workers:
                 job = waiting.pop(0)
                 process = context.Process(target=_alone, args=(job,))
-                process.start()
+                with interrupts_held():  # one that dies of Ctrl-C would count as a recording that failed
+                    process.start()
                 running[process.sentinel] = (process, job, time.perf_counter())
             wait(list(running), timeout=1.0)
             for sentinel, (process, job, began) in list(running.items()):
@@ -155,6 +159,7 @@ def _side_by_side(jobs: Sequence[Job], workers: int, limit: float, tell: Callabl
                 else:
                     process.join()
                     lost(job, took, f"its process ended with code {process.exitcode}")
+                _log.debug("%s", job.listed["file"], extra=fields(seconds=took, code=process.exitcode))
                 del running[sentinel]
                 tell()
     finally:

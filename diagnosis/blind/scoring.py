@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from pydantic import BaseModel, ConfigDict
 
 from diagnosis.blind import rates
 from diagnosis.blind.intervals import Figure, Share, figure, median, share
 from diagnosis.blind.opened import LeftOut, Row, left_out, side_by_side, structural
-from diagnosis.blind.places import Hit, hit
+from diagnosis.blind.places import Hit, hit, inputs_of
 from diagnosis.blind.sealed import open_answers, read_manifest
 from diagnosis.blind.shrinking import Error, Shrinkage, by_channel, errors, removed, where_largest
 from diagnosis.blind.verdicts import Run, digest, read_run
 from shared.errors import RecordingError
+from shared.reading import read_json, validated
 from shared.store import sha256_of, write_atomically
 
 
@@ -266,13 +265,7 @@ def _places(rows: Sequence[Row], folder: Path, step: float) -> list[Hit]:
     for row in rows:
         if not row.visible:
             continue
-        with xr.open_dataset(folder / row.answer["file"], decode_times=False, engine="scipy") as data:
-            inputs = {
-                str(name): values.values.astype(float)
-                for name, values in data.data_vars.items()
-                if values.attrs.get("role") == "input"
-            }
-        found.append(hit(row, inputs, step))
+        found.append(hit(row, inputs_of(folder / row.answer["file"]), step))
     return found
 
 
@@ -296,5 +289,6 @@ def _short(word: object) -> str:
 
 
 def read_score(path: Path | str) -> Score:
-    """Read a ``.json`` that :func:`score` wrote."""
-    return Score.model_validate(json.loads(Path(path).read_text(encoding="utf-8")))
+    """Read a ``.json`` that :func:`score` wrote; a ``RecordingError`` names one that is not."""
+    expected = "a file of `diagnosis blind score`"
+    return validated(Score, read_json(Path(path), RecordingError, expected), f"{path}", RecordingError, expected)

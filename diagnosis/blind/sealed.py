@@ -5,13 +5,68 @@ from __future__ import annotations
 import hashlib
 import json
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field
 
 from shared.errors import RecordingError
+from shared.reading import read_json, validated
 from shared.store import sha256_of, write_atomically
 
 SCHEMA = "blind-1"
 MANIFEST = "manifest.json"
+
+
+Series = dict[str, list[Annotated[float, Field(allow_inf_nan=False)]]]
+
+
+class _Open(BaseModel):
+    """What readers rely on; the rest is kept as it is."""
+
+    model_config = ConfigDict(extra="allow", allow_inf_nan=False)
+    file: str = Field(pattern=r"^[\w-]+/[\w.-]+$", description="below the set's folder")
+    replay: bool
+
+
+class _Published(_Open):
+    sha256: str
+
+
+class _Cause(BaseModel):
+    model_config = ConfigDict(extra="allow", allow_inf_nan=False)
+    amplitude: float
+    scale: float = Field(gt=0)
+
+
+class _Answer(_Open):
+    stratum: str
+    verdict: str
+    effects: list[str]
+    causes: list[_Cause]
+    start: float
+    parameters: dict[str, float]
+    gap_over_noise: dict[str, float]
+    clean: Series
+    base: Series
+
+
+class _Set(BaseModel):
+    model_config = ConfigDict(extra="allow", allow_inf_nan=False)
+    system_name: str
+    system_hash: str
+    fmu_sha256: str
+    step: float = Field(gt=0)
+    hours: float = Field(gt=0)
+
+
+class _Manifest(_Set):
+    answers_sha256: str
+    recordings: list[_Published]
+
+
+class _Answers(_Set):
+    seed: int
+    recordings: list[_Answer]
 
 
 def seal(path: Path, answers: dict[str, Any]) -> str:
@@ -38,7 +93,7 @@ def read_manifest(folder: Path | str) -> dict[str, Any]:
     RecordingError
         If it is missing or of another schema.
     """
-    return _read(Path(folder) / MANIFEST, "a manifest made by `diagnosis blind make`")
+    return _read(Path(folder) / MANIFEST, "a manifest made by `diagnosis blind make`", _Manifest)
 
 
 def open_answers(folder: Path | str, answers: Path | str) -> dict[str, Any]:
@@ -51,7 +106,7 @@ def open_answers(folder: Path | str, answers: Path | str) -> dict[str, Any]:
     """
     folder, answers = Path(folder), Path(answers)
     manifest = read_manifest(folder)
-    opened = _read(answers, "answers made by `diagnosis blind make`")
+    opened = _read(answers, "answers made by `diagnosis blind make`", _Answers)
     if sha256_of(answers) != manifest["answers_sha256"]:
         raise RecordingError(
             f"{answers}: sha256 is {sha256_of(answers)}; expected {manifest['answers_sha256']}, as published"
@@ -63,13 +118,8 @@ def open_answers(folder: Path | str, answers: Path | str) -> dict[str, Any]:
     return opened
 
 
-def _read(path: Path, what: str) -> dict[str, Any]:
-    try:
-        raw = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise RecordingError(f"{path}: no such file; expected {what}") from None
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise RecordingError(f"{path}: not valid JSON ({error}); expected {what}") from None
+def _read(path: Path, what: str, kind: type[BaseModel]) -> dict[str, Any]:
+    raw = read_json(path, RecordingError, what)
     if not isinstance(raw, dict) or raw.get("schema") != SCHEMA:
         raise RecordingError(f"{path}: schema is not {SCHEMA!r}; expected {what}")
-    return raw
+    return validated(kind, raw, f"{path}", RecordingError, what).model_dump(exclude_unset=True)

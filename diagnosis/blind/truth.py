@@ -8,14 +8,14 @@ than the candidate; one that belongs to none is what no candidate can explain.
 from __future__ import annotations
 
 import json
-import tomllib
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from shared.effects import Mode
 from shared.errors import SystemDescriptionError
+from shared.reading import read_toml, validated
 from shared.signals import Span, Table
 from shared.system import System, system_from_canonical
 
@@ -260,17 +260,8 @@ def load_truth(path: Path | str, system: System) -> Truth:
         If the file is missing, not a truth, of another system, or names what the system does not have.
     """
     path = Path(path)
-    try:
-        raw = tomllib.loads(path.read_text(encoding="utf-8"))
-        truth = Truth.model_validate({**raw, "path": path})
-    except FileNotFoundError:
-        raise SystemDescriptionError(f"{path}: no such file; expected the truth of a blind check (TOML)") from None
-    except tomllib.TOMLDecodeError as error:
-        raise SystemDescriptionError(f"{path}: not valid TOML: {error}") from None
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise SystemDescriptionError(f"{path}: {where}: {first['msg']} (found {first['input']!r})") from None
+    raw = read_toml(path, SystemDescriptionError, "the truth of a blind check (TOML)")
+    truth = validated(Truth, {**raw, "path": path}, f"{path}", SystemDescriptionError)
     if truth.system != system.name:
         raise SystemDescriptionError(f"{path}: is the truth of {truth.system!r}; expected that of {system.name!r}")
     names = {form.name for form in truth.forms}

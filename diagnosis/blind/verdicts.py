@@ -11,9 +11,10 @@ import json
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from shared.errors import RecordingError
+from shared.reading import read_json, validated
 from shared.store import write_atomically
 
 SCHEMA = "blind-verdict-1"
@@ -62,7 +63,9 @@ class Verdict(_Table):
     ``probabilities`` by candidate, ``none`` that it is none of them and ``nothing`` that there is no gap; ``named`` are
     the effects of the answer (one, or a set that cannot be told apart), ``sets`` the same by cause found; ``alike`` by
     effect: the candidates that it was declared to be confusable with before any was ranked; ``smallest``: the least
-    amplitude [unit of the effect] that was declared to be seen, None where none would be.
+    amplitude [unit of the effect] that was declared to be seen, None where none would be; ``rejected``: whether the
+    best fit is rejected on its own twins; ``left_over``: gain in log evidence of a causeless discrepancy, by number of
+    effects.
     """
 
     verdict: Answer
@@ -77,6 +80,8 @@ class Verdict(_Table):
     shrinkage: dict[str, Shrunk] = {}
     parameters: dict[str, Moved] = {}
     simulations: int | None = None
+    rejected: bool | None = None
+    left_over: list[float] = []
 
     @property
     def best(self) -> str:
@@ -209,19 +214,8 @@ def _write(path: Path, what: BaseModel) -> None:
 def _read(path: Path, kind: type[BaseModel]) -> dict[str, Any]:
     """The content of a file of this schema, held against its kind."""
     expected = f"a file of `diagnosis blind run` ({kind.__name__.lower()})"
-    try:
-        raw = json.loads(path.read_text(encoding="utf-8"))
-        if not isinstance(raw, dict) or raw.pop("schema", None) != SCHEMA:
-            raise RecordingError(f"{path}: schema is not {SCHEMA!r}; expected {expected}")
-        kind.model_validate(raw)
-    except FileNotFoundError:
-        raise RecordingError(f"{path}: no such file; expected {expected}") from None
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise RecordingError(f"{path}: not valid JSON ({error}); expected {expected}") from None
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise RecordingError(
-            f"{path}: {where}: {first['msg']} (found {first['input']!r}); expected {expected}"
-        ) from None
+    raw = read_json(path, RecordingError, expected)
+    if not isinstance(raw, dict) or raw.pop("schema", None) != SCHEMA:
+        raise RecordingError(f"{path}: schema is not {SCHEMA!r}; expected {expected}")
+    validated(kind, raw, f"{path}", RecordingError, expected)
     return raw

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
 
 from datagen.simulator import Simulator
 from diagnosis.calibrating.checks import check_recording
@@ -19,6 +18,7 @@ from diagnosis.fitting.side_by_side import side_by_side
 from diagnosis.recording import HOUR, Recording, read_recording
 from diagnosis.whole import whole
 from shared.errors import EstimatorError, RecordingError
+from shared.netcdf import read_netcdf
 from shared.system import System, load_system
 
 __all__ = ["Calibrated", "Calibration", "calibrate", "check_recording", "estimate", "read_calibration", "whole"]
@@ -127,7 +127,7 @@ def estimate(run: Path | str, recording: Recording, system: System) -> dict[str,
     """
     from trainer import predict
 
-    data = xr.load_dataset(recording.path, decode_times=False)
+    data = read_netcdf(recording.path, RecordingError, "a recording (NetCDF)")
     time = data["time"].values.astype(float)
     data = data.isel(time=np.flatnonzero((time >= recording.time[0] - 1) & (time <= recording.time[-1] + 1)))
     data = data.isel(system=0, drop=True) if "system" in data.dims else data

@@ -10,7 +10,9 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from diagnosis.scores import score_table
-from shared.console import OK, errors, new_console
+from shared.console import OK, new_console
+from shared.logs import USUAL, Reporting
+from shared.progress import stages
 
 console = new_console()
 
@@ -30,6 +32,7 @@ def calibrate(
     scheduler: str | None = None,
     seed: int = 0,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
+    report: Reporting = USUAL,
 ) -> int:
     """Estimate a system's parameters from a recording: zero-shot first, then by simulation.
 
@@ -68,7 +71,7 @@ def calibrate(
     from diagnosis.calibrating.calibration import calibrate as calibrate_
     from diagnosis.calibrating.report import summary
 
-    with errors.status("simulating", spinner="dots"):
+    with stages("simulating", shown=not report.quiet):
         done = calibrate_(
             system,
             recording,

@@ -14,6 +14,8 @@ from diagnosis.pages import page_environment
 from diagnosis.pictures import BLUE, GREY, ORANGE, RED, embedded, figure, readable
 from diagnosis.recording import DAY, HOUR
 from diagnosis.whole import whole
+from shared.errors import RecordingError
+from shared.netcdf import read_netcdf
 from shared.schema import EPOCH
 
 POOR = 0.5
@@ -34,7 +36,7 @@ def write_calibration(done: Calibrated, folder: Path) -> None:
 def render(done: Calibrated) -> str:
     """The page as HTML, pictures and all."""
     environment = page_environment()
-    begin = np.datetime64(EPOCH, "s") + np.timedelta64(round(done.report.start), "s")
+    begin = _time_zero(done) + np.timedelta64(round(done.report.start), "s")
     return environment.get_template("calibration.html.j2").render(
         report=done.report,
         begin=str(begin).replace("T", " "),
@@ -47,6 +49,16 @@ def render(done: Calibrated) -> str:
         residual_picture=_residuals(done),
         input_picture=_inputs(done),
     )
+
+
+def _time_zero(done: Calibrated) -> np.datetime64:
+    """The date from which the recording's time runs; that of simulated years if it names none."""
+    data = read_netcdf(done.problem.recording.path, RecordingError, "a recording (NetCDF)")
+    units = str(data["time"].attrs.get("units", ""))
+    try:
+        return np.datetime64(units.removeprefix("seconds since ").strip().replace(" ", "T"), "s")
+    except ValueError:
+        return np.datetime64(EPOCH, "s")
 
 
 def summary(done: Calibrated) -> list[str]:

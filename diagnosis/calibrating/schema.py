@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict
 
 from diagnosis.scores import Score
 from shared.errors import RecordingError
+from shared.reading import read_json, validated
 
 
 class _Table(BaseModel):
@@ -106,9 +106,5 @@ def read_calibration(path: Path | str) -> Calibration:
     """
     path = Path(path)
     path = path / "calibration.json" if path.is_dir() else path
-    try:
-        return Calibration.model_validate(json.loads(path.read_text(encoding="utf-8")))
-    except FileNotFoundError:
-        raise RecordingError(f"{path}: no such file; `diagnosis calibrate` writes one") from None
-    except (OSError, ValueError) as error:
-        raise RecordingError(f"{path}: not a file of `diagnosis calibrate`: {error}") from None
+    expected = "a file of `diagnosis calibrate`"
+    return validated(Calibration, read_json(path, RecordingError, expected), f"{path}", RecordingError, expected)

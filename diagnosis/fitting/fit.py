@@ -264,7 +264,12 @@ def _finish(
     evidence = likelihood - 0.5 * float(z @ z) - float(np.sum(np.log(np.diag(factor[0]))))
     nuisance = problem.likely_nuisance(z, around)
     heights = problem.nuisance.heights(nuisance)
-    final = replace(around, z=z, nuisance=nuisance, heights=heights, outputs=problem.simulate(z, heights))
+    try:
+        outputs = problem.simulate(z, heights)
+    except SimulationError:  # the likeliest nuisance cannot be simulated: the one before it could
+        nuisance, heights = around.nuisance, around.heights
+        outputs = problem.simulate(z, heights)
+    final = replace(around, z=z, nuisance=nuisance, heights=heights, outputs=outputs)
     return Fit(
         z=z,
         covariance=stretched(problem, z, around, information, slope),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 from scipy.linalg import eigh
 
@@ -15,12 +17,32 @@ class Marginal:
 
     def __init__(self, by_unknown: np.ndarray) -> None:
         self._by = by_unknown
-        gram = by_unknown.T @ by_unknown
+
+    @cached_property
+    def _decomposed(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Eigenvalues and vectors of B'B, and an orthonormal basis of B; made when first asked for."""
+        gram = self._by.T @ self._by
         values, vectors = eigh(gram) if gram.size else (np.empty(0), np.empty((0, 0)))
         keep = values > 1e-6
-        self._values, self._vectors = values[keep], vectors[:, keep]
-        self._basis = by_unknown @ (self._vectors / np.sqrt(self._values))
-        self.logdet = float(np.sum(np.log1p(self._values)))
+        values, vectors = values[keep], vectors[:, keep]
+        return values, vectors, self._by @ (vectors / np.sqrt(values))
+
+    @property
+    def _values(self) -> np.ndarray:
+        return self._decomposed[0]
+
+    @property
+    def _vectors(self) -> np.ndarray:
+        return self._decomposed[1]
+
+    @property
+    def _basis(self) -> np.ndarray:
+        return self._decomposed[2]
+
+    @property
+    def logdet(self) -> float:
+        """Of S."""
+        return float(np.sum(np.log1p(self._values)))
 
     def root(self, rows: np.ndarray) -> np.ndarray:
         """S^(-1/2) applied to standardised rows, shape (rows,) or (rows, n)."""

@@ -25,6 +25,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from datagen.tables import SNAP, InputTable
+from diagnosis.fitting.differences import either_way
 from diagnosis.recording import DAY
 
 SPACING = DAY
@@ -126,6 +127,8 @@ def responses(
 ) -> np.ndarray:
     """Outputs by heights of pulses, by differences of whole simulations, several pulses in each.
 
+    Pulses whose simulation fails whichever way they point are taken to do nothing.
+
     Parameters
     ----------
     simulate
@@ -161,8 +164,10 @@ def responses(
         heights = np.zeros(nuisance.size)
         heights[comb] = height[comb]
         runs.append(heights)
-    for comb, outputs in zip(combs, simulate(runs), strict=True):
-        moved = outputs - base
+    for comb, (sign, outputs) in zip(combs, either_way(simulate, runs), strict=True):
+        if outputs is None:
+            continue
+        moved = sign * (outputs - base)
         starts = [*nuisance.begin[comb], np.inf]
         for i, k in enumerate(comb):
             rows = (time > starts[i] + SNAP) & (time <= starts[i + 1] + SNAP)

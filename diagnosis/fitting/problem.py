@@ -15,13 +15,14 @@ import numpy as np
 
 from datagen.simulator import Simulator
 from diagnosis.effects.base import Effect
+from diagnosis.fitting.differences import one_sided
 from diagnosis.fitting.drive import crowd, drive
 from diagnosis.fitting.linearisation import Linearisation
 from diagnosis.fitting.marginal import Marginal
 from diagnosis.fitting.noise import NoiseModel
 from diagnosis.fitting.nuisance import responses
 from diagnosis.fitting.runs import Runs
-from diagnosis.fitting.side_by_side import InProcess, Runner
+from diagnosis.fitting.side_by_side import InProcess, Outcome, Runner
 from diagnosis.fitting.unknowns import LIMIT, Unknowns
 from diagnosis.fitting.unmeasured import nuisance_of
 from diagnosis.recording import HOUR, Recording
@@ -177,17 +178,27 @@ class Problem:
         SimulationError
             If one did not reach its end.
         """
+        made = []
+        for outcome in self.simulate_each(cases):
+            if isinstance(outcome, SimulationError):
+                raise outcome
+            made.append(outcome)
+        return made
+
+    def simulate_each(self, cases: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Outcome]:
+        """As :meth:`simulate_all`, with an error in the place of each that failed or is not finite."""
         unknown = self.unknown
         outcomes = self.runner.map(
             [self._runs.run(unknown, self.nuisance, np.asarray(z, dtype=float), heights) for z, heights in cases]
         )
         self.simulations += len(cases)
-        made = []
+        made: list[Outcome] = []
         for (z, _), outcome in zip(cases, outcomes, strict=True):
-            if isinstance(outcome, SimulationError):
-                raise outcome
-            for effect, amplitude in zip(self.effects, unknown.amplitudes(z), strict=True):
-                outcome = effect.outputs(amplitude, outcome, self.time)
+            if not isinstance(outcome, SimulationError):
+                for effect, amplitude in zip(self.effects, unknown.amplitudes(z), strict=True):
+                    outcome = effect.outputs(amplitude, outcome, self.time)
+                if not np.isfinite(outcome).all():
+                    outcome = SimulationError("a simulation has outputs that are not finite; expected numbers")
             made.append(outcome)
         return made
 
@@ -203,7 +214,10 @@ class Problem:
         return around.marginal.root(self.standardised(self.measured - outputs))
 
     def jacobian(self, z: np.ndarray, around: Linearisation | None = None, *, central: bool = False) -> np.ndarray:
-        """Derivative of :meth:`residuals`, shape (readings, unknowns), by differences of whole simulations."""
+        """Derivative of :meth:`residuals`, shape (readings, unknowns), by differences of whole simulations.
+
+        A side that cannot be simulated is replaced by the other; a direction without either has no derivative.
+        """
         z = np.asarray(z, dtype=float)
         heights = self.nuisance.mean if around is None else around.heights
         low, high = self.bounds
@@ -217,11 +231,19 @@ class Problem:
             ends += [up, down]
             widths.append(up[k] - down[k])
         # z itself is an end of many differences, and simulated once or known already
+        known: dict[bytes, Outcome]
         known = {} if around is None or not np.array_equal(z, around.z) else {z.tobytes(): around.outputs}
         wanted = {one.tobytes(): one for one in ends if one.tobytes() not in known}
-        known |= dict(zip(wanted, self.simulate_all([(one, heights) for one in wanted.values()]), strict=True))
-        made = [known[a.tobytes()] - known[b.tobytes()] for a, b in zip(ends[::2], ends[1::2], strict=True)]
-        whitened = self.standardised(-np.stack(made, axis=-1) / np.array(widths)) if made else np.empty((0, 0))
+        known |= dict(zip(wanted, self.simulate_each([(one, heights) for one in wanted.values()]), strict=True))
+        made = []
+        for k, (a, b) in enumerate(zip(ends[::2], ends[1::2], strict=True)):
+            first, last = known[a.tobytes()], known[b.tobytes()]
+            if isinstance(first, SimulationError) or isinstance(last, SimulationError):
+                one = one_sided(lambda there: self.simulate(there, heights), z, k, (low, high), STEP)
+                made.append(np.zeros_like(self.measured) if one is None else one)
+            else:
+                made.append((first - last) / widths[k])
+        whitened = self.standardised(-np.stack(made, axis=-1)) if made else np.empty((0, 0))
         return around.marginal.root(whitened) if around is not None else whitened
 
     def linearise(
@@ -269,13 +291,16 @@ class Problem:
         best: tuple[float, np.ndarray] | None = None
         for share in (1.0, 0.5, 0.2):
             nuisance = around.nuisance + share * (target - around.nuisance)
-            left = self.standardised(self.measured - self.simulate(z, self.nuisance.heights(nuisance)))
+            try:
+                outputs = self.simulate(z, self.nuisance.heights(nuisance))
+            except SimulationError:
+                continue
+            left = self.standardised(self.measured - outputs)
             cost = float(left @ left + nuisance @ nuisance)
             if best is not None and cost > best[0]:
                 break
             best = (cost, nuisance)
-        assert best is not None
-        return self.linearise(z, best[1])
+        return self.linearise(z, around.nuisance if best is None else best[1])
 
     def marginal(self, response: np.ndarray) -> Marginal:
         """What integrates the nuisance out, for a response (outputs, steps, pulses)."""

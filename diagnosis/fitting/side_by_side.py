@@ -19,6 +19,7 @@ from datagen.simulator import Simulator
 from datagen.tables import InputTable
 from datagen.worker import simulator_for
 from shared.errors import SimulationError
+from shared.interrupts import interrupts_held
 from shared.system import System
 
 
@@ -68,7 +69,8 @@ class Processes:
     def map(self, runs: Sequence[Run]) -> list[Outcome]:
         """See :class:`Runner`."""
         parts = _parts(runs, self.workers)
-        done = self._pool.map(_simulate_all, [self._what] * len(parts), parts)
+        with interrupts_held():  # the first call starts the processes
+            done = self._pool.map(_simulate_all, [self._what] * len(parts), parts)
         return [one for part in done for one in part]
 
     def close(self) -> None:
@@ -91,9 +93,7 @@ class Cluster:
 
 
 @contextmanager
-def side_by_side(
-    simulator: Simulator, *, workers: int = 1, scheduler: str | None = None, quiet: bool = True
-) -> Iterator[Runner]:
+def side_by_side(simulator: Simulator, *, workers: int = 1, scheduler: str | None = None) -> Iterator[Runner]:
     """A runner: on a Dask cluster where a scheduler is given, in ``workers`` processes, or in this one.
 
     Raises
@@ -104,7 +104,7 @@ def side_by_side(
     if scheduler is not None:
         from datagen.cluster import connect
 
-        with connect(scheduler=scheduler, quiet=quiet) as client:
+        with connect(scheduler=scheduler) as client:
             yield Cluster(simulator.system, client)
     elif workers > 1:
         pool = Processes(simulator.system, workers)

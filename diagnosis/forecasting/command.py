@@ -9,7 +9,9 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from diagnosis.scores import score_table
-from shared.console import OK, errors, new_console
+from shared.console import OK, new_console
+from shared.logs import USUAL, Reporting
+from shared.progress import stages
 
 console = new_console()
 
@@ -30,6 +32,7 @@ def forecast(
     workers: int = 1,
     scheduler: str | None = None,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
+    report: Reporting = USUAL,
 ) -> int:
     """Estimate parameters from a recording's first days, simulate the days after, and compare.
 
@@ -68,7 +71,7 @@ def forecast(
     """
     from diagnosis.forecasting.forecast import forecast as forecast_
 
-    with errors.status("simulating", spinner="dots"):
+    with stages("simulating", shown=not report.quiet):
         done = forecast_(
             system,
             recording,

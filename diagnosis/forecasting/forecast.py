@@ -87,7 +87,8 @@ def forecast(
 ) -> Forecasted:
     """Calibrate on the first ``context`` hours of a recording and simulate the next ``ahead`` hours.
 
-    Ahead, the recording's inputs drive the model; its outputs are only compared with.
+    Ahead, the recording's inputs drive the model; its outputs are only compared with. What is not listed here is as in
+    :func:`diagnosis.calibrating.calibration.calibrate`.
 
     Parameters
     ----------
@@ -99,8 +100,6 @@ def forecast(
         Simulations behind the bands.
     out
         Folder for ``forecast.json`` and ``forecast.html``, written when all is done.
-
-    Other parameters are those of :func:`diagnosis.calibrating.calibration.calibrate`.
 
     Raises
     ------

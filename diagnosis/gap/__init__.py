@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import Any
+from shared.lazy import lazily
 
 _HOMES = {
     "diagnose": "diagnosis.gap.diagnosed",
@@ -11,9 +10,4 @@ _HOMES = {
     "Report": "diagnosis.gap.schema",
 }
 
-
-def __getattr__(name: str) -> Any:
-    """Import what is asked for and no more: the command line's help should not wait for the simulator."""
-    if name in _HOMES:
-        return getattr(import_module(_HOMES[name]), name)
-    raise AttributeError(f"module 'diagnosis.gap' has no attribute {name!r}")
+__getattr__ = lazily(__name__, _HOMES)

@@ -9,7 +9,9 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 from rich.table import Table
 
-from shared.console import OK, errors, new_console
+from shared.console import OK, new_console
+from shared.logs import USUAL, Reporting
+from shared.progress import stages
 
 console = new_console()
 
@@ -28,6 +30,7 @@ def run(
     scheduler: str | None = None,
     seed: int = 0,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
+    reporting: Reporting = USUAL,
 ) -> int:
     """Diagnose the gap between a recording and the model: where it lies, which effect causes it, how far it shrinks.
 
@@ -62,7 +65,7 @@ def run(
     """
     from diagnosis.gap.diagnosed import diagnose
 
-    with errors.status("reading", spinner="dots") as status:
+    with stages("reading", shown=not reporting.quiet) as tell:
         report = diagnose(
             system,
             recording,
@@ -75,7 +78,7 @@ def run(
             workers=workers,
             scheduler=scheduler,
             seed=seed,
-            tell=status.update,
+            tell=tell,
         ).report
     if as_json:
         sys.stdout.write(report.model_dump_json(indent=1) + "\n")

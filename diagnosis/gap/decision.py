@@ -20,9 +20,15 @@ from diagnosis.gap.stages import Stage
 
 Verdict = Literal["effect", "ambiguous", "none_of_these", "no_gap"]
 
-HALF = 0.4
+HALF = 0.2
 """Share left at which, when the best fit is rejected, it is even whether the cause is among the candidates."""
-STEEP = 0.08
+STEEP = 0.075
+UNREJECTED = 0.2
+"""Probability that the cause is none of the candidates though the best of them is not rejected: another law of another
+cause can look like it. This one, HALF and STEEP, and NOTHING are frequencies in blind sets made for the purpose
+(tests/benchmarks/decision.py), never in one that is reported."""
+NOTHING = 0.37
+"""Probability that there is no gap where none is found: most effects of half their usual size go unseen."""
 STRONG = 3.0
 """Log Bayes factor that Kass and Raftery (1995) call strong."""
 SURE = 0.8
@@ -68,13 +74,13 @@ def decide(search: Search, where_p: float, where_left_p: float) -> Decision:
     first, last = search.stages[0], search.last
     if not gap_found(first, where_p):
         odds = min(first.scan.p_value, first.scan.misfit_p) / LEVEL
-        nothing = float(odds / (1 + odds))
+        nothing = float(NOTHING * odds / (1 + odds))
         chance = _softmax(dict(zip(_names(first), first.scan.evidence, strict=True)))
         named = {name: (1 - nothing) * 0.5 * p for name, p in chance.items()}
         return Decision("no_gap", named, 0.5 * (1 - nothing), nothing, (), (), False)
     rejected = gap_found(last, where_left_p)
     share = search.share_left if search.chosen else 1.0
-    none = float(expit((share - HALF) / STEEP)) if rejected else float(0.5 * expit((share - 2 * HALF) / STEEP))
+    none = float(expit((share - HALF) / STEEP)) if rejected else UNREJECTED
     if not search.chosen:
         none = max(none, 0.9)
     probabilities: dict[str, float] = {}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,33 +15,67 @@ from diagnosis.calibrating.checks import check_recording
 from diagnosis.effects import Effect, library
 from diagnosis.fitting.fit import Fit, fit
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.side_by_side import side_by_side
+from diagnosis.fitting.side_by_side import InProcess, Outcome, Run, Runner, side_by_side
+from diagnosis.gap.conditions import Otherwise, otherwise
 from diagnosis.gap.decision import Decision, decide, gap_found
+from diagnosis.gap.missing import operators
 from diagnosis.gap.parts import kept_for_scoring
-from diagnosis.gap.places import operators, place
+from diagnosis.gap.places import place
 from diagnosis.gap.schema import Report
 from diagnosis.gap.search import Search, search
 from diagnosis.gap.shrinkage import Shrinkage, shrinkages
 from diagnosis.recording import HOUR, Recording, read_recording
-from diagnosis.where import Where
+from diagnosis.where import Operator, Where
 from shared.system import System, load_system
 
 ROUNDS = 2
 STARTS = 1
 
 
+class _Held:
+    """A runner that can be exchanged in all problems that have it: processes end with the diagnosis they ran for."""
+
+    def __init__(self, runner: Runner) -> None:
+        self.runner = runner
+
+    def map(self, runs: Sequence[Run]) -> list[Outcome]:
+        """See :class:`diagnosis.fitting.side_by_side.Runner`."""
+        return self.runner.map(runs)
+
+
 @dataclass(frozen=True)
 class Diagnosis:
-    """A diagnosis and all that it was made from. ``where_left`` is with the chosen effects, if there are any."""
+    """A diagnosis and all that it was made from.
+
+    ``whole`` is the problem with all readings and ``scored`` (steps,) the part that took none in fitting; ``sources``
+    the operators of what may be missing from a balance, and ``unknown`` why there are no others; ``otherwise``: better
+    conditions than the recording's; ``where_left`` is with the chosen effects, if there are any.
+    """
 
     report: Report
+    whole: Problem
     base: Fit
+    candidates: list[Effect]
     search: Search
     decision: Decision
+    sources: list[Operator]
+    unknown: dict[str, str]
+    otherwise: list[Otherwise]
     where: Where
     where_left: Where | None
     shrinkage: list[Shrinkage]
     scored: np.ndarray
+    seed: int
+
+    def without(self, names: Collection[str], tell: Callable[[str], None] = lambda _: None) -> Diagnosis:
+        """The same recording diagnosed with some candidates withheld, as :func:`diagnose` would have done.
+
+        The fit of the base model, the sensitivities and what is missing from the balances are kept; colours, twins,
+        scan and decision are made anew, and refits that were not made yet.
+        """
+        left = [one for one in self.candidates if one.name not in names]
+        clock = time.perf_counter(), time.process_time()
+        return _concluded(self.whole, self.base, left, self.scored, self.seed, clock, tell, self)
 
 
 def diagnose(
@@ -100,6 +134,7 @@ def diagnose(
     candidates = list(effects) if effects is not None else library(described)
     simulator = Simulator(described)
     with side_by_side(simulator, workers=workers, scheduler=scheduler) as runner:
+        held = _Held(runner)
         whole = Problem(
             simulator,
             record,
@@ -107,28 +142,65 @@ def diagnose(
             occupancy=occupancy,
             replay=replay,
             warm_up=warm_up * HOUR,
-            runner=runner,
+            runner=held,
         )
         scored = kept_for_scoring(record)
-        fitted = whole.observed & ~scored
         tell("fitting the base model")
-        base = fit(whole.with_observed(fitted), _starts(whole, run, record, described, seed), rounds=ROUNDS)
-        found = search(base, candidates, fitted, whole.floor, seed=seed, tell=tell)
-        first = found.stages[0]
-        tell("finding where the gap lies")
-        sources = operators(first.lin.problem, first.lin.z, first.lin.around.heights, [*first.lin.effects])
-        where = place(first, whole.observed, sources)
-        if found.chosen and not gap_found(first, where.p_value):
-            found = replace(found, stages=[first], refits=[])
-        where_left = place(found.last, whole.observed, []) if found.chosen else None
-        decision = decide(found, where.p_value, where_left.p_value if where_left is not None else where.p_value)
-        shrinkage = []
-        if found.chosen:
-            tell("scoring on the part that was kept")
-            shrinkage = shrinkages(first, found.last, found.last.colours, scored, whole.observed, seed=seed)
-        simulations = base.simulations + found.simulations + first.lin.problem.simulations
+        starts = _starts(whole, run, record, described, seed)
+        base = fit(whole.with_observed(whole.observed & ~scored), starts, rounds=ROUNDS)
+        done = _concluded(whole, base, candidates, scored, seed, (began, used), tell)
+    held.runner = InProcess(simulator)
+    if out is not None:
+        from diagnosis.gap.page import write_report
+
+        tell("writing the report")
+        write_report(done, Path(out))
+    return done
+
+
+def _concluded(
+    whole: Problem,
+    base: Fit,
+    candidates: list[Effect],
+    scored: np.ndarray,
+    seed: int,
+    clock: tuple[float, float],
+    tell: Callable[[str], None],
+    known: Diagnosis | None = None,
+) -> Diagnosis:
+    """What follows from the base model's fit; ``clock`` is when the diagnosis began: wall and processor time [s]."""
     from diagnosis.gap.reporting import reported
 
+    fitted = whole.observed & ~scored
+    found = search(
+        base,
+        candidates,
+        fitted,
+        whole.floor,
+        seed=seed,
+        tell=tell,
+        known=None if known is None else known.search,
+    )
+    first = found.stages[0]
+    tell("finding where the gap lies")
+    problem = first.lin.problem
+    counted = problem.simulations
+    if known is None:
+        sources, unknown = operators(problem, first.lin.z, first.lin.around.heights)
+        spent = base.simulations - whole.simulations
+        better = otherwise(first, whole, candidates, ~scored)
+        spent += whole.simulations
+    else:
+        sources, unknown, better, spent = known.sources, known.unknown, known.otherwise, 0
+    where = place(first, whole.observed, sources)
+    if found.chosen and not gap_found(first, where.p_value):
+        found = replace(found, stages=[first], refits=[])
+    where_left = place(found.last, whole.observed, []) if found.chosen else None
+    decision = decide(found, where.p_value, where_left.p_value if where_left is not None else where.p_value)
+    shrinkage = []
+    if found.chosen:
+        tell("scoring on the part that was kept")
+        shrinkage = shrinkages(first, found.last, found.last.colours, scored, whole.observed, seed=seed)
     report = reported(
         base=base,
         search=found,
@@ -136,19 +208,34 @@ def diagnose(
         where=where,
         where_left=where_left,
         shrinkage=shrinkage,
+        otherwise=better,
+        unknown=unknown,
         scored=scored,
         seed=seed,
-        simulations=simulations,
-        seconds=time.perf_counter() - began,
-        cpu_seconds=time.process_time() - used,
+        simulations=(base.simulations if known is None else 0)
+        + found.simulations
+        + problem.simulations
+        - counted
+        + spent,
+        seconds=time.perf_counter() - clock[0],
+        cpu_seconds=time.process_time() - clock[1],
     )
-    done = Diagnosis(report, base, found, decision, where, where_left, shrinkage, scored)
-    if out is not None:
-        from diagnosis.gap.page import write_report
-
-        tell("writing the report")
-        write_report(done, Path(out))
-    return done
+    return Diagnosis(
+        report,
+        whole,
+        base,
+        candidates,
+        found,
+        decision,
+        sources,
+        unknown,
+        better,
+        where,
+        where_left,
+        shrinkage,
+        scored,
+        seed,
+    )
 
 
 def _starts(problem: Problem, run: Path | str | None, record: Recording, system: System, seed: int) -> list[np.ndarray]:

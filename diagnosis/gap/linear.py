@@ -12,12 +12,15 @@ import numpy as np
 from scipy.linalg import eigh
 
 from diagnosis.effects import Effect, clash
+from diagnosis.fitting.differences import one_sided
 from diagnosis.fitting.linearisation import Linearisation
 from diagnosis.fitting.problem import STEP, Problem
 from shared.errors import SimulationError
 
 UNFELT = 0.1
 """A direction of the nuisance that moves all readings together by less than this, in units of noise, is left out."""
+ALIKE = 0.9
+"""Cosine of an amplitude's two sides from which they count as one direction."""
 WIDTH = 0.3
 """Half-width of the difference in an amplitude [scale of the effect]: a secant over what is expected."""
 
@@ -31,7 +34,7 @@ class Linearised:
     of the outputs: ``by_nuisance`` (outputs, steps, nuisance unknowns), standard normal; ``by_unknown`` (outputs,
     steps, unknowns): parameters, amplitudes that were fitted, levels, at ``z`` (unknowns,); ``by_effect`` (outputs,
     steps, effects) by amplitudes in units of scales, from zero. ``effects`` are the candidates, ``chosen`` what was
-    fitted.
+    fitted. ``turn`` (nuisance unknowns of the problem, of ``by_nuisance``): what the latter are made of.
     """
 
     problem: Problem
@@ -40,6 +43,7 @@ class Linearised:
     residual: np.ndarray
     outputs: np.ndarray
     by_nuisance: np.ndarray
+    turn: np.ndarray
     by_unknown: np.ndarray
     by_effect: np.ndarray
     effects: tuple[Effect, ...]
@@ -79,7 +83,7 @@ def linearised(
     around: Linearisation,
     effects: Sequence[Effect] = (),
     by_unknown: np.ndarray | None = None,
-    by_nuisance: np.ndarray | None = None,
+    like: Linearised | None = None,
 ) -> Linearised:
     """Simulate on both sides of everything unknown, once.
 
@@ -91,8 +95,10 @@ def linearised(
         Its linearisation by the nuisance; the response is kept, the outputs are simulated at ``z``.
     effects
         Candidates whose amplitudes are zero at ``z``.
-    by_unknown, by_nuisance
+    by_unknown
         Derivatives that are known already; they are not simulated again.
+    like
+        Another one with the same response to the nuisance.
     """
     library = problem.with_effects([*problem.effects, *effects])
     first = len(problem.system.parameters) + len(problem.effects)
@@ -117,15 +123,23 @@ def linearised(
     if base is None:
         raise SimulationError("the simulation fails at the fit itself; expected one that reaches its end")
     columns, failed = [], []
+    count = len(widths) - len(effects)
     for k, width in enumerate(widths):
         up_, down_ = made[2 * k], made[2 * k + 1]
-        if up_ is None or down_ is None:
-            columns.append(np.zeros_like(base))
+        if up_ is not None and down_ is not None:
+            both = k >= count and not (up_ is base or down_ is base)
+            columns.append(_secant(problem, base, up_, down_, width) if both else (up_ - down_) / width)
+            continue
+        place = first + k - count if k >= count else k if k < first else k + len(effects)
+        whole = full(z, none)
+        one = one_sided(
+            lambda there: library.simulate(there, around.heights), whole, place, library.bounds, 0.5 * width
+        )
+        columns.append(np.zeros_like(base) if one is None else one)
+        if one is None:
             failed.append(k)
-        else:
-            columns.append((up_ - down_) / width)
-    count = len(widths) - len(effects)
     stacked = np.stack(columns, axis=-1) if columns else np.empty((*base.shape, 0))
+    by_nuisance, turn = felt_nuisance(problem, around) if like is None else (like.by_nuisance, like.turn)
     at_mean = base + around.response @ (problem.nuisance.mean - around.heights)
     return Linearised(
         problem=problem,
@@ -133,7 +147,8 @@ def linearised(
         z=np.asarray(z, dtype=float),
         residual=np.where(np.isfinite(problem.measured), problem.measured - at_mean, np.nan),
         outputs=base,
-        by_nuisance=felt_nuisance(problem, around) if by_nuisance is None else by_nuisance,
+        by_nuisance=by_nuisance,
+        turn=turn,
         by_unknown=stacked[..., :count] if by_unknown is None else by_unknown,
         by_effect=stacked[..., count:],
         effects=tuple(effects),
@@ -142,8 +157,24 @@ def linearised(
     )
 
 
-def felt_nuisance(problem: Problem, around: Linearisation) -> np.ndarray:
-    """Response to independent standard normal unknowns, shape (outputs, steps, unknowns) [unit of each output].
+def _secant(problem: Problem, base: np.ndarray, up: np.ndarray, down: np.ndarray, width: float) -> np.ndarray:
+    """Derivative by an amplitude of either sign, shape (outputs, steps) [unit of each].
+
+    What is late and what is early can move different readings (a timetable that switches on the hour). Where the two
+    sides differ, the side whose signature the residual resembles more is the one that counts.
+    """
+    seen = problem.observed & np.isfinite(problem.measured)
+    scale = np.broadcast_to(problem.floor[:, None], seen.shape)[seen]
+    ahead, behind, left = ((one[seen] / scale) for one in (up - base, base - down, problem.measured - base))
+    sizes = np.array([ahead @ ahead, behind @ behind])
+    if ahead @ behind > ALIKE * np.sqrt(sizes.prod()):
+        return np.asarray((up - down) / width)
+    gains = np.array([max(left @ ahead, 0.0), max(-(left @ behind), 0.0)]) ** 2 / np.maximum(sizes, 1e-12)
+    return np.asarray((up - base if gains[0] >= gains[1] else base - down) / (0.5 * width))
+
+
+def felt_nuisance(problem: Problem, around: Linearisation) -> tuple[np.ndarray, np.ndarray]:
+    """Response to independent standard normal unknowns (outputs, steps, unknowns) [unit of each], and their turn.
 
     The nuisance's unknowns are turned to principal directions, and those that all readings together hardly feel are
     left out: of a thousand pulses a few hundred directions remain.
@@ -152,7 +183,8 @@ def felt_nuisance(problem: Problem, around: Linearisation) -> np.ndarray:
     used = problem.observed.any(axis=1)
     rows = (response[used] / problem.floor[used, None, None]).reshape(-1, response.shape[2])
     values, vectors = eigh(rows.T @ rows) if rows.size else (np.empty(0), np.empty((0, 0)))
-    return np.asarray(response @ vectors[:, values > UNFELT**2])
+    turn = vectors[:, values > UNFELT**2] if rows.size else np.empty((response.shape[2], 0))
+    return np.asarray(response @ turn), turn
 
 
 def _simulated(problem: Problem, cases: list[np.ndarray], heights: np.ndarray) -> list[np.ndarray | None]:
@@ -160,15 +192,7 @@ def _simulated(problem: Problem, cases: list[np.ndarray], heights: np.ndarray) -
     first = cases[0]
     different = [case for case in cases[1:] if not np.array_equal(case, first)]
     wanted = [first, *different]
-    made: list[np.ndarray | None]
-    try:
-        made = list(problem.simulate_all([(case, heights) for case in wanted]))
-    except SimulationError:
-        made = []
-        for case in wanted:
-            try:
-                made.append(problem.simulate(case, heights))
-            except SimulationError:
-                made.append(None)
+    outcomes = problem.simulate_each([(case, heights) for case in wanted])
+    made = [None if isinstance(one, SimulationError) else one for one in outcomes]
     rest = iter(made[1:])
     return [made[0], *(made[0] if np.array_equal(case, first) else next(rest) for case in cases[1:])]

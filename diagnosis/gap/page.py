@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from diagnosis.gap.pictures import draw_angles, draw_candidates, draw_outputs, draw_parameters, draw_shares
+from diagnosis.gap.pictures import SHOWN, draw_angles, draw_candidates, draw_outputs, draw_parameters, draw_shares
 from diagnosis.pages import page_environment
 from diagnosis.pictures import embedded
 from diagnosis.recording import DAY
@@ -44,6 +44,8 @@ def render(done: Diagnosis) -> str:
         report=done.report,
         headline=VERDICTS[done.report.verdict],
         begin=str(begin).replace("T", " "),
+        units={one.name: one.unit for one in done.report.effects},
+        better={one.condition: one.smallest for one in done.report.otherwise},
         days=done.report.steps * done.report.step / DAY,
         pictures=_pictures(done),
     )
@@ -51,15 +53,21 @@ def render(done: Diagnosis) -> str:
 
 def _pictures(done: Diagnosis) -> dict[str, str]:
     """All pictures by name, those that there is something to show in."""
-    where = done.where
+    where, scan = done.where, done.search.stages[0].scan
     made: dict[str, Figure] = {
         "outputs": draw_outputs(done),
-        "cells": draw_cells(where.residuals, where.cells),
         "episodes": draw_episodes(where.residuals, where.episodes),
-        "candidates": draw_candidates(done),
-        "angles": draw_angles(done),
         "parameters": draw_parameters(done),
     }
+    looked = [where.residuals.names[k] for k in where.cells.channels]
+    named = [name for name in looked if name in {one.channel for one in done.report.where}]
+    for name, only in (("cells", named), ("other_cells", [name for name in looked if name not in named])):
+        if only:
+            made[name] = draw_cells(where.residuals, where.cells, only=only)
+    if scan.effects:
+        made["candidates"] = draw_candidates(done)
+    if (scan.expected > SHOWN).any():
+        made["angles"] = draw_angles(done)
     if where.correlations is not None:
         made["correlations"] = draw_correlations(where.residuals, where.correlations)
     if where.sources is not None:

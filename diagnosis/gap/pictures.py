@@ -13,6 +13,8 @@ from diagnosis.recording import DAY
 if TYPE_CHECKING:
     from diagnosis.gap.diagnosed import Diagnosis
 
+SHOWN = 0.5
+"""Expected log-likelihood ratio at one scale from which a candidate's angles are shown."""
 _MOST = 14
 """Candidates that a picture shows."""
 
@@ -40,7 +42,7 @@ def draw_candidates(done: Diagnosis) -> Figure:
 def draw_angles(done: Diagnosis) -> Figure:
     """Angles between what the parameters cannot imitate of the candidates' signatures."""
     scan = done.search.stages[0].scan
-    order = [j for j in np.argsort(-scan.ratio, kind="stable") if scan.expected[j] > 0.5][:_MOST]
+    order = [j for j in np.argsort(-scan.ratio, kind="stable") if scan.expected[j] > SHOWN][:_MOST]
     angle = np.degrees(np.arccos(np.clip(np.abs(scan.cosines[np.ix_(order, order)]), 0, 1)))
     made = Figure(figsize=(8.6, 0.36 * len(order) + 2.2), layout="constrained")
     axes = made.subplots()

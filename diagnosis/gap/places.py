@@ -2,24 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.effects import Effect, Nothing
-from diagnosis.fitting.nuisance import Nuisance
-from diagnosis.fitting.problem import Problem
-from diagnosis.gap.nuisances import felt
 from diagnosis.gap.stages import Stage
-from diagnosis.recording import DAY, HOUR
 from diagnosis.where import Operator, Residuals, Where, find_regimes, locate
-from shared.effects import ShapedEffect
-
-PULSE = 3 * HOUR
-"""Length of the pulses of a missing source [s]."""
-FOLLOWED = 3 * DAY
-"""How long a pulse is followed [s]."""
-_POWER = ("W", "kW", "kg/s")
 
 
 def place(stage: Stage, observed: np.ndarray, operators: list[Operator]) -> Where:
@@ -45,62 +33,19 @@ def place(stage: Stage, observed: np.ndarray, operators: list[Operator]) -> Wher
         inputs=inputs,
         measured=problem.measured,
         regimes=find_regimes(problem.system, inputs, stage.lin.outputs),
-        operators=operators,
-        nuisance=stage.lin.by_unknown if operators else None,
+        operators=[replace(one, response=left_of(stage, one.response)) for one in operators],
+        left=lambda response: left_of(stage, response),
     )
 
 
-def operators(problem: Problem, z: np.ndarray, heights: np.ndarray, effects: list[Effect]) -> list[Operator]:
-    """Responses to pulses of what feeds a balance: persons, and effects that are a source of their own.
+def left_of(stage: Stage, response: np.ndarray) -> np.ndarray:
+    """What estimation leaves of series that are added to the outputs, shape (outputs, steps, n) [unit of each].
 
-    A source is an effect with a shape, one parameter of the FMU and the unit of a flow (:data:`_POWER`); its shape's
-    input then carries pulses in place of the shape.
+    Parameters and nuisance take up what they can imitate, as they did of the recording and of its twins: most of the
+    CO2 of persons, for example, where persons were not counted.
     """
-    found = []
-    names = problem.system.input_names
-    for one in problem.system.inputs:
-        if one.source == "occupancy" and problem.occupancy == "measured":
-            label = "missing persons"
-            found.append(_operator(problem, z, heights, names.index(one.name), one.name, label, one.unit))
-            break
-    for effect in effects:
-        spec = getattr(effect, "spec", None)
-        if isinstance(spec, ShapedEffect) and len(spec.parameters) == 1 and not spec.constants and spec.unit in _POWER:
-            held = problem.with_effects([*problem.effects, _Source(f"source of {effect.name}", effect=effect)])
-            first = len(problem.system.parameters) + len(problem.effects)
-            there = np.concatenate([z[:first], [1.0], z[first:]])
-            label = f"missing source [{spec.unit}]"
-            made = _operator(held, there, heights, names.index(spec.input), spec.input, label, spec.unit)
-            found.append(Operator(made.name, made.label, made.unit, made.response / spec.scale, made.edges))
-            break
-    return found
-
-
-@dataclass(frozen=True)
-class _Source(Nothing):
-    """An effect whose shape is zero: pulses on its input make the source."""
-
-    effect: Effect | None = None
-
-    def parameters(self, amplitude: float) -> dict[str, float]:
-        """Those of the effect at its scale."""
-        assert self.effect is not None
-        return self.effect.parameters(amplitude * self.effect.scale)
-
-
-def _operator(
-    problem: Problem, z: np.ndarray, heights: np.ndarray, column: int, name: str, label: str, unit: str
-) -> Operator:
-    drive = problem.drive
-    edges = np.append(np.arange(drive.start, drive.stop - 1.0, PULSE), drive.stop)
-    count = len(edges) - 1
-    pulses = Nuisance(
-        column=np.full(count, column),
-        begin=edges[:-1],
-        end=edges[1:],
-        turns=np.zeros(count, dtype=bool),
-        recorded=np.ones(count, dtype=bool),
-        mean=np.zeros(count),
-        factor=np.eye(count),
-    )
-    return Operator(name, label, unit, felt(problem, z, heights, pulses, FOLLOWED), edges)
+    grams, colours = stage.grams, stage.colours.best
+    scores = np.zeros((len(stage.twins.product.score), response.shape[2]))
+    for k in grams.channels:
+        scores += grams.whitened_columns(k, colours[k]).T @ grams.whitened(k, colours[k], response[k])
+    return np.asarray(response - grams.explained(stage.twins.left.inner(scores)))

@@ -1,7 +1,8 @@
 """Refitting a candidate together with the parameters: nonlinear, because parameters that compensate move far.
 
 Gauss-Newton on the likelihood with the nuisance integrated out, each step a small bounded least-squares problem
-(scipy's ``lsq_linear``) on derivatives simulated anew; the response to the nuisance is kept.
+(scipy's ``lsq_linear``); the response to the nuisance is kept. Derivatives are corrected by what each step shows
+(Broyden 1965, Mathematics of Computation 19:577) and simulated anew where that no longer helps, and at the end.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from diagnosis.gap.grams import AMPLITUDE, Colour, Grams, projected
 from diagnosis.gap.linear import Linearised, linearised
 from shared.errors import SimulationError
 
-STEPS = 5
+STEPS = 8
 SETTLED = 0.05
 """A step that promises less gain in log likelihood than this ends the search."""
 
@@ -62,8 +63,10 @@ class Refit:
         return value
 
 
-def refit(before: Grams, colours: dict[int, Colour], start: np.ndarray, new: Sequence[Effect]) -> Refit:
-    """Fit further effects from a start (unknowns with the new amplitudes after the old ones,).
+def refit(
+    before: Grams, colours: dict[int, Colour], start: np.ndarray, new: Sequence[Effect], *, steps: int = STEPS
+) -> Refit:
+    """Fit further effects from a start (unknowns with the new amplitudes after the old ones,), in ``steps`` at most.
 
     Raises
     ------
@@ -72,30 +75,34 @@ def refit(before: Grams, colours: dict[int, Colour], start: np.ndarray, new: Seq
     """
     problem = before.lin.problem.with_effects([*before.lin.chosen, *new])
     z = np.clip(start, *_inner(problem))
-    here = _at(problem, z, before.lin)
-    count = here.simulations
-    cost = _cost(here, before, colours)
+    here, exact = _begun(problem, z, before.lin, new)
+    count, cost = here.simulations, _cost(here, before, colours)
     settled = False
-    for _ in range(STEPS):
+    for _ in range(steps):
         step, promised = _step(here, before, colours)
         settled = promised < SETTLED
-        if settled:
+        if settled and exact:
             break
         moved = None
-        for share in (1.0, 0.4, 0.15):
+        for share in () if settled else (1.0, 0.4, 0.15):
             try:
-                there = _at(problem, here.z + share * step, before.lin, derivatives=False)
+                there = _at(problem, here.z + share * step, here)
             except SimulationError:
                 continue
             count += there.simulations
             value = _cost(there, before, colours)
             if value < cost - 1e-3:
-                moved = (there.z, value)
+                moved = (there, value)
                 break
-        if moved is None:
+        if moved is not None:
+            here, exact, cost = moved[0], False, moved[1]
+        elif exact:
             break
-        z, cost = moved
-        here = _at(problem, z, before.lin)
+        else:
+            here, exact = _at(problem, here.z, here, derivatives=True), True
+            count += here.simulations
+    if not exact:
+        here = _at(problem, here.z, here, derivatives=True)
         count += here.simulations
     settled = settled or _step(here, before, colours)[1] < 20 * SETTLED
     grams = Grams(here, before.observed, before)
@@ -111,9 +118,32 @@ def _inner(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
     return low + margin, high - margin
 
 
-def _at(problem: Problem, z: np.ndarray, before: Linearised, *, derivatives: bool = True) -> Linearised:
-    known = None if derivatives else np.zeros((*before.residual.shape, problem.size))
-    return linearised(problem, np.clip(z, *_inner(problem)), before.around, (), known, before.by_nuisance)
+def _begun(problem: Problem, z: np.ndarray, before: Linearised, new: Sequence[Effect]) -> tuple[Linearised, bool]:
+    """The start, with derivatives that are exact where nothing has moved, and else those from before, corrected."""
+    if not new and np.array_equal(z, before.z):
+        return replace(before, by_effect=before.by_effect[..., :0], effects=(), simulations=0), True
+    names = [one.name for one in before.effects]
+    if any(one.name not in names for one in new):
+        return _at(problem, z, before, derivatives=True), True
+    first = len(problem.system.parameters) + len(before.chosen)
+    places = [names.index(one.name) for one in new]
+    known = np.concatenate(
+        [before.by_unknown[..., :first], before.by_effect[..., places], before.by_unknown[..., first:]], axis=2
+    )
+    at = np.concatenate([before.z[:first], np.zeros(len(new)), before.z[first:]])
+    return _at(problem, z, replace(before, problem=problem, by_unknown=known, z=at)), False
+
+
+def _at(problem: Problem, z: np.ndarray, near: Linearised, *, derivatives: bool = False) -> Linearised:
+    """The problem at ``z``; without ``derivatives`` those of a point near, with Broyden's (1965) correction."""
+    z = np.clip(z, *_inner(problem))
+    known = None if derivatives else near.by_unknown
+    made = linearised(problem, z, near.around, (), known, near)
+    way = z - near.z
+    if derivatives or not way.any():
+        return made
+    missed = made.outputs - near.outputs - near.by_unknown @ way
+    return replace(made, by_unknown=near.by_unknown + missed[..., None] * way / (way @ way))
 
 
 def _cost(lin: Linearised, before: Grams, colours: dict[int, Colour]) -> float:

@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import ndtr
 
+from diagnosis.effects import Effect
 from diagnosis.fitting.fit import EDGE, Fit
+from diagnosis.gap.conditions import Otherwise, expected
 from diagnosis.gap.decision import Decision
 from diagnosis.gap.refit import Refit
 from diagnosis.gap.schema import (
+    ConditionOf,
     Detectability,
     NamedEffect,
     NoiseOf,
@@ -16,6 +19,7 @@ from diagnosis.gap.schema import (
     Place,
     Report,
     ShrinkageOf,
+    SourceOf,
     StageOf,
 )
 from diagnosis.gap.search import Search
@@ -39,6 +43,8 @@ def reported(
     where: Where,
     where_left: Where | None,
     shrinkage: list[Shrinkage],
+    otherwise: list[Otherwise],
+    unknown: dict[str, str],
     scored: np.ndarray,
     seed: int,
     simulations: int,
@@ -57,9 +63,12 @@ def reported(
         rejected=decision.rejected,
         where=_places(where, dict(zip(problem.system.output_names, problem.floor.tolist(), strict=True))),
         balance=where.verdict,
+        sources=_sources(where),
+        sources_unknown=unknown,
         shrinkage=[ShrinkageOf(**vars(one)) for one in shrinkage],
         parameters=_parameters(search),
         detectability=_detectability(first),
+        otherwise=[_otherwise(one, first, problem.floor) for one in otherwise],
         excluded=search.excluded,
         stages=_stages(search, where, where_left),
         noise=_noise(first),
@@ -175,20 +184,53 @@ def _on_edge(one: Refit) -> np.ndarray:
 def _detectability(first: Stage) -> list[Detectability]:
     found, scan = [], first.scan
     for j, effect in enumerate(scan.effects):
-        needed = np.sqrt(scan.threshold / scan.expected[j]) if scan.expected[j] > 1e-9 else np.inf
-        reach = max(effect.upper, -effect.lower) / effect.scale
         found.append(
             Detectability(
                 name=effect.name,
                 share=float(scan.share[j]),
                 expected=float(scan.expected[j]),
-                smallest=float(needed * effect.scale) if needed <= reach else None,
+                smallest=_smallest(effect, float(scan.expected[j]), scan.threshold),
                 confusable=[scan.effects[i].name for i in scan.alike(j, TYPICAL)],
                 ratio=float(scan.ratio[j]),
                 p_value=float(scan.adjusted[j]),
             )
         )
     return found
+
+
+def _smallest(effect: Effect, reached: float, threshold: float) -> float | None:
+    """The amplitude [unit] from which an effect is seen that reaches a ratio at one scale; None if none allowed is."""
+    needed = float(np.sqrt(threshold / reached)) * effect.scale if reached > 1e-9 else np.inf
+    return needed if needed <= max(effect.upper, -effect.lower) else None
+
+
+def _otherwise(one: Otherwise, first: Stage, size: np.ndarray) -> ConditionOf:
+    reached = expected(one, first.colours.best, size)
+    effects = {effect.name: effect for effect in first.lin.effects}
+    kept = {name: value for name, value in reached.items() if name in effects}
+    return ConditionOf(
+        condition=one.condition,
+        smallest={name: _smallest(effects[name], value, first.scan.threshold) for name, value in kept.items()},
+    )
+
+
+def _sources(where: Where) -> list[SourceOf]:
+    return [
+        SourceOf(
+            name=one.name,
+            description=one.label,
+            unit=one.unit,
+            mean=float(one.estimate.mean()),
+            peak=float(one.estimate[np.argmax(np.abs(one.estimate))]),
+            gain=one.gain,
+            p_value=one.p_value,
+            rival=one.rival,
+            balance=one.balance,
+            verdict=one.verdict,
+            roughness=one.roughness,
+        )
+        for one in (where.sources.sources if where.sources is not None else [])
+    ]
 
 
 def _stages(search: Search, where: Where, where_left: Where | None) -> list[StageOf]:

@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from diagnosis.gap.decision import Verdict
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 
 class _Table(BaseModel):
@@ -92,6 +92,39 @@ class Detectability(_Table):
     p_value: float
 
 
+class SourceOf(_Table):
+    """A source that a balance may lack [unit], as it would close the residual.
+
+    ``mean`` over the recording and ``peak``, the largest either way; ``gain``: log likelihood over noise alone, and
+    ``p_value`` of that; ``balance``: the gain less that of an error of the channel ``rival`` alone; ``verdict``:
+    ``balance``, ``sensor``, ``undecided``, or ``none`` where neither explains more than in twins. ``roughness``: 0 for
+    a smooth course, 2 for noise, towards 4 for spikes.
+    """
+
+    name: str
+    description: str
+    unit: str
+    mean: float
+    peak: float
+    gain: float
+    p_value: float
+    rival: str
+    balance: float
+    verdict: str
+    roughness: float
+
+
+class ConditionOf(_Table):
+    """What would be seen if the recording were better: persons ``counted``, or the control loops simulated.
+
+    ``smallest`` by candidate: the amplitude [unit of the effect] from which it would be seen then, null for none that
+    is allowed.
+    """
+
+    condition: str
+    smallest: dict[str, float | None]
+
+
 class StageOf(_Table):
     """One stage of the search.
 
@@ -130,9 +163,12 @@ class Report(_Table):
     rejected: bool = Field(description="whether the named effects are rejected on their own twins")
     where: list[Place]
     balance: str = Field(description="whether a balance or a sensor is off: balance, sensor, undecided, none")
+    sources: list[SourceOf] = Field(description="what the balances may lack")
+    sources_unknown: dict[str, str] = Field(description="sources that could not be worked out, and why")
     shrinkage: list[ShrinkageOf]
     parameters: list[ParameterOf]
     detectability: list[Detectability]
+    otherwise: list[ConditionOf] = Field(description="what would be seen under better conditions")
     excluded: dict[str, str] = Field(description="candidates that could not be tried, and why")
     stages: list[StageOf]
     noise: list[NoiseOf]

@@ -6,22 +6,25 @@ likelihood ratios; the null here is that of twins, Johansson 2014, and holds for
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from diagnosis.effects import Effect
-from diagnosis.fitting.fit import Fit
-from diagnosis.gap.colours import estimated_colours
-from diagnosis.gap.grams import Grams
+from diagnosis.fitting.fit import Fit, fit
+from diagnosis.gap.fewer import fewer
 from diagnosis.gap.linear import Linearised, applicable, linearised
 from diagnosis.gap.nuisances import widened
 from diagnosis.gap.refit import Refit, linear_start, refit
+from diagnosis.gap.renewal import settled
 from diagnosis.gap.scan import NEGLIGIBLE
 from diagnosis.gap.stages import LEVEL, Stage, examine
 from shared.errors import SimulationError
 
+FURTHER = 5
+"""Rounds that the base model's fit gets more where it had not come to rest and a gap seems to be there."""
 MOST_REFITS = 6
 LEAST_REFITS = 3
 NEAR = 8.0
@@ -39,7 +42,7 @@ Tell = Callable[[str], None]
 class Search:
     """All stages, the base model's fit, the refits made at each stage (best first), and why candidates were not tried.
 
-    ``simulations`` in all of the search.
+    ``simulations`` in all of the search; ``made``: refits and linearisations by the stages that led to them.
     """
 
     stages: list[Stage]
@@ -47,6 +50,13 @@ class Search:
     refits: list[list[Refit]] = field(default_factory=list)
     excluded: dict[str, str] = field(default_factory=dict)
     simulations: int = 0
+    made: dict[Hashable, Any] = field(default_factory=dict)
+
+    @property
+    def path(self) -> Hashable:
+        """What a refit depends on beside its own effect: of every stage, what was chosen and the colours."""
+        ones = [(tuple(e.name for e in one.lin.chosen), tuple(sorted(one.colours.best.items()))) for one in self.stages]
+        return tuple(ones)
 
     @property
     def last(self) -> Stage:
@@ -66,7 +76,14 @@ class Search:
 
 
 def search(
-    base: Fit, effects: Sequence[Effect], observed: np.ndarray, size: np.ndarray, *, seed: int = 0, tell: Tell = print
+    base: Fit,
+    effects: Sequence[Effect],
+    observed: np.ndarray,
+    size: np.ndarray,
+    *,
+    seed: int = 0,
+    tell: Tell = print,
+    known: Search | None = None,
 ) -> Search:
     """Search for the effects behind a gap, from the fit of the base model.
 
@@ -78,14 +95,33 @@ def search(
         Readings that take part, shape (outputs, steps).
     size
         Standard deviation of one reading's error, shape (outputs,) [unit of each].
+    known
+        A search from the same fit among these candidates and others; what does not depend on the others is taken
+        from it.
     """
-    problem, around, count = widened(base)
-    usable, why = applicable(problem, effects)
-    tell(f"sensitivities of {len(usable)} effects")
-    one = settled(linearised(problem, base.z, around), observed, size)
-    lin = linearised(one.lin.problem, one.lin.z, one.lin.around, usable, one.lin.by_unknown, one.lin.by_nuisance)
-    count += one.simulations + lin.simulations
-    found = Search([examine(lin, observed, size, seed=seed)], one, excluded=why, simulations=count)
+    if known is not None:
+        names = {one.name for one in effects}
+        one, count, made = known.base, 0, known.made
+        why = {name: reason for name, reason in known.excluded.items() if name in names}
+        lin = fewer(known.stages[0].lin, effects, why)
+    else:
+        one, made = settled_base(base, observed, size), {}
+        usable, why = applicable(one.lin.problem, effects)
+        tell(f"sensitivities of {len(usable)} effects")
+        lin, count = among(one, usable), one.simulations
+    stage = examine(lin, observed, size, seed=seed)
+    count += 0 if known is not None else lin.simulations
+    if known is None and not base.converged and (stage.candidate_found or stage.misfits):
+        # what looks like a gap may be a fit that stopped early
+        tell("going on with the fit of the base model")
+        more = fit(base.problem, [base.z], rounds=FURTHER, around=base.around)
+        other = settled_base(more, observed, size)
+        count += more.simulations + other.simulations
+        if other.evidence > one.evidence:
+            one, lin = other, among(other, usable)
+            stage = examine(lin, observed, size, seed=seed)
+            count += lin.simulations
+    found = Search([stage], one, excluded=why, simulations=count, made=made)
     found.excluded |= dict.fromkeys(lin.failed, "its simulation fails")
     while len(found.chosen) < MOST_EFFECTS:
         stage = found.last
@@ -107,11 +143,16 @@ def search(
     return found
 
 
-def settled(lin: Linearised, observed: np.ndarray, size: np.ndarray) -> Refit:
-    """The base model's optimum with the colour of the noise and all nuisances, from a fit without them."""
-    grams = Grams(lin, observed)
-    one = refit(grams, estimated_colours(grams, size).best, lin.z, ())
-    return replace(one, simulations=lin.simulations + one.simulations)
+def settled_base(base: Fit, observed: np.ndarray, size: np.ndarray) -> Refit:
+    """A fit with its nuisances as wide as they are, linearised where it then is."""
+    problem, around, count = widened(base)
+    one = settled(problem, base.z, around, observed, size)
+    return replace(one, simulations=one.simulations + count)
+
+
+def among(one: Refit, effects: Sequence[Effect]) -> Linearised:
+    """A fit linearised by candidates as well."""
+    return linearised(one.lin.problem, one.lin.z, one.lin.around, effects, one.lin.by_unknown, one.lin)
 
 
 def refitted(stage: Stage, tell: Tell, found: Search) -> list[Refit]:
@@ -123,13 +164,19 @@ def refitted(stage: Stage, tell: Tell, found: Search) -> list[Refit]:
         if not close or stage.scan.ratio[j] <= 0:
             continue
         effect = stage.lin.effects[j]
+        key = (found.path, effect.name)
+        if key in found.made:
+            made.append(found.made[key])
+            continue
         tell(f"refitting with {effect.name}")
-        start = linear_start(stage.grams, stage.colours.best, [j])
+        # rounded, so that a refit is the same to the last bit whatever candidates are beside it
+        start = np.round(linear_start(stage.grams, stage.colours.best, [j]), 9)
         try:
             one = refit(stage.grams, stage.colours.best, start, [effect])
         except SimulationError:
             continue
         found.simulations += one.simulations
+        found.made[key] = one
         made.append(one)
     return sorted(made, key=lambda one: -one.evidence)
 
@@ -137,14 +184,15 @@ def refitted(stage: Stage, tell: Tell, found: Search) -> list[Refit]:
 def renewed(best: Refit, stage: Stage, effects: Sequence[Effect], found: Search) -> Linearised:
     """The refit linearised by the nuisance and all remaining candidates where it is."""
     problem = best.lin.problem
-    counted = problem.simulations
-    around = problem.linearise(best.lin.z, stage.lin.around.nuisance)
     usable, _ = applicable(problem, effects)
-    # another response to the nuisance has another optimum
-    grams = Grams(linearised(problem, best.lin.z, around), stage.grams.observed)
-    one = refit(grams, stage.colours.best, best.lin.z, ())
-    lin = linearised(one.lin.problem, one.lin.z, one.lin.around, usable, one.lin.by_unknown, one.lin.by_nuisance)
-    found.simulations += problem.simulations - counted + grams.lin.simulations + one.simulations + lin.simulations
+    key = (found.path, best.names, "renewed")
+    if key in found.made and {one.name for one in usable} <= {one.name for one in found.made[key].effects}:
+        return fewer(found.made[key], usable)
+    colours, lin = stage.colours.best, best.lin
+    one = settled(problem, lin.z, lin.around, stage.grams.observed, problem.floor, colours, renewals=1)
+    lin = among(one, usable)
+    found.simulations += one.simulations + lin.simulations
+    found.made[key] = lin
     return lin
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from statistics import median
+
 from diagnosis.gap.schema import NamedEffect, Report
 
 UNCHECKED = (
@@ -28,14 +30,22 @@ def _where(report: Report) -> str:
             "Where: no single place, hour or state stands out, though the recording as a whole differs from the model."
         )
     best, *others = report.where
-    channels = list(dict.fromkeys(one.channel for one in others if one.channel != best.channel))
+    lacking = {one.name for one in report.sources}
+    channels = list(dict.fromkeys(one.channel for one in others if one.channel not in {best.channel, *lacking}))
     more = f"; {len(others)} more findings" if others else ""
     also = f", also in {', '.join(channels)}" if channels else ""
-    kind = {
-        "balance": " It looks like a source that the balance lacks.",
-        "sensor": " It looks like the error of a sensor rather than of a balance.",
-    }.get(report.balance, "")
-    return f"Where: {best.text}{more}{also}.{kind}"
+    return f"Where: {best.text}{more}{also}.{_kind(report)}"
+
+
+def _kind(report: Report) -> str:
+    """Whether a balance lacks something or a sensor errs, as far as that can be told."""
+    if report.balance == "sensor":
+        return " It looks like the error of a sensor rather than of a balance."
+    if report.balance != "balance":
+        return ""
+    lacking = [one for one in report.sources if one.verdict == "balance"]
+    said = " and ".join(f"{one.description} ({one.mean:+.3g} {one.unit} on average)" for one in lacking)
+    return f" It looks like {said or 'a source'} in the balance rather than like the error of a sensor."
 
 
 def _which(report: Report) -> str:
@@ -52,9 +62,14 @@ def _which(report: Report) -> str:
     if report.verdict == "ambiguous":
         sets = " and ".join("one of " + ", ".join(_sure(report, name) for name in one) for one in report.sets)
         return f"Which: {sets}; the recording cannot tell these apart."
-    said = " and ".join(f"{one.name}, {_amount(one)} (probability {one.probability:.0%})" for one in named)
+    said = "; and ".join(_named(one) for one in named)
     rest = " Something more is left that these do not explain." if report.rejected else ""
     return f"Which: {said}.{rest}"
+
+
+def _named(one: NamedEffect) -> str:
+    what = f"{one.description[:1].lower()}{one.description[1:]} ({one.name})" if one.description else one.name
+    return f"{what}, by {_amount(one)}, with probability {one.probability:.0%}"
 
 
 def _sure(report: Report, name: str) -> str:
@@ -64,7 +79,7 @@ def _sure(report: Report, name: str) -> str:
 
 def _amount(one: NamedEffect) -> str:
     if one.amplitude is None or one.low is None or one.high is None:
-        return one.description
+        return "an unknown amount"
     return f"{one.amplitude:.3g} {one.unit} ({one.low:.3g} to {one.high:.3g})"
 
 
@@ -78,12 +93,13 @@ def _how_far(report: Report) -> str:
             " noise, so no share of it can be given."
         )
     said = ", ".join(
-        f"{_share(one.share)} in {one.channel} ({_share(one.low)} to {_share(one.high)})" for one in shares
+        f"{_share(one.share)} in {one.channel} (90 % interval {_share(one.low)} to {_share(one.high)})"
+        for one in shares
     )
     placebo = max((one.placebo or 0.0) for one in shares)
     return (
-        f"How far: on the part that took no part in fitting or choosing, this removes of the gap above noise {said};"
-        f" a placebo of equal freedom removes {placebo:.0%} at most on average."
+        f"How far: on the days that took no part in fitting or choosing, this removes {said} of the gap above noise;"
+        f" a meaningless signature of equal freedom removes {placebo:.0%} on average where it removes most."
     )
 
 
@@ -92,23 +108,47 @@ def _share(value: float | None) -> str:
     return "?" if value is None else f"{min(value, 1.0):.0%}"
 
 
+def _cost(report: Report, condition: str, begin: str) -> str:
+    """How much less would have to be there to be seen under a better condition, as a sentence."""
+    other = next((one.smallest for one in report.otherwise if one.condition == condition), None)
+    if not other:
+        return ""
+    now = {one.name: one.smallest for one in report.detectability}
+    units = {one.name: one.unit for one in report.effects}
+    ratio = {name: size / least for name, size in other.items() if size is not None and (least := now[name])}
+    only = [name for name, size in other.items() if size is not None and now[name] is None]
+    said = f" {begin}, {len(ratio)} candidates would be seen from {median(ratio.values()):.0%} of" if ratio else ""
+    said += " the size that they need here, at the median" if ratio else ""
+    most = [name for name in sorted(ratio, key=lambda name: ratio[name])[:3] if ratio[name] < 0.8]
+    if most:
+        each = [f"{name} from {other[name]:.2g} instead of {now[name]:.2g} {units[name]}" for name in most]
+        said += f"; most for {', '.join(each)}"
+    if only:
+        said += f"{';' if said else ' ' + begin + ','} seen only then: {', '.join(only)}"
+    return said + "." if said else ""
+
+
 def limits(report: Report) -> list[str]:
     """What was not known and how that limits the answer."""
     found = [UNCHECKED]
     if report.occupancy == "unknown":
         found.append(
             "Persons were not counted: whatever looks like people coming and going at other times than usual is taken"
-            " for them. Effects that act when people are there are hard to see; compare the shares in the table of"
-            " detectability, which say how much of each is left to see."
+            " for them. Effects that act when people are there are hard to see."
+            + _cost(report, "counted", "Had they been counted")
         )
     if report.replay:
         found.append(
             f"The recorded actuators ({', '.join(report.replayed)}) drive the model: their own readings are no"
             " evidence, and errors of their meters act on the other outputs."
+            + _cost(report, "controlled", "With the control loops simulated, had they been those of the model")
         )
     blind = [one.name for one in report.detectability if one.smallest is None]
     if blind:
         found.append(f"Could not be seen in this recording at any size that is allowed: {', '.join(blind)}.")
+    if report.sources_unknown:
+        why = "; ".join(f"{name} ({reason})" for name, reason in report.sources_unknown.items())
+        found.append(f"Missing sources that could not be worked out: {why}.")
     if report.excluded:
         found.append("Not tried: " + "; ".join(f"{name} ({why})" for name, why in report.excluded.items()) + ".")
     named = [one for one in report.detectability if one.name in {n for s in report.sets for n in s} and one.confusable]

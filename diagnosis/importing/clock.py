@@ -19,7 +19,10 @@ import pandas as pd
 
 from diagnosis.importing.mapping import Time
 from shared.errors import RecordingError
+from shared.reading import shown, why
 
+FIRST, LAST = (datetime(year, 1, 1, tzinfo=UTC).timestamp() for year in (1900, 2200))
+"""Time stamps that can be of measurements [s since 1970]."""
 _OFFSET = re.compile(r"([+-])(\d{2}):?(\d{2})$")
 _STAMPED = r"(?:[Zz]|[+-]\d{2}:?\d{2}|[+-]\d{2})$"
 
@@ -143,22 +146,29 @@ def read_stamps(texts: pd.Series, settings: Time, where: str) -> tuple[np.ndarra
         if stamped.any() and not stamped.all():
             odd = int(np.flatnonzero(~stamped)[0])
             raise RecordingError(
-                f"{where}: row {odd + 1} ({texts.iloc[odd]!r}) has no offset from UTC but others have; "
+                f"{where}: row {odd + 1} ({shown(texts.iloc[odd])}) has no offset from UTC but others have; "
                 "expected all or none"
             )
         aware = bool(stamped.all())
-        parsed = pd.to_datetime(texts, format=settings.format, errors="coerce", utc=aware)
-        _all_read(parsed.isna().to_numpy(), texts, settings, where)
-        if aware:
-            utc = _seconds(pd.DatetimeIndex(parsed))
-        else:
-            utc, notes = _of_wall_clock(pd.DatetimeIndex(parsed), zone, settings.zone, where)
+        try:
+            parsed = pd.to_datetime(texts, format=settings.format, errors="coerce", utc=aware)
+            _all_read(parsed.isna().to_numpy(), texts, settings, where)
+            if aware:
+                utc = _seconds(pd.DatetimeIndex(parsed))
+            else:
+                utc, notes = _of_wall_clock(pd.DatetimeIndex(parsed), zone, settings.zone, where)
+        except (ValueError, ArithmeticError) as error:  # a format that is none, or a year that pandas cannot hold
+            raise RecordingError(f"{where}: times cannot be read ({why(error)}); expected times of today") from None
+    odd_year = np.flatnonzero((utc < FIRST) | (utc > LAST))
+    if odd_year.size:
+        k = int(odd_year[0])
+        raise RecordingError(f"{where}: row {k + 1} ({shown(texts.iloc[k])}) is not of the years 1900 to 2199")
     back = np.flatnonzero(np.diff(utc) < 0)
     if back.size:
         k = int(back[0])
         raise RecordingError(
-            f"{where}: time runs backwards from row {k + 1} ({texts.iloc[k]!r}) to row {k + 2} ({texts.iloc[k + 1]!r}) "
-            f"in {back.size} place(s); expected rows in the order of time"
+            f"{where}: time runs backwards from row {k + 1} ({shown(texts.iloc[k])}) to row {k + 2} "
+            f"({shown(texts.iloc[k + 1])}) in {back.size} place(s); expected rows in the order of time"
         )
     return utc, notes
 
@@ -173,7 +183,7 @@ def _all_read(bad: np.ndarray, texts: pd.Series, settings: Time, where: str) -> 
     if bad.any():
         k = int(np.flatnonzero(bad)[0])
         raise RecordingError(
-            f"{where}: row {k + 1} ({texts.iloc[k]!r}) is not a time of format {settings.format!r}; expected "
+            f"{where}: row {k + 1} ({shown(texts.iloc[k])}) is not a time of format {settings.format!r}; expected "
             "ISO 8601 as 2022-10-30 02:15:00+01:00, or time.format set to 'unix' or for example '%d/%m/%Y %H:%M'"
         )
 

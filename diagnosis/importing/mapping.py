@@ -6,7 +6,6 @@ by pvlib's name (``[weather.NAME]``), which then feeds every input that the syst
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Literal
 
@@ -14,6 +13,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from datagen.weather import UNITS as WEATHER_UNITS
 from shared.errors import RecordingError
+from shared.reading import read_toml, short, shown
 from shared.signals import Table
 
 MEASURABLE = {**{name: WEATHER_UNITS[name] for name in WEATHER_UNITS if name != "wind_direction"}, "opaque_cover": "1"}
@@ -25,7 +25,7 @@ class File(Table):
 
     separator: str = Field(",", min_length=1, max_length=1)
     decimal: Literal[".", ","] = "."
-    skip: int = Field(0, ge=0, description="lines before the line of column names")
+    skip: int = Field(0, ge=0, lt=2**31, description="lines before the line of column names")
     encoding: str = "utf-8-sig"
     missing: list[str] = Field(["", "NA", "NaN", "nan", "null", "NULL", "None", "-"], description="texts for no value")
 
@@ -144,14 +144,7 @@ def load_mapping(path: Path | str) -> Mapping:
         If the file is missing, not TOML, or not a mapping: one sentence names the field.
     """
     path = Path(path)
-    try:
-        raw = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise RecordingError(f"{path}: no such file; expected a column mapping (TOML)") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise RecordingError(f"{path}: cannot be read as text: {error}") from None
-    except tomllib.TOMLDecodeError as error:
-        raise RecordingError(f"{path}: not valid TOML: {error}") from None
+    raw = read_toml(path, RecordingError, "a column mapping (TOML)")
     try:
         return Mapping.model_validate({**raw, "path": path})
     except ValidationError as error:
@@ -165,8 +158,8 @@ def _sentence(error: ValidationError) -> str:
     if first["type"] == "missing":
         what = "missing; expected a value"
     elif first["type"] == "extra_forbidden":
-        what = f"unknown field (found {first['input']!r})"
+        what = f"unknown field (found {shown(first['input'])})"
     elif first["type"] != "value_error":
-        what = f"{what} (found {first['input']!r})"
+        what = f"{what} (found {shown(first['input'])})"
     more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-    return f"{where}: {what}{more}" if where else f"{what}{more}"
+    return f"{short(where)}: {short(what)}{more}" if where else f"{short(what)}{more}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -11,7 +12,10 @@ import pandas as pd
 from diagnosis.importing.clock import read_stamps
 from diagnosis.importing.mapping import Mapping
 from shared.errors import RecordingError
+from shared.reading import MIB, check_columns, listed, read_text, shown, why
 
+MOST = 1024 * MIB
+"""Bytes of a file of measurements."""
 _TRUE = {"true": "1", "yes": "1", "on": "1", "false": "0", "no": "0", "off": "0"}
 
 
@@ -48,9 +52,7 @@ class Measurements:
             If the file has no such column, or most of it is text or nothing.
         """
         if name not in self.columns:
-            raise RecordingError(
-                f"{where}: {self.path} has no column {name!r}; found {', '.join(map(str, self.columns.columns))}"
-            )
+            raise RecordingError(f"{where}: {self.path} has no column {name!r}; found {listed(self.columns.columns)}")
         text = self.columns[name].str.strip()
         text = text.where(~text.isin(self.missing))
         if self.decimal != ".":
@@ -61,7 +63,7 @@ class Measurements:
         odd = text.notna().to_numpy() & np.isnan(values)
         if odd.sum() > 0.5 * text.notna().sum() or not np.isfinite(values).any():
             example = self.columns[name].iloc[int(np.flatnonzero(odd)[0])] if odd.any() else None
-            found = "is empty" if example is None else f"holds text such as {example!r} in {int(odd.sum())} rows"
+            found = "is empty" if example is None else f"holds text such as {shown(example)} in {int(odd.sum())} rows"
             raise RecordingError(f"{where}: column {name!r} of {self.path} {found}; expected numbers (file.decimal?)")
         if odd.any():
             example = self.columns[name].iloc[int(np.flatnonzero(odd)[0])]
@@ -78,25 +80,24 @@ def read_measurements(path: Path, mapping: Mapping) -> Measurements:
         If the file cannot be read, or its time stamps cannot be understood.
     """
     settings = mapping.file
+    text = read_text(path, RecordingError, "measurements (CSV)", most=MOST, encoding=settings.encoding)
+    check_columns(text, settings.separator, f"{path}", RecordingError)
     try:
         frame = pd.read_csv(
-            path,
+            io.StringIO(text),
             sep=settings.separator,
             skiprows=settings.skip,
-            encoding=settings.encoding,
             dtype=str,
             keep_default_na=False,
             skip_blank_lines=True,
         )
-    except FileNotFoundError:
-        raise RecordingError(f"{path}: no such file; expected measurements (CSV)") from None
-    except (OSError, UnicodeDecodeError, LookupError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
-        raise RecordingError(f"{path}: not readable as CSV ({str(error).splitlines()[0]})") from None
+    except (ValueError, ArithmeticError, LookupError, MemoryError) as error:  # what pandas meets in text that is no CSV
+        raise RecordingError(f"{path}: not readable as CSV ({why(error)})") from None
     frame.columns = frame.columns.str.strip()
     name = mapping.time.column
     if name not in frame:
         raise RecordingError(
-            f"{mapping.path}: time.column: {path} has no column {name!r}; found {', '.join(frame.columns)} "
+            f"{mapping.path}: time.column: {path} has no column {name!r}; found {listed(frame.columns)} "
             f"(separator {settings.separator!r})"
         )
     if len(frame) < 2:

@@ -12,10 +12,10 @@ EDGES = {"slow": 48 * HOUR, "diurnal": 9 * HOUR, "hours": 3 * HOUR, "fast": 0.0}
 """Shortest period of each band [s]; at an edge a band passes half the amplitude. The 12-hour harmonic is diurnal."""
 MEANING = {
     WHOLE: "all periods",
-    "slow": "slower than 2 days",
-    "diurnal": "9 hours to 2 days",
-    "hours": "3 to 9 hours",
-    "fast": "faster than 3 hours",
+    "slow": "periods of more than 2 days",
+    "diurnal": "periods of 9 hours to 2 days",
+    "hours": "periods of 3 to 9 hours",
+    "fast": "periods of less than 3 hours",
 }
 BRIEF = {WHOLE: "all", "slow": "> 2 d", "diurnal": "9 h-2 d", "hours": "3-9 h", "fast": "< 3 h"}
 

@@ -25,6 +25,8 @@ _AS_STRONG = 0.95
 """A cell with fewer conditions is named instead of the strongest from this share of its studentised value on."""
 _OFFSET_SHARE = 1 / 2
 """A mean is named before a variance of its channel from this share of the variance's studentised value on."""
+_SAME = 0.5
+"""Cells of a channel that share this part of the steps at which one or the other holds are one place, named once."""
 _FLOOR = 1e-6
 """Variances below the square of this share of the channel's spread are rounding."""
 
@@ -171,16 +173,21 @@ def _peel(residuals: Residuals, cells: CellTest, holds: np.ndarray, alpha: float
     """Findings, each looked for in what the ones before it leave.
 
     An offset in part of a cell widens the whole, and scatter moves the mean of some hour: a mean is named first, unless
-    its channel's scatter stands out far more.
+    its channel's scatter stands out far more. What holds at nearly the same steps as a cell that was named is not named
+    again, in whatever band: of an excess that is no offset something is left.
     """
     left = residuals.stacked[0].copy()
     floors = [_floor(residuals.stacked[:, k]) for k in cells.channels]
     states = [Regime(r.label, r.rule, np.atleast_2d(r.mask)[:1]) for r in cells.regimes]
+    scatter: dict[int, list[float]] = {}
+    masks = [np.stack([one.mask[0] & holds for one in states]) & np.isfinite(left[k]) for k in cells.channels]
     statistics = np.where(cells.test.kept, cells.test.observed, np.nan)
     t, adjusted = cells.test.t, cells.test.adjusted
+    open_ = np.ones((cells.shape[0], *cells.shape[3:]), dtype=bool)
     found: list[Finding] = []
     while len(found) < most:
         size = np.where(cells.test.kept & (adjusted <= alpha), np.abs(t), -np.inf).reshape(cells.shape)
+        size = np.where(open_[:, None, None], size, -np.inf)
         mean, variance = size.copy(), size.copy()
         mean[:, :, 1], variance[:, :, 0] = -np.inf, -np.inf
         widest = variance.max(axis=(1, 2, 3, 4), keepdims=True)
@@ -191,8 +198,12 @@ def _peel(residuals: Residuals, cells: CellTest, holds: np.ndarray, alpha: float
         top = _simplest(np.flatnonzero(named >= _AS_STRONG * named.max()), named, cells)
         c, _, _, r, w = (int(i) for i in np.unravel_index(top, cells.shape))
         k = cells.channels[c]
-        inside = holds[w] & states[r].mask[0] & np.isfinite(left[k])
-        left[k], amount = _taken_off(left[k], inside, top, float(statistics[top]), residuals.step, cells)
+        inside = masks[c][r, w]
+        if c not in scatter:
+            scatter[c] = _scatter(residuals.stacked[1:, k], residuals.step, floors[c])
+        both = masks[c][..., inside].sum(axis=-1)
+        open_[c] &= both < _SAME * (masks[c].sum(axis=-1) + inside.sum() - both)
+        left[k], amount = _taken_off(left[k], inside, top, float(statistics[top]), residuals.step, cells, scatter[c])
         found.append(_finding(residuals, cells, top, amount, float(t[top]), float(adjusted[top])))
         block = statistics.reshape(cells.shape)
         block[c] = _statistics(left[k][None], states, holds, residuals.step, floors[c])[0]
@@ -201,16 +212,40 @@ def _peel(residuals: Residuals, cells: CellTest, holds: np.ndarray, alpha: float
     return found
 
 
+def _offset(series: np.ndarray, inside: np.ndarray, step: float, scatter: list[float]) -> float:
+    """The offset within a cell [unit] that fits a channel's series (steps,) best, each band weighted by its scatter.
+
+    One band alone would not do: a wave looks in it like an offset that is far larger than the wave.
+    """
+    parts = list(split(series, step).values())[1:] or [series]
+    shapes = list(split(np.where(np.isfinite(series), inside.astype(float), np.nan), step).values())[1:]
+    shapes = shapes or [inside.astype(float)]
+    across = sum(float(np.nansum(a * b)) / v for a, b, v in zip(parts, shapes, scatter, strict=True))
+    return across / sum(float(np.nansum(b * b)) / v for b, v in zip(shapes, scatter, strict=True))
+
+
+def _scatter(values: np.ndarray, step: float, floor: float) -> list[float]:
+    """Variance of each band of a channel's twins (rows, steps), the whole left out unless it is all there is."""
+    parts = list(split(values, step).values())
+    return [max(float(np.nanvar(one)), floor) for one in parts[1:] or parts]
+
+
 def _taken_off(
-    series: np.ndarray, inside: np.ndarray, top: int, value: float, step: float, cells: CellTest
+    series: np.ndarray,
+    inside: np.ndarray,
+    top: int,
+    value: float,
+    step: float,
+    cells: CellTest,
+    scatter: list[float],
 ) -> tuple[np.ndarray, float]:
     """A channel's series (steps,) without the excess of a cell, and the excess [unit]."""
     _, b, s, _, _ = (int(i) for i in np.unravel_index(top, cells.shape))
     usual, peeled = float(cells.test.typical[top]), series.copy()
     if STATISTICS[s] == "mean":
-        amount = (value - usual) / float(cells.share[top])
+        amount, seen = _offset(series, inside, step, scatter), value - usual
         peeled[inside] -= amount
-        return peeled, amount
+        return peeled, seen if cells.bands[b] == WHOLE or amount * seen <= 0 else amount
     part = split(series, step)[cells.bands[b]][inside]
     sd, usual_sd = value**1.5, max(usual, 0.0) ** 1.5
     peeled[inside] += (part - part.mean()) * (usual_sd / sd - 1)

@@ -83,6 +83,8 @@ def scan_episodes(residuals: Residuals, *, alpha: float = 0.05, most: int = 5) -
         # the stretch that was tested and the one peeled differ at their edges: it is not to be found again
         shared = np.minimum(stops, stop) - np.maximum(starts, start)
         open_[c, s] &= shared < _SAME * np.minimum(stops - starts, stop - start)
+        # nor in the other statistic, if it is nearly the same stretch: one place is named once
+        open_[c] &= shared < _SAME * (np.maximum(stops, stop) - np.minimum(starts, start))
         first, last = residuals.time[start] - residuals.step, residuals.time[stop - 1]
         found.append(_finding(residuals, k, STATISTICS[s], amount, float(t[top]), float(adjusted[top]), first, last))
         spans.append((float(first), float(last)))

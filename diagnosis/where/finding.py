@@ -59,10 +59,5 @@ class Finding:
         if self.cell["regime"] != "any":
             words.append(f"while {self.cell['regime']}")
         if self.cell["band"] != WHOLE:
-            words.append(f"seen in what changes {_speed(self.cell['band'])}")
+            words.append(f"over {MEANING[self.cell['band']]}")
         return ", " + ", ".join(words) if words else ", throughout"
-
-
-def _speed(band: str) -> str:
-    meaning = MEANING[band]
-    return meaning if meaning.startswith(("slower", "faster")) else f"within {meaning}"

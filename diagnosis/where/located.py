@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -94,7 +94,7 @@ def locate(
     measured: np.ndarray,
     regimes: Sequence[Regime] = (),
     operators: Sequence[Operator] = (),
-    nuisance: np.ndarray | None = None,
+    left: Callable[[np.ndarray], np.ndarray] | None = None,
     alpha: float = 0.05,
 ) -> Where:
     """Find where a recording differs from its calibrated model by more than the model's own twins do from theirs.
@@ -107,15 +107,16 @@ def locate(
         Recorded outputs, shape (outputs, steps), for the figures of Guideline 14.
     regimes
         From :func:`~diagnosis.where.regimes.find_regimes`.
-    operators, nuisance
-        Responses to missing sources, and to what calibration chose; without operators no source is sought.
+    operators, left
+        Responses to missing sources, and what calibration leaves of series that are added to the outputs (that of
+        operators is left already); without operators no source is sought.
     alpha
         Family-wise level of what is reported.
     """
     cells = scan_cells(residuals, regimes, alpha=alpha)
     episodes = scan_episodes(residuals, alpha=alpha)
     correlations = scan_correlations(residuals, inputs, alpha=alpha)
-    sources = scan_sources(residuals, operators, nuisance, alpha=alpha) if operators else None
+    sources = scan_sources(residuals, operators, left=left, alpha=alpha) if operators else None
     tests = {
         "cells": cells.test,
         "correlations": correlations.test if correlations is not None else None,

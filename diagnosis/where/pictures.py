@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
@@ -17,17 +19,23 @@ from diagnosis.where.series import HOUR, Residuals
 _UNTESTED = "#dddddd"
 
 
-def draw_cells(residuals: Residuals, cells: CellTest, *, alpha: float = 0.05) -> Figure:
-    """Offsets by hour and state, and scatter by speed and state: a row of two panels for each channel."""
+def draw_cells(
+    residuals: Residuals, cells: CellTest, *, only: Collection[str] | None = None, alpha: float = 0.05
+) -> Figure:
+    """Offsets by hour and state, and scatter by speed and state: a row of two panels for each channel.
+
+    ``only``: names of the channels that are drawn; all of them if not given.
+    """
     rows = _rows(cells)
+    drawn = [c for c, k in enumerate(cells.channels) if only is None or residuals.names[k] in only]
     tall = 0.21 * len(rows) + 1.15
-    figure = Figure(figsize=(12.5, tall * len(cells.channels) + 0.9), layout="constrained")
+    figure = Figure(figsize=(12.5, tall * len(drawn) + 0.9), layout="constrained")
     panels = figure.subplots(
-        len(cells.channels), 2, squeeze=False, gridspec_kw={"width_ratios": [2.9, len(cells.bands) * 0.28 + 0.2]}
+        len(drawn), 2, squeeze=False, gridspec_kw={"width_ratios": [2.9, len(cells.bands) * 0.28 + 0.2]}
     )
-    for c in range(len(cells.channels)):
-        _draw_offsets(figure, panels[c, 0], residuals, cells, c, rows, alpha)
-        _draw_scatter(figure, panels[c, 1], cells, c, rows, alpha)
+    for row, c in enumerate(drawn):
+        _draw_offsets(figure, panels[row, 0], residuals, cells, c, rows, alpha)
+        _draw_scatter(figure, panels[row, 1], cells, c, rows, alpha)
     figure.suptitle(
         "Where measurement and calibrated model differ\n"
         "Left: red measured higher, blue lower.  Right: red more scatter than in twins without a gap, blue less.\n"

@@ -65,9 +65,16 @@ def studentise(statistics: np.ndarray) -> np.ndarray:
     rows = len(statistics)
     apart = statistics - statistics.mean(axis=0)
     total = np.einsum("ij,ij->j", apart, apart)
-    others = np.maximum(total - apart**2 * (rows / (rows - 1)), 1e-12 * total)
+    # in place: there are tens of millions of these numbers
+    others = apart**2
+    others *= -(rows / (rows - 1))
+    others += total
+    np.maximum(others, 1e-12 * total, out=others)
+    np.sqrt(others, out=others)
+    apart *= rows / (rows - 1) * np.sqrt(rows - 2)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return apart * (rows / (rows - 1)) / np.sqrt(others / (rows - 2))
+        apart /= others
+    return apart
 
 
 def max_test(statistics: np.ndarray, sides: Sides = "both") -> MaxTest:
@@ -83,20 +90,21 @@ def max_test(statistics: np.ndarray, sides: Sides = "both") -> MaxTest:
     """
     statistics = np.asarray(statistics, dtype=float)
     observed, kept = statistics[0], np.isfinite(statistics).all(axis=0)
-    size = np.abs(np.where(kept, statistics, 0.0)).max(axis=0)
-    kept &= np.ptp(np.where(kept, statistics, 0.0), axis=0) > 1e-12 * size
+    used = statistics[:, kept]
+    least, most = (used.min(axis=0), used.max(axis=0)) if used.size else (np.empty(0), np.empty(0))
+    moved = most - least > 1e-12 * np.maximum(most, -least)
+    kept[kept] = moved
+    used, reach = (used if moved.all() else used[:, moved]), (most - least)[moved]
     cells = statistics.shape[1]
     typical, spread, t = (np.full(cells, np.nan) for _ in range(3))
     maxima = np.full(len(statistics), -np.inf)
     if kept.any():
-        typical[kept] = statistics[1:, kept].mean(axis=0)
-        spread[kept] = statistics[1:, kept].std(axis=0, ddof=1)
+        typical[kept] = used[1:].mean(axis=0)
         # twins that all agree still have a floor below them, or a cell would be infinitely significant
-        floor = 1e-6 * np.ptp(statistics[:, kept], axis=0)
-        spread[kept] = np.maximum(spread[kept], floor)
-        rows = studentise(statistics[:, kept])
+        spread[kept] = np.maximum(used[1:].std(axis=0, ddof=1), 1e-6 * reach)
+        rows = studentise(used)
         t[kept] = rows[0]
-        maxima = (np.abs(rows) if sides == "both" else rows).max(axis=1)
+        maxima = rows.max(axis=1) if sides == "upper" else np.maximum(rows.max(axis=1), -rows.min(axis=1))
     return MaxTest(observed, typical, spread, t, _adjusted(t, maxima, kept, sides), kept, maxima, sides)
 
 

@@ -7,7 +7,7 @@ says which is the better.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -124,7 +124,12 @@ class SourceTest:
 
 
 def scan_sources(
-    residuals: Residuals, operators: Sequence[Operator], nuisance: np.ndarray | None = None, *, alpha: float = 0.05
+    residuals: Residuals,
+    operators: Sequence[Operator],
+    nuisance: np.ndarray | None = None,
+    *,
+    left: Callable[[np.ndarray], np.ndarray] | None = None,
+    alpha: float = 0.05,
 ) -> SourceTest:
     """Invert the residuals of recording and twins for every source, and weigh sources against sensors.
 
@@ -134,6 +139,9 @@ def scan_sources(
         One for each source.
     nuisance
         See :func:`~diagnosis.where.whitened.whitened`.
+    left
+        What calibration leaves of a series on the outputs, (outputs, steps, n) in and out: it has already been applied
+        to the residuals and the operators' responses, and is to the sensors' errors. Without it those are as they are.
     """
     white = whitened(residuals, nuisance)
     grouped = [_grouped(one) for one in operators]
@@ -148,7 +156,7 @@ def scan_sources(
         pulses.append(levels.reshape(len(levels), -1))
         tau = taus[best, 0] or smooth[best].tau_for(SHARES[0])
         sources.append((one, smooth[best], tau, _roughness(rough)))
-    sensors = _sensor_gains(residuals, white, grouped[0].edges)
+    sensors = _sensor_gains(residuals, white, grouped[0].edges, left)
     gains_of_all = np.stack([*source_gains, *sensors.values()], axis=1)
     whole = max_test(np.sqrt(gains_of_all), sides="upper")
     pulse_test = max_test(np.concatenate(pulses, axis=1))
@@ -205,13 +213,16 @@ def _problems(white: Whitened, response: np.ndarray, edges: np.ndarray, memories
     return [decompose(white.rows, response, centres, memory) for memory in memories]
 
 
-def _sensor_gains(residuals: Residuals, white: Whitened, edges: np.ndarray) -> dict[int, np.ndarray]:
+def _sensor_gains(
+    residuals: Residuals, white: Whitened, edges: np.ndarray, left: Callable[[np.ndarray], np.ndarray] | None
+) -> dict[int, np.ndarray]:
     """Gains (rows,) by output of an error on that output alone, as free to move as a source is."""
     within = (residuals.middle[:, None] > edges[:-1]) & (residuals.middle[:, None] <= edges[1:])
     found = {}
     for k in white.channels:
         alone = np.zeros((len(residuals.names), *within.shape))
         alone[k] = within
+        alone = alone if left is None else left(alone)
         problems = _problems(white, white.response(alone), edges, MEMORIES)
         found[k] = np.max([p.gains()[0] for p in problems], axis=0)
     return found

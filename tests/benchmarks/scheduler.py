@@ -104,7 +104,7 @@ def scaling(rounds: int, systems: int) -> None:
 
 def scheduling(shards: int) -> float:
     job = "x" * 10_000  # what a real job weighs
-    with connect(workers=2, quiet=True) as client:
+    with connect(workers=2) as client:
         list(Dispatcher(client, nothing, lambda n: (n, job), iter(range(50))))
         began = time.perf_counter()
         count = sum(1 for _ in Dispatcher(client, nothing, lambda n: (n, job), iter(range(shards))))

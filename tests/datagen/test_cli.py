@@ -8,7 +8,8 @@ import pytest
 import xarray as xr
 
 from datagen.cli import app
-from shared.console import FAULT, OK, USAGE, start
+from shared.console import FAULT, OK, PARTLY, USAGE, start
+from shared.store import Manifest
 
 
 def run(*words):
@@ -29,8 +30,12 @@ def test_simulate_sets_parameters_in_both_spellings(default_system, tmp_path, ca
 
 def test_farm_commands_work_together(default_system, tmp_path, capsys):
     folder = tmp_path / "ds"
-    words = ["--systems", 2, "--hours", 24, "--workers", 1, "--quiet"]
+    words = ["--systems", 2, "--hours", 24, "--workers", 1, "--quiet", "--log", tmp_path / "log.jsonl"]
     assert run("run", default_system.path, "--out", folder, *words) == OK
+    assert capsys.readouterr() == ("", "")
+    lines = [json.loads(line) for line in (tmp_path / "log.jsonl").read_text().splitlines()]
+    assert [line["systems"] for line in lines if line["message"] == "shard shard-000000.nc"] == [[0, 1]]
+    assert [line["workers"] for line in lines if "dashboard" in line] == [1]
     assert run("info", folder, "--json") == OK
     found = json.loads(capsys.readouterr().out)
     assert found["systems_done"] == 2
@@ -39,6 +44,16 @@ def test_farm_commands_work_together(default_system, tmp_path, capsys):
     (folder / "shards" / "shard-000000.nc").write_bytes(b"rubbish")
     assert run("verify", folder) == FAULT
     assert "shard-000000.nc" in capsys.readouterr().out
+
+
+def test_a_dataset_without_some_systems_has_an_exit_code_of_its_own(default_system, tmp_path, capsys, monkeypatch):
+    manifest = Manifest(
+        **{"system_name": "x", "system_hash": "x", "system": "x", "fmu_sha256": "x", "root_seed": 0, "shard_size": 10},
+        **{"systems": 3, "settings": {}, "versions": {}},
+    )
+    monkeypatch.setattr("datagen.farm.run", lambda *_, **__: manifest)
+    assert run("run", default_system.path, "--out", tmp_path / "ds") == PARTLY
+    assert "3 failed: see" in capsys.readouterr().out
 
 
 @pytest.mark.slow

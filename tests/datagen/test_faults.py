@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -10,6 +11,7 @@ import pytest
 
 from datagen import mending, run, verify
 from datagen.lock import FolderLock
+from shared.console import ENDED, STOPPED
 from shared.errors import DatasetError, SimulationError
 from shared.store import DatasetFolder, read_manifest, write_manifest
 from tests.datagen.faults import alive, family_of, farm, faulty, finish, hashes, kill, shards_in, wait_for, workers_of
@@ -42,7 +44,7 @@ def whole(good, tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("victim", ["client", "worker", "interrupt"])
+@pytest.mark.parametrize("victim", ["client", "worker", "interrupt", "terminate"])
 def test_killed_and_run_again_it_is_the_same(good, whole, tmp_path, victim):
     process = farm(good, "--out", tmp_path / "ds", *WORDS)
     wait_for(lambda: len(shards_in(tmp_path / "ds")) >= 3 or process.poll() is not None)
@@ -50,11 +52,12 @@ def test_killed_and_run_again_it_is_the_same(good, whole, tmp_path, victim):
     if victim == "client":
         kill(process.pid)
         finish(process)
-    elif victim == "interrupt":
-        os.killpg(process.pid, signal.SIGINT)
+    elif victim in ("interrupt", "terminate"):  # a terminal interrupts all processes, a queue ends the one it knows
+        os.killpg(process.pid, signal.SIGINT) if victim == "interrupt" else os.kill(process.pid, signal.SIGTERM)
         code, said = finish(process)
-        assert code == 130, said
-        assert "the same command goes on from there" in said, said
+        assert code == {"interrupt": STOPPED, "terminate": ENDED}[victim], said
+        again = shlex.join(["datagen", "run", *map(str, [good, "--out", tmp_path / "ds", *WORDS])])
+        assert f"what was finished is kept, and this goes on from there:\n  {again}\n" in said, said
         assert "Traceback" not in said, said
     else:
         kill(workers_of(process.pid)[0])

@@ -182,7 +182,7 @@ CONNECT = """
 import sys
 from datagen.cluster import ClusterError, connect
 try:
-    with connect(scheduler=sys.argv[1], quiet=True):
+    with connect(scheduler=sys.argv[1]):
         print("in")
 except ClusterError as error:
     print("refused:", error)

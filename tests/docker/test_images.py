@@ -12,6 +12,7 @@ import xarray as xr
 
 from tests.docker.compose import image_file
 from tests.docker.images import ROOT, build, context, read
+from tests.packaging.wheels import PROMISES, index_answers
 
 IMAGES = ("datagen", "trainer")
 RECIPE = ROOT / "fmus" / "modelica" / "Dockerfile"
@@ -88,8 +89,7 @@ def built(request, tmp_path_factory):
         python = sys._base_executable
     if python is None:
         pytest.skip(f"the image has Python {described.python}, and there is none on the PATH")
-    asked = [sys.executable, "-m", "pip", "index", "versions", "setuptools"]
-    if subprocess.run(asked, capture_output=True, timeout=600).returncode:
+    if not index_answers():
         pytest.skip("pip reaches no index that has setuptools, so it cannot install anything")
     return build(described, tmp_path_factory.mktemp(request.param) / "root", python)
 
@@ -103,12 +103,9 @@ def test_the_steps_install_what_the_image_is_for(built, tmp_path, record_propert
         "python", "-c", "import importlib.metadata as m; print(*(d.name for d in m.distributions()))", cwd=tmp_path
     )
     installed = {one.lower().replace("_", "-") for one in done.stdout.split()}
-    absent, present = {
-        "datagen": ({"torch", "safetensors", "zuko", "optuna"}, {"fmpy", "distributed", "numba", "bokeh"}),
-        "trainer": ({"fmpy", "dask", "distributed", "numba", "llvmlite", "pvlib"}, {"torch", "safetensors", "zuko"}),
-    }[name]
-    assert present <= installed and not absent & installed
-    tools = {"pip", "setuptools", "pytest", "ziglang", "cmake"}
+    promise = PROMISES[name]
+    assert promise.present <= installed and not promise.absent & installed
+    tools = {"pip", "setuptools", "cmake"}
     # torch itself requires setuptools
     assert tools & installed <= ({"setuptools"} if name == "trainer" else set())
     where = built.run("python", "-c", "import shared; print(shared.__file__)", cwd=tmp_path).stdout

@@ -132,6 +132,9 @@ def test_broken_shards_are_named(folder):
 def test_shard_of_another_system_is_refused(folder):
     with netCDF4.Dataset(folder / "shards" / "shard-000000.nc", "a") as shard:
         shard.system_hash = "f" * 64
+    manifest = read_manifest(folder)
+    manifest.shards[0].sha256 = sha256_of(folder / "shards" / "shard-000000.nc")
+    write_manifest(folder, manifest)
     with pytest.raises(DatasetError, match="another system"):
         DatasetFolder(folder).load()
 

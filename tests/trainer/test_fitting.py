@@ -218,3 +218,33 @@ def test_a_missing_or_damaged_shard_is_named(tmp_path, damage, words):
     with pytest.raises(DatasetError, match=rf"001\.nc: .*{words}"):
         fit(dataset, tmp_path / "run", model="mean")
     assert not (tmp_path / "run").exists()
+
+
+def test_a_training_begins_with_the_weights_of_another(tanks, tmp_path):
+    options = SMALL | {"patch": 12}
+    first = fit(tanks, tmp_path / "first", model="multiscale-transformer", options=options, steps=3)
+    again = fit(
+        *(tanks, tmp_path / "again"),
+        model="regression-transformer",
+        options=options | {"views": 1},
+        steps=1,
+        lr=1e-12,
+        begin_with=tmp_path / "first",
+    )
+    assert again.card.begun_with == first.card.weights_sha256
+    assert first.card.begun_with is None
+    given, kept = first.model.state_dict(), again.model.state_dict()
+    for name, weight in given.items():
+        torch.testing.assert_close(kept[name], weight, atol=1e-6, rtol=1e-5)
+    assert again.card.training.validation_loss == pytest.approx(first.card.training.validation_loss, rel=1e-4)
+
+
+def test_weights_of_another_kind_are_not_taken_over(tanks, tmp_path):
+    options = SMALL | {"patch": 12}
+    first = fit(tanks, tmp_path / "first", model="multiscale-transformer", options=options, steps=1)
+    with pytest.raises(EstimatorError, match="first: length is 48; expected 24, as in this training"):
+        fit(tanks, tmp_path / "a", model=first.card.model, options=options, context_hours=12, begin_with=first.folder)
+    with pytest.raises(EstimatorError, match=r"position has shape \(4, 16\); expected \(8, 16\)"):
+        fit(tanks, tmp_path / "b", model=first.card.model, options=options | {"patch": 6}, begin_with=first.folder)
+    with pytest.raises(EstimatorError, match="expected no such weights"):
+        fit(tanks, tmp_path / "c", model="lstm", begin_with=first.folder)

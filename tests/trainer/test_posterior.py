@@ -252,8 +252,8 @@ def cut(folder):
         (lambda f: spoil(f, "posterior.json", schema_version=9), "schema version is 9; this version .* reads up to 1"),
         (lambda f: spoil(f, "posterior.json", gain="much"), "damaged: gain"),
         (lambda f: spoil(f, "posterior.json", context=3), "does not fit posterior.json"),
-        (lambda f: (f / "posterior.json").write_text("{"), "damaged, not valid JSON"),
-        (lambda f: (f / "posterior.safetensors").unlink(), "cannot be read"),
+        (lambda f: (f / "posterior.json").write_text("{"), "posterior.json: not valid JSON"),
+        (lambda f: (f / "posterior.safetensors").unlink(), "no such file; expected weights"),
         (cut, "damaged, or not the weights that posterior.json describes"),
     ],
 )

@@ -126,7 +126,7 @@ def test_what_cannot_be_searched_is_told(tanks, tmp_path):
         tune(tanks, tmp_path, model="ridge")
     with pytest.raises(EstimatorError, match="trials: is 0"):
         tune(tanks, tmp_path, trials=0)
-    with pytest.raises(EstimatorError, match="no such file; `trainer tune` writes one"):
+    with pytest.raises(EstimatorError, match="no such file; expected a file of `trainer tune`"):
         read_options(tmp_path / "none.json")
     (tmp_path / "bad.json").write_text('{"options": {}}')
     with pytest.raises(EstimatorError, match=r"bad\.json: model: Field required; expected a file of `trainer tune`"):

@@ -8,9 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from shared.errors import EstimatorError
 from shared.metrics import bootstrap_by_system, r2, relative_accuracy
+from shared.reading import read_json, validated
 from trainer.benchmarking.conditions import Condition
-from trainer.benchmarking.job import DONE, FAILED, Done, is_done
+from trainer.benchmarking.job import FAILED, is_done, read_done
 from trainer.benchmarking.planning import Plan
 from trainer.checkpoint import Training, read_card
 from trainer.evaluation import LEVEL
@@ -76,7 +78,8 @@ class Finding:
 
 def read_evaluation(folder: Path) -> Evaluation:
     """``evaluation.json`` of a run folder."""
-    return Evaluation.model_validate_json((folder / "evaluation.json").read_text(encoding="utf-8"))
+    path, expected = folder / "evaluation.json", "a file of `trainer evaluate`"
+    return validated(Evaluation, read_json(path, EstimatorError, expected), f"{path}", EstimatorError, expected)
 
 
 def gather(plan: Plan, condition: Condition) -> Finding | None:
@@ -88,7 +91,7 @@ def gather(plan: Plan, condition: Condition) -> Finding | None:
     cards = [read_card(folder) for folder in folders]
     evaluation = read_evaluation(folders[0])
     answers = [read_answers(folder) for folder in folders]
-    done = [Done.model_validate_json((folder / DONE).read_text(encoding="utf-8")) for folder in folders]
+    done = [read_done(folder) for folder in folders]
     protocols = {
         name: scores_of([one[name] for one in answers], evaluation.protocols[name].systems_trained_on)
         for name in answers[0]
@@ -148,5 +151,5 @@ def failures(plan: Plan) -> list[str]:
     for fit in plan.fits:
         path = plan.folder(fit) / FAILED
         if path.exists():
-            found.append(f"{fit.title()}: {path.read_text(encoding='utf-8').strip()}")
+            found.append(f"{fit.title()}: {path.read_text(encoding='utf-8', errors='replace').strip()}")
     return found

@@ -15,6 +15,7 @@ import torch
 from pydantic import BaseModel, ConfigDict
 
 from shared.errors import EstimatorError, ZeroshotError
+from shared.reading import M, read_json, validated
 from shared.store import write_atomically
 from trainer.benchmarking.conditions import Fit
 from trainer.checkpoint import CARD, load_run, make_folder
@@ -37,9 +38,25 @@ class Done(BaseModel):
 def is_done(folder: Path, fit: Fit) -> bool:
     """Whether a run folder holds this fit, finished and scored."""
     try:
-        return Done.model_validate_json((folder / DONE).read_text(encoding="utf-8")).fit == fit
-    except (OSError, ValueError):
+        return read_done(folder).fit == fit
+    except EstimatorError:
         return False
+
+
+def read_done(folder: Path) -> Done:
+    """``done.json`` of a run folder.
+
+    Raises
+    ------
+    EstimatorError
+        If there is none.
+    """
+    return _read(Done, folder / DONE)
+
+
+def _read(kind: type[M], path: Path) -> M:
+    expected = "a file of `trainer benchmark`"
+    return validated(kind, read_json(path, EstimatorError, expected), f"{path}", EstimatorError, expected)
 
 
 def do(dataset: Path, folder: Path, fit: Fit, ceiling: Path | None) -> None:
@@ -101,7 +118,7 @@ def main(arguments: list[str]) -> int:
     ceiling = Path(arguments[2]) if len(arguments) > 2 else None
     threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
-        do(dataset, folder, Fit.model_validate_json((folder / SPEC).read_text(encoding="utf-8")), ceiling)
+        do(dataset, folder, _read(Fit, folder / SPEC), ceiling)
     except ZeroshotError:
         return 1
     return 0

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from shared.errors import EstimatorError
+from shared.reading import read_json, shown
 from shared.store import DatasetFolder
 from trainer.benchmarking.conditions import Budget, Condition, Fit
-from trainer.benchmarking.job import DONE, Done, is_done
+from trainer.benchmarking.job import is_done, read_done
 from trainer.benchmarking.parts import Ground, Part, make_parts
 from trainer.data import load_records, rows_of
 from trainer.models import estimator_class
@@ -56,7 +56,7 @@ class Plan:
         found = []
         for fit in self.fits:
             if is_done(self.folder(fit), fit):
-                done = Done.model_validate_json((self.folder(fit) / DONE).read_text(encoding="utf-8"))
+                done = read_done(self.folder(fit))
                 iterates = estimator_class(fit.condition.model).iterates
                 found.append(max(0.0, done.seconds - (budget if iterates else 0)))
         return found
@@ -141,10 +141,9 @@ def _check_identity(plan: Plan) -> None:
     path = plan.out / IDENTITY
     if not path.exists():
         return
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise EstimatorError(f"{path}: damaged ({error}); choose another folder") from None
+    found = read_json(path, EstimatorError, "what `trainer benchmark` wrote; choose another folder")
+    if not isinstance(found, dict):
+        raise EstimatorError(f"{path}: is {shown(found)}; expected a table; choose another folder")
     for name, value in plan.identity.items():
         if found.get(name) != value:
             raise EstimatorError(

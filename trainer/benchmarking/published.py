@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 
 from shared.errors import EstimatorError
+from shared.reading import read_json, validated
 
 
 class _Table(BaseModel):
@@ -55,13 +56,5 @@ def read_published(path: Path | None) -> Published:
     """
     if path is None:
         return Published()
-    try:
-        return Published.model_validate_json(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise EstimatorError(f"{path}: no such file; expected published figures as JSON") from None
-    except ValidationError as error:
-        first = error.errors()[0]
-        field = ".".join(str(part) for part in first["loc"])
-        raise EstimatorError(f"{path}: {field}: {first['msg']}; expected published figures as JSON") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise EstimatorError(f"{path}: cannot be read ({error}); expected published figures as JSON") from None
+    expected = "published figures as JSON"
+    return validated(Published, read_json(path, EstimatorError, expected), f"{path}", EstimatorError, expected)

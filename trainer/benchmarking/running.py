@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from filelock import FileLock, Timeout
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from shared.errors import EstimatorError, ZeroshotError
+from shared import children
+from shared.errors import EstimatorError, IncompleteError, ZeroshotError
+from shared.logs import fields, logger
+from shared.progress import progress_bar
 from shared.store import write_atomically
 from trainer.benchmarking.conditions import Fit
 from trainer.benchmarking.gathering import read_evaluation
@@ -24,6 +25,7 @@ from trainer.benchmarking.planning import IDENTITY, Plan, make_plan
 from trainer.benchmarking.published import read_published
 from trainer.checkpoint import make_folder, read_card
 
+_log = logger(__name__)
 POLL_SECONDS = 0.2
 
 
@@ -82,8 +84,9 @@ def benchmark(
     Raises
     ------
     EstimatorError
-        If an argument is wrong, or another benchmark is at work in ``out``; or, when all else is done and written, if a
-        fit failed.
+        If an argument is wrong, or another benchmark is at work in ``out``.
+    IncompleteError
+        When all else is done and written, if a fit failed.
     DatasetError
         If the dataset cannot be used.
     """
@@ -114,7 +117,7 @@ def benchmark(
         raise EstimatorError(f"{plan.out}: another benchmark is at work in it") from None
     if failed:
         first, why = next(iter(failed.items()))
-        raise EstimatorError(f"{len(failed)} of {len(plan.fits)} fits failed; the first: {first}: {why}")
+        raise IncompleteError(f"{len(failed)} of {len(plan.fits)} fits failed; the first: {first}: {why}")
     return page
 
 
@@ -123,27 +126,19 @@ def run_fits(plan: Plan, progress: bool) -> dict[str, str]:
     left = plan.left()
     work = _in_processes if plan.workers > 1 else _in_turn
     failed: dict[str, str] = {}
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("{task.fields[left]}"),
-    )
-    console = Console(stderr=True, highlight=False)
-    begin = time.monotonic()
-    with Progress(*columns, console=console, disable=not progress) as bar:
-        task = bar.add_task("fits", total=len(plan.fits), completed=len(plan.fits) - len(left), left="")
-        for count, (fit, why) in enumerate(work(plan, left, lambda text: bar.update(task, description=text)), start=1):
-            spent = time.monotonic() - begin
-            rest = spent / count * (len(left) - count) / 60
-            bar.update(task, advance=1, left=f"about {rest:.0f} min left")
+    done = len(plan.fits) - len(left)
+    with progress_bar("fits", len(plan.fits), done=done, shown=progress) as bar:
+        for count, (fit, why) in enumerate(work(plan, left, lambda text: bar.update(title=text)), start=done + 1):
+            bar.update(count)
             if why:
                 failed[fit.title()] = why
-            if progress:
-                number = len(plan.fits) - len(left) + count
-                line = f"[{number}/{len(plan.fits)}] {fit.title()}: {why or summary(plan, fit)}"
-                console.print(line, markup=False, soft_wrap=True)
+            line = f"[{count}/{len(plan.fits)}] {fit.title()}: {why or summary(plan, fit)}"
+            _log.log(
+                logging.WARNING if why else logging.INFO,
+                "%s",
+                line,
+                extra=fields(run=str(plan.folder(fit)), failed=why),
+            )
     return failed
 
 
@@ -192,13 +187,14 @@ def _start(plan: Plan, fit: Fit, environment: dict[str, str]) -> subprocess.Pope
     make_folder(folder)
     write_atomically(folder / SPEC, (fit.model_dump_json(indent=1) + "\n").encode())
     paths = [plan.dataset, folder] + ([plan.ceiling] if plan.ceiling else [])
-    command = [sys.executable, "-m", "trainer.benchmarking.job", *(str(path.resolve()) for path in paths)]
+    words = children.command("trainer.benchmarking.job", *(str(path.resolve()) for path in paths))
+    alone = children.environment(environment)
     # the pipe is what tells the child when this process is gone, however it went
     with open(folder / "log.txt", "wb") as log:
-        return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=log, stderr=log, env=environment)
+        return subprocess.Popen(words, stdin=subprocess.PIPE, stdout=log, stderr=log, env=alone)
 
 
 def _why(folder: Path, code: int) -> str:
     if (folder / FAILED).exists():
-        return (folder / FAILED).read_text(encoding="utf-8").strip()
+        return (folder / FAILED).read_text(encoding="utf-8", errors="replace").strip()
     return f"its process ended with code {code}; {folder / 'log.txt'} holds what it said"

@@ -12,6 +12,7 @@ import numpy as np
 from trainer.benchmarking.gathering import Finding, Scores
 from trainer.benchmarking.parts import Part
 from trainer.benchmarking.published import Published
+from trainer.tables import markdown_table
 
 NONE = "-"
 
@@ -25,12 +26,6 @@ def score(scores: Scores, k: int) -> str:
     """Mean over seeds, spread over seeds, interval by system."""
     spread = "" if math.isnan(scores.sd[k]) else f" ± {number(float(scores.sd[k]))}"
     return f"{number(float(scores.mean[k]))}{spread} [{number(scores.low[k], 2)}, {number(scores.high[k], 2)}]"
-
-
-def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A Markdown table."""
-    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
-    return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)])
 
 
 def main_table(part: Part, findings: Sequence[Finding | None], published: Published) -> str:

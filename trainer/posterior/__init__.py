@@ -9,8 +9,7 @@ The names are looked up when first used: they import torch, and the command line
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import Any
+from shared.lazy import lazily
 
 __all__ = ["Posterior", "calibration", "fit_posterior", "load_posterior"]
 
@@ -21,8 +20,4 @@ _HOMES = {
     "load_posterior": "trainer.posterior.checkpoint",
 }
 
-
-def __getattr__(name: str) -> Any:
-    if name in _HOMES:
-        return getattr(import_module(_HOMES[name]), name)
-    raise AttributeError(f"module 'trainer.posterior' has no attribute {name!r}")
+__getattr__ = lazily(__name__, _HOMES)

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
-from pydantic import BaseModel, ConfigDict, ValidationError
-from safetensors import SafetensorError
-from safetensors.torch import load as load_tensors
+from pydantic import BaseModel, ConfigDict
 from safetensors.torch import save as save_tensors
 
 from shared.errors import EstimatorError
+from shared.reading import read_json, validated
 from shared.store import Records, sha256_of, write_atomically
 from trainer.checkpoint import Run, Systems
 from trainer.posterior.flow import PosteriorFlow
 from trainer.posterior.inference import Posterior
 from trainer.posterior.prior import Prior
+from trainer.weights import check_card_version, load_weights
 
 SCHEMA_VERSION = 1
 CARD = "posterior.json"
@@ -94,36 +92,22 @@ def load_posterior(run: Run) -> Posterior | None:
             f"{run.folder / CARD}: was fitted to the estimator {card.estimator_sha256[:12]};"
             f" this one is {run.card.weights_sha256[:12]}: fit the posterior again"
         )
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise EstimatorError(f"{path}: cannot be read ({error.strerror}); fit the posterior again") from None
-    if sha256_of(path) != card.weights_sha256:
-        raise EstimatorError(f"{path}: damaged, or not the weights that {CARD} describes; fit the posterior again")
-    try:
-        with torch.random.fork_rng(devices=[]):  # initial weights must not use up the host's random numbers
-            flow = PosteriorFlow(len(card.logarithmic), card.context, len(card.lengths), **card.options)
-        flow.load_state_dict(load_tensors(data))
-    except (SafetensorError, RuntimeError, TypeError) as error:
-        reason = str(error).strip().splitlines()[0]
-        raise EstimatorError(f"{path}: does not fit {CARD} ({reason}); fit the posterior again") from None
+    if len(card.logarithmic) != len(run.card.encoding.parameters):
+        raise EstimatorError(
+            f"{run.folder / CARD}: has {len(card.logarithmic)} parameters; expected the estimator's"
+            f" {len(run.card.encoding.parameters)}: fit the posterior again"
+        )
+    flow = load_weights(
+        path,
+        card.weights_sha256,
+        CARD,
+        "fit the posterior again",
+        lambda: PosteriorFlow(len(card.logarithmic), card.context, len(card.lengths), **card.options),
+    )
     return Posterior(run, card, flow, prior_of(run, card.logarithmic))
 
 
 def _read_card(path: Path) -> PosteriorCard:
-    try:
-        raw = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise EstimatorError(f"{path}: damaged, not valid JSON ({error}); fit the posterior again") from None
-    version = raw.get("schema_version") if isinstance(raw, dict) else None
-    if not isinstance(version, int):
-        raise EstimatorError(f"{path}: schema_version is missing; expected a file made by `trainer posterior`")
-    if version > SCHEMA_VERSION:
-        raise EstimatorError(
-            f"{path}: schema version is {version}; this version of zeroshot-fmu reads up to {SCHEMA_VERSION}: update it"
-        )
-    try:
-        return PosteriorCard.model_validate(raw)
-    except ValidationError as error:
-        first = error.errors()[0]
-        raise EstimatorError(f"{path}: damaged: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+    raw = read_json(path, EstimatorError, "a file of `trainer posterior`; fit the posterior again")
+    check_card_version(path, raw, SCHEMA_VERSION, "trainer posterior")
+    return validated(PosteriorCard, raw, f"{path}: damaged", EstimatorError)

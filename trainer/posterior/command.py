@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
-from rich.console import Console
 
 from shared.console import new_console
+from shared.logs import USUAL, Reporting, logger
+
+_log = logger(__name__)
 
 
 def posterior(
@@ -24,6 +26,7 @@ def posterior(
     seed: int = 0,
     threads: int = 1,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
+    report: Reporting = USUAL,
 ) -> None:
     """Fit a posterior to an estimator: from then on `trainer predict` gives intervals and samples.
 
@@ -64,13 +67,12 @@ def posterior(
         seed=seed,
         threads=threads,
         overwrite=overwrite,
-        progress=True,
+        progress=not report.quiet,
     ).card
-    Console(stderr=True).print(
-        f"{run}: posterior from {card.fitting_windows} windows of {len(card.fitting_systems.indices)} systems,"
-        f" calibrated by {len(card.calibration_systems.indices)} others; {card.gain:.2f} nat above the prior,"
-        f" {card.seconds:.0f} s",
-        highlight=False,
+    _log.info(
+        "%s: posterior from %d windows of %d systems, calibrated by %d others; %.2f nat above the prior, %.0f s",
+        *(run, card.fitting_windows, len(card.fitting_systems.indices), len(card.calibration_systems.indices)),
+        *(card.gain, card.seconds),
     )
 
 

@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 import torch
 import zuko
-from rich.console import Console
-from rich.progress import track
 
 import shared
 from shared.errors import EstimatorError
+from shared.logs import fields, logger
+from shared.progress import tracked
 from shared.store import DatasetFolder
 from trainer.checkpoint import Run, Systems, load_run
 from trainer.data import load_records, rows_of
@@ -34,6 +34,7 @@ from trainer.posterior.inference import Posterior
 from trainer.posterior.prior import Prior
 from trainer.posterior.tempering import temper
 
+_log = logger(__name__)
 BATCH = 256
 LR = 1e-3
 WEIGHT_DECAY = 1e-2
@@ -189,7 +190,7 @@ def train_flow(
     prior = torch.distributions.Normal(0.0, 1.0).log_prob(held_out.z).sum(dim=1).mean().item()
     best, best_epoch, kept, epoch = -math.inf, 0, copy.deepcopy(flow.state_dict()), 0
     numbers = range(1, epochs + 1)
-    for epoch in track(numbers, "posterior", console=Console(stderr=True)) if progress else numbers:
+    for epoch in tracked(numbers, "posterior", shown=progress):
         flow.train()
         for chosen in torch.randperm(len(fit_to.z)).split(BATCH):
             loss = -flow.raw_log_prob(fit_to.context[chosen], fit_to.z[chosen]).mean()
@@ -199,6 +200,7 @@ def train_flow(
             optimiser.step()
             schedule.step()
         gain = mean_log_prob(flow, held_out) - prior
+        _log.debug("epoch %d: %.3f nat above the prior", epoch, gain, extra=fields(epoch=epoch, gain=gain))
         if not math.isfinite(gain):
             raise EstimatorError(f"the posterior's density is not a number in epoch {epoch}; try another seed")
         if gain > best:

@@ -7,14 +7,14 @@ import io
 from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict
-from rich import box
 from rich.table import Table
 
 from shared.store import write_atomically
+from trainer.tables import Row, markdown_table
+from trainer.tables import terminal_table as plain_table
 
 LEVELS = (0.5, 0.8, 0.9, 0.95)
 """Of the central intervals."""
-Row = tuple[str, ...]
 
 
 class _Table(BaseModel):
@@ -135,13 +135,7 @@ def _title(result: Calibration) -> str:
 
 def terminal_table(result: Calibration) -> Table:
     """The table for the terminal."""
-    header, rows = table_rows(result)
-    table = Table(title=_title(result), box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for k, name in enumerate(header):
-        table.add_column(name, justify="left" if k == 0 else "right")
-    for k, row in enumerate(rows):
-        table.add_row(*row, end_section=k == len(rows) - 2)
-    return table
+    return plain_table(_title(result), *table_rows(result))
 
 
 def markdown(result: Calibration) -> str:
@@ -152,9 +146,7 @@ def markdown(result: Calibration) -> str:
         "",
         f"Channels {', '.join(result.channels)}.",
         "",
-        "| " + " | ".join(header) + " |",
-        "|" + "---|" * len(header),
-        *("| " + " | ".join(row) + " |" for row in rows),
+        markdown_table(header, rows),
         "",
         *(f"- {note}" for note in notes(result)),
     ]

@@ -2,8 +2,11 @@
 
 import json
 import os
+import shlex
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -16,6 +19,7 @@ from diagnosis.blind.make import make
 from diagnosis.blind.running import run
 from diagnosis.blind.scoring import score
 from diagnosis.blind.verdicts import read_outcome, read_run, read_withheld
+from shared.console import PARTLY, STOPPED
 from shared.errors import RecordingError, SystemDescriptionError
 from shared.store import sha256_of
 from tests.diagnosis.blind.blind_cases import Case, HandJudge, write_set
@@ -159,6 +163,49 @@ def test_leave_one_out_withholds_what_had_a_chance_and_comes_after(blind_set, de
     assert read_withheld(out, "recordings/0001.nc").outcomes == {}  # no gap: no candidate had a chance
 
 
+STOPPED_RUN = """
+import sys
+import diagnosis.blind.running as running
+from diagnosis.cli import app
+from shared.console import start
+from tests.diagnosis.blind.blind_cases import HandJudge
+running.program = lambda: "program"
+running.Diagnoser = lambda *_: HandJudge(hangs=tuple(sys.argv[1].split()))
+sys.exit(start(app, sys.argv[2:]))
+"""
+
+
+@pytest.mark.slow
+def test_ctrl_c_fails_no_recording_and_says_how_to_go_on(blind_set, default_system, tmp_path):
+    """The terminal sends it to every process of the run; it is no failure of the recordings under way."""
+    words = ["blind", "run", str(default_system.path), str(blind_set), "--out", str(tmp_path / "out"), "--workers", "2"]
+    root = Path(__file__).resolve().parents[3]
+    settings = {"cwd": root, "env": {**os.environ, "PYTHONPATH": str(root)}, "text": True}
+    child = subprocess.Popen(
+        [sys.executable, "-c", STOPPED_RUN, "0001 0002", *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        **settings,
+    )
+    for _ in range(1200):
+        if (tmp_path / "out" / "verdicts" / "0000.json").exists():
+            break
+        assert child.poll() is None, child.communicate()
+        time.sleep(0.05)
+    time.sleep(0.5)
+    os.killpg(child.pid, signal.SIGINT)
+    _, err = child.communicate(timeout=60)
+    assert child.returncode == STOPPED
+    assert "Traceback" not in err
+    assert err.splitlines()[-1] == f"  diagnosis {shlex.join(words)}"
+    assert files(tmp_path / "out") == ["run.json", "verdicts/0000.json"]
+    done = subprocess.run([sys.executable, "-c", STOPPED_RUN, "", *words], capture_output=True, **settings)
+    assert done.returncode == 0, done.stderr
+    assert answers_of(tmp_path / "out") == ["effect", "no_gap", "effect"]
+
+
 OPENED = """
 import json, sys
 from pathlib import Path
@@ -209,6 +256,9 @@ def test_commands(blind_set, default_system, tmp_path, capsys, monkeypatch):
     assert app([*words, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert (told["recordings"], told["verdicts"]) == (3, {"effect": 2, "no_gap": 1})
+    monkeypatch.setattr(running, "Diagnoser", lambda *_: HandJudge(fails=("0001",)))
+    assert app([*words[:5], str(tmp_path / "partly"), *words[6:]]) == PARTLY
+    assert "1 failed" in capsys.readouterr().out
     answers, page = tmp_path / "set.answers.json", tmp_path / "score.html"
     words = ["blind", "score", str(blind_set), str(answers), str(tmp_path / "out"), "--out", str(page)]
     assert app([*words, "--json"]) == 0

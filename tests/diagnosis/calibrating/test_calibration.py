@@ -11,7 +11,7 @@ from diagnosis.calibrating.schema import read_calibration
 from diagnosis.cli import app
 from diagnosis.scores import score
 from shared.console import FAULT, OK, start
-from shared.errors import RecordingError
+from shared.errors import RecordingError, SystemDescriptionError
 
 TRUTH = {"ro": 7.0, "ri": 0.6, "c": 4.0, "a": 2.5}
 
@@ -59,6 +59,57 @@ def test_kelvin_that_are_degrees_are_found(house, house_recording, default_syste
 def test_a_description_of_another_fmu_is_told(house, house_recording, default_system):
     with pytest.raises(RecordingError, match="none of the outputs TRoo"):
         calibrate(default_system, house_recording(hours=48))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda text: text.replace('name = "ro"', 'name = "roo.V"'), "'roo.V'"),
+        (lambda text: text.replace('variable = "Y"', 'variable = "TRoo"'), "'TRoo'"),
+        (lambda text: text.replace('name = "S"', 'name = "HFac"'), "'HFac'"),
+    ],
+)
+def test_a_description_whose_variables_the_fmu_lacks(house, house_recording, tmp_path, change, said, capsys):
+    """Parameters, outputs and inputs of another FMU: the missing one is named, and nothing is written."""
+    own = house("me").path
+    wrong = own.with_name("another.toml")
+    wrong.write_text(change(own.read_text(encoding="utf-8")), encoding="utf-8")
+    recording = house_recording(hours=48)
+    data = xr.load_dataset(recording).rename({"S": "HFac"}) if "HFac" in said else xr.load_dataset(recording)
+    data.to_netcdf(tmp_path / "renamed.nc")
+    with pytest.raises(SystemDescriptionError, match=said):
+        calibrate(wrong, tmp_path / "renamed.nc")
+    out = tmp_path / "out"
+    assert start(app, ["calibrate", str(wrong), str(tmp_path / "renamed.nc"), "--out", str(out)]) == FAULT
+    assert not out.exists()
+    told = capsys.readouterr().err
+    assert said.strip("'") in told and "Traceback" not in told
+
+
+@pytest.mark.parametrize(
+    ("change", "options", "said"),
+    [
+        (
+            lambda d: d.drop_vars("N"),
+            {"occupancy": "measured"},
+            "N was not recorded; expected it, or occupancy unknown",
+        ),
+        (lambda d: d.drop_vars("P"), {"replay": True}, "'P'.* was not recorded; replay needs it"),
+        (lambda d: d["S"].values.__setitem__(5, np.nan), {}, "input 'S' has gaps"),
+        (lambda d: d["room"].values.fill(np.nan), {}, "no output was measured"),
+    ],
+)
+def test_what_a_calibration_needs_is_named(house, house_recording, change, options, said):
+    with pytest.raises(RecordingError, match=said):
+        calibrate(house("me"), changed(house_recording(hours=48), change), **options)
+
+
+def test_a_file_that_is_no_calibration_is_told(tmp_path):
+    with pytest.raises(RecordingError, match="no such file; expected a file of `diagnosis calibrate`"):
+        read_calibration(tmp_path)
+    (tmp_path / "calibration.json").write_text('{"z": [1.0]}')
+    with pytest.raises(RecordingError, match="not a file of `diagnosis calibrate`"):
+        read_calibration(tmp_path)
 
 
 @pytest.mark.slow

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagnosis.gap.decision import decide
+from diagnosis.gap.decision import NOTHING, decide
 
 EFFECTS = ("one", "two", "three")
 
@@ -38,7 +38,7 @@ def test_nothing_significant_is_no_gap_and_probabilities_sum_to_one():
     only = stage(found=False, misfits=False, left_over=1.0, p=0.5, evidence=(0.0, 0.0, 0.0))
     done = decide(searched([only], []), 0.5, 0.5)
     assert done.verdict == "no_gap"
-    assert done.nothing == pytest.approx(25 / 26)
+    assert done.nothing == pytest.approx(NOTHING * 25 / 26)
     assert done.nothing + done.none + sum(done.probabilities.values()) == pytest.approx(1.0)
 
 

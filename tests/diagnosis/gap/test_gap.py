@@ -4,57 +4,15 @@ import json
 
 import numpy as np
 import pytest
-import xarray as xr
 
-from diagnosis.effects import build
 from diagnosis.gap import Report, diagnose
-from shared.effects import InputEffect, SensorEffect
-
-
-def candidates(system):
-    """Errors of the room sensor, and of the outdoor temperature."""
-    common = {"outputs": ["room"], "kind": "sensor"}
-    specs = [
-        SensorEffect(
-            name="drift",
-            unit="K",
-            operation="drift",
-            scale=1.0,
-            lower=-8.0,
-            upper=8.0,
-            description="It drifts",
-            **common,
-        ),
-        SensorEffect(name="lag", unit="h", operation="lag", factor=3600.0, scale=1.0, lower=0.0, upper=8.0, **common),
-        SensorEffect(name="gain", unit="1", operation="gain", about=20.0, scale=0.1, lower=-0.6, upper=0.6, **common),
-        InputEffect(
-            name="swing",
-            kind="input",
-            unit="K",
-            input="To",
-            operation="add",
-            shape=[{"form": "diurnal", "peak": 3.0}],
-            scale=1.0,
-            lower=-5.0,
-            upper=5.0,
-        ),
-    ]
-    return [build(one, system) for one in specs]
-
-
-def changed(path, change):
-    """The recording with its room temperature changed by a function of time [s] and values."""
-    data = xr.load_dataset(path, decode_times=False)
-    data["room"].values[:] = change(data["time"].values, data["room"].values)
-    path.unlink()
-    data.to_netcdf(path)
-    return path
+from tests.diagnosis.gap.gap_cases import candidates, changed, drifting
 
 
 @pytest.mark.slow
 def test_a_drifting_sensor_is_found_told_how_large_and_removed(house, house_recording, tmp_path):
     system = house("me")
-    path = changed(house_recording(hours=336, seed=3), lambda t, y: y + 3.0 * (t - t[0]) / (30 * 86400.0))
+    path = drifting(house_recording(hours=336, seed=3))
     done = diagnose(system, path, effects=candidates(system), out=tmp_path / "out")
     report = done.report
     assert report.verdict == "effect"

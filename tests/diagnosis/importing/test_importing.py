@@ -1,12 +1,7 @@
-"""A CSV with all that goes wrong in measurements becomes a recording; what cannot becomes a sentence and no file."""
+"""A CSV with all that goes wrong in measurements becomes a recording."""
 
-import json
-import os
-import subprocess
-import sys
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from pathlib import Path
-from zoneinfo import ZoneInfo
 
 import numpy as np
 import pandas as pd
@@ -14,137 +9,10 @@ import pytest
 import xarray as xr
 from matplotlib.image import imread
 
-from diagnosis import residuals
 from diagnosis.importing import import_recording
-from diagnosis.importing.command import import_
 from diagnosis.importing.quality import ASSUMED, COMPUTED, IMPOSSIBLE, INTERPOLATED, MISSING, PARTLY, STUCK
-from diagnosis.recording import read_recording
-from shared.console import FAULT, OK, new_app, start
-from shared.errors import RecordingError
 from shared.schema import EPOCH
-from shared.system import load_system
-
-ROOT = Path(__file__).resolve().parents[3]
-OFFICE = ROOT / "fmus" / "MixedAirCO2" / "office.toml"
-ZONE = ZoneInfo("Europe/Amsterdam")
-
-# names that no other system of ours has: nothing in the import may know a name
-HOUSE = """
-schema_version = 1
-name = "House"
-fmu = "none.fmu"
-experiment = { step = 1800.0, hours = 24.0 }
-estimator = { channels = ["warmth"] }
-parameters = [{ name = "UA", unit = "W/K", min = 1.0, max = 9.0 }]
-outputs = [
-  { name = "warmth", unit = "K", accuracy = 0.1 },
-  { name = "gas", unit = "W", accuracy = 1.0, method = "mean" },
-]
-inputs = [
-  { name = "outdoors", unit = "K", source = "weather", column = "temp_air" },
-  { name = "sky", unit = "K", source = "weather", column = "temp_sky" },
-  { name = "sunshine", unit = "W/m2", source = "weather", column = "poa_global" },
-  { name = "people", unit = "1", source = "occupancy" },
-  { name = "air", unit = "kg/s", source = "measured", column = "air", interpolation = "previous" },
-  { name = "wish", unit = "K", source = "schedule", schedule = "wish" },
-  { name = "nothing", unit = "1", source = "constant", value = 3.0 },
-]
-weather = { files = ["pvlib:723170TYA.CSV"] }
-schedules = { wish = { weekday = [[0.0, 290.0], [6.5, 294.0]], weekend = [[0.0, 289.0]] } }
-[occupancy]
-headcount = [1, 2]
-arrival = [7.0, 9.0]
-duration = [7.0, 9.0]
-jitter = 0.5
-attendance = [0.4, 1.0]
-gaps = [0, 1]
-gap_duration = [0.4, 1.5]
-gap_share = [0.3, 1.0]
-absence = 0.05
-weekend = 0.15
-"""
-MAPPING = """
-schema_version = 1
-system = "house.toml"
-[time]
-column = "when"
-zone = "Europe/Amsterdam"
-[place]
-latitude = 52.0
-longitude = 5.0
-[variables.warmth]
-column = "room"
-unit = "degC"
-compare = { column = "room 2", unit = "degF" }
-[variables.gas]
-column = "kilowatts"
-unit = "kW"
-reading = "mean"
-[variables.people]
-column = "presence"
-unit = "presence"
-persons = 2.0
-reading = "mean"
-[variables.air]
-column = "valve"
-unit = "m3/h"
-scale = 2.4
-reading = "mean"
-fill = 0.0
-[weather.temp_air]
-column = "outside"
-unit = "degC"
-[weather.ghi]
-column = "sun"
-unit = "W/m2"
-"""
-
-
-@pytest.fixture(autouse=True)
-def undrawn(request, monkeypatch):
-    """Drawing takes most of an import's time: only tests of the picture draw it."""
-    if "picture" not in request.node.name:
-        monkeypatch.setattr("diagnosis.importing.importer.draw_recording", lambda *_: b"no picture")
-
-
-def warmth(hours):
-    return 21.0 + 2.0 * np.sin(2 * np.pi * hours / 24)
-
-
-def measured(days=6, minutes=10, first=datetime(2022, 10, 27, 22, 0, tzinfo=UTC), jitter=0.0):
-    """Rows of a logger on the wall clock across the end of daylight saving; time in hours since the first row."""
-    rng = np.random.default_rng(3)
-    minute = np.arange(0, days * 1440 + 1, minutes, dtype=float)
-    minute[1:-1] += jitter * minutes * rng.uniform(-0.4, 0.4, len(minute) - 2)
-    when = [first + timedelta(minutes=round(m, 1)) for m in minute]
-    hours = np.array([(t - first).total_seconds() / 3600 for t in when])
-    frame = pd.DataFrame(
-        {
-            "when": [t.astimezone(ZONE).replace(tzinfo=None).isoformat(sep=" ") for t in when],
-            "room": warmth(hours),
-            "room 2": (warmth(hours) - 0.5) * 1.8 + 32,
-            "kilowatts": 1.0 + np.cos(2 * np.pi * hours / 24),
-            "presence": ((hours % 24 > 9) & (hours % 24 <= 17)).astype(int),
-            "valve": np.full(len(hours), 50.0),
-            "outside": 8.0 + 3.0 * np.sin(2 * np.pi * hours / 24),
-            "sun": np.maximum(300 * np.sin(2 * np.pi * (hours % 24 - 7) / 20), 0) * (hours % 24 < 17),
-            "not mapped": 1.0,
-        }
-    )
-    return frame, hours
-
-
-@pytest.fixture
-def house(tmp_path):
-    """Write mapping, system and data; import them; return the report."""
-
-    def run(frame, mapping=MAPPING, out="out/house.nc"):
-        (tmp_path / "house.toml").write_text(HOUSE)
-        (tmp_path / "mapping.toml").write_text(mapping)
-        frame.to_csv(tmp_path / "data.csv", index=False)
-        return import_recording(tmp_path / "mapping.toml", tmp_path / "data.csv", out=tmp_path / out)
-
-    return run
+from tests.diagnosis.importing.house_cases import MAPPING, measured, warmth
 
 
 def steps_of(report):
@@ -253,57 +121,6 @@ def test_a_wrong_zone_shows_in_the_sun(house):
     assert any("while the sun is down" in n for n in report.notes)
 
 
-@pytest.mark.parametrize(
-    ("change", "mapping", "said"),
-    [
-        (None, MAPPING.replace('"room"\nunit = "degC"', '"room"\nunit = "K"'), r"variables.warmth.*median 21.*degC"),
-        (lambda d: d.assign(room=d["room"] + 273.15), MAPPING, "variables.warmth.*is it in K"),
-        (lambda d: d.assign(room=21.0), MAPPING, r"variables.warmth: column 'room': every reading is 294.15 K"),
-        (lambda d: d.assign(sun=7.0), MAPPING, "weather.ghi: column 'sun': every reading is 7"),
-        (lambda d: d.iloc[:100], MAPPING, "spans 16.5 h; expected at least a day"),
-        (lambda d: d.iloc[::-1], MAPPING, "runs backwards from row 1"),
-        (lambda d: d.drop(columns="room"), MAPPING, "has no column 'room'; found room 2"),
-        (lambda d: d.drop(columns="when"), MAPPING, "time.column: .*has no column 'when'"),
-        (lambda d: d.assign(room="warm"), MAPPING, "holds text such as 'warm'"),
-        (lambda d: d.assign(room=np.nan), MAPPING, "column 'room' of .* is empty"),
-        (
-            lambda d: d.assign(outside=d["outside"].where(d.index % 60 < 30)),
-            MAPPING,
-            "longest stretch in which no inputs are missing .*outdoors in",
-        ),
-        (None, MAPPING.replace("Europe/Amsterdam", "Mars/Olympus"), "zone is 'Mars/Olympus'"),
-        (None, MAPPING.replace("variables.gas", "variables.gaz"), "'gaz' is neither output nor input of House"),
-        (None, MAPPING.replace("weather.ghi", "weather.sunny"), "'sunny' is not known"),
-        (None, MAPPING.replace('"kW"', '"degC"'), "variables.gas.*'degC' cannot become 'W'"),
-        (None, MAPPING.replace("persons = 2.0\n", ""), "unit is presence but persons is missing"),
-        (None, MAPPING.replace("[place]\nlatitude = 52.0\nlongitude = 5.0", ""), "place is missing"),
-        (None, MAPPING.replace("schema_version = 1", ""), "schema_version: missing"),
-        (None, MAPPING.replace("scale = 2.4", "skale = 2.4"), "variables.air.skale: unknown field"),
-        (None, MAPPING + "[", "not valid TOML"),
-        (None, MAPPING.replace('system = "house.toml"', ""), "system is missing"),
-        (
-            None,
-            MAPPING.replace('"Europe/Amsterdam"', '"Europe/Amsterdam"\nformat = "unix"'),
-            "not a time of format 'unix'",
-        ),
-    ],
-)
-def test_each_fault_is_a_sentence_and_no_file(house, tmp_path, change, mapping, said):
-    frame, _ = measured(days=3)
-    with pytest.raises(RecordingError, match=said) as caught:
-        house(frame if change is None else change(frame), mapping)
-    assert "\n" not in str(caught.value)
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_folder_that_cannot_be_written_to(house, tmp_path):
-    (tmp_path / "out").write_text("a file, not a folder")
-    with pytest.raises(RecordingError, match="cannot be written"):
-        house(measured(days=2)[0])
-    with pytest.raises(RecordingError, match=r"ending is '.csv'; expected .nc"):
-        house(measured(days=2)[0], out="house.csv")
-
-
 def test_an_import_again_gives_the_same(house):
     frame, _ = measured(days=2)
     first = Path(house(frame).recording).read_bytes()
@@ -348,61 +165,3 @@ def test_the_picture_shows_what_was_left_out(house):
     marked = imread(house(frame).picture)
     red = [float(((p[..., 0] > 0.7) & (p[..., 1] < 0.3) & (p[..., 2] < 0.2)).sum()) for p in (clean, marked)]
     assert clean.shape[0] > 900 and red[0] == 0 and red[1] > 50
-
-
-OFFICE_ROWS = {
-    "timestamp": None,
-    "bms_temp_in__degC": lambda h: 21 + np.sin(2 * np.pi * h / 24),
-    "meter_temp_in__degC": lambda h: 19 + np.sin(2 * np.pi * h / 24),
-    "bms_co2__ppm": lambda h: 450 + 300 * ((h % 24 > 9) & (h % 24 < 17)) * (1 - np.exp(-(h % 24 - 9) / 2)),
-    "meter_co2__ppm": lambda h: 480 + 10 * np.sin(h),
-    "bms_occupancy__bool": lambda h: ((h % 24 > 9) & (h % 24 < 17)).astype(float),
-    "bms_valve_frac__0": lambda h: 0.2 + 0.6 * ((h % 24 > 9) & (h % 24 < 17)),
-    "temp_out__degC": lambda h: 8 + 3 * np.sin(2 * np.pi * h / 24),
-    "wind__m_s_1": lambda h: 3 + np.sin(h),
-    "ghi__W_m_2": lambda h: np.maximum(300 * np.sin(2 * np.pi * (h % 24 - 7) / 20), 0) * (h % 24 < 17),
-}
-
-
-def test_the_example_runs_from_csv_to_residuals(tmp_path):
-    """The office's own mapping on data of its shape, made here; its FMU in replay with a plausible room."""
-    first = datetime(2022, 10, 27, 22, 0, tzinfo=UTC)
-    hours = np.arange(0, 6 * 24, 0.25)
-    frame = pd.DataFrame({k: f(hours) for k, f in OFFICE_ROWS.items() if f is not None})
-    frame.insert(0, "timestamp", [(first + timedelta(hours=h)).astimezone(ZONE).isoformat(sep=" ") for h in hours])
-    frame.to_csv(tmp_path / "office.csv", index=False)
-    report = import_recording(
-        OFFICE.with_name("office-import.toml"), tmp_path / "office.csv", out=tmp_path / "office.nc"
-    )
-    system = load_system(OFFICE)
-    assert report.not_recorded == []
-    record = read_recording(report.recording, system)
-    assert record.step == 900.0 and set(record.inputs) == set(system.input_names)
-    assert record.inputs["mOA_in"].max() == pytest.approx(0.8 * 240 * 1.2 / 3600, rel=1e-6)
-    middle = {p.name: float(np.sqrt(p.min * p.max)) for p in system.parameters}
-    found = residuals(system, report.recording, parameters=middle, replay=True)["outputs"]
-    assert found["TRoo"]["rmse"] < 15 and found["CO2"]["rmse"] < 500
-    # the room's air answers to the measured flow: more of it, less CO2
-    few = residuals(system, report.recording, parameters={**middle, "gaiCO2.k": 4e-6}, replay=True)["outputs"]
-    assert few["CO2"]["bias"] > found["CO2"]["bias"]
-
-
-def test_the_command(tmp_path, capsys):
-    (tmp_path / "house.toml").write_text(HOUSE)
-    (tmp_path / "mapping.toml").write_text(MAPPING)
-    measured(days=2)[0].to_csv(tmp_path / "data.csv", index=False)
-    app = new_app("diagnosis", "")
-    app.command(import_, name="import")
-    words = ["import", str(tmp_path / "mapping.toml"), str(tmp_path / "data.csv"), "--out", str(tmp_path / "out.nc")]
-    assert start(app, words) == OK
-    said = capsys.readouterr().out
-    assert "UTC+1 h" in said and "columns not used: not mapped" in said and "second meter (room 2): +0.5 K" in said
-    assert start(app, [*words, "--json"]) == OK
-    assert json.loads(capsys.readouterr().out)["step"] == 1800.0
-    assert start(app, [*words[:2], str(tmp_path / "none.csv"), *words[3:]]) == FAULT
-    assert "none.csv: no such file" in capsys.readouterr().err
-
-
-def test_the_package_is_light_to_import():
-    code = "import diagnosis.importing, sys; sys.exit('pint' in sys.modules or 'matplotlib' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=os.environ, check=False).returncode == 0

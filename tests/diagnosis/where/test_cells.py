@@ -106,6 +106,22 @@ def test_each_twin_may_have_its_own_regimes(quiet):
     assert found.test.typical.reshape(found.shape)[0, 0, 0, 1, at] == pytest.approx(expected, rel=1e-9)
 
 
+def test_a_wave_that_is_no_offset_is_named_once_for_each_place(quiet):
+    """An afternoon hump: no cell of hours fits it, so each that is taken off leaves something of it behind."""
+    observed = quiet.observed.copy()
+    hump = np.exp(-(((quiet.hour - 15.0) / 2.5) ** 2))
+    observed[0] += 4.0 * hump
+    found = scan_cells(with_observed(quiet, observed), most=20)
+    places = [(one.channel, one.cell["hours"], one.cell["day_type"], one.cell["regime"]) for one in found.findings]
+    assert len(places) == len(set(places)) >= 2
+    assert {one.channel for one in found.findings if one.p_value <= 0.01} == {"y0"}
+    # the hump is four high, and what is said of it is no more
+    assert all(abs(one.size) < 4.5 for one in found.findings if one.cell["statistic"] == "mean")
+    first = found.findings[0]
+    hours = [int(part[:2]) for part in first.cell["hours"].split("-")]
+    assert hours[0] <= 15 <= hours[1]
+
+
 @settings(max_examples=8, deadline=None)
 @given(seed=st.integers(0, 100), scales=st.tuples(st.floats(1e-6, 1e3), st.floats(1e-2, 1e6)), swap=st.booleans())
 def test_units_and_order_of_channels_do_not_matter(seed, scales, swap):

@@ -1,0 +1,102 @@
+"""How much of an answer unknown occupancy or replayed actuators cost: what could be seen if it were otherwise.
+
+Both comparisons ask the linearised problem for the log-likelihood ratio that a candidate of one scale would be expected
+to reach. If persons had been counted: the same problem without the nuisance of who was there. If the control loops had
+been simulated: the same recording linearised anew with them, the actuators' own readings being evidence then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from diagnosis.effects import Effect
+from diagnosis.fitting.noise import HOUR
+from diagnosis.fitting.problem import Problem
+from diagnosis.gap.grams import Colour, Grams, projected
+from diagnosis.gap.linear import Linearised, applicable, felt_nuisance, linearised
+from diagnosis.gap.stages import Stage
+from shared.errors import RecordingError, SimulationError
+
+
+@dataclass(frozen=True)
+class Otherwise:
+    """What would be known under another condition.
+
+    ``condition``: ``counted`` or ``controlled``; ``lin`` and ``observed`` (outputs, steps) what the ratios are of.
+    """
+
+    condition: str
+    lin: Linearised
+    observed: np.ndarray
+
+
+def otherwise(stage: Stage, whole: Problem, candidates: Sequence[Effect], fitted: np.ndarray) -> list[Otherwise]:
+    """Better conditions than the recording's; none where persons were counted and the control loops simulated.
+
+    Parameters
+    ----------
+    stage
+        The first, without effects.
+    whole
+        The problem with all readings.
+    fitted
+        Steps that took part, shape (steps,).
+    """
+    found = []
+    if whole.occupancy == "unknown":
+        found.append(Otherwise("counted", _counted(stage.lin), stage.grams.observed))
+    if whole.replay:
+        try:
+            problem, lin = _controlled(whole, stage.lin.z, candidates)
+            found.append(Otherwise("controlled", lin, problem.observed & fitted))
+        except (RecordingError, SimulationError):
+            pass  # what the control loops need was not recorded, or they cannot follow: nothing to compare with
+    return found
+
+
+def expected(one: Otherwise, colours: dict[int, Colour], size: np.ndarray) -> dict[str, float]:
+    """Log-likelihood ratio that each candidate of one scale would reach, by name.
+
+    Parameters
+    ----------
+    colours
+        Of the channels of the recording's own condition; others have white noise.
+    size
+        Standard deviation of one reading's error, shape (outputs,) [unit of each].
+    """
+    grams = Grams(one.lin, one.observed)
+    used = {k: colours.get(k, (float(size[k]), 0.0, HOUR)) for k in grams.channels}
+    left = projected(grams.total(used), grams.inner.size)
+    values = 0.5 * np.diag(left.information)
+    return dict(zip([effect.name for effect in one.lin.effects], values.tolist(), strict=True))
+
+
+def _counted(lin: Linearised) -> Linearised:
+    """The same without persons as a nuisance, and without their level."""
+    nuisance = lin.problem.nuisance
+    keep = ~np.isin(nuisance.column, [level.column for level in nuisance.levels])
+    problem = lin.problem.with_effects(lin.problem.effects)
+    problem.nuisance = nuisance.only(keep)
+    by_nuisance, turn = felt_nuisance(problem, replace(lin.around, response=lin.around.response[..., keep]))
+    count = len(lin.z) - len(nuisance.levels)
+    return replace(lin, by_nuisance=by_nuisance, turn=turn, by_unknown=lin.by_unknown[..., :count], z=lin.z[:count])
+
+
+def _controlled(whole: Problem, z: np.ndarray, candidates: Sequence[Effect]) -> tuple[Problem, Linearised]:
+    """The same recording with the control loops simulated, linearised at the same unknowns."""
+    problem = Problem(
+        whole.simulator,
+        whole.recording,
+        noise=whole.noise,
+        occupancy=None if whole.occupancy == "none" else whole.occupancy,
+        warm_up=whole.drive.start - whole.drive.begin,
+        runner=whole.runner,
+    )
+    problem, around = problem.pruned(problem.linearise(z))
+    usable, _ = applicable(problem, candidates)
+    lin = linearised(problem, z, around, usable)
+    whole.simulations += problem.simulations + lin.simulations
+    return problem, lin

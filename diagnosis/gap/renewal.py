@@ -1,0 +1,97 @@
+"""The simulation linearised where it is most plausible: at a fit's unknowns and at the nuisance that is likely there.
+
+A straight line by the nuisance holds near where it was drawn. Persons who come within a step, a controller that
+saturates and air that is changed twice an hour bend it, and what the bend leaves behind looks like a gap of the model.
+So the line is drawn anew where unknowns and nuisance have moved to, until the evidence (Laplace's, at that point) no
+longer grows; a move that lowers it is taken back by half.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.linalg import cho_solve
+
+from diagnosis.fitting.linearisation import Linearisation
+from diagnosis.fitting.problem import Problem
+from diagnosis.gap.colours import estimated_colours
+from diagnosis.gap.grams import Colour, Grams, projected
+from diagnosis.gap.linear import Linearised, linearised
+from diagnosis.gap.refit import Refit, refit
+from shared.errors import SimulationError
+
+RENEWALS = 3
+WORTH = 1.0
+"""A renewal that gains less log evidence than this is the last."""
+SHARES = (1.0, 0.4)
+"""Of a move to where the straight line sees the optimum."""
+
+
+def settled(
+    problem: Problem,
+    z: np.ndarray,
+    around: Linearisation,
+    observed: np.ndarray,
+    size: np.ndarray,
+    colours: dict[int, Colour] | None = None,
+    renewals: int = RENEWALS,
+) -> Refit:
+    """The optimum of a problem's unknowns with the colour of the noise and all nuisances, linearised where it is.
+
+    Parameters
+    ----------
+    around
+        A linearisation at ``z``, or near.
+    observed
+        Readings that count, shape (outputs, steps).
+    size
+        Standard deviation of one reading's error, shape (outputs,) [unit of each].
+    colours
+        By channel; estimated at the first renewal if not given.
+    """
+    first = linearised(problem, z, around)
+    grams = Grams(first, observed)
+    lin = relinearised(grams, colours or estimated_colours(grams, size).best, z)
+    grams, count = Grams(lin, observed), first.simulations + lin.simulations
+    used = colours or estimated_colours(grams, size).best
+    value = grams.evidence(used)
+    for _ in range(renewals):
+        moved = refit(grams, used, grams.lin.z, ())
+        count += moved.simulations
+        found = None
+        for share in SHARES:
+            there = grams.lin.z + share * (moved.lin.z - grams.lin.z)
+            try:
+                lin = relinearised(moved.grams if share == 1.0 else grams, used, there)
+            except SimulationError:
+                continue
+            count += lin.simulations
+            found = Grams(lin, observed)
+            gain = found.evidence(used) - value
+            if gain > 0:
+                break
+            found = None
+        if found is None:
+            break
+        grams, value = found, value + gain
+        if gain < WORTH:
+            break
+    done = refit(grams, used, grams.lin.z, (), steps=0)
+    return replace(done, simulations=count + done.simulations)
+
+
+def relinearised(grams: Grams, colours: dict[int, Colour], z: np.ndarray) -> Linearised:
+    """The problem linearised anew at ``z`` and at the nuisance that is likely there."""
+    problem = grams.lin.problem.with_effects(grams.lin.problem.effects)
+    around = problem.linearise(z, likely(grams, colours, z))
+    made = linearised(problem, z, around)
+    return replace(made, simulations=made.simulations + problem.simulations)
+
+
+def likely(grams: Grams, colours: dict[int, Colour], z: np.ndarray) -> np.ndarray:
+    """Posterior mean of the nuisance where the unknowns are ``z``, standard normal before, (nuisance unknowns,)."""
+    product, n = grams.total(colours), grams.n_nuisance
+    left = projected(product, n)
+    score = product.score[:n] - product.gram[:n, n : n + grams.n_unknown] @ (z / grams.spread)
+    return np.asarray(grams.lin.turn @ cho_solve((left.root, True), score))

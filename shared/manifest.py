@@ -1,0 +1,60 @@
+"""What a dataset's ``manifest.json`` says, as models; :mod:`shared.store` reads and writes it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from shared.schema import SCHEMA_VERSION
+
+Index = Annotated[int, Field(ge=0, lt=2**63)]
+"""Of a system: what an int64 holds."""
+
+
+class ShardEntry(BaseModel):
+    """What the manifest knows of one shard; ``root_seed`` only where it is not the dataset's (merged datasets)."""
+
+    model_config = ConfigDict(extra="ignore")
+    file: str
+    systems: list[Index]
+    sha256: str
+    content_hash: str
+    root_seed: int | None = Field(None, ge=0)
+
+
+class Source(BaseModel):
+    """One of the datasets that a merged dataset came from."""
+
+    root_seed: int
+    systems: int
+
+
+class Manifest(BaseModel):
+    """What a dataset is, and which shards it has.
+
+    ``stages`` are the numbers of systems asked for one after another, if the dataset was extended; ``sources`` the
+    datasets it was merged from, if it was.
+    """
+
+    schema_version: str = SCHEMA_VERSION
+    system_name: str
+    system_hash: str
+    system: str = Field(description="the system description as canonical JSON")
+    fmu_sha256: str
+    root_seed: int = Field(ge=0)
+    systems: int = Field(ge=0, lt=2**63, description="systems asked for")
+    shard_size: int = Field(gt=0, lt=2**63)
+    settings: dict[str, Any] = {}
+    versions: dict[str, str] = {}
+    stages: list[int] = []
+    sources: list[Source] = []
+    shards: list[ShardEntry] = []
+
+    def seed_of(self, entry: ShardEntry) -> int:
+        """Root seed of a shard's systems."""
+        return self.root_seed if entry.root_seed is None else entry.root_seed
+
+    def done(self) -> list[tuple[int, int]]:
+        """Root seed and index of every system that is in a shard."""
+        return [(self.seed_of(entry), index) for entry in self.shards for index in entry.systems]

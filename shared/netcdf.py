@@ -1,0 +1,87 @@
+"""Recordings and other NetCDF files from elsewhere, read by a child process.
+
+The C libraries behind NetCDF trust a file: a flipped bit can make them crash, take all memory or never return. So a
+file without a known hash never reaches them in this process.
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from shared.children import command, environment
+from shared.errors import ZeroshotError
+from shared.reading import MIB, short, size_of, why
+
+MOST = 2048 * MIB
+"""Bytes that a file may hold."""
+
+
+def read_netcdf(path: Path, error: type[ZeroshotError], expected: str, *, times: bool | None = False) -> xr.Dataset:
+    """The numeric variables of a NetCDF file, of any of its formats, and all attributes that are text or numbers.
+
+    Parameters
+    ----------
+    times
+        Whether times are decoded as the CF conventions have it, as missing values, scales and offsets always are; None
+        leaves all as it is in the file.
+
+    Raises
+    ------
+    ZeroshotError
+        Of the kind ``error``: if the file is missing, damaged, or larger than :data:`MOST`.
+    """
+    size = size_of(path, error, expected)
+    seconds = 5 + size // (5 * MIB)  # of one core; a file that is read at all takes a small part of it
+    words = command("shared.netcdf_child", str(path.resolve()), str(MOST), str(seconds))
+    alone = environment() | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    try:
+        child = subprocess.run(words, stdin=subprocess.DEVNULL, capture_output=True, env=alone, timeout=30 * seconds)
+    except subprocess.TimeoutExpired:
+        raise error(f"{path}: cannot be read as NetCDF (no end of it is found); expected {expected}") from None
+    except ValueError:  # a path with a null character
+        raise error(f"{path}: cannot be read as NetCDF (no file has such a name); expected {expected}") from None
+    if child.returncode:
+        cause = child.stderr.decode(errors="replace").strip().splitlines()
+        said = short(cause[-1]) if child.returncode > 0 and cause else _ending(child.returncode)
+        raise error(f"{path}: cannot be read as NetCDF ({said}); expected {expected}")
+    try:
+        raw = _dataset(child.stdout)
+        return raw if times is None else xr.decode_cf(raw, decode_times=times, decode_timedelta=False).load()
+    except Exception as cause:  # decoding follows the file's own attributes, and raises whatever it meets there
+        raise error(f"{path}: cannot be read as NetCDF ({why(cause)}); expected {expected}") from None
+
+
+def _dataset(content: bytes) -> xr.Dataset:
+    """What the child wrote, as it lay in the file."""
+    line, _, rest = content.partition(b"\n")
+    header = json.loads(line)
+    values, at = memoryview(rest), 0
+    variables = {}
+    for one in header["variables"]:
+        dtype = np.dtype(one["dtype"])
+        array = np.frombuffer(values, dtype, count=int(np.prod(one["shape"])), offset=at)
+        at += array.nbytes
+        variables[one["name"]] = (one["dims"], array.reshape(one["shape"]).copy(), _attributes(one["attributes"]))
+    return xr.Dataset(variables, attrs=_attributes(header["attributes"]))
+
+
+def _attributes(found: dict[str, Any]) -> dict[str, Any]:
+    return {
+        name: value if isinstance(value, str) else np.array(value[1], dtype=value[0])[()]
+        for name, value in found.items()
+    }
+
+
+def _ending(code: int) -> str:
+    try:
+        name = signal.Signals(-code).name
+    except ValueError:
+        return f"its reader ended with {code}"
+    return "reading it takes too long" if name in ("SIGXCPU", "SIGKILL") else f"its reader crashed: {name}"

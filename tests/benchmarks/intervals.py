@@ -1,0 +1,141 @@
+"""How honest a calibration's intervals are: errors in posterior standard deviations, over recordings never used before.
+
+    python tests/benchmarks/intervals.py fmus/MixedAirCO2 --recordings 12 --seed SEED --out intervals
+
+Each recording is a random room over a week, anywhere in the year, with the sensors' noise, rounding and lost readings.
+It is calibrated three times: persons ``measured``, persons ``unknown``, and in ``replay`` (persons measured, the
+measured heater and air flow in place of the controllers). Printed: the root mean square of (estimate - truth) /
+standard deviation in the scale in which the prior is standard normal (1 for a Gaussian posterior), the share of 90 %
+intervals that hold the truth, and how wide they are. Recordings are the independent draws: the interval of each figure
+is a bootstrap over them. Take a seed that nothing was developed on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from resumed import resumed
+
+from datagen import simulate
+from diagnosis.calibrating.calibration import calibrate
+from diagnosis.recording import Recording, read_recording
+from shared.errors import ZeroshotError
+from shared.system import System, load_system
+
+KINDS = {
+    "measured": {"occupancy": "measured"},
+    "unknown": {"occupancy": "unknown"},
+    "replay": {"occupancy": "measured", "replay": True},
+}
+NOMINAL, QUANTILE = 0.9, 1.645
+
+
+def noisy(record: Recording, system: System, rng: np.random.Generator, preset: str = "sensor") -> Recording:
+    """A recording as the sensors of a preset show it: noise, rounding, lost readings."""
+    shown = record.outputs.copy()
+    for k, output in enumerate(system.outputs):
+        sensor = output.noise[preset]
+        shown[k] += sensor.sd * rng.standard_normal(shown.shape[1])
+        shown[k] = np.round(shown[k] / sensor.quantum) * sensor.quantum if sensor.quantum else shown[k]
+        shown[k, rng.random(shown.shape[1]) < sensor.dropout] = np.nan
+    return replace(record, outputs=shown)
+
+
+def made(case: dict[str, Any]) -> dict[str, Any]:
+    """One calibration, and the truth."""
+    system = load_system(case["system"]).with_experiment(hours=case["hours"], start=(0.0, 8760.0 - case["hours"]))
+    folder = Path(case["folder"])
+    path = folder / f"room-{case['seed']}-{case['index']}-{case['kind']}.nc"
+    data = simulate(system, seed=case["seed"], index=case["index"], out=path)
+    rng = np.random.default_rng([case["seed"], case["index"]])
+    record = noisy(read_recording(path, system), system, rng)
+    began = time.process_time()
+    try:
+        done = calibrate(system, record, starts=case["starts"], **KINDS[case["kind"]])
+    except ZeroshotError as error:
+        return {"error": str(error)}
+    finally:
+        path.unlink()
+    truth = {name: float(data[name]) for name in system.parameter_names}
+    count = len(truth)
+    widened = np.sqrt(np.diag(done.report.covariance))[:count]
+    return {
+        "truth": done.problem.unknowns(truth)[:count].tolist(),
+        "z": done.fit.z[:count].tolist(),
+        "sd": widened.tolist(),
+        "plain": done.fit.sd[:count].tolist(),
+        "levels": done.fit.z[count:].tolist(),
+        "converged": done.fit.converged,
+        "simulations": done.fit.simulations,
+        "seconds": time.process_time() - began,
+        "chi2": {name: one.chi2 for name, one in done.report.outputs.items()},
+    }
+
+
+def figure(values: np.ndarray, what: str) -> str:
+    """A statistic of errors in standard deviations (recordings, parameters), with a 90 % bootstrap interval."""
+
+    def of(rows: np.ndarray) -> float:
+        return float(np.sqrt(np.mean(rows**2)) if what == "rms" else np.mean(np.abs(rows) < QUANTILE))
+
+    rng = np.random.default_rng(0)
+    again = [of(values[rng.integers(len(values), size=len(values))]) for _ in range(1000)]
+    low, high = np.quantile(again, [0.05, 0.95])
+    return f"{of(values):.2f} [{low:.2f}, {high:.2f}]"
+
+
+def main() -> None:
+    """Run the benchmark."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("system", type=Path)
+    parser.add_argument("--recordings", type=int, default=12)
+    parser.add_argument("--first", type=int, default=0, help="index of the first recording")
+    parser.add_argument("--seed", type=int, default=9300, help="root seed; take one that nothing was developed on")
+    parser.add_argument("--hours", type=float, default=168.0)
+    parser.add_argument("--starts", type=int, default=2)
+    parser.add_argument("--kinds", nargs="+", choices=KINDS, default=list(KINDS))
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--out", type=Path, default=Path("intervals"))
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    common = {"system": str(options.system), "hours": options.hours, "seed": options.seed, "starts": options.starts}
+    span = range(options.first, options.first + options.recordings)
+    cases = [
+        {**common, "folder": str(options.out), "kind": kind, "index": index} for kind in options.kinds for index in span
+    ]
+    rows = resumed(options.out / "cases.jsonl", cases, made, workers=options.workers)
+    names = load_system(options.system).parameter_names
+    print(f"\n{options.hours / 24:g} days, {options.recordings} recordings, root seed {options.seed}\n")
+    print(
+        "| persons | calibrated | error / sd, rms | in 90 % interval | largest | not widened | sd, median | seconds |\n"
+        "|---|---|---|---|---|---|---|---|"
+    )
+    errors: dict[str, np.ndarray] = {}
+    for kind in options.kinds:
+        found = [row for case, row in zip(cases, rows, strict=True) if case["kind"] == kind]
+        good = [row for row in found if "error" not in row]
+        if not good:
+            continue
+        off, sd, plain = (np.array([row[key] for row in good]) for key in ("truth", "sd", "plain"))
+        off = np.array([row["z"] for row in good]) - off
+        errors[kind] = off / sd
+        print(
+            f"| {kind} | {len(good)} of {len(found)} | {figure(off / sd, 'rms')} | {figure(off / sd, 'share')} "
+            f"| {np.abs(off / sd).max():.1f} | {figure(off / plain, 'rms')}, {figure(off / plain, 'share')} "
+            f"| {np.median(sd):.3f} | {np.median([row['seconds'] for row in good]):.1f} |"
+        )
+    print("\n| parameter | " + " | ".join(f"{kind}: rms, share" for kind in errors) + " |")
+    print("|---" * (len(errors) + 1) + "|")
+    for k, name in enumerate(names):
+        columns = [one[:, k] for one in errors.values()]
+        told = [f"{np.sqrt(np.mean(e**2)):.2f}, {np.mean(np.abs(e) < QUANTILE):.2f}" for e in columns]
+        print(f"| {name} | " + " | ".join(told) + " |")
+
+
+if __name__ == "__main__":
+    main()

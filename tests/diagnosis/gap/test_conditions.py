@@ -1,0 +1,110 @@
+"""The whole diagnosis of a week of the default room under every condition: what it says holds, and what limits it."""
+
+import json
+from functools import cache
+
+import numpy as np
+import pytest
+from jsonschema import validate
+
+from diagnosis.cli import app
+from diagnosis.gap import Report, diagnose
+from tests.diagnosis.gap.room_cases import ROOM, recorded, room, some
+
+FEW = ("infiltration.constant", "bridge", "heater.derated", "sensor.CO2.gain", "sensor.temperature.drift", "mixing")
+
+
+def held_together(report):
+    """What any report must fulfil."""
+    raw = json.loads(report.model_dump_json())
+    validate(raw, Report.model_json_schema())
+    assert Report.model_validate(raw) == report
+    named = {one.name for one in report.effects if one.named}
+    assert named == {name for one in report.sets for name in one}
+    assert bool(named) == (report.verdict in ("effect", "ambiguous"))
+    single = report.none_of_these + report.no_gap + sum(one.probability for one in report.effects)
+    assert single == pytest.approx(1.0, abs=1e-6) or len(report.sets) > 1
+    assert len({(one.channel, one.kind, json.dumps(one.cell)) for one in report.where}) == len(report.where)
+    assert [one.p_value for one in report.where] == sorted(one.p_value for one in report.where)
+    assert {one.name for one in report.sources} == {"heat", "CO2"}
+    assert len(report.summary) == 3
+    return named
+
+
+@cache
+def drifting(folder):
+    """A room whose sensor of temperature drifts by three kelvin in the week."""
+
+    def readings(outputs, time):
+        outputs[0] += 3.0 * (time - time[0]) / (time[-1] - time[0])
+        return outputs
+
+    return recorded(folder / "drifting.nc", room(), readings=readings)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("rooms")
+
+
+@pytest.mark.slow
+def test_persons_counted(folder):
+    report = diagnose(room(), drifting(folder), effects=some(room(), *FEW)).report
+    assert held_together(report) == {"sensor.temperature.drift"}
+    assert report.occupancy == "measured"
+    assert report.otherwise == []
+
+
+@pytest.mark.slow
+def test_persons_not_counted_costs_what_the_report_says(folder):
+    report = diagnose(room(), drifting(folder), occupancy="unknown", effects=some(room(), *FEW)).report
+    assert "sensor.temperature.drift" in held_together(report)
+    (other,) = report.otherwise
+    assert other.condition == "counted"
+    now = {one.name: one.smallest for one in report.detectability}
+    both = [name for name, size in other.smallest.items() if size is not None and now[name] is not None]
+    assert both
+    # knowing more never hides an effect
+    assert all(other.smallest[name] <= now[name] * (1 + 1e-6) for name in both)
+    assert other.smallest["sensor.CO2.gain"] < 0.8 * (now["sensor.CO2.gain"] or np.inf)
+    (said,) = [one for one in report.limits if one.startswith("Persons were not counted")]
+    assert "sensor.CO2.gain" in said
+
+
+@pytest.mark.slow
+def test_replayed_actuators_cost_what_the_report_says(folder):
+    report = diagnose(room(), drifting(folder), replay=True, effects=some(room(), *FEW)).report
+    assert "sensor.temperature.drift" in held_together(report)
+    assert report.replayed == ["QHea", "mOA"]
+    assert "heater.derated" in report.excluded
+    (other,) = report.otherwise
+    assert other.condition == "controlled"
+    assert set(other.smallest) <= {one.name for one in report.detectability}
+    (said,) = [one for one in report.limits if one.startswith("The recorded actuators")]
+    assert "With the control loops simulated" in said
+
+
+@pytest.mark.slow
+def test_two_effects_at_once(folder):
+    """A heater that gives a fifth of its power, and a CO2 sensor that reads half too high above outdoors."""
+
+    def readings(outputs, time):
+        outputs[1] += 0.5 * (outputs[1] - 420.0)
+        return outputs
+
+    record = recorded(folder / "two.nc", room(), fmu={"effect.heater.derate": 0.8}, readings=readings)
+    report = diagnose(room(), record, effects=some(room(), *FEW)).report
+    assert held_together(report) >= {"heater.derated", "sensor.CO2.gain"}
+    assert len(report.sets) == 2
+
+
+@pytest.mark.slow
+def test_the_command_begins_with_the_shipped_estimator(folder, capsys):
+    path = folder / "command.nc"
+    recorded(path, room(), fmu={"effect.heater.derate": 0.7})
+    words = ["run", ROOM, str(path), "--out", str(folder / "out"), "--run", "MixedAirCO2", "--json"]
+    assert app(words) == 0
+    report = Report.model_validate_json(capsys.readouterr().out)
+    held_together(report)
+    assert report == Report.model_validate_json((folder / "out" / "report.json").read_text(encoding="utf-8"))
+    assert report.verdict != "no_gap"

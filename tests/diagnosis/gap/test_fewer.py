@@ -1,0 +1,73 @@
+"""A diagnosis with candidates withheld, from one that was made with them: the same as a fresh one without them."""
+
+import dataclasses
+import time
+
+import numpy as np
+import pytest
+
+from diagnosis.gap import diagnose
+from diagnosis.gap.fewer import fewer
+from tests.diagnosis.gap.gap_cases import candidates, drifting
+
+SPENT = {"simulations", "seconds", "cpu_seconds"}
+
+
+def alike(found, fresh, where=""):
+    """Whether two JSON values are the same but for rounding."""
+    if isinstance(fresh, dict):
+        assert found.keys() == fresh.keys(), where
+        for name in fresh:
+            alike(found[name], fresh[name], f"{where}.{name}")
+    elif isinstance(fresh, list):
+        assert len(found) == len(fresh), where
+        for k, (a, b) in enumerate(zip(found, fresh, strict=True)):
+            alike(a, b, f"{where}[{k}]")
+    elif isinstance(fresh, float):
+        assert found == pytest.approx(fresh, rel=1e-7, abs=1e-9), where
+    else:
+        assert found == fresh, where
+
+
+@pytest.mark.slow
+def test_without_a_candidate_is_what_a_fresh_diagnosis_without_it_says(house, house_recording):
+    system, path = house("me"), drifting(house_recording(hours=336, seed=3))
+    done = diagnose(system, path, effects=candidates(system))
+    assert done.report.verdict == "effect"
+    for name in ("drift", "gain"):  # the cause, and one that does not matter
+        fewer_ = [one for one in candidates(system) if one.name != name]
+        began = time.process_time()
+        fresh = diagnose(system, path, effects=fewer_)
+        halfway = time.process_time()
+        again = done.without([name])
+        assert time.process_time() - halfway < 0.7 * (halfway - began)
+        assert again.report.simulations < 0.7 * fresh.report.simulations
+        alike(again.report.model_dump(exclude=SPENT), fresh.report.model_dump(exclude=SPENT))
+        assert name not in {one.name for one in again.report.effects}
+
+
+@dataclasses.dataclass(frozen=True)
+class Named:
+    """As much of an effect as matters here."""
+
+    name: str
+
+
+def test_fewer_keeps_order_and_columns_and_says_what_it_lacks():
+    from diagnosis.gap.linear import Linearised
+
+    a, b, c = (Named(name) for name in "abc")
+
+    class Bare:
+        effects = ()
+
+    made = {"problem": Bare(), "effects": (a, b, c), "failed": ("b",), "by_effect": np.arange(6.0).reshape(1, 2, 3)}
+    lin = Linearised(**dict.fromkeys([one.name for one in dataclasses.fields(Linearised)]) | made)
+    less = fewer(lin, [c, a])
+    assert [one.name for one in less.effects] == ["c", "a"]
+    assert less.by_effect[0].tolist() == [[2.0, 0.0], [5.0, 3.0]]
+    assert less.failed == ()
+    assert fewer(lin, [b]).failed == ("b",)
+    assert fewer(lin, [a, Named("x")], {"x": "not measured"}).effects == (a,)
+    with pytest.raises(ValueError, match="'x'"):
+        fewer(lin, [Named("x")])

@@ -1,0 +1,133 @@
+"""Sentences of the answer and of its limits, from reports that hold as much as each needs."""
+
+from diagnosis.gap.schema import (
+    ConditionOf,
+    Detectability,
+    NamedEffect,
+    Place,
+    Report,
+    ShrinkageOf,
+    SourceOf,
+)
+from diagnosis.gap.sentences import limits, summary
+
+
+def seen(**smallest):
+    return [
+        Detectability(name=name, share=0.5, expected=1.0, smallest=size, confusable=[], ratio=0.0, p_value=1.0)
+        for name, size in smallest.items()
+    ]
+
+
+def named(name, probability=0.9, *, answer=True, amplitude=2.0):
+    return NamedEffect(
+        name=name,
+        description=f"The {name} leaks",
+        probability=probability,
+        named=answer,
+        amplitude=amplitude,
+        low=1.0,
+        high=3.0,
+        unit="W",
+    )
+
+
+def source(name, verdict, mean):
+    return SourceOf(
+        name=name,
+        description=f"missing {name}",
+        unit="W",
+        mean=mean,
+        peak=2 * mean,
+        gain=9.0,
+        p_value=0.005,
+        rival="room",
+        balance=5.0,
+        verdict=verdict,
+        roughness=0.5,
+    )
+
+
+def place(channel, kind="cell", text="room: measured higher"):
+    return Place(channel=channel, cell={}, p_value=0.005, kind=kind, text=text, size=1.0, unit="K")
+
+
+BARE = {
+    "occupancy": "measured",
+    "replay": False,
+    "replayed": [],
+    "detectability": [],
+    "otherwise": [],
+    "sources": [],
+    "sources_unknown": {},
+    "effects": [],
+    "excluded": {},
+    "sets": [],
+    "parameters": [],
+    "converged": True,
+    "assumed": {},
+    "rejected": False,
+    "balance": "none",
+    "shrinkage": [],
+    "where": [],
+    "stages": [None],
+}
+
+
+def report(**fields):
+    return Report.model_construct(**(BARE | fields))
+
+
+def test_what_it_costs_that_persons_were_not_counted_is_said_in_numbers():
+    now = seen(a=1.0, b=2.0, c=4.0, d=None, e=1.0)
+    better = ConditionOf(condition="counted", smallest={"a": 1.0, "b": 1.0, "c": 1.0, "d": 3.0, "e": None})
+    effects = [named(name) for name in "abcde"]
+    said = next(
+        one
+        for one in limits(report(occupancy="unknown", detectability=now, otherwise=[better], effects=effects))
+        if one.startswith("Persons")
+    )
+    assert "3 candidates would be seen from 50% of the size that they need here, at the median" in said
+    assert "most for c from 1 instead of 4 W, b from 1 instead of 2 W" in said
+    assert said.endswith("seen only then: d.")
+
+
+def test_nothing_is_said_of_conditions_that_were_as_good_as_they_get():
+    assert not any(one.startswith(("Persons", "The recorded")) for one in limits(report()))
+    alone = limits(report(replay=True, replayed=["Q"]))
+    assert any(one.startswith("The recorded actuators (Q)") and one.endswith("other outputs.") for one in alone)
+
+
+def test_the_answer_says_what_where_and_how_far_in_words():
+    gone = ShrinkageOf(
+        channel="room",
+        unit="K",
+        before=1.0,
+        after=0.1,
+        floor=0.1,
+        share=1.3,
+        low=0.7,
+        high=1.4,
+        placebo=0.1,
+        placebo_best=0.2,
+    )
+    where, which, far = summary(
+        report(
+            verdict="effect",
+            where=[place("room"), place("flow"), place("heat", "source")],
+            balance="balance",
+            sources=[source("heat", "balance", 120.0), source("gas", "none", 1.0)],
+            effects=[named("valve"), named("other", 0.1, answer=False)],
+            shrinkage=[gone],
+        )
+    )
+    assert where.startswith("Where: room: measured higher; 2 more findings, also in flow.")
+    assert "missing heat (+120 W on average) in the balance rather than like the error of a sensor" in where
+    assert which == "Which: the valve leaks (valve), by 2 W (1 to 3), with probability 90%."
+    # more than all of a gap cannot be removed
+    assert "removes 100% in room (90 % interval 70% to 100%) of the gap above noise" in far
+
+
+def test_a_missing_source_that_could_not_be_worked_out_is_said():
+    (said,) = [one for one in limits(report(sources_unknown={"heat": "its simulation fails"})) if "Missing" in one]
+    assert said == "Missing sources that could not be worked out: heat (its simulation fails)."

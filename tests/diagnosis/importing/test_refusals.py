@@ -1,0 +1,58 @@
+"""What cannot become a recording becomes a sentence and no file."""
+
+import numpy as np
+import pytest
+
+from shared.errors import RecordingError
+from tests.diagnosis.importing.house_cases import MAPPING, measured
+
+
+@pytest.mark.parametrize(
+    ("change", "mapping", "said"),
+    [
+        (None, MAPPING.replace('"room"\nunit = "degC"', '"room"\nunit = "K"'), r"variables.warmth.*median 21.*degC"),
+        (lambda d: d.assign(room=d["room"] + 273.15), MAPPING, "variables.warmth.*is it in K"),
+        (lambda d: d.assign(room=21.0), MAPPING, r"variables.warmth: column 'room': every reading is 294.15 K"),
+        (lambda d: d.assign(sun=7.0), MAPPING, "weather.ghi: column 'sun': every reading is 7"),
+        (lambda d: d.iloc[:100], MAPPING, "spans 16.5 h; expected at least a day"),
+        (lambda d: d.iloc[::-1], MAPPING, "runs backwards from row 1"),
+        (lambda d: d.drop(columns="room"), MAPPING, "has no column 'room'; found room 2"),
+        (lambda d: d.drop(columns="when"), MAPPING, "time.column: .*has no column 'when'"),
+        (lambda d: d.assign(room="warm"), MAPPING, "holds text such as 'warm'"),
+        (lambda d: d.assign(room=np.nan), MAPPING, "column 'room' of .* is empty"),
+        (
+            lambda d: d.assign(outside=d["outside"].where(d.index % 60 < 30)),
+            MAPPING,
+            "longest stretch in which no inputs are missing .*outdoors in",
+        ),
+        (None, MAPPING.replace("Europe/Amsterdam", "Mars/Olympus"), "zone is 'Mars/Olympus'"),
+        (None, MAPPING.replace("variables.gas", "variables.gaz"), "'gaz' is neither output nor input of House"),
+        (None, MAPPING.replace("weather.ghi", "weather.sunny"), "'sunny' is not known"),
+        (None, MAPPING.replace('"kW"', '"degC"'), "variables.gas.*'degC' cannot become 'W'"),
+        (None, MAPPING.replace("persons = 2.0\n", ""), "unit is presence but persons is missing"),
+        (None, MAPPING.replace("[place]\nlatitude = 52.0\nlongitude = 5.0", ""), "place is missing"),
+        (None, MAPPING.replace("schema_version = 1", ""), "schema_version: missing"),
+        (None, MAPPING.replace("scale = 2.4", "skale = 2.4"), "variables.air.skale: unknown field"),
+        (None, MAPPING + "[", "not valid TOML"),
+        (None, MAPPING.replace('system = "house.toml"', ""), "system is missing"),
+        (
+            None,
+            MAPPING.replace('"Europe/Amsterdam"', '"Europe/Amsterdam"\nformat = "unix"'),
+            "not a time of format 'unix'",
+        ),
+    ],
+)
+def test_each_fault_is_a_sentence_and_no_file(house, tmp_path, change, mapping, said):
+    frame, _ = measured(days=3)
+    with pytest.raises(RecordingError, match=said) as caught:
+        house(frame if change is None else change(frame), mapping)
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_cannot_be_written_to(house, tmp_path):
+    (tmp_path / "out").write_text("a file, not a folder")
+    with pytest.raises(RecordingError, match="cannot be written"):
+        house(measured(days=2)[0])
+    with pytest.raises(RecordingError, match=r"ending is '.csv'; expected .nc"):
+        house(measured(days=2)[0], out="house.csv")

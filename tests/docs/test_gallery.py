@@ -1,0 +1,112 @@
+"""The scripts of the gallery: what they find is held against the truth, and against the tables of their pages."""
+
+import importlib.util
+import json
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import datagen
+
+ROOT = Path(__file__).resolve().parents[2]
+GALLERY = ROOT / "docs" / "gallery"
+NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
+
+
+@pytest.fixture
+def script(monkeypatch):
+    """``script(name)``: a script of the gallery as a module."""
+    monkeypatch.syspath_prepend(str(GALLERY))
+
+    def load(name):
+        spec = importlib.util.spec_from_file_location(f"gallery_{name}", GALLERY / f"{name}.py")
+        module = importlib.util.module_from_spec(spec)
+        monkeypatch.setitem(sys.modules, spec.name, module)
+        spec.loader.exec_module(module)
+        return module
+
+    return load
+
+
+def assert_page_is_true(name, made, rel):
+    """The page's tables have the figures that were made just now, within ``rel`` of each or 0.02 of the unit."""
+    kept = (GALLERY / f"{name}.out.md").read_text(encoding="utf-8")
+    assert NUMBER.sub("#", kept) == NUMBER.sub("#", made), f"run python docs/gallery/{name}.py"
+    old, new = ([float(one) for one in NUMBER.findall(text)] for text in (kept, made))
+    small = [abs(one) > 1e-3 for one in new]  # where numbers are small, 0.02 would be anything
+    for a, b, far in zip(old, new, small, strict=True):
+        assert a == pytest.approx(b, rel=rel, abs=0.02 if far else 0), f"run python docs/gallery/{name}.py"
+
+
+@pytest.mark.slow
+def test_a_forecast_from_a_week(script, tmp_path):
+    forecast = script("forecast")
+    made = forecast.work(tmp_path)
+    held = [low <= true <= high for true, _, low, high in made.parameters.values()]
+    assert sum(held) >= 6  # of eight 90 % intervals
+    (_, t_error, t_inside, t_prior, _), (_, c_error, c_inside, c_prior, _) = forecast.figures(made)
+    assert t_error < 0.5 * t_prior and c_error < c_prior  # the week was worth something
+    assert t_inside > 0.6 and c_inside > 0.6  # of the hours of one room, with bands of 90 %
+    narrow, wide = (np.percentile(one[..., 0], 95, axis=0) - np.percentile(one[..., 0], 5, axis=0) for one in made[2:])
+    assert narrow.mean() < 0.3 * wide.mean()  # of temperature; CO2 is people, who are drawn afresh
+    forecast.draw(made, tmp_path / "forecast.png")
+    assert (tmp_path / "forecast.png").stat().st_size > 20_000
+    assert_page_is_true("forecast", "\n".join(forecast.tables(made)), rel=0.05)
+
+
+@pytest.mark.slow
+def test_what_a_sensor_is_worth(script, tmp_path):
+    sensors = script("sensors")
+    made = sensors.work(tmp_path)
+    two, flow, heat, both = made.limit
+    # more sensors never tell less
+    assert (flow >= two - 1e-9).all() and (heat >= two - 1e-9).all()
+    assert (both >= np.maximum(flow, heat) - 1e-9).all()
+    # twenty other rooms, made when the default room was designed
+    known = json.loads((ROOT / "fmus/MixedAirCO2/identifiability.json").read_text(encoding="utf-8"))["ceilings"]
+    for channels, limit in ((["TRoo", "CO2"], two), (["TRoo", "CO2", "QHea", "mOA"], both)):
+        (there,) = [
+            one
+            for one in known
+            if one["channels"] == channels and one["noise"] == "sensor" and one["context_hours"] == sensors.CONTEXT
+        ]
+        assert limit.mean() == pytest.approx(there["r2_mean"], abs=0.08)
+    assert (made.reached.mean(axis=1) < made.limit.mean(axis=1)).all()
+    assert made.reached[3].mean() > made.reached[0].mean() + 0.03
+    sensors.draw(made, tmp_path / "sensors.png")
+    assert_page_is_true("sensors", "\n".join(sensors.tables(made)), rel=0.05)
+
+
+def test_the_fmu_of_the_house_solves_its_equations(script, tmp_path):
+    house = script("house")
+    system = house.build_fmu(tmp_path)
+    room = datagen.simulate(system, parameters=house.TRUTH, hours=72, seed=3)
+    begin = float(room["time"][0]) / 3600 - 1
+    # the exact solution of the two equations from the same start, with inputs held over minutes
+    table = house.build_inputs(system, root_seed=3, index=0, start=(begin - 240) * 3600, stop=(begin + 72) * 3600)
+    fine = (np.arange(312 * house.PARTS) + 0.5) * 3600 / house.PARTS + (begin - 240) * 3600
+    air = house.exact_house(table.at(fine), (293.15, 285.15))
+    np.testing.assert_allclose(room["TAir"], air[house.PARTS * 240 + house.PARTS - 1 :: house.PARTS], atol=5e-3)
+
+
+@pytest.mark.slow
+def test_a_house_of_my_own(script, tmp_path):
+    house = script("house")
+    made = house.work(tmp_path)
+    assert min(made.r2.values()) > 0.85
+    for name, value in made.estimate.items():
+        assert value == pytest.approx(house.TRUTH[name], rel=0.25)
+    assert made.report.verdict == "effect"
+    (found,) = [one for one in made.report.effects if one.named]
+    assert found.name == "plug.timetable"
+    assert found.low < house.EQUIPMENT < found.high
+    before = [abs(one.before / house.TRUTH[one.name] - 1) for one in made.report.parameters]
+    after = [abs(one.after / house.TRUTH[one.name] - 1) for one in made.report.parameters]
+    assert max(after) < 0.02 < max(before)
+    (air,) = made.report.shrinkage
+    assert air.after < 1.2 * 0.05 and air.before > 5 * air.after  # 0.05 K is the sensor
+    house.draw(made, tmp_path / "house.png")
+    assert_page_is_true("house", "\n".join(house.tables(made)), rel=0.05)

@@ -1,0 +1,70 @@
+"""The project's papers: citation, changelog, licences."""
+
+import importlib.util
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import yaml
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+from shared import __version__
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_the_citation_file_keeps_its_schema_and_names_this_version():
+    words = [
+        sys.executable,
+        "-m",
+        "check_jsonschema",
+        "--builtin-schema",
+        "vendor.citation-file-format",
+        "CITATION.cff",
+    ]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert cited["version"] == __version__
+    (paper,) = cited["references"]
+    assert paper["title"] in " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+
+
+def test_the_changelog_has_this_version_and_only_kinds_of_change_that_keep_a_changelog_knows():
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert re.search(rf"^## \[{re.escape(__version__)}\] - \d{{4}}-\d\d-\d\d$", text, re.MULTILINE)
+    kinds = set(re.findall(r"^### (.+)$", text, re.MULTILINE))
+    assert kinds <= {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}
+
+
+def test_the_licence_page_names_every_package_that_every_extra_asks_for():
+    rows = {}
+    for line in (ROOT / "docs/licences.md").read_text(encoding="utf-8").splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if len(cells) > 2 and not cells[0].startswith("-"):
+            rows[cells[0]] = cells[1:]
+    heads = rows.pop("package")
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    asked = {"(none)": project["dependencies"], **project["optional-dependencies"]}
+    assert {*asked} - {"dev"} == {*heads[1:]}
+    for extra in heads[1:]:
+        for text in asked[extra]:
+            one = Requirement(text)
+            if one.name != project["name"]:
+                cells = rows[canonicalize_name(one.name)]
+                assert cells[heads.index(extra)] == "x", f"{one.name} of {extra}"
+                assert cells[0] and not cells[0].startswith("not stated"), one.name
+
+
+def test_the_licence_page_is_what_its_script_finds_here():
+    """Names only: which packages come along is a matter of versions, their licence texts too."""
+    spec = importlib.util.spec_from_file_location("licences", ROOT / "docs/making/licences.py")
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    kept = (ROOT / "docs/licences.md").read_text(encoding="utf-8")
+    for extra in script.EXTRAS:
+        for name in script.needed(extra):
+            assert f"\n| {name} |" in kept, f"{name}: run python docs/making/licences.py"

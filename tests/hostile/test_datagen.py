@@ -1,0 +1,327 @@
+"""Readers of ``datagen`` on damaged files, and on FMUs and folders made to do harm."""
+
+import io
+import json
+import shutil
+import socket
+import stat
+import tempfile
+import zipfile
+from pathlib import Path
+
+import fmpy
+import pytest
+
+from datagen.failures import Failures
+from datagen.fmu import Fmu, unpack
+from datagen.guard import guarded
+from datagen.inspection import verify
+from datagen.lock import FILE_NAME, FolderLock
+from datagen.mending import _last_system
+from datagen.recorded import load_recorded
+from datagen.weather_files import read_hourly
+from shared.errors import DatasetError, FmuError, RecordingError, WeatherError
+from shared.system import parse_system
+from tests.hostile import cases_datagen
+from tests.hostile.cases_datagen import FMU, SYSTEM, description, repacked
+from tests.hostile.properties import property_of
+from tests.trainer.conftest import make_dataset
+
+test_damaged = property_of(cases_datagen)
+
+
+def archive(path, entries, method=zipfile.ZIP_DEFLATED):
+    with zipfile.ZipFile(path, "w", method) as out:
+        out.writestr("modelDescription.xml", description())
+        for name, content in entries:
+            out.writestr(name, content)
+    return path
+
+
+def link(name, mode=stat.S_IFLNK):
+    one = zipfile.ZipInfo(name)
+    one.external_attr = (mode | 0o777) << 16
+    return one
+
+
+def refused(path, sentence):
+    """Unpacking ends in this sentence, and leaves nothing anywhere."""
+    before = set(Path(tempfile.gettempdir()).glob("zeroshot-fmu-*")), sorted(path.parent.rglob("*"))
+    with pytest.raises(FmuError, match=sentence):
+        unpack.__wrapped__(path, "")
+    after = set(Path(tempfile.gettempdir()).glob("zeroshot-fmu-*")), sorted(path.parent.rglob("*"))
+    assert after == before
+
+
+# ---------------------------------------------------------------- archives
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("../evil.so", "which leaves the FMU's folder"),
+        ("resources/../../evil.so", "which leaves the FMU's folder"),
+        ("/etc/evil.so", "names with / alone, below the FMU's own folder"),
+        ("C:/evil.so", "names with / alone"),
+        ("binaries\\linux64\\evil.so", "names with / alone"),
+        ("..", "which leaves the FMU's folder"),
+        (link("resources/link"), "a link or a device"),
+        (link("resources/pipe", stat.S_IFIFO), "a link or a device"),
+        (link("resources/disk", stat.S_IFBLK), "a link or a device"),
+    ],
+)
+def test_nothing_is_written_outside_the_folder(tmp_path, name, sentence):
+    path = archive(tmp_path / "a.fmu", [(name, "/etc/passwd")])
+    refused(path, rf"a\.fmu: holds .*{sentence}")
+
+
+def test_a_file_in_the_place_of_a_folder_is_a_sentence(tmp_path):
+    refused(archive(tmp_path / "a.fmu", [("a", "x"), ("a/b", "y")]), "not a readable FMU")
+
+
+@pytest.mark.filterwarnings("ignore:Duplicate name")
+def test_a_file_that_is_there_twice_is_refused(tmp_path):
+    refused(archive(tmp_path / "a.fmu", [("modelDescription.xml", "<a/>")]), "twice")
+
+
+def test_a_bomb_is_refused_before_it_goes_off(tmp_path):
+    path = tmp_path / "a.fmu"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as out:
+        out.writestr("modelDescription.xml", description())
+        block = bytes(1 << 20)
+        with out.open("resources/zeros", "w", force_zip64=True) as file:
+            for _ in range(32):
+                file.write(block)
+    data = bytearray(path.read_bytes())
+    at = data.rfind(b"PK\x01\x02")  # of the entry in the directory: what it says of its size
+    assert data[at + 46 : at + 46 + 15] == b"resources/zeros"
+    data[at + 24 : at + 28] = (0xF0000000).to_bytes(4, "little")
+    path.write_bytes(data)
+    refused(path, r"a\.fmu: unpacks to 3840 MiB; expected an FMU, of at most 2048 MiB")
+
+
+def test_a_file_that_is_larger_than_it_says_is_not_unpacked(tmp_path):
+    path = archive(tmp_path / "a.fmu", [("resources/zeros", bytes(1 << 22))])
+    data = bytearray(path.read_bytes())
+    at = data.rfind(b"PK\x01\x02")
+    data[at + 24 : at + 28] = (10).to_bytes(4, "little")
+    path.write_bytes(data)
+    refused(path, "not a readable FMU: Bad CRC-32|is larger than declared")
+
+
+def test_more_files_than_any_fmu_has_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("datagen.unpacking.MOST_FILES", 5)
+    refused(
+        archive(tmp_path / "a.fmu", [(f"r/{k}", "") for k in range(5)]), "holds 6 files; expected an FMU, of at most 5"
+    )
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_other_compressions_are_refused(tmp_path, method):
+    refused(archive(tmp_path / "a.fmu", [("r/a", "a" * 100)], method), "compressed in a way that FMI does not have")
+
+
+def test_an_encrypted_file_is_refused(tmp_path):
+    path = archive(tmp_path / "a.fmu", [("r/a", "a" * 100)])
+    data = bytearray(path.read_bytes())
+    data[data.rfind(b"PK\x01\x02") + 8] |= 1
+    path.write_bytes(data)
+    refused(path, "which is encrypted")
+
+
+@pytest.mark.parametrize("content", [b"", b"PK", b"PK\x05\x06" + bytes(18), b"MZ" + bytes(100), b"<xml/>"])
+def test_what_is_no_archive_is_a_sentence(tmp_path, content):
+    (tmp_path / "a.fmu").write_bytes(content)
+    refused(tmp_path / "a.fmu", r"a\.fmu: not a readable FMU")
+
+
+def test_a_folder_is_no_fmu(tmp_path):
+    with pytest.raises(FmuError, match="it is a folder; expected an FMU"):
+        Fmu(tmp_path)
+
+
+# ---------------------------------------------------------------- model descriptions
+
+LAUGHS = "".join(f'<!ENTITY l{k} "{f"&l{k - 1};" * 10}">' for k in range(1, 12))
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        (f'<!DOCTYPE a [<!ENTITY l0 "ha">{LAUGHS}]><a>&l11;</a>', "has a document type or entities"),
+        ('<!DOCTYPE a [<!ENTITY x SYSTEM "file:///etc/passwd">]><a>&x;</a>', "has a document type or entities"),
+        ('<!DOCTYPE a SYSTEM "http://localhost/a.dtd"><a/>', "has a document type or entities"),
+        ("<a>" * 100_000, "nests more than 50 elements"),
+        ("<a", "not a readable FMU: modelDescription.xml"),
+        ("", "not a readable FMU: modelDescription.xml"),
+        ("<a>\0</a>", "not a readable FMU: modelDescription.xml"),
+        ("<a/>", "not a readable FMU"),
+        ('<?xml version="1.0" encoding="no-such"?><a/>', "not a readable FMU: modelDescription.xml"),
+        ('<fmiModelDescription fmiVersion="1.0"/>', "not a readable FMU"),
+    ],
+)
+def test_hostile_xml_is_a_sentence(tmp_path, text, sentence):
+    (tmp_path / "a.fmu").write_bytes(repacked(text.encode()))
+    refused(tmp_path / "a.fmu", sentence)
+
+
+def test_a_description_of_how_to_build_is_held_to_the_same(tmp_path):
+    three = b'<fmiModelDescription fmiVersion="3.0"/>'
+    evil = b'<!DOCTYPE a [<!ENTITY x "ha">]><a>&x;</a>'
+    (tmp_path / "a.fmu").write_bytes(repacked(three, (("sources/buildDescription.xml", evil),)))
+    refused(tmp_path / "a.fmu", r"sources/buildDescription\.xml has a document type")
+
+
+def test_a_description_beyond_its_limit_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("datagen.unpacking.MOST_DESCRIPTION", 1000)
+    (tmp_path / "a.fmu").write_bytes(repacked(description()))
+    refused(tmp_path / "a.fmu", "is no file of at most 0 MiB")
+
+
+@pytest.mark.parametrize("identifier", ["../../../tmp/evil", "/tmp/evil", "a\\b", "..", "", " ", "a:b", "a b/c"])
+def test_no_library_outside_the_fmu_is_named(tmp_path, identifier):
+    changed = description().replace(b'modelIdentifier="MixedAirCO2"', f'modelIdentifier="{identifier}"'.encode())
+    assert changed != description()
+    (tmp_path / "a.fmu").write_bytes(repacked(changed))
+    refused(tmp_path / "a.fmu", "modelIdentifier is .*; expected the name of the FMU's binary")
+
+
+@pytest.mark.parametrize("count", ["-1", "1000000000000", "1e3"])
+def test_numbers_that_no_model_has_are_refused(tmp_path, count):
+    import re
+
+    changed = re.sub(rb'numberOfEventIndicators="\d+"', f'numberOfEventIndicators="{count}"'.encode(), description())
+    (tmp_path / "a.fmu").write_bytes(repacked(changed))
+    refused(tmp_path / "a.fmu", "event indicators; expected 0 to 1000000|not a readable FMU")
+
+
+# ---------------------------------------------------------------- binaries
+
+
+def with_binary(path, content, folder=None):
+    with zipfile.ZipFile(FMU) as origin:
+        name = f"binaries/{folder or fmpy.platform}/MixedAirCO2{fmpy.sharedLibraryExtension}"
+        path.write_bytes(
+            repacked(origin.read("modelDescription.xml"), ((name, content),) if content is not None else ())
+        )
+    return path
+
+
+@pytest.mark.parametrize("content", [None, b"", b"no library", b"\x7fELF" + bytes(60), b"MZ" + bytes(100)])
+def test_a_binary_that_is_missing_or_none_is_a_sentence(tmp_path, content):
+    with pytest.raises(FmuError, match=rf"a\.fmu: no usable binary for {fmpy.platform_tuple}"):
+        Fmu(with_binary(tmp_path / "a.fmu", content))
+
+
+def test_a_binary_for_another_machine_is_a_sentence(tmp_path):
+    with zipfile.ZipFile(FMU) as origin:
+        other = next(n for n in origin.namelist() if n.startswith("binaries/win64/") and n.endswith(".dll"))
+        content = origin.read(other)
+    if fmpy.platform == "win64":
+        pytest.skip("that is this machine")
+    with pytest.raises(FmuError, match="no usable binary"):
+        Fmu(with_binary(tmp_path / "a.fmu", content))
+    with pytest.raises(FmuError, match="no usable binary"):
+        Fmu(with_binary(tmp_path / "b.fmu", content, "win64"))
+
+
+def test_unpacking_starts_nothing(tmp_path):
+    path = shutil.copy(FMU, tmp_path / "a.fmu")
+    reader = cases_datagen.Reader("whole", tmp_path, "a.fmu", lambda at: cases_datagen.unpacked(at / "a.fmu"), None)
+    from tests.hostile.trial import outcome_of
+
+    assert outcome_of(reader, Path(path).read_bytes()) == "read"
+
+
+# ---------------------------------------------------------------- datasets
+
+
+def test_a_repair_runs_no_system_that_came_with_the_dataset(tmp_path):
+    with FolderLock(tmp_path, "/home/somebody/room/system.toml"):
+        pass
+    assert _last_system(tmp_path) == "/home/somebody/room/system.toml"
+    raw = json.loads((tmp_path / FILE_NAME).read_text())
+    for change in (
+        {"host": f"not-{socket.gethostname()}"},
+        {"system": str(tmp_path / "evil" / "system.toml")},
+        {"system": "evil/system.toml"},
+        {"system": f"{tmp_path}/../{tmp_path.name}/evil/system.toml"},
+        {"system": 3},
+    ):
+        (tmp_path / FILE_NAME).write_text(json.dumps(raw | change))
+        assert _last_system(tmp_path) is None
+
+
+@pytest.mark.parametrize("pid", ["x", None, -5, 10**30, [], 1.5])
+def test_a_lock_that_makes_no_sense_is_no_lock(tmp_path, pid):
+    (tmp_path / FILE_NAME).write_text(json.dumps({"pid": pid, "host": socket.gethostname()}))
+    assert FolderLock._lives({"pid": pid, "host": socket.gethostname()}) is False
+    with FolderLock(tmp_path):
+        pass
+
+
+def test_a_card_in_another_encoding_is_a_fault_and_no_crash(tmp_path):
+    folder = make_dataset(tmp_path / "ds", systems=10)
+    (folder / "README.md").write_bytes(b"\xff\xfe\x00")
+    assert any("README.md: cannot be read as text" in fault for fault in verify(folder))
+
+
+@pytest.mark.parametrize("line", ["[]", "3", "{", "{}", '{"system": []}', '{"system": {"a": 1}, "root_seed": 1}', "\0"])
+def test_a_failure_that_is_none_is_named_by_its_line(tmp_path, line):
+    (tmp_path / "failures.jsonl").write_text(json.dumps(cases_datagen.LINE) + f"\n{line}\n")
+    with pytest.raises(DatasetError, match=r"failures\.jsonl: line 2"):
+        Failures.read(tmp_path)
+
+
+# ---------------------------------------------------------------- weather and recorded trajectories
+
+
+def test_weather_without_end_is_refused(tmp_path):
+    for name in ("w.csv", "w.epw", "w.mos"):
+        with open(tmp_path / name, "wb") as file:
+            file.truncate(1 << 40)
+        with pytest.raises(WeatherError, match=rf"{name}: has 1048576 MiB"):
+            read_hourly(tmp_path / name)
+        (tmp_path / name).unlink()
+        (tmp_path / name).symlink_to("/dev/zero")
+        with pytest.raises(WeatherError, match=rf"{name}: cannot be read: it is a device"):
+            read_hourly(tmp_path / name)
+
+
+def test_a_packed_table_is_unpacked_to_its_limit_only(tmp_path, monkeypatch):
+    import gzip
+
+    monkeypatch.setattr("datagen.recorded.MOST_CSV", 1 << 16)
+    (tmp_path / "mapping.toml").write_text(cases_datagen.MAPPING.replace("rooms.csv", "rooms.csv.gz"))
+    out = io.BytesIO()
+    with gzip.open(out, "w") as file:
+        file.write(b"room,loss\n" + bytes(1 << 20))
+    (tmp_path / "rooms.csv.gz").write_bytes(out.getvalue())
+    system = parse_system(SYSTEM, tmp_path / "shed.toml")
+    with pytest.raises(RecordingError, match=r"rooms\.csv\.gz: unpacks to more than 0 MiB"):
+        load_recorded(tmp_path / "mapping.toml", system)
+    (tmp_path / "rooms.csv.gz").write_bytes(out.getvalue()[:40])
+    with pytest.raises(RecordingError, match=r"rooms\.csv\.gz: not a readable gzip file"):
+        load_recorded(tmp_path / "mapping.toml", system)
+
+
+@pytest.mark.parametrize("series", ["room{name.__class__}.csv", "room{name:>9999999999}.csv", "{0}.csv", "{"])
+def test_a_file_name_of_a_mapping_is_no_format(tmp_path, series):
+    text = cases_datagen.MAPPING.replace("room{name}.csv", series)
+    (tmp_path / "mapping.toml").write_text(text)
+    (tmp_path / "rooms.csv").write_text("room,loss\n1,4.5\n")
+    with pytest.raises(RecordingError, match="no such file"):
+        cases_datagen.recorded(tmp_path)
+
+
+def double(number):
+    return 2 * number
+
+
+def test_a_guarded_child_is_not_taken_over_by_the_current_folder(tmp_path, monkeypatch):
+    (tmp_path / "datagen").mkdir()
+    (tmp_path / "datagen" / "__init__.py").write_text(f"open({str(tmp_path / 'taken')!r}, 'w')")
+    (tmp_path / "datagen" / "guard.py").write_text("")
+    monkeypatch.chdir(tmp_path)
+    assert guarded(abs, [-3], timeout=60) == [3]
+    assert not (tmp_path / "taken").exists()

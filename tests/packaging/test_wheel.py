@@ -1,0 +1,147 @@
+"""The wheel, not the source tree: what is in it, and that it works where nothing else is installed."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tarfile
+import zipfile
+from pathlib import Path
+
+import pytest
+import xarray as xr
+from filelock import FileLock
+
+from shared import __version__
+from shared.system import load_system
+from tests.packaging.wheels import PACKAGE, PROMISES, build, index_answers, install, predicted, recording
+
+pytestmark = pytest.mark.slow
+
+CARRIED = {
+    "fmus/MixedAirCO2.fmu",
+    "fmus/MixedAirCO2/system.toml",
+    "fmus/MixedAirCO2/office.toml",
+    "fmus/MixedAirCO2/identifiability.json",
+    "fmus/MixedAirCO2/estimator/README.md",
+    "fmus/MixedAirCO2/estimator/estimator.json",
+    "fmus/MixedAirCO2/estimator/weights.safetensors",
+    "fmus/MixedAirCO2/estimator/posterior.json",
+    "fmus/MixedAirCO2/estimator/posterior.safetensors",
+    "fmus/truth/MixedAirCO2Truth.fmu",
+    "fmus/truth/truth.toml",
+    "fmus/modelica/ZeroshotRoom/package.mo",
+    *(f"diagnosis/templates/{name}.html.j2" for name in ("gap", "calibration", "forecast", "blind_score")),
+    *(f"{package}/py.typed" for package in ("shared", "datagen", "trainer", "diagnosis", "fmus")),
+}
+"""What a user needs and is no Python module."""
+LIMIT_MB = 8
+"""Nothing large has come in unnoticed."""
+
+
+@pytest.fixture(scope="session")
+def dist(tmp_path_factory):
+    """Source distribution and wheel, built once for all of pytest's processes."""
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if base.name.startswith("popen-") else base) / "distribution"
+    with FileLock(f"{folder}.lock"):
+        if not (folder / "built.json").exists():
+            if not index_answers():
+                pytest.skip("pip reaches no index that has setuptools, so nothing can be built or installed")
+            folder.mkdir(exist_ok=True)
+            (folder / "built.json").write_text(json.dumps([str(path) for path in build(folder)]))
+    return [Path(path) for path in json.loads((folder / "built.json").read_text())]
+
+
+def test_both_distributions_carry_all_that_a_user_needs_and_nothing_else(dist):
+    archive, wheel = dist
+    with tarfile.open(archive) as opened:
+        whole = [name.partition("/")[2] for name in opened.getnames()]
+    with zipfile.ZipFile(wheel) as opened:
+        names = opened.namelist()
+        sizes = sum(one.compress_size for one in opened.infolist())
+    assert CARRIED - {*names} == set()
+    assert CARRIED - {*whole} == set()
+    assert {"constraints.txt", "README.md", "LICENSE", "pyproject.toml"} <= {*whole}
+    ours = {"shared", "datagen", "trainer", "diagnosis", "fmus"}
+    assert {name.split("/")[0] for name in names} == ours | {f"zeroshot_fmu-{__version__}.dist-info"}
+    for name in [*names, *whole]:
+        assert not name.startswith(("tests", "docs", "docker", ".")), name
+        assert "__pycache__" not in name and not name.endswith((".pyc", ".nbi", ".nbc", ".tmp", ".nc")), name
+    assert sizes < LIMIT_MB * 1e6
+
+
+@pytest.fixture(params=os.environ.get("ZEROSHOT_PYTHONS", sys._base_executable).split(), ids=lambda one: Path(one).name)
+def python(request):
+    """The interpreter that the wheel is installed for: this one, or those that ``make wheels`` names."""
+    found = shutil.which(request.param)
+    if found is None or subprocess.run([found, "--version"], capture_output=True).returncode:
+        pytest.skip(f"there is no {request.param}")
+    return found
+
+
+@pytest.mark.parametrize("extra", PROMISES, ids=lambda extra: extra or "bare")
+def test_the_wheel_works_where_nothing_else_is(dist, extra, python, tmp_path, default_system):
+    environment = install(dist[1], extra, tmp_path / "environment", python)
+    holds(environment, extra, tmp_path, default_system)
+    {"": bare, "datagen": farm, "trainer": learns, "diagnosis": diagnoses}[extra](environment, tmp_path)
+
+
+def holds(environment, extra, folder, system):
+    promise = PROMISES[extra]
+    installed = environment.distributions(folder)
+    assert promise.present | {PACKAGE} <= installed
+    assert not promise.absent & installed
+    where = environment.out("python", "-c", "import shared; print(shared.__file__)", cwd=folder)
+    assert where.startswith(str(environment.folder))
+    assert environment.import_all(promise.imports, folder) > 10
+    shipped = environment.out(
+        *("python", "-c"),
+        "from shared.shipped import resolved; from shared.system import load_system as l;"
+        "print(l(resolved('MixedAirCO2')).hash())",
+        cwd=folder,
+    )
+    assert shipped.strip() == load_system(system.path).hash()
+    for program in ("datagen", "trainer", "diagnosis"):
+        assert f"Usage: {program}" in environment.out(program, "--help", cwd=folder)
+
+
+def lacks(environment, folder, extra, *words):
+    """A command whose extra is not installed says so in one sentence."""
+    done = environment.run(*words, cwd=folder)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert f"{words[0]} needs " in done.stderr and f"zeroshot-fmu[{extra}]" in done.stderr
+    assert "Traceback" not in done.stderr and done.stderr.count("\n") == 1
+
+
+def bare(environment, folder):
+    assert environment.out("diagnosis", "--version", cwd=folder).strip() == __version__
+    lacks(environment, folder, "datagen", "datagen", "simulate", "MixedAirCO2", "--out", "room.nc")
+    lacks(environment, folder, "datagen", "datagen", "run", "MixedAirCO2", "--out", "d", "--systems", "2")
+    lacks(environment, folder, "trainer", "trainer", "predict", "MixedAirCO2", "room.nc")
+    lacks(environment, folder, "trainer", "trainer", "fit", "d", "--out", "run")
+    lacks(environment, folder, "diagnosis", "diagnosis", "residuals", "MixedAirCO2", "room.nc")
+
+
+def farm(environment, folder):
+    words = ["--out", "d", "--systems", "2", "--hours", "48", "--workers", "1"]
+    environment.out("datagen", "run", "MixedAirCO2", *words, cwd=folder)
+    assert json.loads(environment.out("datagen", "verify", "d", "--json", cwd=folder))["ok"]
+    lacks(environment, folder, "trainer", "trainer", "predict", "MixedAirCO2", "room.nc")
+
+
+def learns(environment, folder):
+    found = predicted(environment, recording(folder), folder)
+    assert all(one["low"] < one["value"] < one["high"] for one in found.values()), found
+    lacks(environment, folder, "datagen", "datagen", "simulate", "MixedAirCO2", "--out", "other.nc")
+    lacks(environment, folder, "diagnosis", "diagnosis", "residuals", "MixedAirCO2", "room.nc")
+
+
+def diagnoses(environment, folder):
+    path = recording(folder)
+    words = ["residuals", "MixedAirCO2", path.name, "--run", "MixedAirCO2", "--json"]
+    found = json.loads(environment.out("diagnosis", *words, cwd=folder))["outputs"]
+    with xr.open_dataset(path) as record:
+        outputs = {str(name) for name in record.data_vars if record[name].attrs.get("role") == "output"}
+    assert {*found} <= outputs and all(one["rmse"] > 0 for one in found.values())

@@ -1,0 +1,157 @@
+"""The distribution built from a clean copy of the sources, and its wheel in environments that hold nothing else.
+
+``uv`` builds and installs: it keeps one cache of packages, and an environment's files are links into it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGE = "zeroshot-fmu"
+
+
+@dataclass(frozen=True)
+class Promise:
+    """What an extra brings, and what it must not bring."""
+
+    imports: tuple[str, ...]
+    """packages of ours of which every module can be imported"""
+    present: frozenset[str]
+    absent: frozenset[str]
+    """distributions, by their normalised names"""
+
+
+FARM = frozenset({"fmpy", "dask", "distributed", "numba", "pvlib", "bokeh", "jinja2"})
+LEARNING = frozenset({"torch", "safetensors", "zuko", "optuna"})
+TOOLS = frozenset({"pytest", "ruff", "mypy", "ziglang", "hypothesis", "uv"})
+PROMISES = {
+    "": Promise(("shared",), frozenset({"numpy", "xarray", "cyclopts"}), FARM | LEARNING | TOOLS | {"scipy"}),
+    "datagen": Promise(("shared", "datagen"), FARM, LEARNING | TOOLS),
+    "trainer": Promise(("shared", "trainer"), LEARNING, (FARM - {"jinja2"}) | TOOLS | {"llvmlite"}),
+    "diagnosis": Promise(("diagnosis",), FARM | LEARNING | {"pint"}, TOOLS),
+}
+"""By extra; the empty one is the distribution without any. (torch itself requires jinja2.)"""
+
+_EVERY_MODULE = """
+import importlib, pkgutil, sys
+count = 0
+for package in sys.argv[1:]:
+    for found in pkgutil.walk_packages(importlib.import_module(package).__path__, package + "."):
+        importlib.import_module(found.name)
+        count += 1
+print(count)
+"""
+_DISTRIBUTIONS = "import importlib.metadata as m; print(*(d.name.lower().replace('_', '-') for d in m.distributions()))"
+
+
+@dataclass(frozen=True)
+class Environment:
+    """A virtual environment with the wheel in it."""
+
+    folder: Path
+
+    def run(self, *words: str, cwd: Path, timeout: float = 900) -> subprocess.CompletedProcess[str]:
+        """Run one of its programs with nothing of ours on the path."""
+        named = {name: os.environ[name] for name in ("HOME", "LANG", "TMPDIR") if name in os.environ}
+        environment = named | {"PATH": f"{self.folder / 'bin'}{os.pathsep}/usr/bin:/bin", "OMP_NUM_THREADS": "1"}
+        program = self.folder / "bin" / words[0]
+        return subprocess.run(
+            [str(program), *words[1:]], cwd=cwd, env=environment, capture_output=True, text=True, timeout=timeout
+        )
+
+    def out(self, *words: str, cwd: Path) -> str:
+        """What a command prints that must succeed."""
+        done = self.run(*words, cwd=cwd)
+        assert done.returncode == 0, f"{' '.join(words)}: exit code {done.returncode}\n{done.stdout}\n{done.stderr}"
+        return done.stdout
+
+    def distributions(self, cwd: Path) -> set[str]:
+        """What is installed, by normalised names."""
+        return set(self.out("python", "-c", _DISTRIBUTIONS, cwd=cwd).split())
+
+    def import_all(self, packages: Sequence[str], cwd: Path) -> int:
+        """Import every module of some packages; returns how many there are."""
+        return int(self.out("python", "-c", _EVERY_MODULE, *packages, cwd=cwd))
+
+
+def sources(target: Path) -> None:
+    """Copy what git knows, and new files that it does not ignore: nothing that a build or a test has left behind."""
+    listed = subprocess.run(
+        ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
+        cwd=ROOT,
+        check=True,
+        capture_output=True,
+        text=True,
+    ).stdout
+    for name in filter(None, listed.split("\0")):
+        if (ROOT / name).is_file():  # a file that was just removed is still listed
+            (target / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(ROOT / name, target / name)
+
+
+def build(folder: Path) -> tuple[Path, Path]:
+    """Build the source distribution, and the wheel from it; returns both."""
+    sources(folder / "sources")
+    _uv("build", "--quiet", "--out-dir", str(folder / "dist"), str(folder / "sources"))
+    (archive,), (wheel,) = (folder / "dist").glob("*.tar.gz"), (folder / "dist").glob("*.whl")
+    return archive, wheel
+
+
+def install(wheel: Path, extra: str, folder: Path, python: str = sys.executable) -> Environment:
+    """The wheel with one extra, at the versions that the project is tested with, in a new environment."""
+    _uv("venv", "--quiet", "--no-project", "--python", python, str(folder))
+    what = f"{wheel}[{extra}]" if extra else str(wheel)
+    pins = str(ROOT / "constraints.txt")
+    _uv("pip", "install", "--quiet", "--python", str(folder / "bin" / "python"), "--constraint", pins, what)
+    return Environment(folder)
+
+
+def index_answers() -> bool:
+    """Whether there is an index to install from."""
+    asked = [sys.executable, "-m", "pip", "index", "versions", "setuptools"]
+    return subprocess.run(asked, capture_output=True, timeout=600).returncode == 0
+
+
+def _uv(*words: str) -> None:
+    done = subprocess.run(
+        [str(Path(sys.executable).parent / "uv"), *words], env=_settings(), capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, f"uv {' '.join(words)}\n{done.stderr[-4000:]}"
+
+
+def _settings() -> dict[str, str]:
+    """This environment, with pip's settings handed on: uv has its own, but a machine is set up for pip."""
+    listed = subprocess.run(
+        [sys.executable, "-m", "pip", "config", "list"], capture_output=True, text=True, check=True
+    ).stdout
+    said = {
+        line.partition("=")[0].rpartition(".")[2]: line.partition("=")[2].strip("'") for line in listed.splitlines()
+    }
+    handed = {"UV_FIND_LINKS": said.get("find-links"), "UV_DEFAULT_INDEX": said.get("index-url")}
+    return {name: value.replace(" ", ",") for name, value in handed.items() if value} | os.environ
+
+
+def recording(folder: Path) -> Path:
+    """A week of the default system, simulated here: a recording is all that passes between environments."""
+    path = folder / "room.nc"
+    words = ["simulate", "MixedAirCO2", "--out", str(path), "--hours", "168", "--seed", "3"]
+    subprocess.run(
+        [Path(sys.executable).parent / "datagen", *words], cwd=folder, check=True, capture_output=True, timeout=300
+    )
+    return path
+
+
+def predicted(environment: Environment, path: Path, cwd: Path) -> dict[str, dict[str, float]]:
+    """What the pretrained estimator that is in the wheel makes of a recording."""
+    said = environment.out("trainer", "predict", "MixedAirCO2", str(path), "--json", cwd=cwd)
+    found = json.loads(said)["predictions"][0]["parameters"]
+    assert isinstance(found, dict)
+    return found

@@ -1,0 +1,95 @@
+"""Logs: what is said at which verbosity, and what the file holds."""
+
+import io
+import json
+import logging
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from shared.errors import ZeroshotError
+from shared.logs import Reporting, fields, logger, reported
+
+log = logger("tests.module")
+
+
+@pytest.fixture
+def console():
+    return Console(file=io.StringIO(), soft_wrap=True)
+
+
+def say_all():
+    log.debug("step %d", 3, extra=fields(step=3))
+    log.info("2 workers")
+    log.warning("one failed [red]")
+    log.error("no more")
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (Reporting(), ["2 workers", "warning: one failed [red]", "error: no more"]),
+        (Reporting(quiet=True), ["warning: one failed [red]", "error: no more"]),
+        (Reporting(verbose=True), ["step 3", "2 workers", "warning: one failed [red]", "error: no more"]),
+    ],
+)
+def test_what_is_said_at_which_verbosity(console, options, said):
+    with reported(options, console):
+        say_all()
+    say_all()  # nobody hears it any more
+    assert console.file.getvalue().splitlines() == said
+
+
+@pytest.mark.parametrize("options", [{}, {"quiet": True}, {"verbose": True}])
+def test_the_file_holds_every_step_whatever_the_verbosity(console, tmp_path, options):
+    path = tmp_path / "log.jsonl"
+    with reported(Reporting(log=path, **options), console):
+        say_all()
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    assert [(one["level"], one["message"]) for one in lines] == [
+        ("debug", "step 3"),
+        ("info", "2 workers"),
+        ("warning", "one failed [red]"),
+        ("error", "no more"),
+    ]
+    assert lines[0]["step"] == 3
+    assert {one["logger"] for one in lines} == {"tests.module"}
+    assert all(one["time"].endswith("+00:00") for one in lines)
+
+
+def test_a_second_run_is_appended_and_figures_of_any_type_are_written(console, tmp_path):
+    path = tmp_path / "log.jsonl"
+    for loss in (np.float32(0.5), Path("run"), float("nan")):
+        with reported(Reporting(log=path, quiet=True), console):
+            log.debug("one", extra=fields(loss=loss))
+    assert len(path.read_text().splitlines()) == 3
+    assert json.loads(path.read_text().splitlines()[1])["loss"] == "run"
+
+
+def test_a_traceback_goes_into_the_file_and_python_prints_it(console, tmp_path):
+    path = tmp_path / "log.jsonl"
+    with reported(Reporting(log=path), console):
+        try:
+            raise RuntimeError("ours")
+        except RuntimeError:
+            log.critical("a bug", exc_info=True)
+    assert "RuntimeError: ours" in json.loads(path.read_text())["traceback"]
+    assert console.file.getvalue() == ""
+
+
+def test_a_log_that_cannot_be_written_is_refused(console, tmp_path):
+    with (
+        pytest.raises(ZeroshotError, match=r"there/log.jsonl: no log can be written there: No such file"),
+        reported(Reporting(log=tmp_path / "there" / "log.jsonl"), console),
+    ):
+        pass
+
+
+def test_without_a_command_line_it_is_a_library_that_logs(console, caplog):
+    with reported(Reporting(), console):
+        pass
+    with caplog.at_level(logging.INFO, logger="zeroshot"):
+        say_all()
+    assert [record.getMessage() for record in caplog.records] == ["2 workers", "one failed [red]", "no more"]

@@ -1,0 +1,119 @@
+"""What all commands of the three programs have in common."""
+
+import json
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from datagen.cli import app as datagen
+from diagnosis.cli import app as diagnosis
+from shared.console import STOPPED
+from shared.logs import Reporting
+from tests.trainer.conftest import make_dataset
+from trainer.cli import app as trainer
+from trainer.fitting import fit
+
+PROGRAMS = {"datagen": datagen, "trainer": trainer, "diagnosis": diagnosis}
+SHORT = {
+    *("datagen simulate", "datagen info", "datagen merge"),
+    *("trainer evaluate", "trainer calibration", "trainer predict", "trainer info"),
+    *("diagnosis residuals", "diagnosis import", "diagnosis blind score"),
+}
+"""Commands that are done before anybody asks how far they are."""
+RUNNING = (Path(__file__).parents[1] / "docs" / "running.md").read_text()
+
+
+def commands(app, before):
+    for name in app:
+        if not name.startswith("-"):
+            inner = app[name]
+            if inner.default_command is None:
+                yield from commands(inner, f"{before} {name}")
+            else:
+                yield f"{before} {name}", inner
+
+
+EVERY = dict(pair for name, app in PROGRAMS.items() for pair in commands(app, name))
+
+
+def long_ones():
+    return {
+        name
+        for name, app in EVERY.items()
+        if any(
+            one.field_info.annotation is Reporting or "--log" in one.names for one in app.assemble_argument_collection()
+        )
+    }
+
+
+def test_every_long_command_reports_in_the_same_way():
+    assert long_ones() == set(EVERY) - SHORT
+    assert set(EVERY) > SHORT
+    for name in long_ones():
+        flags = {flag for one in EVERY[name].assemble_argument_collection() for flag in one.names}
+        assert {"--quiet", "--verbose", "--log"} <= flags, name
+
+
+def test_the_page_on_long_runs_names_every_long_command_and_how_it_goes_on():
+    rows = dict(re.findall(r"^\| `((?:datagen|trainer|diagnosis) [a-z ]+)` \| (.*) \|$", RUNNING, re.MULTILINE))
+    assert set(rows) == long_ones()
+    from shared.console import _resumable
+
+    for name, how in rows.items():
+        command = EVERY[name].default_command
+        assert ("begins anew" in how) == (command not in _resumable), name
+        for option in _resumable.get(command, ((), ()))[0]:
+            assert f"`{option}`" in how, name
+
+
+CHILD = """
+import sys, trainer.training
+from trainer.cli import main
+trainer.training.SAVE_SECONDS = 0.1
+main(sys.argv[1:])
+"""
+
+
+@pytest.mark.slow
+def test_a_training_that_is_stopped_says_how_to_go_on_and_that_goes_on(tmp_path):
+    """To the same weights as if it had not been stopped."""
+    tanks = make_dataset(tmp_path / "tanks")
+    options = {"width": 16, "layers": 1, "heads": 2, "feedforward": 32}
+    words = ["fit", tanks, "--out", tmp_path / "run", "--context", "12", "--steps", "600", "--log", tmp_path / "log"]
+    words += [word for name, value in options.items() for word in (f"--option.{name}", value)]
+    child = subprocess.Popen(
+        [sys.executable, "-c", CHILD, *map(str, words)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    for _ in range(3000):
+        if (tmp_path / "run" / "state.safetensors").exists():
+            break
+        assert child.poll() is None, child.communicate()
+        time.sleep(0.02)
+    child.send_signal(signal.SIGINT)
+    out, err = child.communicate(timeout=60)
+    assert (child.returncode, out) == (STOPPED, "")
+    assert "Traceback" not in err
+    sentence, again = err.splitlines()[-2:]
+    assert sentence == "warning: stopped; what was finished is kept, and this goes on from there:"
+    program, *rest = again.split()
+    assert program == "trainer" and rest == [*map(str, words), "--resume"]
+    done = subprocess.run([Path(sys.executable).parent / program, *rest], capture_output=True, text=True, timeout=300)
+    assert (done.returncode, done.stdout) == (0, ""), done.stderr
+    lines = [json.loads(line) for line in (tmp_path / "log").read_text().splitlines()]
+    assert [line["code"] for line in lines if "code" in line] == [STOPPED, 0]
+    steps = [line["step"] for line in lines if "validation_loss" in line and "step" in line]
+    assert steps == sorted(steps) and steps[-1] == 600 and len(set(steps)) > 10
+    fit(tanks, tmp_path / "whole", context_hours=12.0, steps=600, options=options)
+    assert (tmp_path / "run" / "weights.safetensors").read_bytes() == (
+        tmp_path / "whole" / "weights.safetensors"
+    ).read_bytes()
+    assert not (tmp_path / "run" / "state.safetensors").exists()

@@ -1,0 +1,170 @@
+"""What a benchmark does and keeps: fits in turn and side by side, interrupted, failed, done before."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import trainer
+from shared.errors import EstimatorError, IncompleteError
+from trainer.benchmarking import running
+from trainer.benchmarking.conditions import Budget, Condition, Fit
+from trainer.benchmarking.job import DONE, SPEC, do, is_done
+from trainer.benchmarking.planning import make_plan
+from trainer.report import read_answers
+
+from ..test_cli import run as command
+from .conftest import QUICK
+
+
+def test_every_seed_is_scored_on_the_same_windows(results, short):
+    plan = make_plan(short, results, **QUICK)
+    one, other = (read_answers(plan.folder(plan.fit_of(plan.parts[0].rows[0].condition, seed))) for seed in (0, 1))
+    for name in ("paper", "unseen"):
+        np.testing.assert_array_equal(one[name].systems, other[name].systems)
+        np.testing.assert_array_equal(one[name].begin, other[name].begin)
+        np.testing.assert_array_equal(one[name].truth, other[name].truth)
+    assert not np.array_equal(one["unseen"].estimate, other["unseen"].estimate)
+
+
+def test_what_is_finished_is_not_done_again(finished, short, monkeypatch):
+    before = {path: path.stat().st_mtime_ns for path in (finished / "fits").rglob("*")}
+    monkeypatch.setattr(running, "do", lambda *_: pytest.fail("it was done again"))
+    trainer.benchmark(short, finished, **QUICK)
+    assert {path: path.stat().st_mtime_ns for path in (finished / "fits").rglob("*")} == before
+    assert not make_plan(short, finished, **QUICK).left()
+    assert len(make_plan(short, finished, **QUICK | {"windows": 61}).left()) == 12
+
+
+def test_an_interrupted_benchmark_writes_what_it_has_and_goes_on(short, tmp_path, monkeypatch):
+    done = []
+
+    def interrupted(dataset, folder, fit, ceiling):
+        if len(done) == 4:
+            raise KeyboardInterrupt
+        do(dataset, folder, fit, ceiling)
+        done.append(fit)
+
+    monkeypatch.setattr(running, "do", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        trainer.benchmark(short, tmp_path, **QUICK)
+    page = (tmp_path / "results.md").read_text()
+    assert "4 of 12 fits are finished" in page
+    assert "a line has fewer than 2 seeds, or none" in page
+    again = []
+
+    def counted(dataset, folder, fit, ceiling):
+        again.append(fit)
+        do(dataset, folder, fit, ceiling)
+
+    monkeypatch.setattr(running, "do", counted)
+    trainer.benchmark(short, tmp_path, **QUICK)
+    assert len(again) == 8
+    assert not {fit.key() for fit in done} & {fit.key() for fit in again}
+
+
+def test_a_fit_that_fails_is_told_and_the_others_are_done(short, tmp_path, monkeypatch):
+    from trainer.benchmarking import job
+
+    fit = job.run_fit
+
+    def fails(*arguments, **settings):
+        if settings["model"] == "mean" and settings["seed"] == 1:
+            raise EstimatorError("the dog ate it")
+        return fit(*arguments, **settings)
+
+    monkeypatch.setattr(job, "run_fit", fails)
+    with pytest.raises(IncompleteError, match=r"3 of 12 fits failed; the first: mean, .* seed 1: the dog ate it"):
+        trainer.benchmark(short, tmp_path, **QUICK)
+    page = (tmp_path / "results.md").read_text()
+    assert "9 of 12 fits are finished" in page
+    assert "**failed**: mean, 48 h, 1 channels, noise none, seed 1: the dog ate it" in page
+    monkeypatch.undo()
+    trainer.benchmark(short, tmp_path, **QUICK)
+    assert "**failed**" not in (tmp_path / "results.md").read_text()
+
+
+def test_a_loss_that_is_not_a_number_is_scored_with_a_warning(short, tmp_path, monkeypatch):
+    from ..test_fitting import poison
+
+    condition = Condition(model="lstm", context_hours=24.0, channels=("level",))
+    fit = Fit(condition=condition, seed=0, budget=Budget(steps=40), windows=20)
+    poison(monkeypatch, 25)
+    do(short, tmp_path / "run", fit, None)
+    assert "not a finite number at step 26" in json.loads((tmp_path / "run" / DONE).read_text())["warning"]
+    assert is_done(tmp_path / "run", fit)
+    assert not is_done(tmp_path / "run", fit.model_copy(update={"seed": 1}))
+
+
+def test_results_of_another_dataset_are_left_alone(finished, other_tanks):
+    with pytest.raises(EstimatorError, match=r"holds a benchmark of another dataset: systems was 100 and is 20 now"):
+        trainer.benchmark(other_tanks, finished, **QUICK)
+
+
+@pytest.mark.slow
+def test_fits_side_by_side_are_the_same_as_in_turn(results, short, tmp_path):
+    trainer.benchmark(short, tmp_path, workers=2, **QUICK | {"ours": ["lstm"], "seeds": 1})
+    plan = make_plan(short, results, **QUICK)
+    for row in plan.parts[0].rows[:3]:
+        fit = plan.fit_of(row.condition, 0)
+        assert fit.condition.model == "lstm"
+        weights = [out / "fits" / fit.key() / "weights.safetensors" for out in (results, tmp_path)]
+        assert weights[0].read_bytes() == weights[1].read_bytes()
+    assert "3 of 3 fits are finished" in (tmp_path / "results.md").read_text()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="kills as POSIX does")
+def test_a_fit_ends_when_the_benchmark_is_killed(short, tmp_path):
+    condition = Condition(model="patch-transformer", context_hours=24.0, channels=("level",))
+    fit = Fit(condition=condition, seed=0, budget=Budget(minutes=30), windows=20)
+    (tmp_path / SPEC).write_text(fit.model_dump_json())
+    child = [sys.executable, "-m", "trainer.benchmarking.job", str(short), str(tmp_path)]
+    code = (
+        "import subprocess, time\n"
+        f"child = subprocess.Popen({child!r}, stdin=subprocess.PIPE)\n"
+        "print(child.pid, flush=True)\n"
+        "time.sleep(600)"
+    )
+    parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    pid = int(parent.stdout.readline())
+    os.kill(pid, 0)
+    parent.send_signal(signal.SIGKILL)
+    parent.wait()
+    for _ in range(600):
+        try:
+            os.kill(pid, 0)
+        except ProcessLookupError:
+            return
+        with open(f"/proc/{pid}/stat") as file:  # an orphan that nobody waits for stays as a zombie
+            if file.read().rsplit(")", 1)[1].split()[0] == "Z":
+                return
+        time.sleep(0.1)
+    os.kill(pid, signal.SIGKILL)
+    pytest.fail("it went on without its parent")
+
+
+def test_the_command(finished, short, tmp_path, capsys):
+    arguments = ["benchmark", short, "--parts", "channels", "--ours", "lstm", "mean", "--steps", "2"]
+    arguments += ["--seeds", "2", "--windows", "60"]
+    code, out, _ = command(capsys, *arguments, "--out", tmp_path / "new", "--plan", "--json")
+    assert code == 0
+    assert json.loads(out) == {
+        "fits": 12,
+        "left": 12,
+        "minutes": None,
+        "with_overheads": False,
+        "parts": {"channels": {"lines": 6, "skipped": []}},
+    }
+    code, out, _ = command(capsys, *arguments, "--out", finished, "--plan")
+    assert "12 fits (a condition that several parts share is fitted once), 0 left" in out
+    code, out, err = command(capsys, *arguments, "--out", finished, "--quiet")
+    assert (code, out, err) == (0, "", "")
+    code, out, err = command(capsys, *arguments, "--out", finished)
+    assert (code, out) == (0, "")
+    assert f"written: {finished / 'results.md'}" in err
