@@ -36,7 +36,7 @@ def write_calibration(done: Calibrated, folder: Path) -> None:
 def render(done: Calibrated) -> str:
     """The page as HTML, pictures and all."""
     environment = page_environment()
-    begin = _time_zero(done) + np.timedelta64(round(done.report.start), "s")
+    begin = time_zero(done) + np.timedelta64(round(done.report.start), "s")
     return environment.get_template("calibration.html.j2").render(
         report=done.report,
         begin=str(begin).replace("T", " "),
@@ -51,7 +51,7 @@ def render(done: Calibrated) -> str:
     )
 
 
-def _time_zero(done: Calibrated) -> np.datetime64:
+def time_zero(done: Calibrated) -> np.datetime64:
     """The date from which the recording's time runs; that of simulated years if it names none."""
     data = read_netcdf(done.problem.recording.path, RecordingError, "a recording (NetCDF)")
     units = str(data["time"].attrs.get("units", ""))

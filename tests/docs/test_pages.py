@@ -69,7 +69,7 @@ def test_the_measurements_of_the_example_come_back_as_they_were(tmp_path, monkey
     for name, sd, rounded in (("TRoo", 0.1, 0.1), ("CO2", 20.0, 1.0), ("QHea", 100.0, 10.0), ("mOA", 0.01, 0.001)):
         error = (found[name] - room[name]).values
         error = error[np.isfinite(error)]
-        assert np.sqrt(np.mean(error**2)) == pytest.approx(np.hypot(sd, rounded / 12**0.5), rel=0.15), name
+        assert np.sqrt(np.mean(error**2)) == pytest.approx(np.hypot(sd, rounded / 12**0.5), rel=0.2), name
         assert abs(error.mean()) < 5 * sd / np.sqrt(len(error)), name
     assert len(found["time"]) > 400
     assert (

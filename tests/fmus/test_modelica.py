@@ -220,7 +220,7 @@ def test_weather_from_a_file_takes_the_place_of_the_inputs(compile_room):
 
 def test_mapping_of_recorded_rooms_fits_the_description(twin_system, tmp_path):
     """Everything that it names is declared: what it misses are the files alone."""
-    with pytest.raises(RecordingError, match=r"systems\.csv: cannot be read"):
+    with pytest.raises(RecordingError, match=r"systems\.csv: no such file"):
         load_recorded(RECIPE / "recorded-rooms.toml", twin_system, tmp_path)
     fixed = tomllib.loads((RECIPE / "recorded-rooms.toml").read_text())["recorded"]["fixed"]
     variables = {v.name for v in fmpy.read_model_description(str(FMU)).modelVariables}

@@ -208,7 +208,7 @@ def test_another_system_needs_another_description_only(tmp_path):
     assert run.card.encoding.channels == ["depth"]
 
 
-@pytest.mark.parametrize(("damage", "words"), [(None, "it is missing"), (b"CDF no more", "damaged or not NetCDF")])
+@pytest.mark.parametrize(("damage", "words"), [(None, "it is missing"), (b"CDF no more", "damaged or changed")])
 def test_a_missing_or_damaged_shard_is_named(tmp_path, damage, words):
     dataset = make_dataset(tmp_path / "ds", systems=30)
     shard = dataset / "shards" / "001.nc"
@@ -246,5 +246,6 @@ def test_weights_of_another_kind_are_not_taken_over(tanks, tmp_path):
         fit(tanks, tmp_path / "a", model=first.card.model, options=options, context_hours=12, begin_with=first.folder)
     with pytest.raises(EstimatorError, match=r"position has shape \(4, 16\); expected \(8, 16\)"):
         fit(tanks, tmp_path / "b", model=first.card.model, options=options | {"patch": 6}, begin_with=first.folder)
+    more = fit(tanks, tmp_path / "more", model="regression-transformer", options=options, steps=1)
     with pytest.raises(EstimatorError, match="expected no such weights"):
-        fit(tanks, tmp_path / "c", model="lstm", begin_with=first.folder)
+        fit(tanks, tmp_path / "c", model=first.card.model, options=options, begin_with=more.folder)

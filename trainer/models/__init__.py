@@ -19,6 +19,7 @@ ESTIMATORS: dict[str, str] = {
     "lstm": "trainer.models.lstm:Lstm",
     "tcn": "trainer.models.tcn:Tcn",
     "multiscale-transformer": "trainer.models.multiscale_transformer:MultiscaleTransformer",
+    "regression-transformer": "trainer.models.regression_transformer:RegressionTransformer",
     "summary-mlp": "trainer.models.summary_mlp:SummaryMlp",
     "ridge": "trainer.models.ridge:Ridge",
     "mean": "trainer.models.mean:Mean",

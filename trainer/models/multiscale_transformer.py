@@ -42,15 +42,21 @@ class MultiscaleTransformer(Estimator):
         heads: int = 8,
         feedforward: int = 384,
         dropout: float = 0.0,
+        views: int = 1,
     ) -> None:
         super().__init__()
         if patch > shape.length:
             raise EstimatorError(f"patch is {patch} samples; expected no more than the {shape.length} of the context")
         if width % heads:
             raise EstimatorError(f"width is {width}; expected a multiple of the {heads} attention heads")
+        if views > patch:
+            raise EstimatorError(f"views is {views}; expected no more than the {patch} samples of a patch")
         self.outputs, self.patch, self.tokens = shape.outputs, patch, shape.length // patch
-        columns = shape.columns + shape.outputs * (2 + len(LEVEL_SCALES) + len(STEP_SCALES))
-        self.embedding = nn.Sequential(nn.Linear(patch * columns, 2 * width), nn.GELU(), nn.Linear(2 * width, width))
+        self.shifts = [patch * k // views for k in range(views)]
+        self.column_count = shape.columns + shape.outputs * (2 + len(LEVEL_SCALES) + len(STEP_SCALES))
+        self.embedding = nn.Sequential(
+            nn.Linear(patch * self.column_count, 2 * width), nn.GELU(), nn.Linear(2 * width, width)
+        )
         self.position = nn.Parameter(0.02 * torch.randn(self.tokens, width))
         layer = nn.TransformerEncoderLayer(
             width, heads, feedforward, dropout, activation="gelu", batch_first=True, norm_first=True
@@ -70,15 +76,48 @@ class MultiscaleTransformer(Estimator):
         return self.head(embedding), embedding
 
     def embed(self, windows: torch.Tensor) -> torch.Tensor:
-        """What the encoder makes of a window (batch, 2 width): the mean and the maximum over its patches."""
-        tokens = windows.shape[1] // self.patch
+        """What the encoder makes of a window (batch, 2 width)."""
+        return self.read(self.columns(self.whole_patches(windows)))
+
+    def whole_patches(self, windows: torch.Tensor) -> torch.Tensor:
+        """Windows without the oldest samples that fill no patch.
+
+        Raises
+        ------
+        EstimatorError
+            If they are shorter than a patch or longer than the context.
+        """
+        length = windows.shape[1]
+        tokens = length // self.patch
         if not 1 <= tokens <= self.tokens:
-            raise EstimatorError(
-                f"a window has {windows.shape[1]} samples; expected {self.patch} to {self.tokens * self.patch}"
-            )
-        columns = self.columns(windows[:, -tokens * self.patch :])
-        patches = columns.reshape(len(columns), tokens, -1)
-        encoded = self.encoder(self.embedding(patches) + self.position[-tokens:])
+            raise EstimatorError(f"a window has {length} samples; expected {self.patch} to {self.tokens * self.patch}")
+        return windows[:, -tokens * self.patch :]
+
+    def read(self, columns: torch.Tensor) -> torch.Tensor:
+        """The mean over the views of what the encoder makes of columns of whole patches, (batch, 2 width).
+
+        Where the patches happen to begin changes most answers by about half of their error; a view is one alignment.
+        In training two of them are drawn, so that all are learned for the price of two.
+        """
+        shifts = self.shifts
+        if self.training and len(shifts) > 2:
+            shifts = [shifts[k] for k in torch.randperm(len(shifts))[:2].tolist()]
+        parts = [self._encode(columns)] if 0 in shifts else []
+        moved = [self._shifted(columns, shift)[:, -self.tokens * self.patch :] for shift in shifts if shift]
+        if moved:
+            parts += self._encode(torch.cat(moved)).split(len(columns))
+        return torch.stack(parts).mean(dim=0)
+
+    def _shifted(self, columns: torch.Tensor, shift: int) -> torch.Tensor:
+        """One patch more, which takes what sticks out at both ends when the others begin ``shift`` samples earlier."""
+        nothing = torch.zeros_like(columns[:, : self.patch])
+        nothing[:, :, -self.outputs :] = 1  # missing
+        return torch.cat([nothing[:, :shift], columns, nothing[:, shift:]], dim=1)
+
+    def _encode(self, columns: torch.Tensor) -> torch.Tensor:
+        """Mean and maximum over the encoded patches (batch, 2 width)."""
+        patches = columns.reshape(len(columns), -1, self.patch * self.column_count)
+        encoded = self.encoder(self.embedding(patches) + self.position[-patches.shape[1] :])
         return self.norm(torch.cat([encoded.mean(dim=1), encoded.amax(dim=1)], dim=1))
 
     def columns(self, windows: torch.Tensor) -> torch.Tensor:

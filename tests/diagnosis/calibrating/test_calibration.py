@@ -1,12 +1,14 @@
 """Calibrations of a second system, by command and function, and what a recording cannot be."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import xarray as xr
 
 from diagnosis.calibrating.calibration import calibrate
+from diagnosis.calibrating.report import time_zero
 from diagnosis.calibrating.schema import read_calibration
 from diagnosis.cli import app
 from diagnosis.scores import score
@@ -108,7 +110,7 @@ def test_a_file_that_is_no_calibration_is_told(tmp_path):
     with pytest.raises(RecordingError, match="no such file; expected a file of `diagnosis calibrate`"):
         read_calibration(tmp_path)
     (tmp_path / "calibration.json").write_text('{"z": [1.0]}')
-    with pytest.raises(RecordingError, match="not a file of `diagnosis calibrate`"):
+    with pytest.raises(RecordingError, match="expected a file of `diagnosis calibrate`"):
         read_calibration(tmp_path)
 
 
@@ -132,6 +134,19 @@ def test_the_command_writes_figures_and_a_page(house, house_recording, tmp_path,
     assert page.count("data:image/png;base64,") == 5
     assert all(name in page for name in TRUTH)
     assert "http" not in page.replace("http-equiv", "")
+
+
+@pytest.mark.parametrize(
+    ("units", "date"),
+    [
+        ("seconds since 2022-01-03 00:00:00", "2022-01-03T00:00:00"),
+        ("s", "2001-01-01T00:00:00"),
+    ],
+)
+def test_the_page_knows_the_calendar(tmp_path, units, date):
+    xr.Dataset(coords={"time": ("time", [0.0, 3600.0], {"units": units})}).to_netcdf(tmp_path / "one.nc")
+    done = SimpleNamespace(problem=SimpleNamespace(recording=SimpleNamespace(path=tmp_path / "one.nc")))
+    assert str(time_zero(done)) == date
 
 
 def test_scores_by_hand():

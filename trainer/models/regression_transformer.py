@@ -1,0 +1,58 @@
+"""A multiscale transformer, and beside it regressions that are solved inside the network."""
+
+from __future__ import annotations
+
+import torch
+from torch import nn
+
+from trainer.models.base import Shape
+from trainer.models.multiscale_transformer import MultiscaleTransformer
+from trainer.models.regressions import MEMORY_HOURS, Regressions, memories
+
+
+class RegressionTransformer(MultiscaleTransformer):
+    """A :class:`MultiscaleTransformer` whose answer is corrected by what :class:`Regressions` find in the window.
+
+    The correction begins at zero: with a multiscale transformer's weights it begins where that one ended.
+    """
+
+    def __init__(
+        self,
+        shape: Shape,
+        patch: int = 12,
+        width: int = 128,
+        layers: int = 4,
+        heads: int = 8,
+        feedforward: int = 384,
+        dropout: float = 0.0,
+        views: int = 6,
+        regressions: int = 8,
+        regressors: int = 12,
+        responses: int = 3,
+        filters: int = 64,
+    ) -> None:
+        super().__init__(shape, patch, width, layers, heads, feedforward, dropout, views)
+        self.recorded, self.step = shape.recorded, shape.step
+        columns = self.column_count + len(MEMORY_HOURS) * shape.recorded
+        self.regressions = Regressions(columns, regressions, regressors, responses, filters)
+        self.digest = nn.Sequential(
+            nn.LayerNorm(self.regressions.size), nn.Linear(self.regressions.size, width), nn.GELU()
+        )
+        last = nn.Linear(width, shape.parameters)
+        nn.init.zeros_(last.weight)
+        nn.init.zeros_(last.bias)
+        self.correction = nn.Sequential(nn.Linear(3 * width + shape.parameters, width), nn.GELU(), last)
+
+    def forward(self, windows: torch.Tensor, time: torch.Tensor) -> torch.Tensor:
+        """See :class:`Estimator`."""
+        return self.answer_and_embed(windows, time)[0]
+
+    def answer_and_embed(self, windows: torch.Tensor, time: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """See :class:`Estimator`."""
+        windows = self.whole_patches(windows)
+        columns = self.columns(windows)
+        past = memories(torch.nan_to_num(windows[:, :, : self.recorded]), self.step)
+        digest = self.digest(self.regressions(torch.cat([columns, past], dim=2)))
+        embedding = torch.cat([self.read(columns), digest], dim=1)
+        first = self.head(embedding[:, : -digest.shape[1]])
+        return first + self.correction(torch.cat([embedding, first], dim=1)), embedding
