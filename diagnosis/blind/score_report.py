@@ -56,6 +56,7 @@ def further(done: Score) -> Lines:
     return [
         ("right of all", percent(done.right), "first effect, none of these, or no gap"),
         ("named an effect where there is none", percent(done.named_without_cause), "of recordings without any effect"),
+        ("of answers that name effects, a true cause is among them", percent(done.named_rightly), "all strata"),
         ("library effects that the diagnosis declared it would see: top-1", percent(done.declared.top), OWN_FORM),
         ("set coverage, the same", percent(done.declared.covered), ""),
         ("two effects: a gap found", percent(done.two.found), ""),

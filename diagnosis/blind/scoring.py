@@ -64,7 +64,7 @@ class Where(_Table):
 class Score(_Table):
     """All figures; the file's schema is ``schema_version``."""
 
-    schema_version: int = 1
+    schema_version: int = 2
     commands: list[str]
     seed: int
     bootstrap_seed: int
@@ -86,6 +86,7 @@ class Score(_Table):
     confusion: rates.Matrix
     false_alarms: Share
     named_without_cause: Share
+    named_rightly: Share
     effects: list[Rates]
     declared: Rates
     two: Both
@@ -194,6 +195,7 @@ def _scored(
         confusion=rates.effects_by_name(rows, run.library),
         false_alarms=share([row.outcome.answer != "no_gap" for row in none]),
         named_without_cause=share([bool(row.named) for row in none]),
+        named_rightly=share([bool(set(row.effects) & set(row.named)) for row in rows if row.named]),
         effects=_effects(rows),
         declared=_rates("at an amplitude that the diagnosis declared it would see", [r for r in rows if r.declared]),
         two=_two([row for row in rows if len(row.effects) > 1]),

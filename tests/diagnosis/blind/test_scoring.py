@@ -82,6 +82,7 @@ def test_false_alarms_recall_and_coverage_are_those_worked_out(scored):
     done, _ = scored
     assert counts(done.false_alarms) == (2, 3)  # one named an effect, one failed
     assert counts(done.named_without_cause) == (1, 3)
+    assert counts(done.named_rightly) == (5, 7)  # wrong: 1, which has no cause, and 11, whose cause is none of them
     assert counts(done.none_of_these) == (1, 2)
     assert counts(done.none_of_these_visible) == (1, 1)  # 0.5 of the noise cannot be seen
     by_what = {one.what: one for one in done.effects}
