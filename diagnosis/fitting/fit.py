@@ -20,11 +20,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.linalg import cho_factor
 from scipy.optimize import least_squares
-from scipy.special import ndtr
 
 from diagnosis.fitting.determinant import Determinant, determinant
 from diagnosis.fitting.noise import NoiseModel, estimated
 from diagnosis.fitting.problem import Linearisation, Problem
+from diagnosis.fitting.pruning import pruned
 from diagnosis.fitting.stretching import stretched
 from shared.errors import SimulationError
 
@@ -35,8 +35,6 @@ NEAR = 3.0
 """One that moves less than this is near enough for the log determinant to matter."""
 REUSED = 1.0
 """The parabola of the log determinant is kept for moves up to this [posterior standard deviations]."""
-EDGE = 0.01
-"""A parameter this close to an end of its range, as a share of the range, lies on its bound."""
 _HOPELESS = 1e3
 """Standardised residual of a simulation that failed."""
 
@@ -135,7 +133,7 @@ def fit(
     starts = [np.zeros(problem.size)] if starts is None or not len(starts) else [np.asarray(s, float) for s in starts]
     if around is None:
         around = _first(problem, starts)
-        problem, around = problem.pruned(around)
+        problem, around = pruned(problem, around)
     z = _best_start(problem, starts, around)
     converged, near, history = rounds == 0, rounds == 0, []
     bent, information = None, np.eye(problem.size)
@@ -280,24 +278,9 @@ def _finish(
         jacobian=jacobian,
         around=final,
         problem=problem,
-        at_bound=_at_bound(problem, z),
+        at_bound=problem.unknown.at_bound(z),
         converged=converged,
         simulations=problem.simulations - counted,
         seconds=time.perf_counter() - began,
         history=tuple(history),
     )
-
-
-def _at_bound(problem: Problem, z: np.ndarray) -> tuple[str, ...]:
-    count = len(problem.system.parameters)
-    low, high = problem.bounds
-    names = []
-    for k, name in enumerate(problem.names):
-        if k < count:
-            place = float(ndtr(z[k]))
-            touches = place < EDGE or place > 1 - EDGE
-        else:  # ranges of amplitudes may be infinite, and zero is no bound but the base model
-            touches = any(bound != 0 and abs(z[k] - bound) < EDGE for bound in (low[k], high[k]))
-        if touches:
-            names.append(name)
-    return tuple(names)

@@ -33,8 +33,6 @@ STEP = 0.1
 """Half-width of a difference in an unknown, in prior standard deviations."""
 TOLERANCE = 1e-6
 """Of the integrator at most: differences of simulations are small."""
-UNFELT = 0.1
-"""What moves no reading by more than this share of its noise, with its whole prior spread, is no longer followed."""
 __all__ = ["LIMIT", "STEP", "Linearisation", "Problem"]
 
 
@@ -265,21 +263,6 @@ class Problem:
                 self.time,
             )
         return Linearisation(z, nuisance, heights, base, response, self.marginal(response))
-
-    def pruned(self, around: Linearisation) -> tuple[Problem, Linearisation]:
-        """The same problem without the history and the changes within steps that no reading feels."""
-        moved = np.abs(around.response) * self.nuisance.sd / self.noise.sd[:, None, None]
-        guessed = self.nuisance.recorded & ~self.nuisance.turns
-        keep = guessed | (moved.max(axis=(0, 1), initial=0.0) > UNFELT)
-        other = self._copy()
-        other.simulations = self.simulations
-        other.nuisance = self.nuisance.only(keep)
-        used = np.abs(self.nuisance.factor[keep]).any(axis=0)
-        response = around.response[:, :, keep]
-        lin = Linearisation(
-            around.z, around.nuisance[used], around.heights[keep], around.outputs, response, other.marginal(response)
-        )
-        return other, lin
 
     def renewed(self, z: np.ndarray, around: Linearisation) -> Linearisation:
         """Linearise at ``z`` and at the nuisance that is most likely there.

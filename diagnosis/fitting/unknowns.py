@@ -15,6 +15,9 @@ from shared.system import System
 LIMIT = 3.7
 """Bound of a parameter's unknown: the outer 0.01 % of its range are not told apart from its ends."""
 
+EDGE = 0.01
+"""A parameter this close to an end of its range, as a share of the range, lies on its bound."""
+
 
 @dataclass(frozen=True)
 class Unknowns:
@@ -87,3 +90,18 @@ class Unknowns:
     def level_values(self, z: np.ndarray) -> np.ndarray:
         """What each level multiplies by, shape (levels,)."""
         return self.values(z)[self.size - len(self.levels) :]
+
+    def at_bound(self, z: np.ndarray) -> tuple[str, ...]:
+        """Names of unknowns that lie on their bounds."""
+        count = len(self.system.parameters)
+        low, high = self.bounds
+        names = []
+        for k, name in enumerate(self.names):
+            if k < count:
+                place = float(ndtr(z[k]))
+                touches = place < EDGE or place > 1 - EDGE
+            else:  # ranges of amplitudes may be infinite, and zero is no bound but the base model
+                touches = any(bound != 0 and abs(z[k] - bound) < EDGE for bound in (low[k], high[k]))
+            if touches:
+                names.append(name)
+        return tuple(names)

@@ -15,6 +15,7 @@ import numpy as np
 from diagnosis.effects import Effect
 from diagnosis.fitting.noise import HOUR
 from diagnosis.fitting.problem import Problem
+from diagnosis.fitting.pruning import pruned
 from diagnosis.gap.grams import Colour, Grams, projected
 from diagnosis.gap.linear import Linearised, applicable, felt_nuisance, linearised
 from diagnosis.gap.stages import Stage
@@ -95,7 +96,7 @@ def _controlled(whole: Problem, z: np.ndarray, candidates: Sequence[Effect]) -> 
         warm_up=whole.drive.start - whole.drive.begin,
         runner=whole.runner,
     )
-    problem, around = problem.pruned(problem.linearise(z))
+    problem, around = pruned(problem, problem.linearise(z))
     usable, _ = applicable(problem, candidates)
     lin = linearised(problem, z, around, usable)
     whole.simulations += problem.simulations + lin.simulations

@@ -6,7 +6,8 @@ import numpy as np
 from scipy.special import ndtr
 
 from diagnosis.effects import Effect
-from diagnosis.fitting.fit import EDGE, Fit
+from diagnosis.fitting.fit import Fit
+from diagnosis.fitting.unknowns import EDGE
 from diagnosis.gap.conditions import Otherwise, expected
 from diagnosis.gap.decision import Decision
 from diagnosis.gap.refit import Refit
