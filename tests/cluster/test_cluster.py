@@ -18,7 +18,7 @@ from datagen.cluster import ClusterError
 from datagen.worker import Job, simulate_shard
 from shared.errors import DatasetError
 from shared.system import load_system
-from tests.datagen.faults import faulty, hashes
+from tests.datagen.faults import faulty, hashes, wait_for
 
 pytestmark = pytest.mark.slow
 SIZE = {"systems": 12, "seed": 3, "shard_size": 2, "quiet": True}
@@ -42,13 +42,20 @@ def scheduler_with(*words, before=()):
     """A scheduler and a worker in processes of their own; ``before`` is put in front of the worker's command."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
-        address = f"tcp://127.0.0.1:{probe.getsockname()[1]}"
+        place = probe.getsockname()
+    address = f"tcp://127.0.0.1:{place[1]}"
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     start = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", address, "--no-dashboard"]
     scheduler = subprocess.Popen(start, **quiet)
     start = [*before, sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", *words]
     worker = subprocess.Popen(start, **quiet)
+
+    def listens():
+        with socket.socket() as probe:
+            return probe.connect_ex(place) == 0
+
     try:
+        wait_for(listens)  # a busy machine takes its time to start a process
         yield address
     finally:
         for process in (worker, scheduler):
