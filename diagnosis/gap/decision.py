@@ -25,8 +25,9 @@ HALF = 0.2
 STEEP = 0.075
 UNREJECTED = 0.2
 """Probability that the cause is none of the candidates though the best of them is not rejected: another law of another
-cause can look like it. This one, HALF and STEEP, and NOTHING are frequencies in blind sets made for the purpose
-(tests/benchmarks/decision.py), never in one that is reported."""
+cause can look like it. This one, STEEP and NOTHING are near their frequencies in blind sets made for the purpose, none
+of which is reported; HALF is above its fit there (0.13), which counts withheld candidates more often than life does.
+docs/blind-check.md has the figures."""
 NOTHING = 0.37
 """Probability that there is no gap where none is found: most effects of half their usual size go unseen."""
 STRONG = 3.0

@@ -148,7 +148,7 @@ def test_systems_that_the_posterior_was_made_with_do_not_count(folder, others, t
     assert found.systems == len(test) == 10
 
 
-def test_the_commands_do_it_all(folder, many_tanks, others, tmp_path, capsys):
+def test_the_commands_do_it_all(folder, many_tanks, others, tmp_path, capsys, caplog):
     app = App(name="trainer", result_action="return_value")
     app.command(posterior_command, name="posterior")
     app.command(calibration_command, name="calibration")
@@ -156,8 +156,10 @@ def test_the_commands_do_it_all(folder, many_tanks, others, tmp_path, capsys):
     own.mkdir()
     for name in ("estimator.json", "weights.safetensors"):
         (own / name).write_bytes((folder / name).read_bytes())
+    caplog.set_level("INFO")
     app(["posterior", str(own), str(many_tanks), "--epochs", "1", "--systems", "12"])
     assert load_posterior(load_run(own)) is not None
+    assert "calibrated by 6 others" in caplog.text
     capsys.readouterr()
     app(["calibration", str(own), str(others), "--windows", "50", "--samples", "20", "--json"])
     assert SimpleNamespace(**json.loads(capsys.readouterr().out)).windows == 50
