@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from diagnosis.blind.detectability import detectability
 from diagnosis.blind.generator import Generator, Made, describe
 from diagnosis.blind.measuring import measured, published, write
 from diagnosis.blind.sealed import publish, salt_of, seal
@@ -195,7 +196,9 @@ def write_one(generator: Generator, seed: int, index: int, part: Path) -> None:
     made = generator.make(seed, index)
     outputs, noises = measured(made, generator.system, generator.truth)
     write(_recording(part, index), published(made, outputs, generator.system, generator.truth))
-    write_atomically(_answer(part, index), json.dumps(answer_of(made, noises, generator.system)).encode())
+    answer = answer_of(made, noises, generator.system)
+    answer["detectability"] = detectability(generator.model, _recording(part, index), answer, generator.effects)
+    write_atomically(_answer(part, index), json.dumps(answer).encode())
 
 
 def answer_of(made: Made, noises: dict[str, dict[str, float]], system: System) -> dict[str, Any]:

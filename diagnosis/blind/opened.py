@@ -93,6 +93,12 @@ class Row:
         """Sealed gap over noise by channel."""
         return dict(self.answer["gap_over_noise"])
 
+    @property
+    def length(self) -> float | None:
+        """Sealed length of the gap beyond what parameters and nuisance imitate [standard deviations of the noise]."""
+        sealed = self.answer.get("detectability")
+        return None if sealed is None else float(sealed["length"])
+
     @cached_property
     def difference(self) -> dict[str, np.ndarray]:
         """Sealed noise-free record minus base model with the true parameters, each (steps,) [unit of the channel]."""

@@ -18,6 +18,8 @@ SIZES = (0.25, 0.5, 1.0, 2.0, 4.0)
 """Edges of bins of amplitudes over their scale; the outer ones are open."""
 GAPS = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, np.inf)
 """Edges of bins of the largest channel's sealed gap over noise."""
+LENGTHS = (0.0, 4.0, 8.0, 16.0, 32.0, np.inf)
+"""Edges of bins of the gap's length beyond what parameters and nuisance imitate."""
 CHANCES = (0.0, 0.05, 0.2, 0.4, 0.6, 0.8, 0.95, 1.0)
 """Edges of bins of probabilities."""
 NOTICED = 0.01
@@ -100,6 +102,12 @@ def power_by_gap(rows: Sequence[Row]) -> list[Point]:
     """Against the sealed gap over noise of the channel where it is largest."""
     single = [row for row in rows if row.single]
     return _power(single, np.array([max(row.gap.values()) for row in single]), GAPS, closed=True)
+
+
+def power_by_length(rows: Sequence[Row]) -> list[Point]:
+    """Against the length of the gap that nothing known imitates; empty for a set without sealed lengths."""
+    single = [row for row in rows if row.single and row.length is not None]
+    return _power(single, np.array([row.length or 0.0 for row in single]), LENGTHS, closed=True) if single else []
 
 
 def _power(rows: list[Row], size: np.ndarray, edges: Sequence[float], *, closed: bool) -> list[Point]:

@@ -61,12 +61,12 @@ def _words(name: str) -> str:
     return name.replace("_", " ")
 
 
-def power(by_size: Sequence[Point], by_gap: Sequence[Point]) -> str:
-    """How often a gap is found, and the right effect named first, against amplitude and against the sealed gap."""
-    made, panels = _panels(2, 10.0, 3.3)
-    for panel, points, label in zip(
-        panels, (by_size, by_gap), ("amplitude / its scale", "largest gap / noise of one reading"), strict=True
-    ):
+def power(by_size: Sequence[Point], by_gap: Sequence[Point], by_length: Sequence[Point]) -> str:
+    """How often a gap is found, and the right effect named first: by amplitude, gap, and length of the gap."""
+    labels = ("amplitude / its scale", "largest gap / noise of one reading", "length beyond imitation / noise")
+    kept = [one for one in zip((by_size, by_gap, by_length), labels, strict=True) if one[0]]
+    made, panels = _panels(len(kept), 4.4 * len(kept), 3.4)
+    for panel, (points, label) in zip(panels, kept, strict=True):
         ticks = [f"{p.low:g}–{p.high:g}" if p.high is not None else f"over {p.low:g}" for p in points]
         for what, colour, shift in (("found", BLUE, -0.08), ("top", ORANGE, 0.08)):
             shares = [getattr(point, what) for point in points]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from diagnosis.blind import score_pictures as pictures
 from diagnosis.blind.intervals import Figure, Share
 from diagnosis.blind.rates import LeftOutScore
-from diagnosis.blind.scoring import Score
+from diagnosis.blind.score_schema import Score
 from diagnosis.pages import page_environment
 
 Lines = list[tuple[str, str, str]]
@@ -30,7 +30,8 @@ def number(one: Figure) -> str:
 
 def headline(done: Score) -> Lines:
     """What there are targets for: what, figure, target."""
-    plain, _, form, _, both, _ = done.effects
+    plain, form, both, apart = done.detectable
+    seen, _, other, _, _, _ = done.effects
     return [
         ("top-1, library effects at a detectable amplitude", percent(plain.top), "at least 90 %"),
         ("set coverage, the same", percent(plain.covered), "at least 95 %"),
@@ -38,16 +39,28 @@ def headline(done: Score) -> Lines:
         ("set coverage, the same", percent(form.covered), "–"),
         ("top-1, both together", percent(both.top), "at least 90 %"),
         ("set coverage, both together", percent(both.covered), "at least 95 %"),
+        ("top-1, both together, unlike all other candidates", percent(apart.top), "–"),
         ("false alarms without any effect", percent(done.false_alarms), "at most 5 %"),
         (
-            "recall of none of these, causes outside the library, visible",
-            percent(done.none_of_these_visible),
+            "recall of none of these, causes outside the library, unlike all candidates",
+            percent(done.none_of_these_unlike),
             "at least 80 %",
         ),
-        ("the same, all amplitudes", percent(done.none_of_these), "–"),
-        ("leave-one-out, visible: none of these", percent(done.left_out_visible.none), "at least 80 %"),
+        (
+            "leave-one-out, unlike all other candidates: none of these",
+            percent(done.left_out_unlike.none),
+            "at least 80 %",
+        ),
+        ("the same, or only effects declared confusable with it", percent(done.left_out_unlike.none_or_alike), "–"),
+        ("shrinkage against the oracle's, detectable gaps", number(done.shrinkage_detectable.ratio), "at least 0.9"),
+        ("visible library effects, detectable or not: top-1", percent(seen.top), "–"),
+        ("set coverage, the same", percent(seen.covered), "–"),
+        ("visible effects in another form: top-1", percent(other.top), "–"),
+        ("set coverage, the same", percent(other.covered), "–"),
+        ("visible causes outside the library: none of these", percent(done.none_of_these_visible), "–"),
+        ("leave-one-out, visible: none of these", percent(done.left_out_visible.none), "–"),
         ("the same, or only effects declared confusable with it", percent(done.left_out_visible.none_or_alike), "–"),
-        ("shrinkage against the oracle's, where the gap is largest", number(done.shrinkage[-1].ratio), "at least 0.9"),
+        ("shrinkage against the oracle's, visible gaps", number(done.shrinkage[-1].ratio), "–"),
     ]
 
 
@@ -63,6 +76,9 @@ def further(done: Score) -> Lines:
         ("two effects: one of them named first", percent(done.two.first), ""),
         ("two effects: one of them named", percent(done.two.one), ""),
         ("two effects: both named", percent(done.two.both), ""),
+        ("two effects, detectable: one of them named", percent(done.two_detectable.one), ""),
+        ("the same: both named", percent(done.two_detectable.both), ""),
+        ("causes outside the library, all amplitudes: none of these", percent(done.none_of_these), ""),
         ("leave-one-out, all amplitudes: none of these", percent(done.left_out.none), _again(done.left_out)),
         ("the same, or only effects confusable with it", percent(done.left_out.none_or_alike), ""),
         ("the same: no gap", percent(done.left_out.quiet), ""),
@@ -105,7 +121,7 @@ def markdown(done: Score) -> str:
             ("parameter", "error before", "error after", "change"),
             [(p.parameter, number(p.before), number(p.after), number(p.change)) for p in done.parameters],
         ),
-        done.visible_definition,
+        done.detectable_definition + " " + done.visible_definition,
         "```sh\n" + "\n".join(done.commands) + "\n```",
         f"Answers sha256 `{done.answers_sha256}`, verdicts sha256 `{done.verdicts_sha256}`.",
     ]
@@ -132,7 +148,7 @@ def page(done: Score) -> str:
         further=further(done),
         strata_picture=pictures.confusion(done.strata, "stratum", "verdict"),
         confusion_picture=pictures.confusion(done.confusion, "true effect", "named first"),
-        power_picture=pictures.power(done.power_by_size, done.power_by_gap),
+        power_picture=pictures.power(done.power_by_size, done.power_by_gap, done.power_by_length),
         reliability_picture=pictures.reliability(done.first_statement, done.all_statements),
         shrinkage_picture=pictures.shrinkage(done.shrinkage),
         parameter_picture=pictures.parameters(done.parameters),

@@ -8,101 +8,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
 from diagnosis.blind import rates
-from diagnosis.blind.intervals import Figure, Share, figure, median, share
+from diagnosis.blind.expected import DETECTABLE, Expected
+from diagnosis.blind.intervals import Figure, figure, median, share
 from diagnosis.blind.opened import LeftOut, Row, left_out, side_by_side, structural
 from diagnosis.blind.places import Hit, hit, inputs_of
+from diagnosis.blind.score_schema import Both, Rates, Score, Where
 from diagnosis.blind.sealed import open_answers, read_manifest
-from diagnosis.blind.shrinking import Error, Shrinkage, by_channel, errors, removed, where_largest
+from diagnosis.blind.shrinking import by_channel, errors, removed, where_largest
 from diagnosis.blind.verdicts import Run, digest, read_run
 from shared.errors import RecordingError
-from shared.reading import read_json, validated
 from shared.store import sha256_of, write_atomically
-
-
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class Rates(_Table):
-    """Of recordings of one stratum or several: how many, and of those of one effect how many had it named.
-
-    ``found``: a gap was found; ``top``: the right effect was named first; ``covered``: it is in the set that was named.
-    """
-
-    what: str
-    found: Share
-    top: Share
-    covered: Share
-
-
-class Both(_Table):
-    """Of recordings of two causes: a gap found, one of them named first, one named at all, both named."""
-
-    found: Share
-    first: Share
-    one: Share
-    both: Share
-
-
-class Where(_Table):
-    """Of recordings whose gap can be seen: whether it lies where it was said; see :class:`diagnosis.blind.places.Hit`.
-
-    ``cell``: the sealed gap is larger than average within the first cell; ``chance``: how often the same cell shifted
-    in time would hit; ``lift``: median of how much larger its mean square is within.
-    """
-
-    channel: Share
-    any_channel: Share
-    cell: Share
-    chance: Figure
-    lift: Figure
-
-
-class Score(_Table):
-    """All figures; the file's schema is ``schema_version``."""
-
-    schema_version: int = 2
-    commands: list[str]
-    seed: int
-    bootstrap_seed: int
-    answers_sha256: str
-    verdicts_sha256: str
-    program: str
-    version: str
-    system: str
-    recordings: int
-    hours: float
-    library: list[str]
-    without: list[str]
-    failures: dict[str, str]
-    seconds: Figure
-    cpu_seconds: Figure
-    right: Share
-    visible_definition: str
-    strata: rates.Matrix
-    confusion: rates.Matrix
-    false_alarms: Share
-    named_without_cause: Share
-    named_rightly: Share
-    effects: list[Rates]
-    declared: Rates
-    two: Both
-    none_of_these: Share
-    none_of_these_visible: Share
-    left_out: rates.LeftOutScore
-    left_out_visible: rates.LeftOutScore
-    power_by_size: list[rates.Point]
-    power_by_gap: list[rates.Point]
-    first_statement: rates.Reliability
-    all_statements: rates.Reliability
-    brier: Figure
-    where: Where
-    shrinkage: list[Shrinkage]
-    parameters: list[Error]
-    parameters_right: list[Error]
 
 
 def score(
@@ -159,8 +76,8 @@ def score(
 VISIBLE = (
     "A gap can be seen in a channel when the root mean square of the sealed difference (noise-free record less the base"
     " model with the true parameters) is at least the noise of one reading, and larger than in 95 % of this set's"
-    " recordings without any effect and with the same actuators. An effect is at a detectable amplitude when its gap"
-    " can be seen in some channel. This was fixed before any verdict was scored, and knows nothing of the verdicts."
+    " recordings without any effect and with the same actuators. An effect is visible when its gap can be seen in some"
+    " channel, whether or not other parameters would make the same gap."
 )
 
 
@@ -170,6 +87,8 @@ def _scored(
     none = [row for row in rows if row.truth == "no_gap"]
     outside = [row for row in rows if row.truth == "none_of_these"]
     seen = [one for one in ones if one.row.visible]
+    expected = Expected(rows, run.library)
+    beyond = [row for row in rows if expected.detectable(row)]
     found, unknown = removed(rows, structural(rows, 0.5))
     named = [row for row in rows if row.named and row.truth == "effect"]
     lifts = [(one.lift, one.chance) for one in places if one.lift is not None and one.chance is not None]
@@ -191,20 +110,26 @@ def _scored(
         cpu_seconds=_median([used for row in rows if (used := row.outcome.cpu_seconds) is not None], seed),
         right=share([row.right for row in rows]),
         visible_definition=VISIBLE,
+        detectable_definition=DETECTABLE,
         strata=rates.strata_by_verdict(rows),
         confusion=rates.effects_by_name(rows, run.library),
         false_alarms=share([row.outcome.answer != "no_gap" for row in none]),
         named_without_cause=share([bool(row.named) for row in none]),
         named_rightly=share([bool(set(row.effects) & set(row.named)) for row in rows if row.named]),
         effects=_effects(rows),
+        detectable=_detectable(beyond, expected),
         declared=_rates("at an amplitude that the diagnosis declared it would see", [r for r in rows if r.declared]),
         two=_two([row for row in rows if len(row.effects) > 1]),
+        two_detectable=_two([row for row in beyond if len(row.effects) > 1]),
         none_of_these=share([row.right for row in outside]),
         none_of_these_visible=share([row.right for row in outside if row.visible]),
+        none_of_these_unlike=share([row.right for row in outside if expected.unlike(row)]),
         left_out=rates.leave_one_out(ones),
         left_out_visible=rates.leave_one_out(seen),
+        left_out_unlike=rates.leave_one_out([one for one in ones if expected.left_out_unlike(one)]),
         power_by_size=rates.power_by_size(rows),
         power_by_gap=rates.power_by_gap(rows),
+        power_by_length=rates.power_by_length(rows),
         first_statement=rates.reliability_of_first(rows, seed),
         all_statements=rates.reliability_of_all(rows, seed),
         brier=rates.brier_of_answers(rows, seed),
@@ -216,6 +141,7 @@ def _scored(
             lift=_median([lift for lift, _ in lifts], seed),
         ),
         shrinkage=[*by_channel(found, unknown, seed), where_largest(found, seed)],
+        shrinkage_detectable=where_largest([one for one in found if expected.detectable(one.row)], seed),
         parameters=errors(named, run.parameters, seed),
         parameters_right=errors([row for row in named if row.covered], run.parameters, seed),
     )
@@ -226,14 +152,27 @@ def _median(values: Sequence[float], seed: int) -> Figure:
 
 
 def _effects(rows: Sequence[Row]) -> list[Rates]:
-    """The library's effects as candidates have them, in other forms, and both; all, and where they can be seen."""
+    """The library's effects as candidates have them, in other forms, and both; all, and those visible."""
     found = []
     kinds = {"as the candidate has it": ("library",), "in another form": ("form",), "both": ("library", "form")}
     for what, strata in kinds.items():
         for only in (True, False):
             ones = [row for row in rows if row.single and row.stratum in strata and (row.visible or not only)]
-            found.append(_rates(f"{what}, {'at a detectable amplitude' if only else 'all amplitudes'}", ones))
+            found.append(_rates(f"{what}, {'visible' if only else 'all amplitudes'}", ones))
     return found
+
+
+def _detectable(rows: Sequence[Row], expected: Expected) -> list[Rates]:
+    """Of gaps that are detectable: the library's effects, other forms, both, and both where no other is like it."""
+    single = [row for row in rows if row.single]
+    library, form = ([row for row in single if row.stratum == name] for name in ("library", "form"))
+    apart = [row for row in single if expected.unlike(row, row.effects)]
+    return [
+        _rates("as the candidate has it, detectable", library),
+        _rates("in another form, detectable", form),
+        _rates("both, detectable", [*library, *form]),
+        _rates("both, and unlike all other candidates", apart),
+    ]
 
 
 def _rates(what: str, ones: Sequence[Row]) -> Rates:
@@ -288,9 +227,3 @@ def _commands(
 def _short(word: object) -> str:
     """A word of a command; of paths the last part, wherever the folder was."""
     return word.name if isinstance(word, Path) else str(word)
-
-
-def read_score(path: Path | str) -> Score:
-    """Read a ``.json`` that :func:`score` wrote; a ``RecordingError`` names one that is not."""
-    expected = "a file of `diagnosis blind score`"
-    return validated(Score, read_json(Path(path), RecordingError, expected), f"{path}", RecordingError, expected)

@@ -38,6 +38,12 @@ class _Cause(BaseModel):
     scale: float = Field(gt=0)
 
 
+class _Lengths(BaseModel):
+    model_config = ConfigDict(extra="allow", allow_inf_nan=False)
+    length: float = Field(ge=0)
+    beside: dict[str, Annotated[float, Field(ge=0)]]
+
+
 class _Answer(_Open):
     stratum: str
     verdict: str
@@ -48,6 +54,7 @@ class _Answer(_Open):
     gap_over_noise: dict[str, float]
     clean: Series
     base: Series
+    detectability: _Lengths | None = None
 
 
 class _Set(BaseModel):

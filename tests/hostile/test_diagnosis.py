@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from diagnosis.blind.places import inputs_of
-from diagnosis.blind.scoring import read_score
+from diagnosis.blind.score_schema import read_score
 from diagnosis.blind.sealed import read_manifest
 from diagnosis.calibrating.schema import read_calibration
 from diagnosis.importing.mapping import load_mapping

@@ -29,6 +29,8 @@ class Case:
     air: float = 0.0
     replay: bool = False
     hours: tuple[int, int] = (0, 24)
+    length: float | None = None
+    beside: dict[str, float] = field(default_factory=dict)
     verdict: Verdict | None = field(default_factory=lambda: Verdict(verdict="no_gap"))
     parameters: dict[str, float] = field(default_factory=lambda: {"r": 1.0, "v": 10.0})
 
@@ -77,6 +79,8 @@ def write_set(folder, cases, seed=7):
                 "base": {name: values.tolist() for name, values in base.items()},
             }
         )
+        if case.length is not None:
+            opened[-1]["detectability"] = {"length": case.length, "beside": case.beside}
     about = {"system_name": "Hand", "system_hash": "h", "fmu_sha256": "f", "step": STEP, "hours": float(STEPS)}
     answers = folder.with_name(f"{folder.name}.answers.json")
     digest = seal(answers, {"salt": "s", "seed": seed, **about, "recordings": opened})

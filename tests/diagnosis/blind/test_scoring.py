@@ -13,7 +13,8 @@ from diagnosis.blind.intervals import figure, share
 from diagnosis.blind.places import steps_of
 from diagnosis.blind.rates import statements
 from diagnosis.blind.score_report import markdown
-from diagnosis.blind.scoring import read_score, score
+from diagnosis.blind.score_schema import read_score
+from diagnosis.blind.scoring import score
 from diagnosis.blind.verdicts import Moved, Outcome, Place, Shrunk, Verdict, Withheld, read_outcome, write_withheld
 from shared.errors import RecordingError
 from tests.diagnosis.blind.blind_cases import AIR, ROOM, Case, write_results, write_set
@@ -86,11 +87,11 @@ def test_false_alarms_recall_and_coverage_are_those_worked_out(scored):
     assert counts(done.none_of_these) == (1, 2)
     assert counts(done.none_of_these_visible) == (1, 1)  # 0.5 of the noise cannot be seen
     by_what = {one.what: one for one in done.effects}
-    seen = by_what["as the candidate has it, at a detectable amplitude"]
+    seen = by_what["as the candidate has it, visible"]
     assert (counts(seen.found), counts(seen.top), counts(seen.covered)) == ((2, 2), (1, 2), (2, 2))
     every = by_what["as the candidate has it, all amplitudes"]
     assert (counts(every.found), counts(every.top), counts(every.covered)) == ((2, 3), (1, 3), (2, 3))
-    both = by_what["both, at a detectable amplitude"]
+    both = by_what["both, visible"]
     assert (counts(both.found), counts(both.top), counts(both.covered)) == ((4, 4), (2, 4), (3, 4))
     assert (counts(done.two.one), counts(done.two.first), counts(done.two.both)) == ((2, 2), (2, 2), (1, 2))
     # right: 0 no gap; 3 and 6 the first effect; 8 and 9 one of two; 10 none of these
@@ -262,11 +263,11 @@ def test_what_is_visible_depends_on_the_answers_alone(tmp_path):
     ]
     folder, answers = write_set(tmp_path / "set", ones)
     done = score(folder, answers, write_results(tmp_path / "results", folder, ones))
-    seen = {one.what: one for one in done.effects}["as the candidate has it, at a detectable amplitude"]
+    seen = {one.what: one for one in done.effects}["as the candidate has it, visible"]
     assert counts(seen.top) == (1, 2)
     other = [Case(one.stratum, one.effects, one.truth, one.sizes, one.room, replay=one.replay) for one in ones]
     done = score(folder, answers, write_results(tmp_path / "other", folder, other))
-    seen = {one.what: one for one in done.effects}["as the candidate has it, at a detectable amplitude"]
+    seen = {one.what: one for one in done.effects}["as the candidate has it, visible"]
     assert counts(seen.top) == (0, 2)
 
 

@@ -1,0 +1,64 @@
+"""What can be expected of a verdict, from the sealed answers alone: which gaps anybody could see, and tell apart.
+
+A gap is **detectable** when its length beyond what parameters and nuisance imitate
+(:mod:`diagnosis.blind.detectability`) is longer than that of 95 % of the set's recordings without any effect and with
+the same actuators (the truth's walls are finer than the model's), by as much as an observer needs who knows the gap's
+shape, looks for as many shapes as there are candidates at 5 % in all (Bonferroni), and is to see it in 90 % of cases.
+It is **unlike** the candidates when the same holds of its length beyond any one of them, too: only then can "none of
+these" be expected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from scipy.stats import norm
+
+from diagnosis.blind.opened import QUANTILE, LeftOut, Row
+
+ALARMS, POWER = 0.05, 0.9
+
+DETECTABLE = (
+    "A gap is detectable when its length in units of the sensors' noise, beyond all that parameters and unmeasured"
+    " inputs can imitate, exceeds that of 95 % of this set's recordings without any effect and with the same actuators"
+    " by as much as an observer needs who knows its shape among as many as there are candidates (5 % false alarms in"
+    " all, 90 % power). It is unlike the candidates when that holds beyond any one of them as well; where the answer is"
+    " an effect, beyond any other. Both were worked out when the set was made, and sealed with the answers."
+)
+
+
+class Expected:
+    """Which recordings of a set are detectable, and which unlike the candidates.
+
+    A set without sealed lengths has none.
+    """
+
+    def __init__(self, rows: Sequence[Row], library: Sequence[str]) -> None:
+        self.library = library
+        self.needed = float(norm.isf(ALARMS / max(len(library), 1)) + norm.ppf(POWER))
+        nothing = [row for row in rows if row.truth == "no_gap" and row.length is not None]
+        self.walls = {}
+        for replay in (False, True):
+            like = [row for row in nothing if row.answer["replay"] == replay] or nothing
+            lengths = [row.length or 0.0 for row in like]
+            self.walls[replay] = float(np.quantile(lengths, QUANTILE, method="higher")) if lengths else 0.0
+
+    def detectable(self, row: Row) -> bool:
+        """Whether a gap goes beyond what parameters and nuisance imitate."""
+        return row.truth != "no_gap" and self._long(row, row.length)
+
+    def unlike(self, row: Row, but: Iterable[str] = ()) -> bool:
+        """Whether it goes beyond what any one candidate with them imitates, ``but`` for some."""
+        if row.length is None or row.truth == "no_gap":
+            return False
+        beside = row.answer["detectability"]["beside"]
+        lengths = [beside[name] for name in self.library if name in beside and name not in set(but)]
+        return self._long(row, min(lengths, default=row.length))
+
+    def left_out_unlike(self, one: LeftOut) -> bool:
+        """Whether a gap whose candidate was withheld goes beyond what any other imitates."""
+        return self.unlike(one.row, one.row.effects)
+
+    def _long(self, row: Row, length: float | None) -> bool:
+        return length is not None and length >= self.walls[row.answer["replay"]] + self.needed

@@ -1,0 +1,87 @@
+"""What nothing can imitate of a gap: against dense covariances, and against gaps whose imitators are known."""
+
+import numpy as np
+import pytest
+
+from datagen import simulate
+from datagen.sampling import sample_parameters
+from datagen.simulator import Simulator
+from diagnosis.blind.detectability import INSIDE, detectability
+from diagnosis.effects import library
+from diagnosis.fitting.problem import Problem
+from diagnosis.gap.linear import linearised
+from diagnosis.recording import HOUR, read_recording
+
+HOURS, SLOW = 96.0, {"slow_share": 0.3, "hours": 5.0}
+
+
+@pytest.fixture(scope="module")
+def simulator(default_system):
+    return Simulator(default_system.with_experiment(hours=HOURS))
+
+
+@pytest.fixture(scope="module")
+def made(simulator, tmp_path_factory):
+    """A recording, and what is sealed of it but for the series."""
+    system = simulator.system
+    path = tmp_path_factory.mktemp("detectability") / "recording.nc"
+    parameters = dict(zip(system.parameter_names, sample_parameters(system, 8, 3).tolist(), strict=True))
+    simulate(system, hours=HOURS, seed=8, index=3, out=path)
+    noise = {one.name: {"sd": one.noise["sensor"].sd, **SLOW} for one in system.outputs}
+    return path, {"occupancy": "measured", "replay": False, "parameters": parameters, "noise": noise}
+
+
+@pytest.fixture(scope="module")
+def problem(simulator, made):
+    return Problem(simulator, read_recording(made[0], simulator.system), occupancy="measured")
+
+
+def answered(answer, system, gap):
+    base = np.zeros_like(gap)
+    series = ({name: row.tolist() for name, row in zip(system.output_names, rows, strict=True)} for rows in (gap, base))
+    return answer | dict(zip(("clean", "base"), series, strict=True))
+
+
+def test_a_gap_is_as_long_as_dense_covariances_say(simulator, made, problem):
+    path, answer = made
+    system = simulator.system
+    rng = np.random.default_rng(0)
+    shape = problem.measured.shape
+    gap = np.cumsum(rng.standard_normal(shape), axis=1) * np.array([[one.noise["sensor"].sd] for one in system.outputs])
+    found = detectability(simulator, path, answered(answer, system, gap), [])["length"]
+
+    low, high = problem.bounds
+    z = np.clip(problem.unknowns(answer["parameters"]), INSIDE * low, INSIDE * high)
+    lin = linearised(problem, z, problem.linearise(z))
+    time = problem.time
+    covariance = np.zeros((gap.size, gap.size))
+    for k, one in enumerate(system.outputs):
+        sd = one.noise["sensor"].sd
+        slow = SLOW["slow_share"] * sd**2 * np.exp(-np.abs(np.subtract.outer(time, time)) / (SLOW["hours"] * HOUR))
+        rows = slice(k * shape[1], (k + 1) * shape[1])
+        covariance[rows, rows] = slow + np.eye(shape[1]) * ((1 - SLOW["slow_share"]) * sd**2 + one.accuracy**2)
+    columns = np.concatenate([lin.by_nuisance, lin.by_unknown], axis=2).reshape(gap.size, -1)
+    covariance += columns @ columns.T
+    expected = gap.ravel() @ np.linalg.solve(covariance, gap.ravel())
+    assert found == pytest.approx(np.sqrt(expected), rel=1e-6)
+
+
+def test_a_parameter_s_gap_is_imitated_and_a_sensor_s_by_its_candidate(simulator, made, problem):
+    path, answer = made
+    system = simulator.system
+    z = problem.unknowns(answer["parameters"])
+    effects = library(system)
+    size = np.array([[one.noise["sensor"].sd] for one in system.outputs])
+    gaps = [problem.simulate(z + 0.02 * step) - problem.simulate(z) for step in np.eye(len(z))]
+    whole, k = max((float(np.sqrt(np.sum((gap / size) ** 2))), k) for k, gap in enumerate(gaps))
+    assert whole > 5.0
+    imitated = detectability(simulator, path, answered(answer, system, gaps[k]), effects)
+    assert imitated["length"] < 0.05 * whole  # the bend of the response, and a prior that resists by 0.02
+
+    bias = np.zeros_like(gaps[0])
+    k = 1
+    bias[k] = 2.0 * size[k]
+    biased = detectability(simulator, path, answered(answer, system, bias), effects)
+    name = f"sensor.{system.output_names[k]}.bias"
+    assert biased["beside"][name] < 0.3 * biased["length"]
+    assert biased["length"] > 5.0
