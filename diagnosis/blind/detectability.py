@@ -3,8 +3,8 @@
 A gap that moves the readings by many times their noise may still be one that other parameters, or persons whom nobody
 counted, would make as well; nobody can see that part. The rest has a length in units of the sensors' noise: the square
 root of twice the log-likelihood ratio that an observer expects who knows the true parameters, the noise and the gap's
-shape (Cox and Hinkley 1974, section 9.3). It is linearised at the truth and sealed with the answers, so that no verdict
-has a say in it.
+shape (Cox and Hinkley 1974, section 9.3). Parameters and nuisance are linearised at the truth, candidates simulated
+with the amplitude that imitates best. It is sealed with the answers, so that no verdict has a say in it.
 """
 
 from __future__ import annotations
@@ -20,9 +20,12 @@ from datagen.simulator import Simulator
 from diagnosis.effects import Effect
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.grams import AMPLITUDE, Colour, Grams, Projected, projected
-from diagnosis.gap.linear import applicable, linearised
+from diagnosis.gap.linear import Linearised, applicable, linearised
 from diagnosis.recording import HOUR, read_recording
+from shared.errors import SimulationError
 
+ROUNDS = 3
+"""How often a candidate is simulated with a better amplitude."""
 INSIDE = 0.999
 """Share of the bounds within which the true unknowns are put: the probit of a bound is infinite."""
 
@@ -57,27 +60,55 @@ def detectability(simulator: Simulator, recording: Path, answer: dict[str, Any],
     usable, _ = applicable(problem, effects)
     lin = linearised(problem, z, problem.linearise(z), usable)
     gap = np.stack([np.subtract(answer["clean"][name], answer["base"][name]) for name in system.output_names])
-    lin = replace(lin, by_effect=np.concatenate([gap[..., None], lin.by_effect], axis=2))
-    grams = Grams(lin, problem.observed)
     accuracy = [one.accuracy for one in system.outputs]
     colours = {k: _colour(answer["noise"][name], accuracy[k]) for k, name in enumerate(system.output_names)}
-    left = projected(grams.total(colours), grams.inner.size)
+    first = Grams(replace(lin, by_effect=gap[..., None]), problem.observed)
+
+    def beyond(series: np.ndarray) -> Projected:
+        lin_ = replace(first.lin, by_effect=series)
+        return projected(Grams(lin_, problem.observed, first).total(colours), first.inner.size)
+
+    left = beyond(np.concatenate([gap[..., None], lin.by_effect], axis=2))
+    best = np.array([_amplitude(left, k, one) for k, one in enumerate(usable, 1)])
+    beside = np.full(len(usable), left.information[0, 0])
+    for _ in range(ROUNDS):
+        made = _signatures(problem.with_effects(usable), lin, best)
+        left = beyond(np.concatenate([gap[..., None], made], axis=2))
+        size = np.diag(left.information)[1:]
+        rest = left.information[0, 0] - 2 * left.information[0, 1:] + size + best**2 / AMPLITUDE**2
+        beside = np.minimum(beside, np.where(np.isfinite(rest), rest, np.inf))
+        # the amplitude that would be best if the response were in proportion
+        best *= [_amplitude(left, k, one, float(a)) for k, (one, a) in enumerate(zip(usable, best, strict=True), 1)]
+    names = [one.name for one in usable]
     return {
         "length": float(np.sqrt(max(left.information[0, 0], 0.0))),
-        "beside": {one.name: _beside(left, k, one) for k, one in enumerate(usable, 1) if one.name not in lin.failed},
+        "beside": dict(zip(names, np.sqrt(np.maximum(beside, 0.0)).tolist(), strict=True)),
     }
+
+
+def _signatures(problem: Problem, lin: Linearised, amplitudes: np.ndarray) -> np.ndarray:
+    """What each candidate does at its amplitude (candidates,) [scales], shape (outputs, steps, candidates)."""
+    first = len(problem.system.parameters)
+    cases = []
+    for k, amplitude in enumerate(amplitudes):
+        one = np.zeros(len(amplitudes))
+        one[k] = amplitude
+        cases.append((np.concatenate([lin.z[:first], one, lin.z[first:]]), lin.around.heights))
+    made = problem.simulate_each(cases)
+    shown = [np.zeros_like(lin.outputs) if isinstance(one, SimulationError) else one - lin.outputs for one in made]
+    return np.stack(shown, axis=-1) if shown else np.empty((*lin.outputs.shape, 0))
+
+
+def _amplitude(left: Projected, k: int, effect: Effect, unit: float = 1.0) -> float:
+    """Best amplitude of a candidate (place k) to imitate the gap (place 0), in ``unit`` scales."""
+    if not unit:
+        return 0.0
+    own = left.information[k, k] + (unit / AMPLITUDE) ** 2
+    low, high = sorted((effect.lower / effect.scale / unit, effect.upper / effect.scale / unit))
+    return float(np.clip(left.information[0, k] / own, low, high))
 
 
 def _colour(noise: dict[str, float], accuracy: float) -> Colour:
     """A sensor's sealed noise, and the model's own accuracy, which is white."""
     white = np.hypot(noise["sd"] * np.sqrt(1 - noise["slow_share"]), accuracy)
     return float(white), float(noise["sd"] * np.sqrt(noise["slow_share"])), noise["hours"] * HOUR
-
-
-def _beside(left: Projected, k: int, effect: Effect) -> float:
-    """Length of the gap (place 0) that a candidate (place k) leaves at its best amplitude."""
-    own = left.information[k, k] + 1 / AMPLITUDE**2
-    both = left.information[0, k]
-    amplitude = np.clip(both / own, effect.lower / effect.scale, effect.upper / effect.scale)
-    square = left.information[0, 0] - 2 * amplitude * both + amplitude**2 * own
-    return float(np.sqrt(max(square, 0.0)))
