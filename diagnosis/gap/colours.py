@@ -7,13 +7,17 @@ model itself (the floor) of at most the sensor's own. That is done with the ampl
 out, lest a candidate's signature pass for colour (type II maximum likelihood, Rasmussen and Williams 2006, section
 5.4.1). Channels take turns.
 
+Recording and twins are judged by one colour for each channel, the posterior's mean. Judged by the most plausible colour
+alone, twins that are drawn with another plausible one would seem to hold gaps, and a real gap would have to be larger
+than theirs to be seen.
+
 A **discrepancy** is a slow error beyond that size: what is left when no cause is named. Its gain in log evidence
 measures a gap of whatever cause.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,6 +33,8 @@ FLOOR_MEMORIES = (10 * HOUR, 40 * HOUR)
 SIZES = (1.5, 3.0, 6.0, 12.0)
 """Standard deviations of a discrepancy, in those of the channel's noise."""
 DISCREPANCY_MEMORIES = (4 * HOUR, 24 * HOUR)
+GRAIN = 0.1
+"""To which variances of a mean colour are rounded, in those of the channel's noise."""
 WIDE = 2.0
 """Prior standard deviation of the candidates' amplitudes while colours are estimated [scales]."""
 _PASSES = 2
@@ -36,7 +42,7 @@ _PASSES = 2
 
 @dataclass(frozen=True)
 class Colours:
-    """``best`` colour by channel; ``weights``: posterior of every colour of a channel, the others at their best."""
+    """``best`` colour by channel, to judge by; ``weights``: posterior of each channel's colours, others at the best."""
 
     best: dict[int, Colour]
     weights: dict[int, list[tuple[Colour, float]]]
@@ -44,14 +50,31 @@ class Colours:
 
 
 def estimated_colours(grams: Grams, size: np.ndarray) -> Colours:
-    """The most plausible colour of each channel's noise of a given size (outputs,) [unit of each]."""
+    """The colour of each channel's noise of a given size (outputs,) [unit of each], and how sure it is."""
     options: dict[int, list[Colour]] = {}
     for k in grams.channels:
         one = float(size[k])
         slow = [(one * (1 - s) ** 0.5, one * s**0.5, memory) for s in SHARES for memory in MEMORIES]
         floor = [(one, one * f, memory) for f in FLOORS for memory in FLOOR_MEMORIES]
         options[k] = [(one, 0.0, HOUR), *slow, *floor]
-    return _climbed(grams, {k: ones[0] for k, ones in options.items()}, options, WIDE, 0.0)
+    found = _climbed(grams, {k: ones[0] for k, ones in options.items()}, options, WIDE, 0.0)
+    return replace(found, best={k: mean_colour(found.weights[k], float(size[k])) for k in grams.channels})
+
+
+def mean_colour(weights: list[tuple[Colour, float]], size: float) -> Colour:
+    """Mean of colours: of the variances of both parts, and of the memory's logarithm by the slow part's variance.
+
+    Rounded, so that what was made with a colour is found again when the candidates are a few fewer.
+    """
+    share = np.array([one for _, one in weights])
+    white, slow, memory = np.array([colour for colour, _ in weights]).T
+    both = np.array([share @ white**2, share @ slow**2]) / size**2
+    rounded = GRAIN * np.round(both / GRAIN)
+    if rounded[1] <= 0:
+        return float(size * np.sqrt(max(rounded[0], GRAIN))), 0.0, HOUR
+    log = share * slow**2 @ np.log(memory) / (share @ slow**2)
+    nearest = min({*MEMORIES, *FLOOR_MEMORIES}, key=lambda one: abs(np.log(one) - log))
+    return float(size * np.sqrt(max(rounded[0], GRAIN))), float(size * np.sqrt(rounded[1])), nearest
 
 
 def discrepancy(grams: Grams, colours: Colours, size: np.ndarray) -> tuple[float, dict[int, Colour]]:

@@ -74,7 +74,7 @@ def decide(search: Search, where_p: float, where_left_p: float) -> Decision:
     """
     first, last = search.stages[0], search.last
     if not gap_found(first, where_p):
-        odds = min(first.scan.p_value, first.scan.misfit_p) / LEVEL
+        odds = min(first.tested.p_value, first.tested.misfit_p) / LEVEL
         nothing = float(NOTHING * odds / (1 + odds))
         chance = _softmax(dict(zip(_names(first), first.scan.evidence, strict=True)))
         named = {name: (1 - nothing) * 0.5 * p for name, p in chance.items()}

@@ -177,6 +177,7 @@ def _concluded(
         candidates,
         fitted,
         whole.floor,
+        whole.observed,
         seed=seed,
         tell=tell,
         known=None if known is None else known.search,

@@ -244,8 +244,8 @@ def _stages(search: Search, where: Where, where_left: Where | None) -> list[Stag
                 effects=[one.name for one in stage.lin.chosen],
                 best=stage.scan.effects[best].name if best is not None else None,
                 ratio=float(stage.scan.ratio[best]) if best is not None else 0.0,
-                p_value=stage.scan.p_value,
-                misfit_p=stage.scan.misfit_p,
+                p_value=stage.tested.p_value,
+                misfit_p=stage.tested.misfit_p,
                 where_p=p,
                 left_over=stage.left_over,
             )

@@ -128,8 +128,9 @@ class ConditionOf(_Table):
 class StageOf(_Table):
     """One stage of the search.
 
-    With which effects, p of the best further candidate (family-wise), p of the residual's
-    whole square, p of where the residual lies, and how much log evidence a causeless discrepancy would still gain.
+    With which effects, and the best further candidate of what is fitted; of all readings p of the best candidate
+    (family-wise), p of the residual's whole square, p of where the residual lies, and how much log evidence a
+    causeless discrepancy would still gain.
     """
 
     effects: list[str]

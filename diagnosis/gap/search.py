@@ -80,6 +80,7 @@ def search(
     effects: Sequence[Effect],
     observed: np.ndarray,
     size: np.ndarray,
+    every: np.ndarray | None = None,
     *,
     seed: int = 0,
     tell: Tell = print,
@@ -92,9 +93,11 @@ def search(
     effects
         All candidates; those that cannot act here are left out and said why.
     observed
-        Readings that take part, shape (outputs, steps).
+        Readings that are fitted, shape (outputs, steps).
     size
         Standard deviation of one reading's error, shape (outputs,) [unit of each].
+    every
+        All readings, those that are kept for scoring too; see :func:`diagnosis.gap.stages.examine`.
     known
         A search from the same fit among these candidates and others; what does not depend on the others is taken
         from it.
@@ -109,7 +112,7 @@ def search(
         usable, why = applicable(one.lin.problem, effects)
         tell(f"sensitivities of {len(usable)} effects")
         lin, count = among(one, usable), one.simulations
-    stage = examine(lin, observed, size, seed=seed)
+    stage = examine(lin, observed, size, every, seed=seed)
     count += 0 if known is not None else lin.simulations
     if known is None and not base.converged and (stage.candidate_found or stage.misfits):
         # what looks like a gap may be a fit that stopped early
@@ -119,7 +122,7 @@ def search(
         count += more.simulations + other.simulations
         if other.evidence > one.evidence:
             one, lin = other, among(other, usable)
-            stage = examine(lin, observed, size, seed=seed)
+            stage = examine(lin, observed, size, every, seed=seed)
             count += lin.simulations
     found = Search([stage], one, excluded=why, simulations=count, made=made)
     found.excluded |= dict.fromkeys(lin.failed, "its simulation fails")
@@ -135,8 +138,8 @@ def search(
         gain = best.evidence - stage.grams.evidence(stage.colours.best)
         if not first and gain < CLEAR:
             break
-        after = examine(renewed(best, stage, effects, found), observed, size, seed=seed + len(found.stages))
-        if not first and after.left_over > PARSIMONY * stage.left_over:
+        after = examine(renewed(best, stage, effects, found), observed, size, every, seed=seed + len(found.stages))
+        if not first and after.left_fitted > PARSIMONY * stage.left_fitted:
             break
         found.stages.append(after)
         found.refits.append(refits)

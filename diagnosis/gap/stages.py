@@ -17,41 +17,73 @@ LEVEL = 0.02
 
 
 @dataclass(frozen=True)
+class Tested:
+    """Family-wise p of the best candidate, p of the residual's square, and gain of a discrepancy without a cause."""
+
+    p_value: float
+    misfit_p: float
+    left_over: float
+
+
+@dataclass(frozen=True)
 class Stage:
-    """``left_over``: gain in log evidence of a discrepancy without a cause; ``discrepant`` the colours with it."""
+    """``scan`` is of the readings that are fitted, and so is which candidate is tried; ``tested`` is of all readings.
+
+    ``discrepant`` are the colours with a discrepancy, ``left_fitted`` its gain in log evidence, both of what is fitted.
+    """
 
     lin: Linearised
     grams: Grams
     colours: Colours
     twins: Twins
     scan: Scan
-    left_over: float
+    left_fitted: float
     discrepant: dict[int, Colour]
+    tested: Tested
 
     @property
     def candidate_found(self) -> bool:
         """Whether some candidate is significant, all of them considered."""
-        return self.scan.p_value <= LEVEL
+        return self.tested.p_value <= LEVEL
 
     @property
     def misfits(self) -> bool:
         """Whether the residual is larger than its own twins' residuals are."""
-        return self.scan.misfit_p <= LEVEL / 2
+        return self.tested.misfit_p <= LEVEL / 2
+
+    @property
+    def left_over(self) -> float:
+        """Gain in log evidence of a discrepancy without a cause, of all readings."""
+        return self.tested.left_over
 
 
-def examine(lin: Linearised, observed: np.ndarray, size: np.ndarray, *, twins: int = TWINS, seed: int = 0) -> Stage:
+def examine(
+    lin: Linearised,
+    observed: np.ndarray,
+    size: np.ndarray,
+    every: np.ndarray | None = None,
+    *,
+    twins: int = TWINS,
+    seed: int = 0,
+) -> Stage:
     """Examine a linearised fit.
 
     Parameters
     ----------
     observed
-        Readings that count, shape (outputs, steps).
+        Readings that are fitted, shape (outputs, steps).
     size
         Standard deviation of one reading's error, shape (outputs,) [unit of each].
+    every
+        All readings, those that are kept for scoring too: whether there is a gap is told by them all. Those that are
+        fitted if not given.
     """
     grams = Grams(lin, observed)
     colours = estimated_colours(grams, size)
     drawn = draw_twins(grams, colours, twins, seed)
     left_over, discrepant = discrepancy(grams, colours, size)
     found = scan(drawn, lin.effects, drawn.left.square)
-    return Stage(lin, grams, colours, drawn, found, left_over, discrepant)
+    tested = Tested(found.p_value, found.misfit_p, left_over)
+    if every is not None and not np.array_equal(every, observed):
+        tested = examine(lin, every, size, twins=twins, seed=seed).tested
+    return Stage(lin, grams, colours, drawn, found, left_over, discrepant, tested)

@@ -18,7 +18,8 @@ def stage(*, found=True, misfits=True, left_over=100.0, chosen=(), evidence=(50.
         left_over=left_over,
         discrepant={},
         lin=SimpleNamespace(effects=effects, chosen=chosen),
-        scan=SimpleNamespace(p_value=p, misfit_p=p, evidence=np.array(evidence[: len(effects)])),
+        tested=SimpleNamespace(p_value=p, misfit_p=p),
+        scan=SimpleNamespace(evidence=np.array(evidence[: len(effects)])),
     )
 
 
