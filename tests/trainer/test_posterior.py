@@ -16,7 +16,8 @@ from trainer.checkpoint import load_run
 from trainer.fitting import fit
 from trainer.posterior import fit_posterior, load_posterior
 from trainer.posterior.conditions import Contexts, lengths_of
-from trainer.posterior.fitting import train_flow
+from trainer.posterior.fitting import DECAY, _average, train_flow
+from trainer.posterior.flow import PosteriorFlow
 from trainer.posterior.inference import summarise
 from trainer.posterior.prior import Prior
 from trainer.posterior.tempering import temper
@@ -45,7 +46,7 @@ def gaussian_flow():
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(0)
         held_out = gaussian_windows(1000, 1)[0]
-        flow, facts = train_flow(gaussian_windows(3000, 0)[0], held_out, 1, 15, {})
+        flow, facts = train_flow(gaussian_windows(3000, 0)[0], held_out, 1, 0, 15, {})
     temper(flow, held_out, seed=0)
     return flow, facts
 
@@ -73,6 +74,20 @@ def test_the_flow_finds_a_known_posterior(gaussian_flow):
         assert flow.log_prob(windows.context, windows.z[:, None]).mean() == pytest.approx(exact.mean().item(), abs=0.08)
 
 
+def test_the_kept_weights_are_a_running_mean_that_soon_forgets_where_it_began():
+    mean, ones, zeros = (torch.nn.Linear(2, 1, bias=False) for _ in range(3))
+    torch.nn.init.ones_(ones.weight)
+    torch.nn.init.zeros_(zeros.weight)
+    _average(mean, zeros, 0)  # the first step leaves nothing of the initial weights
+    for step in range(1, 11):
+        _average(mean, ones, step)
+    # what is left of the first is the product of (1 + n) / (10 + n) for n from 1 to 10: 11! 10! / 20!
+    left = math.factorial(11) * math.factorial(10) / math.factorial(20)
+    assert mean.weight.detach().numpy() == pytest.approx(1 - left)
+    _average(mean, zeros, 10**6)
+    assert mean.weight.detach().numpy() == pytest.approx(DECAY * (1 - left))
+
+
 @pytest.mark.slow
 def test_temperatures_widen_a_flow_that_is_too_sure(gaussian_flow):
     """Truths twice as far from the centre as the flow thinks need twice the width."""
@@ -89,6 +104,28 @@ def test_temperatures_widen_a_flow_that_is_too_sure(gaussian_flow):
     flow.log_temperature.copy_(before)
     ratio = (samples - centre[:, None]).pow(2).mean().sqrt() / (narrow - centre[:, None]).pow(2).mean().sqrt()
     assert ratio == pytest.approx(2.05, abs=0.25)
+
+
+def test_windows_that_lack_an_output_have_temperatures_of_their_own():
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(0)
+        flow = PosteriorFlow(2, 5, lengths=1, outputs=1).eval()
+        context = torch.randn(2000, 5)
+        context[:, -1] = torch.arange(2000) % 2  # the share of the output that is missing
+        with torch.no_grad():
+            centre, drawn = flow.centre(context), flow.sample(context, torch.randn(2000, 1, 2))[:, 0]
+    lacking = flow.lacking(context)
+    assert lacking.tolist() == 1000 * [0, 1]
+    z = centre + (1 + lacking[:, None]) * (drawn - centre)
+    temper(flow, Contexts(context, z, torch.zeros(2000, dtype=torch.int64), torch.arange(2000)), seed=0)
+    assert flow.log_temperature.exp().numpy() == pytest.approx(np.array([[[1.0, 1.0], [2.0, 2.0]]]), rel=0.12)
+
+
+def test_temperatures_of_the_first_version_hold_for_windows_that_lack_an_output_and_for_others():
+    flow = PosteriorFlow(2, 5, lengths=3, outputs=1)
+    one = torch.arange(6.0).view(3, 2)
+    flow.load_state_dict(flow.state_dict() | {"log_temperature": one})
+    assert torch.equal(flow.log_temperature, torch.stack([one, one], dim=1))
 
 
 def test_the_prior_is_standard_normal():
@@ -249,7 +286,7 @@ def cut(folder):
     ("damage", "sentence"),
     [
         (lambda f: spoil(f, "posterior.json", estimator_sha256="f" * 64), "was fitted to the estimator ffffffffffff"),
-        (lambda f: spoil(f, "posterior.json", schema_version=9), "schema version is 9; this version .* reads up to 1"),
+        (lambda f: spoil(f, "posterior.json", schema_version=9), "schema version is 9; this version .* reads up to 2"),
         (lambda f: spoil(f, "posterior.json", gain="much"), "damaged: gain"),
         (lambda f: spoil(f, "posterior.json", context=3), "does not fit posterior.json"),
         (lambda f: (f / "posterior.json").write_text("{"), "posterior.json: not valid JSON"),

@@ -18,7 +18,7 @@ from trainer.posterior.inference import Posterior
 from trainer.posterior.prior import Prior
 from trainer.weights import check_card_version, load_weights
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 CARD = "posterior.json"
 WEIGHTS = "posterior.safetensors"
 
@@ -43,7 +43,9 @@ class PosteriorCard(BaseModel):
     training_systems_used: int
     """how many of the fitting systems the estimator had trained on"""
     temperatures: list[dict[str, float]]
-    """of each length: the factor that calibration stretches each parameter's density by"""
+    """of each length: the factor that calibration stretches each parameter's density by, where no output is missing"""
+    temperatures_lacking: list[dict[str, float]] = []
+    """the same where an output is missing as a whole; equal in posteriors of the first version, which do not have it"""
     gain: float
     """mean log posterior density above the prior's on the calibration systems, before the temperatures [nat]"""
     epochs: int
@@ -102,7 +104,9 @@ def load_posterior(run: Run) -> Posterior | None:
         card.weights_sha256,
         CARD,
         "fit the posterior again",
-        lambda: PosteriorFlow(len(card.logarithmic), card.context, len(card.lengths), **card.options),
+        lambda: PosteriorFlow(
+            len(card.logarithmic), card.context, len(card.lengths), run.card.encoding.outputs, **card.options
+        ),
     )
     return Posterior(run, card, flow, prior_of(run, card.logarithmic))
 

@@ -39,7 +39,10 @@ class Contexts(NamedTuple):
 
     def of_length(self, length: int) -> Contexts:
         """Those of one length."""
-        chosen = self.length == length
+        return self.only(self.length == length)
+
+    def only(self, chosen: torch.Tensor) -> Contexts:
+        """Those that are chosen, bool (windows,)."""
         return Contexts(*(part[chosen] for part in self))
 
 

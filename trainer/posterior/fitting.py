@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import torch
 import zuko
+from torch import nn
 
 import shared
 from shared.errors import EstimatorError
@@ -39,6 +40,8 @@ BATCH = 256
 LR = 1e-3
 WEIGHT_DECAY = 1e-2
 CLIP = 5.0
+DECAY = 0.997
+"""Of the running mean of the weights, which is what is kept: its centre strays less than that of single weights."""
 PATIENCE = 8
 """Epochs without a better density on the calibration systems, after which training stops."""
 FEWEST = 4
@@ -124,7 +127,8 @@ def fit_posterior(
         fit_to = draw_contexts(run, prior, source, parameters, places[0], windows_per_system, seeds[1])
         held_out = draw_contexts(run, prior, source, parameters, places[1], few, seeds[2])
         del source
-        flow, facts = train_flow(fit_to, held_out, len(lengths_of(run)), epochs, options or {}, progress)
+        sizes = (len(lengths_of(run)), run.card.encoding.outputs)
+        flow, facts = train_flow(fit_to, held_out, *sizes, epochs, options or {}, progress)
         temper(flow, held_out, seeds[4])
     names = run.card.encoding.parameters
     card = PosteriorCard(
@@ -138,7 +142,8 @@ def fit_posterior(
         fitting_windows=len(fit_to.z),
         calibration_windows=len(held_out.z),
         training_systems_used=int(run.card.seen(dataset.manifest.system_hash, index)[extra].sum()),
-        temperatures=[dict(zip(names, row.exp().tolist(), strict=True)) for row in flow.log_temperature],
+        temperatures=[dict(zip(names, row.exp().tolist(), strict=True)) for row in flow.log_temperature[:, 0]],
+        temperatures_lacking=[dict(zip(names, row.exp().tolist(), strict=True)) for row in flow.log_temperature[:, 1]],
         seed=seed,
         seconds=round(time.monotonic() - begin, 2),
         versions={
@@ -168,11 +173,19 @@ def _halves(rows: np.ndarray, systems: int | None, seed: int) -> tuple[np.ndarra
 
 
 def train_flow(
-    fit_to: Contexts, held_out: Contexts, lengths: int, epochs: int, options: dict[str, Any], progress: bool = False
+    fit_to: Contexts,
+    held_out: Contexts,
+    lengths: int,
+    outputs: int,
+    epochs: int,
+    options: dict[str, Any],
+    progress: bool = False,
 ) -> tuple[PosteriorFlow, dict[str, Any]]:
     """Train a flow on windows; keep the weights with the best mean log density on those held out.
 
-    Returns it with ``gain`` (mean log density over the prior's [nat]), ``epochs`` and ``best_epoch``.
+    What is judged and kept is a running mean of the weights over the steps (Polyak and Juditsky, 1992, Acceleration of
+    stochastic approximation by averaging). Returns it with ``gain`` (mean log density over the prior's [nat]),
+    ``epochs`` and ``best_epoch``.
 
     Raises
     ------
@@ -180,15 +193,17 @@ def train_flow(
         If the density stops being a number, or an option is unknown.
     """
     try:
-        flow = PosteriorFlow(fit_to.z.shape[1], fit_to.context.shape[1], lengths, **options)
+        flow = PosteriorFlow(fit_to.z.shape[1], fit_to.context.shape[1], lengths, outputs, **options)
     except TypeError as error:
         raise EstimatorError(f"options: {error}") from None
     flow.standardise(fit_to.context, fit_to.z)
+    smooth = copy.deepcopy(flow)
     optimiser = torch.optim.AdamW(flow.parameters(), lr=LR, weight_decay=WEIGHT_DECAY)
     steps = math.ceil(len(fit_to.z) / BATCH)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, epochs * steps)
     prior = torch.distributions.Normal(0.0, 1.0).log_prob(held_out.z).sum(dim=1).mean().item()
     best, best_epoch, kept, epoch = -math.inf, 0, copy.deepcopy(flow.state_dict()), 0
+    step = 0
     numbers = range(1, epochs + 1)
     for epoch in tracked(numbers, "posterior", shown=progress):
         flow.train()
@@ -199,17 +214,27 @@ def train_flow(
             torch.nn.utils.clip_grad_norm_(flow.parameters(), CLIP)
             optimiser.step()
             schedule.step()
-        gain = mean_log_prob(flow, held_out) - prior
+            _average(smooth, flow, step)
+            step += 1
+        gain = mean_log_prob(smooth, held_out) - prior
         _log.debug("epoch %d: %.3f nat above the prior", epoch, gain, extra=fields(epoch=epoch, gain=gain))
         if not math.isfinite(gain):
             raise EstimatorError(f"the posterior's density is not a number in epoch {epoch}; try another seed")
         if gain > best:
-            best, best_epoch, kept = gain, epoch, copy.deepcopy(flow.state_dict())
+            best, best_epoch, kept = gain, epoch, copy.deepcopy(smooth.state_dict())
         elif epoch - best_epoch >= PATIENCE:
             break
     flow.load_state_dict(kept)
     flow.eval()
     return flow, {"gain": best, "epochs": epoch, "best_epoch": best_epoch}
+
+
+def _average(smooth: nn.Module, flow: nn.Module, step: int) -> None:
+    """Move running means of weights towards those after a step, the first is 0; early on they forget faster."""
+    share = 1.0 if step == 0 else 1 - min(DECAY, (1 + step) / (10 + step))
+    with torch.no_grad():
+        for mean, weights in zip(smooth.parameters(), flow.parameters(), strict=True):
+            mean.lerp_(weights, share)
 
 
 def mean_log_prob(flow: PosteriorFlow, windows: Contexts) -> float:

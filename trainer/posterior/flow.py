@@ -3,11 +3,13 @@
 What it is given of a window, its context, is the estimator's answer there, then whatever else tells posteriors apart.
 It models the answer's error, in units of its spread over the fitting windows: an affine autoregressive transform, which
 scales and correlates, and coupled neural splines, which bend (Durkan et al., 2019, Neural spline flows,
-arXiv:1906.04032). Behind it comes a temperature per parameter and window length that stretches the density about the
-flow's centre; it is the calibration's, not the training's.
+arXiv:1906.04032). Behind it comes a temperature that stretches the density about the flow's centre, for each parameter,
+window length, and by whether an output is missing as a whole; it is the calibration's, not the training's.
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import torch
 from torch import nn
@@ -29,6 +31,8 @@ class PosteriorFlow(nn.Module):
     ----------
     lengths
         Number of window lengths that have temperatures of their own.
+    outputs
+        How many numbers at the end of the context are the share that is missing of an output.
     """
 
     context_mean: torch.Tensor
@@ -42,6 +46,7 @@ class PosteriorFlow(nn.Module):
         parameters: int,
         context: int,
         lengths: int = 1,
+        outputs: int = 0,
         summary: int = 32,
         width: int = 64,
         splines: int = 4,
@@ -49,12 +54,12 @@ class PosteriorFlow(nn.Module):
         dropout: float = 0.1,
     ) -> None:
         super().__init__()
-        self.parameters_count = parameters
+        self.parameters_count, self.outputs = parameters, outputs
         self.register_buffer("context_mean", torch.zeros(context))
         self.register_buffer("context_sd", torch.ones(context))
         self.register_buffer("error_mean", torch.zeros(parameters))
         self.register_buffer("error_sd", torch.ones(parameters))
-        self.register_buffer("log_temperature", torch.zeros(lengths, parameters))
+        self.register_buffer("log_temperature", torch.zeros(lengths, 2, parameters))
         # once per window, however many samples are drawn of it
         self.summary = nn.Sequential(
             nn.Linear(context, 2 * width), nn.GELU(), nn.Dropout(dropout), nn.Linear(2 * width, summary)
@@ -86,6 +91,17 @@ class PosteriorFlow(nn.Module):
             getattr(self, f"{name}_mean").copy_(values.mean(dim=0))
             getattr(self, f"{name}_sd").copy_(torch.where(sd > 1e-6, sd, torch.ones_like(sd)))
 
+    def lacking(self, context: torch.Tensor) -> torch.Tensor:
+        """Which windows lack an output as a whole: 0 or 1, int64 (windows,)."""
+        return (context[:, context.shape[1] - self.outputs :] == 1).any(dim=1).long()
+
+    def _load_from_state_dict(self, state_dict: dict[str, Any], prefix: str, *others: Any) -> None:
+        """Temperatures of the first version were one for both."""
+        name = f"{prefix}log_temperature"
+        if name in state_dict and state_dict[name].ndim == 2:
+            state_dict[name] = state_dict[name][:, None].repeat(1, 2, 1)
+        super()._load_from_state_dict(state_dict, prefix, *others)
+
     def summarise(self, context: torch.Tensor) -> torch.Tensor:
         """What the transforms are conditioned on (windows, summary)."""
         scaled = ((context - self.context_mean) / self.context_sd).clamp(-FAR, FAR)
@@ -111,10 +127,10 @@ class PosteriorFlow(nn.Module):
 
     def log_prob(self, context: torch.Tensor, z: torch.Tensor, length: int = 0) -> torch.Tensor:
         """Log density (windows, n) at z (windows, n, parameters), for windows of the ``length``-th length."""
-        n, log_t = z.shape[1], self.log_temperature[length]
+        n, log_t = z.shape[1], self.log_temperature[length, self.lacking(context)][:, None]
         centre = self.centre(context)[:, None]
         raw = (centre + (z - centre) * torch.exp(-log_t)).reshape(-1, self.parameters_count)
-        return self.raw_log_prob(context, raw, n).reshape(-1, n) - log_t.sum()
+        return self.raw_log_prob(context, raw, n).reshape(-1, n) - log_t.sum(dim=2)
 
     def sample(self, context: torch.Tensor, base: torch.Tensor, length: int = 0) -> torch.Tensor:
         """Samples z (windows, n, parameters) from base numbers of that shape, which should be standard normal."""
@@ -125,4 +141,5 @@ class PosteriorFlow(nn.Module):
             here = slice(begin, begin + each)
             answer, given = (part[here].repeat_interleave(n, dim=0) for part in (context, summary))
             parts.append(self._back(answer, given, base[here].reshape(-1, parameters)).reshape(-1, n, parameters))
-        return centre + (torch.cat(parts) - centre) * torch.exp(self.log_temperature[length])
+        temperature = self.log_temperature[length, self.lacking(context)].exp()[:, None]
+        return centre + (torch.cat(parts) - centre) * temperature

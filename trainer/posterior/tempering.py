@@ -20,13 +20,17 @@ from trainer.posterior.inference import LEVEL
 SAMPLES = 256
 """Drawn per window, for the ends of its interval."""
 WINDOWS = 2000
-"""At most, of each length."""
+"""At most, of each length, with and without an output that is missing as a whole."""
 FEWEST = 50
-"""Where a length has fewer windows, those of all lengths are used."""
+"""Where such a group has fewer windows, those of its length are used, and where these are few, all."""
 
 
 def temper(flow: PosteriorFlow, held_out: Contexts, seed: int) -> None:
-    """Set a flow's temperatures, of each window length, from windows of systems that it was not trained on."""
+    """Set a flow's temperatures from windows of systems that it was not trained on.
+
+    Each window length has two, for windows that lack an output as a whole and for those that do not: one for both would
+    be too wide for a sensor's own parameter where the sensor is there.
+    """
     flow.eval()
     generator = torch.Generator().manual_seed(seed)
     flow.log_temperature.zero_()
@@ -34,13 +38,19 @@ def temper(flow: PosteriorFlow, held_out: Contexts, seed: int) -> None:
     for length in range(len(flow.log_temperature)):
         own = held_out.of_length(length)
         own = own if len(own.z) >= FEWEST else held_out
-        chosen = torch.randperm(len(own.z), generator=generator)[:WINDOWS]
-        needed = _needed(flow, own.context[chosen], own.z[chosen], generator)
-        # split conformal prediction's margin for few systems; windows of one system do not count twice
-        systems = len(torch.unique(own.system[chosen]))
-        share = min(1.0, math.ceil(LEVEL * (systems + 1)) / systems)
-        found.append(needed.sort(dim=0).values[math.ceil(share * len(needed)) - 1])
-    flow.log_temperature.copy_(torch.stack(found).log())
+        groups = [own.only(flow.lacking(own.context) == lacking) for lacking in (0, 1)]
+        found += [_temperatures(flow, one if len(one.z) >= FEWEST else own, generator) for one in groups]
+    flow.log_temperature.copy_(torch.stack(found).log().view_as(flow.log_temperature))
+
+
+def _temperatures(flow: PosteriorFlow, windows: Contexts, generator: torch.Generator) -> torch.Tensor:
+    """Factors (parameters,) that make nine tenths of some windows covered."""
+    chosen = torch.randperm(len(windows.z), generator=generator)[:WINDOWS]
+    needed = _needed(flow, windows.context[chosen], windows.z[chosen], generator)
+    # split conformal prediction's margin for few systems; windows of one system do not count twice
+    systems = len(torch.unique(windows.system[chosen]))
+    share = min(1.0, math.ceil(LEVEL * (systems + 1)) / systems)
+    return needed.sort(dim=0).values[math.ceil(share * len(needed)) - 1]
 
 
 def _needed(flow: PosteriorFlow, context: torch.Tensor, z: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
