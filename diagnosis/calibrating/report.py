@@ -36,10 +36,9 @@ def write_calibration(done: Calibrated, folder: Path) -> None:
 def render(done: Calibrated) -> str:
     """The page as HTML, pictures and all."""
     environment = page_environment()
-    begin = time_zero(done) + np.timedelta64(round(done.report.start), "s")
     return environment.get_template("calibration.html.j2").render(
         report=done.report,
-        begin=str(begin).replace("T", " "),
+        begin=began(done),
         days=done.report.steps * done.report.step / DAY,
         correlated_above=CORRELATED,
         summary=summary(done),
@@ -61,13 +60,24 @@ def time_zero(done: Calibrated) -> np.datetime64:
         return np.datetime64(EPOCH, "s")
 
 
+def began(done: Calibrated) -> str:
+    """When the recording began, to the minute, by its own clock."""
+    begin = time_zero(done) + np.timedelta64(round(done.report.start), "s")
+    return str(begin.astype("datetime64[m]")).replace("T", " ")
+
+
 def summary(done: Calibrated) -> list[str]:
     """What came out, in a few sentences."""
     report = done.report
     groups = {
         kind: [p.name for p in report.parameters if p.identified == kind] for kind in ("well", "partly", "hardly")
     }
-    said = []
+    said = [
+        f"The fitted model explains {max(share, 0):.0%} of what {name} did: it lacks something, for which its"
+        " parameters make up, and neither they nor their intervals are to be believed."
+        for name, share in _explained(done).items()
+        if share < POOR
+    ]
     for kind, words in (
         ("well", "The recording tells {} well."),
         ("partly", "It tells {} in part."),
@@ -86,12 +96,6 @@ def summary(done: Calibrated) -> list[str]:
         said.append(
             f"What is left of {', '.join(slow)} is slow and larger than its sensor's noise: the model lacks something."
         )
-    said += [
-        f"The fitted model explains {max(share, 0):.0%} of what {name} did: it lacks something, for which its"
-        " parameters make up, and neither they nor their intervals are to be believed."
-        for name, share in _explained(done).items()
-        if share < POOR
-    ]
     if report.occupancy == "unknown":
         said.append(
             "Nobody counted the persons: how many there were was inferred along with the parameters, with the"
@@ -134,7 +138,7 @@ def _fit(done: Calibrated) -> str:
         if not done.report.outputs[name].used:
             panel.set_title("replayed: drives the model, not fitted", fontsize=8, loc="right")
     panels[0].legend(loc="upper right", ncols=2, fontsize=8)
-    panels[-1].set_xlabel("days since the recording began")
+    panels[-1].set_xlabel(f"days since {began(done)}")
     return embedded(made)
 
 
@@ -149,7 +153,7 @@ def _residuals(done: Calibrated) -> str:
         panel.axhspan(-band, band, color=GREY, alpha=0.2, lw=0)
         panel.plot(_days(done), left, lw=0.8, color=RED)
         panel.set_ylabel(f"{name} [{problem.system.outputs[k].unit}]")
-    panels[-1].set_xlabel("days since the recording began")
+    panels[-1].set_xlabel(f"days since {began(done)}")
     return embedded(made)
 
 
@@ -172,12 +176,14 @@ def _parameters(done: Calibrated) -> str:
         if one.zero_shot is not None:
             panel.plot(place(one.zero_shot), row, "D", color=ORANGE, ms=5)
         panel.text(-0.01, row, f"{one.prior_min:g}", ha="right", va="center", fontsize=7)
-        panel.text(1.01, row, f"{one.prior_max:g} {one.unit}", ha="left", va="center", fontsize=7)
+        panel.text(
+            1.01, row, f"{one.prior_max:g} {'' if one.unit == '1' else one.unit}", ha="left", va="center", fontsize=7
+        )
     panel.set_yticks(range(len(report.parameters)), [one.name for one in report.parameters], fontsize=8)
     panel.tick_params(axis="y", pad=34, length=0)
     panel.set_xlim(-0.02, 1.02)
     panel.set_xticks([])
-    panel.invert_yaxis()
+    panel.set_ylim(len(report.parameters) - 0.5, -0.5)
     panel.grid(visible=False)
     panel.spines[["left", "bottom"]].set_visible(False)
     return embedded(made)
@@ -189,7 +195,9 @@ def _correlation(done: Calibrated) -> str:
     values = np.array(done.report.correlation)
     panel.imshow(values, cmap="RdBu_r", vmin=-1, vmax=1)
     for i, j in np.ndindex(*values.shape):
-        panel.text(j, i, f"{values[i, j]:.1f}", ha="center", va="center", fontsize=7)
+        if abs(values[i, j]) >= 0.05 and i != j:
+            colour = "white" if abs(values[i, j]) > 0.6 else "black"
+            panel.text(j, i, f"{values[i, j]:.1f}", ha="center", va="center", fontsize=7, color=colour)
     panel.set_xticks(range(len(names)), names, rotation=60, ha="right", fontsize=8)
     panel.set_yticks(range(len(names)), names, fontsize=8)
     panel.grid(visible=False)
@@ -225,5 +233,5 @@ def _inputs(done: Calibrated) -> str:
         signal = Piecewise(grid, persons, "previous")
         panel.step((grid - grid[0]) / DAY, signal.at(grid), where="post", lw=0.9, color=ORANGE)
         panel.set_ylabel(f"{system.inputs[place].name}\ninferred", fontsize=8)
-    panels[-1].set_xlabel("days since the recording began")
+    panels[-1].set_xlabel(f"days since {began(done)}")
     return embedded(made)

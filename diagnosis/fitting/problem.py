@@ -21,6 +21,7 @@ from diagnosis.fitting.linearisation import Linearisation
 from diagnosis.fitting.marginal import Marginal
 from diagnosis.fitting.noise import NoiseModel
 from diagnosis.fitting.nuisance import responses
+from diagnosis.fitting.remembered import Remembered
 from diagnosis.fitting.runs import Runs
 from diagnosis.fitting.side_by_side import InProcess, Outcome, Runner
 from diagnosis.fitting.unknowns import LIMIT, Unknowns
@@ -53,6 +54,8 @@ class Problem:
         The recording's first day is repeated so long before it [s].
     history
         Whether what came before the recording is a nuisance; otherwise its first day stands in for it exactly.
+    in_order
+        See :func:`diagnosis.fitting.unmeasured.nuisance_of`.
     runner
         Where simulations run; in this process by default.
 
@@ -73,13 +76,14 @@ class Problem:
         replay: bool = False,
         warm_up: float = WARM_UP,
         history: bool = True,
+        in_order: bool = True,
         runner: Runner | None = None,
     ) -> None:
         self.simulator, self.recording, self.replay = simulator, recording, replay
         self.system = system = simulator.system
         self.effects = tuple(effects)
         self.runner: Runner = runner or InProcess(simulator)
-        self.simulations = 0
+        self._remembered, self.simulations = Remembered(), 0
         self.drive = drive(system, recording, warm_up=warm_up, replay=replay)
         self.occupancy = crowd(system, recording, occupancy)
         if isinstance(noise, str):
@@ -87,7 +91,9 @@ class Problem:
             noise = system.noise_sd("none" if plain else noise)
         self.noise = noise if isinstance(noise, NoiseModel) else NoiseModel.white_only(noise)
         self.floor = self.noise.white
-        self.nuisance, stand_ins = nuisance_of(system, recording, self.drive, occupancy=self.occupancy)
+        self.nuisance, stand_ins = nuisance_of(
+            system, recording, self.drive, occupancy=self.occupancy, in_order=in_order
+        )
         if not history:
             self.nuisance = self.nuisance.only(self.nuisance.recorded)
         tolerance = min(TOLERANCE, system.experiment.tolerance)
@@ -135,28 +141,19 @@ class Problem:
 
     def with_effects(self, effects: Sequence[Effect]) -> Problem:
         """The same problem with other effects; it counts its own simulations."""
-        other = self._copy()
-        other.effects = tuple(effects)
-        return other
+        return self._copy(effects=tuple(effects))
 
     def with_measured(self, outputs: np.ndarray) -> Problem:
         """The same problem with other measurements (outputs, steps) [unit of each]: for twins."""
-        other = self._copy()
-        other.measured = outputs
-        other.observed = self.observed & np.isfinite(outputs)
-        return other
+        return self._copy(measured=outputs, observed=self.observed & np.isfinite(outputs))
 
     def with_observed(self, observed: np.ndarray) -> Problem:
         """The same problem where only some readings count, shape (outputs, steps): for held-out parts."""
-        other = self._copy()
-        other.observed = self.observed & observed
-        return other
+        return self._copy(observed=self.observed & observed)
 
     def with_noise(self, noise: NoiseModel) -> Problem:
         """The same problem with another noise."""
-        other = self._copy()
-        other.noise = noise
-        return other
+        return self._copy(noise=noise)
 
     def simulate(self, z: np.ndarray, heights: np.ndarray | None = None) -> np.ndarray:
         """Outputs (outputs, steps) [unit of each]; nuisance heights (pulses,) are their prior means if not given.
@@ -186,10 +183,9 @@ class Problem:
     def simulate_each(self, cases: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Outcome]:
         """As :meth:`simulate_all`, with an error in the place of each that failed or is not finite."""
         unknown = self.unknown
-        outcomes = self.runner.map(
-            [self._runs.run(unknown, self.nuisance, np.asarray(z, dtype=float), heights) for z, heights in cases]
-        )
-        self.simulations += len(cases)
+        runs = [self._runs.run(unknown, self.nuisance, np.asarray(z, dtype=float), heights) for z, heights in cases]
+        outcomes, simulated = self._remembered.map(self.runner, runs)
+        self.simulations += simulated
         made: list[Outcome] = []
         for (z, _), outcome in zip(cases, outcomes, strict=True):
             if not isinstance(outcome, SimulationError):
@@ -298,7 +294,7 @@ class Problem:
         """Whitened rows of observed readings of (outputs, steps[, n]) [unit of each], shape (readings[, n])."""
         return self.noise.whiten(values, self.observed, self.time)
 
-    def _copy(self) -> Problem:
+    def _copy(self, **changed: object) -> Problem:
         other = copy(self)
-        other.simulations = 0
+        vars(other).update(simulations=0, **changed)
         return other

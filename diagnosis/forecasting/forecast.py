@@ -146,7 +146,7 @@ def forecast(
         seen = np.zeros(problem.observed.shape, dtype=bool)
         seen[:, :split] = True
         centre, made = _ensemble(problem.with_observed(seen), z, covariance, draws, seed)
-    low, high = np.quantile(made, [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=0)
+    low, high = band(made)
     outputs: dict[str, Ahead | None] = {}
     for k, output in enumerate(described.outputs):
         found = whole_record.outputs[k, split:]
@@ -181,6 +181,17 @@ def forecast(
 
         write_forecast(answer, Path(out))
     return answer
+
+
+def band(draws: np.ndarray, level: float = LEVEL) -> tuple[np.ndarray, np.ndarray]:
+    """Ends of the interval that holds a further draw with probability ``level``, from draws (draws, ...).
+
+    A further draw lies below the k-th smallest of n with probability k / (n + 1) (Weibull's plotting position); the
+    usual interpolation, k / (n - 1), would make the band of 20 draws one of 81 %. What so few draws cannot tell (below
+    2 / (n + 1) outside) ends at the outermost ones.
+    """
+    low, high = np.quantile(draws, [(1 - level) / 2, (1 + level) / 2], axis=0, method="weibull")
+    return low, high
 
 
 def _part(record: Recording, steps: int) -> Recording:

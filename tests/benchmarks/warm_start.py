@@ -14,6 +14,9 @@ counts as more than all that was.
 ``zero-shot`` is the estimator alone: the seconds of its forward pass, and what the others need until their misfit, or
 their error in the parameters, is as low as its own. Seconds are of the processor. One simulation of the week by
 ``fmpy.simulate_fmu`` is measured beside each recording, since that is what the field's optimisers call.
+
+Last, what simulation adds: R2 of each parameter over the rooms, of the estimator alone and of ``diagnosis calibrate``
+started from it, which integrates out what happened within the hour and before the recording.
 """
 
 from __future__ import annotations
@@ -24,7 +27,6 @@ import shutil
 import time
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -32,114 +34,21 @@ import fmpy
 import numpy as np
 import xarray as xr
 from intervals import noisy
+from optimisers import Counted, Spent, Trace, evolution, genetic, local
 from resumed import resumed
-from scipy.optimize import differential_evolution
-from scipy.special import ndtr, ndtri
 
 from datagen import simulate
 from datagen.simulator import Simulator
-from diagnosis.calibrating.calibration import estimate
-from diagnosis.fitting.fit import fit
-from diagnosis.fitting.problem import LIMIT, WARM_UP, Problem
-from diagnosis.fitting.side_by_side import InProcess, Outcome, Run
+from diagnosis.calibrating.calibration import calibrate, estimate
+from diagnosis.fitting.problem import WARM_UP, Problem
 from diagnosis.recording import Recording, read_recording, recorded_inputs
-from shared.errors import SimulationError
+from shared.errors import SimulationError, ZeroshotError
+from shared.metrics import bootstrap_by_system, r2
 from shared.shipped import resolved_estimator
 from shared.system import System, load_system
 
 LOCAL, GLOBAL = ("warm", "cold"), ("evolution", "genetic")
 BATCH = 64
-
-
-class Spent(Exception):
-    """A method has used up its simulations."""
-
-
-class Counted(InProcess):
-    """Simulations in this process, and how many there were."""
-
-    count = 0
-
-    def map(self, runs: Sequence[Run]) -> list[Outcome]:
-        """See :class:`diagnosis.fitting.side_by_side.Runner`."""
-        self.count += len(runs)
-        return super().map(runs)
-
-
-@dataclass
-class Trace:
-    """How low a method's misfit has come: simulations, seconds, misfit and error in the parameters, where it fell."""
-
-    problem: Problem
-    counted: Counted
-    truth: np.ndarray
-    limit: float = np.inf
-    points: list[tuple[int, float, float, float]] = field(default_factory=list)
-    began: float = field(default_factory=time.process_time)
-    spent: float = 0.0
-
-    def misfit(self, z: np.ndarray) -> float:
-        """Half the sum of squares of the standardised residual and of the prior."""
-        if self.counted.count >= self.limit:
-            raise Spent
-        try:
-            residual = self.problem.residuals(z)
-        except SimulationError:
-            return 1e12
-        cost = 0.5 * float(residual @ residual + z @ z)
-        self.note(z, cost)
-        return cost
-
-    def note(self, z: np.ndarray, cost: float) -> None:
-        """Keep a misfit that is lower than all before."""
-        if cost < self.best:
-            error = float(np.sqrt(np.mean((z - self.truth) ** 2)))
-            self.points.append((self.counted.count, time.process_time() - self.began, cost, error))
-
-    @property
-    def best(self) -> float:
-        """Lowest misfit."""
-        return self.points[-1][2] if self.points else np.inf
-
-
-def local(trace: Trace, start: np.ndarray) -> None:
-    """This package's fit from a start."""
-    problem = trace.problem
-    plain, trace.began = problem.residuals, time.process_time() - trace.spent
-
-    def watched(z: np.ndarray, around: object = None) -> np.ndarray:
-        made = plain(z, around)  # type: ignore[arg-type]
-        trace.note(z, 0.5 * float(made @ made + z @ z))
-        return made
-
-    problem.residuals = watched  # type: ignore[method-assign]
-    with suppress(SimulationError):
-        fit(problem, [start])
-    problem.residuals = plain  # type: ignore[method-assign]
-    trace.spent = time.process_time() - trace.began
-
-
-def evolution(trace: Trace, seed: int) -> None:
-    """Differential evolution with scipy's defaults, each parameter by its place in its range."""
-    bounds = [(float(ndtr(-LIMIT)), float(ndtr(LIMIT)))] * trace.problem.size
-    differential_evolution(lambda place: trace.misfit(ndtri(place)), bounds, rng=seed, polish=False, maxiter=10_000)
-
-
-def genetic(trace: Trace, seed: int, size: int = 50) -> None:
-    """A genetic algorithm: tournaments of three, blend crossover (BLX-0.5), Gaussian mutation, one elite."""
-    rng = np.random.default_rng(seed)
-    crowd = rng.standard_normal((size, trace.problem.size))
-    costs = np.array([trace.misfit(z) for z in crowd])
-    while True:
-        parents = [rng.integers(size, size=(size, 3)) for _ in range(2)]
-        first, second = (crowd[p[np.arange(size), np.argmin(costs[p], axis=1)]] for p in parents)
-        children = first + rng.uniform(-0.5, 1.5, first.shape) * (second - first)
-        mutated = rng.random(children.shape) < 0.1
-        children = np.clip(children + mutated * 0.3 * rng.standard_normal(children.shape), -LIMIT, LIMIT)
-        best = int(np.argmin(costs))
-        kept, lowest = crowd[best], costs[best]
-        costs = np.array([lowest, *(trace.misfit(z) for z in children[1:])])
-        crowd = np.vstack([kept, children[1:]])
 
 
 def by_fmpy(system: System, record: Recording, values: dict[str, float]) -> float:
@@ -230,9 +139,19 @@ def made(case: dict[str, Any]) -> dict[str, Any]:
         shown[name].values[:] = np.where(np.isfinite(row), row, np.nanmean(row))
     shown.to_netcdf(noisy_path)
     single, batched = forward(resolved_estimator(Path(case["run"])), noisy_path)
+    try:
+        done = calibrate(system, record, run=case["run"], starts=1)
+        calibrated: dict[str, Any] = {"simulations": done.report.simulations, "seconds": done.report.seconds}
+        calibrated |= {"values": {one.name: one.value for one in done.report.parameters}}
+        calibrated["converged"] = done.report.converged
+    except ZeroshotError as error:
+        calibrated = {"error": str(error)}
     found = {
         "points": {name: trace.points for name, trace in traces.items()},
         "alone": alone,
+        "truth": values,
+        "zero-shot": answer,
+        "calibrated": calibrated,
         "forward": [single, batched],
         "fmpy": by_fmpy(system, record, values),
         "native": bare.points[0][1],
@@ -253,6 +172,100 @@ def middle(values: Sequence[float], digits: int = 0) -> str:
     # the order of what was reached and what was not is enough: no interpolation between numbers
     low, half, high = np.quantile(np.array(values, dtype=float), [0.1, 0.5, 0.9], method="higher")
     return f"{half:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]".replace("inf", "not")
+
+
+def speed(rows: Sequence[dict[str, Any]], half: float) -> None:
+    """Print how fast each method was, and how much faster the estimator is."""
+    fmpy_seconds = float(np.median([row["fmpy"] for row in rows]))
+    print(
+        f"; reached: the lowest misfit + {half:g}\n"
+        f"one simulation: {np.median([row['native'] for row in rows]):.4f} s native, {fmpy_seconds:.3f} s by fmpy\n"
+        "medians, and 10 and 90 % quantiles\n"
+    )
+    print(
+        "| method | recordings | reached | simulations | seconds | as low a misfit as zero-shot: simulations, seconds"
+        " | as small an error: simulations, seconds |\n|---|---|---|---|---|---|---|"
+    )
+    needed: dict[str, dict[int, tuple[float, float]]] = {}
+    counts: dict[str, tuple[list[float], list[float]]] = {}
+    for name in (*LOCAL, *GLOBAL):
+        some = [(k, row) for k, row in enumerate(rows) if name in row["points"]]
+        if not some:
+            continue
+        targets = [min(points[-1][2] for points in row["points"].values()) + half for _, row in some]
+        got = [reached(row["points"][name], target) for (_, row), target in zip(some, targets, strict=True)]
+        needed[name] = {k: one for (k, _), one in zip(some, got, strict=True)}
+        lows = [reached(row["points"][name], row["alone"][0]) for _, row in some]
+        errors = [reached(row["points"][name], row["alone"][1], 3) for _, row in some]
+        counts[name] = ([one[0] for one in lows], [one[0] for one in errors])
+        print(
+            f"| {name} | {len(some)} | {sum(np.isfinite([one[0] for one in got]))} "
+            f"| {middle([one[0] for one in got])} | {middle([one[1] for one in got], 2)} "
+            f"| {middle([one[0] for one in lows])}, {middle([one[1] for one in lows], 2)} "
+            f"| {middle([one[0] for one in errors])}, {middle([one[1] for one in errors], 2)} |"
+        )
+    warm, cold = (np.array([one[0] for one in needed[name].values()]) for name in LOCAL)
+    both = np.isfinite(warm) & np.isfinite(cold)
+    shares, rng = warm[both] / cold[both], np.random.default_rng(0)
+    again = [rng.integers(len(shares), size=len(shares)) for _ in range(1000)]
+    found = {
+        "median": (np.median(shares), [np.median(shares[some]) for some in again]),
+        "of the sums": (
+            warm[both].sum() / cold[both].sum(),
+            [warm[both][some].sum() / cold[both][some].sum() for some in again],
+        ),
+    }
+    print(f"\nwarm / cold simulations where both reached ({both.sum()} recordings), and 90 % intervals by recording:")
+    for name, (value, values) in found.items():
+        low, high = np.quantile(values, [0.05, 0.95])
+        print(f"{name} {value:.2f} [{low:.2f}, {high:.2f}]")
+    single, batched = np.median([row["forward"] for row in rows], axis=0)
+    print(f"zero-shot forward pass: {1000 * single:.1f} ms alone, {1000 * batched:.2f} ms in a batch of {BATCH}")
+    print("\n| as good as zero-shot | by | misfit: recordings, seconds, times a pass alone | error: the same |")
+    print("|---|---|---|---|")
+    cold_seconds = [
+        [reached(row["points"]["cold"], row["alone"][what - 2], what)[1] for row in rows] for what in (2, 3)
+    ]
+    table = [("our cold start", "our simulations", cold_seconds)]
+    for name, some in counts.items():
+        if name != "warm":
+            table.append((name, "fmpy", [[fmpy_seconds * one for one in each] for each in some]))
+    for name, simulator, seconds in table:
+        cells = []
+        for some in seconds:
+            half = float(np.quantile(some, 0.5, method="higher"))
+            said = f"{sum(np.isfinite(some))} of {len(some)}, {half:.2f}, {half / single:.0f}"
+            cells.append(said.replace("inf", "not"))
+        print(f"| {name} | {simulator} | {' | '.join(cells)} |")
+
+
+def accuracy(rows: Sequence[dict[str, Any]]) -> None:
+    """Print R2 of each parameter over the rooms, of the estimator alone and calibrated from there."""
+    some = [row for row in rows if "values" in row["calibrated"]]
+    names = list(some[0]["truth"])
+    truth, alone, fitted = (
+        np.array([[row[name] for name in names] for row in table])
+        for table in (
+            [row["truth"] for row in some], [row["zero-shot"] for row in some],
+            [row["calibrated"]["values"] for row in some],
+        )
+    )  # fmt: skip
+    spent = [row["calibrated"] for row in some]
+    print(
+        f"\ncalibrated: {len(some)} of {len(rows)}, of these converged {sum(one['converged'] for one in spent)};"
+        f" {middle([one['simulations'] for one in spent])} simulations\n"
+        "R2 over the rooms, and its 90 % interval by room\n\n| parameter | zero-shot | calibrated |\n|---|---|---|"
+    )
+
+    def scores(rows: np.ndarray) -> np.ndarray:
+        both = [r2(truth[rows], estimate[rows]) for estimate in (alone, fitted)]
+        return np.array([[*one, one.mean()] for one in both])
+
+    found = scores(np.arange(len(some)))
+    low, high = bootstrap_by_system(np.arange(len(some)), scores)
+    for k, name in enumerate([*names, "mean"]):
+        columns = [f"{found[m, k]:.2f} [{low[m, k]:.2f}, {high[m, k]:.2f}]" for m in range(2)]
+        print(f"| {name} | {' | '.join(columns)} |")
 
 
 def main() -> None:
@@ -276,54 +289,9 @@ def main() -> None:
     }  # fmt: skip
     cases = [{**common, "index": k, "global": k < options.global_systems} for k in range(options.systems)]
     rows = resumed(options.out / "cases.jsonl", cases, made, workers=options.workers)
-    half = 0.5 * len(load_system(options.system).parameters)
-    fmpy_seconds = float(np.median([row["fmpy"] for row in rows]))
-    print(
-        f"\n{options.systems} recordings of {options.hours:g} h, root seed {options.seed};"
-        f" reached: the lowest misfit + {half:g}\n"
-        f"one simulation: {np.median([row['native'] for row in rows]):.4f} s native, {fmpy_seconds:.3f} s by fmpy\n"
-        "medians, and 10 and 90 % quantiles\n"
-    )
-    print(
-        "| method | recordings | reached | simulations | seconds | as low a misfit as zero-shot: simulations, seconds"
-        " | as small an error: simulations, seconds |\n|---|---|---|---|---|---|---|"
-    )
-    needed: dict[str, dict[int, tuple[float, float]]] = {}
-    as_low: dict[str, list[float]] = {}
-    for name in (*LOCAL, *GLOBAL):
-        some = [(k, row) for k, row in enumerate(rows) if name in row["points"]]
-        if not some:
-            continue
-        targets = [min(points[-1][2] for points in row["points"].values()) + half for _, row in some]
-        got = [reached(row["points"][name], target) for (_, row), target in zip(some, targets, strict=True)]
-        needed[name] = {k: one for (k, _), one in zip(some, got, strict=True)}
-        lows = [reached(row["points"][name], row["alone"][0]) for _, row in some]
-        errors = [reached(row["points"][name], row["alone"][1], 3) for _, row in some]
-        as_low[name] = [one[0] for one in lows]
-        print(
-            f"| {name} | {len(some)} | {np.mean(np.isfinite([one[0] for one in got])):.0%} "
-            f"| {middle([one[0] for one in got])} | {middle([one[1] for one in got], 2)} "
-            f"| {middle([one[0] for one in lows])}, {middle([one[1] for one in lows], 2)} "
-            f"| {middle([one[0] for one in errors])}, {middle([one[1] for one in errors], 2)} |"
-        )
-    shares = [needed["warm"][k][0] / needed["cold"][k][0] for k in needed["warm"] if np.isfinite(needed["cold"][k][0])]
-    sums = [np.array([one[0] for one in needed[name].values()]) for name in LOCAL]
-    both = np.isfinite(sums[0]) & np.isfinite(sums[1])
-    print(
-        f"\nwarm / cold simulations, recording by recording: {middle(shares, 2)}; of the sums where both reached:"
-        f" {sums[0][both].sum() / sums[1][both].sum():.2f}"
-    )
-    single, batched = np.median([row["forward"] for row in rows], axis=0)
-    print(f"zero-shot forward pass: {1000 * single:.1f} ms alone, {1000 * batched:.2f} ms in a batch of {BATCH}")
-    print("\n| until as low a misfit as zero-shot | by | seconds | times a pass alone | times a pass in a batch |")
-    print("|---|---|---|---|---|")
-    native = [reached(row["points"]["cold"], row["alone"][0])[1] for row in rows]
-    table = [("our cold start", "our simulations", float(np.quantile(native, 0.5, method="higher")))]
-    for name, counts in as_low.items():
-        if name != "warm":
-            table.append((name, "fmpy", fmpy_seconds * float(np.quantile(counts, 0.5, method="higher"))))
-    for name, simulator, seconds in table:
-        print(f"| {name} | {simulator} | {seconds:.2f} | {seconds / single:.0f} | {seconds / batched:.0f} |")
+    print(f"\n{options.systems} recordings of {options.hours:g} h, root seed {options.seed}", end="")
+    speed(rows, 0.5 * len(load_system(options.system).parameters))
+    accuracy(rows)
 
 
 if __name__ == "__main__":
