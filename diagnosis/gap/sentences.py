@@ -7,8 +7,8 @@ from statistics import median
 from diagnosis.gap.schema import NamedEffect, Report
 
 CHECKED = (
-    "In a blind check of 120 one-week recordings of the default room, 31 of 35 answers that named effects held a true"
-    " cause, and about half of the visible effects went unnamed: what is named is worth more than silence."
+    "In a blind check of 200 one-week recordings of the default room, 51 of 66 answers that named effects held a true"
+    " cause, and 33 of 45 detectable effects were in the answer: what is named is a strong hint, silence means little."
 )
 
 
