@@ -54,7 +54,6 @@ def detectability(simulator: Simulator, recording: Path, answer: dict[str, Any],
         read_recording(recording, system),
         occupancy=answer["occupancy"],
         replay=answer["replay"],
-        in_order=False,  # as the diagnosis does, and as the published set was made
     )
     low, high = problem.bounds
     z = np.clip(problem.unknowns(answer["parameters"]), INSIDE * low, INSIDE * high)

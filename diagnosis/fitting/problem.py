@@ -54,8 +54,6 @@ class Problem:
         The recording's first day is repeated so long before it [s].
     history
         Whether what came before the recording is a nuisance; otherwise its first day stands in for it exactly.
-    in_order
-        See :func:`diagnosis.fitting.unmeasured.nuisance_of`.
     runner
         Where simulations run; in this process by default.
 
@@ -76,7 +74,6 @@ class Problem:
         replay: bool = False,
         warm_up: float = WARM_UP,
         history: bool = True,
-        in_order: bool = True,
         runner: Runner | None = None,
     ) -> None:
         self.simulator, self.recording, self.replay = simulator, recording, replay
@@ -91,9 +88,7 @@ class Problem:
             noise = system.noise_sd("none" if plain else noise)
         self.noise = noise if isinstance(noise, NoiseModel) else NoiseModel.white_only(noise)
         self.floor = self.noise.white
-        self.nuisance, stand_ins = nuisance_of(
-            system, recording, self.drive, occupancy=self.occupancy, in_order=in_order
-        )
+        self.nuisance, stand_ins = nuisance_of(system, recording, self.drive, occupancy=self.occupancy)
         if not history:
             self.nuisance = self.nuisance.only(self.nuisance.recorded)
         tolerance = min(TOLERANCE, system.experiment.tolerance)

@@ -11,6 +11,7 @@ from datagen.occupancy import occupancy_prior
 from datagen.tables import SNAP, Piecewise
 from diagnosis.fitting.drive import Drive
 from diagnosis.fitting.nuisance import FIELDS, Level, Nuisance, no_nuisance
+from diagnosis.fitting.within_steps import counted, replayed
 from diagnosis.recording import DAY, HOUR, Recording
 from shared.system import System
 
@@ -38,7 +39,7 @@ def _joined(parts: Sequence[Nuisance]) -> Nuisance:
 
 
 def nuisance_of(
-    system: System, recording: Recording, driven: Drive, *, occupancy: str, in_order: bool = True, seed: int = 0
+    system: System, recording: Recording, driven: Drive, *, occupancy: str, seed: int = 0
 ) -> tuple[Nuisance, dict[str, Piecewise]]:
     """The nuisance of a recording, and the signals that stand in for what it describes.
 
@@ -46,9 +47,6 @@ def nuisance_of(
     ----------
     occupancy
         ``unknown``, ``measured``, or ``none`` for a system without.
-    in_order
-        Within a long step persons that were counted come and go in the order that the steps beside it tell; otherwise
-        they are held at its mean.
 
     Returns
     -------
@@ -62,11 +60,14 @@ def nuisance_of(
         elif one.source == "measured" and one.name not in recording.inputs and not driven.replayed:
             continue
         else:
-            part = _history(place, driven, recording, driven.signals[one.name])
-            if one.source in ("occupancy", "measured") and one.interpolation == "previous":
-                part = _joined([_within_steps(place, recording, driven.signals[one.name]), part])
-            if one.source == "occupancy" and occupancy == "measured" and in_order and recording.step >= 1.5 * PULSE:
-                signals[one.name] = ordered(driven.signals[one.name], recording)
+            signal = driven.signals[one.name]
+            part = _history(place, driven, recording, signal)
+            if one.source == "occupancy":
+                assert system.occupancy is not None
+                within, signals[one.name] = counted(system.occupancy, place, recording, signal)
+                part = _joined([within, part])
+            elif one.source == "measured" and one.interpolation == "previous":
+                part = _joined([replayed(place, recording, signal), part])
         parts.append(part)
     return _joined(parts), signals
 
@@ -124,55 +125,6 @@ def _factor(covariance: np.ndarray) -> np.ndarray:
     values, vectors = eigh(covariance)
     keep = values > NEGLIGIBLE**2 * values[-1]
     return np.asarray(vectors[:, keep] * np.sqrt(values[keep]))
-
-
-def ordered(signal: Piecewise, recording: Recording) -> Piecewise:
-    """Means over long steps as quarters of steps, in the order that their neighbours tell; before, as it was.
-
-    Where a mean lies between its neighbours', a single change between these levels is exact: a step in which people
-    come has more of them at its end. Held at its mean, the room would seem to follow them faster than it does.
-    """
-    values = signal.at(recording.time - 0.5 * recording.step)
-    before, after = np.append(values[0], values[:-1]), np.append(values[1:], values[-1])
-    half = _rise(before, values, after)
-    first, second = values - half, values + half
-    early, late = _rise(before, first, second), _rise(first, second, after)
-    quarters = np.stack([first - early, first + early, second - late, second + late], axis=1).ravel()
-    begins = (recording.time[:, None] - recording.step * np.array([1.0, 0.75, 0.5, 0.25])).ravel()
-    past = signal.times < begins[0] - SNAP
-    return Piecewise(np.append(signal.times[past], begins), np.append(signal.values[past], quarters), "previous")
-
-
-def _rise(before: np.ndarray, mean: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """By how much the second half of a span lies above its mean, if it changes once from one level to the other."""
-    least = np.minimum(np.abs(mean - before), np.abs(after - mean)) * np.sign(after - before)
-    return np.where((mean - before) * (after - mean) > 0, least, 0.0)
-
-
-def _within_steps(place: int, recording: Recording, signal: Piecewise) -> Nuisance:
-    """Means over long steps: the halves of a step may differ as much as its neighbours do, and so may its quarters.
-
-    What changes once, at any time of a step with equal probability, changes within each half of it with half the
-    probability, but then as much: the spread of a half's halves is sqrt(1/2) of that of the step's.
-    """
-    if recording.step < 1.5 * PULSE:
-        return no_nuisance()
-    values = signal.at(recording.time - 0.5 * recording.step)
-    change = np.abs(np.diff(values))
-    spread = 0.5 * np.maximum(np.append(0.0, change), np.append(change, 0.0))
-    some = np.flatnonzero(spread > 1e-3 * max(float(values.std()), 1e-12))
-    begin, half = recording.time[some] - recording.step, 0.5 * recording.step
-    begins = np.concatenate([begin, begin, begin + half])
-    count = len(begins)
-    return Nuisance(
-        column=np.full(count, place),
-        begin=begins,
-        end=begins + np.repeat([recording.step, half, half], len(some)),
-        turns=np.ones(count, dtype=bool),
-        recorded=np.ones(count, dtype=bool),
-        mean=np.zeros(count),
-        factor=np.diag(np.repeat([1.0, np.sqrt(0.5), np.sqrt(0.5)], len(some)) * np.tile(spread[some], 3)),
-    )
 
 
 def _history(place: int, driven: Drive, recording: Recording, signal: Piecewise) -> Nuisance:

@@ -142,7 +142,6 @@ def diagnose(
             occupancy=occupancy,
             replay=replay,
             warm_up=warm_up * HOUR,
-            in_order=False,  # as the blind check was made; to be changed with the next one
             runner=held,
         )
         scored = kept_for_scoring(record)

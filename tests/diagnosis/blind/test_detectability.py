@@ -33,7 +33,7 @@ def made(simulator, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def problem(simulator, made):
-    return Problem(simulator, read_recording(made[0], simulator.system), occupancy="measured", in_order=False)
+    return Problem(simulator, read_recording(made[0], simulator.system), occupancy="measured")
 
 
 def answered(answer, system, gap):

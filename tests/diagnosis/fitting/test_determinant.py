@@ -30,11 +30,26 @@ def test_slope_is_the_difference_of_determinants(house, house_recording):
     assert (found.root.T @ found.root)[-1, -1] == pytest.approx(np.sum(product**2), rel=0.3)
 
 
-def test_persons_that_were_counted_bend_nothing(house, house_recording):
+def test_persons_that_were_counted_count_too(house, house_recording):
+    """What is not known of when they came within the hour can be imitated better by some unknowns than by others."""
     system = house("me")
     record = read_recording(house_recording(hours=48), system)
     problem = Problem(Simulator(system), record, history=False)
-    around = problem.linearise(np.zeros(4))
+    around = problem.linearise(np.zeros(problem.size))
+    found = determinant(problem, around)
+    for k, name in enumerate(problem.names):
+        width = 0.1 * np.eye(problem.size)[k]
+        up, down = (problem.linearise(sign * width).marginal.logdet for sign in (1, -1))
+        assert found.slope[k] == pytest.approx((up - down) / 0.4, rel=0.15, abs=0.3), name
+    assert np.abs(found.slope).max() > 5
+
+
+def test_without_a_nuisance_nothing_is_simulated(house, house_recording):
+    system = house("me")
+    record = read_recording(house_recording(hours=48), system)
+    problem = Problem(Simulator(system), record, history=False)
+    problem.nuisance = problem.nuisance.only(np.zeros(problem.nuisance.size, dtype=bool))
+    around = problem.linearise(np.zeros(problem.size))
     before = problem.simulations
     assert not determinant(problem, around).slope.any()
     assert problem.simulations == before

@@ -8,8 +8,7 @@ from datagen.tables import Piecewise, merge
 from diagnosis.fitting.marginal import Marginal
 from diagnosis.fitting.nuisance import Nuisance, responses
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.unmeasured import ordered
-from diagnosis.recording import Recording, read_recording
+from diagnosis.recording import read_recording
 
 HOUR = 3600.0
 
@@ -87,14 +86,3 @@ def test_the_usual_day_and_its_level_are_those_of_the_sampler(house, house_recor
     ratio = persons.std(axis=0)[busy] / wanted.std(axis=0)[busy]
     assert busy.sum() > 30
     assert 0.9 < ratio.min() <= ratio.max() < 1.4
-
-
-def test_a_single_change_within_a_step_is_found_where_it_was(tmp_path):
-    """Four persons from 1:20 to 4:50: the means over hours tell when they came and went."""
-    minutes = np.zeros(6 * 60)
-    minutes[80 : 4 * 60 + 50] = 4.0
-    hours = HOUR * np.arange(1, 7)
-    record = Recording(tmp_path / "one.nc", HOUR, hours, np.zeros((1, 6)), {})
-    means = Piecewise(hours - HOUR, minutes.reshape(6, 60).mean(axis=1), "previous")
-    found = ordered(means, record).at(HOUR / 4 * (np.arange(24) + 0.5))
-    np.testing.assert_allclose(found, minutes.reshape(24, 15).mean(axis=1), atol=1e-12)
