@@ -20,9 +20,9 @@ from diagnosis.gap.stages import Stage
 
 Verdict = Literal["effect", "ambiguous", "none_of_these", "no_gap"]
 
-HALF = 0.2
+HALF = 0.4
 """Share left at which, when the best fit is rejected, it is even whether the cause is among the candidates."""
-STEEP = 0.075
+STEEP = 0.15
 UNREJECTED = 0.2
 """Probability that the cause is none of the candidates though the best of them is not rejected: another law of another
 cause can look like it. This one, STEEP and NOTHING are near their frequencies in blind sets made for the purpose, none

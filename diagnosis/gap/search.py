@@ -33,7 +33,8 @@ CLEAR = 5.0
 """Log Bayes factor that a further effect must reach."""
 MOST_EFFECTS = 2
 PARSIMONY = 0.6
-"""A further effect must leave less than this share of what was left without a cause before it."""
+"""A further effect must leave less than this share of what was left without a cause before it, of what is fitted, and
+not more of all readings: fitted to a part, it can make the whole worse."""
 
 Tell = Callable[[str], None]
 
@@ -139,7 +140,7 @@ def search(
         if not first and gain < CLEAR:
             break
         after = examine(renewed(best, stage, effects, found), observed, size, every, seed=seed + len(found.stages))
-        if not first and after.left_fitted > PARSIMONY * stage.left_fitted:
+        if not first and (after.left_fitted > PARSIMONY * stage.left_fitted or after.left_over > stage.left_over):
             break
         found.stages.append(after)
         found.refits.append(refits)
