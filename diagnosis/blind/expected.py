@@ -18,13 +18,17 @@ from scipy.stats import norm
 from diagnosis.blind.opened import QUANTILE, LeftOut, Row
 
 ALARMS, POWER = 0.05, 0.9
+MOST = 0.5
+"""Share of a gap's squared length that a candidate must imitate for the gap to be of its kind."""
 
 DETECTABLE = (
     "A gap is detectable when its length in units of the sensors' noise, beyond all that parameters and unmeasured"
     " inputs can imitate, exceeds that of 95 % of this set's recordings without any effect and with the same actuators"
     " by as much as an observer needs who knows its shape among as many as there are candidates (5 % false alarms in"
     " all, 90 % power). It is unlike the candidates when that holds beyond any one of them as well; where the answer is"
-    " an effect, beyond any other. Both were worked out when the set was made, and sealed with the answers."
+    " an effect, beyond any other. It is of its candidate's kind when that candidate can imitate at least half of its"
+    " square: another law may look like another effect, or like none. All were worked out when the set was made, and"
+    " sealed with the answers."
 )
 
 
@@ -55,6 +59,12 @@ class Expected:
         beside = row.answer["detectability"]["beside"]
         lengths = [beside[name] for name in self.library if name in beside and name not in set(but)]
         return self._long(row, min(lengths, default=row.length))
+
+    def of_its_kind(self, row: Row) -> bool:
+        """Whether a single effect's own candidate imitates most of its gap."""
+        beside = (row.answer["detectability"] or {}).get("beside", {}) if row.length else {}
+        left = [beside[name] for name in row.effects if name in beside]
+        return bool(left) and min(left) ** 2 <= (1 - MOST) * (row.length or 0.0) ** 2
 
     def left_out_unlike(self, one: LeftOut) -> bool:
         """Whether a gap whose candidate was withheld goes beyond what any other imitates."""

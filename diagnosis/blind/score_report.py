@@ -30,13 +30,15 @@ def number(one: Figure) -> str:
 
 def headline(done: Score) -> Lines:
     """What there are targets for: what, figure, target."""
-    plain, form, both, apart = done.detectable
+    plain, form, both, apart, kind = done.detectable
     seen, _, other, _, _, _ = done.effects
     return [
         ("top-1, library effects at a detectable amplitude", percent(plain.top), "at least 90 %"),
         ("set coverage, the same", percent(plain.covered), "at least 95 %"),
         ("top-1, the same effects in another form", percent(form.top), "–"),
         ("set coverage, the same", percent(form.covered), "–"),
+        ("top-1, another form of its candidate's kind", percent(kind.top), "–"),
+        ("set coverage, the same", percent(kind.covered), "–"),
         ("top-1, both together", percent(both.top), "at least 90 %"),
         ("set coverage, both together", percent(both.covered), "at least 95 %"),
         ("top-1, both together, unlike all other candidates", percent(apart.top), "–"),

@@ -55,7 +55,7 @@ class Where(_Table):
 class Score(_Table):
     """All figures; the file's schema is ``schema_version``."""
 
-    schema_version: int = 3
+    schema_version: int = 4
     commands: list[str]
     seed: int
     bootstrap_seed: int

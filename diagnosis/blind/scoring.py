@@ -163,7 +163,7 @@ def _effects(rows: Sequence[Row]) -> list[Rates]:
 
 
 def _detectable(rows: Sequence[Row], expected: Expected) -> list[Rates]:
-    """Of gaps that are detectable: the library's effects, other forms, both, and both where no other is like it."""
+    """Of detectable gaps: the library's effects, other forms, both, where no other is like it, and of their kind."""
     single = [row for row in rows if row.single]
     library, form = ([row for row in single if row.stratum == name] for name in ("library", "form"))
     apart = [row for row in single if expected.unlike(row, row.effects)]
@@ -172,6 +172,7 @@ def _detectable(rows: Sequence[Row], expected: Expected) -> list[Rates]:
         _rates("in another form, detectable", form),
         _rates("both, detectable", [*library, *form]),
         _rates("both, and unlike all other candidates", apart),
+        _rates("in another form, of its candidate's kind", [row for row in form if expected.of_its_kind(row)]),
     ]
 
 

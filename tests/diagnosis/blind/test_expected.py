@@ -48,6 +48,13 @@ def test_a_gap_is_unlike_the_candidates_if_none_of_them_imitates_it():
     assert not expected.unlike(row("none_of_these", near))
 
 
+def test_a_gap_is_of_its_kind_if_its_own_candidate_imitates_half_of_its_square():
+    expected = Expected([], LIBRARY)
+    assert expected.of_its_kind(row("effect", 10.0, {"a": 7.0, "b": 0.0}, effects=["a"]))  # 49 of 100 are left
+    assert not expected.of_its_kind(row("effect", 10.0, {"a": 7.2, "b": 0.0}, effects=["a"]))
+    assert not expected.of_its_kind(row("effect", None, effects=["a"]))
+
+
 def test_a_score_counts_them_apart(tmp_path):
     ones = [
         Case("none", truth="no_gap", length=1.0),
@@ -60,8 +67,8 @@ def test_a_score_counts_them_apart(tmp_path):
     ]  # fmt: skip
     folder, answers = write_set(tmp_path / "set", ones)
     done = score(folder, answers, write_results(tmp_path / "results", folder, ones), out=tmp_path / "score.html")
-    plain, form, both, apart = ((one.top.hits, one.top.n) for one in done.detectable)
-    assert (plain, form, both, apart) == ((1, 1), (0, 1), (1, 2), (1, 1))
+    plain, form, both, apart, kind = ((one.top.hits, one.top.n) for one in done.detectable)
+    assert (plain, form, both, apart, kind) == ((1, 1), (0, 1), (1, 2), (1, 1), (0, 1))
     assert (done.none_of_these_unlike.hits, done.none_of_these_unlike.n) == (1, 1)
     assert (done.two_detectable.one.n, done.two_detectable.both.hits) == (1, 0)
     # the bin from 0 to 4 has the silent one, that from 16 to 32 the two that were answered
