@@ -103,6 +103,11 @@ def summary(done: Calibrated) -> list[str]:
             f" all what a person emits. Intervals are {report.widened:g} times as wide as the recording alone makes"
             " them; still take them with care, and count persons if the parameters matter."
         )
+    elif report.replay:
+        said.append(
+            "Actuators were replayed: what their meters get wrong drives the model. Intervals are"
+            f" {report.widened:g} times as wide as the recording alone makes them; still take them with care."
+        )
     if not report.converged:
         said.append("The fit had not come to rest when it stopped: take its figures with care.")
     return said
