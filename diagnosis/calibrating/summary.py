@@ -16,9 +16,9 @@ TOLD = (0.5, 0.9)
 second it is told well."""
 CORRELATED = 0.8
 WIDENED = 1.5
-"""Without a count of persons, or with replayed actuators, intervals from the recording alone are made so much wider: who
-was there is described by a Gaussian that real rooms, and the description's own, do not follow, and what meters get wrong
-drives the model. docs/measurements.md has what intervals are worth with it and without."""
+"""Without a count of persons, or with replayed actuators, intervals from the recording alone are made so much wider:
+who was there is described by a Gaussian that real rooms, and the description's own, do not follow, and what meters get
+wrong drives the model. docs/measurements.md has what intervals are worth with it and without."""
 
 
 def summarise(found: Fit, zero_shot: dict[str, float], started_from: str) -> Calibration:
