@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from cyclopts import Parameter
 from rich.table import Table
 
+from diagnosis.options import PLAIN, Fitting
 from diagnosis.scores import score_table
 from shared.console import OK, new_console
 from shared.logs import USUAL, Reporting
@@ -22,16 +23,11 @@ def calibrate(
     recording: Path,
     *,
     out: Path,
-    run: Path | None = None,
-    replay: bool = False,
-    occupancy: Literal["measured", "unknown"] | None = None,
-    noise: str = "sensor",
     starts: int = 3,
     warm_up: float = 240.0,
-    workers: int = 1,
-    scheduler: str | None = None,
     seed: int = 0,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
+    fitting: Fitting = PLAIN,
     report: Reporting = USUAL,
 ) -> int:
     """Estimate a system's parameters from a recording: zero-shot first, then by simulation.
@@ -47,22 +43,10 @@ def calibrate(
         The recording (NetCDF).
     out
         Folder for the results.
-    run
-        Folder of an estimator, whose estimate is the first start; without one, the middle of the prior is.
-    replay
-        The recorded actuators replace the model's control loops.
-    occupancy
-        Whether persons were counted; without this, they were if the recording has them.
-    noise
-        Noise preset of the description.
     starts
         Starts in all; further ones are drawn from the prior.
     warm_up
         The recording's first day is repeated this long before its start [h].
-    workers
-        Processes that simulate side by side.
-    scheduler
-        Address of a Dask scheduler, to simulate on its workers.
     seed
         Of the further starts.
     as_json
@@ -75,15 +59,10 @@ def calibrate(
         done = calibrate_(
             system,
             recording,
-            run=run,
             out=out,
-            replay=replay,
-            occupancy=occupancy,
-            noise=noise,
+            **fitting.given,
             starts=starts,
             warm_up=warm_up,
-            workers=workers,
-            scheduler=scheduler,
             seed=seed,
         )
     if as_json:

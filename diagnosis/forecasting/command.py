@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from cyclopts import Parameter
 
+from diagnosis.options import PLAIN, Fitting
 from diagnosis.scores import score_table
 from shared.console import OK, new_console
 from shared.logs import USUAL, Reporting
@@ -23,15 +24,10 @@ def forecast(
     out: Path,
     context: float = 168.0,
     ahead: float = 336.0,
-    run: Path | None = None,
     calibration: Path | None = None,
-    replay: bool = False,
-    occupancy: Literal["measured", "unknown"] | None = None,
-    noise: str = "sensor",
     starts: int = 3,
-    workers: int = 1,
-    scheduler: str | None = None,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
+    fitting: Fitting = PLAIN,
     report: Reporting = USUAL,
 ) -> int:
     """Estimate parameters from a recording's first days, simulate the days after, and compare.
@@ -50,22 +46,10 @@ def forecast(
         What the parameters are estimated from [h].
     ahead
         What is forecast [h].
-    run
-        Folder of an estimator for the first guess.
     calibration
         A folder of `diagnosis calibrate`, in place of one on the context.
-    replay
-        The recorded actuators replace the model's control loops.
-    occupancy
-        Whether persons were counted; without this, they were if the recording has them.
-    noise
-        Noise preset of the description.
     starts
         Starts of the calibration.
-    workers
-        Processes that simulate side by side.
-    scheduler
-        Address of a Dask scheduler, to simulate on its workers.
     as_json
         Print JSON.
     """
@@ -77,15 +61,10 @@ def forecast(
             recording,
             context=context,
             ahead=ahead,
-            run=run,
             calibration=calibration,
             out=out,
-            replay=replay,
-            occupancy=occupancy,
-            noise=noise,
+            **fitting.given,
             starts=starts,
-            workers=workers,
-            scheduler=scheduler,
         )
     if as_json:
         sys.stdout.write(done.report.model_dump_json(indent=1) + "\n")

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from cyclopts import Parameter
 from rich.table import Table
 
+from diagnosis.options import PLAIN, Fitting
 from shared.console import OK, new_console
 from shared.logs import USUAL, Reporting
 from shared.progress import stages
@@ -21,15 +22,10 @@ def run(
     recording: Path,
     *,
     out: Path,
-    run_: Annotated[Path | None, Parameter(name="--run")] = None,
-    replay: bool = False,
-    occupancy: Literal["measured", "unknown"] | None = None,
-    noise: str = "sensor",
     warm_up: float = 240.0,
-    workers: int = 1,
-    scheduler: str | None = None,
     seed: int = 0,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
+    fitting: Fitting = PLAIN,
     reporting: Reporting = USUAL,
 ) -> int:
     """Diagnose the gap between a recording and the model: where it lies, which effect causes it, how far it shrinks.
@@ -44,20 +40,8 @@ def run(
         The recording (NetCDF).
     out
         Folder for the results.
-    run_
-        Folder of an estimator, whose estimate is the first start; without one, the middle of the prior is.
-    replay
-        The recorded actuators replace the model's control loops.
-    occupancy
-        Whether persons were counted; without this, they were if the recording has them.
-    noise
-        Noise preset of the description.
     warm_up
         The recording's first day is repeated this long before its start [h].
-    workers
-        Processes that simulate side by side.
-    scheduler
-        Address of a Dask scheduler, to simulate on its workers.
     seed
         Of twins, placebos and bootstraps.
     as_json
@@ -69,14 +53,9 @@ def run(
         report = diagnose(
             system,
             recording,
-            run=run_,
             out=out,
-            replay=replay,
-            occupancy=occupancy,
-            noise=noise,
+            **fitting.given,
             warm_up=warm_up,
-            workers=workers,
-            scheduler=scheduler,
             seed=seed,
             tell=tell,
         ).report

@@ -1,0 +1,39 @@
+"""Options that every command has which fits a recording by simulation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Fitting:
+    """How a recording is taken, where a fit begins, and where its simulations run."""
+
+    run: Annotated[
+        Path | None,
+        Parameter(
+            help="Folder of an estimator, whose estimate is the first start; without one, the middle of the prior."
+        ),
+    ] = None
+    replay: Annotated[bool, Parameter(help="The recorded actuators replace the model's control loops.")] = False
+    occupancy: Annotated[
+        Literal["measured", "unknown"] | None,
+        Parameter(help="Whether persons were counted; without this, they were if the recording has them."),
+    ] = None
+    noise: Annotated[str, Parameter(help="Noise preset of the description.")] = "sensor"
+    workers: Annotated[int, Parameter(help="Processes that simulate side by side.")] = 1
+    scheduler: Annotated[str | None, Parameter(help="Address of a Dask scheduler, to simulate on its workers.")] = None
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """As keyword arguments."""
+        return dict(vars(self))
+
+
+PLAIN = Fitting()
+"""In this process, with whatever the recording has."""
