@@ -43,6 +43,8 @@ def widened(base: Fit) -> tuple[Problem, Linearisation, int]:
     for place, one in enumerate(system.inputs):
         if one.source != "measured" or one.column not in driven.replayed:
             continue
+        if one.column not in system.output_names:  # the description says nothing of how it was measured
+            continue
         edges = np.append(np.arange(driven.start, driven.stop - 1.0, PULSE), driven.stop)
         sd = float(problem.floor[system.output_names.index(one.column)])
         problem, around = _joined(problem, around, _meter(edges, place, sd, problem.recording.step), FOLLOWED)
