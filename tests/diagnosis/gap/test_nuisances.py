@@ -1,0 +1,47 @@
+"""How wide nuisances are for a test: what is added for replayed actuators, where it can be known and where not."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from datagen import simulate
+from datagen.simulator import Simulator
+from diagnosis.fitting.fit import fit
+from diagnosis.fitting.problem import Problem
+from diagnosis.gap.nuisances import SLOW, widened
+from diagnosis.recording import read_recording
+from shared.system import load_system
+
+ROOT = Path(__file__).parents[3]
+HOURS = 30.0
+
+
+def before_and_after(name, folder):
+    """A problem in replay, and the same as wide as it is."""
+    system = load_system(ROOT / "fmus" / "MixedAirCO2" / name).with_experiment(hours=HOURS)
+    path = folder / "recording.nc"
+    simulate(system, hours=HOURS, seed=1, index=0, out=path)
+    base = fit(Problem(Simulator(system), read_recording(path, system), replay=True), rounds=0)
+    return base.problem, widened(base)[0]
+
+
+@pytest.mark.slow
+def test_a_meter_s_error_drives_the_model(tmp_path):
+    before, after = before_and_after("system.toml", tmp_path)
+    system = after.system
+    for name in after.drive.replayed:
+        place = next(k for k, one in enumerate(system.inputs) if one.source == "measured" and one.column == name)
+        own = after.nuisance.recorded & ~after.nuisance.turns & (after.nuisance.column == place)
+        assert own.sum() == HOURS / 3  # in three hours each
+        sd = system.outputs[system.output_names.index(name)].noise["sensor"].sd
+        np.testing.assert_allclose(after.nuisance.sd[own], sd * np.sqrt(SLOW + (1 - SLOW) / 3), rtol=0.01)
+    assert after.nuisance.size > before.nuisance.size
+
+
+def test_what_is_no_output_has_no_meter(tmp_path):
+    """The office's heater is not logged and its valve is no output: nobody said how well either is known."""
+    before, after = before_and_after("office.toml", tmp_path)
+    assert after.drive.replayed
+    assert not set(after.drive.replayed) & set(after.system.output_names)
+    assert after.nuisance.size == before.nuisance.size
