@@ -9,6 +9,7 @@ too small: a smaller room follows persons faster, and can make more of what is n
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ from scipy.linalg import eigh
 from diagnosis.fitting.linearisation import Linearisation
 from diagnosis.fitting.nuisance import responses
 from diagnosis.fitting.problem import Problem
+from shared.errors import SimulationError
 
 WIDTH = 0.2
 """Of the difference in an unknown [prior standard deviations]."""
@@ -39,6 +41,7 @@ def determinant(problem: Problem, around: Linearisation) -> Determinant:
     """Simulate the answers to the nuisance beside ``around``, for each unknown.
 
     Only pulses within the recording count: how the answer to what came before it depends on unknowns does not matter.
+    An unknown whose simulations fail on both sides is taken to change nothing.
     """
     size = problem.size
     within = problem.nuisance.recorded
@@ -46,13 +49,10 @@ def determinant(problem: Problem, around: Linearisation) -> Determinant:
         return Determinant(around.z, np.zeros(size), np.zeros((size, size)))
     some, factor = problem.nuisance.only(within), problem.nuisance.factor[within]
     weight = around.marginal.inverse(around.marginal.by_unknown).T
-    high = problem.bounds[1]
-    products = []
-    for k in range(size):
-        z = around.z.copy()
-        z[k] += WIDTH if z[k] + WIDTH <= high[k] else -WIDTH
+    low, high = problem.bounds
 
-        def simulate(pulses: list[np.ndarray], z: np.ndarray = z) -> list[np.ndarray]:
+    def answer(z: np.ndarray) -> np.ndarray:
+        def simulate(pulses: list[np.ndarray]) -> list[np.ndarray]:
             cases = []
             for one in pulses:
                 heights = around.heights.copy()
@@ -60,8 +60,19 @@ def determinant(problem: Problem, around: Linearisation) -> Determinant:
                 cases.append((z, heights))
             return problem.simulate_all(cases)
 
-        answer = responses(some, simulate, problem.simulate(z, around.heights), problem.time)
-        change = (answer - around.response[:, :, within]) / (z[k] - around.z[k])
+        return responses(some, simulate, problem.simulate(z, around.heights), problem.time)
+
+    products = []
+    for k in range(size):
+        change = np.zeros_like(around.response[:, :, within])
+        for way in (WIDTH, -WIDTH):
+            z = around.z.copy()
+            z[k] += way
+            if not low[k] <= z[k] <= high[k]:
+                continue
+            with suppress(SimulationError):
+                change = (answer(z) - around.response[:, :, within]) / way
+                break
         products.append(weight @ problem.standardised(change @ factor))
     gained = np.array([[np.sum(a * b.T) for b in products] for a in products])
     values, vectors = eigh(0.5 * (gained + gained.T))
