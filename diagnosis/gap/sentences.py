@@ -7,8 +7,8 @@ from statistics import median
 from diagnosis.gap.schema import NamedEffect, Report
 
 CHECKED = (
-    "In a blind check of 200 one-week recordings of the default room, 51 of 66 answers that named effects held a true"
-    " cause, and 33 of 45 detectable effects were in the answer: what is named is a strong hint, silence means little."
+    "In a blind check of 200 one-week recordings of the default room, 57 of 73 answers that named effects held a true"
+    " cause, and 38 of 51 detectable effects were in the answer; 4 of 40 recordings without any effect raised an alarm."
 )
 
 
