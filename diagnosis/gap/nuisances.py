@@ -3,7 +3,7 @@
 - Replayed actuators are read by meters, and what the meters get wrong drives the model: each replayed input gets pulses
   whose prior is the meter's noise, a part of it slow.
 - When within a step people came and went has heavier tails than the normal prior of
-  :mod:`diagnosis.fitting.unmeasured`, and a quickly ventilated room remembers the end of a step better than its mean:
+  :mod:`diagnosis.fitting.within_steps`, and a quickly ventilated room remembers the end of a step better than its mean:
   the prior is widened, and the second half of a step gets halves of its own, lest a short absence pass for a gap.
 """
 

@@ -140,11 +140,19 @@ def search(
         if not first and gain < CLEAR:
             break
         after = examine(renewed(best, stage, effects, found), observed, size, every, seed=seed + len(found.stages))
-        if not first and (after.left_fitted > PARSIMONY * stage.left_fitted or after.left_over > stage.left_over):
+        if not first and not worth_more(stage, after):
             break
         found.stages.append(after)
         found.refits.append(refits)
     return found
+
+
+def worth_more(before: Stage, after: Stage) -> bool:
+    """Whether a further effect leaves enough less of what is fitted, and not more of all readings.
+
+    The readings that are kept for scoring have a say here and in whether there is a gap; in nothing else.
+    """
+    return after.left_fitted <= PARSIMONY * before.left_fitted and after.left_over <= before.left_over
 
 
 def settled_base(base: Fit, observed: np.ndarray, size: np.ndarray) -> Refit:

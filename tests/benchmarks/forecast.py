@@ -99,6 +99,7 @@ def main() -> None:
     parser.add_argument("--ahead", type=float, default=336.0)
     parser.add_argument("--starts", type=int, default=2)
     parser.add_argument("--draws", type=int, default=20)
+    parser.add_argument("--targets", nargs="*", default=[], help="of the RMSE, such as TRoo=0.3; counts the rooms")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("forecasts"))
     options = parser.parse_args()
@@ -120,6 +121,8 @@ def main() -> None:
     print(f"{np.median([one['seconds'] for one in good]):.0f} s of the processor each\n")
     print("| output | unit | RMSE median | of the sensor alone | RMSE 10 %, 90 % | CVRMSE | NMBE | in the 90 % band |")
     print("|---|---|---|---|---|---|---|---|")
+    targets = {name: float(value) for name, value in (one.split("=") for one in options.targets)}
+    kept = []
     for output, alone in zip(system.outputs, system.noise_sd(options.noise), strict=True):
         values = np.array([one["scores"][output.name] for one in good if output.name in one["scores"]], dtype=float)
         if len(values):
@@ -132,6 +135,11 @@ def main() -> None:
                 f"| {low:.3g}, {high:.3g} | {middle[1]:.1%} | {middle[2]:.1%} "
                 f"| {values[:, 3].mean():.1%} [{some:.1%}, {most:.1%}] |"
             )
+            if output.name in targets:
+                target = targets[output.name]
+                reached = np.sum(values[:, 0] <= target)
+                kept.append(f"{output.name}: {reached} of {len(values)} at most {target:g} {output.unit}")
+    print("\n".join(kept))
 
 
 if __name__ == "__main__":

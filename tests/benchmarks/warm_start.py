@@ -49,6 +49,8 @@ from shared.system import System, load_system
 
 LOCAL, GLOBAL = ("warm", "cold"), ("evolution", "genetic")
 BATCH = 64
+THOUSAND = 1000
+"""How much faster than a cold start an estimate alone is meant to be."""
 
 
 def by_fmpy(system: System, record: Recording, values: dict[str, float]) -> float:
@@ -219,6 +221,7 @@ def speed(rows: Sequence[dict[str, Any]], half: float) -> None:
     for name, (value, values) in found.items():
         low, high = np.quantile(values, [0.05, 0.95])
         print(f"{name} {value:.2f} [{low:.2f}, {high:.2f}]")
+    print(f"at most a third in {np.sum(shares <= 1 / 3)}")
     single, batched = np.median([row["forward"] for row in rows], axis=0)
     print(f"zero-shot forward pass: {1000 * single:.1f} ms alone, {1000 * batched:.2f} ms in a batch of {BATCH}")
     print("\n| as good as zero-shot | by | misfit: recordings, seconds, times a pass alone | error: the same |")
@@ -237,6 +240,11 @@ def speed(rows: Sequence[dict[str, Any]], half: float) -> None:
             said = f"{sum(np.isfinite(some))} of {len(some)}, {half:.2f}, {half / single:.0f}"
             cells.append(said.replace("inf", "not"))
         print(f"| {name} | {simulator} | {' | '.join(cells)} |")
+    times = np.array([one * row["fmpy"] / row["forward"][0] for one, row in zip(counts["cold"][0], rows, strict=True)])
+    print(
+        f"cold by fmpy, room by room: {np.sum(times >= THOUSAND)} of {len(times)} at least {THOUSAND} passes,"
+        f" least {times.min():.0f}"
+    )
 
 
 def accuracy(rows: Sequence[dict[str, Any]]) -> None:
@@ -254,8 +262,15 @@ def accuracy(rows: Sequence[dict[str, Any]]) -> None:
     print(
         f"\ncalibrated: {len(some)} of {len(rows)}, of these converged {sum(one['converged'] for one in spent)};"
         f" {middle([one['simulations'] for one in spent])} simulations\n"
-        "R2 over the rooms, and its 90 % interval by room\n\n| parameter | zero-shot | calibrated |\n|---|---|---|"
+        "R2 over the rooms, and its 90 % interval by room; of calibrated / true the mean logarithm, its standard error,"
+        " and in how many rooms it is below\n\n| parameter | zero-shot | calibrated | logarithm | below |\n"
+        "|---|---|---|---|---|"
     )
+    apart = np.log(fitted / truth)
+    bias = [
+        f"{one.mean():.3f} ({one.std(ddof=1) / np.sqrt(len(one)):.3f}) | {np.sum(one < 0)} of {len(one)}"
+        for one in apart.T
+    ]
 
     def scores(rows: np.ndarray) -> np.ndarray:
         both = [r2(truth[rows], estimate[rows]) for estimate in (alone, fitted)]
@@ -263,9 +278,9 @@ def accuracy(rows: Sequence[dict[str, Any]]) -> None:
 
     found = scores(np.arange(len(some)))
     low, high = bootstrap_by_system(np.arange(len(some)), scores)
-    for k, name in enumerate([*names, "mean"]):
+    for k, (name, shift) in enumerate(zip([*names, "mean"], [*bias, " | "], strict=True)):
         columns = [f"{found[m, k]:.2f} [{low[m, k]:.2f}, {high[m, k]:.2f}]" for m in range(2)]
-        print(f"| {name} | {' | '.join(columns)} |")
+        print(f"| {name} | {' | '.join(columns)} | {shift} |")
 
 
 def main() -> None:

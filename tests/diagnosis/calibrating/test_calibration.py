@@ -1,6 +1,8 @@
 """Calibrations of a second system, by command and function, and what a recording cannot be."""
 
 import json
+from copy import copy
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,8 +10,9 @@ import pytest
 import xarray as xr
 
 from diagnosis.calibrating.calibration import calibrate
-from diagnosis.calibrating.report import time_zero
+from diagnosis.calibrating.report import summary, time_zero
 from diagnosis.calibrating.schema import read_calibration
+from diagnosis.calibrating.summary import summarise
 from diagnosis.cli import app
 from diagnosis.scores import score
 from shared.console import FAULT, OK, start
@@ -162,3 +165,18 @@ def test_scores_by_hand():
     assert celsius.cvrmse == pytest.approx(found.cvrmse)
     plain = score(np.array([100.0, 300.0]), np.array([110.0, 310.0]), "ppm")
     assert (plain.cvrmse, plain.nmbe, plain.share_of) == (pytest.approx(0.05), pytest.approx(-0.05), "mean")
+
+
+def test_in_replay_a_recording_counts_for_less_and_the_page_says_so(house, house_recording):
+    """Its information is divided by 1.5 squared; the prior's, which is one, is not."""
+    done = calibrate(house("me"), house_recording(hours=48), starts=1)
+    assert done.report.widened == 1.0
+    problem = copy(done.fit.problem)
+    problem.replay = True
+    report = summarise(replace(done.fit, problem=problem), {}, "the middle of the prior")
+    information, identity = np.linalg.inv(np.array(done.report.covariance)), np.eye(problem.size)
+    np.testing.assert_allclose(
+        np.array(report.covariance), np.linalg.inv(identity + (information - identity) / 2.25), rtol=1e-6
+    )
+    said = " ".join(summary(replace(done, report=report)))
+    assert "Intervals are 1.5 times as wide" in said

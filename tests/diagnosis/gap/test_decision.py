@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from diagnosis.gap.decision import NOTHING, decide
+from diagnosis.gap.search import PARSIMONY, worth_more
 
 EFFECTS = ("one", "two", "three")
 
@@ -79,3 +80,17 @@ def test_two_effects_are_both_named():
     search = searched([stage(), middle, after], [refits(one=0.0, two=-9.0), refits(two=0.0, three=-9.0)])
     done = decide(search, 0.002, 0.4)
     assert (done.verdict, done.named) == ("effect", ("one", "two"))
+
+
+@pytest.mark.parametrize(
+    ("left_fitted", "left_over", "worth"),
+    [
+        (0.9 * PARSIMONY, 0.5, True),
+        (1.1 * PARSIMONY, 0.5, False),  # too little gained where it was fitted
+        (0.1, 1.01, False),  # gained where it was fitted, lost over all
+    ],
+)
+def test_a_further_effect_must_gain_where_it_is_fitted_and_lose_nothing_over_all(left_fitted, left_over, worth):
+    before = SimpleNamespace(left_fitted=40.0, left_over=60.0)
+    after = SimpleNamespace(left_fitted=40.0 * left_fitted, left_over=60.0 * left_over)
+    assert worth_more(before, after) is worth
