@@ -32,6 +32,8 @@ CHUNK = 256
 
 Stop = Literal["steps", "minutes", "not a number", "interrupted", "running"]
 """Why a training ended."""
+Keep = Literal["best", "last"]
+"""Which weights of a training are kept."""
 
 
 class _Table(BaseModel):
@@ -75,6 +77,8 @@ class Training(_Table):
     stopped: Stop
     minutes: float | None = None
     """budget [min], where it was not steps"""
+    keep: Keep = "best"
+    """weights that were best on validation systems, or the last ones"""
 
 
 def shape_of(encoding: Encoding) -> Shape:

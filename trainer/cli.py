@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 from rich.table import Table
@@ -61,6 +61,7 @@ def fit(
     options: Path | None = None,
     begin_with: Path | None = None,
     systems: int | None = None,
+    keep: Literal["best", "last"] = "best",
     seed: int = 0,
     threads: int = 1,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
@@ -69,7 +70,7 @@ def fit(
 ) -> None:
     """Fit an estimator to the training systems of a dataset.
 
-    The weights that were best on the validation systems are kept. The run folder gets weights.safetensors,
+    The run folder gets weights.safetensors,
     estimator.json (all that it takes to use them), curve.csv and curve.png.
 
     Examples: `trainer fit DATASET --out RUN` is the paper's estimator and recipe; `--model ridge` takes seconds;
@@ -113,6 +114,9 @@ def fit(
         the same dataset, channels and contexts. What the model has beyond that one begins untrained.
     systems
         Train on the first so many training systems only.
+    keep
+        The weights that were best on the validation systems, or the last ones, however well they know the training
+        systems by heart.
     seed
         Of weights, windows, noise and dropout.
     threads
@@ -155,6 +159,7 @@ def fit(
         options=chosen,
         begin_with=begin_with,
         systems=systems,
+        keep=keep,
         seed=seed,
         threads=threads,
         overwrite=overwrite,

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import torch
@@ -17,7 +17,19 @@ import torch
 import shared
 from shared.errors import EstimatorError
 from shared.store import DatasetFolder, Records
-from trainer.checkpoint import CARD, WEIGHTS, Card, Run, Systems, Training, load_run, make_folder, read_card, shape_of
+from trainer.checkpoint import (
+    CARD,
+    WEIGHTS,
+    Card,
+    Keep,
+    Run,
+    Systems,
+    Training,
+    load_run,
+    make_folder,
+    read_card,
+    shape_of,
+)
 from trainer.data import load_records, rows_of
 from trainer.encoding import Encoding, make_encoding, split_channels
 from trainer.missing import LONGEST, Missing
@@ -58,12 +70,13 @@ def fit(
     begin_with: Path | str | None = None,
     systems: int | None = None,
     seed: int = 0,
+    keep: Keep = "best",
     threads: int = 1,
     overwrite: bool = False,
     resume: bool = False,
     progress: bool = False,
 ) -> Run:
-    """Fit an estimator to the training systems of a dataset and keep the weights that were best on validation systems.
+    """Fit an estimator to the training systems of a dataset.
 
     Parameters
     ----------
@@ -99,6 +112,8 @@ def fit(
         Train on the first so many training systems only; all by default.
     seed
         Of initial weights, windows, noise and dropout: equal seeds give equal runs (with ``steps``, on one thread).
+    keep
+        The weights that were best on validation systems, or the last ones, however well they know their own systems.
     threads
         torch's threads; more than one is slower unless the machine is idle.
     overwrite
@@ -116,6 +131,8 @@ def fit(
     DatasetError
         If the dataset cannot be used, or has no training or validation systems.
     """
+    if keep not in get_args(Keep):
+        raise EstimatorError(f"keep: is {keep!r}; expected best or last")
     if threads < 1:
         raise EstimatorError(f"threads: is {threads}; expected at least 1")
     dataset = DatasetFolder(dataset_dir)
@@ -184,6 +201,7 @@ def fit(
                 seconds=0.0,
                 stopped="running",
                 minutes=minutes,
+                keep=keep,
             ),
             versions={
                 "zeroshot-fmu": shared.__version__,
@@ -260,6 +278,7 @@ def settings_of(card: Card, steps: int | None) -> dict[str, Any]:
         "schedule": training.schedule,
         "steps": steps,
         "minutes": training.minutes,
+        "keep": training.keep,
         "seed": training.seed,
         "begun with": card.begun_with,
         "training systems": len(card.training_systems.indices),

@@ -225,7 +225,7 @@ class Loop:
         summary.steps, summary.seconds = step, round(self.seconds, 2)
         if not math.isfinite(loss):
             return False
-        if loss < summary.validation_loss:
+        if loss < summary.validation_loss or summary.keep == "last":
             summary.validation_loss, summary.best_step = loss, step
             self.best = {name: tensor.detach().clone() for name, tensor in self.network.state_dict().items()}
             error = self.card.encoding.estimates(answers) - self.card.encoding.estimates(self.held_out.targets)

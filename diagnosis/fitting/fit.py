@@ -25,6 +25,7 @@ from diagnosis.fitting.determinant import Determinant, determinant
 from diagnosis.fitting.noise import NoiseModel, estimated
 from diagnosis.fitting.problem import Linearisation, Problem
 from diagnosis.fitting.pruning import pruned
+from diagnosis.fitting.renewing import renewed
 from diagnosis.fitting.stretching import stretched
 from shared.errors import SimulationError
 
@@ -33,6 +34,8 @@ MOVED = 0.25
 """An optimum that moves less than this between rounds [posterior standard deviations] stays."""
 NEAR = 3.0
 """One that moves less than this is near enough for the log determinant to matter."""
+LEAPING = 15.0
+"""After a round that moved less than this the nuisance may leap: before, the unknowns are what is wrong."""
 REUSED = 1.0
 """The parabola of the log determinant is kept for moves up to this [posterior standard deviations]."""
 _HOPELESS = 1e3
@@ -131,6 +134,7 @@ def fit(
     """
     began, counted = time.perf_counter(), problem.simulations
     starts = [np.zeros(problem.size)] if starts is None or not len(starts) else [np.asarray(s, float) for s in starts]
+    moved = np.inf if around is None else 0.0
     if around is None:
         around = _first(problem, starts)
         problem, around = pruned(problem, around)
@@ -139,7 +143,7 @@ def fit(
     bent, information = None, np.eye(problem.size)
     for round_ in range(max(rounds, 1)):
         if rounds:
-            around = problem.renewed(z, around)
+            around = renewed(problem, z, around, leaps=moved < LEAPING)
         before = z
         if near and (bent is None or _far(z, bent.z, information) > REUSED):
             bent = determinant(problem, around)

@@ -255,27 +255,6 @@ class Problem:
             )
         return Linearisation(z, nuisance, heights, base, response, self.marginal(response))
 
-    def renewed(self, z: np.ndarray, around: Linearisation) -> Linearisation:
-        """Linearise at ``z`` and at the nuisance that is most likely there.
-
-        Of the way from the old nuisance to the new one only as much is gone as makes the measurements more plausible:
-        a controller that saturates bends the straight line.
-        """
-        target = self.likely_nuisance(z, around)
-        best: tuple[float, np.ndarray] | None = None
-        for share in (1.0, 0.5, 0.2):
-            nuisance = around.nuisance + share * (target - around.nuisance)
-            try:
-                outputs = self.simulate(z, self.nuisance.heights(nuisance))
-            except SimulationError:
-                continue
-            left = self.standardised(self.measured - outputs)
-            cost = float(left @ left + nuisance @ nuisance)
-            if best is not None and cost > best[0]:
-                break
-            best = (cost, nuisance)
-        return self.linearise(z, around.nuisance if best is None else best[1])
-
     def marginal(self, response: np.ndarray) -> Marginal:
         """What integrates the nuisance out, for a response (outputs, steps, pulses)."""
         return Marginal(self.standardised(response @ self.nuisance.factor))

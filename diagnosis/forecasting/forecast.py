@@ -16,6 +16,7 @@ from diagnosis.calibrating.calibration import calibrate
 from diagnosis.calibrating.checks import check_recording
 from diagnosis.calibrating.schema import Calibration, read_calibration
 from diagnosis.fitting.problem import Problem
+from diagnosis.fitting.renewing import renewed
 from diagnosis.fitting.side_by_side import side_by_side
 from diagnosis.recording import HOUR, Recording, read_recording
 from diagnosis.scores import Score, score
@@ -204,7 +205,7 @@ def _ensemble(
     problem: Problem, z: np.ndarray, covariance: np.ndarray, draws: int, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """The most likely outputs (outputs, steps), and draws with noise (draws, outputs, steps) [unit of each]."""
-    around = problem.renewed(z, problem.linearise(z))
+    around = renewed(problem, z, problem.linearise(z))
     centre = problem.simulate(z, problem.nuisance.heights(problem.likely_nuisance(z, around)))
     rng = np.random.default_rng(seed)
     low, high = problem.bounds

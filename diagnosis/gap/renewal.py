@@ -36,6 +36,7 @@ def settled(
     size: np.ndarray,
     colours: dict[int, Colour] | None = None,
     renewals: int = RENEWALS,
+    every: np.ndarray | None = None,
 ) -> Refit:
     """The optimum of a problem's unknowns with the colour of the noise and all nuisances, linearised where it is.
 
@@ -49,10 +50,13 @@ def settled(
         Standard deviation of one reading's error, shape (outputs,) [unit of each].
     colours
         By channel; estimated at the first renewal if not given.
+    every
+        All readings, which together say what the nuisance was; those that count if not given.
     """
+    every = observed if every is None else every
     first = linearised(problem, z, around)
     grams = Grams(first, observed)
-    lin = relinearised(grams, colours or estimated_colours(grams, size).best, z)
+    lin = relinearised(grams, colours or estimated_colours(grams, size).best, z, every)
     grams, count = Grams(lin, observed), first.simulations + lin.simulations
     used = colours or estimated_colours(grams, size).best
     value = grams.evidence(used)
@@ -63,7 +67,7 @@ def settled(
         for share in SHARES:
             there = grams.lin.z + share * (moved.lin.z - grams.lin.z)
             try:
-                lin = relinearised(moved.grams if share == 1.0 else grams, used, there)
+                lin = relinearised(moved.grams if share == 1.0 else grams, used, there, every)
             except SimulationError:
                 continue
             count += lin.simulations
@@ -81,10 +85,14 @@ def settled(
     return replace(done, simulations=count + done.simulations)
 
 
-def relinearised(grams: Grams, colours: dict[int, Colour], z: np.ndarray) -> Linearised:
-    """The problem linearised anew at ``z`` and at the nuisance that is likely there."""
+def relinearised(grams: Grams, colours: dict[int, Colour], z: np.ndarray, every: np.ndarray) -> Linearised:
+    """The problem linearised anew at ``z`` and at the nuisance that is likely there, given ``every`` reading.
+
+    A straight line that is drawn at the usual persons of a day is wrong for the day that was; and who was there on a
+    day is told by that day's readings alone, also where they are kept from all else.
+    """
     problem = grams.lin.problem.with_effects(grams.lin.problem.effects)
-    around = problem.linearise(z, likely(grams, colours, z))
+    around = problem.linearise(z, likely(Grams(grams.lin, every), colours, z))
     made = linearised(problem, z, around)
     return replace(made, simulations=made.simulations + problem.simulations)
 

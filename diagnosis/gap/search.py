@@ -14,6 +14,7 @@ import numpy as np
 
 from diagnosis.effects import Effect
 from diagnosis.fitting.fit import Fit, fit
+from diagnosis.fitting.renewing import renewed as linearised_anew
 from diagnosis.gap.fewer import fewer
 from diagnosis.gap.linear import Linearised, applicable, linearised
 from diagnosis.gap.nuisances import widened
@@ -25,6 +26,8 @@ from shared.errors import SimulationError
 
 FURTHER = 5
 """Rounds that the base model's fit gets more where it had not come to rest and a gap seems to be there."""
+FOLLOWED = 2
+"""Rounds in which the nuisance follows the readings that took no part in the fit."""
 MOST_REFITS = 6
 LEAST_REFITS = 3
 NEAR = 8.0
@@ -109,7 +112,7 @@ def search(
         why = {name: reason for name, reason in known.excluded.items() if name in names}
         lin = fewer(known.stages[0].lin, effects, why)
     else:
-        one, made = settled_base(base, observed, size), {}
+        one, made = settled_base(base, observed, size, every), {}
         usable, why = applicable(one.lin.problem, effects)
         tell(f"sensitivities of {len(usable)} effects")
         lin, count = among(one, usable), one.simulations
@@ -119,7 +122,7 @@ def search(
         # what looks like a gap may be a fit that stopped early
         tell("going on with the fit of the base model")
         more = fit(base.problem, [base.z], rounds=FURTHER, around=base.around)
-        other = settled_base(more, observed, size)
+        other = settled_base(more, observed, size, every)
         count += more.simulations + other.simulations
         if other.evidence > one.evidence:
             one, lin = other, among(other, usable)
@@ -139,7 +142,9 @@ def search(
         gain = best.evidence - stage.grams.evidence(stage.colours.best)
         if not first and gain < CLEAR:
             break
-        after = examine(renewed(best, stage, effects, found), observed, size, every, seed=seed + len(found.stages))
+        after = examine(
+            renewed(best, stage, effects, found, every), observed, size, every, seed=seed + len(found.stages)
+        )
         if not first and not worth_more(stage, after):
             break
         found.stages.append(after)
@@ -155,11 +160,29 @@ def worth_more(before: Stage, after: Stage) -> bool:
     return after.left_fitted <= PARSIMONY * before.left_fitted and after.left_over <= before.left_over
 
 
-def settled_base(base: Fit, observed: np.ndarray, size: np.ndarray) -> Refit:
+def settled_base(base: Fit, observed: np.ndarray, size: np.ndarray, every: np.ndarray | None = None) -> Refit:
     """A fit with its nuisances as wide as they are, linearised where it then is."""
-    problem, around, count = widened(base)
-    one = settled(problem, base.z, around, observed, size)
-    return replace(one, simulations=one.simulations + count)
+    followed, begun = everywhere(base, observed if every is None else every)
+    problem, around, count = widened(followed)
+    one = settled(problem, base.z, around, observed, size, every=every)
+    return replace(one, simulations=one.simulations + count + begun)
+
+
+def everywhere(base: Fit, every: np.ndarray) -> tuple[Fit, int]:
+    """A fit whose nuisance follows all readings, its unknowns being what they are; and the simulations that took.
+
+    Where nobody counted, the persons of days that took no part in the fit are still the usual ones.
+    """
+    problem, around = base.problem, base.around
+    guessed = problem.nuisance.recorded & ~problem.nuisance.turns
+    if not guessed.any() or np.array_equal(problem.observed, every):
+        return base, 0
+    whole = problem.with_effects(problem.effects)
+    whole.observed = every
+    around = replace(around, marginal=whole.marginal(around.response))
+    for _ in range(FOLLOWED):
+        around = linearised_anew(whole, base.z, around, leaps=True)
+    return replace(base, around=replace(around, marginal=problem.marginal(around.response))), whole.simulations
 
 
 def among(one: Refit, effects: Sequence[Effect]) -> Linearised:
@@ -193,7 +216,9 @@ def refitted(stage: Stage, tell: Tell, found: Search) -> list[Refit]:
     return sorted(made, key=lambda one: -one.evidence)
 
 
-def renewed(best: Refit, stage: Stage, effects: Sequence[Effect], found: Search) -> Linearised:
+def renewed(
+    best: Refit, stage: Stage, effects: Sequence[Effect], found: Search, every: np.ndarray | None = None
+) -> Linearised:
     """The refit linearised by the nuisance and all remaining candidates where it is."""
     problem = best.lin.problem
     usable, _ = applicable(problem, effects)
@@ -201,7 +226,7 @@ def renewed(best: Refit, stage: Stage, effects: Sequence[Effect], found: Search)
     if key in found.made and {one.name for one in usable} <= {one.name for one in found.made[key].effects}:
         return fewer(found.made[key], usable)
     colours, lin = stage.colours.best, best.lin
-    one = settled(problem, lin.z, lin.around, stage.grams.observed, problem.floor, colours, renewals=1)
+    one = settled(problem, lin.z, lin.around, stage.grams.observed, problem.floor, colours, renewals=1, every=every)
     lin = among(one, usable)
     found.simulations += one.simulations + lin.simulations
     found.made[key] = lin

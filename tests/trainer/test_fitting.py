@@ -72,6 +72,21 @@ def test_the_run_folder_says_how_it_came_about(tanks, tmp_path):
     assert int(rows[int(np.argmin(losses))]["step"]) == card.training.best_step
 
 
+def test_the_last_weights_are_kept_on_demand(tanks, tmp_path):
+    """A learning rate that is far too large makes the validation worse: an early step is the best one."""
+    arguments = {"model": "lstm", "options": {"width": 8}, "steps": 60, "context_hours": 12, "lr": 0.3}
+    best = fit(tanks, tmp_path / "best", **arguments)
+    last = fit(tanks, tmp_path / "last", **arguments, keep="last")
+    rows = [list(csv.DictReader((run.folder / "curve.csv").open())) for run in (best, last)]
+    losses = [[float(row["validation_loss"]) for row in one] for one in rows]
+    assert losses[0] == losses[1]
+    assert losses[0][-1] > min(losses[0])
+    assert (best.card.training.keep, last.card.training.keep) == ("best", "last")
+    assert best.card.training.validation_loss == pytest.approx(min(losses[0]), rel=1e-4)
+    assert last.card.training.validation_loss == pytest.approx(losses[0][-1], rel=1e-4)
+    assert last.card.training.best_step == 60
+
+
 def test_mean_answers_with_the_mean_of_the_training_targets(tanks, tmp_path):
     run = fit(tanks, tmp_path / "run", model="mean")
     records = DatasetFolder(tanks).load()
@@ -176,6 +191,7 @@ def test_a_dataset_with_missing_values_is_refused(tmp_path, monkeypatch):
         ({"steps": 10, "minutes": 1}, "both are given"),
         ({"steps": 0}, "steps: is 0; expected a positive number"),
         ({"threads": 0}, "threads: is 0; expected at least 1"),
+        ({"keep": "worst"}, "keep: is 'worst'; expected best or last"),
         ({"lr": float("nan")}, "lr: is nan"),
         ({"context_hours": 1000}, "the dataset's records have 480 samples"),
         ({"noise": "loud"}, "not a preset of Tank"),
