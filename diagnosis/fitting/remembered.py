@@ -8,7 +8,8 @@ from hashlib import blake2b
 
 import numpy as np
 
-from diagnosis.fitting.side_by_side import Outcome, Run, Runner
+from diagnosis.fitting.run import Run
+from diagnosis.fitting.side_by_side import Outcome, Runner
 
 KEPT = 16
 """Outcomes that are remembered, the latest: a fit comes back to where it was, not to where it was long ago."""

@@ -10,7 +10,7 @@ from datagen.tables import InputTable, Piecewise, merge
 from diagnosis.effects.base import Effect
 from diagnosis.fitting.drive import Drive
 from diagnosis.fitting.nuisance import Nuisance
-from diagnosis.fitting.side_by_side import Run
+from diagnosis.fitting.run import Run
 from diagnosis.fitting.unknowns import Unknowns
 from diagnosis.recording import Recording
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass
 from itertools import pairwise
 from multiprocessing import get_context
 from typing import Any, Protocol
@@ -16,25 +15,12 @@ from typing import Any, Protocol
 import numpy as np
 
 from datagen.simulator import Simulator
-from datagen.tables import InputTable
 from datagen.worker import simulator_for
+from diagnosis.fitting.run import Run
+from diagnosis.fitting.warmed import warmed
 from shared.errors import SimulationError
 from shared.interrupts import interrupts_held
 from shared.system import System
-
-
-@dataclass(frozen=True)
-class Run:
-    """One simulation: values by name [units of the description], inputs, and what to record (all times [s])."""
-
-    parameters: dict[str, float]
-    inputs: InputTable
-    start: float
-    stop: float
-    record_from: float
-    replay: bool = False
-    tolerance: float | None = None
-
 
 Outcome = np.ndarray | SimulationError
 """Outputs (outputs, steps) [unit of each], or why there are none."""
@@ -119,15 +105,7 @@ def side_by_side(simulator: Simulator, *, workers: int = 1, scheduler: str | Non
 def simulate(simulator: Simulator, run: Run) -> Outcome:
     """Simulate one run."""
     try:
-        return simulator.run(
-            run.parameters,
-            run.inputs,
-            start=run.start,
-            stop=run.stop,
-            record_from=run.record_from,
-            replay=run.replay,
-            tolerance=run.tolerance,
-        ).outputs
+        return warmed(simulator).outputs(run)
     except SimulationError as error:
         return error
 

@@ -15,7 +15,8 @@ from diagnosis.calibrating.checks import check_recording
 from diagnosis.effects import Effect, library
 from diagnosis.fitting.fit import Fit, fit
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.side_by_side import InProcess, Outcome, Run, Runner, side_by_side
+from diagnosis.fitting.run import Run
+from diagnosis.fitting.side_by_side import InProcess, Outcome, Runner, side_by_side
 from diagnosis.gap.conditions import Otherwise, otherwise
 from diagnosis.gap.decision import Decision, decide, gap_found
 from diagnosis.gap.missing import operators

@@ -16,7 +16,8 @@ from scipy.special import ndtr, ndtri
 
 from diagnosis.fitting.fit import fit
 from diagnosis.fitting.problem import LIMIT, Problem
-from diagnosis.fitting.side_by_side import InProcess, Outcome, Run
+from diagnosis.fitting.run import Run
+from diagnosis.fitting.side_by_side import InProcess, Outcome
 from shared.errors import SimulationError
 
 

@@ -10,7 +10,7 @@ from datagen.tables import Piecewise, merge
 from diagnosis.fitting.fit import fit
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.remembered import KEPT, Remembered
-from diagnosis.fitting.side_by_side import Run
+from diagnosis.fitting.run import Run
 from diagnosis.recording import read_recording
 from shared.errors import SimulationError
 
