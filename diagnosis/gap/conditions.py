@@ -8,6 +8,7 @@ been simulated: the same recording linearised anew with them, the actuators' own
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -50,11 +51,10 @@ def otherwise(stage: Stage, whole: Problem, candidates: Sequence[Effect], fitted
     if whole.occupancy == "unknown":
         found.append(Otherwise("counted", _counted(stage.lin), stage.grams.observed))
     if whole.replay:
-        try:
+        # what the control loops need may not have been recorded, or they cannot follow: nothing to compare with
+        with suppress(RecordingError, SimulationError):
             problem, lin = _controlled(whole, stage.lin.z, candidates)
             found.append(Otherwise("controlled", lin, problem.observed & fitted))
-        except (RecordingError, SimulationError):
-            pass  # what the control loops need was not recorded, or they cannot follow: nothing to compare with
     return found
 
 
