@@ -70,8 +70,7 @@ def fit(
 ) -> None:
     """Fit an estimator to the training systems of a dataset.
 
-    The run folder gets weights.safetensors,
-    estimator.json (all that it takes to use them), curve.csv and curve.png.
+    The run folder gets weights.safetensors, estimator.json (all that it takes to use them), curve.csv and curve.png.
 
     Examples: `trainer fit DATASET --out RUN` is the paper's estimator and recipe; `--model ridge` takes seconds;
     `--noise sensor --channels TRoo CO2 time_of_day` trains for real sensors with the time of day as a further channel.

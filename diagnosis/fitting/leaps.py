@@ -35,7 +35,7 @@ LOOSE = 0.05
 
 def leapt(problem: Problem, z: np.ndarray, nuisance: np.ndarray, outputs: np.ndarray) -> np.ndarray:
     """A nuisance (nuisance unknowns,) that is at least as plausible at ``z``, given its simulated ``outputs``."""
-    guessed = problem.nuisance.recorded & ~problem.nuisance.turns
+    guessed = problem.nuisance.guessed
     if not guessed.any():
         return nuisance
     cost = joint_cost(problem, nuisance, outputs)

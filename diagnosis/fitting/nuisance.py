@@ -75,6 +75,11 @@ class Nuisance:
         return np.asarray(np.sqrt(np.sum(self.factor**2, axis=1)))
 
     @property
+    def guessed(self) -> np.ndarray:
+        """Pulses (pulses,) that are persons nobody counted: in the recording, and without a turn."""
+        return self.recorded & ~self.turns
+
+    @property
     def edges(self) -> np.ndarray:
         """All times at which a pulse begins, turns or ends [s]."""
         return np.unique(np.concatenate([self.begin, self.end, (0.5 * (self.begin + self.end))[self.turns]]))
@@ -108,7 +113,7 @@ class Nuisance:
     def heights(self, unknowns: np.ndarray) -> np.ndarray:
         """Heights for standard normal unknowns, shape (pulses,): nobody can be fewer than none."""
         heights = self.mean + self.factor @ unknowns
-        return np.where(self.recorded & ~self.turns, np.maximum(heights, 0.0), heights)
+        return np.where(self.guessed, np.maximum(heights, 0.0), heights)
 
 
 def no_nuisance() -> Nuisance:

@@ -15,8 +15,7 @@ def pruned(problem: Problem, around: Linearisation) -> tuple[Problem, Linearisat
     """The same problem without history and changes within steps that no reading feels, and its linearisation."""
     nuisance = problem.nuisance
     moved = np.abs(around.response) * nuisance.sd / problem.noise.sd[:, None, None]
-    guessed = nuisance.recorded & ~nuisance.turns
-    keep = guessed | (moved.max(axis=(0, 1), initial=0.0) > UNFELT)
+    keep = nuisance.guessed | (moved.max(axis=(0, 1), initial=0.0) > UNFELT)
     other = problem.with_effects(problem.effects)
     other.simulations = problem.simulations
     other.nuisance = nuisance.only(keep)

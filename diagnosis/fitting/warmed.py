@@ -12,11 +12,13 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from hashlib import blake2b
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from datagen.simulator import Simulator
+from datagen.simulator import Simulator, Trajectory
+from datagen.tables import InputTable
 from diagnosis.fitting.run import Run
 from shared.errors import SimulationError
 
@@ -58,16 +60,12 @@ class Warmed:
                 return whole
         return found
 
+    def _simulated(self, run: Run, inputs: InputTable, **span: Any) -> Trajectory:
+        return self.simulator.run(run.parameters, inputs, replay=run.replay, tolerance=run.tolerance, **span)
+
     def _whole(self, run: Run) -> np.ndarray:
-        return self.simulator.run(
-            run.parameters,
-            run.inputs,
-            start=run.start,
-            stop=run.stop,
-            record_from=run.record_from,
-            replay=run.replay,
-            tolerance=run.tolerance,
-        ).outputs
+        span = {"start": run.start, "stop": run.stop, "record_from": run.record_from}
+        return self._simulated(run, run.inputs, **span).outputs
 
     def _parts(self, run: Run) -> np.ndarray:
         before = run.inputs.restricted(run.start, run.record_from)
@@ -77,30 +75,14 @@ class Warmed:
             key.update(values.tobytes())
         states = self._states.get(key.digest())
         if states is None:
-            states = self.simulator.run(
-                run.parameters,
-                before,
-                start=run.start,
-                stop=run.record_from,
-                step=run.record_from - run.start,
-                tolerance=run.tolerance,
-                replay=run.replay,
-                record_states=True,
-            ).states[-1]
+            span = {"start": run.start, "stop": run.record_from, "step": run.record_from - run.start}
+            states = self._simulated(run, before, **span, record_states=True).states[-1]
             if not np.isfinite(states).all():
                 raise SimulationError("states at the start of the recording are not finite; expected numbers")
             self._states[key.digest()] = states
             if len(self._states) > KEPT:
                 self._states.popitem(last=False)
-        return self.simulator.run(
-            run.parameters,
-            run.inputs,
-            start=run.record_from,
-            stop=run.stop,
-            tolerance=run.tolerance,
-            replay=run.replay,
-            initial_states=states,
-        ).outputs
+        return self._simulated(run, run.inputs, start=run.record_from, stop=run.stop, initial_states=states).outputs
 
 
 _KNOWN: WeakKeyDictionary[Simulator, Warmed] = WeakKeyDictionary()

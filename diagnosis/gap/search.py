@@ -14,7 +14,7 @@ import numpy as np
 
 from diagnosis.effects import Effect
 from diagnosis.fitting.fit import Fit, fit
-from diagnosis.fitting.renewing import renewed as linearised_anew
+from diagnosis.fitting.renewing import renewed
 from diagnosis.gap.fewer import fewer
 from diagnosis.gap.linear import Linearised, applicable, linearised
 from diagnosis.gap.nuisances import widened
@@ -143,7 +143,7 @@ def search(
         if not first and gain < CLEAR:
             break
         after = examine(
-            renewed(best, stage, effects, found, every), observed, size, every, seed=seed + len(found.stages)
+            settled_refit(best, stage, effects, found, every), observed, size, every, seed=seed + len(found.stages)
         )
         if not first and not worth_more(stage, after):
             break
@@ -174,14 +174,13 @@ def everywhere(base: Fit, every: np.ndarray) -> tuple[Fit, int]:
     Where nobody counted, the persons of days that took no part in the fit are still the usual ones.
     """
     problem, around = base.problem, base.around
-    guessed = problem.nuisance.recorded & ~problem.nuisance.turns
-    if not guessed.any() or np.array_equal(problem.observed, every):
+    if not problem.nuisance.guessed.any() or np.array_equal(problem.observed, every):
         return base, 0
     whole = problem.with_effects(problem.effects)
     whole.observed = every
     around = replace(around, marginal=whole.marginal(around.response))
     for _ in range(FOLLOWED):
-        around = linearised_anew(whole, base.z, around, leaps=True)
+        around = renewed(whole, base.z, around, leaps=True)
     return replace(base, around=replace(around, marginal=problem.marginal(around.response))), whole.simulations
 
 
@@ -216,7 +215,7 @@ def refitted(stage: Stage, tell: Tell, found: Search) -> list[Refit]:
     return sorted(made, key=lambda one: -one.evidence)
 
 
-def renewed(
+def settled_refit(
     best: Refit, stage: Stage, effects: Sequence[Effect], found: Search, every: np.ndarray | None = None
 ) -> Linearised:
     """The refit linearised by the nuisance and all remaining candidates where it is."""
