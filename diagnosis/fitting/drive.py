@@ -5,15 +5,18 @@ Before its start the recording's first day is repeated, so that the simulation a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from datagen.inputs import schedule_signal
 from datagen.tables import Piecewise
+from diagnosis.fitting.meters import Cleared, cleared
 from diagnosis.recording import DAY, Recording
 from shared.errors import RecordingError
 from shared.system import System
+from shared.variables import MeasuredInput
 
 
 @dataclass(frozen=True)
@@ -22,7 +25,8 @@ class Drive:
 
     ``signals`` by name in the order of the description; ``assumed`` says of each input that was not measured what
     stands in for it; ``replayed`` names the outputs whose measurement drives the model, which therefore tell nothing;
-    ``begin`` is the start of the warm-up, ``start`` and ``stop`` those of the recording [s].
+    ``begin`` is the start of the warm-up, ``start`` and ``stop`` those of the recording [s]; ``meters`` by input: what
+    was read of an actuator, where it is known how well.
     """
 
     signals: dict[str, Piecewise]
@@ -31,13 +35,27 @@ class Drive:
     begin: float
     start: float
     stop: float
+    meters: dict[str, Cleared] = field(default_factory=dict)
 
 
-def drive(system: System, recording: Recording, *, warm_up: float, replay: bool = False) -> Drive:
+def drive(
+    system: System,
+    recording: Recording,
+    *,
+    warm_up: float,
+    replay: bool = False,
+    noise: Mapping[str, float] | None = None,
+) -> Drive:
     """Collect the inputs over a recording and ``warm_up`` seconds before it.
 
     What was not measured is taken from the description: constants and schedules as they are, excitation as none. The
     occupancy is left at zero where it was not measured: see :mod:`diagnosis.fitting.nuisance`.
+
+    Parameters
+    ----------
+    noise
+        Standard deviation of each output's meter [unit of the output], which is cleared from what is replayed; none if
+        not given.
 
     Raises
     ------
@@ -49,12 +67,15 @@ def drive(system: System, recording: Recording, *, warm_up: float, replay: bool 
     signals: dict[str, Piecewise] = {}
     assumed: dict[str, str] = {}
     replayed = []
+    meters: dict[str, Cleared] = {}
     for one in system.inputs:
         values = recording.inputs.get(one.name)
         if one.source == "measured":
             if replay:
-                values, column = _actuator(system, recording, one.name, one.column, one.value)
-                replayed.append(column)
+                values, meter = _actuator(system, recording, one, noise or {})
+                replayed.append(one.column)
+                if meter is not None and meter.courses:
+                    meters[one.name] = meter
                 if (values == one.value).all():
                     assumed[one.name] = f"{one.value:g} {one.unit} throughout"
             elif values is None:
@@ -75,7 +96,7 @@ def drive(system: System, recording: Recording, *, warm_up: float, replay: bool 
         else:
             signals[one.name] = Piecewise.constant(one.value)
             assumed.setdefault(one.name, f"{one.value:g} {one.unit} of the description")
-    return Drive(signals, assumed, tuple(replayed), begin, recording.start, recording.stop)
+    return Drive(signals, assumed, tuple(replayed), begin, recording.start, recording.stop, meters)
 
 
 def crowd(system: System, recording: Recording, wanted: str | None) -> str:
@@ -99,21 +120,21 @@ def crowd(system: System, recording: Recording, wanted: str | None) -> str:
     return wanted or ("measured" if seen else "unknown")
 
 
-def _actuator(system: System, recording: Recording, name: str, column: str, stand_in: float) -> tuple[np.ndarray, str]:
-    """A measured actuator: its own column, or the output that it is the measurement of."""
-    own = recording.inputs.get(name)
-    if own is not None and not (own == stand_in).all():
-        return own, column
-    if column in system.output_names:
-        values = recording.outputs[system.output_names.index(column)]
-        seen = np.isfinite(values)
-        if seen.any():
-            # a reading that was lost is held from the one before: an actuator stays where it is
-            last = np.maximum.accumulate(np.where(seen, np.arange(len(values)), -1))
-            return values[np.where(last < 0, int(np.argmax(seen)), last)], column
+def _actuator(
+    system: System, recording: Recording, one: MeasuredInput, noise: Mapping[str, float]
+) -> tuple[np.ndarray, Cleared | None]:
+    """A measured actuator: its own column, or the output that measures it, cleared of the meter's noise."""
+    own = recording.inputs.get(one.name)
+    if own is not None and not (own == one.value).all():
+        return own, None
+    if one.column in system.output_names:
+        readings = recording.outputs[system.output_names.index(one.column)]
+        if np.isfinite(readings).any():
+            meter = cleared(readings, noise.get(one.column, 0.0), recording.step)
+            return meter.values, meter
     elif own is not None:  # the system has no such output: its recordings cannot say more than this
-        return own, column
-    raise RecordingError(f"{recording.path}: {name!r} (column {column!r}) was not recorded; replay needs it")
+        return own, None
+    raise RecordingError(f"{recording.path}: {one.name!r} (column {one.column!r}) was not recorded; replay needs it")
 
 
 def _repeats(recording: Recording, warm_up: float) -> tuple[int, int]:

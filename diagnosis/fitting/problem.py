@@ -81,13 +81,14 @@ class Problem:
         self.effects = tuple(effects)
         self.runner: Runner = runner or InProcess(simulator)
         self._remembered, self.simulations = Remembered(), 0
-        self.drive = drive(system, recording, warm_up=warm_up, replay=replay)
         self.occupancy = crowd(system, recording, occupancy)
         if isinstance(noise, str):
             plain = noise == "sensor" and noise not in system.noise_presets  # the default, where there is none
             noise = system.noise_sd("none" if plain else noise)
         self.noise = noise if isinstance(noise, NoiseModel) else NoiseModel.white_only(noise)
         self.floor = self.noise.white
+        meters = dict(zip(system.output_names, self.floor.tolist(), strict=True))
+        self.drive = drive(system, recording, warm_up=warm_up, replay=replay, noise=meters)
         self.nuisance, stand_ins = nuisance_of(system, recording, self.drive, occupancy=self.occupancy)
         if not history:
             self.nuisance = self.nuisance.only(self.nuisance.recorded)

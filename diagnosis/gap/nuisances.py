@@ -1,7 +1,7 @@
 """What a fit may leave out and a test may not: how wide the nuisances really are.
 
 - Replayed actuators are read by meters, and what the meters get wrong drives the model: each replayed input gets pulses
-  whose prior is the meter's noise, a part of it slow.
+  whose prior is what is not known of it once its noise is cleared (:mod:`diagnosis.fitting.meters`).
 - When within a step people came and went has heavier tails than the normal prior of
   :mod:`diagnosis.fitting.within_steps`, and a quickly ventilated room remembers the end of a step better than its mean:
   the prior is widened, and the second half of a step gets halves of its own, lest a short absence pass for a gap.
@@ -15,15 +15,13 @@ import numpy as np
 
 from diagnosis.fitting.fit import Fit
 from diagnosis.fitting.linearisation import Linearisation
+from diagnosis.fitting.meters import Cleared
 from diagnosis.fitting.nuisance import FIELDS, Nuisance, responses
 from diagnosis.fitting.problem import Problem
-from diagnosis.recording import DAY, HOUR
+from diagnosis.recording import DAY, HOUR, Recording
 
 PULSE = 3 * HOUR
 FOLLOWED = 3 * DAY
-SLOW = 0.3
-"""Share of a meter's variance that is slow, and its memory: not known, but a meter without any would be rare."""
-MEMORY = 6 * HOUR
 WITHIN = 2.0
 """By how much the prior of changes within a step is widened."""
 
@@ -43,11 +41,12 @@ def widened(base: Fit) -> tuple[Problem, Linearisation, int]:
     for place, one in enumerate(system.inputs):
         if one.source != "measured" or one.column not in driven.replayed:
             continue
-        if one.column not in system.output_names:  # the description says nothing of how it was measured
+        if one.name not in driven.meters:  # the description says nothing of how it was measured
             continue
         edges = np.append(np.arange(driven.start, driven.stop - 1.0, PULSE), driven.stop)
-        sd = float(problem.floor[system.output_names.index(one.column)])
-        problem, around = _joined(problem, around, _meter(edges, place, sd, problem.recording.step), FOLLOWED)
+        problem, around = _joined(
+            problem, around, _meter(edges, place, driven.meters[one.name], problem.recording), FOLLOWED
+        )
     return problem, around, problem.simulations
 
 
@@ -66,12 +65,13 @@ def _late(nuisance: Nuisance, place: int) -> Nuisance:
     )
 
 
-def _meter(edges: np.ndarray, place: int, sd: float, step: float) -> Nuisance:
-    """Means of a meter's error over pulses."""
-    count, centre = len(edges) - 1, 0.5 * (edges[1:] + edges[:-1])
-    readings = np.maximum(np.diff(edges) / step, 1.0)
-    slow = SLOW * np.exp(-np.abs(centre[:, None] - centre) / MEMORY)
-    covariance = sd**2 * (slow + np.diag((1 - SLOW) / readings))
+def _meter(edges: np.ndarray, place: int, meter: Cleared, recording: Recording) -> Nuisance:
+    """Means over pulses of what is not known of a meter's readings once they are cleared."""
+    count = len(edges) - 1
+    within = np.searchsorted(edges, recording.time - 0.5 * recording.step) - 1
+    weights = (within == np.arange(count)[:, None]).astype(float)
+    weights /= np.maximum(weights.sum(axis=1, keepdims=True), 1.0)
+    covariance = meter.covariance(weights)
     return Nuisance(
         column=np.full(count, place),
         begin=edges[:-1],
@@ -79,7 +79,7 @@ def _meter(edges: np.ndarray, place: int, sd: float, step: float) -> Nuisance:
         turns=np.zeros(count, dtype=bool),
         recorded=np.ones(count, dtype=bool),
         mean=np.zeros(count),
-        factor=np.linalg.cholesky(covariance),
+        factor=np.linalg.cholesky(covariance + 1e-9 * np.diag(np.diag(covariance).max(initial=0.0) * np.ones(count))),
     )
 
 
