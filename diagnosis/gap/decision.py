@@ -16,7 +16,7 @@ from scipy.special import expit
 
 from diagnosis.gap.refit import Refit
 from diagnosis.gap.search import LEVEL, Search
-from diagnosis.gap.stages import Stage
+from diagnosis.gap.stages import STRONG, Stage
 
 Verdict = Literal["effect", "ambiguous", "none_of_these", "no_gap"]
 
@@ -31,8 +31,6 @@ UNREJECTED = 0.2
 cause can look like it. This one and NOTHING are near their frequencies in the same sets."""
 NOTHING = 0.37
 """Probability that there is no gap where none is found: most effects of half their usual size go unseen."""
-STRONG = 3.0
-"""Log Bayes factor that Kass and Raftery (1995) call strong."""
 SURE = 0.8
 """Probability, among candidates, at which one of them is named alone."""
 COVER = 0.95
@@ -56,13 +54,14 @@ class Decision:
     rejected: bool
 
 
-def gap_found(stage: Stage, where_p: float) -> bool:
+def gap_found(stage: Stage, where_p: float, confirmed: bool = True) -> bool:
     """Whether model and recording differ in any of three ways, each against the same twins.
 
+    A candidate that the straight line finds is a gap if a refit confirmed it (:attr:`.search.Search.confirmed`).
     A place alone is a gap only if a discrepancy without a cause is plausible, too: people who come and go within a step
     scatter more widely than the twins' do.
     """
-    return stage.candidate_found or stage.misfits or (where_p <= LEVEL / 2 and stage.left_over > STRONG)
+    return (stage.candidate_found and confirmed) or stage.misfits or (where_p <= LEVEL / 2 and stage.left_over > STRONG)
 
 
 def decide(search: Search, where_p: float, where_left_p: float) -> Decision:
@@ -74,8 +73,9 @@ def decide(search: Search, where_p: float, where_left_p: float) -> Decision:
         Family-wise p of where the residual lies, of the base model and with the chosen effects.
     """
     first, last = search.stages[0], search.last
-    if not gap_found(first, where_p):
-        odds = min(first.tested.p_value, first.tested.misfit_p) / LEVEL
+    if not gap_found(first, where_p, search.confirmed):
+        p_value = first.tested.p_value if search.confirmed else max(first.tested.p_value, LEVEL)
+        odds = min(p_value, first.tested.misfit_p) / LEVEL
         nothing = float(NOTHING * odds / (1 + odds))
         chance = _softmax(dict(zip(_names(first), first.scan.evidence, strict=True)))
         named = {name: (1 - nothing) * 0.5 * p for name, p in chance.items()}

@@ -195,7 +195,7 @@ def _concluded(
     else:
         sources, unknown, better, spent = known.sources, known.unknown, known.otherwise, 0
     where = place(first, whole.observed, sources)
-    if found.chosen and not gap_found(first, where.p_value):
+    if found.chosen and not gap_found(first, where.p_value, found.confirmed):
         found = replace(found, stages=[first], refits=[])
     where_left = place(found.last, whole.observed, []) if found.chosen else None
     decision = decide(found, where.p_value, where_left.p_value if where_left is not None else where.p_value)

@@ -21,7 +21,7 @@ from diagnosis.gap.nuisances import widened
 from diagnosis.gap.refit import Refit, linear_start, refit
 from diagnosis.gap.renewal import settled
 from diagnosis.gap.scan import NEGLIGIBLE
-from diagnosis.gap.stages import LEVEL, Stage, examine
+from diagnosis.gap.stages import LEVEL, STRONG, Stage, examine
 from shared.errors import SimulationError
 
 FURTHER = 5
@@ -46,6 +46,7 @@ Tell = Callable[[str], None]
 class Search:
     """All stages, the base model's fit, the refits made at each stage (best first), and why candidates were not tried.
 
+    ``confirmed``: whether what the straight line found at first is there in a refit, or in the residual's size.
     ``simulations`` in all of the search; ``made``: refits and linearisations by the stages that led to them.
     """
 
@@ -53,6 +54,7 @@ class Search:
     base: Refit
     refits: list[list[Refit]] = field(default_factory=list)
     excluded: dict[str, str] = field(default_factory=dict)
+    confirmed: bool = True
     simulations: int = 0
     made: dict[Hashable, Any] = field(default_factory=dict)
 
@@ -136,12 +138,12 @@ def search(
             break
         first = not found.chosen
         refits = [one for one in refitted(stage, tell, found) if abs(one.lin.amplitudes[-1]) >= NEGLIGIBLE]
-        if not refits:
+        gain = refits[0].evidence - stage.grams.evidence(stage.colours.best) if refits else -np.inf
+        if first:
+            found.confirmed = gain >= STRONG or stage.misfits or stage.left_over > STRONG
+        if not refits or not found.confirmed or (not first and gain < CLEAR):
             break
         best = refits[0]
-        gain = best.evidence - stage.grams.evidence(stage.colours.best)
-        if not first and gain < CLEAR:
-            break
         after = examine(
             settled_refit(best, stage, effects, found, every), observed, size, every, seed=seed + len(found.stages)
         )

@@ -14,6 +14,8 @@ from diagnosis.gap.twins import TWINS, Twins, draw_twins
 
 LEVEL = 0.02
 """Family-wise level at which a candidate is a gap, and at half of it each misfit of whatever kind: 0.04 in all."""
+STRONG = 3.0
+"""Log Bayes factor that Kass and Raftery (1995, Journal of the American Statistical Association 90:773) call strong."""
 
 
 @dataclass(frozen=True)

@@ -31,9 +31,12 @@ def refits(**evidence):
     ]
 
 
-def searched(stages, made):
+def searched(stages, made, confirmed=True):
     share = stages[-1].left_over / max(stages[0].left_over, 1.0)
-    return SimpleNamespace(stages=stages, refits=made, last=stages[-1], chosen=stages[-1].lin.chosen, share_left=share)
+    chosen = stages[-1].lin.chosen
+    return SimpleNamespace(
+        stages=stages, refits=made, last=stages[-1], chosen=chosen, share_left=share, confirmed=confirmed
+    )
 
 
 def test_nothing_significant_is_no_gap_and_probabilities_sum_to_one():
@@ -48,6 +51,15 @@ def test_nothing_significant_is_no_gap_and_probabilities_sum_to_one():
 def test_a_place_alone_is_a_gap_without_a_cause_if_a_discrepancy_is_plausible(left_over, verdict):
     only = stage(found=False, misfits=False, left_over=left_over)
     assert decide(searched([only], []), 0.01, 0.01).verdict == verdict
+
+
+@pytest.mark.parametrize(("misfits", "verdict"), [(False, "no_gap"), (True, "none_of_these")])
+def test_a_candidate_that_no_refit_confirms_is_no_gap_by_itself(misfits, verdict):
+    only = stage(found=True, misfits=misfits, left_over=0.0)
+    done = decide(searched([only], [], confirmed=False), 0.5, 0.5)
+    assert done.verdict == verdict
+    assert done.nothing + done.none + sum(done.probabilities.values()) <= 1.0 + 1e-9
+    assert decide(searched([only], []), 0.5, 0.5).verdict == "none_of_these"
 
 
 def test_the_cause_that_is_far_better_is_named_alone():

@@ -1,4 +1,6 @@
-"""What the search begins from: a fit whose nuisance follows the readings that took no part in it."""
+"""What the search begins from, a fit whose nuisance follows the readings kept from it; and what ends it at once."""
+
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,8 +10,9 @@ from datagen.simulator import Simulator
 from diagnosis.fitting.fit import fit
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.unknowns import Unknowns
+from diagnosis.gap import search as searching
 from diagnosis.gap.parts import kept_for_scoring
-from diagnosis.gap.search import everywhere
+from diagnosis.gap.search import everywhere, search
 from diagnosis.recording import HOUR, read_recording
 
 
@@ -51,3 +54,35 @@ def test_persons_of_the_days_kept_for_scoring_are_told_by_those_days(recorded):
 def test_persons_who_were_counted_need_no_following(recorded):
     whole, _, base = fitted(*recorded, "measured")
     assert everywhere(base, whole.observed) == (base, 0)
+
+
+@pytest.mark.parametrize(
+    ("gain", "misfits", "left_over", "confirmed"),
+    [(2.9, False, 0.0, False), (3.1, False, 0.0, True), (-5.0, True, 0.0, True), (-5.0, False, 3.1, True)],
+)
+def test_a_refit_confirms_what_a_straight_line_found(monkeypatch, gain, misfits, left_over, confirmed):
+    """The first candidate is chosen if its refit is strong evidence, or the residual alone says that there is a gap."""
+    colours = SimpleNamespace(best={})
+    before = SimpleNamespace(
+        candidate_found=True,
+        misfits=misfits,
+        left_over=left_over,
+        lin=SimpleNamespace(chosen=(), simulations=0, failed=()),
+        grams=SimpleNamespace(evidence=lambda colours: 10.0),
+        colours=colours,
+    )
+    chosen = (SimpleNamespace(name="one"),)
+    after = SimpleNamespace(candidate_found=False, lin=SimpleNamespace(chosen=chosen), colours=colours)
+    refit = SimpleNamespace(evidence=10.0 + gain, lin=SimpleNamespace(amplitudes=[1.0]))
+    begun = SimpleNamespace(lin=SimpleNamespace(problem=None), simulations=0, evidence=0.0)
+    stages = iter([before, after])
+    monkeypatch.setattr(searching, "settled_base", lambda *_: begun)
+    monkeypatch.setattr(searching, "applicable", lambda *_: ((), {}))
+    monkeypatch.setattr(searching, "among", lambda *_: before.lin)
+    monkeypatch.setattr(searching, "examine", lambda *_, **__: next(stages))
+    monkeypatch.setattr(searching, "refitted", lambda *_: [refit])
+    monkeypatch.setattr(searching, "settled_refit", lambda *_: None)
+    readings = np.ones((1, 2), dtype=bool)
+    found = search(SimpleNamespace(converged=True), (), readings, np.ones(1), tell=lambda _: None)
+    assert found.confirmed == confirmed
+    assert found.chosen == (chosen if confirmed else ())
