@@ -5,6 +5,7 @@ from __future__ import annotations
 from statistics import median
 
 from diagnosis.gap.schema import NamedEffect, Report
+from diagnosis.gap.stages import LEVEL
 
 CHECKED = (
     "In a blind check of 200 one-week recordings of the default room, 63 of 87 answers that named effects held a true"
@@ -19,13 +20,8 @@ def summary(report: Report) -> list[str]:
 
 
 def _where(report: Report) -> str:
-    first = report.stages[0]
     if report.verdict == "no_gap":
-        return (
-            "Where: nowhere that can be told from noise; the calibrated model explains the recording as well as it"
-            f" explains recordings of its own making (p = {first.p_value:.2g} over all candidates,"
-            f" {first.where_p:.2g} over all places)."
-        )
+        return _nowhere(report)
     if not report.where:
         return (
             "Where: no single place, hour or state stands out, though the recording as a whole differs from the model."
@@ -36,6 +32,28 @@ def _where(report: Report) -> str:
     more = f"; {len(others)} more findings" if others else ""
     also = f", also in {', '.join(channels)}" if channels else ""
     return f"Where: {best.text}{more}{also}.{_kind(report)}"
+
+
+def _nowhere(report: Report) -> str:
+    """That there is no gap, and what seemed to be one."""
+    first = report.stages[0]
+    where_p = 1.0 if first.where_p is None else first.where_p
+    chances = f"(p = {first.p_value:.2g} over all candidates, {where_p:.2g} over all places)"
+    seemed = []
+    if first.p_value <= LEVEL:
+        seemed.append(
+            f"a candidate ({first.best}) stands out where the model is taken for a straight line, but fitted with the"
+            " parameters none is strong evidence"
+        )
+    if where_p <= LEVEL:
+        what = f" ({report.where[0].text})" if report.where else ""
+        seemed.append(f"a place{what} stands out, but what is left as a whole is no larger than noise")
+    if seemed:
+        return f"Where: nowhere that can be told from noise for sure {chances}: {'; and '.join(seemed)}."
+    return (
+        "Where: nowhere that can be told from noise; the calibrated model explains the recording as well as it explains"
+        f" recordings of its own making {chances}."
+    )
 
 
 def _kind(report: Report) -> str:
