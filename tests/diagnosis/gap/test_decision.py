@@ -5,20 +5,20 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagnosis.gap.decision import NOTHING, decide
+from diagnosis.gap.decision import IN_REPLAY, NOTHING, UNREJECTED, decide
 from diagnosis.gap.search import PARSIMONY, worth_more
 
 EFFECTS = ("one", "two", "three")
 
 
-def stage(*, found=True, misfits=True, left_over=100.0, chosen=(), evidence=(50.0, 48.0, 1.0), p=0.0025):
+def stage(*, found=True, misfits=True, left_over=100.0, chosen=(), evidence=(50.0, 48.0, 1.0), p=0.0025, replay=False):
     effects = tuple(SimpleNamespace(name=name) for name in EFFECTS if name not in chosen)
     return SimpleNamespace(
         candidate_found=found,
         misfits=misfits,
         left_over=left_over,
         discrepant={},
-        lin=SimpleNamespace(effects=effects, chosen=chosen),
+        lin=SimpleNamespace(effects=effects, chosen=chosen, problem=SimpleNamespace(replay=replay)),
         tested=SimpleNamespace(p_value=p, misfit_p=p),
         scan=SimpleNamespace(evidence=np.array(evidence[: len(effects)])),
     )
@@ -69,6 +69,16 @@ def test_the_cause_that_is_far_better_is_named_alone():
     # the third was not refitted: it is as far behind the worst refit as the straight line has it
     weights = np.exp([0.0, -7.0, -7.0 - 47.0])
     assert done.probabilities["one"] == pytest.approx((1 - done.none) * weights[0] / weights.sum())
+
+
+@pytest.mark.parametrize(("replay", "least"), [(False, UNREJECTED), (True, IN_REPLAY)])
+@pytest.mark.parametrize("left_over", [0.0, 5.0])
+def test_an_answer_in_replay_is_less_sure_rejected_or_not(replay, least, left_over):
+    after = stage(found=False, misfits=left_over > 0, left_over=left_over, chosen=("one",), replay=replay)
+    done = decide(searched([stage(replay=replay), after], [refits(one=0.0, two=-30.0)]), 0.002, 0.5)
+    assert (done.named, done.rejected) == (("one",), left_over > 0)
+    assert done.none == pytest.approx(least)
+    assert done.probabilities["one"] == pytest.approx(1 - least)
 
 
 def test_causes_that_are_equally_good_are_a_set():
