@@ -26,7 +26,7 @@ class Drive:
     ``signals`` by name in the order of the description; ``assumed`` says of each input that was not measured what
     stands in for it; ``replayed`` names the outputs whose measurement drives the model, which therefore tell nothing;
     ``begin`` is the start of the warm-up, ``start`` and ``stop`` those of the recording [s]; ``meters`` by input: what
-    was read of an actuator, where it is known how well.
+    was read of an actuator, where the description says how well.
     """
 
     signals: dict[str, Piecewise]
@@ -72,9 +72,10 @@ def drive(
         values = recording.inputs.get(one.name)
         if one.source == "measured":
             if replay:
-                values, meter = _actuator(system, recording, one, noise or {})
+                meter = _actuator(system, recording, one, noise or {})
+                values = meter.values
                 replayed.append(one.column)
-                if meter is not None and meter.courses:
+                if meter.courses:
                     meters[one.name] = meter
                 if (values == one.value).all():
                     assumed[one.name] = f"{one.value:g} {one.unit} throughout"
@@ -120,20 +121,17 @@ def crowd(system: System, recording: Recording, wanted: str | None) -> str:
     return wanted or ("measured" if seen else "unknown")
 
 
-def _actuator(
-    system: System, recording: Recording, one: MeasuredInput, noise: Mapping[str, float]
-) -> tuple[np.ndarray, Cleared | None]:
+def _actuator(system: System, recording: Recording, one: MeasuredInput, noise: Mapping[str, float]) -> Cleared:
     """A measured actuator: its own column, or the output that measures it, cleared of the meter's noise."""
     own = recording.inputs.get(one.name)
     if own is not None and not (own == one.value).all():
-        return own, None
+        return Cleared(own)
     if one.column in system.output_names:
         readings = recording.outputs[system.output_names.index(one.column)]
         if np.isfinite(readings).any():
-            meter = cleared(readings, noise.get(one.column, 0.0), recording.step)
-            return meter.values, meter
+            return cleared(readings, noise.get(one.column, 0.0), recording.step)
     elif own is not None:  # the system has no such output: its recordings cannot say more than this
-        return own, None
+        return Cleared(own)
     raise RecordingError(f"{recording.path}: {one.name!r} (column {one.column!r}) was not recorded; replay needs it")
 
 

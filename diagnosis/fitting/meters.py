@@ -24,7 +24,8 @@ SLOW = 0.3
 """Share of a meter's variance that is slow, and its memory: not known, but a meter without any would be rare."""
 MEMORY = 6 * HOUR
 SMALLEST, SIZES = 0.3, 12
-"""Of the process, in standard deviations of the noise, and how many sizes up to three times those of the readings."""
+"""Of the process, in standard deviations of the noise, and how many sizes up to three times those of the readings.
+Smaller ones still would make it too sure that an air flow which hardly varies does not vary."""
 MEMORIES = (2 * HOUR, 6 * HOUR, DAY, 4 * DAY)
 NEGLIGIBLE = 0.003
 """Probability below which a size and memory are left out."""

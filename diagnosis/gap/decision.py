@@ -28,9 +28,10 @@ older sets gave that were made for the purpose: docs/blind-check.md has the figu
 took no part."""
 UNREJECTED = 0.2
 """Probability that the cause is none of the candidates though the best of them is not rejected: another law of another
-cause can look like it. This one and NOTHING are near their frequencies in the same sets."""
+cause can look like it. A best one that is rejected is held no surer. This one and NOTHING are near their frequencies in
+the same sets."""
 IN_REPLAY = 0.35
-"""At least this where actuators are replayed, rejected or not: of 92 answers in replay that named effects, in
+"""The same where actuators are replayed: of 92 answers in replay that named effects, in
 four opened sets (seeds 31415927, 16180339, 27182818 and 14142135), 57 held a true cause; of all others 173 of 211."""
 NOTHING = 0.37
 """Probability that there is no gap where none is found: most effects of half their usual size go unseen."""

@@ -39,14 +39,10 @@ def widened(base: Fit) -> tuple[Problem, Linearisation, int]:
         if one.source == "occupancy" and (problem.nuisance.turns & (problem.nuisance.column == place)).any():
             problem, around = _joined(problem, around, _late(problem.nuisance, place), None)
     for place, one in enumerate(system.inputs):
-        if one.source != "measured" or one.column not in driven.replayed:
-            continue
-        if one.name not in driven.meters:  # the description says nothing of how it was measured
-            continue
-        edges = np.append(np.arange(driven.start, driven.stop - 1.0, PULSE), driven.stop)
-        problem, around = _joined(
-            problem, around, _meter(edges, place, driven.meters[one.name], problem.recording), FOLLOWED
-        )
+        if one.name in driven.meters:
+            edges = np.append(np.arange(driven.start, driven.stop - 1.0, PULSE), driven.stop)
+            pulses = _meter(edges, place, driven.meters[one.name], problem.recording)
+            problem, around = _joined(problem, around, pulses, FOLLOWED)
     return problem, around, problem.simulations
 
 
@@ -79,7 +75,7 @@ def _meter(edges: np.ndarray, place: int, meter: Cleared, recording: Recording) 
         turns=np.zeros(count, dtype=bool),
         recorded=np.ones(count, dtype=bool),
         mean=np.zeros(count),
-        factor=np.linalg.cholesky(covariance + 1e-9 * np.diag(np.diag(covariance).max(initial=0.0) * np.ones(count))),
+        factor=np.linalg.cholesky(covariance + 1e-9 * covariance.max() * np.eye(count)),
     )
 
 

@@ -42,10 +42,10 @@ def _nowhere(report: Report) -> str:
     seemed = []
     if first.p_value <= LEVEL:
         seemed.append(
-            f"a candidate ({first.best}) stands out where the model is taken for a straight line, but fitted with the"
-            " parameters none is strong evidence"
+            "a candidate stands out where the model is taken for a straight line, but fitted with the parameters none"
+            " is strong evidence"
         )
-    if where_p <= LEVEL:
+    if where_p <= LEVEL / 2:
         what = f" ({report.where[0].text})" if report.where else ""
         seemed.append(f"a place{what} stands out, but what is left as a whole is no larger than noise")
     if seemed:

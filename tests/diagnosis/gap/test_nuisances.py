@@ -38,6 +38,10 @@ def test_a_meter_s_error_drives_the_model(tmp_path):
         means = np.kron(np.eye(int(HOURS) // 3), np.full(3, 1 / 3))
         meter = after.drive.meters[system.inputs[place].name]
         np.testing.assert_allclose(after.nuisance.sd[own] ** 2, np.diag(meter.covariance(means)), rtol=1e-6)
+        # what drives the model is what is expected, not what was read
+        middles = after.recording.time - 0.5 * after.recording.step
+        np.testing.assert_allclose(after.drive.signals[system.inputs[place].name].at(middles), meter.values)
+        assert not np.array_equal(meter.values, after.recording.outputs[system.output_names.index(name)])
         # what is known of a reading's neighbours makes it surer than the meter is
         sd = system.outputs[system.output_names.index(name)].noise["sensor"].sd
         assert (after.nuisance.sd[own] < sd * np.sqrt(SLOW + (1 - SLOW) / 3)).all()
