@@ -1,29 +1,30 @@
-"""Workers: on this machine, behind a scheduler that runs already, or as jobs of Slurm.
+"""Workers: on this machine, behind a scheduler that runs already, or as jobs of a queue.
 
 Whatever listens, listens on loopback unless told otherwise: a scheduler runs any code that reaches it.
 """
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
 import dask
 from dask.distributed import Client, LocalCluster
 
 from datagen.dispatch import PATIENCE
-from shared.errors import ZeroshotError
+from datagen.slurm import slurm
+from shared.errors import ClusterError
 from shared.interrupts import interrupts_held
 from shared.logs import fields, logger
 
 _PACKAGE = "zeroshot-fmu"
 LOOPBACK = "127.0.0.1"
 _log = logger(__name__)
-CLUSTERS = ("local", "slurm")
+QUEUES = {"slurm": slurm}
+"""Kinds of cluster whose workers are jobs of a queue: each makes one of so many jobs, from the users' options and the
+scheduler's own."""
 _CONFIG = {
     # a shard whose worker died comes back at once: the farm itself finds out whose fault it was
     "distributed.scheduler.allowed-failures": 0,
@@ -35,10 +36,6 @@ _CONFIG = {
     "distributed.worker.memory.pause": False,
     "distributed.worker.memory.terminate": 0.95,
 }
-
-
-class ClusterError(ZeroshotError):
-    """Workers cannot be had: a wrong address, another version, a missing package."""
 
 
 @contextmanager
@@ -55,13 +52,13 @@ def connect(
     Parameters
     ----------
     workers
-        Processes of a local cluster (by default one a core), or jobs of Slurm.
+        Processes of a local cluster (by default one a core), or jobs of a queue.
     scheduler
         Address of a scheduler that runs already, in place of a cluster of our own.
     cluster
-        ``local`` or ``slurm``.
+        ``local``, or one of :data:`QUEUES`.
     options
-        Of a Slurm job: ``queue``, ``account``, ``walltime``, ``memory``, ``cores``, ``interface``, ...
+        Of a job: ``queue``, ``account``, ``walltime``, ``memory``, ``cores``, ``interface``, ...
     host
         Address that our own scheduler listens on; loopback by default.
 
@@ -70,8 +67,8 @@ def connect(
     ClusterError
         If the scheduler does not answer, a worker has another version of this package, or a package is missing.
     """
-    if cluster not in CLUSTERS:
-        raise ClusterError(f"cluster is {cluster!r}; expected {' or '.join(CLUSTERS)}")
+    if cluster not in ("local", *QUEUES):
+        raise ClusterError(f"cluster is {cluster!r}; expected {' or '.join(['local', *QUEUES])}")
     if scheduler:
         try:
             client = Client(scheduler, timeout=20)
@@ -89,9 +86,10 @@ def connect(
             yield client
         return
     with dask.config.set(_CONFIG):
-        if cluster == "slurm":
-            with _slurm(workers or 1, dict(options or {}), host) as running, Client(running) as client:
-                _log.info("waiting for Slurm's first worker; dashboard at %s", running.dashboard_link)
+        if cluster in QUEUES:
+            listening = {"host": host or LOOPBACK, "dashboard_address": f"{LOOPBACK}:0"}
+            with QUEUES[cluster](workers or 1, dict(options or {}), listening) as running, Client(running) as client:
+                _log.info("waiting for the first worker of %s; dashboard at %s", cluster, running.dashboard_link)
                 client.wait_for_workers(1)
                 _check_versions(client)
                 yield client
@@ -120,34 +118,6 @@ def connect(
 
 def _say(workers: int, dashboard: str) -> None:
     _log.info("%d workers; dashboard at %s", workers, dashboard, extra=fields(workers=workers, dashboard=dashboard))
-
-
-def _slurm(jobs: int, options: dict[str, str], host: str | None) -> Any:
-    try:
-        from dask_jobqueue import SLURMCluster
-    except ImportError:
-        raise ClusterError("cluster slurm needs dask-jobqueue; install zeroshot-fmu[cluster]") from None
-    interface = options.pop("interface", None)
-    cores = int(options.pop("cores", "1"))
-    scheduler_options: dict[str, Any] = {"dashboard_address": f"{LOOPBACK}:0"}
-    if interface is None:
-        scheduler_options["host"] = host or LOOPBACK
-    settings: dict[str, Any] = {"memory": "2GiB", "walltime": "24:00:00", **options}
-    try:
-        cluster = SLURMCluster(
-            cores=cores,
-            processes=cores,
-            interface=interface,
-            scheduler_options=scheduler_options,
-            log_directory=str(Path(tempfile.gettempdir()) / "zeroshot-slurm"),
-            silence_logs="error",
-            **settings,
-        )
-    except (TypeError, ValueError) as error:
-        raise ClusterError(f"cluster options: {error}; expected those of dask_jobqueue.SLURMCluster") from None
-    # a job that ends, by its wall time or otherwise, is replaced
-    cluster.adapt(minimum_jobs=jobs, maximum_jobs=jobs, interval="5s")
-    return cluster
 
 
 def _wait(client: Client, scheduler: str) -> None:

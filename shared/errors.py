@@ -5,6 +5,7 @@
     ├── WeatherError              a weather file cannot be used
     ├── FmuError                  an FMU cannot be unpacked, loaded or instantiated
     ├── SimulationError           a simulation did not reach its end
+    ├── ClusterError              workers cannot be had
     ├── DatasetError              a dataset, shard or manifest cannot be used
     ├── EstimatorError            a training run or a checkpoint cannot be used
     ├── RecordingError            a recording cannot be used
@@ -32,6 +33,10 @@ class FmuError(ZeroshotError):
 
 class SimulationError(ZeroshotError):
     """A simulation failed; the text gives the time, the cause and the FMU's own log."""
+
+
+class ClusterError(ZeroshotError):
+    """Workers cannot be had: a wrong address, another version, a missing package."""
 
 
 class DatasetError(ZeroshotError):

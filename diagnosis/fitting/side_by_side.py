@@ -84,7 +84,7 @@ def side_by_side(simulator: Simulator, *, workers: int = 1, scheduler: str | Non
 
     Raises
     ------
-    datagen.cluster.ClusterError
+    ClusterError
         If the scheduler does not answer.
     """
     if scheduler is not None:
