@@ -20,7 +20,7 @@ _MOST = 14
 
 
 def draw_candidates(done: Diagnosis) -> Figure:
-    """Log-likelihood ratios of all candidates beside what the best of all candidates reaches in twins."""
+    """Log-likelihood ratios of all candidates beside what they must reach, all of them considered."""
     scan = done.search.stages[0].scan
     order = np.argsort(-scan.ratio, kind="stable")[:_MOST][::-1]
     made = Figure(figsize=(10, 0.28 * len(order) + 1.0), layout="constrained")
@@ -28,11 +28,11 @@ def draw_candidates(done: Diagnosis) -> Figure:
     names = [scan.effects[j].name for j in order]
     named = {name for one in done.report.sets for name in one}
     axes.barh(names, np.maximum(scan.ratio[order], 0.05), color=[BLUE if n in named else GREY for n in names])
-    axes.axvline(scan.threshold, color=RED, lw=1)
+    axes.scatter(scan.threshold[order], names, marker="|", s=90, color=RED, zorder=3)
     axes.set_xscale("log")
     axes.set_xlabel("log-likelihood ratio, each with the parameters refitted on the straight line (log scale)")
     axes.set_title(
-        "Red: what the best of all candidates reaches in 5 % of the twins, which have no gap. Blue: the answer.",
+        "Red: what is a gap; in 5 % of the twins, which have none, some candidate reaches its own. Blue: the answer.",
         fontsize=9,
         loc="left",
     )

@@ -1,4 +1,7 @@
-"""Where the gap lies: residual and twins handed to :mod:`diagnosis.where`, with operators for missing sources."""
+"""Where the gap lies: residual and twins handed to :mod:`diagnosis.where`, with operators for missing sources.
+
+And the stretch that stands out most, as a finding among the others.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,9 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.gap.stages import Stage
-from diagnosis.where import Operator, Residuals, Where, find_regimes, locate
+from diagnosis.gap.twins import SHOWN
+from diagnosis.where import Finding, Operator, Residuals, Where, find_regimes, locate
+from diagnosis.where.episodes import period
 
 
 def place(stage: Stage, observed: np.ndarray, operators: list[Operator]) -> Where:
@@ -49,3 +54,27 @@ def left_of(stage: Stage, response: np.ndarray) -> np.ndarray:
     for k in grams.channels:
         scores += grams.whitened_columns(k, colours[k]).T @ grams.whitened(k, colours[k], response[k])
     return np.asarray(response - grams.explained(stage.twins.left.inner(scores)))
+
+
+def stretch(stage: Stage) -> list[Finding]:
+    """The episode of a stage, if it is one."""
+    one = stage.tested.episode
+    if one is None or not stage.episodic:
+        return []
+    problem = stage.lin.problem
+    output, time = problem.system.outputs[one.channel], problem.time
+    begin = float(time[0]) - problem.recording.step
+    when = period(begin, float(time[one.first]), float(time[one.last]), float(time[-1]))
+    return [
+        Finding(
+            kind="episode",
+            channel=output.name,
+            label=output.long_name or output.name,
+            cell=when | {"statistic": "offset"},
+            p_value=max(one.p_value, 1 / (SHOWN + 1)),  # as fine as those of all other places
+            direction="measured higher" if one.offset > 0 else "measured lower",
+            size=one.offset,
+            unit=output.unit,
+            t=float(np.sign(one.offset) * np.sqrt(2 * one.ratio)),
+        )
+    ]

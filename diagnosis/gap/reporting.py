@@ -10,6 +10,7 @@ from diagnosis.fitting.fit import Fit
 from diagnosis.fitting.unknowns import EDGE
 from diagnosis.gap.conditions import Otherwise, expected
 from diagnosis.gap.decision import Decision
+from diagnosis.gap.places import stretch
 from diagnosis.gap.refit import Refit
 from diagnosis.gap.schema import (
     ConditionOf,
@@ -62,7 +63,7 @@ def reported(
         none_of_these=decision.none,
         no_gap=decision.nothing,
         rejected=decision.rejected,
-        where=_places(where, dict(zip(problem.system.output_names, problem.floor.tolist(), strict=True))),
+        where=_places(where, first, dict(zip(problem.system.output_names, problem.floor.tolist(), strict=True))),
         balance=where.verdict,
         sources=_sources(where),
         sources_unknown=unknown,
@@ -125,8 +126,12 @@ def _effects(search: Search, decision: Decision) -> list[NamedEffect]:
     return sorted(found, key=lambda one: -one.probability)
 
 
-def _places(where: Where, noise: dict[str, float]) -> list[Place]:
-    """Findings, the surest first; equally sure ones by their size in units of the channel's noise."""
+def _places(where: Where, first: Stage, noise: dict[str, float]) -> list[Place]:
+    """Findings, the surest first; equally sure ones by their size in units of the channel's noise.
+
+    What stood out once comes after what does so again and again.
+    """
+    once = stretch(first)
     found = [
         Place(
             channel=one.channel,
@@ -137,12 +142,12 @@ def _places(where: Where, noise: dict[str, float]) -> list[Place]:
             size=one.size,
             unit=one.unit,
         )
-        for one in where.findings
+        for one in where.findings + once
         if not one.direction.startswith("less")  # twins that scatter more than the recording are no gap of it
     ]
 
     def rank(one: Place) -> tuple[float, float]:
-        alike = one.kind in ("cell", "episode") and one.channel in noise
+        alike = one.kind in ("cell", "episode") and one.channel in noise and one.cell.get("statistic") != "offset"
         return one.p_value, -abs(one.size) / noise[one.channel] if alike else 0.0
 
     return sorted(found, key=rank)
@@ -190,7 +195,7 @@ def _detectability(first: Stage) -> list[Detectability]:
                 name=effect.name,
                 share=float(scan.share[j]),
                 expected=float(scan.expected[j]),
-                smallest=_smallest(effect, float(scan.expected[j]), scan.threshold),
+                smallest=_smallest(effect, float(scan.expected[j]), float(scan.threshold[j])),
                 confusable=[scan.effects[i].name for i in scan.alike(j, TYPICAL)],
                 ratio=float(scan.ratio[j]),
                 p_value=float(scan.adjusted[j]),
@@ -207,11 +212,10 @@ def _smallest(effect: Effect, reached: float, threshold: float) -> float | None:
 
 def _otherwise(one: Otherwise, first: Stage, size: np.ndarray) -> ConditionOf:
     reached = expected(one, first.colours.best, size)
-    effects = {effect.name: effect for effect in first.lin.effects}
-    kept = {name: value for name, value in reached.items() if name in effects}
+    seen = zip(first.lin.effects, first.scan.threshold.tolist(), strict=True)
     return ConditionOf(
         condition=one.condition,
-        smallest={name: _smallest(effects[name], value, first.scan.threshold) for name, value in kept.items()},
+        smallest={one.name: _smallest(one, reached[one.name], least) for one, least in seen if one.name in reached},
     )
 
 
@@ -247,7 +251,9 @@ def _stages(search: Search, where: Where, where_left: Where | None) -> list[Stag
                 p_value=stage.tested.p_value,
                 misfit_p=stage.tested.misfit_p,
                 where_p=p,
+                episode_p=stage.tested.episode.p_value if stage.tested.episode else None,
                 left_over=stage.left_over,
+                episode_gain=stage.tested.episode.gain if stage.tested.episode else 0.0,
             )
         )
     return found

@@ -3,7 +3,9 @@
 For a candidate with signature e that nuisance and parameters cannot imitate (F = e'e, g = e'r after projection), the
 log-likelihood ratio is the largest of a g - a^2 F / 2 over the amplitudes a that it may have (the score test, Cox and
 Hinkley 1974, section 9.3). Its null is that of twins, and the family's is the largest over all candidates (Westfall and
-Young 1993), so that many candidates cost their due. What is tested is whether an amplitude is more than negligible.
+Young 1993), so that many candidates cost their due; each in units of what it reaches in few of the twins itself, much
+as with smallest p-values (the same, section 2.6): slow noise lets an offset reach what an infiltration never does, and
+is not to hide one. What is tested is whether an amplitude is more than negligible.
 """
 
 from __future__ import annotations
@@ -21,6 +23,10 @@ from diagnosis.where.significance import rank_p
 NEGLIGIBLE = 0.1
 """Amplitude [scales] up to which an effect is none that matters: a model is right to no better than that, and finer
 differences between a wall and its model would otherwise pass for small effects."""
+RARE = 0.02
+"""Share of the twins in which a candidate's log-likelihood ratio is above its unit."""
+LEAST = 0.3
+"""Least unit of a log-likelihood ratio: no candidate is seen by what is nothing for any other."""
 SEEN = 0.05
 """Squared length of a signature, at one scale, below which a candidate takes no part."""
 PRIORS = (0.5, 1.0, 2.0, 4.0)
@@ -36,7 +42,8 @@ class Scan:
     ``share`` of its whitened signature that nuisance and parameters cannot imitate; ``expected``
     log-likelihood ratio at one scale; ``amplitude`` [scales], ``ratio`` and ``evidence`` (log Bayes factor) found;
     ``adjusted`` family-wise p; ``cosines`` (candidates, candidates) between what cannot be imitated. ``p_value`` of the
-    family, ``misfit_p`` of the residual's whole square.
+    family, ``misfit_p`` of the residual's whole square. ``threshold``: ratio of each candidate that the family exceeds
+    in 5 % of the twins.
     """
 
     effects: tuple[Effect, ...]
@@ -50,7 +57,7 @@ class Scan:
     p_value: float
     misfit: float
     misfit_p: float
-    threshold: float
+    threshold: np.ndarray
 
     @property
     def order(self) -> list[int]:
@@ -73,12 +80,13 @@ def scan(twins: Twins, effects: tuple[Effect, ...], misfit: float) -> Scan:
     kept = size > SEEN
     amplitude, ratio = ratios(left, left.score[:, None], low, high)
     _, null = ratios(left, left.score_of(twins.scores), low, high)
+    unit = np.maximum(np.quantile(null, 1 - RARE, axis=1), LEAST)
     none = np.zeros((1, twins.scores.shape[1]))
-    most = np.concatenate([none, null[kept]]).max(axis=0)
+    most = np.concatenate([none, (null / unit[:, None])[kept]]).max(axis=0)
     found = ratio[:, 0] * kept
     # over the best amplitude that does not matter; the twins' ratios are over none at all, which errs to the safe side
     small = np.minimum(high, NEGLIGIBLE)
-    beyond = (ratio - ratios(left, left.score[:, None], np.maximum(low, -NEGLIGIBLE), small)[1])[:, 0] * kept
+    beyond = (ratio - ratios(left, left.score[:, None], np.maximum(low, -NEGLIGIBLE), small)[1])[:, 0] * kept / unit
     largest = float(beyond.max(initial=0.0))
     length = np.sqrt(np.maximum(size, 1e-12))
     return Scan(
@@ -93,7 +101,7 @@ def scan(twins: Twins, effects: tuple[Effect, ...], misfit: float) -> Scan:
         p_value=float(rank_p(np.array([largest]), most)[0]),
         misfit=misfit,
         misfit_p=float(rank_p(np.array([misfit]), twins.misfits)[0]),
-        threshold=float(np.quantile(most, 0.95)),
+        threshold=np.quantile(most, 0.95) * unit,
     )
 
 

@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from diagnosis.gap.decision import Verdict
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 
 
 class _Table(BaseModel):
@@ -129,8 +129,9 @@ class StageOf(_Table):
     """One stage of the search.
 
     With which effects, and the best further candidate of what is fitted; of all readings p of the best candidate
-    (family-wise), p of the residual's whole square, p of where the residual lies, and how much log evidence a
-    causeless discrepancy would still gain.
+    (family-wise), p of the residual's whole square, p of where the residual lies, p of the stretch of one channel that
+    reads off the most, and how much log evidence a discrepancy without a cause would still gain: slow or for a while
+    (``left_over``), and for a while.
     """
 
     effects: list[str]
@@ -139,7 +140,9 @@ class StageOf(_Table):
     p_value: float
     misfit_p: float
     where_p: float | None
+    episode_p: float | None
     left_over: float
+    episode_gain: float
 
 
 class NoiseOf(_Table):

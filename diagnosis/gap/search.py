@@ -21,7 +21,7 @@ from diagnosis.gap.nuisances import widened
 from diagnosis.gap.refit import Refit, linear_start, refit
 from diagnosis.gap.renewal import settled
 from diagnosis.gap.scan import NEGLIGIBLE
-from diagnosis.gap.stages import LEVEL, STRONG, Stage, examine
+from diagnosis.gap.stages import CLEAR, LEVEL, STRONG, Stage, examine
 from shared.errors import SimulationError
 
 FURTHER = 5
@@ -32,8 +32,6 @@ MOST_REFITS = 6
 LEAST_REFITS = 3
 NEAR = 8.0
 """Log Bayes factor within which a candidate is as good as the best, as far as a straight line can tell."""
-CLEAR = 5.0
-"""Log Bayes factor that a further effect must reach."""
 MOST_EFFECTS = 2
 PARSIMONY = 0.6
 """A further effect must leave less than this share of what was left without a cause before it, of what is fitted, and
@@ -120,7 +118,7 @@ def search(
         lin, count = among(one, usable), one.simulations
     stage = examine(lin, observed, size, every, seed=seed)
     count += 0 if known is not None else lin.simulations
-    if known is None and not base.converged and (stage.candidate_found or stage.misfits):
+    if known is None and not base.converged and (stage.candidate_found or stage.misfits or stage.episodic):
         # what looks like a gap may be a fit that stopped early
         tell("going on with the fit of the base model")
         more = fit(base.problem, [base.z], rounds=FURTHER, around=base.around)
@@ -140,7 +138,7 @@ def search(
         refits = [one for one in refitted(stage, tell, found) if abs(one.lin.amplitudes[-1]) >= NEGLIGIBLE]
         gain = refits[0].evidence - stage.grams.evidence(stage.colours.best) if refits else -np.inf
         if first:
-            found.confirmed = gain >= STRONG or stage.misfits or stage.left_over > STRONG
+            found.confirmed = gain >= STRONG or stage.misfits or stage.episodic or stage.left_over > STRONG
         if not refits or not found.confirmed or (not first and gain < CLEAR):
             break
         best = refits[0]

@@ -7,24 +7,28 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.gap.colours import Colours, discrepancy, estimated_colours
+from diagnosis.gap.episode import Episode, largest_episode
 from diagnosis.gap.grams import Colour, Grams
 from diagnosis.gap.linear import Linearised
 from diagnosis.gap.scan import Scan, scan
 from diagnosis.gap.twins import TWINS, Twins, draw_twins
 
 LEVEL = 0.02
-"""Family-wise level at which a candidate is a gap, and at half of it each misfit of whatever kind: 0.04 in all."""
+"""Family-wise level at which a candidate is a gap, and at half of it each misfit of whatever kind: 0.05 in all."""
 STRONG = 3.0
 """Log Bayes factor that Kass and Raftery (1995, Journal of the American Statistical Association 90:773) call strong."""
+CLEAR = 5.0
+"""Log Bayes factor that is very strong to them, and more."""
 
 
 @dataclass(frozen=True)
 class Tested:
-    """Family-wise p of the best candidate, p of the residual's square, and gain of a discrepancy without a cause."""
+    """Family-wise p of the best candidate, p of the residual's square, gain of a slow discrepancy, and an episode."""
 
     p_value: float
     misfit_p: float
-    left_over: float
+    slow: float
+    episode: Episode | None
 
 
 @dataclass(frozen=True)
@@ -54,9 +58,16 @@ class Stage:
         return self.tested.misfit_p <= LEVEL / 2
 
     @property
+    def episodic(self) -> bool:
+        """Whether one channel reads off for a while, as it does in no twin and more than by chance."""
+        one = self.tested.episode
+        return one is not None and one.p_value <= LEVEL / 2 and one.gain > CLEAR
+
+    @property
     def left_over(self) -> float:
-        """Gain in log evidence of a discrepancy without a cause, of all readings."""
-        return self.tested.left_over
+        """Gain in log evidence of a discrepancy without a cause, slow or for a while, of all readings."""
+        one = self.tested.episode
+        return max(self.tested.slow, one.gain if one is not None else 0.0)
 
 
 def examine(
@@ -85,7 +96,7 @@ def examine(
     drawn = draw_twins(grams, colours, twins, seed)
     left_over, discrepant = discrepancy(grams, colours, size)
     found = scan(drawn, lin.effects, drawn.left.square)
-    tested = Tested(found.p_value, found.misfit_p, left_over)
+    tested = Tested(found.p_value, found.misfit_p, left_over, largest_episode(grams, colours, drawn))
     if every is not None and not np.array_equal(every, observed):
         tested = examine(lin, every, size, twins=twins, seed=seed).tested
     return Stage(lin, grams, colours, drawn, found, left_over, discrepant, tested)

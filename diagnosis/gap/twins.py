@@ -23,12 +23,14 @@ SHOWN = 200
 class Twins:
     """Twins and what they leave.
 
-    ``scores`` (columns, twins) and ``squares`` (twins,) of whitened rows; ``residuals`` (shown, outputs, steps)
-    [unit of each] after estimation, and ``residual`` (outputs, steps), the recording's own by the same map.
+    ``rows``: by channel, whitened (readings, twins); ``scores`` (columns, twins) and ``squares`` (twins,) of them;
+    ``residuals`` (shown, outputs, steps) [unit of each] after estimation, and ``residual`` (outputs, steps), the
+    recording's own by the same map.
     """
 
     product: Product
     left: Projected
+    rows: dict[int, np.ndarray]
     scores: np.ndarray
     squares: np.ndarray
     residuals: np.ndarray
@@ -60,7 +62,7 @@ def draw_twins(grams: Grams, colours: Colours, count: int = TWINS, seed: int = 0
         ]
     )
     time = grams.lin.problem.time
-    scores, squares = np.zeros((len(product.score), count)), np.zeros(count)
+    scores, squares, whitened = np.zeros((len(product.score), count)), np.zeros(count), {}
     series = np.full((len(grams.rows), len(time), count), np.nan)
     model = grams.explained(true)
     for k in range(len(grams.rows)):
@@ -69,7 +71,7 @@ def draw_twins(grams: Grams, colours: Colours, count: int = TWINS, seed: int = 0
         errors = draw_errors(colours.weights[k], time, count, rng)
         series[k] = model[k] + errors
         columns = grams.whitened_columns(k, colours.best[k])
-        rows = grams.whitened(k, colours.best[k], series[k])
+        rows = whitened[k] = grams.whitened(k, colours.best[k], series[k])
         scores += columns.T @ rows
         squares += np.sum(rows**2, axis=0)
     shown = min(count, SHOWN)
@@ -77,7 +79,7 @@ def draw_twins(grams: Grams, colours: Colours, count: int = TWINS, seed: int = 0
     residuals = series[..., :shown] - grams.explained(found)
     own = grams.rows - grams.explained(cho_solve((left.root, True), product.score[:inner]))
     own = np.where(np.isfinite(grams.lin.residual), own, np.nan)
-    return Twins(product, left, scores, squares, np.moveaxis(residuals, -1, 0), own)
+    return Twins(product, left, whitened, scores, squares, np.moveaxis(residuals, -1, 0), own)
 
 
 def draw_errors(

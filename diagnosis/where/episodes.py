@@ -170,15 +170,12 @@ def _finding(
     residuals: Residuals, k: int, statistic: str, amount: float, t: float, p_value: float, first: float, last: float
 ) -> Finding:
     words = {"mean": ("measured higher", "measured lower"), "variance": ("more scatter", "less scatter")}
-    begin = residuals.time[0] - residuals.step
-    days = [(at - begin) / DAY for at in (first, last)]
-    to_end = last >= residuals.time[-1]
-    period = f"from day {days[0]:.2f} on" if to_end else f"from day {days[0]:.2f} to day {days[1]:.2f}"
+    begin = float(residuals.time[0] - residuals.step)
     return Finding(
         kind="episode",
         channel=residuals.names[k],
         label=residuals.labels[k],
-        cell={"period": period, "first_s": f"{first:.0f}", "last_s": f"{last:.0f}", "statistic": statistic},
+        cell=period(begin, first, last, float(residuals.time[-1])) | {"statistic": statistic},
         p_value=p_value,
         direction=words[statistic][0 if amount > 0 else 1],
         size=amount,
@@ -187,4 +184,11 @@ def _finding(
     )
 
 
-__all__ = ["EpisodeTest", "scan_episodes"]
+def period(begin: float, first: float, last: float, end: float) -> dict[str, str]:
+    """A stretch in words, and its first and last reading's times [s]; ``begin`` and ``end`` are the recording's."""
+    days = [(at - begin) / DAY for at in (first, last)]
+    words = f"from day {days[0]:.2f} on" if last >= end else f"from day {days[0]:.2f} to day {days[1]:.2f}"
+    return {"period": words, "first_s": f"{first:.0f}", "last_s": f"{last:.0f}"}
+
+
+__all__ = ["EpisodeTest", "period", "scan_episodes"]

@@ -5,17 +5,28 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagnosis.gap.decision import IN_REPLAY, NOTHING, UNREJECTED, decide
+from diagnosis.gap.decision import NOTHING, REPLAYED, SIMULATED, STEEP, decide
 from diagnosis.gap.search import PARSIMONY, worth_more
 
 EFFECTS = ("one", "two", "three")
 
 
-def stage(*, found=True, misfits=True, left_over=100.0, chosen=(), evidence=(50.0, 48.0, 1.0), p=0.0025, replay=False):
+def stage(
+    *,
+    found=True,
+    misfits=True,
+    episodic=False,
+    left_over=100.0,
+    chosen=(),
+    evidence=(50.0, 48.0, 1.0),
+    p=0.0025,
+    replay=False,
+):
     effects = tuple(SimpleNamespace(name=name) for name in EFFECTS if name not in chosen)
     return SimpleNamespace(
         candidate_found=found,
         misfits=misfits,
+        episodic=episodic,
         left_over=left_over,
         discrepant={},
         lin=SimpleNamespace(effects=effects, chosen=chosen, problem=SimpleNamespace(replay=replay)),
@@ -53,6 +64,11 @@ def test_a_place_alone_is_a_gap_without_a_cause_if_a_discrepancy_is_plausible(le
     assert decide(searched([only], []), 0.01, 0.01).verdict == verdict
 
 
+def test_an_episode_alone_is_a_gap_without_a_cause():
+    only = stage(found=False, misfits=False, episodic=True, left_over=0.0)
+    assert decide(searched([only], []), 0.5, 0.5).verdict == "none_of_these"
+
+
 @pytest.mark.parametrize(("misfits", "verdict"), [(False, "no_gap"), (True, "none_of_these")])
 def test_a_candidate_that_no_refit_confirms_is_no_gap_by_itself(misfits, verdict):
     only = stage(found=True, misfits=misfits, left_over=0.0)
@@ -71,14 +87,24 @@ def test_the_cause_that_is_far_better_is_named_alone():
     assert done.probabilities["one"] == pytest.approx((1 - done.none) * weights[0] / weights.sum())
 
 
-@pytest.mark.parametrize(("replay", "least"), [(False, UNREJECTED), (True, IN_REPLAY)])
-@pytest.mark.parametrize("left_over", [0.0, 5.0])
-def test_an_answer_in_replay_is_less_sure_rejected_or_not(replay, least, left_over):
-    after = stage(found=False, misfits=left_over > 0, left_over=left_over, chosen=("one",), replay=replay)
+@pytest.mark.parametrize(("replay", "usual"), [(False, SIMULATED), (True, REPLAYED)])
+def test_an_answer_that_is_not_rejected_is_as_sure_as_such_answers_were(replay, usual):
+    after = stage(found=False, misfits=False, left_over=0.0, chosen=("one",), replay=replay)
     done = decide(searched([stage(replay=replay), after], [refits(one=0.0, two=-30.0)]), 0.002, 0.5)
-    assert (done.named, done.rejected) == (("one",), left_over > 0)
-    assert done.none == pytest.approx(least)
-    assert done.probabilities["one"] == pytest.approx(1 - least)
+    assert (done.named, done.rejected) == (("one",), False)
+    assert done.none == pytest.approx(usual.least)
+    assert done.probabilities["one"] == pytest.approx(1 - usual.least)
+
+
+@pytest.mark.parametrize(("replay", "usual"), [(False, SIMULATED), (True, REPLAYED)])
+@pytest.mark.parametrize("left_over", [0.0, 5.0, 60.0])
+def test_a_rejected_answer_is_no_surer_and_in_replay_far_less_sure(replay, usual, left_over):
+    after = stage(found=False, misfits=True, left_over=left_over, chosen=("one",), replay=replay)
+    done = decide(searched([stage(replay=replay), after], [refits(one=0.0, two=-30.0)]), 0.002, 0.5)
+    assert done.rejected
+    assert done.none == pytest.approx(1 / (1 + np.exp(-(left_over / 100 - usual.half) / STEEP)))
+    assert done.none > usual.least
+    assert (done.verdict == "none_of_these") is (done.none > 0.5) is (done.named == ())
 
 
 def test_causes_that_are_equally_good_are_a_set():

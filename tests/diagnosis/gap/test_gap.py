@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from diagnosis.gap import Report, diagnose
-from diagnosis.gap.decision import NOTHING, UNREJECTED
+from diagnosis.gap.decision import NOTHING, SIMULATED
 from tests.diagnosis.gap.gap_cases import candidates, changed, drifting
 
 
@@ -20,7 +20,7 @@ def test_a_drifting_sensor_is_found_told_how_large_and_removed(house, house_reco
     assert [one.name for one in report.effects if one.named] == ["drift"]
     first = report.effects[0]
     assert first.low < 3.0 < first.high
-    assert first.probability == pytest.approx(1 - UNREJECTED, abs=0.01)
+    assert first.probability == pytest.approx(1 - SIMULATED.least, abs=0.01)
     (room,) = report.shrinkage
     assert room.share > 0.8 > room.placebo
     assert room.before > 2 * room.floor

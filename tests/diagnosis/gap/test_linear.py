@@ -10,7 +10,7 @@ from diagnosis.effects.base import Nothing
 from diagnosis.gap.colours import Colours, discrepancy, estimated_colours, mean_colour
 from diagnosis.gap.grams import AMPLITUDE, Grams, projected
 from diagnosis.gap.parts import kept_for_scoring
-from diagnosis.gap.scan import scan
+from diagnosis.gap.scan import ratios, scan
 from diagnosis.gap.stages import examine
 from diagnosis.gap.twins import draw_twins
 
@@ -119,6 +119,25 @@ def test_without_a_gap_p_values_are_small_no_oftener_than_they_say_and_with_one_
     assert np.mean(np.array(misfit) <= 0.1) < 0.25
     assert np.mean(np.array(p) <= 0.1) < 0.2
     assert np.mean(p) > 0.4  # what is tested is more than a negligible amplitude: errs to the safe side
+
+
+def test_a_candidate_that_noise_imitates_does_not_hide_one_that_it_does_not():
+    """An offset reaches much where noise may be slow; what a ripple reaches is judged by what ripples reach."""
+    rng = np.random.default_rng(8)
+    lin = problem_of(rng)
+    slow, white = (1.0, 3.0, 40 * HOUR), (1.0, 0.0, HOUR)
+    lin.by_effect[..., 0] = 1.0
+    lin.by_effect[..., 1] = (-1.0) ** np.arange(STEPS)
+    unsure = Colours({0: white, 1: white}, {k: [(white, 0.9), (slow, 0.1)] for k in (0, 1)}, 0.0)
+    lin.residual = rng.standard_normal(lin.residual.shape) + 0.5 * lin.by_effect[..., 1]
+    observed = np.ones(lin.residual.shape, dtype=bool)
+    twins = draw_twins(Grams(lin, observed), unsure, 399)
+    found = scan(twins, lin.effects, twins.left.square)
+    low, high = (np.array([getattr(one, end) / one.scale for one in lin.effects]) for end in ("lower", "upper"))
+    _, null = ratios(twins.left, twins.left.score_of(twins.scores), low, high)
+    assert np.mean(null.max(axis=0) >= found.ratio[1]) > 0.05  # in units of its own it stands out, not of the offset's
+    assert found.adjusted[1] <= 0.02
+    assert found.threshold[0] > 3 * found.threshold[1]
 
 
 def test_an_effect_of_negligible_size_is_no_gap_however_clear():

@@ -101,7 +101,17 @@ def test_nothing_is_said_of_conditions_that_were_as_good_as_they_get():
 
 def stage(p_value, where_p):
     """``best`` is of the part that is fitted, the p-values are of all readings: they may be of different candidates."""
-    return StageOf(effects=[], best="fan", ratio=5.0, p_value=p_value, misfit_p=0.9, where_p=where_p, left_over=0.0)
+    return StageOf(
+        effects=[],
+        best="fan",
+        ratio=5.0,
+        p_value=p_value,
+        misfit_p=0.9,
+        where_p=where_p,
+        episode_p=0.5,
+        left_over=0.0,
+        episode_gain=0.0,
+    )
 
 
 def test_where_there_is_no_gap_what_seemed_to_be_one_is_said():
