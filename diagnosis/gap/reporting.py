@@ -129,9 +129,9 @@ def _effects(search: Search, decision: Decision) -> list[NamedEffect]:
 def _places(where: Where, first: Stage, noise: dict[str, float]) -> list[Place]:
     """Findings, the surest first; equally sure ones by their size in units of the channel's noise.
 
-    What stood out once comes after what does so again and again.
+    What stood out once comes after cells, which do so again and again.
     """
-    once = stretch(first)
+    once, again = stretch(first), any(one.kind == "cell" for one in where.findings)
     found = [
         Place(
             channel=one.channel,
@@ -147,7 +147,8 @@ def _places(where: Where, first: Stage, noise: dict[str, float]) -> list[Place]:
     ]
 
     def rank(one: Place) -> tuple[float, float]:
-        alike = one.kind in ("cell", "episode") and one.channel in noise and one.cell.get("statistic") != "offset"
+        alike = one.kind in ("cell", "episode") and one.channel in noise
+        alike = alike and not (again and one.cell.get("statistic") == "offset")
         return one.p_value, -abs(one.size) / noise[one.channel] if alike else 0.0
 
     return sorted(found, key=rank)
