@@ -3,7 +3,8 @@
 Candidates are weighed by their evidence with an error that is as wide as what the best of them leaves unexplained: a
 cause that acts by a somewhat other law than its candidate must not make one candidate certain against another. That
 none of the candidates is the cause is weighed by how much is left: when the best fit is rejected on its own twins, the
-share of the first gain of a causeless discrepancy (:mod:`diagnosis.gap.colours`) that is still there.
+share of the first gain of a discrepancy without a cause that is still there, slow (:mod:`diagnosis.gap.colours`) or
+over a stretch (:mod:`diagnosis.gap.episode`).
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from scipy.special import expit
 
 from diagnosis.gap.refit import Refit
 from diagnosis.gap.search import LEVEL, Search
-from diagnosis.gap.stages import STRONG, Stage
+from diagnosis.gap.stages import Stage
 
 Verdict = Literal["effect", "ambiguous", "none_of_these", "no_gap"]
 
@@ -69,10 +70,10 @@ def gap_found(stage: Stage, where_p: float, confirmed: bool = True) -> bool:
     """Whether model and recording differ in any of four ways, each against the same twins.
 
     A candidate that the straight line finds is a gap if a refit confirmed it (:attr:`.search.Search.confirmed`).
-    A place alone is a gap only if a discrepancy without a cause is plausible, too: people who come and go within a step
-    scatter more widely than the twins' do.
+    A place alone is a gap only if a discrepancy without a cause is strong evidence, too: people who come and go within
+    a step scatter more widely than the twins' do.
     """
-    placed = where_p <= LEVEL / 2 and stage.left_over > STRONG
+    placed = where_p <= LEVEL / 2 and stage.discrepancy
     return (stage.candidate_found and confirmed) or stage.misfits or stage.episodic or placed
 
 

@@ -63,8 +63,8 @@ def stretch(stage: Stage) -> list[Finding]:
         return []
     problem = stage.lin.problem
     output, time = problem.system.outputs[one.channel], problem.time
-    begin = float(time[0]) - problem.recording.step
-    when = period(begin, float(time[one.first]), float(time[one.last]), float(time[-1]))
+    step = problem.recording.step
+    when = period(float(time[0]) - step, float(time[one.first]) - step, float(time[one.last]), float(time[-1]))
     return [
         Finding(
             kind="episode",

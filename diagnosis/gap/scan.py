@@ -41,9 +41,9 @@ class Scan:
 
     ``share`` of its whitened signature that nuisance and parameters cannot imitate; ``expected``
     log-likelihood ratio at one scale; ``amplitude`` [scales], ``ratio`` and ``evidence`` (log Bayes factor) found;
-    ``adjusted`` family-wise p; ``cosines`` (candidates, candidates) between what cannot be imitated. ``p_value`` of the
-    family, ``misfit_p`` of the residual's whole square. ``threshold``: ratio of each candidate that the family exceeds
-    in 5 % of the twins.
+    ``adjusted`` family-wise p, and ``foremost`` the candidate with the least; ``cosines`` (candidates, candidates)
+    between what cannot be imitated. ``p_value`` of the family, ``misfit_p`` of the residual's whole square.
+    ``threshold``: ratios of which some candidate reaches its own in 5 % of the twins.
     """
 
     effects: tuple[Effect, ...]
@@ -53,6 +53,7 @@ class Scan:
     ratio: np.ndarray
     evidence: np.ndarray
     adjusted: np.ndarray
+    foremost: int | None
     cosines: np.ndarray
     p_value: float
     misfit: float
@@ -80,7 +81,8 @@ def scan(twins: Twins, effects: tuple[Effect, ...], misfit: float) -> Scan:
     kept = size > SEEN
     amplitude, ratio = ratios(left, left.score[:, None], low, high)
     _, null = ratios(left, left.score_of(twins.scores), low, high)
-    unit = np.maximum(np.quantile(null, 1 - RARE, axis=1), LEAST)
+    # the recording among its twins, lest it be measured by a unit that they alone made
+    unit = np.maximum(np.quantile(np.column_stack([ratio, null]), 1 - RARE, axis=1), LEAST)
     none = np.zeros((1, twins.scores.shape[1]))
     most = np.concatenate([none, (null / unit[:, None])[kept]]).max(axis=0)
     found = ratio[:, 0] * kept
@@ -97,6 +99,7 @@ def scan(twins: Twins, effects: tuple[Effect, ...], misfit: float) -> Scan:
         ratio=found,
         evidence=np.where(kept, _factors(left, low), 0.0),
         adjusted=rank_p(beyond, most),
+        foremost=int(np.argmax(beyond)) if largest > 0 else None,
         cosines=np.clip(left.information / np.outer(length, length), -1, 1),
         p_value=float(rank_p(np.array([largest]), most)[0]),
         misfit=misfit,

@@ -44,7 +44,7 @@ Tell = Callable[[str], None]
 class Search:
     """All stages, the base model's fit, the refits made at each stage (best first), and why candidates were not tried.
 
-    ``confirmed``: whether what the straight line found at first is there in a refit, or in the residual's size.
+    ``confirmed``: whether what the straight line found at first is there in a refit, or in the residual itself.
     ``simulations`` in all of the search; ``made``: refits and linearisations by the stages that led to them.
     """
 
@@ -138,7 +138,7 @@ def search(
         refits = [one for one in refitted(stage, tell, found) if abs(one.lin.amplitudes[-1]) >= NEGLIGIBLE]
         gain = refits[0].evidence - stage.grams.evidence(stage.colours.best) if refits else -np.inf
         if first:
-            found.confirmed = gain >= STRONG or stage.misfits or stage.episodic or stage.left_over > STRONG
+            found.confirmed = gain >= STRONG or stage.misfits or stage.discrepancy
         if not refits or not found.confirmed or (not first and gain < CLEAR):
             break
         best = refits[0]
@@ -190,11 +190,17 @@ def among(one: Refit, effects: Sequence[Effect]) -> Linearised:
 
 
 def refitted(stage: Stage, tell: Tell, found: Search) -> list[Refit]:
-    """The most plausible candidates, each refitted with the parameters and with what was chosen before; best first."""
-    best = stage.scan.evidence.max(initial=-np.inf)
+    """The most plausible candidates, each refitted with the parameters and with what was chosen before; best first.
+
+    What stands out most from its own twins is always among them.
+    """
+    best, foremost = stage.scan.evidence.max(initial=-np.inf), stage.scan.foremost
     made = []
-    for rank, j in enumerate(stage.scan.order[:MOST_REFITS]):
-        close = rank < LEAST_REFITS or stage.scan.evidence[j] > best - NEAR
+    order = stage.scan.order[:MOST_REFITS]
+    if foremost is not None and foremost not in order:
+        order[-1] = foremost
+    for rank, j in enumerate(order):
+        close = rank < LEAST_REFITS or stage.scan.evidence[j] > best - NEAR or j == foremost
         if not close or stage.scan.ratio[j] <= 0:
             continue
         effect = stage.lin.effects[j]

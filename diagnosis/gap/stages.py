@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -59,12 +59,17 @@ class Stage:
 
     @property
     def episodic(self) -> bool:
-        """Whether one channel reads off for a while, as it does in no twin and more than by chance.
+        """Whether one channel reads off for a while, as hardly any twin does, and more than by chance.
 
         Not with replayed actuators: what stays unknown of their meters makes such stretches, too.
         """
         one, replay = self.tested.episode, self.lin.problem.replay
         return one is not None and not replay and one.p_value <= LEVEL / 2 and one.gain > CLEAR
+
+    @property
+    def discrepancy(self) -> bool:
+        """Whether a discrepancy without a cause is strong evidence: a slow one, or an episode."""
+        return self.tested.slow > STRONG or self.episodic
 
     @property
     def left_over(self) -> float:
@@ -99,7 +104,9 @@ def examine(
     drawn = draw_twins(grams, colours, twins, seed)
     left_over, discrepant = discrepancy(grams, colours, size)
     found = scan(drawn, lin.effects, drawn.left.square)
-    tested = Tested(found.p_value, found.misfit_p, left_over, largest_episode(grams, colours, drawn))
     if every is not None and not np.array_equal(every, observed):
         tested = examine(lin, every, size, twins=twins, seed=seed).tested
-    return Stage(lin, grams, colours, drawn, found, left_over, discrepant, tested)
+    else:
+        tested = Tested(found.p_value, found.misfit_p, left_over, largest_episode(grams, colours, drawn))
+    # each twin's readings have been asked all that is asked of them
+    return Stage(lin, grams, colours, replace(drawn, rows={}), found, left_over, discrepant, tested)

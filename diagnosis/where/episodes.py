@@ -185,7 +185,7 @@ def _finding(
 
 
 def period(begin: float, first: float, last: float, end: float) -> dict[str, str]:
-    """A stretch in words, and its first and last reading's times [s]; ``begin`` and ``end`` are the recording's."""
+    """A stretch in words, and when it begins and ends [s]; ``begin`` and ``end`` are the recording's."""
     days = [(at - begin) / DAY for at in (first, last)]
     words = f"from day {days[0]:.2f} on" if last >= end else f"from day {days[0]:.2f} to day {days[1]:.2f}"
     return {"period": words, "first_s": f"{first:.0f}", "last_s": f"{last:.0f}"}

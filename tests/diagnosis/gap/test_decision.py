@@ -27,6 +27,7 @@ def stage(
         candidate_found=found,
         misfits=misfits,
         episodic=episodic,
+        discrepancy=left_over > 3 or episodic,
         left_over=left_over,
         discrepant={},
         lin=SimpleNamespace(effects=effects, chosen=chosen, problem=SimpleNamespace(replay=replay)),

@@ -57,23 +57,17 @@ def test_persons_who_were_counted_need_no_following(recorded):
 
 
 @pytest.mark.parametrize(
-    ("gain", "misfits", "episodic", "left_over", "confirmed"),
-    [
-        (2.9, False, False, 0.0, False),
-        (3.1, False, False, 0.0, True),
-        (-5.0, True, False, 0.0, True),
-        (-5.0, False, True, 0.0, True),
-        (-5.0, False, False, 3.1, True),
-    ],
+    ("gain", "misfits", "discrepancy", "confirmed"),
+    [(2.9, False, False, False), (3.1, False, False, True), (-5.0, True, False, True), (-5.0, False, True, True)],
 )
-def test_a_refit_confirms_what_a_straight_line_found(monkeypatch, gain, misfits, episodic, left_over, confirmed):
+def test_a_refit_confirms_what_a_straight_line_found(monkeypatch, gain, misfits, discrepancy, confirmed):
     """The first candidate is chosen if its refit is strong evidence, or the residual alone says that there is a gap."""
     colours = SimpleNamespace(best={})
     before = SimpleNamespace(
         candidate_found=True,
         misfits=misfits,
-        episodic=episodic,
-        left_over=left_over,
+        episodic=False,
+        discrepancy=discrepancy,
         lin=SimpleNamespace(chosen=(), simulations=0, failed=()),
         grams=SimpleNamespace(evidence=lambda colours: 10.0),
         colours=colours,
