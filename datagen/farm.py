@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from datagen.card import write_card
-from datagen.cluster import connect
+from datagen.cluster import QUEUES, connect
 from datagen.collection import FAILURE_BUDGET, Collection
 from datagen.dispatch import PATIENCE
 from datagen.failures import FILE_NAME as FAILURES_FILE
@@ -154,7 +154,7 @@ def run(
             if first is not None:
                 places: dict[str, Any] = {"workers": workers, "scheduler": scheduler, "cluster": cluster}
                 with connect(**places, options=cluster_options, host=host) as client:
-                    patience = float("inf") if cluster == "slurm" else PATIENCE
+                    patience = float("inf") if cluster in QUEUES else PATIENCE  # jobs may be queued for days
                     collection.collect(client, chain([first], pieces), quiet=quiet, patience=patience)
             if not (folder / FAILURES_FILE).exists():
                 failures.write(folder)

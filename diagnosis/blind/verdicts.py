@@ -64,8 +64,8 @@ class Verdict(_Table):
     the effects of the answer (one, or a set that cannot be told apart), ``sets`` the same by cause found; ``alike`` by
     effect: the candidates that it was declared to be confusable with before any was ranked; ``smallest``: the least
     amplitude [unit of the effect] that was declared to be seen, None where none would be; ``rejected``: whether the
-    best fit is rejected on its own twins; ``left_over``: gain in log evidence of a causeless discrepancy, by number of
-    effects.
+    best fit is rejected on its own twins; ``left_over``: gain in log evidence of a discrepancy without a cause, by
+    number of effects.
     """
 
     verdict: Answer

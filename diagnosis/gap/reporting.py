@@ -129,7 +129,7 @@ def _effects(search: Search, decision: Decision) -> list[NamedEffect]:
 def _places(where: Where, first: Stage, noise: dict[str, float]) -> list[Place]:
     """Findings, the surest first; equally sure ones by their size in units of the channel's noise.
 
-    What stood out once comes after cells, which do so again and again.
+    What stood out once comes after cells that are as sure, which do so again and again.
     """
     once, again = stretch(first), any(one.kind == "cell" for one in where.findings)
     found = [
@@ -242,7 +242,7 @@ def _sources(where: Where) -> list[SourceOf]:
 def _stages(search: Search, where: Where, where_left: Where | None) -> list[StageOf]:
     found = []
     for k, stage in enumerate(search.stages):
-        best = int(np.argmax(stage.scan.ratio)) if len(stage.scan.ratio) else None
+        best = int(np.argmax(stage.scan.ratio / stage.scan.threshold)) if len(stage.scan.ratio) else None
         p = where.p_value if k == 0 else where_left.p_value if where_left and k == len(search.stages) - 1 else None
         found.append(
             StageOf(

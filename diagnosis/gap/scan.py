@@ -104,7 +104,7 @@ def scan(twins: Twins, effects: tuple[Effect, ...], misfit: float) -> Scan:
         p_value=float(rank_p(np.array([largest]), most)[0]),
         misfit=misfit,
         misfit_p=float(rank_p(np.array([misfit]), twins.misfits)[0]),
-        threshold=np.quantile(most, 0.95) * unit,
+        threshold=max(float(np.quantile(most, 0.95)), 1e-9) * unit,
     )
 
 

@@ -30,7 +30,10 @@ class NamedEffect(_Table):
 
 
 class Place(_Table):
-    """Where recording and base model differ; ``p_value`` is family-wise over all that was looked at."""
+    """Where recording and base model differ.
+
+    ``p_value`` is family-wise over all that was looked at; of an offset over a stretch, over all stretches.
+    """
 
     channel: str
     cell: dict[str, str]

@@ -48,6 +48,9 @@ def _nowhere(report: Report) -> str:
     if where_p <= LEVEL / 2:
         what = f" ({report.where[0].text})" if report.where else ""
         seemed.append(f"a place{what} stands out, but what is left as a whole is no larger than noise")
+    if first.episode_p is not None and first.episode_p <= LEVEL / 2:
+        why = "as errors of replayed actuators' meters make them" if report.replay else "but not by clear evidence"
+        seemed.append(f"a stretch of one output stands out, {why}")
     if seemed:
         return f"Where: nowhere that can be told from noise for sure {chances}: {'; and '.join(seemed)}."
     return (
@@ -76,7 +79,7 @@ def _which(report: Report) -> str:
         )
     if report.verdict == "none_of_these":
         best = report.effects[0] if report.effects and report.effects[0].probability > 0 else None
-        nearest = f"; the nearest is {best.name}, which leaves too much" if best else ""
+        nearest = f"; the nearest is {best.name}, which is rejected on its own twins" if best else ""
         return (
             f"Which: none of the {len(report.effects)} candidates explains it (probability {report.none_of_these:.0%})"
             f"{nearest}."

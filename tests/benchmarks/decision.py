@@ -3,7 +3,8 @@
 Prints, over all sets given and apart for simulated and replayed actuators: the share of the gap left at which a
 rejected best fit holds a true cause as often as not (``half``, with STEEP, by maximum likelihood), how often what is
 named holds none though the best fit is not rejected (``least``), and how often there is no gap where none was found
-(NOTHING). Strata are weighted as ``blind make`` draws them. A set that takes part is not to be reported afterwards.
+(NOTHING). For the last two strata are weighted as ``blind make`` draws them. A set that takes part is not to be
+reported afterwards.
 
 Run: ``diagnosis blind make SET --seed S``, ``diagnosis blind run SYSTEM SET --out VERDICTS``, then
 ``python tests/benchmarks/decision.py SET,SET.answers.json,VERDICTS [...]``.
@@ -72,9 +73,10 @@ def main() -> None:
                 kept.append((stratum, other, replayed))
     each = {name: WEIGHTS[name] / len(values) for name, values in quiet.items()}
     silent = sum(each[name] * sum(values) for name, values in quiet.items())
-    shares, others, replays = (np.array(column) for column in zip(*rejected, strict=True))
+    table = np.array(rejected, dtype=float).reshape(-1, 3)
+    shares, others, replays = table[:, 0], table[:, 1] > 0, table[:, 2] > 0
     half, half_replayed, steep = even(shares, others, replays)
-    table = [
+    lines = [
         ("half, simulated", half, SIMULATED.half, int(np.sum(~replays))),
         ("half, replayed", half_replayed, REPLAYED.half, int(np.sum(replays))),
         ("STEEP", steep, STEEP, len(shares)),
@@ -82,16 +84,16 @@ def main() -> None:
     for name, replayed, used in (("simulated", False, SIMULATED), ("replayed", True, REPLAYED)):
         ones = [(each[stratum], other) for stratum, other, kind in kept if kind == replayed]
         share = sum(weight for weight, other in ones if other) / max(sum(weight for weight, _ in ones), 1e-12)
-        table.append((f"least, {name}", share, used.least, len(ones)))
-    table.append(("NOTHING", each["none"] * sum(quiet["none"]) / silent, NOTHING, sum(map(sum, quiet.values()))))
+        lines.append((f"least, {name}", share, used.least, len(ones)))
+    lines.append(("NOTHING", each["none"] * sum(quiet["none"]) / silent, NOTHING, sum(map(sum, quiet.values()))))
     print(f"{'constant':16s} {'found':>8s} {'used':>8s} {'recordings':>11s}")
-    for name, value, used_, count in table:
+    for name, value, used_, count in lines:
         print(f"{name:16s} {value:8.3f} {used_:8.3f} {count:11d}")
     print(json.dumps({name: f"{sum(values)} of {len(values)} quiet" for name, values in quiet.items()}))
 
 
 def hidden(row: Row, verdict: Verdict) -> bool:
-    """Whether what was named, or would have been, holds no true cause."""
+    """Whether what was named holds no true cause; of an answer that names none, whether the most probable is none."""
     likely = verdict.named or sorted(verdict.probabilities, key=lambda name: -verdict.probabilities[name])[:1]
     return not set(row.effects) & set(likely)
 

@@ -1,11 +1,17 @@
 """The stretch that reads off the most, against dense algebra and against its own null."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from diagnosis.gap import stages
 from diagnosis.gap.colours import Colours
-from diagnosis.gap.episode import largest_episode
+from diagnosis.gap.episode import Episode, largest_episode
 from diagnosis.gap.grams import Grams
+from diagnosis.gap.places import stretch
+from diagnosis.gap.reporting import _places
 from diagnosis.gap.twins import draw_twins
 from tests.diagnosis.gap.test_linear import HOUR, STEPS, covariance_of, drawn, problem_of, seen
 
@@ -72,21 +78,70 @@ def test_what_the_parameters_imitate_is_no_episode():
     assert found_in(lin, seen(lin)).gain < 3
 
 
-def test_readings_by_the_minute_and_by_the_day_have_stretches_too():
-    for step, expected in ((60.0, 60), (24 * HOUR, 1)):
-        rng = np.random.default_rng(14)
-        lin = problem_of(rng)
-        lin.problem.time = step * np.arange(1, STEPS + 1)
-        lin.residual = 0.1 * rng.standard_normal(lin.residual.shape)
-        lin.residual[0, 20 : 20 + min(expected, 30)] += 20.0
-        one = found_in(lin, np.ones(lin.residual.shape, dtype=bool))
-        assert one.channel == 0
-        assert one.last - one.first + 1 <= expected
+@pytest.mark.parametrize(("minutes", "steps", "stretch"), [(5, 288, (120, 167)), (1440, 40, (17, 17))])
+def test_readings_by_the_minutes_and_by_the_day_have_stretches_too(minutes, steps, stretch):
+    rng = np.random.default_rng(14)
+    lin = problem_of(rng, steps=steps)
+    lin.problem.time = 60.0 * minutes * np.arange(1, steps + 1)
+    lin.residual = 0.1 * rng.standard_normal(lin.residual.shape)
+    lin.residual[0, stretch[0] : stretch[1] + 1] += 20.0
+    one = found_in(lin, np.ones(lin.residual.shape, dtype=bool))
+    assert (one.channel, one.first, one.last) == (0, *stretch)
 
 
-def test_nothing_to_see_is_none():
+@pytest.mark.parametrize("why", ["no stretch is as short", "parameters imitate all of them"])
+def test_nothing_to_see_is_none(why):
     rng = np.random.default_rng(15)
     lin = problem_of(rng)
-    lin.problem.time = np.arange(1.0, STEPS + 1)  # a minute in all: no stretch of an hour
     lin.residual = rng.standard_normal(lin.residual.shape)
+    if why == "no stretch is as short":
+        lin.problem.time = np.arange(1.0, STEPS + 1)  # a minute in all
+    else:
+        lin.by_nuisance = np.zeros((2, STEPS, 2 * STEPS))
+        lin.by_nuisance[0, :, :STEPS] = lin.by_nuisance[1, :, STEPS:] = 1000.0 * np.eye(STEPS)
     assert found_in(lin, np.ones(lin.residual.shape, dtype=bool)) is None
+
+
+@pytest.mark.parametrize(
+    ("p_value", "gain", "replay", "episodic"),
+    [(0.01, 5.1, False, True), (0.011, 5.1, False, False), (0.01, 4.9, False, False), (0.01, 5.1, True, False)],
+)
+def test_an_episode_is_rare_in_twins_and_clear_evidence_and_not_of_meters(p_value, gain, replay, episodic):
+    one = stage_of(Episode(0, 3, 5, -0.7, 20.0, p_value, gain), replay)
+    assert one.episodic is episodic
+    assert one.discrepancy is episodic
+    assert one.left_over == gain
+    assert stage_of(None, replay, slow=3.1).discrepancy
+
+
+def stage_of(episode, replay=False, slow=0.0):
+    output = SimpleNamespace(name="TRoo", long_name="room temperature", unit="K")
+    problem = SimpleNamespace(
+        replay=replay,
+        system=SimpleNamespace(outputs=[output]),
+        time=HOUR * np.arange(1, 49),
+        recording=SimpleNamespace(step=HOUR),
+    )
+    tested = stages.Tested(0.5, 0.5, slow, episode)
+    return stages.Stage(SimpleNamespace(problem=problem), None, None, None, None, 0.0, {}, tested)
+
+
+def test_an_episode_is_a_finding_from_its_begin_to_its_end():
+    (one,) = stretch(stage_of(Episode(0, 0, 5, -0.7, 20.0, 0.0025, 9.0)))
+    assert one.text == "room temperature: measured lower by 0.7 K, from day 0.00 to day 0.25 (p = 0.005)"
+    assert (one.cell["first_s"], one.cell["last_s"]) == ("0", f"{6 * HOUR:.0f}")
+    assert stretch(stage_of(Episode(0, 0, 5, -0.7, 20.0, 0.0025, 4.0))) == stretch(stage_of(None)) == []
+    (last,) = stretch(stage_of(Episode(0, 40, 47, 0.7, 20.0, 0.0025, 9.0)))
+    assert "measured higher by 0.7 K, from day 1.67 on" in last.text
+
+
+@pytest.mark.parametrize(("cells", "first"), [(True, "cell"), (False, "episode")])
+def test_an_episode_comes_after_cells_that_are_as_sure_and_by_its_size_among_others(cells, first):
+    stage = stage_of(Episode(0, 0, 5, -0.7, 20.0, 0.0025, 9.0))
+    (once,) = stretch(stage)
+    found = [replace(once, kind="correlation", size=0.9, cell={"input": "HFac", "lag": "2 h after it"})]
+    everywhere = dict.fromkeys(("hours", "day_type", "regime"), "any") | {"band": "all", "statistic": "mean"}
+    found += [replace(once, kind="cell", size=0.2, cell=everywhere)] * cells
+    listed = _places(SimpleNamespace(findings=found), stage, {"TRoo": 0.1})
+    assert len(listed) == len(found) + 1
+    assert listed[0].kind == first

@@ -87,3 +87,23 @@ def test_a_refit_confirms_what_a_straight_line_found(monkeypatch, gain, misfits,
     found = search(SimpleNamespace(converged=True), (), readings, np.ones(1), tell=lambda _: None)
     assert found.confirmed == confirmed
     assert found.chosen == (chosen if confirmed else ())
+
+
+@pytest.mark.parametrize("foremost", [None, 2, 7])
+def test_what_stands_out_most_from_its_own_twins_is_refitted_however_much_others_gain(monkeypatch, foremost):
+    count = 9
+    scan = SimpleNamespace(
+        order=list(range(count)),
+        evidence=np.linspace(40.0, 20.0, count),
+        ratio=np.full(count, 30.0),
+        foremost=foremost,
+    )
+    lin = SimpleNamespace(effects=[SimpleNamespace(name=f"effect {j}") for j in range(count)])
+    stage = SimpleNamespace(scan=scan, lin=lin, grams=None, colours=SimpleNamespace(best={}))
+    monkeypatch.setattr(searching, "linear_start", lambda *_: np.zeros(1))
+    made = SimpleNamespace(evidence=1.0, simulations=0)
+    tried = []
+    monkeypatch.setattr(searching, "refit", lambda grams, best, start, effects: tried.append(effects[0].name) or made)
+    searching.refitted(stage, lambda _: None, SimpleNamespace(path="here", made={}, simulations=0))
+    near = [f"effect {j}" for j in range(count) if scan.evidence[j] > 32.0][: searching.MOST_REFITS]
+    assert tried == near + ([f"effect {foremost}"] if foremost == 7 else [])
