@@ -56,6 +56,8 @@ def largest_episode(grams: Grams, colours: Colours, twins: Twins) -> Episode | N
         Of the same linearised fit and colours.
     """
     left, inner = twins.left, grams.inner.size
+    # somebody who comes and goes within a step is not what the twins show of those who do
+    fewest = 2 if grams.lin.problem.nuisance.guessed.any() else 1
     scores = np.column_stack([twins.product.score[:inner], twins.scores[:inner]])
     most = np.zeros(twins.scores.shape[1])
     factors, found = [], (0.0, 0, slice(0, 1), 0.0)
@@ -64,7 +66,7 @@ def largest_episode(grams: Grams, colours: Colours, twins: Twins) -> Episode | N
         size = float(np.hypot(*colour[:2]))
         columns = grams.whitened_columns(k, colour)[:, :inner]
         rows = np.column_stack([grams.whitened(k, colour, grams.rows[k]), twins.rows[k]])
-        for stretches in _stretches(grams.lin.problem.time):
+        for stretches in _stretches(grams.lin.problem.time, fewest):
             offsets = np.zeros((len(grams.lin.problem.time), len(stretches)))
             for j, one in enumerate(stretches):
                 offsets[one, j] = size
@@ -101,10 +103,10 @@ def largest_episode(grams: Grams, colours: Colours, twins: Twins) -> Episode | N
     )
 
 
-def _stretches(time: np.ndarray) -> Iterator[list[slice]]:
-    """All stretches, some at a time: readings may be by the minute."""
+def _stretches(time: np.ndarray, fewest: int) -> Iterator[list[slice]]:
+    """All stretches of so many readings, some at a time: readings may be by the minute."""
     step, steps = float(time[1] - time[0]), len(time)
-    lengths = sorted({max(1, round(hours * HOUR / step)) for hours in LENGTHS})
+    lengths = sorted({max(fewest, round(hours * HOUR / step)) for hours in LENGTHS})
     every = [
         slice(begin, begin + length)
         for length in lengths

@@ -89,6 +89,21 @@ def test_readings_by_the_minutes_and_by_the_day_have_stretches_too(minutes, step
     assert (one.channel, one.first, one.last) == (0, *stretch)
 
 
+def test_where_nobody_counted_persons_one_reading_is_no_episode():
+    """Somebody who comes and goes within a step is not what twins show of those who do."""
+    rng = np.random.default_rng(16)
+    lin = problem_of(rng)
+    lin.residual = drawn(rng, lin, COLOURS)
+    lin.residual[1, 30] += 20.0
+    every = np.ones(lin.residual.shape, dtype=bool)
+    counted = found_in(lin, every)
+    assert (counted.first, counted.last) == (30, 30)
+    lin.problem.nuisance.guessed[0] = True
+    one = found_in(lin, every)
+    assert one.last > one.first
+    assert one.ratio < 0.7 * counted.ratio
+
+
 @pytest.mark.parametrize("why", ["no stretch is as short", "parameters imitate all of them"])
 def test_nothing_to_see_is_none(why):
     rng = np.random.default_rng(15)

@@ -28,7 +28,11 @@ def problem_of(rng, *, effects=3, chosen=0, outputs=2, steps=STEPS, nuisance=4, 
 
     some = tuple(Nothing(f"chosen {k}", lower=-5.0, upper=5.0) for k in range(chosen))
     return SimpleNamespace(
-        problem=SimpleNamespace(time=time, system=SimpleNamespace(parameters=[None] * parameters)),
+        problem=SimpleNamespace(
+            time=time,
+            system=SimpleNamespace(parameters=[None] * parameters),
+            nuisance=SimpleNamespace(guessed=np.zeros(nuisance, dtype=bool)),
+        ),
         chosen=some,
         z=0.3 * rng.standard_normal(parameters + chosen),
         residual=np.zeros((outputs, steps)),
