@@ -22,13 +22,14 @@ from diagnosis.gap.stages import Stage
 Verdict = Literal["effect", "ambiguous", "none_of_these", "no_gap"]
 
 STEEP = 0.28
-"""Of the logistic curve through how often the cause was none of the candidates, over the share left."""
+"""Of the logistic curve through how often what was named held no true cause, over the share left."""
 
 
 @dataclass(frozen=True)
 class Frequencies:
-    """How often the cause is none of the candidates where one is chosen, as ``tests/benchmarks/decision.py`` counts it.
+    """How often what is named holds no true cause, as ``tests/benchmarks/decision.py`` counts it in opened sets.
 
+    That is a little oftener than the cause is no candidate: a wrong candidate that is named is no better than none.
     ``half``: share left at which, when the best fit is rejected, it is even. ``least``: where it is not rejected:
     another law of another cause can look like it; a best one that is rejected is held no surer.
     """
