@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import os
 import shutil
 import tempfile
 import time
@@ -23,6 +24,8 @@ from shared.store import sha256_of
 from shared.system import System
 
 _UNITLESS = {"", "1", "-"}
+SCRATCH = "ZEROSHOT_FMU_SCRATCH"
+"""Environment variable of a process that may be killed: a folder that another process clears away afterwards."""
 MOST_INDICATORS = 1_000_000
 """More than any model has, and few enough to make room for."""
 
@@ -37,7 +40,8 @@ def unpack(path: Path, sha256: str) -> tuple[Path, ModelDescription]:
         If the file is missing or is not an FMU.
     """
     size_of(path, FmuError, "an FMU")
-    folder = Path(tempfile.mkdtemp(prefix="zeroshot-fmu-"))
+    scratch = os.environ.get(SCRATCH)
+    folder = Path(tempfile.mkdtemp(prefix="zeroshot-fmu-", dir=scratch if scratch and Path(scratch).is_dir() else None))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     unpack_archive(path, folder)
     try:

@@ -21,6 +21,7 @@ from typing import Any
 
 import psutil
 
+from datagen.fmu import SCRATCH
 from shared.children import command, environment
 from shared.errors import SimulationError, ZeroshotError
 
@@ -83,7 +84,7 @@ def _one_child(
     # a session of its own: Ctrl-C at the terminal is for the farm, which then ends the child
     child = subprocess.Popen(
         command("datagen.guard", str(folder), str(os.getpid())),
-        env=environment(),
+        env={**environment(), SCRATCH: str(folder)},
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,

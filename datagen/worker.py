@@ -22,6 +22,7 @@ import numpy as np
 import psutil
 from distributed import get_worker
 
+from datagen.fmu import SCRATCH
 from datagen.guard import guarded as in_children
 from datagen.inputs import build_inputs
 from datagen.package import locate, sees_folder
@@ -187,6 +188,7 @@ def simulate_shard(job: Job, file: str, indices: Sequence[int], guarded: bool = 
             f"a worker has zeroshot-fmu {__version__}, this run {job.version}; expected the same version everywhere"
         )
     with _ONE_AT_A_TIME:
+        _unpack_in_scratch()
         began = time.perf_counter()
         if simulator_for(job.system, job.system_path, job.package) is None:
             simulator_for.cache_clear()
@@ -275,6 +277,13 @@ def _worker() -> Any:
         return get_worker()
     except ValueError:
         return None
+
+
+def _unpack_in_scratch() -> None:
+    """Have FMUs unpacked where this worker's nanny clears up, even when the worker was killed."""
+    worker = _worker()
+    if worker is not None and worker.nanny is not None:
+        os.environ[SCRATCH] = worker.local_directory
 
 
 def _address() -> str:

@@ -164,6 +164,18 @@ def test_only_the_guilty_systems_are_quarantined(tanks, good, tmp_path, fault, c
     assert verify(tmp_path / "bad") == []
 
 
+@pytest.mark.parametrize("fault", [1, 2])
+def test_processes_that_an_fmu_took_down_leave_no_unpacked_fmus(tanks, tmp_path, fault):
+    bad = faulty.describe(tanks, fault=fault, above=9e-5)
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    words = ["--systems", 12, "--seed", 3, "--shard-size", 6, "--workers", 2, "--timeout", 8, "--failure-budget", 0.5]
+    process = farm(bad, "--out", tmp_path / "ds", *words, env={**os.environ, "TMPDIR": str(scratch)})
+    code, said = finish(process)
+    assert code != 0 and "1 failed" in said, said
+    assert list(scratch.rglob("modelDescription.xml")) == []
+
+
 def test_failures_are_tried_again_only_when_asked(tanks, tmp_path):
     bad = faulty.describe(tanks, fault=3, above=9e-5)
     manifest = run(bad, tmp_path, failure_budget=0.5, **SIZE)
