@@ -35,7 +35,7 @@ class Otherwise:
     observed: np.ndarray
 
 
-def otherwise(stage: Stage, whole: Problem, candidates: Sequence[Effect], fitted: np.ndarray) -> list[Otherwise]:
+def otherwise(stage: Stage, whole: Problem, candidates: Sequence[Effect]) -> list[Otherwise]:
     """Better conditions than the recording's; none where persons were counted and the control loops simulated.
 
     Parameters
@@ -43,9 +43,7 @@ def otherwise(stage: Stage, whole: Problem, candidates: Sequence[Effect], fitted
     stage
         The first, without effects.
     whole
-        The problem with all readings.
-    fitted
-        Steps that took part, shape (steps,).
+        The recording's problem as it was before the fit.
     """
     found = []
     if whole.occupancy == "unknown":
@@ -54,7 +52,7 @@ def otherwise(stage: Stage, whole: Problem, candidates: Sequence[Effect], fitted
         # what the control loops need may not have been recorded, or they cannot follow: nothing to compare with
         with suppress(RecordingError, SimulationError):
             problem, lin = _controlled(whole, stage.lin.z, candidates)
-            found.append(Otherwise("controlled", lin, problem.observed & fitted))
+            found.append(Otherwise("controlled", lin, problem.observed))
     return found
 
 

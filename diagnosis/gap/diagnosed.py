@@ -17,6 +17,7 @@ from diagnosis.fitting.fit import Fit, fit
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.run import Run
 from diagnosis.fitting.side_by_side import InProcess, Outcome, Runner, side_by_side
+from diagnosis.gap.apart import Apart, fitted_apart
 from diagnosis.gap.conditions import Otherwise, otherwise
 from diagnosis.gap.decision import Decision, decide, gap_found
 from diagnosis.gap.missing import operators
@@ -48,7 +49,7 @@ class _Held:
 class Diagnosis:
     """A diagnosis and all that it was made from.
 
-    ``whole`` is the problem with all readings and ``scored`` (steps,) the part that took none in fitting; ``sources``
+    ``whole`` is the problem before any fit; ``scored`` (steps,) the part that ``apart``'s fits do without; ``sources``
     the operators of what may be missing from a balance, and ``unknown`` why there are no others; ``otherwise``: better
     conditions than the recording's; ``where_left`` is with the chosen effects, if there are any.
     """
@@ -64,6 +65,7 @@ class Diagnosis:
     otherwise: list[Otherwise]
     where: Where
     where_left: Where | None
+    apart: Apart | None
     shrinkage: list[Shrinkage]
     scored: np.ndarray
     seed: int
@@ -148,7 +150,7 @@ def diagnose(
         scored = kept_for_scoring(record)
         tell("fitting the base model")
         starts = _starts(whole, run, record, described, seed)
-        base = fit(whole.with_observed(whole.observed & ~scored), starts, rounds=ROUNDS)
+        base = fit(whole.with_effects(()), starts, rounds=ROUNDS)
         done = _concluded(whole, base, candidates, scored, seed, (began, used), tell)
     held.runner = InProcess(simulator)
     if out is not None:
@@ -172,13 +174,11 @@ def _concluded(
     """What follows from the base model's fit; ``clock`` is when the diagnosis began: wall and processor time [s]."""
     from diagnosis.gap.reporting import reported
 
-    fitted = whole.observed & ~scored
     found = search(
         base,
         candidates,
-        fitted,
-        whole.floor,
         whole.observed,
+        whole.floor,
         seed=seed,
         tell=tell,
         known=None if known is None else known.search,
@@ -190,7 +190,7 @@ def _concluded(
     if known is None:
         sources, unknown = operators(problem, first.lin.z, first.lin.around.heights)
         spent = base.simulations - whole.simulations
-        better = otherwise(first, whole, candidates, ~scored)
+        better = otherwise(first, whole, candidates)
         spent += whole.simulations
     else:
         sources, unknown, better, spent = known.sources, known.unknown, known.otherwise, 0
@@ -199,10 +199,12 @@ def _concluded(
         found = replace(found, stages=[first], refits=[])
     where_left = place(found.last, whole.observed, []) if found.chosen else None
     decision = decide(found, where.p_value, where_left.p_value if where_left is not None else where.p_value)
-    shrinkage = []
+    apart, shrinkage = None, []
     if found.chosen:
-        tell("scoring on the part that was kept")
-        shrinkage = shrinkages(first, found.last, found.last.colours, scored, whole.observed, seed=seed)
+        tell("scoring on a part that is kept from the fit")
+        apart = fitted_apart(found, whole.observed & ~scored)
+        spent += apart.simulations
+        shrinkage = shrinkages(apart, first, found.last.colours, scored, whole.observed, seed=seed)
     report = reported(
         base=base,
         search=found,
@@ -210,6 +212,7 @@ def _concluded(
         where=where,
         where_left=where_left,
         shrinkage=shrinkage,
+        agreed=apart is None or apart.agreed,
         otherwise=better,
         unknown=unknown,
         scored=scored,
@@ -234,6 +237,7 @@ def _concluded(
         better,
         where,
         where_left,
+        apart,
         shrinkage,
         scored,
         seed,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
+from diagnosis.gap.shrinkage import left_by
 from diagnosis.pictures import BLUE, GREY, ORANGE, RED, figure, readable
 from diagnosis.recording import DAY
 
@@ -59,8 +60,15 @@ def draw_angles(done: Diagnosis) -> Figure:
 
 
 def draw_outputs(done: Diagnosis) -> Figure:
-    """Residuals of the base model and with the chosen effects; grey is what noise allows, shaded the scored part."""
-    first, last = done.search.stages[0], done.search.last
+    """Residuals of the base model and with the chosen effects; grey is what noise allows.
+
+    With effects both are of the fits that do without the shaded part.
+    """
+    first = done.search.stages[0]
+    base, found = first.twins.residual, None
+    if done.apart is not None:
+        colours = done.search.last.colours
+        base, found = (left_by(one, colours, done.whole.observed) for one in (done.apart.before, done.apart.after))
     problem = first.lin.problem
     channels = first.grams.channels
     made, panels = figure(len(channels), height=1.7)
@@ -69,10 +77,11 @@ def draw_outputs(done: Diagnosis) -> Figure:
         output = problem.system.outputs[k]
         size = float(np.hypot(*first.colours.best[k][:2]))
         panel.axhspan(-2 * size, 2 * size, color=GREY, alpha=0.2, lw=0)
-        panel.plot(days, first.twins.residual[k], color=ORANGE, lw=0.9, label="base model")
-        if done.search.chosen:
-            panel.plot(days, last.twins.residual[k], color=BLUE, lw=0.9, label="with the effects found")
-        panel.fill_between(days, 0, 1, where=done.scored, transform=panel.get_xaxis_transform(), color=GREY, alpha=0.12)
+        panel.plot(days, base[k], color=ORANGE, lw=0.9, label="base model")
+        if found is not None:
+            panel.plot(days, found[k], color=BLUE, lw=0.9, label="with the effects found")
+            shade = panel.get_xaxis_transform()
+            panel.fill_between(days, 0, 1, where=done.scored, transform=shade, color=GREY, alpha=0.12)
         panel.set_ylabel(f"{output.name} [{readable(np.zeros(1), output.unit)[1].replace('°C', 'K')}]")
     panels[0].legend(loc="upper right", fontsize=8, ncols=2)
     panels[-1].set_xlabel("days of the recording")

@@ -58,7 +58,7 @@ def left_of(stage: Stage, response: np.ndarray) -> np.ndarray:
 
 def stretch(stage: Stage) -> list[Finding]:
     """The episode of a stage, if it is one."""
-    one = stage.tested.episode
+    one = stage.episode
     if one is None or not stage.episodic:
         return []
     problem = stage.lin.problem

@@ -45,6 +45,7 @@ def reported(
     where: Where,
     where_left: Where | None,
     shrinkage: list[Shrinkage],
+    agreed: bool,
     otherwise: list[Otherwise],
     unknown: dict[str, str],
     scored: np.ndarray,
@@ -68,6 +69,7 @@ def reported(
         sources=_sources(where),
         sources_unknown=unknown,
         shrinkage=[ShrinkageOf(**vars(one)) for one in shrinkage],
+        chosen_apart=agreed,
         parameters=_parameters(search),
         detectability=_detectability(first),
         otherwise=[_otherwise(one, first, problem.floor) for one in otherwise],
@@ -249,12 +251,12 @@ def _stages(search: Search, where: Where, where_left: Where | None) -> list[Stag
                 effects=[one.name for one in stage.lin.chosen],
                 best=stage.scan.effects[best].name if best is not None else None,
                 ratio=float(stage.scan.ratio[best]) if best is not None else 0.0,
-                p_value=stage.tested.p_value,
-                misfit_p=stage.tested.misfit_p,
+                p_value=stage.scan.p_value,
+                misfit_p=stage.scan.misfit_p,
                 where_p=p,
-                episode_p=stage.tested.episode.p_value if stage.tested.episode else None,
+                episode_p=stage.episode.p_value if stage.episode else None,
                 left_over=stage.left_over,
-                episode_gain=stage.tested.episode.gain if stage.tested.episode else 0.0,
+                episode_gain=stage.episode.gain if stage.episode else 0.0,
             )
         )
     return found

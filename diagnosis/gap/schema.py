@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from diagnosis.gap.decision import Verdict
 
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 
 
 class _Table(BaseModel):
@@ -45,7 +45,7 @@ class Place(_Table):
 
 
 class ShrinkageOf(_Table):
-    """Of one channel on the part that took no part in fitting or choosing.
+    """Of one channel, on the days that took no part in the fit that this is of.
 
     Root mean squares [unit], and the share of the gap above the noise that the named effects remove. Shares are
     null where there is no gap above the noise.
@@ -131,10 +131,9 @@ class ConditionOf(_Table):
 class StageOf(_Table):
     """One stage of the search.
 
-    With which effects, and the best further candidate of what is fitted; of all readings p of the best candidate
-    (family-wise), p of the residual's whole square, p of where the residual lies, p of the stretch of one channel that
-    reads off the most, and how much log evidence a discrepancy without a cause would still gain: slow or for a while
-    (``left_over``), and for a while.
+    With which effects, and the best further candidate; p of the best candidate (family-wise), p of the residual's whole
+    square, p of where the residual lies, p of the stretch of one channel that reads off the most, and how much log
+    evidence a discrepancy without a cause would still gain: slow or for a while (``left_over``), and for a while.
     """
 
     effects: list[str]
@@ -173,6 +172,9 @@ class Report(_Table):
     sources: list[SourceOf] = Field(description="what the balances may lack")
     sources_unknown: dict[str, str] = Field(description="sources that could not be worked out, and why")
     shrinkage: list[ShrinkageOf]
+    chosen_apart: bool = Field(
+        description="whether the readings that were fitted for the shrinkage would alone have chosen the same effects"
+    )
     parameters: list[ParameterOf]
     detectability: list[Detectability]
     otherwise: list[ConditionOf] = Field(description="what would be seen under better conditions")
@@ -188,7 +190,7 @@ class Report(_Table):
     start: float
     steps: int
     step: float
-    fitted_share: float = Field(description="share of the steps that was fitted; the rest was scored on")
+    fitted_share: float = Field(description="share of the steps fitted for the shrinkage; the rest was scored on")
     occupancy: str
     replay: bool
     replayed: list[str]

@@ -14,7 +14,6 @@ import numpy as np
 
 from diagnosis.effects import Effect
 from diagnosis.fitting.fit import Fit, fit
-from diagnosis.fitting.renewing import renewed
 from diagnosis.gap.fewer import fewer
 from diagnosis.gap.linear import Linearised, applicable, linearised
 from diagnosis.gap.nuisances import widened
@@ -26,16 +25,13 @@ from shared.errors import SimulationError
 
 FURTHER = 5
 """Rounds that the base model's fit gets more where it had not come to rest and a gap seems to be there."""
-FOLLOWED = 2
-"""Rounds in which the nuisance follows the readings that took no part in the fit."""
 MOST_REFITS = 6
 LEAST_REFITS = 3
 NEAR = 8.0
 """Log Bayes factor within which a candidate is as good as the best, as far as a straight line can tell."""
 MOST_EFFECTS = 2
 PARSIMONY = 0.6
-"""A further effect must leave less than this share of what was left without a cause before it, of what is fitted, and
-not more of all readings: fitted to a part, it can make the whole worse."""
+"""A further effect must leave less than this share of what was left without a cause before it."""
 
 Tell = Callable[[str], None]
 
@@ -84,7 +80,6 @@ def search(
     effects: Sequence[Effect],
     observed: np.ndarray,
     size: np.ndarray,
-    every: np.ndarray | None = None,
     *,
     seed: int = 0,
     tell: Tell = print,
@@ -97,11 +92,9 @@ def search(
     effects
         All candidates; those that cannot act here are left out and said why.
     observed
-        Readings that are fitted, shape (outputs, steps).
+        Readings that count, shape (outputs, steps).
     size
         Standard deviation of one reading's error, shape (outputs,) [unit of each].
-    every
-        All readings, those that are kept for scoring too; see :func:`diagnosis.gap.stages.examine`.
     known
         A search from the same fit among these candidates and others; what does not depend on the others is taken
         from it.
@@ -112,21 +105,21 @@ def search(
         why = {name: reason for name, reason in known.excluded.items() if name in names}
         lin = fewer(known.stages[0].lin, effects, why)
     else:
-        one, made = settled_base(base, observed, size, every), {}
+        one, made = settled_base(base, observed, size), {}
         usable, why = applicable(one.lin.problem, effects)
         tell(f"sensitivities of {len(usable)} effects")
         lin, count = among(one, usable), one.simulations
-    stage = examine(lin, observed, size, every, seed=seed)
+    stage = examine(lin, observed, size, seed=seed)
     count += 0 if known is not None else lin.simulations
     if known is None and not base.converged and (stage.candidate_found or stage.misfits or stage.episodic):
         # what looks like a gap may be a fit that stopped early
         tell("going on with the fit of the base model")
         more = fit(base.problem, [base.z], rounds=FURTHER, around=base.around)
-        other = settled_base(more, observed, size, every)
+        other = settled_base(more, observed, size)
         count += more.simulations + other.simulations
         if other.evidence > one.evidence:
             one, lin = other, among(other, usable)
-            stage = examine(lin, observed, size, every, seed=seed)
+            stage = examine(lin, observed, size, seed=seed)
             count += lin.simulations
     found = Search([stage], one, excluded=why, simulations=count, made=made)
     found.excluded |= dict.fromkeys(lin.failed, "its simulation fails")
@@ -142,9 +135,8 @@ def search(
         if not refits or not found.confirmed or (not first and gain < CLEAR):
             break
         best = refits[0]
-        after = examine(
-            settled_refit(best, stage, effects, found, every), observed, size, every, seed=seed + len(found.stages)
-        )
+        lin = settled_refit(best, stage, effects, found)
+        after = examine(lin, observed, size, seed=seed + len(found.stages))
         if not first and not worth_more(stage, after):
             break
         found.stages.append(after)
@@ -153,35 +145,15 @@ def search(
 
 
 def worth_more(before: Stage, after: Stage) -> bool:
-    """Whether a further effect leaves enough less of what is fitted, and not more of all readings.
-
-    The readings that are kept for scoring have a say here and in whether there is a gap; in nothing else.
-    """
-    return after.left_fitted <= PARSIMONY * before.left_fitted and after.left_over <= before.left_over
+    """Whether a further effect leaves enough less without a cause."""
+    return after.left_over <= PARSIMONY * before.left_over
 
 
-def settled_base(base: Fit, observed: np.ndarray, size: np.ndarray, every: np.ndarray | None = None) -> Refit:
+def settled_base(base: Fit, observed: np.ndarray, size: np.ndarray) -> Refit:
     """A fit with its nuisances as wide as they are, linearised where it then is."""
-    followed, begun = everywhere(base, observed if every is None else every)
-    problem, around, count = widened(followed)
-    one = settled(problem, base.z, around, observed, size, every=every)
-    return replace(one, simulations=one.simulations + count + begun)
-
-
-def everywhere(base: Fit, every: np.ndarray) -> tuple[Fit, int]:
-    """A fit whose nuisance follows all readings, its unknowns being what they are; and the simulations that took.
-
-    Where nobody counted, the persons of days that took no part in the fit are still the usual ones.
-    """
-    problem, around = base.problem, base.around
-    if not problem.nuisance.guessed.any() or np.array_equal(problem.observed, every):
-        return base, 0
-    whole = problem.with_effects(problem.effects)
-    whole.observed = every
-    around = replace(around, marginal=whole.marginal(around.response))
-    for _ in range(FOLLOWED):
-        around = renewed(whole, base.z, around, leaps=True)
-    return replace(base, around=replace(around, marginal=problem.marginal(around.response))), whole.simulations
+    problem, around, count = widened(base)
+    one = settled(problem, base.z, around, observed, size)
+    return replace(one, simulations=one.simulations + count)
 
 
 def among(one: Refit, effects: Sequence[Effect]) -> Linearised:
@@ -221,9 +193,7 @@ def refitted(stage: Stage, tell: Tell, found: Search) -> list[Refit]:
     return sorted(made, key=lambda one: -one.evidence)
 
 
-def settled_refit(
-    best: Refit, stage: Stage, effects: Sequence[Effect], found: Search, every: np.ndarray | None = None
-) -> Linearised:
+def settled_refit(best: Refit, stage: Stage, effects: Sequence[Effect], found: Search) -> Linearised:
     """The refit linearised by the nuisance and all remaining candidates where it is."""
     problem = best.lin.problem
     usable, _ = applicable(problem, effects)
@@ -231,7 +201,7 @@ def settled_refit(
     if key in found.made and {one.name for one in usable} <= {one.name for one in found.made[key].effects}:
         return fewer(found.made[key], usable)
     colours, lin = stage.colours.best, best.lin
-    one = settled(problem, lin.z, lin.around, stage.grams.observed, problem.floor, colours, renewals=1, every=every)
+    one = settled(problem, lin.z, lin.around, stage.grams.observed, problem.floor, colours, renewals=1)
     lin = among(one, usable)
     found.simulations += one.simulations + lin.simulations
     found.made[key] = lin

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cho_solve
 
+from diagnosis.gap.apart import Apart
 from diagnosis.gap.colours import Colours
 from diagnosis.gap.grams import Grams, projected
 from diagnosis.gap.linear import Linearised
@@ -50,22 +51,28 @@ class Shrinkage:
 
 
 def shrinkages(
-    base: Stage, last: Stage, colours: Colours, scored: np.ndarray, observed: np.ndarray, *, seed: int = 0
+    apart: Apart, first: Stage, colours: Colours, scored: np.ndarray, observed: np.ndarray, *, seed: int = 0
 ) -> list[Shrinkage]:
     """Shares of the gap that the chosen effects remove.
 
     Parameters
     ----------
+    apart
+        Fits to the other part.
+    first
+        The stage without effects, of all readings: how large the chosen effects' signatures are.
+    colours
+        Of the noise.
     scored
-        Steps that took no part in fitting or choosing, shape (steps,).
+        Steps that took no part in fitting, shape (steps,).
     observed
         All readings that count, fitted or scored, shape (outputs, steps).
     """
     rng = np.random.default_rng(seed)
-    before, after = _residual(base.lin, colours, observed), _residual(last.lin, colours, observed)
-    floors, errors = _floor(base.lin, colours, observed & scored, observed, rng)
-    shifted = _placebos(base, [one.name for one in last.lin.chosen], colours, observed, rng)
-    system, found = base.lin.problem.system, []
+    before, after = left_by(apart.before, colours, observed), left_by(apart.after, colours, observed)
+    floors, errors = _floor(apart.before, colours, observed & scored, observed, rng)
+    shifted = _placebos(apart, first, colours, observed, rng)
+    system, found = apart.before.problem.system, []
     for k, output in enumerate(system.outputs):
         rows = observed[k] & scored
         if rows.sum() < 12:
@@ -73,7 +80,8 @@ def shrinkages(
         old, new = before[k] ** 2, after[k] ** 2
         gap = float(old[rows].mean() - floors[k])
         some = gap > CLEAR * errors[k]
-        shares = _bootstrap(old, new, rows, floors[k], base.lin.problem.recording.step, rng) if some else None
+        step = apart.before.problem.recording.step
+        shares = _bootstrap(old, new, rows, (floors[k], CLEAR * errors[k]), step, rng) if some else None
         placebo = [float((old - one[k] ** 2)[rows].mean() / gap) for one in shifted] if some else []
         found.append(
             Shrinkage(
@@ -98,7 +106,7 @@ def _bare(lin: Linearised, observed: np.ndarray) -> Grams:
     return Grams(replace(lin, by_unknown=empty, by_effect=empty, z=np.zeros(0)), observed)
 
 
-def _residual(lin: Linearised, colours: Colours, observed: np.ndarray) -> np.ndarray:
+def left_by(lin: Linearised, colours: Colours, observed: np.ndarray) -> np.ndarray:
     """Residual with the most likely nuisance over the whole recording, shape (outputs, steps) [unit of each]."""
     grams = _bare(lin, observed)
     left = projected(grams.total(colours.best), grams.n_nuisance)
@@ -127,37 +135,45 @@ def _floor(
 
 
 def _placebos(
-    base: Stage, names: list[str], colours: Colours, observed: np.ndarray, rng: np.random.Generator
+    apart: Apart, first: Stage, colours: Colours, observed: np.ndarray, rng: np.random.Generator
 ) -> list[np.ndarray]:
     """Residuals (outputs, steps) with random signatures of the chosen effects' size, fitted where the effects were."""
-    lin = base.lin
-    places = [k for k, one in enumerate(lin.effects) if one.name in names]
+    lin = apart.before
+    places = [k for k, one in enumerate(first.lin.effects) if one in apart.after.chosen]
     if not places:
         return []
-    sizes = np.sqrt(np.mean(lin.by_effect[..., places] ** 2, axis=1))
-    made = []
+    sizes = np.sqrt(np.mean(first.lin.by_effect[..., places] ** 2, axis=1))
+    like, made = Grams(lin, apart.fitted), []
     for _ in range(PLACEBOS):
         moved = np.empty((*lin.residual.shape, len(places)))
         for k, j in np.ndindex(*sizes.shape):
             colour = (0.0, float(sizes[k, j]), MEMORY)
             moved[k, :, j] = draw_errors([(colour, 1.0)], lin.problem.time, 1, rng)[:, 0]
-        grams = Grams(replace(lin, by_effect=moved), base.grams.observed, base.grams)
-        product = grams.total(base.colours.best)
+        grams = Grams(replace(lin, by_effect=moved), apart.fitted, like)
+        product = grams.total(colours.best)
         mean = np.linalg.solve(np.eye(len(product.score)) + product.gram, product.score)[grams.n_nuisance :]
         mean[: grams.n_unknown] -= lin.z / grams.spread
         there = replace(lin, residual=lin.residual - grams.free @ mean)
-        made.append(_residual(there, colours, observed))
+        made.append(left_by(there, colours, observed))
     return made
 
 
 def _bootstrap(
-    old: np.ndarray, new: np.ndarray, rows: np.ndarray, floor: float, step: float, rng: np.random.Generator
+    old: np.ndarray,
+    new: np.ndarray,
+    rows: np.ndarray,
+    floor: tuple[float, float],
+    step: float,
+    rng: np.random.Generator,
 ) -> np.ndarray:
-    """Shares over resampled days, shape (draws,)."""
+    """Shares over resampled days, shape (draws,); ``floor``: mean square of noise, and the least gap above that.
+
+    Days without a gap can be drawn alone: what is removed is then held against the least that counts as a gap.
+    """
     places = np.flatnonzero(rows)
     length = min(max(round(DAY / step), 1), len(places))
     count = -(-len(places) // length)
     starts = rng.integers(0, len(places) - length + 1, (DRAWS, count))
     drawn = places[(starts[..., None] + np.arange(length)).reshape(DRAWS, -1)[:, : len(places)]]
     a, b = old[drawn].mean(axis=1), new[drawn].mean(axis=1)
-    return np.asarray((a - b) / np.maximum(a - floor, 1e-3 * np.abs(a)))
+    return np.asarray((a - b) / np.maximum(a - floor[0], floor[1]))

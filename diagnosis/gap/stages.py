@@ -22,20 +22,11 @@ CLEAR = 5.0
 
 
 @dataclass(frozen=True)
-class Tested:
-    """Family-wise p of the best candidate, p of the residual's square, gain of a slow discrepancy, and an episode."""
-
-    p_value: float
-    misfit_p: float
-    slow: float
-    episode: Episode | None
-
-
-@dataclass(frozen=True)
 class Stage:
-    """``scan`` is of the readings that are fitted, and so is which candidate is tried; ``tested`` is of all readings.
+    """What is said of one fit and of the candidates that remain.
 
-    ``discrepant`` are the colours with a discrepancy, ``left_fitted`` its gain in log evidence, both of what is fitted.
+    ``slow``: gain in log evidence of a slow discrepancy, ``discrepant`` the colours with it; ``episode``: the offset
+    over one stretch that stands out most.
     """
 
     lin: Linearised
@@ -43,19 +34,19 @@ class Stage:
     colours: Colours
     twins: Twins
     scan: Scan
-    left_fitted: float
+    slow: float
     discrepant: dict[int, Colour]
-    tested: Tested
+    episode: Episode | None
 
     @property
     def candidate_found(self) -> bool:
         """Whether some candidate is significant, all of them considered."""
-        return self.tested.p_value <= LEVEL
+        return self.scan.p_value <= LEVEL
 
     @property
     def misfits(self) -> bool:
         """Whether the residual is larger than its own twins' residuals are."""
-        return self.tested.misfit_p <= LEVEL / 2
+        return self.scan.misfit_p <= LEVEL / 2
 
     @property
     def episodic(self) -> bool:
@@ -63,50 +54,35 @@ class Stage:
 
         Not with replayed actuators: what stays unknown of their meters makes such stretches, too.
         """
-        one, replay = self.tested.episode, self.lin.problem.replay
+        one, replay = self.episode, self.lin.problem.replay
         return one is not None and not replay and one.p_value <= LEVEL / 2 and one.gain > CLEAR
 
     @property
     def discrepancy(self) -> bool:
         """Whether a discrepancy without a cause is strong evidence: a slow one, or an episode."""
-        return self.tested.slow > STRONG or self.episodic
+        return self.slow > STRONG or self.episodic
 
     @property
     def left_over(self) -> float:
-        """Gain in log evidence of a discrepancy without a cause, slow or for a while, of all readings."""
-        one = self.tested.episode
-        return max(self.tested.slow, one.gain if one is not None else 0.0)
+        """Gain in log evidence of a discrepancy without a cause, slow or for a while."""
+        return max(self.slow, self.episode.gain if self.episode is not None else 0.0)
 
 
-def examine(
-    lin: Linearised,
-    observed: np.ndarray,
-    size: np.ndarray,
-    every: np.ndarray | None = None,
-    *,
-    twins: int = TWINS,
-    seed: int = 0,
-) -> Stage:
+def examine(lin: Linearised, observed: np.ndarray, size: np.ndarray, *, twins: int = TWINS, seed: int = 0) -> Stage:
     """Examine a linearised fit.
 
     Parameters
     ----------
     observed
-        Readings that are fitted, shape (outputs, steps).
+        Readings that count, shape (outputs, steps).
     size
         Standard deviation of one reading's error, shape (outputs,) [unit of each].
-    every
-        All readings, those that are kept for scoring too: whether there is a gap is told by them all. Those that are
-        fitted if not given.
     """
     grams = Grams(lin, observed)
     colours = estimated_colours(grams, size)
     drawn = draw_twins(grams, colours, twins, seed)
-    left_over, discrepant = discrepancy(grams, colours, size)
+    slow, discrepant = discrepancy(grams, colours, size)
     found = scan(drawn, lin.effects, drawn.left.square)
-    if every is not None and not np.array_equal(every, observed):
-        tested = examine(lin, every, size, twins=twins, seed=seed).tested
-    else:
-        tested = Tested(found.p_value, found.misfit_p, left_over, largest_episode(grams, colours, drawn))
+    episode = largest_episode(grams, colours, drawn)
     # each twin's readings have been asked all that is asked of them
-    return Stage(lin, grams, colours, replace(drawn, rows={}), found, left_over, discrepant, tested)
+    return Stage(lin, grams, colours, replace(drawn, rows={}), found, slow, discrepant, episode)

@@ -137,8 +137,7 @@ def stage_of(episode, replay=False, slow=0.0):
         time=HOUR * np.arange(1, 49),
         recording=SimpleNamespace(step=HOUR),
     )
-    tested = stages.Tested(0.5, 0.5, slow, episode)
-    return stages.Stage(SimpleNamespace(problem=problem), None, None, None, None, 0.0, {}, tested)
+    return stages.Stage(SimpleNamespace(problem=problem), None, None, None, None, slow, {}, episode)
 
 
 def test_an_episode_is_a_finding_from_its_begin_to_its_end():

@@ -11,7 +11,6 @@ from diagnosis.gap.colours import Colours, discrepancy, estimated_colours, mean_
 from diagnosis.gap.grams import AMPLITUDE, Grams, projected
 from diagnosis.gap.parts import kept_for_scoring
 from diagnosis.gap.scan import ratios, scan
-from diagnosis.gap.stages import examine
 from diagnosis.gap.twins import draw_twins
 
 HOUR = 3600.0
@@ -200,21 +199,6 @@ def test_a_mean_colour_has_the_mean_variances_and_a_memory_between():
     # 0.4 + 0.6 / 2 of the variance 4 is white and 0.6 / 2 slow, whose memory only the slow one has
     assert found == pytest.approx((2.0 * np.sqrt(0.7), 2.0 * np.sqrt(0.3), 10 * HOUR))
     assert mean_colour([(white, 1.0)], 2.0) == (2.0, 0.0, HOUR)
-
-
-def test_a_gap_that_lies_in_the_kept_part_is_told_by_all_readings_alone():
-    rng = np.random.default_rng(8)
-    lin = problem_of(rng, steps=400)
-    size = np.ones(2)
-    late = np.arange(400) >= 300
-    lin.by_effect[..., ~late, :] = 0.0
-    lin.residual = rng.standard_normal(lin.residual.shape) + 3.0 * lin.by_effect[..., 0] / np.abs(lin.by_effect).max()
-    every = np.ones(lin.residual.shape, dtype=bool)
-    fitted = every & ~late
-    assert not examine(lin, fitted, size, twins=99).candidate_found
-    both = examine(lin, fitted, size, every, twins=99)
-    assert both.candidate_found
-    assert both.scan.ratio.max(initial=0.0) < 1e-6  # what is tried still comes from the fitted part
 
 
 def test_the_part_that_is_kept_is_chosen_from_inputs_alone_and_unlike_the_rest():

@@ -70,6 +70,7 @@ BARE = {
     "rejected": False,
     "balance": "none",
     "shrinkage": [],
+    "chosen_apart": True,
     "where": [],
     "stages": [None],
 }
@@ -139,21 +140,23 @@ def test_the_answer_says_what_where_and_how_far_in_words():
         placebo=0.1,
         placebo_best=0.2,
     )
-    where, which, far = summary(
-        report(
-            verdict="effect",
-            where=[place("room"), place("flow"), place("heat", "source")],
-            balance="balance",
-            sources=[source("heat", "balance", 120.0), source("gas", "none", 1.0)],
-            effects=[named("valve"), named("other", 0.1, answer=False)],
-            shrinkage=[gone],
-        )
+    done = report(
+        verdict="effect",
+        where=[place("room"), place("flow"), place("heat", "source")],
+        balance="balance",
+        sources=[source("heat", "balance", 120.0), source("gas", "none", 1.0)],
+        effects=[named("valve"), named("other", 0.1, answer=False)],
+        shrinkage=[gone],
     )
+    where, which, far = summary(done)
     assert where.startswith("Where: room: measured higher; 2 more findings, also in flow.")
     assert "missing heat (+120 W on average) in the balance rather than like the error of a sensor" in where
     assert which == "Which: the valve leaks (valve), by 2 W (1 to 3), with probability 90%."
     # more than all of a gap cannot be removed
     assert "removes 100% in room (90 % interval 70% to 100%) of the gap above noise" in far
+    assert far.startswith("How far: on days that took no part in the fit, this removes")
+    chosen = summary(done.model_copy(update={"chosen_apart": False}))[2]
+    assert "(but in the choice: the other days alone put another candidate first)" in chosen
 
 
 def test_a_missing_source_that_could_not_be_worked_out_is_said():

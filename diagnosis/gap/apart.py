@@ -1,0 +1,69 @@
+"""Base model and chosen effects fitted anew to a part of the recording: the other part says how far the gap shrinks.
+
+Whether there is a gap, and which effect it is, is told by all readings: a week has none to spare. How far it shrinks
+is told by readings that took no part in the fit. Whether they mattered to the choice is looked at, too: the candidates
+that were refitted are weighed once more by the fitted readings alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from diagnosis.gap.grams import Grams
+from diagnosis.gap.linear import Linearised
+from diagnosis.gap.renewal import settled
+from diagnosis.gap.search import Search
+
+
+@dataclass(frozen=True)
+class Apart:
+    """Fits to a part: ``before`` without effects, ``after`` with those chosen; ``fitted`` (outputs, steps) of both.
+
+    ``agreed``: whether the fitted readings alone put the same effects first. ``simulations`` that were made.
+    """
+
+    before: Linearised
+    after: Linearised
+    fitted: np.ndarray
+    agreed: bool
+    simulations: int
+
+
+def fitted_apart(found: Search, fitted: np.ndarray) -> Apart:
+    """Fit base model and chosen effects to a part.
+
+    Parameters
+    ----------
+    found
+        A search that chose effects.
+    fitted
+        Readings that are fitted, shape (outputs, steps). Who was there at any time is told by all readings.
+
+    Raises
+    ------
+    SimulationError
+        If the simulation fails where the fit to all readings is.
+    """
+    counts, made = [], []
+    for until in (found.stages[:1], found.stages):
+        stage, key = until[-1], (replace(found, stages=until).path, "apart")
+        if key not in found.made:
+            lin, size = stage.lin, stage.lin.problem.floor
+            one = settled(
+                lin.problem, lin.z, lin.around, fitted, size, stage.colours.best, renewals=1, every=stage.grams.observed
+            )
+            found.made[key] = one.lin
+            counts.append(one.simulations)
+        made.append(found.made[key])
+    return Apart(made[0], made[1], fitted, _agreed(found, fitted), sum(counts))
+
+
+def _agreed(found: Search, fitted: np.ndarray) -> bool:
+    for stage, refits in zip(found.stages, found.refits, strict=False):
+        like = Grams(stage.lin, fitted)
+        ones = [replace(one, grams=Grams(one.lin, fitted, like)) for one in refits]
+        if int(np.argmax([one.evidence_with(stage.colours.best) for one in ones])) != 0:
+            return False
+    return True

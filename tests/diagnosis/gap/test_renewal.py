@@ -1,0 +1,36 @@
+"""Fits to a part of a recording in which nobody counted persons: the other days tell who was there on them."""
+
+import numpy as np
+import pytest
+
+from datagen import simulate
+from datagen.simulator import Simulator
+from diagnosis.fitting.fit import fit
+from diagnosis.fitting.problem import Problem
+from diagnosis.fitting.unknowns import Unknowns
+from diagnosis.gap.parts import kept_for_scoring
+from diagnosis.gap.renewal import settled
+from diagnosis.recording import HOUR, read_recording
+
+pytestmark = pytest.mark.slow
+
+
+def test_persons_of_the_days_kept_from_a_fit_are_told_by_those_days(default_system, tmp_path):
+    system = default_system.with_experiment(step=HOUR, hours=120.0)
+    middle = Unknowns(system, (), ()).values(np.zeros(len(system.parameters)))
+    truth = dict(zip((one.name for one in system.parameters), middle, strict=True))
+    simulate(system, parameters=truth, hours=120.0, seed=8, out=tmp_path / "room.nc")
+    record = read_recording(tmp_path / "room.nc", system)
+    whole = Problem(Simulator(system), record, occupancy="unknown")
+    scored = kept_for_scoring(record)
+    fitted = whole.observed & ~scored
+    base = fit(whole.with_observed(fitted), rounds=1)  # from the truth, the middle of the prior
+    carbon = system.output_names.index("CO2")
+    rows = scored & whole.observed[carbon]
+
+    def left(every):
+        one = settled(base.problem, base.z, base.around, fitted, whole.floor, renewals=0, every=every)
+        return np.sqrt(np.mean((whole.measured - one.lin.outputs)[carbon][rows] ** 2))
+
+    # the usual persons of such a day miss the day that was; told by it, little but the sensor's own error is left
+    assert left(whole.observed) < 0.4 * left(fitted)
