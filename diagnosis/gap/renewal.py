@@ -56,8 +56,11 @@ def settled(
     every = observed if every is None else every
     first = linearised(problem, z, around)
     grams = Grams(first, observed)
-    lin = relinearised(grams, colours or estimated_colours(grams, size).best, z, every)
-    grams, count = Grams(lin, observed), first.simulations + lin.simulations
+    try:
+        lin = relinearised(grams, colours or estimated_colours(grams, size).best, z, every)
+    except SimulationError:  # what is likely on the straight line may be nothing that the model can be run with
+        lin = first
+    grams, count = Grams(lin, observed), first.simulations + (lin.simulations if lin is not first else 0)
     used = colours or estimated_colours(grams, size).best
     value = grams.evidence(used)
     for _ in range(renewals):

@@ -1,8 +1,8 @@
 """What the constants of a diagnosis' decision are frequencies of, in opened blind sets.
 
-Prints, over all sets given and apart for simulated and replayed actuators: the share of the gap left at which a
-rejected best fit holds a true cause as often as not (``half``, with STEEP, by maximum likelihood), how often what is
-named holds none though the best fit is not rejected (``least``), how often there is no gap where none was found
+Prints, over all sets given and apart for simulated and replayed actuators: the share of the gap left about which
+rejected best fits cease to hold a true cause (``half``, with STEEP, by maximum likelihood), how often what is named
+holds none though the best fit is not rejected (``least``), how often there is no gap where none was found
 (NOTHING), and what evidences are best divided by (TEMPER), so that the probabilities are most likely to hold the truth
 where one effect was found. For ``least`` and NOTHING strata are weighted as ``blind make`` draws them. A set that takes
 part is not to be reported afterwards.
@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.optimize import minimize, minimize_scalar
+from scipy.special import expit
 
 from diagnosis.blind.opened import Row, side_by_side
 from diagnosis.blind.sealed import open_answers
@@ -41,11 +42,14 @@ def share_left(verdict: Verdict) -> float:
 
 
 def even(share: np.ndarray, other: np.ndarray, replayed: np.ndarray) -> tuple[float, float, float]:
-    """``half`` of simulated and of replayed actuators, and STEEP, of logistic curves through other causes."""
+    """``half`` of simulated and of replayed actuators, and STEEP, by the curves of :meth:`.Frequencies.other`."""
 
     def loss(x: np.ndarray) -> float:
-        z = (share - np.where(replayed, x[1], x[0])) / np.exp(x[2])
-        return float(np.sum(np.logaddexp(0, np.where(other, -z, z))) + 0.5 * ((x[2] - np.log(USUAL)) / WIDE) ** 2)
+        least = np.where(replayed, REPLAYED.least, SIMULATED.least)
+        chance = least + (1 - least) * expit((share - np.where(replayed, x[1], x[0])) / np.exp(x[2]))
+        chance = np.clip(chance, TINY, 1 - TINY)
+        likely = np.where(other, np.log(chance), np.log(1 - chance)).sum()
+        return float(-likely + 0.5 * ((x[2] - np.log(USUAL)) / WIDE) ** 2)
 
     found = minimize(loss, [0.3, 0.3, np.log(USUAL)], method="Nelder-Mead", options={"maxiter": 2000}).x
     return float(found[0]), float(found[1]), float(np.exp(found[2]))

@@ -102,8 +102,8 @@ def test_a_rejected_answer_is_no_surer_and_in_replay_far_less_sure(replay, usual
     after = stage(found=False, misfits=True, left_over=left_over, chosen=("one",), replay=replay)
     done = decide(searched([stage(replay=replay), after], [refits(one=0.0, two=-90.0)]), 0.002, 0.5)
     assert done.rejected
-    assert done.none == pytest.approx(1 / (1 + np.exp(-(left_over / 100 - usual.half) / STEEP)))
-    assert done.none > usual.least
+    other = 1 / (1 + np.exp(-(left_over / 100 - usual.half) / STEEP))
+    assert done.none == pytest.approx(usual.least + (1 - usual.least) * other)
     assert (done.verdict == "none_of_these") is (done.none > 0.5) is (done.named == ())
 
 

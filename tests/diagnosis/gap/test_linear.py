@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from diagnosis.effects.base import Nothing
-from diagnosis.gap.colours import Colours, discrepancy, estimated_colours, mean_colour
+from diagnosis.gap.colours import Colours
 from diagnosis.gap.grams import AMPLITUDE, Grams, projected
 from diagnosis.gap.parts import kept_for_scoring
 from diagnosis.gap.scan import ratios, scan
@@ -172,33 +172,6 @@ def test_what_the_parameters_imitate_cannot_be_detected():
     assert found.share[2] < 0.01 < 0.2 < found.share[0]
     assert found.cosines[0, 1] == pytest.approx(1.0)
     assert found.alike(0, 10.0) == [1]
-
-
-def test_a_slow_noise_is_recognised_and_a_discrepancy_measured():
-    rng = np.random.default_rng(6)
-    lin = problem_of(rng, steps=400)
-    observed = np.ones(lin.residual.shape, dtype=bool)
-    true = {0: (np.sqrt(0.5), np.sqrt(0.5), 10 * HOUR), 1: (1.0, 0.0, HOUR)}
-    lin.residual = drawn(rng, lin, true)
-    grams = Grams(lin, observed)
-    found = estimated_colours(grams, np.ones(2))
-    assert found.best[0][1] > 0.5
-    assert found.best[1][1] < 0.3
-    gain, _ = discrepancy(grams, found, np.ones(2))
-    assert gain == 0.0
-    lin.residual = drawn(rng, lin, {0: (1.0, 5.0, 8 * HOUR), 1: (1.0, 0.0, HOUR)})
-    grams = Grams(lin, observed)
-    gain, colours = discrepancy(grams, estimated_colours(grams, np.ones(2)), np.ones(2))
-    assert gain > 30
-    assert colours[0][1] > 2 > colours[1][1]
-
-
-def test_a_mean_colour_has_the_mean_variances_and_a_memory_between():
-    white, slow = (2.0, 0.0, HOUR), (2.0 * np.sqrt(0.5), 2.0 * np.sqrt(0.5), 10 * HOUR)
-    found = mean_colour([(white, 0.4), (slow, 0.6)], 2.0)
-    # 0.4 + 0.6 / 2 of the variance 4 is white and 0.6 / 2 slow, whose memory only the slow one has
-    assert found == pytest.approx((2.0 * np.sqrt(0.7), 2.0 * np.sqrt(0.3), 10 * HOUR))
-    assert mean_colour([(white, 1.0)], 2.0) == (2.0, 0.0, HOUR)
 
 
 def test_the_part_that_is_kept_is_chosen_from_inputs_alone_and_unlike_the_rest():
