@@ -71,7 +71,7 @@ def connect(
         raise ClusterError(f"cluster is {cluster!r}; expected {' or '.join(['local', *QUEUES])}")
     if scheduler:
         try:
-            client = Client(scheduler, timeout=20)
+            client = _client(scheduler, timeout=20)
         except (OSError, ValueError, TypeError, RuntimeError) as error:  # the last two: TLS on one side only
             raise ClusterError(
                 f"{scheduler}: no Dask scheduler answers: {error}; expected tcp://HOST:PORT, or tls://HOST:PORT with"
@@ -88,7 +88,7 @@ def connect(
     with dask.config.set(_CONFIG):
         if cluster in QUEUES:
             listening = {"host": host or LOOPBACK, "dashboard_address": f"{LOOPBACK}:0"}
-            with QUEUES[cluster](workers or 1, dict(options or {}), listening) as running, Client(running) as client:
+            with QUEUES[cluster](workers or 1, dict(options or {}), listening) as running, _client(running) as client:
                 _log.info("waiting for the first worker of %s; dashboard at %s", cluster, running.dashboard_link)
                 client.wait_for_workers(1)
                 _check_versions(client)
@@ -105,7 +105,7 @@ def connect(
             )
         ended = False
         try:
-            with running, Client(running) as client:
+            with running, _client(running) as client:
                 _say(len(running.workers), running.dashboard_link)
                 yield client
                 ended = True
@@ -114,6 +114,11 @@ def connect(
                 raise
             # all that was asked for is there; on a busy machine Dask gives up waiting for its own processes
             _log.warning("the workers had not ended when Dask stopped waiting for them")
+
+
+def _client(where: Any, **options: Any) -> Client:
+    """A client that is nobody's default: one whose scheduler is gone would stay what Dask and xarray ask for locks."""
+    return Client(where, set_as_default=False, **options)
 
 
 def _say(workers: int, dashboard: str) -> None:

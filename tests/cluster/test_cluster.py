@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 import pytest
+from dask.distributed import Client
 
 from datagen import run, verify
 from datagen.cluster import ClusterError
@@ -95,6 +96,9 @@ def test_a_worker_that_joins_later_checks_the_version_itself(tanks):
 def test_no_scheduler_is_a_sentence(tanks, tmp_path):
     with pytest.raises(ClusterError, match="no Dask scheduler answers"):
         run(faulty.describe(tanks), tmp_path / "ds", scheduler="nonsense", **SIZE)
+    # and nobody who computes or writes a file afterwards asks it for anything
+    with pytest.raises(ValueError, match="No clients found"):
+        Client.current()
 
 
 def test_slurm_gives_the_same_data(tanks, tmp_path):
