@@ -28,8 +28,8 @@ SHARES = (0.3, 0.5)
 MEMORIES = (3 * HOUR, 10 * HOUR)
 FLOORS = (0.25, 0.5)
 """Standard deviations of the model's own slow error, in those of the channel's noise: a model that is right in all that
-matters is still no more than a model, and no smaller discrepancy than this is called a gap. Twice as large, as it once
-was, it took up gaps that could be seen (docs/blind-check.md)."""
+matters is still no more than a model, and no smaller discrepancy than this is called a gap. With 0.7 and 1.0 it took
+up gaps that could be seen (docs/blind-check.md)."""
 FLOOR_MEMORIES = (10 * HOUR, 40 * HOUR)
 SIZES = (1.5, 3.0, 6.0, 12.0)
 """Standard deviations of a discrepancy, in those of the channel's noise."""
