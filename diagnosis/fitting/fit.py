@@ -110,6 +110,7 @@ def fit(
     starts: Sequence[np.ndarray] | None = None,
     *,
     rounds: int = ROUNDS,
+    restless: int = 0,
     estimate_noise: bool = False,
     around: Linearisation | None = None,
 ) -> Fit:
@@ -122,6 +123,8 @@ def fit(
         the best of them goes on.
     rounds
         How often the nuisance's part of the covariance is renewed at most; 0 keeps that of ``around``.
+    restless
+        How many rounds more at most, as long as the last one moved the unknowns far (:data:`LEAPING`).
     estimate_noise
         Estimate a slow error of each output and by how much its noise exceeds the given one.
     around
@@ -141,7 +144,9 @@ def fit(
     z = _best_start(problem, starts, around)
     converged, near, history = rounds == 0, rounds == 0, []
     bent, information = None, np.eye(problem.size)
-    for round_ in range(max(rounds, 1)):
+    for round_ in range(max(rounds, 1) + restless):
+        if round_ >= max(rounds, 1) and moved < LEAPING:
+            break
         if rounds:
             around = renewed(problem, z, around, leaps=moved < LEAPING)
         before = z

@@ -21,7 +21,7 @@ from diagnosis.gap.stages import Stage
 
 Verdict = Literal["effect", "ambiguous", "none_of_these", "no_gap"]
 
-STEEP = 0.1
+STEEP = 0.13
 """Of the logistic curve through how often what is named holds no true cause, over the share left."""
 
 
@@ -42,10 +42,10 @@ class Frequencies:
         return float(self.least + (1 - self.least) * expit((share - self.half) / STEEP))
 
 
-SIMULATED = Frequencies(half=0.48, least=0.15)
-REPLAYED = Frequencies(half=-0.02, least=0.3)
+SIMULATED = Frequencies(half=0.33, least=0.15)
+REPLAYED = Frequencies(half=0.38, least=0.3)
 """With replayed actuators all that a cause can show is in fewer channels, and what fits there is the cause less often.
-``half`` and STEEP: docs/blind-check.md says which opened sets they are of. ``least`` lies between what four of them
+``half`` and STEEP: docs/blind-check.md says which opened sets they are of, and how many fits. ``least`` lies between what four of them
 gave, 0.2 and 0.37, and what one gave with 80 of its recordings diagnosed by all readings and with tempered evidences,
 0.1 and 0.27: a named set holds more then."""
 NOTHING = 0.37

@@ -17,6 +17,7 @@ from diagnosis.fitting.fit import Fit, fit
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.run import Run
 from diagnosis.fitting.side_by_side import InProcess, Outcome, Runner, side_by_side
+from diagnosis.gap.afresh import RESTLESS, ROUNDS
 from diagnosis.gap.apart import Apart, fitted_apart
 from diagnosis.gap.conditions import Otherwise, otherwise
 from diagnosis.gap.decision import Decision, decide, gap_found
@@ -30,7 +31,6 @@ from diagnosis.recording import HOUR, Recording, read_recording
 from diagnosis.where import Operator, Where
 from shared.system import System, load_system
 
-ROUNDS = 2
 STARTS = 1
 
 
@@ -150,7 +150,7 @@ def diagnose(
         scored = kept_for_scoring(record)
         tell("fitting the base model")
         starts = _starts(whole, run, record, described, seed)
-        base = fit(whole.with_effects(()), starts, rounds=ROUNDS)
+        base = fit(whole.with_effects(()), starts, rounds=ROUNDS, restless=RESTLESS)
         done = _concluded(whole, base, candidates, scored, seed, (began, used), tell)
     held.runner = InProcess(simulator)
     if out is not None:

@@ -14,6 +14,8 @@ import numpy as np
 
 from diagnosis.effects import Effect
 from diagnosis.fitting.fit import Fit, fit
+from diagnosis.fitting.problem import Problem
+from diagnosis.gap.afresh import bent, fitted_afresh
 from diagnosis.gap.fewer import fewer
 from diagnosis.gap.linear import Linearised, applicable, linearised
 from diagnosis.gap.nuisances import widened
@@ -29,6 +31,10 @@ MOST_REFITS = 6
 LEAST_REFITS = 3
 NEAR = 8.0
 """Log Bayes factor within which a candidate is as good as the best, as far as a straight line can tell."""
+AFRESH = 3
+"""Of the refits as many are fitted afresh at most where the way is bent."""
+CONTENDING = 50.0
+"""Log Bayes factor to the best refit within which another may be the better one where the way is bent."""
 MOST_EFFECTS = 2
 PARSIMONY = 0.6
 """A further effect must leave less than this share of what was left without a cause before it."""
@@ -41,11 +47,13 @@ class Search:
     """All stages, the base model's fit, the refits made at each stage (best first), and why candidates were not tried.
 
     ``confirmed``: whether what the straight line found at first is there in a refit, or in the residual itself.
+    ``plain``: the base model's problem before its nuisances were widened.
     ``simulations`` in all of the search; ``made``: refits and linearisations by the stages that led to them.
     """
 
     stages: list[Stage]
     base: Refit
+    plain: Problem
     refits: list[list[Refit]] = field(default_factory=list)
     excluded: dict[str, str] = field(default_factory=dict)
     confirmed: bool = True
@@ -121,7 +129,7 @@ def search(
             one, lin = other, among(other, usable)
             stage = examine(lin, observed, size, seed=seed)
             count += lin.simulations
-    found = Search([stage], one, excluded=why, simulations=count, made=made)
+    found = Search([stage], one, base.problem, excluded=why, simulations=count, made=made)
     found.excluded |= dict.fromkeys(lin.failed, "its simulation fails")
     while len(found.chosen) < MOST_EFFECTS:
         stage = found.last
@@ -134,8 +142,8 @@ def search(
             found.confirmed = gain >= STRONG or stage.misfits or stage.discrepancy
         if not refits or not found.confirmed or (not first and gain < CLEAR):
             break
-        best = refits[0]
-        lin = settled_refit(best, stage, effects, found)
+        refits, best = contended(refits, stage, found, tell)
+        lin = renewed_among(best, stage, effects, found)
         after = examine(lin, observed, size, seed=seed + len(found.stages))
         if not first and not worth_more(stage, after):
             break
@@ -193,17 +201,57 @@ def refitted(stage: Stage, tell: Tell, found: Search) -> list[Refit]:
     return sorted(made, key=lambda one: -one.evidence)
 
 
-def settled_refit(best: Refit, stage: Stage, effects: Sequence[Effect], found: Search) -> Linearised:
-    """The refit linearised by the nuisance and all remaining candidates where it is."""
-    problem = best.lin.problem
-    usable, _ = applicable(problem, effects)
+def contended(refits: list[Refit], stage: Stage, found: Search, tell: Tell) -> tuple[list[Refit], Refit]:
+    """Refits, the best first, and the best simulated anew at its optimum.
+
+    Where that shows that the way there was bent, the foremost are fitted afresh as well, and only they are left: what
+    straight lines say of the others is no measure beside them.
+    """
+    first = settled_refit(refits[0], stage, found)
+    if found.chosen or not bent(refits[0], first):  # a second effect begins where the first one is in the model
+        return refits, first
+    made = []
+    for one in refits[:AFRESH]:
+        if one.evidence < refits[0].evidence - CONTENDING:
+            break
+        other = afresh(one, stage, found, tell)
+        if other is None or other.evidence < one.evidence:
+            there = settled_refit(one, stage, found)
+            other = there if other is None or other.evidence < there.evidence else other
+        made.append(other)
+    made.sort(key=lambda one: -one.evidence)
+    return made, made[0]
+
+
+def afresh(one: Refit, stage: Stage, found: Search, tell: Tell) -> Refit | None:
+    """A refit's effects fitted from the middle of the prior, once."""
+    key = (found.path, one.names, "afresh")
+    if key not in found.made:
+        tell(f"fitting afresh with {one.names[-1]}")
+        made = found.made[key] = fitted_afresh(found.plain, one, stage.grams.observed, stage.colours.best)
+        found.simulations += made.simulations if made is not None else 0
+    return found.made[key]
+
+
+def settled_refit(one: Refit, stage: Stage, found: Search) -> Refit:
+    """A refit with all simulated anew where it came to."""
+    key = (found.path, one.names, "settled")
+    if key not in found.made:
+        problem, lin = one.lin.problem, one.lin
+        made = settled(problem, lin.z, lin.around, stage.grams.observed, problem.floor, stage.colours.best, renewals=1)
+        found.simulations += made.simulations
+        found.made[key] = made
+    return found.made[key]
+
+
+def renewed_among(best: Refit, stage: Stage, effects: Sequence[Effect], found: Search) -> Linearised:
+    """The best refit linearised by all remaining candidates."""
+    usable, _ = applicable(best.lin.problem, effects)
     key = (found.path, best.names, "renewed")
     if key in found.made and {one.name for one in usable} <= {one.name for one in found.made[key].effects}:
         return fewer(found.made[key], usable)
-    colours, lin = stage.colours.best, best.lin
-    one = settled(problem, lin.z, lin.around, stage.grams.observed, problem.floor, colours, renewals=1)
-    lin = among(one, usable)
-    found.simulations += one.simulations + lin.simulations
+    lin = among(best, usable)
+    found.simulations += lin.simulations
     found.made[key] = lin
     return lin
 

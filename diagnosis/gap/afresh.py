@@ -1,0 +1,62 @@
+"""Fitting afresh with an effect, where the way from the base model's fit to the effect's is bent.
+
+A base model without its cause bends its parameters, and who was in the room, to make up for it. A refit that begins
+there goes along straight lines, and where the persons were not counted, or meters drive the model, it can stay far from
+the optimum: then another effect fits better that is not the cause, or none does. So a candidate that could be the cause
+is fitted from the middle of the prior as well, with the amplitude that the refit found.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from diagnosis.fitting.fit import fit
+from diagnosis.fitting.problem import Problem
+from diagnosis.gap.grams import Colour
+from diagnosis.gap.nuisances import widened
+from diagnosis.gap.refit import Refit
+from diagnosis.gap.renewal import settled
+from shared.errors import SimulationError
+
+ROUNDS = 2
+RESTLESS = 4
+"""Rounds more of the fits of a diagnosis, while the unknowns still move far: then a fit says nothing yet."""
+BENT = 5.0
+"""Log evidence by which the optimum on straight lines and the one simulated anew differ where the way is bent."""
+
+
+def bent(one: Refit, there: Refit) -> bool:
+    """Whether a refit's evidence was something else once it had been simulated anew."""
+    return abs(there.evidence - one.evidence) > BENT
+
+
+def fitted_afresh(plain: Problem, one: Refit, observed: np.ndarray, colours: dict[int, Colour]) -> Refit | None:
+    """The effects of a refit, fitted from the middle of the prior and from the refit's amplitudes.
+
+    Parameters
+    ----------
+    plain
+        The problem before its nuisances were widened, with any effects.
+    observed
+        Readings that count, shape (outputs, steps).
+    colours
+        By channel, of the stage at which the refit was made.
+
+    Returns
+    -------
+    Refit or None
+        Nothing where the simulation fails.
+    """
+    problem = plain.with_effects(one.lin.chosen)
+    start = np.zeros(problem.size)
+    first = len(problem.system.parameters)
+    start[first : first + len(one.lin.chosen)] = one.lin.amplitudes
+    try:
+        found = fit(problem.with_observed(observed), [start], rounds=ROUNDS, restless=RESTLESS)
+        wider, around, _ = widened(found)
+        made = settled(wider, found.z, around, observed, wider.floor, colours, renewals=0)
+    except SimulationError:
+        return None
+    return replace(made, simulations=found.simulations + wider.simulations + made.simulations)
