@@ -45,9 +45,9 @@ class Frequencies:
 SIMULATED = Frequencies(half=0.33, least=0.15)
 REPLAYED = Frequencies(half=0.38, least=0.3)
 """With replayed actuators all that a cause can show is in fewer channels, and what fits there is the cause less often.
-``half`` and STEEP: docs/blind-check.md says which opened sets they are of, and how many fits. ``least`` lies between what four of them
-gave, 0.2 and 0.37, and what one gave with 80 of its recordings diagnosed by all readings and with tempered evidences,
-0.1 and 0.27: a named set holds more then."""
+``half`` and STEEP: docs/blind-check.md says which opened sets they are of, and how many fits. ``least`` lies between
+what four of them gave, 0.2 and 0.37, and what one gave with 80 of its recordings diagnosed by all readings and with
+tempered evidences, 0.1 and 0.27: a named set holds more then."""
 NOTHING = 0.37
 """Probability that there is no gap where none is found: most effects of half their usual size go unseen."""
 SURE = 0.8
