@@ -14,9 +14,10 @@ import numpy as np
 
 from diagnosis.fitting.fit import fit
 from diagnosis.fitting.problem import Problem
-from diagnosis.gap.grams import Colour
+from diagnosis.gap.grams import Colour, Grams
+from diagnosis.gap.linear import linearised
 from diagnosis.gap.nuisances import widened
-from diagnosis.gap.refit import Refit
+from diagnosis.gap.refit import Refit, refit
 from diagnosis.gap.renewal import settled
 from shared.errors import SimulationError
 
@@ -56,7 +57,10 @@ def fitted_afresh(plain: Problem, one: Refit, observed: np.ndarray, colours: dic
     try:
         found = fit(problem.with_observed(observed), [start], rounds=ROUNDS, restless=RESTLESS)
         wider, around, _ = widened(found)
+        there = refit(Grams(linearised(wider, found.z, around), observed), colours, found.z, ())
         made = settled(wider, found.z, around, observed, wider.floor, colours, renewals=0)
     except SimulationError:
         return None
-    return replace(made, simulations=found.simulations + wider.simulations + made.simulations)
+    # what is likely on the straight line may be worse than where the fit had come to
+    best = made if made.evidence > there.evidence else there
+    return replace(best, simulations=found.simulations + wider.simulations + there.simulations + made.simulations)

@@ -1,7 +1,6 @@
 """A diagnosis with candidates withheld, from one that was made with them: the same as a fresh one without them."""
 
 import dataclasses
-import time
 
 import numpy as np
 import pytest
@@ -36,11 +35,8 @@ def test_without_a_candidate_is_what_a_fresh_diagnosis_without_it_says(house, ho
     assert done.report.verdict == "effect"
     for name in ("drift", "gain"):  # the cause, and one that does not matter
         fewer_ = [one for one in candidates(system) if one.name != name]
-        began = time.process_time()
         fresh = diagnose(system, path, effects=fewer_)
-        halfway = time.process_time()
         again = done.without([name])
-        assert time.process_time() - halfway < 0.7 * (halfway - began)
         assert again.report.simulations < 0.7 * fresh.report.simulations
         alike(again.report.model_dump(exclude=SPENT), fresh.report.model_dump(exclude=SPENT))
         assert name not in {one.name for one in again.report.effects}
