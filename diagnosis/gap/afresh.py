@@ -22,6 +22,7 @@ from diagnosis.gap.renewal import settled
 from shared.errors import SimulationError
 
 ROUNDS = 2
+"""Of the fits of a diagnosis: refits go on from there."""
 RESTLESS = 4
 """Rounds more of the fits of a diagnosis, while the unknowns still move far: then a fit says nothing yet."""
 BENT = 5.0

@@ -1,10 +1,9 @@
 """From the search to an answer: no gap, an effect, a set that cannot be told apart, or none of these.
 
-Candidates are weighed by their evidence with an error that is as wide as what the best of them leaves unexplained: a
-cause that acts by a somewhat other law than its candidate must not make one candidate certain against another. That
-none of the candidates is the cause is weighed by how much is left: when the best fit is rejected on its own twins, the
-share of the first gain of a discrepancy without a cause that is still there, slow (:mod:`diagnosis.gap.colours`) or
-over a stretch (:mod:`diagnosis.gap.episode`).
+How candidates are weighed against one another, :mod:`diagnosis.gap.weighing` says. That none of the candidates is the
+cause is weighed by how much is left: when the best fit is rejected on its own twins, the share of the first gain of a
+discrepancy without a cause that is still there, slow (:mod:`diagnosis.gap.colours`) or over a stretch
+(:mod:`diagnosis.gap.episode`).
 """
 
 from __future__ import annotations
@@ -12,12 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
 from scipy.special import expit
 
-from diagnosis.gap.refit import Refit
 from diagnosis.gap.search import LEVEL, Search
 from diagnosis.gap.stages import Stage
+from diagnosis.gap.weighing import named, softmax, weighed
 
 Verdict = Literal["effect", "ambiguous", "none_of_these", "no_gap"]
 
@@ -50,16 +48,6 @@ what four of them gave, 0.2 and 0.37, and what one gave with 80 of its recording
 tempered evidences, 0.1 and 0.27: a named set holds more then."""
 NOTHING = 0.37
 """Probability that there is no gap where none is found: most effects of half their usual size go unseen."""
-SURE = 0.8
-"""Probability, among candidates, at which one of them is named alone."""
-COVER = 0.9
-"""What a set that is named together holds of it."""
-TEMPER = 3.0
-"""What differences of evidence between candidates are divided by (a power posterior, Gruenwald 2012, ALT 23:169).
-
-The true cause acts by a law that is not quite its candidate's, and candidates that are wrong make up for that: taken at
-their word, evidences are too sure. Chosen on opened sets (docs/blind-check.md); ``tests/benchmarks/decision.py`` works
-out what makes the truth most likely."""
 
 
 @dataclass(frozen=True)
@@ -103,9 +91,9 @@ def decide(search: Search, where_p: float, where_left_p: float) -> Decision:
         p_value = first.scan.p_value if search.confirmed else max(first.scan.p_value, LEVEL)
         odds = min(p_value, first.scan.misfit_p) / LEVEL
         nothing = float(NOTHING * odds / (1 + odds))
-        chance = _softmax(dict(zip(_names(first), first.scan.evidence, strict=True)))
-        named = {name: (1 - nothing) * 0.5 * p for name, p in chance.items()}
-        return Decision("no_gap", named, 0.5 * (1 - nothing), nothing, (), (), False)
+        chance = softmax(dict(zip((one.name for one in first.lin.effects), first.scan.evidence.tolist(), strict=True)))
+        likely = {name: (1 - nothing) * 0.5 * p for name, p in chance.items()}
+        return Decision("no_gap", likely, 0.5 * (1 - nothing), nothing, (), (), False)
     rejected = gap_found(last, where_left_p)
     share = search.share_left if search.chosen else 1.0
     usual = REPLAYED if first.lin.problem.replay else SIMULATED
@@ -115,44 +103,13 @@ def decide(search: Search, where_p: float, where_left_p: float) -> Decision:
     probabilities: dict[str, float] = {}
     sets = []
     for k, refits in enumerate(search.refits):
-        chance = _candidates(search.stages[k], refits, search.stages[k + 1])
-        sets.append(_named(chance))
+        later = [ones[0].names[-1] for ones in search.refits[k + 1 :]]
+        chance = weighed(search.stages[k], refits, search.stages[k + 1], tried=search.tried[k], later=later)
+        sets.append(named(chance, refits[0].names[-1]))
         for name, p in chance.items():
             probabilities[name] = max(probabilities.get(name, 0.0), (1 - none) * p)
     if none > 0.5:
         return Decision("none_of_these", probabilities, none, 0.0, (), (), rejected)
     verdict: Verdict = "effect" if all(len(one) == 1 for one in sets) else "ambiguous"
-    named_ = tuple(dict.fromkeys(name for one in sets for name in one))
-    return Decision(verdict, probabilities, none, 0.0, named_, tuple(sets), rejected)
-
-
-def _names(stage: Stage) -> list[str]:
-    return [one.name for one in stage.lin.effects]
-
-
-def _candidates(stage: Stage, refits: list[Refit], after: Stage) -> dict[str, float]:
-    """Probabilities of a stage's candidates, given that one of them is the cause."""
-    value = {one.names[-1]: one.evidence_with(after.discrepant) for one in refits}
-    linear = dict(zip(_names(stage), stage.scan.evidence.tolist(), strict=True))
-    worst = min(value, key=lambda name: linear[name])
-    for name, one in linear.items():
-        if name not in value:  # judged by the straight line, from the least plausible of those that were refitted
-            value[name] = value[worst] + min(one - linear[worst], 0.0)
-    return _softmax(value)
-
-
-def _softmax(values: dict[str, float]) -> dict[str, float]:
-    if not values:
-        return {}
-    found = np.array(list(values.values()))
-    weight = np.exp((found - found.max()) / TEMPER)
-    return dict(zip(values, (weight / weight.sum()).tolist(), strict=True))
-
-
-def _named(chance: dict[str, float]) -> tuple[str, ...]:
-    """The best alone where it is sure enough, else the smallest set that covers."""
-    order = sorted(chance, key=lambda name: -chance[name])
-    if chance[order[0]] >= SURE:
-        return (order[0],)
-    reached = np.cumsum([chance[name] for name in order])
-    return tuple(order[: int(np.searchsorted(reached, COVER)) + 1])
+    together = tuple(dict.fromkeys(name for one in sets for name in one))
+    return Decision(verdict, probabilities, none, 0.0, together, tuple(sets), rejected)

@@ -23,6 +23,7 @@ from diagnosis.gap.refit import Refit, linear_start, refit
 from diagnosis.gap.renewal import settled
 from diagnosis.gap.scan import NEGLIGIBLE
 from diagnosis.gap.stages import CLEAR, LEVEL, STRONG, Stage, examine
+from diagnosis.gap.weighing import named, weighed
 from shared.errors import SimulationError
 
 FURTHER = 5
@@ -31,6 +32,8 @@ MOST_REFITS = 6
 LEAST_REFITS = 3
 NEAR = 8.0
 """Log Bayes factor within which a candidate is as good as the best, as far as a straight line can tell."""
+SHARE = 0.5
+"""Of the best one's log Bayes factor: a large gap is far along a line, and what is known that far of it is coarse."""
 AFRESH = 3
 """Of the refits as many are fitted afresh at most where the way is bent."""
 CONTENDING = 50.0
@@ -46,6 +49,7 @@ Tell = Callable[[str], None]
 class Search:
     """All stages, the base model's fit, the refits made at each stage (best first), and why candidates were not tried.
 
+    ``tried``: at each stage all refits before some were fitted afresh.
     ``confirmed``: whether what the straight line found at first is there in a refit, or in the residual itself.
     ``plain``: the base model's problem before its nuisances were widened.
     ``simulations`` in all of the search; ``made``: refits and linearisations by the stages that led to them.
@@ -55,6 +59,7 @@ class Search:
     base: Refit
     plain: Problem
     refits: list[list[Refit]] = field(default_factory=list)
+    tried: list[list[Refit]] = field(default_factory=list)
     excluded: dict[str, str] = field(default_factory=dict)
     confirmed: bool = True
     simulations: int = 0
@@ -142,19 +147,26 @@ def search(
             found.confirmed = gain >= STRONG or stage.misfits or stage.discrepancy
         if not refits or not found.confirmed or (not first and gain < CLEAR):
             break
-        refits, best = contended(refits, stage, found, tell)
+        tried = refits
+        refits, best = contended(tried, stage, found, tell)
         lin = renewed_among(best, stage, effects, found)
         after = examine(lin, observed, size, seed=seed + len(found.stages))
-        if not first and not worth_more(stage, after):
+        if not first and not (worth_more(stage, after) and told(stage, refits, after, tried)):
             break
         found.stages.append(after)
         found.refits.append(refits)
+        found.tried.append(tried)
     return found
 
 
 def worth_more(before: Stage, after: Stage) -> bool:
     """Whether a further effect leaves enough less without a cause."""
     return after.left_over <= PARSIMONY * before.left_over
+
+
+def told(before: Stage, refits: list[Refit], after: Stage, tried: list[Refit]) -> bool:
+    """Whether a further effect is one of few: a set that goes beyond the refits names what nobody has fitted."""
+    return len(named(weighed(before, refits, after, tried=tried), refits[0].names[-1])) <= MOST_REFITS
 
 
 def settled_base(base: Fit, observed: np.ndarray, size: np.ndarray) -> Refit:
@@ -180,7 +192,7 @@ def refitted(stage: Stage, tell: Tell, found: Search) -> list[Refit]:
     if foremost is not None and foremost not in order:
         order[-1] = foremost
     for rank, j in enumerate(order):
-        close = rank < LEAST_REFITS or stage.scan.evidence[j] > best - NEAR or j == foremost
+        close = rank < LEAST_REFITS or stage.scan.evidence[j] > min(best - NEAR, SHARE * best) or j == foremost
         if not close or stage.scan.ratio[j] <= 0:
             continue
         effect = stage.lin.effects[j]

@@ -25,7 +25,8 @@ from scipy.special import expit
 from diagnosis.blind.opened import Row, side_by_side
 from diagnosis.blind.sealed import open_answers
 from diagnosis.blind.verdicts import Verdict, read_run
-from diagnosis.gap.decision import NOTHING, REPLAYED, SIMULATED, STEEP, TEMPER
+from diagnosis.gap.decision import NOTHING, REPLAYED, SIMULATED, STEEP
+from diagnosis.gap.weighing import TEMPER
 
 WEIGHTS = {"none": 4, "library": 5, "form": 5, "outside": 4}
 WIDE = 1.0

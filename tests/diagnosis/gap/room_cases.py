@@ -6,7 +6,8 @@ import numpy as np
 
 from datagen import simulate
 from diagnosis.effects import library
-from diagnosis.recording import read_recording
+from diagnosis.fitting.unknowns import Unknowns
+from diagnosis.recording import HOUR, read_recording
 from shared.system import load_system
 
 ROOM = "fmus/MixedAirCO2"
@@ -41,3 +42,12 @@ def recorded(path, system, *, seed=11, hours=168.0, fmu=None, readings=None):
     if readings is not None:
         record = replace(record, outputs=readings(record.outputs.copy(), record.time))
     return noisy(record, system, seed)
+
+
+def in_the_middle(system, path, *, hours):
+    """The system by the hour, and what it does with the middle of the prior, written without noise to ``path``."""
+    system = system.with_experiment(step=HOUR, hours=hours)
+    middle = Unknowns(system, (), ()).values(np.zeros(len(system.parameters)))
+    truth = dict(zip((one.name for one in system.parameters), middle, strict=True))
+    simulate(system, parameters=truth, hours=hours, seed=8, out=path)
+    return system

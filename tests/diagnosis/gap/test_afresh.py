@@ -4,28 +4,24 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from datagen import simulate
 from datagen.simulator import Simulator
 from diagnosis.effects import library
 from diagnosis.fitting.fit import fit
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.unknowns import Unknowns
 from diagnosis.gap.afresh import bent, fitted_afresh
 from diagnosis.gap.colours import estimated_colours
 from diagnosis.gap.grams import Grams
 from diagnosis.gap.refit import linear_start, refit
 from diagnosis.gap.renewal import settled
 from diagnosis.gap.search import among, settled_base
-from diagnosis.recording import HOUR, read_recording
+from diagnosis.recording import read_recording
+from tests.diagnosis.gap.room_cases import in_the_middle
 
 pytestmark = pytest.mark.slow
 
 
 def test_a_late_clock_is_found_from_the_middle_of_the_prior(default_system, tmp_path):
-    system = default_system.with_experiment(step=HOUR, hours=97.0)
-    middle = Unknowns(system, (), ()).values(np.zeros(len(system.parameters)))
-    truth = dict(zip((one.name for one in system.parameters), middle, strict=True))
-    simulate(system, parameters=truth, hours=97.0, seed=8, out=tmp_path / "room.nc")
+    system = in_the_middle(default_system, tmp_path / "room.nc", hours=97.0)
     data = xr.load_dataset(tmp_path / "room.nc", decode_times=False)
     late = data.isel(time=slice(None, -1)).copy(deep=True)  # a reading of eleven is written down at ten
     for name in system.output_names:

@@ -5,8 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagnosis.gap.decision import NOTHING, REPLAYED, SIMULATED, STEEP, TEMPER, decide
+from diagnosis.gap.decision import NOTHING, REPLAYED, SIMULATED, STEEP, decide
 from diagnosis.gap.search import PARSIMONY, worth_more
+from diagnosis.gap.weighing import TEMPER
 
 EFFECTS = ("one", "two", "three")
 
@@ -37,7 +38,7 @@ def stage(
 
 def refits(**evidence):
     return [
-        SimpleNamespace(names=(name,), evidence_with=lambda colours, value=value: value)
+        SimpleNamespace(names=(name,), evidence=value, evidence_with=lambda colours, value=value: value)
         for name, value in sorted(evidence.items(), key=lambda item: -item[1])
     ]
 
@@ -46,7 +47,7 @@ def searched(stages, made, confirmed=True):
     share = stages[-1].left_over / max(stages[0].left_over, 1.0)
     chosen = stages[-1].lin.chosen
     return SimpleNamespace(
-        stages=stages, refits=made, last=stages[-1], chosen=chosen, share_left=share, confirmed=confirmed
+        stages=stages, refits=made, tried=made, last=stages[-1], chosen=chosen, share_left=share, confirmed=confirmed
     )
 
 
@@ -128,6 +129,17 @@ def test_two_effects_are_both_named():
     search = searched([stage(), middle, after], [refits(one=0.0, two=-29.0), refits(two=0.0, three=-29.0)])
     done = decide(search, 0.002, 0.4)
     assert (done.verdict, done.named) == ("effect", ("one", "two"))
+
+
+def test_effects_that_act_together_are_those_that_were_fitted_together():
+    """Alone, the second looks more like the whole gap than the first; beside it, it is no alternative to it."""
+    middle = stage(left_over=50.0, chosen=("one",), evidence=(20.0, 1.0))
+    after = stage(found=False, misfits=False, left_over=0.0, chosen=("one", "two"))
+    search = searched([stage(), middle, after], [refits(one=0.0, two=-29.0), refits(two=0.0, three=-29.0)])
+    for one, value in zip(search.refits[0], (0.0, 9.0), strict=True):
+        one.evidence_with = lambda colours, value=value: value
+    done = decide(search, 0.002, 0.4)
+    assert (done.verdict, done.sets) == ("effect", (("one",), ("two",)))
 
 
 @pytest.mark.parametrize(("left_over", "worth"), [(0.99 * PARSIMONY, True), (1.01 * PARSIMONY, False)])

@@ -3,25 +3,21 @@
 import numpy as np
 import pytest
 
-from datagen import simulate
 from datagen.simulator import Simulator
 from diagnosis.fitting.fit import fit
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.unknowns import Unknowns
 from diagnosis.gap import renewal
 from diagnosis.gap.parts import kept_for_scoring
 from diagnosis.gap.renewal import settled
-from diagnosis.recording import HOUR, read_recording
+from diagnosis.recording import read_recording
 from shared.errors import SimulationError
+from tests.diagnosis.gap.room_cases import in_the_middle
 
 pytestmark = pytest.mark.slow
 
 
 def test_persons_of_the_days_kept_from_a_fit_are_told_by_those_days(default_system, tmp_path):
-    system = default_system.with_experiment(step=HOUR, hours=120.0)
-    middle = Unknowns(system, (), ()).values(np.zeros(len(system.parameters)))
-    truth = dict(zip((one.name for one in system.parameters), middle, strict=True))
-    simulate(system, parameters=truth, hours=120.0, seed=8, out=tmp_path / "room.nc")
+    system = in_the_middle(default_system, tmp_path / "room.nc", hours=120.0)
     record = read_recording(tmp_path / "room.nc", system)
     whole = Problem(Simulator(system), record, occupancy="unknown")
     scored = kept_for_scoring(record)

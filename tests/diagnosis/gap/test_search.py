@@ -44,11 +44,15 @@ def test_a_refit_confirms_what_a_straight_line_found(monkeypatch, gain, misfits,
 
 
 @pytest.mark.parametrize("foremost", [None, 2, 7])
-def test_what_stands_out_most_from_its_own_twins_is_refitted_however_much_others_gain(monkeypatch, foremost):
+@pytest.mark.parametrize(("best", "near"), [(10.0, 4), (40.0, searching.MOST_REFITS)])
+def test_what_stands_out_most_from_its_own_twins_is_refitted_however_much_others_gain(
+    monkeypatch, foremost, best, near
+):
+    """Of a small gap the candidates within eight of the best are, of a large one those with half of its gain."""
     count = 9
     scan = SimpleNamespace(
         order=list(range(count)),
-        evidence=np.linspace(40.0, 20.0, count),
+        evidence=np.linspace(best, best - 20.0, count),
         ratio=np.full(count, 30.0),
         foremost=foremost,
     )
@@ -59,8 +63,10 @@ def test_what_stands_out_most_from_its_own_twins_is_refitted_however_much_others
     tried = []
     monkeypatch.setattr(searching, "refit", lambda grams, best, start, effects: tried.append(effects[0].name) or made)
     searching.refitted(stage, lambda _: None, SimpleNamespace(path="here", made={}, simulations=0))
-    near = [f"effect {j}" for j in range(count) if scan.evidence[j] > 32.0][: searching.MOST_REFITS]
-    assert tried == near + ([f"effect {foremost}"] if foremost == 7 else [])
+    among = list(range(near))
+    if foremost == 7:
+        among = [*among[: searching.MOST_REFITS - 1], 7]
+    assert tried == [f"effect {j}" for j in among]
 
 
 @pytest.fixture

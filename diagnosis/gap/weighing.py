@@ -1,0 +1,76 @@
+"""Candidates of a stage weighed against one another, and the set of them that an answer names.
+
+They are weighed by their evidence with an error that is as wide as what the best of them leaves unexplained: a cause
+that acts by a somewhat other law than its candidate must not make one candidate certain against another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+import numpy as np
+
+from diagnosis.gap.refit import Refit
+from diagnosis.gap.stages import Stage
+
+SURE = 0.8
+"""Probability, among candidates, at which one of them is named alone."""
+COVER = 0.9
+"""What a set that is named together holds of it."""
+TEMPER = 3.0
+"""What differences of evidence between candidates are divided by (a power posterior, Gruenwald 2012, ALT 23:169).
+
+The true cause acts by a law that is not quite its candidate's, and candidates that are wrong make up for that: taken at
+their word, evidences are too sure. Chosen on opened sets (docs/blind-check.md); ``tests/benchmarks/decision.py`` works
+out what makes the truth most likely."""
+
+
+def weighed(
+    stage: Stage, refits: list[Refit], after: Stage, *, tried: Sequence[Refit] = (), later: Collection[str] = ()
+) -> dict[str, float]:
+    """Probabilities of a stage's candidates, given that one of them is the cause.
+
+    What was not fitted as others were is judged as before, moved by what these gained by it (the median), and is no
+    better than the last of them.
+
+    Parameters
+    ----------
+    refits
+        Of the stage, the best first.
+    after
+        The stage with the best of them.
+    tried
+        All that were refitted, if only some of them were fitted afresh.
+    later
+        Effects that were found beside it: they are no alternatives to it.
+    """
+    value = {one.names[-1]: one.evidence_with(after.discrepant) for one in refits}
+    linear = dict(zip((one.name for one in stage.lin.effects), stage.scan.evidence.tolist(), strict=True))
+    for known in ({one.names[-1]: one.evidence for one in tried}, linear):
+        gains = [one - known[name] for name, one in value.items() if name in known]
+        if gains:
+            gain, last = float(np.median(gains)), min(value.values())
+            value = {name: min(one + gain, last) for name, one in known.items()} | value
+    return softmax({name: one for name, one in value.items() if name not in later})
+
+
+def softmax(values: dict[str, float]) -> dict[str, float]:
+    """Probabilities from log evidences."""
+    if not values:
+        return {}
+    found = np.array(list(values.values()))
+    weight = np.exp((found - found.max()) / TEMPER)
+    return dict(zip(values, (weight / weight.sum()).tolist(), strict=True))
+
+
+def named(chance: dict[str, float], chosen: str) -> tuple[str, ...]:
+    """The most probable candidate alone where it is sure enough, else the smallest set that covers.
+
+    The one that was ``chosen``, whose amplitude, parameters and share of the gap are reported, is always in it.
+    """
+    order = sorted(chance, key=lambda name: -chance[name])
+    count = 1
+    if chance[order[0]] < SURE:
+        count += int(np.searchsorted(np.cumsum([chance[name] for name in order]), COVER))
+    first = tuple(order[:count])
+    return first if chosen in first else (*first, chosen)

@@ -1,0 +1,72 @@
+"""Candidates weighed against one another, and what is named of them."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from diagnosis.gap.search import MOST_REFITS, told
+from diagnosis.gap.weighing import COVER, SURE, TEMPER, named, softmax, weighed
+
+EFFECTS = ("one", "two", "three")
+
+
+def stage(*evidence):
+    effects = [SimpleNamespace(name=f"{j}") for j in range(len(evidence))]
+    return SimpleNamespace(
+        lin=SimpleNamespace(effects=effects), scan=SimpleNamespace(evidence=np.array(evidence)), discrepant={}
+    )
+
+
+def refits(**evidence):
+    made = [
+        SimpleNamespace(names=("before", name[1:]), evidence=value, evidence_with=lambda colours, value=value: value)
+        for name, value in evidence.items()
+    ]
+    return sorted(made, key=lambda one: -one.evidence_with({}))
+
+
+def test_probabilities_are_the_tempered_evidences():
+    found = softmax({"one": -1000.0, "two": -1000.0 - TEMPER * np.log(3)})
+    assert found == pytest.approx({"one": 0.75, "two": 0.25})
+    assert softmax({}) == {}
+
+
+def test_what_was_not_refitted_gains_what_refits_gained_and_is_no_better_than_the_last_of_them():
+    found = weighed(stage(9.0, 8.0, 6.5, 2.0), refits(_0=-3.0, _1=-5.0), stage())
+    weight = np.exp(np.array([-3.0, -5.0, -6.0, -10.5]) / TEMPER)  # by -12.5 in the middle
+    assert list(found.values()) == pytest.approx(weight / weight.sum())
+    capped = weighed(stage(9.0, 8.0, 7.9), refits(_0=5.0, _1=-3.0), stage())
+    assert capped["2"] == pytest.approx(capped["1"])
+
+
+def test_what_was_refitted_and_not_fitted_afresh_is_as_far_behind_as_its_refit_was():
+    """The straight line had put it first: what was fitted since counts, and that only one was."""
+    found = weighed(stage(9.0, 30.0), refits(_0=100.0), stage(), tried=refits(_0=-3.0, _1=-63.0))
+    weight = np.exp(np.array([100.0, 40.0]) / TEMPER)
+    assert list(found.values()) == pytest.approx(weight / weight.sum())
+
+
+def test_what_was_found_beside_a_candidate_is_no_alternative_to_it():
+    found = weighed(stage(9.0, 8.0, 6.5), refits(_0=-3.0, _1=1.0), stage(), later=["1"])
+    weight = np.exp(np.array([-3.0, -3.0]) / TEMPER)  # 6.5 - 9.5 is just what the last has
+    assert found == pytest.approx(dict(zip(("0", "2"), weight / weight.sum(), strict=True)))
+
+
+@pytest.mark.parametrize(
+    ("chance", "chosen", "expected"),
+    [
+        ((SURE, 1 - SURE, 0.0), "one", ("one",)),
+        ((SURE - 0.01, COVER - SURE + 0.01, 1 - COVER), "one", ("one", "two")),
+        ((0.4, 0.35, 0.25), "one", ("one", "two", "three")),
+        ((0.97, 0.02, 0.01), "three", ("one", "three")),
+    ],
+)
+def test_the_smallest_set_that_covers_is_named_and_what_was_chosen_is_in_it(chance, chosen, expected):
+    assert named(dict(zip(EFFECTS, chance, strict=True)), chosen) == expected
+
+
+@pytest.mark.parametrize(("alike", "is_told"), [(MOST_REFITS - 1, True), (MOST_REFITS + 3, False)])
+def test_a_further_effect_that_could_be_any_of_many_is_not_named(alike, is_told):
+    after = stage(*[5.0] * alike, *[-90.0] * (20 - alike))
+    assert told(after, refits(_0=-1.0), stage(), refits(_0=-1.0)) is is_told
