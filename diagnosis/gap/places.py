@@ -5,8 +5,6 @@ And the stretch that stands out most, as a finding among the others.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from diagnosis.gap.stages import Stage
@@ -38,7 +36,7 @@ def place(stage: Stage, observed: np.ndarray, operators: list[Operator]) -> Wher
         inputs=inputs,
         measured=problem.measured,
         regimes=find_regimes(problem.system, inputs, stage.lin.outputs),
-        operators=[replace(one, response=left_of(stage, one.response)) for one in operators],
+        operators=operators,
         left=lambda response: left_of(stage, response),
     )
 

@@ -14,6 +14,10 @@ CHECKED = (
 )
 
 
+LISTED = 6
+"""So many names of a set are said."""
+
+
 def summary(report: Report) -> list[str]:
     """Where, which, and how far; how sure is said with each."""
     return [_where(report), _which(report), _how_far(report)]
@@ -85,7 +89,7 @@ def _which(report: Report) -> str:
             f"{nearest}."
         )
     if report.verdict == "ambiguous":
-        sets = " and ".join("one of " + ", ".join(_sure(report, name) for name in one) for one in report.sets)
+        sets = " and ".join(_one_of(report, one) for one in report.sets)
         return f"Which: {sets}; the recording cannot tell these apart."
     said = "; and ".join(_named(one) for one in named)
     rest = " Something more is left that these do not explain." if report.rejected else ""
@@ -95,6 +99,14 @@ def _which(report: Report) -> str:
 def _named(one: NamedEffect) -> str:
     what = f"{one.description[:1].lower()}{one.description[1:]} ({one.name})" if one.description else one.name
     return f"{what}, by {_amount(one)}, with probability {one.probability:.0%}"
+
+
+def _one_of(report: Report, names: list[str]) -> str:
+    """A set that cannot be told apart; of many the foremost."""
+    said = [_sure(report, name) for name in names[:LISTED]]
+    if len(said) == 1:
+        return said[0]
+    return f"one of {len(names)}, foremost {', '.join(said)}" if len(names) > LISTED else f"one of {', '.join(said)}"
 
 
 def _sure(report: Report, name: str) -> str:
@@ -111,6 +123,11 @@ def _amount(one: NamedEffect) -> str:
 def _how_far(report: Report) -> str:
     if report.verdict == "no_gap":
         return "How far: there is no gap to shrink."
+    chosen = report.stages[-1].effects
+    if not chosen:
+        return (
+            "How far: no candidate explains enough of the gap to be fitted, so nothing is known that would shrink it."
+        )
     shares = [one for one in report.shrinkage if one.share is not None]
     if not shares:
         return (
@@ -127,8 +144,9 @@ def _how_far(report: Report) -> str:
         if report.chosen_apart
         else ("days that took no part in the fit (but in the choice: the other days alone put another candidate first)")
     )
+    what = f"even the nearest ({', '.join(chosen)})" if report.verdict == "none_of_these" else "this"
     return (
-        f"How far: on {days}, this removes {said} of the gap above noise;"
+        f"How far: on {days}, {what} removes {said} of the gap above noise;"
         f" a meaningless signature of equal freedom removes {placebo:.0%} on average where it removes most."
     )
 

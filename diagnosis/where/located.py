@@ -108,8 +108,8 @@ def locate(
     regimes
         From :func:`~diagnosis.where.regimes.find_regimes`.
     operators, left
-        Responses to missing sources, and what calibration leaves of series that are added to the outputs (that of
-        operators is left already); without operators no source is sought.
+        Responses to missing sources, and what calibration leaves of series that are added to the outputs; without
+        operators no source is sought.
     alpha
         Family-wise level of what is reported.
     """

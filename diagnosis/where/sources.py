@@ -141,11 +141,15 @@ def scan_sources(
         See :func:`~diagnosis.where.whitened.whitened`.
     left
         What calibration leaves of a series on the outputs, (outputs, steps, n) in and out: it has already been applied
-        to the residuals and the operators' responses, and is to the sensors' errors. Without it those are as they are.
+        to the residuals, and is to the operators' responses and the sensors' errors. Without it all are as they are.
     """
     white = whitened(residuals, nuisance)
     grouped = [_grouped(one) for one in operators]
-    problems = [_problems(white, white.response(one.response), one.edges, (*MEMORIES, 0.0)) for one in grouped]
+    kept = [one.response if left is None else left(one.response) for one in grouped]
+    problems = [
+        _problems(white, white.response(response), one.edges, (*MEMORIES, 0.0))
+        for one, response in zip(grouped, kept, strict=True)
+    ]
     sources: list[tuple[Operator, Inverse, float, np.ndarray]] = []
     pulses, source_gains = [], []
     for one, (*smooth, rough) in zip(grouped, problems, strict=True):
@@ -240,7 +244,10 @@ def _verdict(balance: float) -> Verdict:
 
 
 def _moved(white: Whitened, operator: Operator) -> list[int]:
-    """Outputs that a source moves noticeably, in units of their noise: their sensors can be mistaken for it."""
+    """Outputs that a source moves noticeably, in units of their noise: their sensors can be mistaken for it.
+
+    By the source itself: what parameters do to other outputs to make up for it is no reason to suspect their sensors.
+    """
     size = {
         k: float(np.linalg.norm(operator.response[k])) / s for k, s in zip(white.channels, white.scales, strict=True)
     }

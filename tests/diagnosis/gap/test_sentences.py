@@ -100,10 +100,10 @@ def test_nothing_is_said_of_conditions_that_were_as_good_as_they_get():
     assert any(one.startswith("The recorded actuators (Q)") and one.endswith("other outputs.") for one in alone)
 
 
-def stage(p_value, where_p):
+def stage(p_value, where_p, effects=()):
     """``best`` is of the part that is fitted, the p-values are of all readings: they may be of different candidates."""
     return StageOf(
-        effects=[],
+        effects=list(effects),
         best="fan",
         ratio=5.0,
         p_value=p_value,
@@ -147,6 +147,7 @@ def test_the_answer_says_what_where_and_how_far_in_words():
         sources=[source("heat", "balance", 120.0), source("gas", "none", 1.0)],
         effects=[named("valve"), named("other", 0.1, answer=False)],
         shrinkage=[gone],
+        stages=[stage(0.01, 0.01), stage(0.5, 0.5, ["valve"])],
     )
     where, which, far = summary(done)
     assert where.startswith("Where: room: measured higher; 2 more findings, also in flow.")
@@ -157,6 +158,42 @@ def test_the_answer_says_what_where_and_how_far_in_words():
     assert far.startswith("How far: on days that took no part in the fit, this removes")
     chosen = summary(done.model_copy(update={"chosen_apart": False}))[2]
     assert "(but in the choice: the other days alone put another candidate first)" in chosen
+
+
+def test_what_no_candidate_explains_is_said_of_the_nearest_only():
+    gone = ShrinkageOf(
+        channel="room",
+        unit="K",
+        before=1.0,
+        after=0.9,
+        floor=0.1,
+        share=0.1,
+        low=-0.1,
+        high=0.2,
+        placebo=0.1,
+        placebo_best=0.2,
+    )
+    fitted = [stage(0.01, 0.01), stage(0.01, 0.01, ["valve"])]
+    other = {"verdict": "none_of_these", "none_of_these": 0.98, "effects": [named("valve", 0.02, answer=False)]}
+    _, which, far = summary(report(**other, shrinkage=[gone], stages=fitted))
+    assert "none of the 1 candidates explains it (probability 98%); the nearest is valve" in which
+    assert "days that took no part in the fit, even the nearest (valve) removes 10% in room" in far
+    far = summary(report(**other, stages=fitted[:1]))[2]
+    assert far == (
+        "How far: no candidate explains enough of the gap to be fitted, so nothing is known that would shrink it."
+    )
+
+
+def test_of_a_set_of_many_the_foremost_are_said():
+    effects = [named(name, 0.1) for name in "abcdefgh"]
+    stages = [stage(0.01, 0.01), stage(0.5, 0.5, ["a"])]
+    sets = [list("abcdefgh"), list("de"), ["f"]]
+    which = summary(report(verdict="ambiguous", effects=effects, sets=sets, stages=stages))[1]
+    few = ", ".join(f"{name} (10%)" for name in "abcdef")
+    assert which == (
+        f"Which: one of 8, foremost {few} and one of d (10%), e (10%) and f (10%);"
+        " the recording cannot tell these apart."
+    )
 
 
 def test_a_missing_source_that_could_not_be_worked_out_is_said():

@@ -115,6 +115,21 @@ def test_what_calibration_can_imitate_is_taken_out(quiet, plant):
     assert np.abs(white.rows @ whitened(quiet).response(response)).max() < 1e-6
 
 
+def test_only_a_sensor_that_the_source_itself_moves_is_suspected_in_its_stead(quiet):
+    """Parameters that make up for a source move the other output too, whose own error is far larger."""
+    alone = heat(first_order(STEPS, 12, 1 / 300, outputs=2, output=0, per=PER))
+
+    def left(response):
+        return np.stack([0.5 * response[0], response[1] + 0.5 * response[0]])
+
+    observed = quiet.observed + np.einsum("kts,s->kt", left(alone.response), np.full(STEPS // PER, 200.0))
+    observed[1, 100:124] += 9.0
+    found = scan_sources(with_observed(quiet, observed), [alone], left=left)
+    assert found.sensor_gains["y1"] > found.sensor_gains["y0"]
+    assert found.sources[0].rival == "y0"
+    assert np.median(found.sources[0].estimate) == pytest.approx(200, rel=0.15)
+
+
 @pytest.mark.slow
 def test_source_and_sensor_are_told_apart_nine_times_in_ten(plant):
     """Twenty recordings each of a random smooth source and of a sensor with as smooth an error."""
