@@ -99,15 +99,15 @@ def read_text(
         raise error(f"{path}: cannot be read as text: {why(cause)}; expected {expected}") from None
 
 
-def read_json(path: Path, error: type[ZeroshotError], expected: str) -> Any:
-    """Content of a JSON file.
+def read_json(path: Path, error: type[ZeroshotError], expected: str, *, most: int = MOST_JSON) -> Any:
+    """Content of a JSON file of at most ``most`` bytes.
 
     Raises
     ------
     ZeroshotError
         Of the kind ``error``: as :func:`read_text`, or if it is not JSON, or nested too deep.
     """
-    return parse_json(read_text(path, error, expected), f"{path}", error, expected)
+    return parse_json(read_text(path, error, expected, most=most), f"{path}", error, expected)
 
 
 def parse_json(text: str, where: str, error: type[ZeroshotError], expected: str) -> Any:

@@ -23,9 +23,12 @@ from shared.manifest import ShardEntry as ShardEntry
 from shared.manifest import Source as Source
 from shared.netcdf import read_netcdf
 from shared.netcdf_child import check_declared
-from shared.reading import read_json, size_of, validated, why
+from shared.reading import MIB, read_json, size_of, validated, why
 from shared.schema import CONTENT_HASH, SPLITS, check_version, dataset_hash
 from shared.system import System, system_from_canonical
+
+MOST_MANIFEST = 4096 * MIB
+"""Bytes; a manifest has about 500 for each shard."""
 
 
 def temporary_name(path: Path) -> Path:
@@ -66,7 +69,7 @@ def read_manifest(folder: Path | str) -> Manifest:
         If it is missing, damaged, or of a newer schema.
     """
     path = Path(folder) / "manifest.json"
-    raw = read_json(path, DatasetError, "a dataset made by `datagen run`")
+    raw = read_json(path, DatasetError, "a dataset made by `datagen run`", most=MOST_MANIFEST)
     if not isinstance(raw, dict) or "schema_version" not in raw:
         raise DatasetError(f"{path}: schema_version is missing; expected a manifest made by `datagen run`")
     check_version(raw["schema_version"], str(path))
@@ -90,7 +93,7 @@ def write_shard(path: Path, dataset: xr.Dataset, systems: list[int]) -> ShardEnt
         encoding.setdefault(name, {})["_FillValue"] = None
     try:
         dataset.to_netcdf(temporary, engine="netcdf4", format="NETCDF4", encoding=encoding)
-        with open(temporary, "rb") as handle:
+        with open(temporary, "rb+") as handle:  # what was opened for reading only cannot be flushed on Windows
             os.fsync(handle.fileno())
             digest = hashlib.file_digest(handle, "sha256").hexdigest()
         os.replace(temporary, path)

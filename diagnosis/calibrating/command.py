@@ -30,7 +30,7 @@ def calibrate(
     fitting: Fitting = PLAIN,
     report: Reporting = USUAL,
 ) -> int:
-    """Estimate a system's parameters from a recording: zero-shot first, then by simulation.
+    """Estimate a system's parameters from a recording by simulation, from a zero-shot estimate (--run) or the prior.
 
     Writes calibration.json and calibration.html: parameters with their uncertainty, what the recording tells and what
     not, the fit, and what is left.

@@ -9,6 +9,7 @@ import pytest
 import xarray as xr
 
 from shared.errors import DatasetError
+from shared.reading import MOST_JSON
 from shared.schema import build_shard, dataset_hash, split_of, time_axis
 from shared.store import DatasetFolder, Manifest, read_manifest, sha256_of, write_manifest, write_shard
 from shared.system import load_system
@@ -116,6 +117,14 @@ def test_newer_minor_version_is_read(folder):
     raw["schema_version"] = "1.7"
     path.write_text(json.dumps(raw))
     assert DatasetFolder(folder).load().values.shape[0] == 7
+
+
+def test_a_manifest_may_be_larger_than_other_files_of_its_kind(folder):
+    """That of a quarter of a million systems, each in a shard of its own, is."""
+    path = folder / "manifest.json"
+    expected = read_manifest(folder)
+    path.write_text(path.read_text() + " " * MOST_JSON)
+    assert read_manifest(folder) == expected
 
 
 def test_broken_shards_are_named(folder):
