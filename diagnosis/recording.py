@@ -11,10 +11,13 @@ from datagen.tables import InputTable, Piecewise, merge
 from shared.errors import RecordingError
 from shared.netcdf import read_netcdf
 from shared.reading import shown
+from shared.schema import EPOCH
 from shared.system import System
 
 HOUR = 3600.0
 DAY = 24 * HOUR
+ZERO = np.datetime64(EPOCH, "s")
+"""Time zero of simulated years."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +25,8 @@ class Recording:
     """What was measured on a regular grid.
 
     ``time`` (steps,) ends of the steps [s since time zero of the year]; ``outputs`` (outputs, steps) in the order and
-    units of the system description, NaN where nothing was measured; ``inputs`` by name, each (steps,).
+    units of the system description, NaN where nothing was measured; ``inputs`` by name, each (steps,). ``zero`` is the
+    date from which time runs: that of simulated years if the recording names none.
     """
 
     path: Path
@@ -30,6 +34,7 @@ class Recording:
     time: np.ndarray
     outputs: np.ndarray
     inputs: dict[str, np.ndarray]
+    zero: np.datetime64 = ZERO
 
     @property
     def start(self) -> float:
@@ -89,7 +94,16 @@ def read_recording(path: Path | str, system: System) -> Recording:
     for name, values in inputs.items():
         if not np.isfinite(values).all():
             raise RecordingError(f"{path}: input {name!r} has gaps; expected a finite value at every step")
-    return Recording(path=path, step=float(steps[0]), time=time, outputs=outputs, inputs=inputs)
+    zero = _zero(str(data["time"].attrs.get("units", "")))
+    return Recording(path=path, step=float(steps[0]), time=time, outputs=outputs, inputs=inputs, zero=zero)
+
+
+def _zero(units: str) -> np.datetime64:
+    """The date that units of time count from."""
+    try:
+        return np.datetime64(units.removeprefix("seconds since ").strip().replace(" ", "T"), "s")
+    except ValueError:
+        return ZERO
 
 
 def recorded_inputs(system: System, recording: Recording, warm_up: float) -> InputTable:

@@ -57,8 +57,8 @@ def hit(row: Row, inputs: Mapping[str, np.ndarray], step: float) -> Hit:
     first = next((one for one in places if one.kind == "cell" and one.channel in row.gap), None)
     lift, chance = (None, None) if first is None else lifted(row, first, inputs, step)
     return Hit(
-        channel=bool(places) and places[0].channel in right,
-        any_channel=any(one.channel in right for one in places),
+        channel=bool(places) and places[0].kind != "source" and places[0].channel in right,
+        any_channel=any(one.channel in right for one in places if one.kind != "source"),
         lift=lift,
         chance=chance,
     )

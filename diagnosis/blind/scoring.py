@@ -89,7 +89,7 @@ def _scored(
     seen = [one for one in ones if one.row.visible]
     expected = Expected(rows, run.library)
     beyond = [row for row in rows if expected.detectable(row)]
-    found, unknown = removed(rows, structural(rows, 0.5))
+    found, lost = removed(rows, structural(rows, 0.5))
     named = [row for row in rows if row.named and row.truth == "effect"]
     lifts = [(one.lift, one.chance) for one in places if one.lift is not None and one.chance is not None]
     return Score(
@@ -140,8 +140,12 @@ def _scored(
             chance=figure(np.array([chance for _, chance in lifts]), seed=seed),
             lift=_median([lift for lift, _ in lifts], seed),
         ),
-        shrinkage=[*by_channel(found, unknown, seed), where_largest(found, seed)],
-        shrinkage_detectable=where_largest([one for one in found if expected.detectable(one.row)], seed),
+        shrinkage=[*by_channel(found, lost, seed), where_largest(found, lost, seed)],
+        shrinkage_detectable=where_largest(
+            [one for one in found if expected.detectable(one.row)],
+            [one for one in lost if expected.detectable(one[0])],
+            seed,
+        ),
         parameters=errors(named, run.parameters, seed),
         parameters_right=errors([row for row in named if row.covered], run.parameters, seed),
     )

@@ -58,13 +58,17 @@ class Removed:
     oracle: float
 
 
-def removed(rows: Sequence[Row], limits: Limits) -> tuple[list[Removed], dict[str, int]]:
+Lost = tuple[Row, str]
+"""A recording and a channel of which the diagnosis has no share."""
+
+
+def removed(rows: Sequence[Row], limits: Limits) -> tuple[list[Removed], list[Lost]]:
     """Shares of recordings with causes of the library, in the channels where the gap can be seen; and those without.
 
     The oracle knows cause and amplitude and takes the whole sealed gap away, but for what recordings without any effect
     have as well (the truth's finer walls; the median of those with the same actuators): 1 - structural^2 / gap^2.
     """
-    found, unknown = [], dict.fromkeys(rows[0].gap if rows else [], 0)
+    found, lost = [], []
     for row in rows:
         if row.truth != "effect":
             continue
@@ -73,10 +77,10 @@ def removed(rows: Sequence[Row], limits: Limits) -> tuple[list[Removed], dict[st
             oracle = 1.0 - min(left / row.gap[channel], 1.0) ** 2
             share = _share(row.outcome.verdict, channel) if row.named else 0.0
             if share is None:
-                unknown[channel] += 1
+                lost.append((row, channel))
             else:
                 found.append(Removed(row, channel, max(share, WORST), oracle))
-    return found, unknown
+    return found, lost
 
 
 def _share(verdict: Verdict | None, channel: str) -> float | None:
@@ -84,20 +88,27 @@ def _share(verdict: Verdict | None, channel: str) -> float | None:
     return None if one is None else one.share
 
 
-def by_channel(found: Sequence[Removed], unknown: dict[str, int], seed: int = 0) -> list[Shrinkage]:
+def by_channel(found: Sequence[Removed], lost: Sequence[Lost], seed: int = 0) -> list[Shrinkage]:
     """Shrinkage channel by channel; channels in which no gap can be seen are left out."""
+    rows = [one.row for one in found] + [row for row, _ in lost]
     scored = []
-    for channel, lost in unknown.items():
+    for channel in rows[0].gap if rows else ():
         ones = [one for one in found if one.channel == channel]
-        if ones or lost:
-            scored.append(_scored(channel, ones, lost, seed))
+        unknown = sum(one == channel for _, one in lost)
+        if ones or unknown:
+            scored.append(_scored(channel, ones, unknown, seed))
     return scored
 
 
-def where_largest(found: Sequence[Removed], seed: int = 0) -> Shrinkage:
+def where_largest(found: Sequence[Removed], lost: Sequence[Lost], seed: int = 0) -> Shrinkage:
     """The same, of each recording only the channel where its sealed gap over noise is largest."""
-    ones = [one for one in found if one.channel == max(one.row.visible, key=lambda k: one.row.gap[k])]
-    return _scored("where the gap is largest", ones, 0, seed)
+    ones = [one for one in found if one.channel == _largest(one.row)]
+    unknown = sum(channel == _largest(row) for row, channel in lost)
+    return _scored("where the gap is largest", ones, unknown, seed)
+
+
+def _largest(row: Row) -> str:
+    return max(row.visible, key=lambda channel: row.gap[channel])
 
 
 def _scored(channel: str, ones: Sequence[Removed], unknown: int, seed: int) -> Shrinkage:

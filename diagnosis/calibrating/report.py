@@ -14,9 +14,6 @@ from diagnosis.pages import page_environment
 from diagnosis.pictures import BLUE, GREY, ORANGE, RED, embedded, figure, readable
 from diagnosis.recording import DAY, HOUR
 from diagnosis.whole import whole
-from shared.errors import RecordingError
-from shared.netcdf import read_netcdf
-from shared.schema import EPOCH
 
 POOR = 0.5
 """A model that explains less than this share of an output's variance is not believed."""
@@ -50,19 +47,9 @@ def render(done: Calibrated) -> str:
     )
 
 
-def time_zero(done: Calibrated) -> np.datetime64:
-    """The date from which the recording's time runs; that of simulated years if it names none."""
-    data = read_netcdf(done.problem.recording.path, RecordingError, "a recording (NetCDF)")
-    units = str(data["time"].attrs.get("units", ""))
-    try:
-        return np.datetime64(units.removeprefix("seconds since ").strip().replace(" ", "T"), "s")
-    except ValueError:
-        return np.datetime64(EPOCH, "s")
-
-
 def began(done: Calibrated) -> str:
     """When the recording began, to the minute, by its own clock."""
-    begin = time_zero(done) + np.timedelta64(round(done.report.start), "s")
+    begin = done.problem.recording.zero + np.timedelta64(round(done.report.start), "s")
     return str(begin.astype("datetime64[m]")).replace("T", " ")
 
 

@@ -9,13 +9,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from diagnosis.gap.pictures import SHOWN, draw_angles, draw_candidates, draw_outputs, draw_parameters, draw_shares
+from diagnosis.gap.twins import SHOWN as SHOWN_TWINS
 from diagnosis.pages import page_environment
 from diagnosis.pictures import embedded
 from diagnosis.recording import DAY
 from diagnosis.where.pictures import draw_cells, draw_correlations
 from diagnosis.where.timelines import draw_episodes, draw_sources
 from diagnosis.whole import whole
-from shared.schema import EPOCH
 
 if TYPE_CHECKING:
     from diagnosis.gap.diagnosed import Diagnosis
@@ -39,7 +39,7 @@ def write_report(done: Diagnosis, folder: Path) -> None:
 def render(done: Diagnosis) -> str:
     """The page as HTML, pictures and all."""
     environment = page_environment(decimals=0)
-    begin = np.datetime64(EPOCH, "s") + np.timedelta64(round(done.report.start), "s")
+    begin = done.whole.recording.zero + np.timedelta64(round(done.report.start), "s")
     return environment.get_template("gap.html.j2").render(
         report=done.report,
         headline=VERDICTS[done.report.verdict],
@@ -47,6 +47,7 @@ def render(done: Diagnosis) -> str:
         units={one.name: one.unit for one in done.report.effects},
         better={one.condition: one.smallest for one in done.report.otherwise},
         days=done.report.steps * done.report.step / DAY,
+        shown=SHOWN_TWINS,
         pictures=_pictures(done),
     )
 
@@ -60,7 +61,7 @@ def _pictures(done: Diagnosis) -> dict[str, str]:
         "parameters": draw_parameters(done),
     }
     looked = [where.residuals.names[k] for k in where.cells.channels]
-    named = [name for name in looked if name in {one.channel for one in done.report.where}]
+    named = [name for name in looked if name in {one.channel for one in done.report.where if one.kind != "source"}]
     for name, only in (("cells", named), ("other_cells", [name for name in looked if name not in named])):
         if only:
             made[name] = draw_cells(where.residuals, where.cells, only=only)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
+from diagnosis.gap.scan import LEVEL
 from diagnosis.gap.shrinkage import left_by
 from diagnosis.pictures import BLUE, GREY, ORANGE, RED, figure, readable
 from diagnosis.recording import DAY
@@ -23,7 +24,7 @@ _MOST = 14
 def draw_candidates(done: Diagnosis) -> Figure:
     """Log-likelihood ratios of all candidates beside what they must reach, all of them considered."""
     scan = done.search.stages[0].scan
-    order = np.argsort(-scan.ratio / scan.threshold, kind="stable")[:_MOST][::-1]
+    order = np.argsort(-scan.ratio / scan.threshold, kind="stable")[:_MOST][::-1]  # by what each is tested
     made = Figure(figsize=(10, 0.28 * len(order) + 1.0), layout="constrained")
     axes = made.subplots()
     names = [scan.effects[j].name for j in order]
@@ -33,7 +34,7 @@ def draw_candidates(done: Diagnosis) -> Figure:
     axes.set_xscale("log")
     axes.set_xlabel("log-likelihood ratio, each with the parameters refitted on the straight line (log scale)")
     axes.set_title(
-        "Red: in 5 % of the twins, which have no gap, some candidate reaches its own mark. Blue: the answer.",
+        f"Red: in {LEVEL:.0%} of the twins, which have no gap, some candidate reaches its own mark. Blue: the answer.",
         fontsize=9,
         loc="left",
     )

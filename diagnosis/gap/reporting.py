@@ -12,6 +12,7 @@ from diagnosis.gap.conditions import Otherwise, expected
 from diagnosis.gap.decision import Decision
 from diagnosis.gap.places import stretch
 from diagnosis.gap.refit import Refit
+from diagnosis.gap.scan import NEGLIGIBLE
 from diagnosis.gap.schema import (
     ConditionOf,
     Detectability,
@@ -105,12 +106,14 @@ def reported(
 def _effects(search: Search, decision: Decision) -> list[NamedEffect]:
     """Candidates, the most probable first."""
     fitted: dict[str, tuple[float, float, bool]] = {}
-    for refits in search.refits:
+    for k, refits in enumerate(search.refits):
+        told = decision.sets[k] if k < len(decision.sets) else ()
         for one in reversed(refits):
-            place = len(one.lin.problem.system.parameters) + len(one.lin.chosen) - 1
-            z, sd = float(one.lin.z[place]), float(one.sd[place])
-            low, high = (bound[place] for bound in one.lin.problem.bounds)
-            fitted[one.names[-1]] = (z, sd, bool(z > high - 0.01 * (high - low) or (low < 0 and z < low + 0.01 * high)))
+            name = one.names[-1]
+            if name in told or name not in fitted:  # a candidate of an earlier set is told as what it was there
+                fitted[name] = _amplitude(one, name)
+    for name in search.refits[-1][0].names if search.refits else ():  # chosen together, fitted together
+        fitted[name] = _amplitude(search.refits[-1][0], name)
     found = []
     for effect in search.stages[0].lin.effects:
         known = fitted.get(effect.name)
@@ -128,6 +131,14 @@ def _effects(search: Search, decision: Decision) -> list[NamedEffect]:
             )
         )
     return sorted(found, key=lambda one: -one.probability)
+
+
+def _amplitude(one: Refit, name: str) -> tuple[float, float, bool]:
+    """Of one of a refit's effects: amplitude and standard deviation [scales], and whether it lies on a bound."""
+    place = len(one.lin.problem.system.parameters) + one.names.index(name)
+    z, sd = float(one.lin.z[place]), float(one.sd[place])
+    low, high = (bound[place] for bound in one.lin.problem.bounds)
+    return z, sd, bool(z > high - 0.01 * (high - low) or (low < 0 and z < low + 0.01 * high))
 
 
 def _places(where: Where, first: Stage, noise: dict[str, float]) -> list[Place]:
@@ -210,8 +221,11 @@ def _detectability(first: Stage) -> list[Detectability]:
 
 
 def _smallest(effect: Effect, reached: float, threshold: float) -> float | None:
-    """The amplitude [unit] from which an effect is seen that reaches a ratio at one scale; None if none allowed is."""
-    needed = float(np.sqrt(threshold / reached)) * effect.scale if reached > 1e-9 else np.inf
+    """The amplitude [unit] from which an effect is seen that reaches a ratio at one scale; None if none allowed is.
+
+    What the best amplitude that does not matter explains is no evidence (:mod:`diagnosis.gap.scan`).
+    """
+    needed = (NEGLIGIBLE + float(np.sqrt(threshold / reached))) * effect.scale if reached > 1e-9 else np.inf
     return needed if needed <= max(effect.upper, -effect.lower) else None
 
 
@@ -246,7 +260,7 @@ def _sources(where: Where) -> list[SourceOf]:
 def _stages(search: Search, where: Where, where_left: Where | None) -> list[StageOf]:
     found = []
     for k, stage in enumerate(search.stages):
-        best = int(np.argmax(stage.scan.ratio / stage.scan.threshold)) if len(stage.scan.ratio) else None
+        best = stage.scan.foremost
         p = where.p_value if k == 0 else where_left.p_value if where_left and k == len(search.stages) - 1 else None
         found.append(
             StageOf(

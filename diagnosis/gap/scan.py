@@ -25,6 +25,8 @@ NEGLIGIBLE = 0.1
 differences between a wall and its model would otherwise pass for small effects."""
 RARE = 0.02
 """Share of the twins in which a candidate's log-likelihood ratio is above its unit."""
+LEVEL = 0.02
+"""Family-wise level at which a candidate is a gap, and at half of it each misfit of whatever kind: 0.05 in all."""
 LEAST = 0.3
 """Least unit of a log-likelihood ratio: no candidate is seen by what is nothing for any other."""
 SEEN = 0.05
@@ -43,7 +45,7 @@ class Scan:
     log-likelihood ratio at one scale; ``amplitude`` [scales], ``ratio`` and ``evidence`` (log Bayes factor) found;
     ``adjusted`` family-wise p, and ``foremost`` the candidate with the least; ``cosines`` (candidates, candidates)
     between what cannot be imitated. ``p_value`` of the family, ``misfit_p`` of the residual's whole square.
-    ``threshold``: ratios of which some candidate reaches its own in 5 % of the twins.
+    ``threshold``: ratios of which some candidate reaches its own in a share LEVEL of the twins.
     """
 
     effects: tuple[Effect, ...]
@@ -104,7 +106,7 @@ def scan(twins: Twins, effects: tuple[Effect, ...], misfit: float) -> Scan:
         p_value=float(rank_p(np.array([largest]), most)[0]),
         misfit=misfit,
         misfit_p=float(rank_p(np.array([misfit]), twins.misfits)[0]),
-        threshold=max(float(np.quantile(most, 0.95)), 1e-9) * unit,
+        threshold=max(float(np.quantile(most, 1 - LEVEL)), 1e-9) * unit,
     )
 
 

@@ -47,7 +47,7 @@ class Place(_Table):
 class ShrinkageOf(_Table):
     """Of one channel, on the days that took no part in the fit that this is of.
 
-    Root mean squares [unit], and the share of the gap above the noise that the named effects remove. Shares are
+    Root mean squares [unit], and the share of the gap above the noise that the chosen effects remove. Shares are
     null where there is no gap above the noise.
     """
 
@@ -64,7 +64,7 @@ class ShrinkageOf(_Table):
 
 
 class ParameterOf(_Table):
-    """A parameter as the base model has it, and with the named effects, each with its 90 % interval [unit]."""
+    """A parameter as the base model has it, and with the chosen effects, each with its 90 % interval [unit]."""
 
     name: str
     unit: str
@@ -166,7 +166,7 @@ class Report(_Table):
     sets: list[list[str]] = Field(description="for each effect found, the candidates that the data cannot tell apart")
     none_of_these: float = Field(description="probability that the cause is not among the candidates")
     no_gap: float = Field(description="probability that there is no gap")
-    rejected: bool = Field(description="whether the named effects are rejected on their own twins")
+    rejected: bool = Field(description="whether the chosen effects are rejected on their own twins")
     where: list[Place]
     balance: str = Field(description="whether a balance or a sensor is off: balance, sensor, undecided, none")
     sources: list[SourceOf] = Field(description="what the balances may lack")

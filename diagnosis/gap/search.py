@@ -67,9 +67,14 @@ class Search:
 
     @property
     def path(self) -> Hashable:
-        """What a refit depends on beside its own effect: of every stage, what was chosen and the colours."""
-        ones = [(tuple(e.name for e in one.lin.chosen), tuple(sorted(one.colours.best.items()))) for one in self.stages]
-        return tuple(ones)
+        """What a refit depends on beside its own effect: of every stage, what was chosen, where it is, and the colours.
+
+        The same effects come to another optimum where they were fitted afresh.
+        """
+        return tuple(
+            (tuple(e.name for e in one.lin.chosen), one.lin.z.tobytes(), tuple(sorted(one.colours.best.items())))
+            for one in self.stages
+        )
 
     @property
     def last(self) -> Stage:
@@ -259,7 +264,7 @@ def settled_refit(one: Refit, stage: Stage, found: Search) -> Refit:
 def renewed_among(best: Refit, stage: Stage, effects: Sequence[Effect], found: Search) -> Linearised:
     """The best refit linearised by all remaining candidates."""
     usable, _ = applicable(best.lin.problem, effects)
-    key = (found.path, best.names, "renewed")
+    key = (found.path, best.names, best.lin.z.tobytes(), "renewed")
     if key in found.made and {one.name for one in usable} <= {one.name for one in found.made[key].effects}:
         return fewer(found.made[key], usable)
     lin = among(best, usable)

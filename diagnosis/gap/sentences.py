@@ -31,8 +31,8 @@ def _where(report: Report) -> str:
             "Where: no single place, hour or state stands out, though the recording as a whole differs from the model."
         )
     best, *others = report.where
-    lacking = {one.name for one in report.sources}
-    channels = list(dict.fromkeys(one.channel for one in others if one.channel not in {best.channel, *lacking}))
+    measured = [one.channel for one in others if one.kind != "source"]  # a source may have the name of an output
+    channels = list(dict.fromkeys(one for one in measured if one != best.channel or best.kind == "source"))
     more = f"; {len(others)} more findings" if others else ""
     also = f", also in {', '.join(channels)}" if channels else ""
     return f"Where: {best.text}{more}{also}.{_kind(report)}"
@@ -82,17 +82,17 @@ def _which(report: Report) -> str:
             " (the smallest that would be seen stand below)."
         )
     if report.verdict == "none_of_these":
-        best = report.effects[0] if report.effects and report.effects[0].probability > 0 else None
-        nearest = f"; the nearest is {best.name}, which is rejected on its own twins" if best else ""
+        chosen = " with ".join(report.stages[-1].effects)
+        nearest = f"; the nearest is {chosen}, which is rejected on its own twins" if chosen else ""
         return (
             f"Which: none of the {len(report.effects)} candidates explains it (probability {report.none_of_these:.0%})"
             f"{nearest}."
         )
+    rest = " Something more is left that these do not explain." if report.rejected else ""
     if report.verdict == "ambiguous":
         sets = " and ".join(_one_of(report, one) for one in report.sets)
-        return f"Which: {sets}; the recording cannot tell these apart."
+        return f"Which: {sets}; the recording cannot tell these apart.{rest}"
     said = "; and ".join(_named(one) for one in named)
-    rest = " Something more is left that these do not explain." if report.rejected else ""
     return f"Which: {said}.{rest}"
 
 
@@ -144,7 +144,8 @@ def _how_far(report: Report) -> str:
         if report.chosen_apart
         else ("days that took no part in the fit (but in the choice: the other days alone put another candidate first)")
     )
-    what = f"even the nearest ({', '.join(chosen)})" if report.verdict == "none_of_these" else "this"
+    names = " with ".join(chosen)  # the share is theirs, whatever else may be the cause
+    what = {"none_of_these": f"even the nearest ({names})", "ambiguous": names}.get(report.verdict, "this")
     return (
         f"How far: on {days}, {what} removes {said} of the gap above noise;"
         f" a meaningless signature of equal freedom removes {placebo:.0%} on average where it removes most."

@@ -10,11 +10,10 @@ from diagnosis.gap.colours import Colours, discrepancy, estimated_colours
 from diagnosis.gap.episode import Episode, largest_episode
 from diagnosis.gap.grams import Colour, Grams
 from diagnosis.gap.linear import Linearised
+from diagnosis.gap.scan import LEVEL as LEVEL
 from diagnosis.gap.scan import Scan, scan
 from diagnosis.gap.twins import TWINS, Twins, draw_twins
 
-LEVEL = 0.02
-"""Family-wise level at which a candidate is a gap, and at half of it each misfit of whatever kind: 0.05 in all."""
 STRONG = 3.0
 """Log Bayes factor that Kass and Raftery (1995, Journal of the American Statistical Association 90:773) call strong."""
 CLEAR = 5.0

@@ -9,6 +9,6 @@ from diagnosis.where.finding import Finding
 from diagnosis.where.located import Where, locate
 from diagnosis.where.regimes import Regime, find_regimes
 from diagnosis.where.series import Residuals
-from diagnosis.where.sources import Operator
+from diagnosis.where.source import Operator
 
 __all__ = ["Finding", "Operator", "Regime", "Residuals", "Where", "find_regimes", "locate"]

@@ -16,7 +16,8 @@ from diagnosis.where.guideline14 import Guideline14, guideline14
 from diagnosis.where.regimes import Regime
 from diagnosis.where.series import Residuals
 from diagnosis.where.significance import MaxTest, combine, rank_p
-from diagnosis.where.sources import Operator, SourceTest, Verdict, scan_sources
+from diagnosis.where.source import Operator, SourceTest, Verdict
+from diagnosis.where.sources import scan_sources
 
 
 @dataclass(frozen=True)

@@ -8,119 +8,24 @@ says which is the better.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import replace
 
 import numpy as np
 
 from diagnosis.where.finding import Finding
 from diagnosis.where.inverse import Inverse, decompose
 from diagnosis.where.series import DAY, HOUR, Residuals
-from diagnosis.where.significance import MaxTest, max_test
+from diagnosis.where.significance import max_test
+from diagnosis.where.source import Operator, Source, SourceTest, Verdict, verdict_of
 from diagnosis.where.whitened import Whitened, whitened
 
 MEMORIES = (6 * HOUR, 72 * HOUR)
 """Two priors: a source that changes within hours, and one that changes within days [s]."""
 SHARES = (0.05, 0.2)
 """Degrees of freedom per pulse at which single pulses are tested: fixed beforehand, not fitted to the recording."""
-STRONG = 3.0
-"""Log likelihood ratio that Kass and Raftery (1995) call strong."""
 _MOST_PULSES = 336
 _MOVES = 0.05
 """An output is moved by a source when its response, in units of its noise, is this share of the largest."""
-
-Verdict = Literal["balance", "sensor", "undecided", "none"]
-
-
-@dataclass(frozen=True)
-class Operator:
-    """Response of the outputs to a source, linearised at the calibrated model.
-
-    ``response`` (outputs, steps, pulses) [unit of the output per unit of the source]; pulse ``j`` holds from
-    ``edges[j]`` to ``edges[j + 1]`` [s].
-    """
-
-    name: str
-    label: str
-    unit: str
-    response: np.ndarray
-    edges: np.ndarray
-
-
-@dataclass(frozen=True)
-class Source:
-    """A source that would close the residual.
-
-    ``estimate``, ``uncertainty`` (pulses,) [unit]: posterior mean and standard deviation; ``low``, ``high``: where 95 %
-    of the twins' lie, which have no gap. ``adjusted`` (pulses,): family-wise p of each pulse. ``gain``: log
-    likelihood over noise alone; ``p_value`` of that against the twins. ``roughness``: von Neumann's ratio of the source
-    estimated without any smoothness asked of it: 0 a smooth series, 2 white noise, towards 4 a derivative of spikes;
-    ``roughness_p``: how rarely a twin is rougher. ``rival``: the channel, of those that the source moves, whose own
-    error explains most; ``balance``: the source's gain less the rival's. ``verdict``: ``balance``, ``sensor``,
-    ``undecided`` by that difference, or ``none`` when neither explains more than in twins.
-    """
-
-    name: str
-    label: str
-    unit: str
-    edges: np.ndarray
-    estimate: np.ndarray
-    uncertainty: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    adjusted: np.ndarray
-    gain: float
-    p_value: float
-    roughness: float
-    roughness_p: float
-    rival: str
-    balance: float
-    verdict: Verdict
-
-    def to_dict(self) -> dict[str, Any]:
-        """For ``report.json``."""
-        return {
-            "name": self.name,
-            "unit": self.unit,
-            "mean": float(self.estimate.mean()),
-            "peak": float(self.estimate[np.argmax(np.abs(self.estimate))]),
-            "log_likelihood_gain": self.gain,
-            "p_value": self.p_value,
-            "roughness": self.roughness,
-            "roughness_p": self.roughness_p,
-            "rival": self.rival,
-            "balance": self.balance,
-            "verdict": self.verdict,
-            "significant_hours": float(((self.adjusted <= 0.05) * np.diff(self.edges)).sum() / HOUR),
-        }
-
-
-@dataclass(frozen=True)
-class SourceTest:
-    """Result of :func:`scan_sources`.
-
-    ``sensor_gains``: log likelihood over noise, by channel, of an error on that channel alone. The cells of ``test``
-    are the sources, then the sensors.
-    """
-
-    test: MaxTest
-    sources: list[Source]
-    sensor_gains: dict[str, float]
-    findings: list[Finding]
-
-    @property
-    def verdict(self) -> Verdict:
-        """That of the source which, with its rival, explains most."""
-        return max(self.sources, key=lambda one: max(one.gain, self.sensor_gains[one.rival])).verdict
-
-    def to_dict(self) -> dict[str, Any]:
-        """For ``report.json``."""
-        return {
-            "sources": [one.to_dict() for one in self.sources],
-            "sensor_gains": self.sensor_gains,
-            "verdict": self.verdict,
-            "p_value": self.test.p_value,
-        }
 
 
 def scan_sources(
@@ -192,11 +97,14 @@ def scan_sources(
                 roughness_p=roughness_p,
                 rival=residuals.names[rival],
                 balance=balance,
-                verdict=_verdict(balance) if sure else "none",
+                verdict=verdict_of(balance) if sure else "none",
             )
         )
     by_channel = {residuals.names[k]: float(gains[0]) for k, gains in sensors.items()}
-    return SourceTest(whole, found, by_channel, _findings(residuals, found, list(sensors), whole, alpha))
+    p_values = dict(zip(by_channel, whole.adjusted[len(sources) :], strict=True))
+    suspect = max(by_channel, key=lambda name: by_channel[name])
+    done = SourceTest(whole, found, by_channel, suspect if p_values[suspect] <= alpha else None, [])
+    return replace(done, findings=_findings(residuals, done, list(sensors), alpha))
 
 
 def _grouped(operator: Operator) -> Operator:
@@ -239,10 +147,6 @@ def _roughness(problem: Inverse) -> np.ndarray:
     return np.sum(np.diff(apart, axis=1) ** 2, axis=1) / np.maximum(np.sum(apart**2, axis=1), np.finfo(float).tiny)
 
 
-def _verdict(balance: float) -> Verdict:
-    return "balance" if balance > STRONG else "sensor" if balance < -STRONG else "undecided"
-
-
 def _moved(white: Whitened, operator: Operator) -> list[int]:
     """Outputs that a source moves noticeably, in units of their noise: their sensors can be mistaken for it.
 
@@ -254,10 +158,29 @@ def _moved(white: Whitened, operator: Operator) -> list[int]:
     return [k for k, one in size.items() if one >= _MOVES * max(size.values())]
 
 
-def _findings(
-    residuals: Residuals, sources: Sequence[Source], sensors: list[int], whole: MaxTest, alpha: float
-) -> list[Finding]:
+def _findings(residuals: Residuals, done: SourceTest, sensors: list[int], alpha: float) -> list[Finding]:
     found: list[Finding] = []
+    sources, whole = done.sources, done.test
+
+    def suspected(name: str, against: Source, verdict: Verdict, balance: float) -> None:
+        k = list(residuals.names).index(name)
+        column = len(sources) + sensors.index(k)
+        named = any(f.kind == "sensor" and f.channel == name for f in found)
+        if whole.adjusted[column] <= alpha and verdict in ("sensor", "undecided") and not named:
+            found.append(
+                Finding(
+                    kind="sensor",
+                    channel=name,
+                    label=residuals.labels[k],
+                    cell={"against": against.name},
+                    p_value=float(whole.adjusted[column]),
+                    direction=f"an error of this channel alone explains the residual {_than(verdict)} {against.label}",
+                    size=-balance,
+                    unit="1",
+                    t=float(whole.t[column]),
+                )
+            )
+
     for j, one in enumerate(sources):
         if one.p_value <= alpha and one.verdict in ("balance", "undecided"):
             peak = int(np.argmax(np.abs(one.estimate)))
@@ -275,28 +198,13 @@ def _findings(
                     t=float(whole.t[j]),
                 )
             )
-        k = list(residuals.names).index(one.rival)
-        column = len(sources) + sensors.index(k)
-        named = any(f.kind == "sensor" and f.channel == one.rival for f in found)
-        if whole.adjusted[column] <= alpha and one.verdict in ("sensor", "undecided") and not named:
-            found.append(
-                Finding(
-                    kind="sensor",
-                    channel=one.rival,
-                    label=residuals.labels[k],
-                    cell={"against": one.name},
-                    p_value=float(whole.adjusted[column]),
-                    direction=f"an error of this channel alone explains the residual {_than(one)} {one.label}",
-                    size=-one.balance,
-                    unit="1",
-                    t=float(whole.t[column]),
-                )
-            )
+        suspected(one.rival, one, one.verdict, one.balance)
+    if done.suspect is not None:
+        most = max(sources, key=lambda one: one.gain)
+        balance = most.gain - done.sensor_gains[done.suspect]
+        suspected(done.suspect, most, verdict_of(balance), balance)
     return found
 
 
-def _than(source: Source) -> str:
-    return "better than" if source.verdict == "sensor" else "about as well as"
-
-
-__all__ = ["Operator", "Source", "SourceTest", "scan_sources"]
+def _than(verdict: Verdict) -> str:
+    return "better than" if verdict == "sensor" else "about as well as"

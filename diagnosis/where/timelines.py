@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from diagnosis.where.episodes import EpisodeTest
 from diagnosis.where.ink import MEASURED, QUIET, TWINS, readable
 from diagnosis.where.series import DAY, Residuals
-from diagnosis.where.sources import SourceTest
+from diagnosis.where.source import SourceTest
 
 _SPAN = "#ee9944"
 

@@ -202,6 +202,8 @@ def test_shrinkage_is_held_against_the_oracle(scored):
     assert room.ratio.value == pytest.approx(0.6 / oracles.mean())
     assert room.median.value == pytest.approx(0.9 / oracles[0])  # of 0.9 / .9975, 0.9 / .99 and 0: the middle one
     assert (by_channel[AIR].share.n, by_channel[AIR].unknown) == (0, 2)
+    largest = by_channel["where the gap is largest"]
+    assert largest.share.n + largest.unknown == 6  # each of these recordings once, with a figure or without
 
 
 def test_errors_of_parameters_are_shares_of_their_ranges(scored):

@@ -3,14 +3,13 @@
 import json
 from copy import copy
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import xarray as xr
 
 from diagnosis.calibrating.calibration import calibrate
-from diagnosis.calibrating.report import summary, time_zero
+from diagnosis.calibrating.report import summary
 from diagnosis.calibrating.schema import read_calibration
 from diagnosis.calibrating.summary import summarise
 from diagnosis.cli import app
@@ -137,19 +136,6 @@ def test_the_command_writes_figures_and_a_page(house, house_recording, tmp_path,
     assert page.count("data:image/png;base64,") == 5
     assert all(name in page for name in TRUTH)
     assert "http" not in page.replace("http-equiv", "")
-
-
-@pytest.mark.parametrize(
-    ("units", "date"),
-    [
-        ("seconds since 2022-01-03 00:00:00", "2022-01-03T00:00:00"),
-        ("s", "2001-01-01T00:00:00"),
-    ],
-)
-def test_the_page_knows_the_calendar(tmp_path, units, date):
-    xr.Dataset(coords={"time": ("time", [0.0, 3600.0], {"units": units})}).to_netcdf(tmp_path / "one.nc")
-    done = SimpleNamespace(problem=SimpleNamespace(recording=SimpleNamespace(path=tmp_path / "one.nc")))
-    assert str(time_zero(done)) == date
 
 
 def test_scores_by_hand():

@@ -10,7 +10,8 @@ from diagnosis.effects.base import Nothing
 from diagnosis.gap.colours import Colours
 from diagnosis.gap.grams import AMPLITUDE, Grams, projected
 from diagnosis.gap.parts import kept_for_scoring
-from diagnosis.gap.scan import ratios, scan
+from diagnosis.gap.reporting import _smallest
+from diagnosis.gap.scan import LEVEL, ratios, scan
 from diagnosis.gap.twins import draw_twins
 
 HOUR = 3600.0
@@ -141,6 +142,23 @@ def test_a_candidate_that_noise_imitates_does_not_hide_one_that_it_does_not():
     assert np.mean(null.max(axis=0) >= found.ratio[1]) > 0.05  # in units of its own it stands out, not of the offset's
     assert found.adjusted[1] <= 0.02
     assert found.threshold[0] > 3 * found.threshold[1]
+
+
+@pytest.mark.parametrize(("times", "is_seen"), [(0.97, False), (1.03, True)])
+def test_what_is_said_to_be_seen_is_seen_and_nothing_smaller(times, is_seen):
+    rng = np.random.default_rng(11)
+    lin = problem_of(rng)
+    colours = {0: (1.0, 0.0, HOUR), 1: (1.0, 0.0, HOUR)}
+    sure = Colours(colours, {k: [(one, 1.0)] for k, one in colours.items()}, 0.0)
+    lin.residual = np.zeros(lin.residual.shape)
+    twins = draw_twins(Grams(lin, seen(lin)), sure, 399)
+    quiet = scan(twins, lin.effects, twins.left.square)
+    effect = lin.effects[1]
+    amplitude = _smallest(effect, float(quiet.expected[1]), float(quiet.threshold[1])) / effect.scale
+    lin.residual = times * amplitude * lin.by_effect[..., 1]
+    again = draw_twins(Grams(lin, seen(lin)), sure, 399)
+    found = scan(again, lin.effects, again.left.square)
+    assert (found.foremost, found.p_value <= LEVEL) == (1, is_seen)
 
 
 def test_an_effect_of_negligible_size_is_no_gap_however_clear():

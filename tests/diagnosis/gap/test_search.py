@@ -115,3 +115,15 @@ def test_what_straight_lines_put_far_behind_is_no_contender(contend):
 def test_a_second_effect_is_not_fitted_afresh(contend):
     left, best, _ = contend({"a": -10.0}, {"a": -60.0}, {"a": 0.0}, chosen=("first",))
     assert left == [("a", -10.0)] and best == ("a", -60.0)
+
+
+def test_what_was_made_at_one_optimum_is_not_taken_for_another():
+    """An effect that was fitted afresh, and the same one where its refit came to, with fewer candidates beside it."""
+
+    def path(z):
+        lin = SimpleNamespace(chosen=(SimpleNamespace(name="one"),), z=np.array(z))
+        stage = SimpleNamespace(lin=lin, colours=SimpleNamespace(best={0: (1.0, 0.0, 1.0)}))
+        return searching.Search([stage], base=None, plain=None).path
+
+    assert path([0.5, 1.0]) == path([0.5, 1.0])
+    assert path([0.5, 1.0]) != path([0.5, 1.1])

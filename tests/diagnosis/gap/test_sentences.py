@@ -156,6 +156,9 @@ def test_the_answer_says_what_where_and_how_far_in_words():
     # more than all of a gap cannot be removed
     assert "removes 100% in room (90 % interval 70% to 100%) of the gap above noise" in far
     assert far.startswith("How far: on days that took no part in the fit, this removes")
+    # a source may have the name of an output
+    alike = done.model_copy(update={"sources": [source("flow", "none", 1.0)]})
+    assert summary(alike)[0].startswith("Where: room: measured higher; 2 more findings, also in flow.")
     chosen = summary(done.model_copy(update={"chosen_apart": False}))[2]
     assert "(but in the choice: the other days alone put another candidate first)" in chosen
 
@@ -174,9 +177,13 @@ def test_what_no_candidate_explains_is_said_of_the_nearest_only():
         placebo_best=0.2,
     )
     fitted = [stage(0.01, 0.01), stage(0.01, 0.01, ["valve"])]
-    other = {"verdict": "none_of_these", "none_of_these": 0.98, "effects": [named("valve", 0.02, answer=False)]}
+    other = {
+        "verdict": "none_of_these",
+        "none_of_these": 0.98,
+        "effects": [named(name, 0.01, answer=False) for name in ("most", "valve")],
+    }
     _, which, far = summary(report(**other, shrinkage=[gone], stages=fitted))
-    assert "none of the 1 candidates explains it (probability 98%); the nearest is valve" in which
+    assert "none of the 2 candidates explains it (probability 98%); the nearest is valve, which is rejected" in which
     assert "days that took no part in the fit, even the nearest (valve) removes 10% in room" in far
     far = summary(report(**other, stages=fitted[:1]))[2]
     assert far == (
@@ -194,6 +201,8 @@ def test_of_a_set_of_many_the_foremost_are_said():
         f"Which: one of 8, foremost {few} and one of d (10%), e (10%) and f (10%);"
         " the recording cannot tell these apart."
     )
+    left = report(verdict="ambiguous", effects=effects, sets=sets, stages=stages, rejected=True)
+    assert summary(left)[1].endswith("these apart. Something more is left that these do not explain.")
 
 
 def test_a_missing_source_that_could_not_be_worked_out_is_said():

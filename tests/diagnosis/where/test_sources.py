@@ -130,6 +130,19 @@ def test_only_a_sensor_that_the_source_itself_moves_is_suspected_in_its_stead(qu
     assert np.median(found.sources[0].estimate) == pytest.approx(200, rel=0.15)
 
 
+def test_what_parameters_make_of_a_sensors_error_is_no_missing_source(quiet):
+    """The second output's sensor errs; parameters that make up for a part of it bend the first as a source would."""
+    alone = heat(first_order(STEPS, 12, 1 / 300, outputs=2, output=0, per=PER))
+    error = 12.0 * np.sin(np.arange(STEPS) / 12)
+    bent = alone.response @ (150.0 * np.sin(np.arange(STEPS // PER) * PER / 12))
+    observed = quiet.observed + bent + np.stack([np.zeros(STEPS), error])
+    found = scan_sources(with_observed(quiet, observed), [alone])
+    assert found.sources[0].verdict == "balance"
+    assert found.suspect == "y1"
+    assert found.verdict == "sensor"
+    assert ("sensor", "y1") in [(one.kind, one.channel) for one in found.findings]
+
+
 @pytest.mark.slow
 def test_source_and_sensor_are_told_apart_nine_times_in_ten(plant):
     """Twenty recordings each of a random smooth source and of a sensor with as smooth an error."""

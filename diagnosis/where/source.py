@@ -1,0 +1,122 @@
+"""Sources that would close a residual: what they do to the outputs, and what was found of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from diagnosis.where.finding import Finding
+from diagnosis.where.series import HOUR
+from diagnosis.where.significance import MaxTest
+
+STRONG = 3.0
+"""Log likelihood ratio that Kass and Raftery (1995) call strong."""
+
+Verdict = Literal["balance", "sensor", "undecided", "none"]
+
+
+@dataclass(frozen=True)
+class Operator:
+    """Response of the outputs to a source, linearised at the calibrated model.
+
+    ``response`` (outputs, steps, pulses) [unit of the output per unit of the source]; pulse ``j`` holds from
+    ``edges[j]`` to ``edges[j + 1]`` [s].
+    """
+
+    name: str
+    label: str
+    unit: str
+    response: np.ndarray
+    edges: np.ndarray
+
+
+@dataclass(frozen=True)
+class Source:
+    """A source that would close the residual.
+
+    ``estimate``, ``uncertainty`` (pulses,) [unit]: posterior mean and standard deviation; ``low``, ``high``: where 95 %
+    of the twins' lie, which have no gap. ``adjusted`` (pulses,): family-wise p of each pulse. ``gain``: log
+    likelihood over noise alone; ``p_value`` of that against the twins. ``roughness``: von Neumann's ratio of the source
+    estimated without any smoothness asked of it: 0 a smooth series, 2 white noise, towards 4 a derivative of spikes;
+    ``roughness_p``: how rarely a twin is rougher. ``rival``: the channel, of those that the source moves, whose own
+    error explains most; ``balance``: the source's gain less the rival's. ``verdict``: ``balance``, ``sensor``,
+    ``undecided`` by that difference, or ``none`` when neither explains more than in twins.
+    """
+
+    name: str
+    label: str
+    unit: str
+    edges: np.ndarray
+    estimate: np.ndarray
+    uncertainty: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    adjusted: np.ndarray
+    gain: float
+    p_value: float
+    roughness: float
+    roughness_p: float
+    rival: str
+    balance: float
+    verdict: Verdict
+
+    def to_dict(self) -> dict[str, Any]:
+        """For ``report.json``."""
+        return {
+            "name": self.name,
+            "unit": self.unit,
+            "mean": float(self.estimate.mean()),
+            "peak": float(self.estimate[np.argmax(np.abs(self.estimate))]),
+            "log_likelihood_gain": self.gain,
+            "p_value": self.p_value,
+            "roughness": self.roughness,
+            "roughness_p": self.roughness_p,
+            "rival": self.rival,
+            "balance": self.balance,
+            "verdict": self.verdict,
+            "significant_hours": float(((self.adjusted <= 0.05) * np.diff(self.edges)).sum() / HOUR),
+        }
+
+
+@dataclass(frozen=True)
+class SourceTest:
+    """Result of :func:`scan_sources`.
+
+    ``sensor_gains``: log likelihood over noise, by channel, of an error on that channel alone; ``suspect``: the channel
+    of which it explains most of all, if that is more than in twins. The cells of ``test`` are the sources, then the
+    sensors.
+    """
+
+    test: MaxTest
+    sources: list[Source]
+    sensor_gains: dict[str, float]
+    suspect: str | None
+    findings: list[Finding]
+
+    @property
+    def verdict(self) -> Verdict:
+        """That of the source which, with its rival, explains most, unless a sensor that no source moves explains more.
+
+        Parameters that make up for such a sensor's error leave in other channels what looks like a source.
+        """
+        foremost = max(self.sources, key=lambda one: max(one.gain, self.sensor_gains[one.rival]))
+        if self.suspect is None or self.suspect == foremost.rival:
+            return foremost.verdict
+        balance = foremost.gain - self.sensor_gains[self.suspect]
+        return foremost.verdict if balance > STRONG else verdict_of(balance)
+
+    def to_dict(self) -> dict[str, Any]:
+        """For ``report.json``."""
+        return {
+            "sources": [one.to_dict() for one in self.sources],
+            "sensor_gains": self.sensor_gains,
+            "verdict": self.verdict,
+            "p_value": self.test.p_value,
+        }
+
+
+def verdict_of(balance: float) -> Verdict:
+    """Whether a source or a sensor explains more, by the log likelihood of the one over the other."""
+    return "balance" if balance > STRONG else "sensor" if balance < -STRONG else "undecided"

@@ -1,0 +1,55 @@
+"""Tables of the report, from searches and decisions made up for the purpose."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from diagnosis.gap.reporting import WIDE_90, _effects, _smallest
+from diagnosis.gap.scan import NEGLIGIBLE
+
+NAMES = ("one", "two", "three")
+EFFECTS = {
+    name: SimpleNamespace(name=name, description="", scale=scale, lower=-100.0, upper=100.0, unit="W")
+    for name, scale in zip(NAMES, (1.0, 10.0, 1.0), strict=True)
+}
+
+
+def fitted(**amplitudes):
+    """A refit of effects with two parameters before them; amplitudes and standard deviations of 0.1 [scales]."""
+    z = np.array([0.0, 0.0, *amplitudes.values()])
+    problem = SimpleNamespace(system=SimpleNamespace(parameters=("a", "b")), bounds=(np.full(len(z), -9.0), z + 9.0))
+    return SimpleNamespace(names=tuple(amplitudes), lin=SimpleNamespace(problem=problem, z=z), sd=np.full(len(z), 0.1))
+
+
+def told(refits, sets, named):
+    stage = SimpleNamespace(lin=SimpleNamespace(effects=tuple(EFFECTS.values())))
+    decision = SimpleNamespace(probabilities={"one": 0.9, "two": 0.8}, named=named, sets=sets)
+    found = _effects(SimpleNamespace(refits=refits, stages=[stage]), decision)
+    return {one.name: one for one in found}
+
+
+def test_effects_that_act_together_have_the_amplitudes_of_the_fit_with_both():
+    """Alone, the first had to explain the second's gap as well."""
+    refits = [[fitted(one=5.0), fitted(two=3.0)], [fitted(one=2.0, two=0.7), fitted(one=2.5, three=1.0)]]
+    found = told(refits, (("one",), ("two",)), ("one", "two"))
+    assert (found["one"].amplitude, found["two"].amplitude, found["three"].amplitude) == (2.0, 7.0, 1.0)
+    assert found["one"].low == pytest.approx(2.0 - 0.1 * WIDE_90)
+    assert found["two"].high == pytest.approx(7.0 + 1.0 * WIDE_90)
+    assert [found[name].named for name in NAMES] == [True, True, False]
+
+
+def test_a_candidate_of_the_first_set_is_as_large_as_it_would_be_in_place_of_the_chosen_one():
+    refits = [[fitted(one=5.0), fitted(three=4.0)], [fitted(one=2.0, two=0.7), fitted(one=2.5, three=1.0)]]
+    assert told(refits, (("one", "three"), ("two",)), NAMES)["three"].amplitude == 4.0
+    assert told(refits, (("one",), ("two", "three")), NAMES)["three"].amplitude == 1.0
+
+
+def test_what_would_be_seen_lies_beyond_what_does_not_matter():
+    """A ratio grows with the square of what an amplitude is beyond the negligible one."""
+    size, threshold = 40.0, 8.0
+    amplitude = _smallest(EFFECTS["two"], size / 2, threshold) / EFFECTS["two"].scale
+    ratio = 0.5 * size * amplitude**2  # of data that are the effect and nothing else
+    negligible = NEGLIGIBLE * amplitude * size - 0.5 * NEGLIGIBLE**2 * size
+    assert ratio - negligible == pytest.approx(threshold)
+    assert _smallest(EFFECTS["one"], 1e-4, threshold) is None
