@@ -76,8 +76,8 @@ class Nuisance:
 
     @property
     def guessed(self) -> np.ndarray:
-        """Pulses (pulses,) that are persons nobody counted: in the recording, and without a turn."""
-        return self.recorded & ~self.turns
+        """Pulses (pulses,) that are persons nobody counted: recorded, of an input with a level, and without a turn."""
+        return self.recorded & ~self.turns & np.isin(self.column, [level.column for level in self.levels])
 
     @property
     def edges(self) -> np.ndarray:

@@ -6,7 +6,7 @@ import pytest
 from datagen.simulator import Simulator
 from datagen.tables import Piecewise, merge
 from diagnosis.fitting.marginal import Marginal
-from diagnosis.fitting.nuisance import Nuisance, responses
+from diagnosis.fitting.nuisance import Level, Nuisance, responses
 from diagnosis.fitting.problem import Problem
 from diagnosis.recording import read_recording
 
@@ -45,6 +45,22 @@ def test_pulses_are_added_where_they_belong():
     at = np.array([1.0, 3.0, 5.0, 6.5, 7.5, 9.0])
     np.testing.assert_allclose(made.at(at), np.column_stack([at, [1.0, 4.0, 1.0, 1.5, 0.5, 1.0]]))
     np.testing.assert_array_equal(made.time[made.jump], [2.0, 4.0, 6.0, 7.0, 8.0])
+
+
+def test_nobody_is_fewer_than_none_but_a_meter_errs_either_way():
+    """Persons on input 0, a meter's error on input 1; and what turns within a step, or was before, is no count."""
+    pulses = Nuisance(
+        column=np.array([0, 1, 0, 0]),
+        begin=np.array([0.0, 0.0, 0.0, -5.0]),
+        end=np.array([4.0, 4.0, 4.0, 0.0]),
+        turns=np.array([False, False, True, False]),
+        recorded=np.array([True, True, True, False]),
+        mean=np.array([1.0, 0.0, 0.0, 0.0]),
+        factor=np.eye(4),
+        levels=(Level(0, 0.0, 1.0),),
+    )
+    np.testing.assert_array_equal(pulses.guessed, [True, False, False, False])
+    np.testing.assert_array_equal(pulses.heights(np.full(4, -3.0)), [0.0, -3.0, -3.0, -3.0])
 
 
 def test_pulses_that_share_a_simulation_answer_as_alone(house, house_recording):
