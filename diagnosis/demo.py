@@ -67,7 +67,8 @@ def compare(recording: Path, predicted: Path) -> Table:
     table = Table("parameter", "unit", "true", "estimated", "typical error", box=None)
     for name, one in found.items():
         true = float(truth[name])
-        table.add_row(name, one["unit"], f"{true:.4g}", f"{one['value']:.4g}", f"{one['rmse']:.2g}")
+        error = "-" if one["rmse"] is None else f"{one['rmse']:.2g}"
+        table.add_row(name, one["unit"], f"{true:.4g}", f"{one['value']:.4g}", error)
     return table
 
 

@@ -3,7 +3,7 @@
     fit        dataset folder -> run folder (weights.safetensors, estimator.json, curve.csv, curve.png)
     tune       dataset folder -> the options of an estimator that are best on validation systems
     evaluate   run folder and dataset folder -> R2 under the protocols "paper" and "unseen", tables, scatter figure
-    predict    run folder and recording (NetCDF) -> parameter estimates with their validation error
+    predict    run folder and recording (NetCDF) -> parameter estimates, with their validation error if it is known
     benchmark  dataset folder -> the paper's tables and figures, and more, under many conditions
 
 The names are looked up when first used: they import torch, and the command line's ``--help`` must not wait for it.

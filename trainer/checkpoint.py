@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 import torch
-from pydantic import BaseModel, ConfigDict, field_serializer, field_validator
+from pydantic import BaseModel, ConfigDict, field_serializer, field_validator, model_validator
 from safetensors.torch import save as save_tensors
 
 from shared.errors import EstimatorError
@@ -23,7 +23,8 @@ from trainer.models.base import Estimator, Shape
 from trainer.spans import packed, unpacked
 from trainer.weights import check_card_version, load_weights
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
+"""The first version has no errors by condition."""
 CARD = "estimator.json"
 WEIGHTS = "weights.safetensors"
 CHUNK = 256
@@ -81,6 +82,21 @@ class Training(_Table):
     """weights that were best on validation systems, or the last ones"""
 
 
+class Errors(_Table):
+    """Root mean square errors on validation systems under one condition, readings without gaps."""
+
+    length: int
+    """samples of a window"""
+    absent: list[str]
+    """recorded channels that it lacks"""
+    noise: str
+    """sensor preset"""
+    windows: int
+    systems: int
+    rmse: dict[str, float]
+    """of each parameter [its own unit]"""
+
+
 def shape_of(encoding: Encoding) -> Shape:
     """Sizes of an estimator's windows and answers."""
     return Shape(
@@ -110,10 +126,24 @@ class Card(_Table):
     training_systems: Systems
     validation_systems: Systems
     validation_rmse: dict[str, float]
-    """Root mean square error of each parameter on the validation windows [its own unit]."""
+    """Root mean square error of each parameter on the training's validation windows [its own unit].
+
+    These have the main length, and all sensor presets and missing channels of the training, mixed.
+    """
+    validation_errors: list[Errors] = []
+    """The same condition by condition; none in a card of the first version, or of a training that was interrupted."""
     training: Training
     versions: dict[str, str]
     weights_sha256: str = ""
+
+    @model_validator(mode="after")
+    def _errors_fit(self) -> Card:
+        """Errors are of the encoding's parameters."""
+        for one in self.validation_errors:
+            if set(one.rmse) != set(self.encoding.parameters):
+                found, expected = ", ".join(one.rmse) or "none", ", ".join(self.encoding.parameters)
+                raise ValueError(f"validation_errors: has errors of {found}; expected {expected}")
+        return self
 
     def seen(self, system_hash: str, records: Records) -> np.ndarray:
         """Which rows of records, of a system, the run trained on or chose its weights by; bool (systems,)."""

@@ -248,6 +248,7 @@ def info(run: Path, /, *, json: Annotated[bool, Parameter(negative="")] = False)
         Print estimator.json on stdout.
     """
     from trainer.checkpoint import load_run
+    from trainer.validation import whole_condition
 
     loaded = load_run(run)
     card = loaded.card
@@ -265,6 +266,7 @@ def info(run: Path, /, *, json: Annotated[bool, Parameter(negative="")] = False)
         ("trained on", f"{len(card.training_systems.indices)} systems of root seed {seeds}"),
         ("training", f"step {done.best_step} of {done.steps}, {done.batch_size} windows each, {done.seconds:g} s"),
         ("validation loss", f"{done.validation_loss:.4f} (1 is the mean)"),
+        ("rmse below", f"of its validation windows: {whole_condition(card)}"),
     ]
     for name, unit in zip(card.encoding.parameters, card.encoding.parameter_units, strict=True):
         rows.append((name, f"+- {card.validation_rmse[name]:.3g} {unit}"))

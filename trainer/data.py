@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -53,3 +56,30 @@ def rows_of(records: Records, split: str, folder: Path) -> np.ndarray:
             " of each ten systems one validates and one tests: simulate at least ten"
         )
     return rows
+
+
+def identity_of(dataset: DatasetFolder, index: Records) -> dict[str, Any]:
+    """What makes the systems of a dataset these and no others, as JSON holds it.
+
+    The hash of the description knows nothing of the FMU's bytes, nor of how it was simulated; equal numbers of systems
+    may be of different root seeds.
+    """
+    who = "\n".join(f"{seed} {system}" for seed, system in zip(index.seeds, index.systems, strict=True))
+    settings = json.dumps(dataset.manifest.settings, sort_keys=True)
+    return {
+        "system_name": dataset.system.name,
+        "system_hash": dataset.manifest.system_hash,
+        "systems": len(index.systems),
+        "systems_sha256": hashlib.sha256(who.encode()).hexdigest(),
+        "fmu_sha256": dataset.manifest.fmu_sha256,
+        "settings_sha256": hashlib.sha256(settings.encode()).hexdigest(),
+    }
+
+
+def difference(found: dict[str, Any], expected: dict[str, Any]) -> str | None:
+    """What of ``expected`` is otherwise in ``found``, in words, or not in it at all; None where all is the same."""
+    for name, value in expected.items():
+        if name in found and found[name] != value:
+            return f"{name} was {found[name]!r} and is {value!r} now"
+    lacking = ", ".join(name for name in expected if name not in found)
+    return f"an earlier version began it and did not note {lacking}: it may be of other data" if lacking else None

@@ -26,6 +26,7 @@ from trainer.data import load_records
 from trainer.figures import draw_scatter
 from trainer.noise import Sensors
 from trainer.report import Answers, CeilingFigures, Evaluation, Protocol, write_answers, write_report
+from trainer.seeds import check_seed
 from trainer.windows import WindowSource, disjoint_windows
 
 LEVEL = 0.9
@@ -74,6 +75,7 @@ def evaluate(
     DatasetError
         If the dataset cannot be used.
     """
+    check_seed(seed)
     run = run if isinstance(run, Run) else load_run(run)
     card = run.card
     dataset = DatasetFolder(dataset_dir)
@@ -227,11 +229,19 @@ def find_ceiling(
 
 
 def check_same_system(card: Card, dataset: DatasetFolder) -> None:
-    """Refuse a dataset of another system than the run's."""
+    """Refuse a dataset of another system than the run's, or of another FMU.
+
+    System hash, root seed and index say which systems the run has seen; with another FMU these are other systems.
+    """
     if dataset.manifest.system_hash != card.system_hash:
         raise EstimatorError(
             f"{dataset.folder}: its system is {dataset.manifest.system_name} ({dataset.manifest.system_hash[:12]});"
             f" the run was trained on {card.system_name} ({card.system_hash[:12]})"
+        )
+    if dataset.manifest.fmu_sha256 != card.fmu_sha256:
+        raise EstimatorError(
+            f"{dataset.folder}: its fmu_sha256 is {dataset.manifest.fmu_sha256[:12]}; the run was trained on systems of"
+            f" the FMU {card.fmu_sha256[:12]}: simulate the dataset with that one, or fit the estimator again"
         )
 
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import hashlib
 import math
 import platform
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
@@ -21,6 +19,7 @@ from trainer.checkpoint import (
     CARD,
     WEIGHTS,
     Card,
+    Errors,
     Keep,
     Run,
     Systems,
@@ -36,8 +35,10 @@ from trainer.missing import LONGEST, Missing
 from trainer.models import build, estimator_class, option_defaults
 from trainer.models.base import Estimator, Recipe
 from trainer.noise import Sensors
+from trainer.seeds import check_seed, torch_state
 from trainer.state import STATE, check_settings
 from trainer.training import Loop
+from trainer.validation import measured_errors
 from trainer.windows import Sampler, WindowSource, context_length, disjoint_windows
 
 VALIDATION_WINDOWS = 512
@@ -135,6 +136,7 @@ def fit(
         raise EstimatorError(f"keep: is {keep!r}; expected best or last")
     if threads < 1:
         raise EstimatorError(f"threads: is {threads}; expected at least 1")
+    check_seed(seed)
     dataset = DatasetFolder(dataset_dir)
     recipe = _recipe(model, steps, minutes, batch_size, lr)
     chosen = dict(options or {})
@@ -166,7 +168,7 @@ def fit(
         largest_gap=LONGEST if kind.reads_missing else 0.0,
     )
     gaps = Missing(recorded, encoding.outputs, optional or []) if kind.reads_missing else None
-    seeds = [int(s) for s in np.random.SeedSequence(seed).generate_state(4)]
+    seeds = [int(s) for s in np.random.SeedSequence(seed).generate_state(5)]
     source = WindowSource(records, encoding, sensors, torch.Generator().manual_seed(seeds[0]), gaps)
     records = replace(records, values=np.empty((0, 0, 0), np.float32))  # the source has its own copy
     where, starts = disjoint_windows(
@@ -221,7 +223,11 @@ def fit(
             for name in (*WRITTEN, STATE):  # an evaluation of what is replaced must not stand beside the new estimator
                 (folder / name).unlink(missing_ok=True)
         sampler = Sampler(source, training, seeds[3], length)
-        Loop(folder, card, network, sampler, held_out, recipe, minutes, settings).run(progress)
+
+        def measure(kept: Estimator) -> list[Errors]:
+            return measured_errors(kept, card, source, dataset.system, validation, seeds[4], progress)
+
+        Loop(folder, card, network, sampler, held_out, recipe, minutes, settings, measure).run(progress)
     return load_run(folder)
 
 
@@ -294,16 +300,3 @@ def _recipe(model: str, steps: int | None, minutes: float | None, batch_size: in
         raise EstimatorError("steps and minutes: both are given; expected one budget")
     own = estimator_class(model).recipe
     return replace(own, steps=steps or own.steps, batch_size=batch_size or own.batch_size, lr=lr or own.lr)
-
-
-@contextmanager
-def torch_state(seed: int, threads: int) -> Iterator[None]:
-    """Seed torch and set its threads, and put back both afterwards: a library must not change its host."""
-    before = torch.get_num_threads()
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(seed)
-        torch.set_num_threads(threads)
-        try:
-            yield
-        finally:
-            torch.set_num_threads(before)

@@ -28,7 +28,8 @@ def predict(
 ) -> None:
     """Estimate the parameters behind a recording, from its last context window.
 
-    Where the run has a posterior (`trainer posterior`), the median and the central 90 % interval are shown.
+    Where the run has a posterior (`trainer posterior`), the median and the central 90 % interval are shown. The error
+    on validation systems is shown where the run's card has it for windows of this length and these channels.
 
     Parameters
     ----------
@@ -56,7 +57,7 @@ def predict(
     console = new_console()
     for one in result.predictions:
         console.print(_table(one))
-    console.print("rmse: error of such estimates on the run's validation systems", highlight=False)
+    console.print(result.rmse_note, markup=False)
     for path in (out, corner):
         if path is not None:
             console.print(f"written to {path}", markup=False)
@@ -66,14 +67,16 @@ def _table(one: Prediction) -> Table:
     name = "" if one.system is None else f"system {one.system}, "
     table = Table(title=f"{name}{one.begin} to {one.end}")
     posterior = all(value.median is not None for value in one.parameters.values())
-    middle = ("median", "90 % interval") if posterior else ()
-    for column in ("parameter", "estimate", "+- rmse", *middle, "unit", ""):
-        numeric = column in ("estimate", "+- rmse", *middle)
+    rmse = ("+- rmse",) if all(value.rmse is not None for value in one.parameters.values()) else ()
+    middle = (*rmse, *(("median", "90 % interval") if posterior else ()))
+    for column in ("parameter", "estimate", *middle, "unit", ""):
+        numeric = column in ("estimate", *middle)
         table.add_column(column, justify="right" if numeric else "left", no_wrap=numeric)
     for parameter, value in one.parameters.items():
         mark = "at the end of its range" if value.at_bound else ""
-        cells = _interval(value) if posterior else ()
-        table.add_row(parameter, f"{value.value:.4g}", f"{value.rmse:.2g}", *cells, value.unit, mark)
+        cells = [f"{value.rmse:.2g}"] if rmse else []
+        cells += _interval(value) if posterior else ()
+        table.add_row(parameter, f"{value.value:.4g}", *cells, value.unit, mark)
     return table
 
 

@@ -15,6 +15,8 @@ from shared.reading import shown
 from shared.schema import EPOCH
 from trainer.checkpoint import Run, load_run
 from trainer.encoding import Encoding
+from trainer.seeds import check_seed
+from trainer.validation import Typical, typical_errors
 
 NEAR = 1e-3
 """An estimate this close to an end of its range, as a share of the range, is said to lie at its bound."""
@@ -28,14 +30,16 @@ class _Table(BaseModel):
 
 
 class Estimate(_Table):
-    """One parameter. ``rmse`` is the root mean square error of such estimates on validation systems [unit].
+    """One parameter.
 
-    Where the run has a posterior, ``median`` and ``low`` to ``high``, the central 90 % interval, are its own.
+    ``rmse`` [unit] is the root mean square error on validation systems of estimates from windows of the same length and
+    channels; None where the run's card has none for these. Where the run has a posterior, ``median`` and ``low`` to
+    ``high``, the central 90 % interval, are its own.
     """
 
     value: float
     unit: str
-    rmse: float
+    rmse: float | None
     at_bound: bool
     median: float | None = None
     low: float | None = None
@@ -56,13 +60,15 @@ class Prediction(_Table):
 class Predictions(_Table):
     """What ``trainer predict`` prints."""
 
-    schema_version: int = 1
+    schema_version: int = 2
     file: str
     model: str
     context_hours: float
     noise: str
     absent: list[str] = []
     """Channels that the run can do without, and that the recording lacks."""
+    rmse_note: str
+    """What ``rmse`` is over, or why it is null."""
     predictions: list[Prediction]
 
 
@@ -106,6 +112,7 @@ def predict(
     from trainer.posterior.inference import summarise
     from trainer.posterior.recording import write_samples
 
+    check_seed(seed)
     run = run if isinstance(run, Run) else load_run(run)
     encoding = run.card.encoding
     window = read_window(Path(file), encoding)
@@ -127,6 +134,7 @@ def predict(
 
         ranges = list(zip(encoding.parameter_min, encoding.parameter_max, strict=True))
         draw_corner(drawn[0], names, units, ranges, Path(corner))
+    typical = typical_errors(run.card, len(window.stamps), window.absent)
     low, high = np.array(encoding.parameter_min), np.array(encoding.parameter_max)
     near = NEAR * (high - low)
     predictions = []
@@ -136,7 +144,7 @@ def predict(
             name: Estimate(
                 value=float(row[k]),
                 unit=encoding.parameter_units[k],
-                rmse=run.card.validation_rmse[name],
+                rmse=None if typical.rmse is None else typical.rmse[name],
                 at_bound=bool(row[k] < low[k] + near[k] or row[k] > high[k] - near[k]),
                 median=None if found is None else float(found.median[i, k]),
                 low=None if found is None else float(found.low[i, k]),
@@ -154,8 +162,21 @@ def predict(
         context_hours=len(window.stamps) * encoding.step / 3600,
         noise=run.card.noise,
         absent=window.absent,
+        rmse_note=_rmse_note(typical, window, encoding, posterior is not None),
         predictions=predictions,
     )
+
+
+def _rmse_note(typical: Typical, window: Window, encoding: Encoding, posterior: bool) -> str:
+    """A sentence on the errors that are given, or on why none are."""
+    if typical.rmse is None:
+        interval = "; the 90 % interval is the posterior's own, for this very recording" if posterior else ""
+        return f"no rmse: {typical.note}{interval}"
+    present = [name not in window.absent for name in encoding.recorded]
+    gaps = (
+        "; the recording has gaps, with which errors are larger" if np.isnan(window.values[..., present]).any() else ""
+    )
+    return f"rmse: {typical.note}{gaps}"
 
 
 class Window(NamedTuple):

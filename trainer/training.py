@@ -20,7 +20,7 @@ from shared.logs import fields, logger
 from shared.progress import progress_bar
 from shared.reading import why
 from shared.store import write_atomically
-from trainer.checkpoint import Card, Stop, forward_in_chunks, save_run
+from trainer.checkpoint import Card, Errors, Stop, forward_in_chunks, save_run
 from trainer.figures import draw_loss_curve
 from trainer.models.base import Estimator, Recipe
 from trainer.optimisers import make_optimisers, scale_rates
@@ -69,7 +69,8 @@ class Curve:
 class Loop:
     """The training itself: steps, validations, the best weights so far.
 
-    ``settings`` say which training it is: a state written by another one is refused.
+    ``settings`` say which training it is: a state written by another one is refused. ``measure`` gives the errors of
+    the weights that are kept, when all is done.
     """
 
     def __init__(
@@ -82,10 +83,11 @@ class Loop:
         recipe: Recipe,
         minutes: float | None,
         settings: dict[str, Any],
+        measure: Callable[[Estimator], list[Errors]],
     ) -> None:
         self.folder, self.card, self.network, self.settings = folder, card, network, settings
         self.sampler, self.held_out, self.recipe, self.minutes = sampler, held_out, recipe, minutes
-        self.curve = Curve()
+        self.measure, self.curve = measure, Curve()
         self.best: dict[str, torch.Tensor] | None = None
         self.optimisers = make_optimisers(network, recipe) if network.iterates else []
         self.step, self.total, self.counted = 0, 0.0, 0
@@ -246,6 +248,9 @@ class Loop:
         write_atomically(self.folder / "curve.csv", self.curve.csv().encode())
         if len(self.curve.rows) > 1:
             draw_loss_curve(self.curve.rows, self.card.model, self.folder / "curve.png")
+        if stopped != "interrupted":  # who stops a training does not want to wait for its errors
+            self.card.validation_errors = self.measure(self.network)
+            save_run(self.folder, self.card, self.network)
 
 
 @contextmanager

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import optuna
 from optuna.trial import FrozenTrial, Trial, TrialState
 from pydantic import BaseModel, ConfigDict
@@ -19,9 +20,10 @@ from shared.progress import progress_bar
 from shared.reading import read_json, validated
 from shared.store import DatasetFolder, write_atomically
 from trainer.checkpoint import make_folder
-from trainer.data import load_records
+from trainer.data import difference, identity_of, load_records
 from trainer.fitting import fit
 from trainer.models import estimator_class, option_defaults
+from trainer.seeds import check_seed
 
 _log = logger(__name__)
 BEST, STUDY = "best.json", "study.db"
@@ -137,7 +139,7 @@ def tune(
     context_hours, channels, noise, systems
         As for ``fit``.
     seed
-        Of every fit, and of the search.
+        Of every fit, and of the search: of this and of how many trials there are follows what is tried next.
     progress
         Show progress on stderr.
 
@@ -150,6 +152,7 @@ def tune(
     """
     if trials < 1:
         raise EstimatorError(f"trials: is {trials}; expected at least 1")
+    check_seed(seed)
     if minutes is None and steps is None:
         minutes = 2.0
     space, folder = space_of(model), Path(out)
@@ -163,8 +166,7 @@ def tune(
         "noise": noise,
         "training systems": systems,
         "seed": seed,
-        "system_hash": dataset.manifest.system_hash,
-        "systems": len(load_records(dataset, []).systems),
+        **identity_of(dataset, load_records(dataset, [])),
     }
     make_folder(folder)
     study = _study(folder, settings, {name: default for name, (_, default) in space.items()}, seed)
@@ -224,20 +226,20 @@ def _study(folder: Path, settings: dict[str, Any], defaults: dict[str, Any], see
             study_name="tune",
             direction="minimize",
             load_if_exists=True,
-            sampler=optuna.samplers.TPESampler(seed=seed, n_startup_trials=8),
         )
         if fresh or "settings" not in study.user_attrs:
             study.set_user_attr("settings", json.dumps(settings))
             study.enqueue_trial(defaults)
         found = dict(json.loads(study.user_attrs["settings"]))
-        study.get_trials(deepcopy=False)
+        done = len(study.get_trials(deepcopy=False))
     except Exception as error:  # sqlalchemy's own errors, which optuna lets through
         raise EstimatorError(f"{path}: cannot be opened as an Optuna study ({type(error).__name__})") from None
-    for name, value in settings.items():
-        if found.get(name) != value:
-            raise EstimatorError(
-                f"{path}: {name} was {found.get(name)!r} and is {value!r} now; choose another folder for another search"
-            )
+    other = difference(found, settings)
+    if other is not None:
+        raise EstimatorError(f"{path}: {other}; choose another folder for another search")
+    # a sampler begins its random numbers anew: with the seed alone, a search that goes on would repeat its first draws
+    own = int(np.random.SeedSequence([seed, done]).generate_state(1)[0])
+    study.sampler = optuna.samplers.TPESampler(seed=own, n_startup_trials=8)
     for trial in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
         study.tell(trial.number, state=TrialState.FAIL)
         if trial.params:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
@@ -75,6 +76,17 @@ class WindowSource:
         self.generator = generator
         self.gaps = gaps
         self._offsets = torch.arange(encoding.length)
+
+    def under(
+        self,
+        sensors: Sensors,
+        generator: torch.Generator,
+        gaps: Callable[[torch.Tensor, torch.Generator], torch.Tensor] | None,
+    ) -> WindowSource:
+        """The same records, not copied, under other conditions."""
+        other = copy.copy(self)
+        other.sensors, other.generator, other.gaps = sensors, generator, gaps
+        return other
 
     def gather(self, rows: torch.Tensor, starts: torch.Tensor, length: int | None = None) -> Batch:
         """Windows of the records ``rows`` that begin at the samples ``starts``, both int64 (batch,).

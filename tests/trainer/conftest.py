@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -80,7 +81,15 @@ def simulate_tanks(parameters: np.ndarray, indices: np.ndarray, time: np.ndarray
     return np.stack([level, 100 * np.cos(2 * np.pi * time / 86400) + 0 * level], axis=1)
 
 
-def make_dataset(folder: Path, *, systems: int = 100, root_seed: int = 1, text: str = TANK) -> Path:
+def make_dataset(
+    folder: Path,
+    *,
+    systems: int = 100,
+    root_seed: int = 1,
+    text: str = TANK,
+    fmu_sha256: str = "0" * 64,
+    settings: dict[str, Any] | None = None,
+) -> Path:
     """Write a dataset of two shards as the farm would."""
     system = tank_system(text)
     (folder / "shards").mkdir(parents=True)
@@ -106,10 +115,11 @@ def make_dataset(folder: Path, *, systems: int = 100, root_seed: int = 1, text: 
             system_name=system.name,
             system_hash=system.hash(),
             system=system.canonical(),
-            fmu_sha256="0" * 64,
+            fmu_sha256=fmu_sha256,
             root_seed=root_seed,
             systems=systems,
             shard_size=-(-systems // 2),
+            settings=settings or {},
             shards=entries,
         ),
     )

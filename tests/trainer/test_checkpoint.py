@@ -41,8 +41,17 @@ def test_a_damaged_card_is_told(own_ridge, text):
 
 
 def test_a_newer_version_is_told(own_ridge):
-    change_card(own_ridge, schema_version=2, tricks="new")
-    with pytest.raises(EstimatorError, match="schema version is 2; this version of zeroshot-fmu reads up to 1"):
+    change_card(own_ridge, schema_version=3, tricks="new")
+    with pytest.raises(EstimatorError, match="schema version is 3; this version of zeroshot-fmu reads up to 2"):
+        load_run(own_ridge)
+
+
+def test_errors_of_other_parameters_are_named(own_ridge):
+    card = json.loads((own_ridge / "estimator.json").read_text())
+    card["validation_errors"][0]["rmse"] = {"tank.leak": 1.0}
+    change_card(own_ridge, validation_errors=card["validation_errors"])
+    sentence = r"validation_errors: has errors of tank\.leak; expected tank\.drain, tank\.fill"
+    with pytest.raises(EstimatorError, match=sentence):
         load_run(own_ridge)
 
 

@@ -187,6 +187,14 @@ def test_a_dataset_of_another_system_is_refused(ridge_run, tmp_path):
         evaluate(ridge_run, other, out=tmp_path)
 
 
+def test_a_dataset_of_another_fmu_is_refused(ridge_run, tmp_path):
+    """Equal seeds and indices are other systems there, though the description is the same."""
+    other = make_dataset(tmp_path / "ds", systems=20, fmu_sha256="f" * 64)
+    sentence = r"ds: its fmu_sha256 is f{12}; the run was trained on systems of the FMU 0{12}: simulate the dataset"
+    with pytest.raises(EstimatorError, match=sentence):
+        evaluate(ridge_run, other, out=tmp_path)
+
+
 def test_a_dataset_of_another_step_or_too_short_is_refused(ridge_run, tmp_path):
     fine = make_dataset(tmp_path / "fine", systems=10, text=TANK.replace("step = 1800.0", "step = 900.0"))
     with pytest.raises(EstimatorError, match="its step is 900 s; the run was trained on 1800 s"):

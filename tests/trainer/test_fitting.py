@@ -143,7 +143,9 @@ def test_ctrl_c_leaves_the_best_estimator_so_far(tanks, tmp_path, monkeypatch):
     monkeypatch.setattr(Sampler, "draw", interrupted)
     with pytest.raises(KeyboardInterrupt):
         fit(tanks, tmp_path / "run", options=SMALL, steps=100)
-    assert load_run(tmp_path / "run").card.training.stopped == "interrupted"
+    card = load_run(tmp_path / "run").card
+    assert card.training.stopped == "interrupted"
+    assert card.validation_errors == []  # who stops it does not wait for them
 
 
 def test_a_budget_in_minutes_is_kept(tanks, tmp_path):

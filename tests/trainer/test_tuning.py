@@ -1,7 +1,9 @@
 """The search for an estimator's options."""
 
 import json
+from types import SimpleNamespace
 
+import optuna
 import pytest
 
 from shared.errors import EstimatorError
@@ -11,6 +13,7 @@ from trainer.models import ESTIMATORS, estimator_class
 from trainer.tuning import BEST, read_options, space_of, tune
 from trainer.windows import WindowSource
 
+from .conftest import make_dataset
 from .test_cli import run as command
 
 SETTINGS = {"model": "lstm", "steps": 3, "seed": 1, "context_hours": 6.0}
@@ -112,6 +115,56 @@ def _no_failures():
         return real(self, trial_id, state, *arguments, **settings)
 
     return set_values
+
+
+@pytest.fixture
+def no_training(monkeypatch):
+    """Trials take no time: the loss is the learning rate."""
+    from trainer import tuning
+
+    def fit(*_, lr, **__):
+        return SimpleNamespace(card=SimpleNamespace(training=SimpleNamespace(validation_loss=lr)))
+
+    monkeypatch.setattr(tuning, "fit", fit)
+
+
+def test_a_search_that_goes_on_tries_something_new(tanks, tmp_path, no_training):
+    for trials in (4, 7, 8):
+        assert tune(tanks, tmp_path, trials=trials, **SETTINGS).trials == trials
+    study = optuna.load_study(study_name="tune", storage=f"sqlite:///{tmp_path / 'study.db'}")
+    tried = [tuple(trial.params.values()) for trial in study.get_trials()]
+    assert len(set(tried)) == len(tried) == 8
+
+
+def test_a_search_is_the_same_again(tanks, tmp_path, no_training):
+    first, again = (tune(tanks, tmp_path / name, trials=6, **SETTINGS) for name in ("a", "b"))
+    assert first == again
+    assert first.options != tune(tanks, tmp_path / "c", trials=6, **SETTINGS | {"seed": 2}).options
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"root_seed": 2}, "systems_sha256 was '"),
+        ({"fmu_sha256": "f" * 64}, "fmu_sha256 was '0{64}' and is 'f{64}'"),
+        ({"settings": {"warm_up": 480.0}}, "settings_sha256 was '"),
+    ],
+)
+def test_a_search_does_not_go_on_with_other_data(tmp_path, no_training, changes, words):
+    tune(make_dataset(tmp_path / "ds", systems=20), tmp_path / "out", trials=1, **SETTINGS)
+    other = make_dataset(tmp_path / "other", systems=20, **changes)
+    with pytest.raises(EstimatorError, match=rf"study\.db: {words}.* now; choose another folder for another search"):
+        tune(other, tmp_path / "out", trials=2, **SETTINGS)
+
+
+def test_a_search_of_an_earlier_version_is_told(tanks, tmp_path, no_training):
+    tune(tanks, tmp_path, trials=1, **SETTINGS)
+    study = optuna.load_study(study_name="tune", storage=f"sqlite:///{tmp_path / 'study.db'}")
+    settings = json.loads(study.user_attrs["settings"])
+    del settings["systems_sha256"]
+    study.set_user_attr("settings", json.dumps(settings))
+    with pytest.raises(EstimatorError, match=r"an earlier version began it and did not note systems_sha256: it may be"):
+        tune(tanks, tmp_path, trials=2, **SETTINGS)
 
 
 @pytest.mark.parametrize("model", [name for name in ESTIMATORS if name not in ("mean", "ridge")])

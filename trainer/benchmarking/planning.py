@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ from shared.store import DatasetFolder
 from trainer.benchmarking.conditions import Budget, Condition, Fit
 from trainer.benchmarking.job import is_done, read_done
 from trainer.benchmarking.parts import Ground, Part, make_parts
-from trainer.data import load_records, rows_of
+from trainer.data import difference, identity_of, load_records, rows_of
 from trainer.models import estimator_class
 
 OURS = ("multiscale-transformer",)
@@ -109,15 +108,7 @@ def make_plan(
     step = float(index.time[1] - index.time[0]) if len(index.time) > 1 else dataset.system.experiment.step
     ground = Ground(dataset.system, len(index.time) * step / 3600, step, training, tuple(ours or OURS))
     budget = Budget(minutes=3.0 if minutes is None and steps is None else minutes, steps=steps)
-    who = "\n".join(f"{seed} {system}" for seed, system in zip(index.seeds, index.systems, strict=True))
-    identity = {
-        "system_name": dataset.system.name,
-        "system_hash": dataset.manifest.system_hash,
-        "systems": len(index.systems),
-        "systems_sha256": hashlib.sha256(who.encode()).hexdigest(),
-        "hours": ground.hours,
-        "step": step,
-    }
+    identity = identity_of(dataset, index) | {"hours": ground.hours, "step": step}
     plan = Plan(
         dataset=Path(dataset_dir),
         out=Path(out),
@@ -144,9 +135,8 @@ def _check_identity(plan: Plan) -> None:
     found = read_json(path, EstimatorError, "what `trainer benchmark` wrote; choose another folder")
     if not isinstance(found, dict):
         raise EstimatorError(f"{path}: is {shown(found)}; expected a table; choose another folder")
-    for name, value in plan.identity.items():
-        if found.get(name) != value:
-            raise EstimatorError(
-                f"{plan.out}: holds a benchmark of another dataset: {name} was {found.get(name)} and is {value} now;"
-                " choose another folder"
-            )
+    other = difference(found, plan.identity)
+    if other is not None:
+        raise EstimatorError(
+            f"{plan.out}: does not hold a benchmark of this very dataset: {other}; choose another folder"
+        )

@@ -23,6 +23,8 @@ from trainer.posterior.figures import draw_coverage, draw_ranks
 from trainer.posterior.inference import Posterior, summarise
 from trainer.posterior.report import LEVELS, Calibration, Coverage, LogScore, ParameterCalibration, write_calibration
 from trainer.posterior.scores import covered, crps, positions, truncated_normal, uniformity
+from trainer.seeds import check_seed
+from trainer.validation import Typical, typical_errors
 from trainer.windows import WindowSource, disjoint_windows
 
 
@@ -68,6 +70,7 @@ def calibration(
     DatasetError
         If the dataset cannot be used.
     """
+    check_seed(seed)
     run = run if isinstance(run, Run) else load_run(run)
     posterior = load_posterior(run)
     if posterior is None:
@@ -103,6 +106,7 @@ def calibration(
     density = posterior.log_prob_encoded(batch.windows, batch.time, truth)
     estimate = encoding.estimates(run.answers(batch.windows, batch.time))
     hours = length * encoding.step / 3600
+    typical = typical_errors(card, length, without or [], preset)
     result = Calibration(
         model=card.model,
         context_hours=hours,
@@ -111,7 +115,7 @@ def calibration(
         windows=len(truth),
         systems=len(needed),
         samples=samples,
-        **_figures_of_merit(posterior, truth, drawn, estimate, position, density, where, first),
+        **_figures_of_merit(posterior, truth, drawn, estimate, typical, position, density, where, first),
     )
     folder = Path(out) if out is not None else run.folder
     if folder is not None:
@@ -128,6 +132,7 @@ def _figures_of_merit(
     truth: np.ndarray,
     drawn: np.ndarray,
     estimate: np.ndarray,
+    typical: Typical,
     position: np.ndarray,
     density: np.ndarray,
     where: np.ndarray,
@@ -136,10 +141,10 @@ def _figures_of_merit(
     """Fields of a Calibration.
 
     ``truth``, ``estimate`` and ``position`` are (windows, parameters), ``drawn`` (windows, n, parameters), ``density``
-    and ``where``, the system of each, (windows,); ``first`` are the windows of the rank tests.
+    and ``where``, the system of each, (windows,); ``first`` are the windows of the rank tests. ``typical`` is the error
+    of the estimate on validation systems under the same condition: without it there is no Gaussian to beat.
     """
     names, prior = posterior.run.card.encoding.parameters, posterior.prior
-    rmse = np.array([posterior.run.card.validation_rmse[name] for name in names])
     inside = np.stack([covered(position, level) for level in LEVELS], axis=1)  # (windows, levels, parameters)
     inside = np.concatenate([inside, inside.mean(axis=2, keepdims=True)], axis=2)
     low, high = bootstrap_by_system(where, lambda rows: inside[rows].mean(axis=0), level=0.9)
@@ -150,9 +155,13 @@ def _figures_of_merit(
     ]
     chi2, kolmogorov = uniformity(position[first])
     n = drawn.shape[1]
-    quantiles, gaussian_density = truncated_normal(estimate, rmse, prior.low, prior.high, truth, n)
+    gaussian, gaussian_score = None, None
+    if typical.rmse is not None:
+        rmse = np.array([typical.rmse[name] for name in names])
+        quantiles, log_density = truncated_normal(estimate, rmse, prior.low, prior.high, truth, n)
+        gaussian, gaussian_score = crps(truth, quantiles).mean(axis=0), float(log_density.mean())
     flat = prior.from_unit(((np.arange(n) + 0.5) / n)[:, None]) * np.ones(len(names))
-    each = [crps(truth, one).mean(axis=0) for one in (drawn, quantiles, np.broadcast_to(flat, drawn.shape))]
+    each = [crps(truth, one).mean(axis=0) for one in (drawn, np.broadcast_to(flat, drawn.shape))]
     found = summarise(drawn)
     of_mean, of_point = r2(truth, found.mean), r2(truth, estimate)
     width = np.median((found.high - found.low) / (prior.high - prior.low), axis=0)
@@ -162,16 +171,27 @@ def _figures_of_merit(
             chi2_p=chi2[k],
             ks_p=kolmogorov[k],
             crps=each[0][k],
-            crps_gaussian=each[1][k],
-            crps_prior=each[2][k],
+            crps_gaussian=None if gaussian is None else gaussian[k],
+            crps_prior=each[1][k],
             r2_mean=_finite(of_mean[k]),
             r2_point=_finite(of_point[k]),
             width=width[k],
         )
         for k, name in enumerate(names)
     }
-    score = LogScore(posterior=density.mean(), gaussian=gaussian_density.mean(), prior=prior.log_density(truth).mean())
-    return {"parameters": parameters, "coverage_mean": cover[-1], "log_score": score}
+    score = LogScore(posterior=density.mean(), gaussian=gaussian_score, prior=prior.log_density(truth).mean())
+    return {
+        "parameters": parameters,
+        "coverage_mean": cover[-1],
+        "log_score": score,
+        "gaussian_note": _gaussian_note(typical),
+    }
+
+
+def _gaussian_note(typical: Typical) -> str:
+    if typical.rmse is None:
+        return f"no Gaussian to compare with: {typical.note}"
+    return f"Gaussian: the estimate with its {typical.note}, cut off at the ranges"
 
 
 def _finite(value: float) -> float | None:

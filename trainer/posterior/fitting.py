@@ -27,13 +27,13 @@ from shared.store import DatasetFolder
 from trainer.checkpoint import Run, Systems, load_run
 from trainer.data import load_records, rows_of
 from trainer.evaluation import check_same_system
-from trainer.fitting import torch_state
 from trainer.posterior.checkpoint import CARD, PosteriorCard, load_posterior, save_posterior
 from trainer.posterior.conditions import Contexts, draw_contexts, lengths_of, source_of
 from trainer.posterior.flow import PosteriorFlow
 from trainer.posterior.inference import Posterior
 from trainer.posterior.prior import Prior
 from trainer.posterior.tempering import temper
+from trainer.seeds import check_seed, torch_state
 
 _log = logger(__name__)
 BATCH = 256
@@ -99,6 +99,7 @@ def fit_posterior(
     DatasetError
         If the dataset cannot be used, or has no validation systems.
     """
+    check_seed(seed)
     run = run if isinstance(run, Run) else load_run(run)
     if run.folder is None:
         raise EstimatorError("run: is in no folder; expected one made by `trainer fit`")

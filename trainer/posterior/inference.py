@@ -12,6 +12,7 @@ from trainer.checkpoint import Run
 from trainer.posterior.context import as_float, context_of
 from trainer.posterior.flow import PosteriorFlow
 from trainer.posterior.prior import Prior
+from trainer.seeds import check_seed
 
 if TYPE_CHECKING:
     from trainer.posterior.checkpoint import PosteriorCard
@@ -55,7 +56,8 @@ class Posterior:
         Raises
         ------
         EstimatorError
-            If the windows have a length that the posterior was not fitted to, or ``n`` is not positive.
+            If the windows have a length that the posterior was not fitted to, ``n`` is not positive, or ``seed`` is
+            negative.
         """
         return self.sample_encoded(*self._encode(values, time), n, seed=seed)
 
@@ -63,6 +65,7 @@ class Posterior:
         """As :meth:`sample`, of encoded windows (windows, length, columns)."""
         if n < 1:
             raise EstimatorError(f"n: is {n}; expected at least 1 sample")
+        check_seed(seed)
         length = self._which_length(windows)
         context = context_of(self.run, self.prior, windows, time)
         # numpy's stream is filled window by window: the samples of one do not depend on how many follow it

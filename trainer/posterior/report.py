@@ -30,7 +30,10 @@ class Coverage(_Table):
 
 
 class ParameterCalibration(_Table):
-    """One parameter. ``crps`` [own unit], beside that of the estimate with the validation error, and of the prior."""
+    """One parameter. ``crps`` [own unit], beside that of the prior, and of the estimate with its validation error.
+
+    The latter is None where the run's card has no errors for the condition.
+    """
 
     coverage: dict[str, Coverage]
     """by level"""
@@ -38,7 +41,7 @@ class ParameterCalibration(_Table):
     ks_p: float
     """of the ranks being uniform, one window of each system"""
     crps: float
-    crps_gaussian: float
+    crps_gaussian: float | None
     crps_prior: float
     r2_mean: float | None
     """of the posterior's mean"""
@@ -52,14 +55,14 @@ class LogScore(_Table):
     """Mean log density at the truth [nat], of all parameters together."""
 
     posterior: float
-    gaussian: float
+    gaussian: float | None
     prior: float
 
 
 class Calibration(_Table):
     """``calibration.json``."""
 
-    schema_version: int = 1
+    schema_version: int = 2
     model: str
     context_hours: float
     noise: str
@@ -70,6 +73,8 @@ class Calibration(_Table):
     parameters: dict[str, ParameterCalibration]
     coverage_mean: dict[str, Coverage]
     log_score: LogScore
+    gaussian_note: str
+    """what the Gaussian is, or why there is none"""
 
 
 def _share(one: Coverage) -> str:
@@ -78,6 +83,11 @@ def _share(one: Coverage) -> str:
 
 def _number(value: float | None) -> str:
     return "-" if value is None else f"{value:.3f}"
+
+
+def _share_of_prior(one: ParameterCalibration) -> float | None:
+    """The Gaussian's CRPS as a share of the prior's."""
+    return None if one.crps_gaussian is None else one.crps_gaussian / one.crps_prior
 
 
 def table_rows(result: Calibration) -> tuple[Row, list[Row]]:
@@ -94,19 +104,20 @@ def table_rows(result: Calibration) -> tuple[Row, list[Row]]:
         rows.append(
             (
                 *(name, *cells, f"{one.chi2_p:.3f}", f"{one.ks_p:.3f}"),
-                *(f"{one.crps / one.crps_prior:.3f}", f"{one.crps_gaussian / one.crps_prior:.3f}"),
+                *(f"{one.crps / one.crps_prior:.3f}", _number(_share_of_prior(one))),
                 *(_number(one.r2_mean), _number(one.r2_point), f"{one.width:.3f}"),
             )
         )
     middle = [f"{100 * result.coverage_mean[f'{level:g}'].share:.1f}" for level in LEVELS]
     middle[LEVELS.index(0.9)] = _share(result.coverage_mean["0.9"])
     each = list(result.parameters.values())
+    gaussian = [share for share in map(_share_of_prior, each) if share is not None]
     r2 = [[v for v in column if v is not None] for column in ([o.r2_mean for o in each], [o.r2_point for o in each])]
     rows.append(
         (
             *("mean", *middle, "", ""),
             f"{sum(o.crps / o.crps_prior for o in each) / len(each):.3f}",
-            f"{sum(o.crps_gaussian / o.crps_prior for o in each) / len(each):.3f}",
+            _number(sum(gaussian) / len(gaussian) if gaussian else None),
             *(_number(sum(column) / len(column) if column else None) for column in r2),
             f"{sum(o.width for o in each) / len(each):.3f}",
         )
@@ -117,15 +128,16 @@ def table_rows(result: Calibration) -> tuple[Row, list[Row]]:
 def notes(result: Calibration) -> list[str]:
     """Sentences under the table."""
     score = result.log_score
+    gaussian = "" if score.gaussian is None else f", Gaussian {score.gaussian - score.prior:.2f} nat"
     return [
         f"{result.windows} disjoint windows of {result.systems} systems that neither estimator nor posterior has seen,"
         f" {result.samples} samples each",
         "% columns: share of the windows whose central interval holds the truth; for 90 % with its interval by system",
         "p: of the ranks being uniform, one window of each system",
-        "CRPS as a share of the prior's; Gaussian: the estimate with the validation error, cut off at the ranges",
+        "CRPS as a share of the prior's",
+        result.gaussian_note,
         "width: median width of the 90 % interval, as a share of the range",
-        f"mean log density at the truth above the prior's: posterior {score.posterior - score.prior:.2f} nat,"
-        f" Gaussian {score.gaussian - score.prior:.2f} nat",
+        f"mean log density at the truth above the prior's: posterior {score.posterior - score.prior:.2f} nat{gaussian}",
     ]
 
 

@@ -1,5 +1,7 @@
 """What a benchmark is going to do."""
 
+import json
+
 import pytest
 
 import trainer
@@ -73,6 +75,35 @@ def test_more_systems_are_a_line_each(tmp_path):
 def test_wrong_arguments_are_named(tanks, tmp_path, arguments, words):
     with pytest.raises(EstimatorError, match=words):
         make_plan(tanks, tmp_path / "out", **arguments)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"fmu_sha256": "f" * 64}, "fmu_sha256 was '0{64}' and is 'f{64}'"),
+        ({"settings": {"warm_up": 480.0}}, "settings_sha256 was '"),
+        ({"root_seed": 2}, "systems_sha256 was '"),
+    ],
+)
+def test_data_made_again_in_another_way_is_another_dataset(tmp_path, changes, words):
+    """Seed and number of systems are the same, and so is the hash of the description."""
+    plan = make_plan(make_dataset(tmp_path / "ds", systems=20), tmp_path, parts=["channels"])
+    (tmp_path / "benchmark.json").write_text(json.dumps(plan.identity))
+    again = make_dataset(tmp_path / "again", systems=20, **changes)
+    with pytest.raises(EstimatorError, match=f"benchmark of this very dataset: {words}.* now; choose another folder"):
+        make_plan(again, tmp_path, parts=["channels"])
+
+
+def test_results_of_an_earlier_version_are_told(tmp_path):
+    dataset = make_dataset(tmp_path / "ds", systems=20)
+    identity = make_plan(dataset, tmp_path, parts=["channels"]).identity
+    kept = {name: value for name, value in identity.items() if name not in ("fmu_sha256", "settings_sha256")}
+    (tmp_path / "benchmark.json").write_text(json.dumps(kept))
+    sentence = (
+        "an earlier version began it and did not note fmu_sha256, settings_sha256: it may be of other data; choose"
+    )
+    with pytest.raises(EstimatorError, match=sentence):
+        make_plan(dataset, tmp_path, parts=["channels"])
 
 
 def test_fewer_systems_make_a_smaller_full_dataset(short, tmp_path):

@@ -102,7 +102,7 @@ def test_a_loss_that_is_not_a_number_is_scored_with_a_warning(short, tmp_path, m
 
 
 def test_results_of_another_dataset_are_left_alone(finished, other_tanks):
-    with pytest.raises(EstimatorError, match=r"holds a benchmark of another dataset: systems was 100 and is 20 now"):
+    with pytest.raises(EstimatorError, match=r"benchmark of this very dataset: systems was 100 and is 20 now"):
         trainer.benchmark(other_tanks, finished, **QUICK)
 
 

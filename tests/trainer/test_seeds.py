@@ -1,0 +1,52 @@
+"""Seeds that numpy does not take."""
+
+import numpy as np
+import pytest
+import torch
+
+from shared.errors import EstimatorError
+from trainer.posterior import fit_posterior
+from trainer.posterior.inference import Posterior
+from trainer.seeds import check_seed, torch_state
+from trainer.tuning import tune
+
+from .test_cli import run
+
+SENTENCE = "seed: is -1; expected a whole number of at least 0"
+
+
+@pytest.mark.parametrize("command", ["fit", "evaluate", "calibration", "predict", "posterior", "tune"])
+def test_a_negative_seed_is_a_sentence_and_exit_code_1(own_ridge, tanks, tmp_path, capsys, command):
+    words = {
+        "fit": (tanks, "--out", tmp_path / "new", "--model", "mean"),
+        "tune": (tanks, "--out", tmp_path / "new", "--model", "lstm"),
+        "predict": (own_ridge, tanks / "shards" / "000.nc"),
+    }
+    code, out, err = run(capsys, command, *words.get(command, (own_ridge, tanks)), "--seed", "-1")
+    assert (code, out, err) == (1, "", f"error: {SENTENCE}\n")
+    assert not (tmp_path / "new").exists()
+
+
+def test_it_is_told_to_those_who_call_functions(own_ridge, tanks, tmp_path):
+    for call in (
+        lambda: fit_posterior(own_ridge, tanks, seed=-1),
+        lambda: tune(tanks, tmp_path, model="lstm", seed=-1),
+        lambda: Posterior.sample_encoded(None, torch.zeros(1, 1, 1), torch.zeros(1), 5, seed=-1),
+    ):
+        with pytest.raises(EstimatorError, match=SENTENCE):
+            call()
+
+
+def test_other_seeds_are_taken():
+    for seed in (0, 2**70):
+        check_seed(seed)
+        np.random.default_rng(seed)
+
+
+def test_torchs_state_is_put_back():
+    torch.manual_seed(3)
+    expected = torch.rand(2)
+    torch.manual_seed(3)
+    with torch_state(7, 1):
+        torch.rand(5)
+    assert torch.equal(torch.rand(2), expected)
