@@ -94,12 +94,17 @@ def ceilings_of(
     Raises
     ------
     SystemDescriptionError
-        For an unknown noise preset, or channels without any output.
+        For an unknown noise preset, an unknown channel, or channels without any output.
     """
     described = system if isinstance(system, System) else load_system(system)
     wanted = [(noise, channels or described.estimator.channels) for noise, channels in conditions]
     for noise, channels in wanted:
         described.noise_sd(noise)
+        known = [*described.output_names, *described.input_names]
+        if unknown := [name for name in channels if name not in known]:
+            raise SystemDescriptionError(
+                f"{described.path}: channels {unknown} are neither outputs nor inputs; expected some of {known}"
+            )
         if not set(channels) & set(described.output_names):
             raise SystemDescriptionError(f"{described.path}: channels {channels} hold no output; nothing to learn from")
     results, lengths = [], list(contexts)

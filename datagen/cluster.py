@@ -6,13 +6,15 @@ Whatever listens, listens on loopback unless told otherwise: a scheduler runs an
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from importlib.metadata import version
 from typing import Any
 
 import dask
 from dask.distributed import Client, LocalCluster
+from distributed.comm import CommClosedError
 
+from datagen.dask_settings import SETTINGS
 from datagen.dispatch import PATIENCE
 from datagen.slurm import slurm
 from shared.errors import ClusterError
@@ -25,17 +27,34 @@ _log = logger(__name__)
 QUEUES = {"slurm": slurm}
 """Kinds of cluster whose workers are jobs of a queue: each makes one of so many jobs, from the users' options and the
 scheduler's own."""
-_CONFIG = {
-    # a shard whose worker died comes back at once: the farm itself finds out whose fault it was
-    "distributed.scheduler.allowed-failures": 0,
-    # an FMU may hold the interpreter for minutes; hanging is for the per-system timeout to judge
-    "distributed.scheduler.worker-ttl": None,
-    # a worker above its share of memory is ended, never paused for good
-    "distributed.worker.memory.target": False,
-    "distributed.worker.memory.spill": False,
-    "distributed.worker.memory.pause": False,
-    "distributed.worker.memory.terminate": 0.95,
-}
+_CONFIG = SETTINGS
+
+
+def check_places(
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    cluster: str = "local",
+    options: Mapping[str, str] | None = None,
+    host: str | None = None,
+) -> None:
+    """Refuse what :func:`connect` could not start, or would wait for in vain; the parameters are its own.
+
+    Raises
+    ------
+    ClusterError
+        If the kind of cluster is unknown, there would be no worker, or jobs on other nodes would not reach us.
+    """
+    if cluster not in ("local", *QUEUES):
+        raise ClusterError(f"cluster is {cluster!r}; expected {' or '.join(['local', *QUEUES])}")
+    if workers is not None and workers < 1:
+        raise ClusterError(f"workers is {workers}; expected at least 1")
+    if cluster in QUEUES and not scheduler and host is None and "interface" not in (options or {}):
+        raise ClusterError(
+            f"cluster {cluster}: neither an interface nor a host is given, and jobs on other nodes do not reach "
+            f"{LOOPBACK}; expected --cluster-option interface=NAME or --host ADDRESS of this machine in the nodes' "
+            f"network, or --host {LOOPBACK} where all jobs run on this machine"
+        )
 
 
 @contextmanager
@@ -60,15 +79,15 @@ def connect(
     options
         Of a job: ``queue``, ``account``, ``walltime``, ``memory``, ``cores``, ``interface``, ...
     host
-        Address that our own scheduler listens on; loopback by default.
+        Address that our own scheduler listens on; loopback by default, but for a queue to be given.
 
     Raises
     ------
     ClusterError
-        If the scheduler does not answer, a worker has another version of this package, or a package is missing.
+        If what is asked for cannot be started, the scheduler does not answer or is lost, a worker has another version
+        of this package, or a package is missing.
     """
-    if cluster not in ("local", *QUEUES):
-        raise ClusterError(f"cluster is {cluster!r}; expected {' or '.join(['local', *QUEUES])}")
+    check_places(workers=workers, scheduler=scheduler, cluster=cluster, options=options, host=host)
     if scheduler:
         try:
             client = _client(scheduler, timeout=20)
@@ -77,7 +96,7 @@ def connect(
                 f"{scheduler}: no Dask scheduler answers: {error}; expected tcp://HOST:PORT, or tls://HOST:PORT with"
                 " certificates set"
             ) from None
-        with client:
+        with client, _held(scheduler):
             if not _count(client):
                 _log.info("waiting for a worker at %s", scheduler)
                 _wait(client, scheduler)
@@ -85,35 +104,72 @@ def connect(
             _say(_count(client), client.dashboard_link)
             yield client
         return
-    with dask.config.set(_CONFIG):
-        if cluster in QUEUES:
-            listening = {"host": host or LOOPBACK, "dashboard_address": f"{LOOPBACK}:0"}
-            with QUEUES[cluster](workers or 1, dict(options or {}), listening) as running, _client(running) as client:
-                _log.info("waiting for the first worker of %s; dashboard at %s", cluster, running.dashboard_link)
-                client.wait_for_workers(1)
-                _check_versions(client)
-                yield client
-            return
-        with interrupts_held():
-            running = LocalCluster(
-                n_workers=workers,
-                threads_per_worker=1,
-                processes=True,
-                host=host or LOOPBACK,
-                dashboard_address=f"{LOOPBACK}:0",
-                silence_logs=50,
-            )
-        ended = False
-        try:
-            with running, _client(running) as client:
-                _say(len(running.workers), running.dashboard_link)
-                yield client
-                ended = True
-        except TimeoutError:
-            if not ended:
+    listening = {"host": host or LOOPBACK, "dashboard_address": f"{LOOPBACK}:0"}
+    failure: BaseException | None = None
+    try:
+        with dask.config.set(_CONFIG), ExitStack() as stack:
+            try:
+                with _starting(cluster, host):
+                    if cluster in QUEUES:
+                        running = QUEUES[cluster](workers or 1, dict(options or {}), listening)
+                    else:
+                        running = _local(workers, listening)
+                    client = stack.enter_context(_client(stack.enter_context(running)))
+                with _held(f"cluster {cluster}"):
+                    if cluster in QUEUES:
+                        _log.info(
+                            "waiting for the first worker of %s; scheduler at %s, dashboard at %s",
+                            *(cluster, running.scheduler_address, running.dashboard_link),
+                        )
+                        client.wait_for_workers(1)
+                        _check_versions(client)
+                    else:
+                        _say(len(running.workers), running.dashboard_link)
+                    yield client
+            except BaseException as error:
+                failure = error
                 raise
-            # all that was asked for is there; on a busy machine Dask gives up waiting for its own processes
-            _log.warning("the workers had not ended when Dask stopped waiting for them")
+    except TimeoutError:
+        if failure is not None:  # that is what is to be said, not what came of it
+            raise failure from None
+        # all that was asked for is there; on a busy machine Dask gives up waiting for its own processes
+        _log.warning("the workers had not ended when Dask stopped waiting for them")
+
+
+def _local(workers: int | None, listening: dict[str, str]) -> LocalCluster:
+    with interrupts_held():
+        return LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, silence_logs=50, **listening)
+
+
+@contextmanager
+def _starting(cluster: str, host: str | None) -> Iterator[None]:
+    """Say in a sentence why a cluster of our own does not start."""
+    try:
+        yield
+    except (OSError, RuntimeError) as error:
+        cause: BaseException = error
+        while cause.__cause__ is not None:  # Dask's own words tell but that something has failed
+            cause = cause.__cause__
+        hint = f"host is {host!r}; expected an address of this machine" if host else "run again to go on"
+        raise ClusterError(f"cluster {cluster} did not start: {_words(cause)}; {hint}") from None
+
+
+@contextmanager
+def _held(what: str) -> Iterator[None]:
+    """Say in a sentence that the connection is lost: to Dask that is an OSError, as if a file could not be written."""
+    try:
+        yield
+    except (TimeoutError, CommClosedError) as error:
+        if error.errno is not None:  # a file system's
+            raise
+        raise ClusterError(
+            f"{what}: the connection to the scheduler was lost: {_words(error)}; what was finished is kept, run again "
+            "to go on"
+        ) from None
+
+
+def _words(error: BaseException) -> str:
+    return str(error) or type(error).__name__
 
 
 def _client(where: Any, **options: Any) -> Client:

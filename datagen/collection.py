@@ -6,6 +6,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 from dask.distributed import Client, KilledWorker
@@ -18,7 +19,7 @@ from datagen.worker import Job, ShardResult, simulate_shard
 from shared.errors import SimulationError
 from shared.logs import fields, logger
 from shared.progress import progress_bar
-from shared.store import Manifest, write_atomically, write_manifest
+from shared.store import Manifest, ShardEntry, sha256_of, write_atomically, write_manifest
 from shared.system import System
 
 FAILURE_BUDGET = 0.05
@@ -27,6 +28,8 @@ MANIFEST_EVERY = 5.0
 """Seconds between two writes of the manifest, at least; a shard between two of them is adopted by the next run."""
 _DEATHS = 4
 """A shard under guard cannot take its worker down. If its workers still die so often, it is not the FMU."""
+_AT_ONCE = 100
+"""Shards looked at ahead for what is to be simulated again: a large manifest is then not written for each of them."""
 _EARLY = 20
 """Systems after which a run stops if more than half have failed, whatever the budget."""
 
@@ -59,10 +62,28 @@ class Collection:
         self.system = system
         self.budget = budget
         self._entries = {entry.file: entry for entry in manifest.shards}
+        self._waiting: dict[str, ShardEntry] = {}  # withdrawn, but no worker has been asked yet
+        self._replaced: dict[str, ShardEntry] = {}  # withdrawn, and a worker may have written over their files
         self._stored = time.monotonic()
         self._pause = MANIFEST_EVERY
         self._failed_now = 0
         self._sent: Counter[str] = Counter()
+
+    def withdrawn(self, pieces: Iterator[Piece]) -> Iterator[Piece]:
+        """The same pieces; the entry of a shard that is there already is out of the manifest before its piece is given.
+
+        A worker writes over such a shard in place. Were it still listed when the run is killed, the file would not be
+        what the manifest says. A file that is not listed is held against itself by the next run, and adopted or made
+        anew.
+        """
+        while batch := list(islice(pieces, _AT_ONCE)):
+            self._waiting = {one.file: self._entries.pop(one.file) for one in batch if one.file in self._entries}
+            if self._waiting:
+                self.store()
+            for piece in batch:
+                if piece.file in self._waiting:
+                    self._replaced[piece.file] = self._waiting.pop(piece.file)
+                yield piece
 
     def collect(
         self, client: Client, pieces: Iterator[Piece], *, quiet: bool = False, patience: float = PATIENCE
@@ -100,7 +121,13 @@ class Collection:
                         bar.update(len(self.failures) + self._count(), note=rate)
                         self._check_budget(finished)
         finally:
+            self._entries |= self._waiting
             self.store()
+            if self._replaced:
+                _log.warning(
+                    "%s: shards that were being simulated again, out of the manifest until the next run: %d",
+                    *(self.folder, len(self._replaced)),
+                )
 
     def _send_package(self, client: Client, worker: str) -> None:
         self._sent[worker] += 1
@@ -124,20 +151,29 @@ class Collection:
 
     def take(self, piece: Piece, result: ShardResult) -> None:
         """Record one shard: first its failures, then its file, then its entry."""
-        new = self.failures.drop(piece.root_seed, piece.systems) > 0 or bool(result.failures)
-        for failure in result.failures:
+        before = self._replaced.pop(piece.file, None)
+        entry, failed = result.entry, result.failures
+        if entry is None and before is not None and self._stands(before):
+            # every system has failed this time and no file was written: what was there is kept
+            entry, failed = before, [one for one in failed if one["system"] not in before.systems]
+        new = self.failures.drop(piece.root_seed, piece.systems) > 0 or bool(failed)
+        for failure in failed:
             self.failures.put(failure)
             _log.debug("system %d failed", failure["system"], extra=fields(**failure))
-        self._failed_now += len(result.failures)
+        self._failed_now += len(failed)
         if new:
             self.failures.write(self.folder)
-        if result.entry is not None:
+        if entry is not None:
             if result.data is not None:
                 write_atomically(self.folder / "shards" / piece.file, result.data)
-            self._entries[piece.file] = result.entry
-            _log.debug("shard %s", piece.file, extra=fields(systems=result.entry.systems, seed=piece.root_seed))
+            self._entries[piece.file] = entry
+            _log.debug("shard %s", piece.file, extra=fields(systems=entry.systems, seed=piece.root_seed))
         if time.monotonic() - self._stored > self._pause:
             self.store()
+
+    def _stands(self, entry: ShardEntry) -> bool:
+        path = self.folder / "shards" / entry.file
+        return path.exists() and sha256_of(path) == entry.sha256
 
     def store(self) -> None:
         """Write the manifest. The next time is the later, the longer this took."""

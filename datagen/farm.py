@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import platform
+import threading
 from collections.abc import Mapping
 from importlib.metadata import version
 from itertools import chain
@@ -15,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from datagen.card import write_card
-from datagen.cluster import QUEUES, connect
+from datagen.cluster import QUEUES, check_places, connect
 from datagen.collection import FAILURE_BUDGET, Collection
 from datagen.dispatch import PATIENCE
 from datagen.failures import FILE_NAME as FAILURES_FILE
@@ -37,6 +38,8 @@ from shared.store import Manifest, read_manifest, write_atomically, write_manife
 from shared.system import System, load_system
 
 _log = logger(__name__)
+_SHORTEST = 0.001
+"""Of a system's timeout [s]; faulthandler, which watches over it, counts in microseconds."""
 _FIXED = ("system_hash", "fmu_sha256", "root_seed", "shard_size", "settings")
 
 
@@ -92,6 +95,8 @@ def run(
     ------
     DatasetError
         If ``out`` holds another dataset, cannot be written to, or another run is at it.
+    ClusterError
+        If the workers that are asked for cannot be had.
     SimulationError
         If more systems fail than the failure budget allows.
     """
@@ -106,6 +111,13 @@ def run(
         raise DatasetError(f"systems is {systems}; expected at least 1")
     if shard_size < 1:
         raise DatasetError(f"shard_size is {shard_size}; expected at least 1")
+    if seed < 0:
+        raise DatasetError(f"seed is {seed}; expected at least 0")
+    if not _SHORTEST <= timeout <= threading.TIMEOUT_MAX:
+        raise DatasetError(f"timeout is {timeout:g} s; expected {_SHORTEST:g} to {threading.TIMEOUT_MAX:g} s")
+    places: dict[str, Any] = {"workers": workers, "scheduler": scheduler, "cluster": cluster, "host": host}
+    places["options"] = cluster_options
+    check_places(**places)
     described = described.with_experiment(hours=hours, step=step)
     fmu_hash = Simulator(described).fmu.sha256
     weather = weather_hashes(described)
@@ -152,13 +164,13 @@ def run(
             pieces = missing(manifest, failures, retry=retry_failures)
             first = next(pieces, None)
             if first is not None:
-                places: dict[str, Any] = {"workers": workers, "scheduler": scheduler, "cluster": cluster}
-                with connect(**places, options=cluster_options, host=host) as client:
+                with connect(**places) as client:
                     patience = float("inf") if cluster in QUEUES else PATIENCE  # jobs may be queued for days
-                    collection.collect(client, chain([first], pieces), quiet=quiet, patience=patience)
+                    again = collection.withdrawn(chain([first], pieces))
+                    collection.collect(client, again, quiet=quiet, patience=patience)
             if not (folder / FAILURES_FILE).exists():
                 failures.write(folder)
-            _copy_ceilings(described, folder)
+            _copy_ceilings(described, folder, excitation=excitation)
             write_card(folder, manifest, described)
     except OSError as error:
         raise DatasetError(
@@ -232,11 +244,14 @@ def _clear(folder: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def _copy_ceilings(system: System, folder: Path) -> None:
+def _copy_ceilings(system: System, folder: Path, *, excitation: bool) -> None:
     """Put the ceilings that lie beside the description into the dataset, if they are of this very system and FMU."""
     beside = system.path.parent / CEILING_FILE
     if not beside.exists():
         return
     ceilings = read_ceilings(beside)
     if ceilings.system_hash == system.hash() and ceilings.fmu_sha256 == fmu_sha256(system.fmu_path):
+        if not excitation and any(one.source == "excitation" for one in system.inputs):
+            _log.warning("%s: not copied: its ceilings hold with excitation, this dataset is without", beside)
+            return
         write_atomically(folder / CEILING_FILE, beside.read_bytes())

@@ -64,9 +64,11 @@ def run(
     cluster
         `local`, or `slurm` to submit the workers as jobs.
     cluster_option
-        Of a Slurm job, as NAME=VALUE: queue, account, walltime, memory, cores, interface.
+        Of a Slurm job, as NAME=VALUE: queue, account, walltime, memory, cores, interface, log_directory, and others
+        of dask_jobqueue.SLURMCluster. One that is a list, such as job_extra_directives, is given once for each item.
     host
-        Address that our scheduler listens on. Loopback by default, which workers on other machines do not reach.
+        Address that our scheduler listens on. Loopback by default, which workers on other machines do not reach; with
+        `--cluster slurm` either this or the option interface is needed.
     shard_size
         Systems per file.
     excitation
@@ -117,4 +119,7 @@ def _options(words: list[str]) -> dict[str, str]:
     for name, sign, _ in pairs:
         if not sign:
             raise ZeroshotError(f"--cluster-option {name!r}; expected NAME=VALUE")
-    return {name: value for name, _, value in pairs}
+    found: dict[str, str] = {}
+    for name, _, value in pairs:  # what is given several times is a list, one item a line
+        found[name] = f"{found[name]}\n{value}" if name in found else value
+    return found

@@ -109,7 +109,8 @@ def test_slurm_gives_the_same_data(tanks, tmp_path):
     pytest.importorskip("dask_jobqueue")
     toml = faulty.describe(tanks)
     run(toml, tmp_path / "here", workers=1, **SIZE)
-    options = {"memory": "1GiB", "walltime": "00:10:00"}
-    run(toml, tmp_path / "slurm", cluster="slurm", workers=2, cluster_options=options, **SIZE)
+    options = {"memory": "1GiB", "walltime": "00:10:00", "log_directory": str(tmp_path / "logs")}
+    place = {"cluster": "slurm", "workers": 2, "host": "127.0.0.1"}  # a node of this machine
+    run(toml, tmp_path / "slurm", cluster_options=options, **place, **SIZE)
     assert hashes(tmp_path / "slurm") == hashes(tmp_path / "here")
     assert verify(tmp_path / "slurm") == []

@@ -78,3 +78,9 @@ def test_less_noise_and_more_channels_tell_more(window, default_system):
 def test_channels_without_an_output_are_refused(default_system):
     with pytest.raises(SystemDescriptionError, match="hold no output"):
         ceilings_of(default_system, contexts=[24.0], conditions=[("none", ["TDryBul"])], systems=1)
+
+
+def test_a_channel_that_is_not_there_is_refused_by_name(default_system):
+    conditions = [("none", ["TRoo", "TDryBul"]), ("none", ["TRoo", "C02", "time_of_day"])]
+    with pytest.raises(SystemDescriptionError, match=r"\['C02', 'time_of_day'\] are neither .*'TRoo', .*'TDryBul'"):
+        ceilings_of(default_system, contexts=[24.0], conditions=conditions, systems=1)

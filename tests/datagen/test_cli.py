@@ -11,6 +11,8 @@ from datagen.cli import app
 from shared.console import FAULT, OK, PARTLY, USAGE, start
 from shared.store import Manifest
 
+RUN = ["run", "TOML", "--out", "x", "--systems", "2"]
+
 
 def run(*words):
     return start(app, [str(w) for w in words])
@@ -79,6 +81,18 @@ def test_identifiability_is_kept_and_copied(default_system, tmp_path, capsys):
         (["verify", "nowhere"], FAULT, "expected a dataset"),
         (["identifiability", "TOML", "--noise", "loud"], FAULT, "'loud' is not a preset"),
         (["run", "TOML", "--out", "x", "--systems", "0"], FAULT, "systems is 0"),
+        ([*RUN, "--seed", "-1"], FAULT, "seed is -1; expected at least 0"),
+        ([*RUN, "--workers", "0"], FAULT, "workers is 0; expected at least 1"),
+        ([*RUN, "--timeout", "0"], FAULT, "timeout is 0 s; expected 0.001 to"),
+        ([*RUN, "--timeout", "nan"], FAULT, "timeout is nan s; expected 0.001 to"),
+        ([*RUN, "--timeout", "1e12"], FAULT, "timeout is 1e+12 s; expected 0.001 to"),
+        ([*RUN, "--cluster", "slurm"], FAULT, "jobs on other nodes do not reach 127.0.0.1; expected --cluster-option"),
+        ([*RUN, "--cluster", "slurp"], FAULT, "cluster is 'slurp'; expected local or slurm"),
+        (
+            ["identifiability", "TOML", "--channels", "TRoo,C02"],
+            FAULT,
+            "channels ['C02'] are neither outputs nor inputs",
+        ),
         (["run", "TOML"], USAGE, "--out"),
         (["fly"], USAGE, "fly"),
     ],

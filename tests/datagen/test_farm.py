@@ -140,6 +140,18 @@ def test_systems_that_fail_are_quarantined_with_their_cause(default_system, tmp_
     json.dumps(failure)
 
 
+@pytest.mark.parametrize("excitation", [True, False])
+def test_ceilings_with_excitation_are_not_put_beside_data_without(
+    default_system, tmp_path, monkeypatch, caplog, excitation
+):
+    monkeypatch.setattr("datagen.farm._check_live", lambda *_: None)
+    monkeypatch.setattr("datagen.farm.missing", lambda *_, **__: iter(()))  # nothing to simulate
+    run(default_system, tmp_path, excitation=excitation, **SIZE)
+    assert (tmp_path / "identifiability.json").exists() == excitation
+    said = f"{default_system.path.parent / 'identifiability.json'}: not copied: its ceilings hold with excitation"
+    assert (said in caplog.text) != excitation
+
+
 def test_unknown_parameter_is_a_sentence(default_system):
     with pytest.raises(SystemDescriptionError, match=r"'roo\.W' is not a parameter"):
         simulate(default_system, parameters={"roo.W": 1.0}, hours=24.0)
