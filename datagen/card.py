@@ -16,9 +16,10 @@ _CARD = """\
 {{ system.description }}.
 
 {{ done }} of {{ manifest.systems }} systems, {{ hours }} h each in steps of {{ step }} s, root seed
-{{ seeds }}, in {{ manifest.shards | length }} shards. Time is local standard time, in seconds since
-{{ epoch }}{% if roams %}, and runs from the beginning of each record: add its `start`{% endif %}; a value belongs to
-the step that ends at its time.
+{{ seeds }}, in {{ manifest.shards | length }} shards. Time is
+{%- if roams %} in seconds from the beginning of each record, `start`, which is a date in local standard time;
+{%- else %} local standard time, in seconds since {{ epoch }};
+{%- endif %} a value belongs to the step that ends at its time.
 {%- if not manifest.settings.excitation %} Excitation was switched off.{% endif %}
 
 | split | systems |
@@ -38,11 +39,18 @@ Read it with plain xarray:
 
 ```python
 from pathlib import Path
+{%- if roams %}
+import numpy as np
+{%- endif %}
 import xarray as xr
 
 shards = sorted(Path("shards").glob("*.nc"))
-data = xr.concat([xr.load_dataset(shard) for shard in shards], dim="system", data_vars="minimal")
+data = xr.concat([xr.load_dataset(shard{% if roams %}, decode_times=False{% endif %}) for shard in shards], \
+dim="system", data_vars="minimal")
 train = data.isel(system=(data["split"] == 0).values)
+{%- if roams %}
+date = np.datetime64("{{ epoch[:10] }}") + (data["start"] + data["time"]).astype("timedelta64[s]")  # of each value
+{%- endif %}
 ```
 
 {% if manifest.sources %}The dataset was merged: a system is known by its shard's `root_seed` and its index.

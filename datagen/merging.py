@@ -14,7 +14,7 @@ from shared.ceiling import FILE_NAME as CEILING_FILE
 from shared.errors import DatasetError
 from shared.store import DatasetFolder, Manifest, ShardEntry, Source, sha256_of, temporary_name, write_manifest
 
-_SAME = ("system_hash", "fmu_sha256", "settings", "schema_version")
+_SAME = ("system_hash", "fmu_sha256", "settings")
 
 
 def merge(folders: Sequence[Path | str], out: Path | str) -> Manifest:
@@ -58,8 +58,11 @@ def _check(datasets: Sequence[DatasetFolder]) -> list[Source]:
     sources: list[Source] = []
     for dataset in datasets:
         manifest = dataset.manifest
-        for field in _SAME:
-            ours, theirs = getattr(first.manifest, field), getattr(manifest, field)
+        facts = [{field: getattr(one, field) for field in _SAME} for one in (first.manifest, manifest)]
+        for one, fact in zip((first.manifest, manifest), facts, strict=True):
+            fact["schema"] = one.schema_version.partition(".")[0]  # minor versions have the same values
+        for field in facts[0]:
+            ours, theirs = facts[0][field], facts[1][field]
             if ours != theirs:
                 raise DatasetError(
                     f"{dataset.folder}: {field} is {theirs}, {first.folder} has {ours}; only datasets of one system, "

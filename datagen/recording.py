@@ -12,7 +12,7 @@ from datagen.sampling import record_start, sample_parameters
 from datagen.simulator import Simulator
 from datagen.worker import simulate_system
 from shared.errors import SystemDescriptionError
-from shared.schema import build_shard
+from shared.schema import CLOCK, STEP_END, build_shard
 from shared.store import write_shard
 from shared.system import System, load_system
 
@@ -82,6 +82,7 @@ def simulate(
 def _on_the_clock(record: xr.Dataset) -> xr.Dataset:
     """The record of one system with its beginning in its time, as measurements have it."""
     begin = float(record["start"])
-    attrs = {**record["time"].attrs, "long_name": "end of the output step, local standard time"}
-    moved = record.drop_vars("start").assign_coords(time=("time", record["time"].values + begin, attrs))
-    return moved.assign(time_bnds=record["time_bnds"] + begin)
+    bounds = record["time_bnds"].variable + begin  # a variable: its own times would not match those that it is put to
+    moved = record.drop_vars(["start", "time_bnds"])
+    moved = moved.assign_coords(time=("time", record["time"].values + begin, STEP_END | CLOCK))
+    return moved.assign(time_bnds=bounds)

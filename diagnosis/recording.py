@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from datagen.tables import InputTable, Piecewise, merge
+from diagnosis.importing.clock import time_zero
 from shared.errors import RecordingError
 from shared.netcdf import read_netcdf
 from shared.reading import shown
 from shared.schema import EPOCH
 from shared.system import System
+from shared.times import recorded_begins, recorded_times
 
 HOUR = 3600.0
 DAY = 24 * HOUR
+WEEK, YEAR = np.timedelta64(7, "D"), np.timedelta64(372, "D")
 ZERO = np.datetime64(EPOCH, "s")
 """Time zero of simulated years."""
 
@@ -56,14 +60,14 @@ def read_recording(path: Path | str, system: System) -> Recording:
         If the file is unreadable, has no regular time, no output of the system, or a variable in another unit.
     """
     path = Path(path)
-    data = read_netcdf(path, RecordingError, "a recording (NetCDF)")
+    data = read_netcdf(path, RecordingError, "a recording (NetCDF)", times=True)
     if "system" in data.dims:
         if data.sizes["system"] != 1:
             raise RecordingError(f"{path}: holds {data.sizes['system']} systems; expected a recording of one")
         data = data.isel(system=0)
-    if "time" not in data.coords or data["time"].dims != ("time",) or data.sizes.get("time", 0) < 2:
-        raise RecordingError(f"{path}: time is missing or shorter than two steps; expected a regular time coordinate")
-    time = data["time"].values.astype(float)
+    time = recorded_times(path, data) + recorded_begins(path, data, 1)
+    if len(time) < 2:
+        raise RecordingError(f"{path}: time is shorter than two steps; expected a regular time coordinate")
     if not np.isfinite(time).all():
         raise RecordingError(f"{path}: time has values that are not finite; expected a regular time coordinate")
     steps = np.diff(time)
@@ -94,16 +98,24 @@ def read_recording(path: Path | str, system: System) -> Recording:
     for name, values in inputs.items():
         if not np.isfinite(values).all():
             raise RecordingError(f"{path}: input {name!r} has gaps; expected a finite value at every step")
-    zero = _zero(str(data["time"].attrs.get("units", "")))
+    zero = _zero(time[0] - steps[0], str(data["time"].encoding.get("units", "")))
+    time = time - float((zero - ZERO) / np.timedelta64(1, "s"))
     return Recording(path=path, step=float(steps[0]), time=time, outputs=outputs, inputs=inputs, zero=zero)
 
 
-def _zero(units: str) -> np.datetime64:
-    """The date that units of time count from."""
-    try:
-        return np.datetime64(units.removeprefix("seconds since ").strip().replace(" ", "T"), "s")
-    except ValueError:
-        return ZERO
+def _zero(begin: float, units: str) -> np.datetime64:
+    """The date to count from [begin in s since time zero of simulated years]: the Monday that the file counts from.
+
+    Where it counts from another day, or from one that is long past, it is the Monday nearest to 1 January.
+    """
+    first = ZERO + np.timedelta64(round(begin), "s")
+    named = units.partition(" since ")[2].strip().replace(" ", "T")
+    with suppress(ValueError):
+        counted = np.datetime64(named, "s")
+        monday = (counted - ZERO) % WEEK == np.timedelta64(0, "s")
+        if monday and np.timedelta64(0, "s") <= first - counted <= YEAR:
+            return counted
+    return np.datetime64(time_zero(first.astype("M8[D]").item()).isoformat(), "s")
 
 
 def recorded_inputs(system: System, recording: Recording, warm_up: float) -> InputTable:

@@ -3,7 +3,8 @@
 A shard has dimensions (system, time). Outputs and inputs are float32, parameters float64, one value a system.
 Every variable says its role (``parameter``, ``output``, ``input``), its units and, for series, its CF cell method:
 ``time: point`` is an instant, ``time: mean`` the mean over the step that ends there (see ``time_bnds``). Time runs
-from the beginning of each system's own record, which is ``start`` after time zero.
+from the beginning of each system's own record, which is ``start``. Where all records begin at time zero it is a date;
+where they begin on days of their own it is an elapsed time, which no reader can take for one.
 """
 
 from __future__ import annotations
@@ -18,10 +19,20 @@ from shared.errors import DatasetError
 from shared.reading import shown
 from shared.system import System
 
-SCHEMA_VERSION = "2.0"
-"""2.0 added ``start``: a reader of 1.0 would take every record to begin at time zero."""
+SCHEMA_VERSION = "2.1"
+"""2.0 added ``start``: a reader of 1.0 would take every record to begin at time zero. 2.1: where records begin on days
+of their own, ``start`` is a date and ``time`` is none; the values are the same."""
 EPOCH = "2001-01-01 00:00:00"
 """Time zero of every simulated year: 1 January of a common year that began on a Monday, local standard time."""
+CLOCK = {
+    "standard_name": "time",
+    "units": f"seconds since {EPOCH}",
+    "units_metadata": "leap_seconds: none",
+    "calendar": "standard",
+}
+"""CF attributes of a time that is a date."""
+STEP_END = {"long_name": "end of the output step, local standard time", "axis": "T", "bounds": "time_bnds"}
+"""What else is said of the time of a record that is on the clock."""
 CONTENT_HASH = "content_hash"
 """Global attribute of a shard that holds its own content hash."""
 SPLITS = ("train", "validation", "test")
@@ -78,7 +89,7 @@ def build_shard(
         "start": (
             ("system",),
             np.zeros(len(indices)) if starts is None else np.asarray(starts, dtype=np.float64),
-            {"long_name": f"beginning of the record after {EPOCH}; its time runs from there", "units": "s"},
+            {"long_name": "beginning of the record, local standard time; its time runs from there", **CLOCK},
         ),
         "split": (
             ("system",),
@@ -111,15 +122,7 @@ def build_shard(
         "time": (
             ("time",),
             time,
-            {
-                "long_name": "end of the output step, local standard time, where start is 0",
-                "standard_name": "time",
-                "units": f"seconds since {EPOCH}",
-                "units_metadata": "leap_seconds: none",
-                "calendar": "standard",
-                "axis": "T",
-                "bounds": "time_bnds",
-            },
+            _ELAPSED if system.experiment.start[1] > 0 else STEP_END | CLOCK,
         ),
     }
     attrs = {
@@ -132,6 +135,13 @@ def build_shard(
         **attributes,
     }
     return xr.Dataset(variables, coordinates, attrs)
+
+
+_ELAPSED = {
+    "long_name": "end of the output step after the beginning of the record (start)",
+    "units": "s",
+    "bounds": "time_bnds",
+}
 
 
 def content_hash(arrays: Iterable[tuple[str, np.ndarray]]) -> str:

@@ -13,6 +13,7 @@ from shared.errors import EstimatorError, RecordingError
 from shared.netcdf import read_netcdf
 from shared.reading import shown
 from shared.schema import EPOCH
+from shared.times import recorded_begins, recorded_times
 from trainer.checkpoint import Run, load_run
 from trainer.encoding import Encoding
 from trainer.seeds import check_seed
@@ -224,13 +225,7 @@ def read_window(path: Path, encoding: Encoding) -> Window:
         known = "system" in recording.coords and recording["system"].dtype.kind in "iu"
         indices = [int(i) for i in recording["system"].values] if known else list(range(len(values)))
     values = values.reshape(-1, length, len(encoding.recorded))
-    begins = np.zeros(len(values))
-    if "start" in recording.data_vars:  # a shard's time runs from the beginning of each record
-        starts = recording["start"]
-        if starts.ndim > 1 or starts.size not in (1, len(begins)) or not np.isfinite(starts).all():
-            raise RecordingError(f"{path}: start has {starts.size} values; expected one number for each system")
-        begins += starts.values.astype(np.float64)
-    return Window(values, stamps, begins, indices, absent)
+    return Window(values, stamps, recorded_begins(path, recording, len(values)), indices, absent)
 
 
 def _check_gaps(path: Path, name: str, values: np.ndarray, largest: float) -> None:
@@ -247,13 +242,7 @@ def _check_gaps(path: Path, name: str, values: np.ndarray, largest: float) -> No
 
 def _stamps(path: Path, recording: xr.Dataset, encoding: Encoding) -> np.ndarray:
     """Time stamps of the last context window [s since time zero]."""
-    if "time" not in recording.coords:
-        found = ", ".join(map(str, recording.coords))
-        raise RecordingError(f"{path}: has no coordinate 'time'; found {found or 'none'}")
-    time = recording["time"]
-    if time.dims != ("time",) or not np.issubdtype(time.dtype, np.datetime64):
-        raise RecordingError(f"{path}: time has no units; expected for example 'seconds since {EPOCH}'")
-    seconds = (time.values - np.datetime64(EPOCH)) / np.timedelta64(1, "s")
+    seconds = recorded_times(path, recording)
     lengths = [length for length in (*encoding.shorter, encoding.length) if length <= len(seconds)]
     if not lengths:
         hours, least = len(seconds) * encoding.step / 3600, min([*encoding.shorter, encoding.length])
@@ -265,7 +254,9 @@ def _stamps(path: Path, recording: xr.Dataset, encoding: Encoding) -> np.ndarray
     steps = np.diff(window)
     wrong = np.flatnonzero(~(np.abs(steps - encoding.step) <= 1e-3 * encoding.step))
     if len(wrong):
-        where = time.values[-max(lengths) :][wrong[0]].astype("M8[s]")
+        at = float(window[wrong[0]])
+        dated = np.issubdtype(recording["time"].dtype, np.datetime64) and np.isfinite(at)
+        where = _date(at) if dated else f"{at:g} s"
         raise RecordingError(
             f"{path}: its step is {steps[wrong[0]]:g} s after {where};"
             f" the run was trained on steps of {encoding.step:g} s throughout"

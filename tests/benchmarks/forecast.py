@@ -26,7 +26,7 @@ from datagen.tables import Piecewise
 from diagnosis.forecasting.forecast import forecast
 from diagnosis.recording import HOUR, Recording
 from shared.errors import ZeroshotError
-from shared.schema import build_shard
+from shared.schema import CLOCK, STEP_END, build_shard
 from shared.store import write_shard
 from shared.system import System, load_system
 
@@ -57,7 +57,7 @@ def unseen(system: System, seed: int, index: int, noise: str, context: float, ah
         system, indices=np.array([index]), root_seed=seed, parameters=theta[None], outputs=outputs[None],
         inputs=made.inputs[None], attributes={}, starts=np.array([begin]),
     ).isel(system=0)  # fmt: skip
-    shard = shard.drop_vars("start").assign_coords(time=("time", made.time, shard["time"].attrs))
+    shard = shard.drop_vars("start").assign_coords(time=("time", made.time, STEP_END | CLOCK))
     path = folder / f"system-{index}.nc"
     write_shard(path, shard, [index])
     return replace(read_recording(path, system), outputs=outputs)

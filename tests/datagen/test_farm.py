@@ -5,13 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from datagen import info, run, simulate, verify
 from datagen.sampling import sample_parameters
 from datagen.worker import Job, simulate_shard
+from diagnosis.recording import read_recording
 from shared.errors import DatasetError, SystemDescriptionError
 from shared.store import DatasetFolder, read_manifest, write_manifest
 from shared.system import parse_system
+from tests.datagen.cf_checks import cf_faults
 
 SIZE = {"systems": 6, "hours": 96.0, "seed": 5, "shard_size": 2, "quiet": True}
 
@@ -54,6 +57,41 @@ def test_the_cards_lines_read_the_dataset(made, monkeypatch):
     exec(code, scope)
     assert scope["data"].sizes == {"system": 6, "time": 96, "bnds": 2}
     assert scope["train"].sizes["system"] == int((scope["data"]["split"] == 0).sum())
+
+
+@pytest.fixture(scope="module")
+def roaming(default_system, tmp_path_factory):
+    """A dataset whose records begin on days of their own."""
+    folder = tmp_path_factory.mktemp("farm") / "roaming"
+    run(default_system, folder, preset="many-rooms", hours=24.0, systems=3, seed=5, shard_size=3, quiet=True)
+    return folder
+
+
+def test_no_reader_takes_elapsed_time_for_dates(roaming, default_system, tmp_path, monkeypatch):
+    shard = xr.load_dataset(roaming / "shards" / "shard-000000.nc")
+    assert shard["time"].dtype.kind == "f"
+    anywhere = default_system.with_experiment(start=(0.0, 8760.0))
+    alone = simulate(anywhere, hours=24.0, seed=5, index=2, out=tmp_path / "alone.nc")
+    dates = xr.decode_cf(alone)["time"].values
+    assert dates[0] != np.datetime64("2001-01-01T01")
+    np.testing.assert_array_equal(alone["time_bnds"].values[:, 1], alone["time"].values)
+    np.testing.assert_array_equal(alone["time_bnds"].values[:, 0], alone["time"].values - 3600.0)
+    assert shard["start"].sel(system=2).values + np.timedelta64(1, "h") == dates[0]
+    code = (roaming / "README.md").read_text().split("```python\n")[1].split("```")[0]
+    monkeypatch.chdir(roaming)
+    scope = {}
+    exec(code, scope)
+    np.testing.assert_array_equal(scope["date"].sel(system=2).values, dates)
+    # what the checker has left to say goes by names: of the FMU's variables, and of a time that is not a date
+    faults = cf_faults(roaming / "shards" / "shard-000000.nc")
+    known = ("should begin with a letter and be composed of", "Coordinate variable 'time' should have standard_name")
+    assert {one for one in faults if not any(part in one for part in known)} == set()
+    # one system of it is read as the recording that it is
+    raw = xr.load_dataset(roaming / "shards" / "shard-000000.nc", decode_times=False)
+    raw.sel(system=2).to_netcdf(tmp_path / "one.nc")
+    one, same = (read_recording(tmp_path / name, default_system) for name in ("one.nc", "alone.nc"))
+    np.testing.assert_array_equal(one.time, same.time)
+    assert one.zero == same.zero
 
 
 def test_a_single_simulation_is_the_farms(made, default_system):

@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 import xarray as xr
 
@@ -26,3 +27,26 @@ def test_a_recording_knows_the_calendar(default_system, tmp_path, units, date, b
     assert str(found.zero) == date
     done = SimpleNamespace(problem=SimpleNamespace(recording=found), report=SimpleNamespace(start=found.start))
     assert began(done) == begun
+
+
+@pytest.mark.parametrize(
+    ("units", "per_unit", "zero"),
+    [
+        ("hours since 2022-02-01 00:00:00", 3600.0, "2022-01-03T00:00:00"),  # as xarray saves what it was given
+        ("seconds since 2022-02-02 12:00:00", 1.0, "2022-01-03T00:00:00"),  # a Wednesday noon is no time zero
+        ("minutes since 2022-01-03 00:00:00", 60.0, "2022-01-03T00:00:00"),
+    ],
+)
+def test_a_recording_keeps_its_dates_in_whatever_units(default_system, tmp_path, units, per_unit, zero):
+    simulate(default_system, hours=3.0, seed=1, out=tmp_path / "one.nc")
+    data = xr.load_dataset(tmp_path / "one.nc", decode_times=False)
+    first = np.datetime64("2022-02-03T08:00:00")
+    counted = np.datetime64(units.partition(" since ")[2].replace(" ", "T"))
+    since = (first - counted) / np.timedelta64(1, "s") + 3600.0 * np.arange(3)
+    data = data.drop_vars("time_bnds").assign_coords(time=("time", since / per_unit, {"units": units}))
+    data.to_netcdf(tmp_path / "other.nc")
+    found = read_recording(tmp_path / "other.nc", default_system)
+    assert (str(found.zero), found.step) == (zero, 3600.0)
+    assert found.zero + found.time.astype("timedelta64[s]")[0] == first
+    assert found.time[0] % 86400 == 8 * 3600.0
+    assert found.time[0] // 86400 % 7 == 3  # a Thursday

@@ -23,8 +23,11 @@ from tests.trainer.conftest import tank_system
 test_damaged = property_of(cases_diagnosis)
 
 
+SECONDS = {"units": "seconds since 2001-01-01 00:00:00"}
+
+
 def whole():
-    time = ("time", 1800.0 * np.arange(1, 97), {"units": "seconds since 2001-01-01 00:00:00"})
+    time = ("time", 1800.0 * np.arange(1, 97), SECONDS)
     series = {name: ("time", np.ones(96), {"units": u}) for name, u in (("level", "m"), ("glow", "lx"), ("valve", "1"))}
     return xr.Dataset(series, {"time": time})
 
@@ -32,10 +35,12 @@ def whole():
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        (lambda d: d.assign_coords(time=("time", np.full(96, np.nan))), "time has values that are not finite"),
-        (lambda d: d.assign_coords(time=("time", np.arange(96)[::-1].astype(float))), "runs backwards"),
+        (lambda d: d.assign_coords(time=("time", np.full(96, np.nan), SECONDS)), "time has values that are not finite"),
+        (lambda d: d.assign_coords(time=("time", np.arange(96.0)[::-1], SECONDS)), "runs backwards"),
+        (lambda d: d.assign_coords(time=("time", np.arange(96.0))), "time has no units"),
+        (lambda d: d.assign_coords(time=("time", np.arange(96.0), {"units": "h"})), "time is in 'h'"),
         (lambda d: d.isel(time=[0]), "shorter than two steps"),
-        (lambda d: d.drop_vars("time"), "time is missing"),
+        (lambda d: d.drop_vars("time"), "has no coordinate 'time'"),
         (lambda d: d.assign(level=d["level"].assign_attrs(units=np.array([1.0, 2.0]))), "'level' is in"),
         (
             lambda d: d.assign(level=("time", np.array(["a"] * 96, dtype=object))).drop_vars("glow"),

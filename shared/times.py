@@ -1,0 +1,77 @@
+"""The time of recordings: what a file says, as seconds since time zero.
+
+A file's time is dates in any CF units, or it is elapsed since the record's own beginning, which then is in ``start``.
+Dates are local standard time and never moved by an offset: who wants another clock says so before.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from shared.errors import RecordingError
+from shared.reading import shown
+from shared.schema import EPOCH
+
+_OFFSET = re.compile(r"\d{1,2}:\d{2}.*([Zz]|UTC|[+-]\d{1,2}(:?\d{2})?)$")
+
+
+def recorded_times(path: Path, recording: xr.Dataset) -> np.ndarray:
+    """Ends of the steps, shape (time,) [s since time zero, or since the record's beginning where that is apart].
+
+    Parameters
+    ----------
+    recording
+        Decoded as the CF conventions have it, but for time spans.
+
+    Raises
+    ------
+    RecordingError
+        If time is missing, has other dimensions, or is neither dates nor elapsed seconds.
+    """
+    if "time" not in recording.coords:
+        found = ", ".join(map(str, recording.coords))
+        raise RecordingError(f"{path}: has no coordinate 'time'; found {found or 'none'}")
+    time = recording["time"]
+    if time.dims != ("time",):
+        raise RecordingError(f"{path}: time has dimensions {time.dims}; expected ('time',)")
+    if np.issubdtype(time.dtype, np.datetime64):
+        units = str(time.encoding.get("units", ""))
+        if _OFFSET.search(units):
+            raise RecordingError(
+                f"{path}: time is in {shown(units)}, with an offset from UTC; expected local standard time without one"
+            )
+        return _seconds(time.values)
+    if time.dtype.kind in "iuf" and time.attrs.get("units") == "s":
+        return time.values.astype(np.float64)
+    given = time.attrs.get("units", time.encoding.get("units"))
+    found = "has no units" if given is None else f"is in {shown(given)}, which are not dates of the standard calendar"
+    raise RecordingError(f"{path}: time {found}; expected for example 'seconds since {EPOCH}'")
+
+
+def recorded_begins(path: Path, recording: xr.Dataset, count: int) -> np.ndarray:
+    """When each of so many records begins, shape (count,) [s since time zero]; zeros where nothing says so.
+
+    Raises
+    ------
+    RecordingError
+        If ``start`` is not one finite number or date for each.
+    """
+    if "start" not in recording.data_vars:
+        return np.zeros(count)
+    starts = recording["start"]
+    if starts.ndim > 1 or starts.size not in (1, count) or starts.dtype.kind not in "iufM":
+        raise RecordingError(f"{path}: start has {starts.size} values; expected one number or date for each system")
+    dated = np.issubdtype(starts.dtype, np.datetime64)  # before 2.1 of the schema it was a number
+    seconds = _seconds(starts.values) if dated else starts.values.astype(np.float64)
+    if not np.isfinite(seconds).all():
+        raise RecordingError(f"{path}: start has values that are not finite; expected one number or date a system")
+    return np.array(np.broadcast_to(seconds.reshape(-1), (count,)))
+
+
+def _seconds(dates: np.ndarray) -> np.ndarray:
+    """Of dates since time zero, NaN where there is no date."""
+    return np.asarray((dates - np.datetime64(EPOCH)) / np.timedelta64(1, "s"), dtype=np.float64)

@@ -1,0 +1,65 @@
+"""The time of recordings, against dates that are written out here."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from shared.errors import RecordingError
+from shared.netcdf import read_netcdf
+from shared.times import recorded_begins, recorded_times
+
+DAY = 86400.0
+SINCE_2001 = 7701 * DAY
+"""1 February 2022 after 1 January 2001: 21 years, 5 leap days and January."""
+
+
+def written(path, time, units, start=None, start_units="s"):
+    values = {} if start is None else {"start": (("system",), np.asarray(start, float), {"units": start_units})}
+    attrs = {} if units is None else {"units": units}
+    xr.Dataset(values, {"time": ("time", np.asarray(time, float), attrs)}).to_netcdf(path)
+    return read_netcdf(path, RecordingError, "a recording", times=True)
+
+
+@pytest.mark.parametrize(
+    ("time", "units"),
+    [
+        ([3600.0, 7200.0], "seconds since 2022-02-01 00:00:00"),
+        ([1.0, 2.0], "hours since 2022-02-01"),
+        ([0.0, 60.0], "minutes since 2022-02-01 01:00:00"),
+        ([31 + 1 / 24, 31 + 2 / 24], "days since 2022-01-01 00:00"),
+    ],
+)
+def test_dates_in_any_units_are_seconds_since_time_zero(tmp_path, time, units):
+    found = recorded_times(tmp_path, written(tmp_path / "one.nc", time, units))
+    np.testing.assert_allclose(found, [SINCE_2001 + 3600, SINCE_2001 + 7200], rtol=0, atol=1e-3)
+
+
+@pytest.mark.parametrize(("start", "units"), [(5 * DAY, "s"), (5, "days since 2001-01-01 00:00:00")])
+def test_elapsed_time_has_its_beginning_apart(tmp_path, start, units):
+    recording = written(tmp_path / "one.nc", [60.0, 120.0], "s", [start, start], units)
+    assert recorded_times(tmp_path, recording).tolist() == [60.0, 120.0]
+    assert recorded_begins(tmp_path, recording, 2).tolist() == [5 * DAY, 5 * DAY]
+    assert recorded_begins(tmp_path, recording.drop_vars("start"), 3).tolist() == [0.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("units", "sentence"),
+    [
+        (None, "r.nc: time has no units; expected for example 'seconds since 2001-01-01 00:00:00'"),
+        ("min", "time is in 'min', which are not dates of the standard calendar"),
+        ("hours since 2022-02-01 00:00:00+01:00", r"with an offset from UTC; expected local standard time without one"),
+        ("hours since 2022-02-01 00:00 UTC", "with an offset from UTC"),
+    ],
+)
+def test_other_times_are_refused_in_a_sentence(tmp_path, units, sentence):
+    recording = written(tmp_path / "one.nc", [1.0, 2.0], units)
+    with pytest.raises(RecordingError, match=sentence):
+        recorded_times(tmp_path / "r.nc", recording)
+
+
+def test_a_start_that_is_not_one_for_each_system_is_refused(tmp_path):
+    recording = written(tmp_path / "one.nc", [1.0, 2.0], "s", [0.0, 1.0, np.nan])
+    with pytest.raises(RecordingError, match="start has 3 values; expected one number or date for each system"):
+        recorded_begins(tmp_path / "r.nc", recording, 2)
+    with pytest.raises(RecordingError, match="start has values that are not finite"):
+        recorded_begins(tmp_path / "r.nc", recording, 3)
