@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +23,7 @@ DAY = 24 * HOUR
 WEEK, YEAR = np.timedelta64(7, "D"), np.timedelta64(372, "D")
 ZERO = np.datetime64(EPOCH, "s")
 """Time zero of simulated years."""
+_METHODS = {"mean": "a mean over each step", "point": "an instant at each step's end"}
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,8 @@ def read_recording(path: Path | str, system: System) -> Recording:
     Raises
     ------
     RecordingError
-        If the file is unreadable, has no regular time, no output of the system, or a variable in another unit.
+        If the file is unreadable, has no regular time, no output of the system, or a variable in another unit or of
+        another kind: a mean for an instant, or the other way round.
     """
     path = Path(path)
     data = read_netcdf(path, RecordingError, "a recording (NetCDF)", times=True)
@@ -80,10 +83,16 @@ def read_recording(path: Path | str, system: System) -> Recording:
     if not np.allclose(steps, steps[0], rtol=0, atol=1e-3):
         raise RecordingError(f"{path}: time is not regular (steps of {steps.min():g} to {steps.max():g} s)")
 
-    def series(name: str, unit: str) -> np.ndarray:
+    def series(name: str, unit: str, method: str) -> np.ndarray:
         found = data[name].attrs.get("units", "")
         if not isinstance(found, str) or found != unit:
             raise RecordingError(f"{path}: {name!r} is in {shown(found)}; the system description has {unit!r}")
+        said = re.match(r"time: (mean|point)\b", str(data[name].attrs.get("cell_methods", "")))
+        if said and said[1] != method:
+            raise RecordingError(
+                f"{path}: {name!r} is {_METHODS[said[1]]} (its cell_methods); by the system description it is"
+                f" {_METHODS[method]}"
+            )
         if data[name].dims != ("time",):
             raise RecordingError(f"{path}: {name!r} has dimensions {data[name].dims}; expected ('time',)")
         return data[name].values.astype(float)
@@ -92,9 +101,13 @@ def read_recording(path: Path | str, system: System) -> Recording:
     if not measured:
         raise RecordingError(f"{path}: none of the outputs {', '.join(system.output_names)} is in it")
     outputs = np.stack(
-        [series(o.name, o.unit) if o.name in data else np.full(len(time), np.nan) for o in system.outputs]
+        [series(o.name, o.unit, o.method) if o.name in data else np.full(len(time), np.nan) for o in system.outputs]
     )
-    inputs = {i.name: series(i.name, i.unit) for i in system.inputs if i.name in data}
+    inputs = {
+        i.name: series(i.name, i.unit, "mean" if i.interpolation == "previous" else "point")
+        for i in system.inputs
+        if i.name in data
+    }
     for name, values in inputs.items():
         if not np.isfinite(values).all():
             raise RecordingError(f"{path}: input {name!r} has gaps; expected a finite value at every step")

@@ -9,6 +9,7 @@ import xarray as xr
 from datagen import simulate
 from diagnosis.calibrating.report import began
 from diagnosis.recording import read_recording
+from shared.errors import RecordingError
 
 
 @pytest.mark.parametrize(
@@ -50,3 +51,23 @@ def test_a_recording_keeps_its_dates_in_whatever_units(default_system, tmp_path,
     assert found.zero + found.time.astype("timedelta64[s]")[0] == first
     assert found.time[0] % 86400 == 8 * 3600.0
     assert found.time[0] // 86400 % 7 == 3  # a Thursday
+
+
+@pytest.mark.parametrize(
+    ("name", "said", "sentence"),
+    [
+        ("TRoo", "time: mean", "'TRoo' is a mean over each step .* it is an instant at each step's end"),
+        (
+            "QHea",
+            "time: point (interval: 1 h)",
+            "'QHea' is an instant at each step's end .* it is a mean over each step",
+        ),
+    ],
+)
+def test_a_mean_is_not_taken_for_an_instant(default_system, tmp_path, name, said, sentence):
+    simulate(default_system, hours=3.0, seed=1, out=tmp_path / "one.nc")
+    data = xr.load_dataset(tmp_path / "one.nc", decode_times=False)
+    data[name].attrs["cell_methods"] = said
+    data.to_netcdf(tmp_path / "other.nc")
+    with pytest.raises(RecordingError, match=sentence):
+        read_recording(tmp_path / "other.nc", default_system)
