@@ -10,7 +10,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
-from shared.console import OK, new_console
+from shared.console import OK, NotNegative, Positive, new_console
 from shared.logs import USUAL, Reporting
 
 console = new_console()
@@ -23,8 +23,8 @@ def compare(
     *,
     recorded: Path | None = None,
     data: Path | None = None,
-    systems: int = 5,
-    seed: int = 0,
+    systems: Positive = 5,
+    seed: NotNegative = 0,
     hours: float | None = None,
     step: float | None = None,
     excitation: bool = True,

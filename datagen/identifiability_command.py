@@ -10,7 +10,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
-from shared.console import OK, new_console
+from shared.console import OK, NotNegative, Positive, new_console
 from shared.logs import USUAL, Reporting
 
 console = new_console()
@@ -22,9 +22,9 @@ def identifiability(
     context: Annotated[list[float] | None, Parameter(consume_multiple=True, negative=())] = None,
     noise: Annotated[list[str] | None, Parameter(consume_multiple=True, negative=())] = None,
     channels: Annotated[list[str] | None, Parameter(consume_multiple=True, negative=())] = None,
-    systems: int = 10,
-    seed: int = 1,
-    workers: int = 2,
+    systems: Positive = 10,
+    seed: NotNegative = 1,
+    workers: Positive = 2,
     out: Path | None = None,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
     report: Reporting = USUAL,

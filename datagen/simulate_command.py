@@ -9,7 +9,7 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from shared.assignments import assignments
-from shared.console import OK, new_console
+from shared.console import OK, NotNegative, new_console
 
 console = new_console()
 
@@ -21,8 +21,8 @@ def simulate(
     set_: Annotated[list[str] | None, Parameter(name="--set", consume_multiple=True, negative=())] = None,
     hours: float | None = None,
     step: float | None = None,
-    seed: int = 0,
-    index: int = 0,
+    seed: NotNegative = 0,
+    index: NotNegative = 0,
     excitation: bool = True,
 ) -> int:
     """Simulate one system into one NetCDF file, the shape in which recordings come.

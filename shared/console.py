@@ -8,7 +8,7 @@ import shlex
 import sys
 import time
 from collections.abc import Callable, Sequence
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import cyclopts
 from rich.console import Console
@@ -29,6 +29,10 @@ _EPILOGUE = (
 _PIPED_WIDTH = 120
 """Columns of text that goes into a file or a pipe, where nobody has a window to ask."""
 _OURS = ("shared", "datagen", "trainer", "diagnosis", "fmus")
+NotNegative = Annotated[int, cyclopts.Parameter(validator=cyclopts.validators.Number(gte=0))]
+"""Of an option: a seed or an index; numpy's generators take no negative one."""
+Positive = Annotated[int, cyclopts.Parameter(validator=cyclopts.validators.Number(gte=1))]
+"""Of an option: how many."""
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 _resumable: dict[Callable[..., Any], tuple[tuple[str, ...], tuple[str, ...]]] = {}
 _log = logger(__name__)

@@ -12,7 +12,7 @@ import pytest
 
 from datagen.cli import app as datagen
 from diagnosis.cli import app as diagnosis
-from shared.console import STOPPED
+from shared.console import STOPPED, USAGE, start
 from shared.logs import Reporting
 from tests.trainer.conftest import make_dataset
 from trainer.cli import app as trainer
@@ -117,3 +117,27 @@ def test_a_training_that_is_stopped_says_how_to_go_on_and_that_goes_on(tmp_path)
         tmp_path / "whole" / "weights.safetensors"
     ).read_bytes()
     assert not (tmp_path / "run" / "state.safetensors").exists()
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "datagen simulate MixedAirCO2 --out one.nc --seed -1",
+        "datagen simulate MixedAirCO2 --out one.nc --index -1",
+        "datagen identifiability MixedAirCO2 --systems 0",
+        "datagen identifiability MixedAirCO2 --seed -1",
+        "datagen compare MixedAirCO2 MixedAirCO2 --out nearness --seed -1",
+        "diagnosis run MixedAirCO2 one.nc --out answer --seed -1",
+        "diagnosis calibrate MixedAirCO2 one.nc --out answer --seed -1",
+        "diagnosis blind make blind --recordings 0",
+        "diagnosis blind make blind --seed -1",
+        "diagnosis blind run MixedAirCO2 blind --out verdicts --seed -1",
+    ],
+)
+def test_numbers_that_make_no_sense_are_wrong_usage(capsys, line):
+    program, *words = line.split()
+    assert start(PROGRAMS[program], words) == USAGE
+    said = capsys.readouterr().err
+    option = next(word for word in reversed(words) if word.startswith("--"))
+    assert "Invalid value" in said
+    assert option in said

@@ -10,7 +10,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from shared.console import OK, PARTLY, new_console, resumable
+from shared.console import OK, PARTLY, NotNegative, Positive, new_console, resumable
 from shared.logs import USUAL, Reporting
 from shared.progress import progress_bar
 
@@ -24,8 +24,8 @@ def make(
     out: Path,
     *,
     system: Path = Path("MixedAirCO2"),
-    recordings: int = 200,
-    seed: int | None = None,
+    recordings: Positive = 200,
+    seed: NotNegative | None = None,
     answers: Path | None = None,
     truth: Path | None = None,
     hours: float = 672.0,
@@ -89,7 +89,7 @@ def run(
     without: Annotated[list[str] | None, Parameter(consume_multiple=True, negative=())] = None,
     leave_one_out: Annotated[bool, Parameter(negative=())] = False,
     estimator: Annotated[Path | None, Parameter(name="--run")] = None,
-    seed: int = 0,
+    seed: NotNegative = 0,
     limit: float = 3600.0,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
     report: Reporting = USUAL,
@@ -162,7 +162,7 @@ def score(
     results: Path,
     *,
     out: Path,
-    seed: int = 0,
+    seed: NotNegative = 0,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
 ) -> int:
     """Open the answers and hold the verdicts against them. Writes OUT (HTML), and beside it .json and .md.

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from diagnosis.options import PLAIN, Fitting
 from diagnosis.scores import score_table
-from shared.console import OK, new_console
+from shared.console import OK, NotNegative, new_console
 from shared.logs import USUAL, Reporting
 from shared.progress import stages
 
@@ -25,7 +25,7 @@ def calibrate(
     out: Path,
     starts: int = 3,
     warm_up: float = 240.0,
-    seed: int = 0,
+    seed: NotNegative = 0,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
     fitting: Fitting = PLAIN,
     report: Reporting = USUAL,

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from diagnosis.options import PLAIN, Fitting
-from shared.console import OK, new_console
+from shared.console import OK, NotNegative, new_console
 from shared.logs import USUAL, Reporting
 from shared.progress import stages
 
@@ -23,7 +23,7 @@ def run(
     *,
     out: Path,
     warm_up: float = 240.0,
-    seed: int = 0,
+    seed: NotNegative = 0,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
     fitting: Fitting = PLAIN,
     reporting: Reporting = USUAL,
