@@ -8,9 +8,9 @@ from diagnosis.gap.schema import NamedEffect, Report
 from diagnosis.gap.stages import LEVEL
 
 CHECKED = (
-    "In the last blind check, of an earlier version and 200 one-week recordings of the default room, 65 of 78 answers"
-    " that named effects held a true cause (21 of 26 with replayed actuators), and 38 of 46 detectable effects were in"
-    " the answer; of 40 recordings without any effect two raised an alarm."
+    "In the last two blind checks, of versions close to this one and 400 one-week recordings of the default room, 123"
+    " of 152 answers that named effects held a true cause (38 of 49 with replayed actuators), and 74 of 95 detectable"
+    " effects were in the answer; of 80 recordings without any effect four raised an alarm."
 )
 
 
