@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import re
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import xarray as xr
 
 from datagen.tables import InputTable, Piecewise, merge
 from diagnosis.importing.clock import time_zero
+from diagnosis.importing.quality import ASSUMED
 from shared.errors import RecordingError
 from shared.netcdf import read_netcdf
 from shared.reading import shown
@@ -32,7 +34,8 @@ class Recording:
 
     ``time`` (steps,) ends of the steps [s since time zero of the year]; ``outputs`` (outputs, steps) in the order and
     units of the system description, NaN where nothing was measured; ``inputs`` by name, each (steps,). ``zero`` is the
-    date from which time runs: that of simulated years if the recording names none.
+    date from which time runs: that of simulated years if the recording names none. ``assumed`` says of inputs that an
+    import filled in altogether what stands in for them.
     """
 
     path: Path
@@ -41,6 +44,7 @@ class Recording:
     outputs: np.ndarray
     inputs: dict[str, np.ndarray]
     zero: np.datetime64 = ZERO
+    assumed: dict[str, str] = field(default_factory=dict)
 
     @property
     def start(self) -> float:
@@ -51,6 +55,18 @@ class Recording:
     def stop(self) -> float:
         """End of the last step [s]."""
         return float(self.time[-1])
+
+    def times(self, data: xr.Dataset) -> np.ndarray:
+        """The times of its file, decoded, as this recording counts them, shape (time,) [s]."""
+        return _since_time_zero(self.path, data) - _after_time_zero(self.zero)
+
+
+def _since_time_zero(path: Path, data: xr.Dataset) -> np.ndarray:
+    return recorded_times(path, data) + recorded_begins(path, data, 1)
+
+
+def _after_time_zero(date: np.datetime64) -> float:
+    return float((date - ZERO) / np.timedelta64(1, "s"))
 
 
 def read_recording(path: Path | str, system: System) -> Recording:
@@ -68,7 +84,7 @@ def read_recording(path: Path | str, system: System) -> Recording:
         if data.sizes["system"] != 1:
             raise RecordingError(f"{path}: holds {data.sizes['system']} systems; expected a recording of one")
         data = data.isel(system=0)
-    time = recorded_times(path, data) + recorded_begins(path, data, 1)
+    time = _since_time_zero(path, data)
     if len(time) < 2:
         raise RecordingError(f"{path}: time is shorter than two steps; expected a regular time coordinate")
     if not np.isfinite(time).all():
@@ -87,11 +103,11 @@ def read_recording(path: Path | str, system: System) -> Recording:
         found = data[name].attrs.get("units", "")
         if not isinstance(found, str) or found != unit:
             raise RecordingError(f"{path}: {name!r} is in {shown(found)}; the system description has {unit!r}")
-        said = re.match(r"time: (mean|point)\b", str(data[name].attrs.get("cell_methods", "")))
+        said = re.search(r"\btime:\s*(\w+)", str(data[name].attrs.get("cell_methods", "")))
         if said and said[1] != method:
             raise RecordingError(
-                f"{path}: {name!r} is {_METHODS[said[1]]} (its cell_methods); by the system description it is"
-                f" {_METHODS[method]}"
+                f"{path}: {name!r} is {_METHODS.get(said[1], f'the {said[1]} of each step')} (its cell_methods); by the"
+                f" system description it is {_METHODS[method]}"
             )
         if data[name].dims != ("time",):
             raise RecordingError(f"{path}: {name!r} has dimensions {data[name].dims}; expected ('time',)")
@@ -112,8 +128,15 @@ def read_recording(path: Path | str, system: System) -> Recording:
         if not np.isfinite(values).all():
             raise RecordingError(f"{path}: input {name!r} has gaps; expected a finite value at every step")
     zero = _zero(time[0] - steps[0], str(data["time"].encoding.get("units", "")))
-    time = time - float((zero - ZERO) / np.timedelta64(1, "s"))
-    return Recording(path=path, step=float(steps[0]), time=time, outputs=outputs, inputs=inputs, zero=zero)
+    time = time - _after_time_zero(zero)
+    assumed = {name: str(data[name].attrs.get("comment", "assumed")) for name in inputs if _assumed(data, name)}
+    return Recording(path, float(steps[0]), time, outputs, inputs, zero, assumed)
+
+
+def _assumed(data: xr.Dataset, name: str) -> bool:
+    """Whether the quality flags of an import say that none of a variable was measured."""
+    flags = data.get(f"{name}_flag")
+    return flags is not None and flags.dtype.kind in "iu" and bool((flags.values & ASSUMED).all())
 
 
 def _zero(begin: float, units: str) -> np.datetime64:

@@ -16,7 +16,8 @@ from shared.errors import RecordingError
 from shared.reading import shown
 from shared.schema import EPOCH
 
-_OFFSET = re.compile(r"\d{1,2}:\d{2}.*([Zz]|UTC|[+-]\d{1,2}(:?\d{2})?)$")
+_PLAIN = re.compile(r"\s*\d{4}-\d{1,2}-\d{1,2}([ T]+\d{1,2}(:\d{1,2}(:\d{1,2}(\.\d*)?)?)?)?\s*")
+"""A date without an offset from UTC."""
 
 
 def recorded_times(path: Path, recording: xr.Dataset) -> np.ndarray:
@@ -40,13 +41,14 @@ def recorded_times(path: Path, recording: xr.Dataset) -> np.ndarray:
         raise RecordingError(f"{path}: time has dimensions {time.dims}; expected ('time',)")
     if np.issubdtype(time.dtype, np.datetime64):
         units = str(time.encoding.get("units", ""))
-        if _OFFSET.search(units):
+        if not _PLAIN.fullmatch(units.partition(" since ")[2]):
             raise RecordingError(
-                f"{path}: time is in {shown(units)}, with an offset from UTC; expected local standard time without one"
+                f"{path}: time is in {shown(units)}; expected local standard time, as 'hours since 2022-02-01 00:00',"
+                " without an offset from UTC"
             )
-        return _seconds(time.values)
-    if time.dtype.kind in "iuf" and time.attrs.get("units") == "s":
-        return time.values.astype(np.float64)
+        return _ends(path, recording, _seconds(time.values))
+    if time.dtype.kind in "iuf" and time.attrs.get("units") == "s" and "start" in recording.data_vars:
+        return _ends(path, recording, time.values.astype(np.float64))
     given = time.attrs.get("units", time.encoding.get("units"))
     found = "has no units" if given is None else f"is in {shown(given)}, which are not dates of the standard calendar"
     raise RecordingError(f"{path}: time {found}; expected for example 'seconds since {EPOCH}'")
@@ -63,6 +65,12 @@ def recorded_begins(path: Path, recording: xr.Dataset, count: int) -> np.ndarray
     if "start" not in recording.data_vars:
         return np.zeros(count)
     starts = recording["start"]
+    time = recording.get("time")
+    if time is not None and np.issubdtype(time.dtype, np.datetime64):
+        # dates are whole by themselves, but for those of shards before 2.1 of the schema, which all are of January
+        version = str(recording.attrs.get("zeroshot_schema_version", "")).split(".")
+        if version not in (["2", "0"], ["1", "0"]) and not _all_at_time_zero(starts):
+            raise RecordingError(f"{path}: has dates in time, and a start beside it; expected one of them")
     if starts.ndim > 1 or starts.size not in (1, count) or starts.dtype.kind not in "iufM":
         raise RecordingError(f"{path}: start has {starts.size} values; expected one number or date for each system")
     dated = np.issubdtype(starts.dtype, np.datetime64)  # before 2.1 of the schema it was a number
@@ -70,6 +78,23 @@ def recorded_begins(path: Path, recording: xr.Dataset, count: int) -> np.ndarray
     if not np.isfinite(seconds).all():
         raise RecordingError(f"{path}: start has values that are not finite; expected one number or date a system")
     return np.array(np.broadcast_to(seconds.reshape(-1), (count,)))
+
+
+def _all_at_time_zero(starts: xr.DataArray) -> bool:
+    dated = np.issubdtype(starts.dtype, np.datetime64)
+    return bool(((_seconds(starts.values) if dated else starts.values) == 0).all())
+
+
+def _ends(path: Path, recording: xr.Dataset, times: np.ndarray) -> np.ndarray:
+    """Times that are the ends of their own bounds, if the file has any."""
+    name = recording["time"].attrs.get("bounds", recording["time"].encoding.get("bounds"))
+    if not isinstance(name, str) or name not in recording or recording[name].shape != (len(times), 2):
+        return times
+    bounds = recording[name].values[:, 1]
+    ends = _seconds(bounds) if np.issubdtype(bounds.dtype, np.datetime64) else bounds.astype(np.float64)
+    if (np.abs(ends - times) > 1.0).any():  # what is no number says nothing
+        raise RecordingError(f"{path}: time is not the end of the steps in {name}; expected the end of each step")
+    return times
 
 
 def _seconds(dates: np.ndarray) -> np.ndarray:

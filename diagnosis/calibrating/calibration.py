@@ -127,8 +127,8 @@ def estimate(run: Path | str, recording: Recording, system: System) -> dict[str,
     """
     from trainer import predict
 
-    data = read_netcdf(recording.path, RecordingError, "a recording (NetCDF)")
-    time = data["time"].values.astype(float)
+    data = read_netcdf(recording.path, RecordingError, "a recording (NetCDF)", times=True)
+    time = recording.times(data)
     data = data.isel(time=np.flatnonzero((time >= recording.time[0] - 1) & (time <= recording.time[-1] + 1)))
     data = data.isel(system=0, drop=True) if "system" in data.dims else data
     for output, readings in zip(system.output_names, recording.outputs, strict=True):

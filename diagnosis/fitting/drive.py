@@ -13,10 +13,13 @@ import numpy as np
 from datagen.inputs import schedule_signal
 from datagen.tables import Piecewise
 from diagnosis.fitting.meters import Cleared, cleared
-from diagnosis.recording import DAY, Recording
+from diagnosis.recording import DAY, HOUR, Recording
 from shared.errors import RecordingError
 from shared.system import System
 from shared.variables import MeasuredInput
+
+LOST = 0.05
+"""Share of an actuator's readings that may be bridged without a word."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +78,8 @@ def drive(
                 meter = _actuator(system, recording, one, noise or {})
                 values = meter.values
                 replayed.append(one.column)
+                if lost := _lost(system, recording, one):
+                    assumed[one.name] = lost
                 if meter.courses:
                     meters[one.name] = meter
                 if (values == one.value).all():
@@ -82,6 +87,8 @@ def drive(
             elif values is None:
                 assumed[one.name] = f"{one.value:g} {one.unit}, unused"
         if values is not None:
+            if one.name in recording.assumed:
+                assumed.setdefault(one.name, recording.assumed[one.name])
             signals[one.name] = _extended(recording, values, repeats, day, held=one.interpolation == "previous")
         elif one.source == "weather":
             raise RecordingError(f"{recording.path}: input {one.name!r} was not recorded; expected it in {one.unit}")
@@ -133,6 +140,20 @@ def _actuator(system: System, recording: Recording, one: MeasuredInput, noise: M
     elif own is not None:  # the system has no such output: its recordings cannot say more than this
         return Cleared(own)
     raise RecordingError(f"{recording.path}: {one.name!r} (column {one.column!r}) was not recorded; replay needs it")
+
+
+def _lost(system: System, recording: Recording, one: MeasuredInput) -> str:
+    """A sentence on an actuator's meter of which much was lost; nothing if little was."""
+    if one.name in recording.inputs and not (recording.inputs[one.name] == one.value).all():
+        return ""
+    if one.column not in system.output_names:
+        return ""
+    gone = ~np.isfinite(recording.outputs[system.output_names.index(one.column)])
+    if gone.mean() <= LOST:
+        return ""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], gone.astype(int), [0]])))
+    longest = float((edges[1::2] - edges[::2]).max()) * recording.step / HOUR
+    return f"{gone.mean():.0%} of its meter's readings, bridged; the longest loss is {longest:.3g} h"
 
 
 def _repeats(recording: Recording, warm_up: float) -> tuple[int, int]:

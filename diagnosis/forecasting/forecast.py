@@ -5,7 +5,7 @@ The bands are simulations with parameters and nuisance drawn from the posterior 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -198,7 +198,7 @@ def band(draws: np.ndarray, level: float = LEVEL) -> tuple[np.ndarray, np.ndarra
 def _part(record: Recording, steps: int) -> Recording:
     """The first steps of a recording."""
     inputs = {name: values[:steps] for name, values in record.inputs.items()}
-    return Recording(record.path, record.step, record.time[:steps], record.outputs[:, :steps], inputs)
+    return replace(record, time=record.time[:steps], outputs=record.outputs[:, :steps], inputs=inputs)
 
 
 def _ensemble(

@@ -24,6 +24,7 @@ from shared.reading import shown, why
 FIRST, LAST = (datetime(year, 1, 1, tzinfo=UTC).timestamp() for year in (1900, 2200))
 """Time stamps that can be of measurements [s since 1970]."""
 _OFFSET = re.compile(r"([+-])(\d{2}):?(\d{2})$")
+_UTC = ("Z", "UTC", "GMT")
 _STAMPED = r"(?:[Zz]|[+-]\d{2}:?\d{2}|[+-]\d{2})$"
 
 
@@ -142,7 +143,10 @@ def read_stamps(texts: pd.Series, settings: Time, where: str) -> tuple[np.ndarra
         utc = pd.to_numeric(texts, errors="coerce").to_numpy(dtype=np.float64)
         _all_read(~np.isfinite(utc), texts, settings, where)
     else:
-        stamped = texts.str.contains(_STAMPED, regex=True) & texts.str.contains(":", regex=False)
+        if settings.format == "ISO8601":
+            stamped = texts.str.contains(_STAMPED, regex=True) & texts.str.contains(":", regex=False)
+        else:  # a date may stand where an offset could: the format says which it is
+            stamped = pd.Series("%z" in settings.format or settings.format.endswith(_UTC), index=texts.index)
         if stamped.any() and not stamped.all():
             odd = int(np.flatnonzero(~stamped)[0])
             raise RecordingError(

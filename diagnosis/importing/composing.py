@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 
 import numpy as np
 
 from datagen.inputs import schedule_signal
 from datagen.tables import merge
 from diagnosis.importing import weather
-from diagnosis.importing.clock import Clock
+from diagnosis.importing.clock import Clock, find_zone
 from diagnosis.importing.filling import fill_constant, interpolate_short
 from diagnosis.importing.mapping import MEASURABLE, Mapping, Source
 from diagnosis.importing.quality import (
@@ -29,6 +30,7 @@ from shared.errors import RecordingError
 from shared.system import System
 from shared.variables import ConstantInput, ExcitationInput, Input, MeasuredInput, Output, ScheduleInput, WeatherInput
 
+DAY = 86400.0
 _MOVING = ("K", "degC", "ppm", "W/m2", "m/s")
 """Units of quantities that never stand still: a sensor of one that does is stuck."""
 _STUCK_AFTER = 12.0
@@ -78,10 +80,23 @@ class Composer:
             return self._assumed(target, 0.0, "no excitation")
         if isinstance(one, ScheduleInput):
             made = schedule_signal(self.system.schedules[one.schedule], self.edges[0], self.edges[-1])
+            self._tell_of_daylight_saving(one.name, one.schedule)
             table = merge({one.name: made}, self.edges[0], self.edges[-1])
             values = table.means(self.edges)[:, 0] if target.method == "mean" else made.at(self.edges[1:])
             return self._assumed(target, values, f"schedule {one.schedule} of the description")
         return None
+
+    def _tell_of_daylight_saving(self, name: str, schedule: str) -> None:
+        """A note where a schedule stands in on days on which clocks show an hour more than the recording's."""
+        zone = find_zone(self.clock.zone, str(self.mapping.path))
+        days = np.unique(np.floor(self.clock.utc(self.edges[:-1]) / DAY)) * DAY + DAY / 2
+        offsets = [datetime.fromtimestamp(day, UTC).astimezone(zone).utcoffset() for day in days]
+        moved = sum(one is not None and one.total_seconds() != self.clock.offset for one in offsets)
+        if moved:
+            self.notes.append(
+                f"{name}: not measured; schedule {schedule!r} stands in for it, in standard time, an hour late by the"
+                f" clocks of {moved} of {len(days)} days with daylight saving"
+            )
 
     def _assumed(self, target: Target, value: float | np.ndarray, origin: str) -> Series:
         values = np.broadcast_to(np.asarray(value, dtype=np.float64), (len(self.edges) - 1,)).copy()

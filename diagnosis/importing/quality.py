@@ -69,6 +69,15 @@ class Signal:
         return replace(self, begin=self.begin[k], end=self.end[k], values=self.values[k], flags=self.flags[k])
 
 
+def usual_gap(usual: float) -> float:
+    """How far apart readings may be by default [s] that are usually so far apart [s].
+
+    One lost reading of a close series is bridged, and stamps may be late. But a straight line over more than an hour
+    invents a reading: of an hourly series a lost one is lost.
+    """
+    return min(2.5 * usual, max(1.5 * usual, 3600.0))
+
+
 def make_signal(
     time: np.ndarray,
     readings: np.ndarray,
@@ -98,7 +107,7 @@ def make_signal(
     t = time[there] + source.shift
     values = to_target(readings[there], source, target, density=density, where=where)
     usual = usual_interval(time, there)
-    max_gap = 3600.0 * source.max_gap if source.max_gap is not None else 2.5 * usual
+    max_gap = 3600.0 * source.max_gap if source.max_gap is not None else usual_gap(usual)
     begin = end = t
     if kind == "mean":
         length = source.interval if source.interval is not None else usual

@@ -56,6 +56,8 @@ class Measurements:
         text = self.columns[name].str.strip()
         text = text.where(~text.isin(self.missing))
         if self.decimal != ".":
+            thousands = text.str.fullmatch(r"[+-]?\d{1,3}(\.\d{3})+(,\d*)?").fillna(False).astype(bool)
+            text = text.where(~thousands, text.str.replace(".", "", regex=False))
             text = text.str.replace(self.decimal, ".", regex=False)
         text = text.str.lower().replace(_TRUE)
         values = pd.to_numeric(text, errors="coerce").to_numpy(dtype=np.float64)

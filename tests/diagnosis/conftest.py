@@ -9,6 +9,8 @@ import xarray as xr
 
 from shared.system import parse_system
 
+SINCE = {"units": "seconds since 2001-01-01 00:00:00"}
+
 HOUR = 3600.0
 HOUSE = """
 schema_version = 1
@@ -149,7 +151,7 @@ def house_recording(tmp_path):
         crowd = np.zeros(2 * (hours + before)) if persons is None else persons
         room = exact_house({**TRUTH, **(values or {})}, outside, sun, crowd, heater)[before:]
         room = room + noise * rng.standard_normal(hours)
-        data = xr.Dataset(coords={"time": ("time", HOUR * np.arange(1, hours + 1), {"units": "s"})})
+        data = xr.Dataset(coords={"time": ("time", HOUR * np.arange(1, hours + 1), SINCE)})
         columns = {"room": (room, "degC"), "To": (outside, "degC"), "S": (sun, "kW/m2"), "P": (heater, "kW")}
         if count:
             columns["N"] = (crowd.reshape(-1, 2).mean(axis=1), "1")

@@ -16,7 +16,7 @@ from shared.errors import RecordingError
     ("units", "date", "begun"),
     [
         ("seconds since 2022-01-03 00:00:00", "2022-01-03T00:00:00", "2022-01-03 00:00"),
-        ("s", "2001-01-01T00:00:00", "2001-01-01 00:00"),
+        ("seconds since 2001-01-01 00:00:00", "2001-01-01T00:00:00", "2001-01-01 00:00"),
     ],
 )
 def test_a_recording_knows_the_calendar(default_system, tmp_path, units, date, begun):

@@ -13,6 +13,9 @@ SINCE_2001 = 7701 * DAY
 """1 February 2022 after 1 January 2001: 21 years, 5 leap days and January."""
 
 
+OFFSETS = (" 00:00:00+01:00", " 00:00 UTC", " +01:00", "T00Z", " 00:00 GMT", " 0 +01:00", " 00:00:00 -5")
+
+
 def written(path, time, units, start=None, start_units="s"):
     values = {} if start is None else {"start": (("system",), np.asarray(start, float), {"units": start_units})}
     attrs = {} if units is None else {"units": units}
@@ -47,8 +50,11 @@ def test_elapsed_time_has_its_beginning_apart(tmp_path, start, units):
     [
         (None, "r.nc: time has no units; expected for example 'seconds since 2001-01-01 00:00:00'"),
         ("min", "time is in 'min', which are not dates of the standard calendar"),
-        ("hours since 2022-02-01 00:00:00+01:00", r"with an offset from UTC; expected local standard time without one"),
-        ("hours since 2022-02-01 00:00 UTC", "with an offset from UTC"),
+        *(
+            (f"hours since 2022-02-01{more}", "expected local standard time, .* without an offset from UTC")
+            for more in OFFSETS
+        ),
+        ("s", "time is in 's', which are not dates"),
     ],
 )
 def test_other_times_are_refused_in_a_sentence(tmp_path, units, sentence):
@@ -63,3 +69,26 @@ def test_a_start_that_is_not_one_for_each_system_is_refused(tmp_path):
         recorded_begins(tmp_path / "r.nc", recording, 2)
     with pytest.raises(RecordingError, match="start has values that are not finite"):
         recorded_begins(tmp_path / "r.nc", recording, 3)
+
+
+def with_bounds(folder, bounds):
+    time = ("time", [3600.0, 7200.0], {"units": "seconds since 2022-02-01", "bounds": "time_bnds"})
+    xr.Dataset({"time_bnds": (("time", "bnds"), bounds)}, {"time": time}).to_netcdf(folder / "b.nc")
+    return read_netcdf(folder / "b.nc", RecordingError, "a recording", times=True)
+
+
+def test_a_time_that_is_not_the_end_of_its_bounds_is_refused(tmp_path):
+    recording = with_bounds(tmp_path, [[0.0, 3600.0], [3600.0, 7200.0]])
+    assert recorded_times(tmp_path, recording)[0] == SINCE_2001 + 3600
+    for begin in (1800.0, 3600.0):  # labelled in the middle, and at the start
+        recording = with_bounds(tmp_path, [[begin, begin + 3600.0], [begin + 3600.0, begin + 7200.0]])
+        with pytest.raises(RecordingError, match="time is not the end of the steps in time_bnds"):
+            recorded_times(tmp_path / "r.nc", recording)
+
+
+def test_dates_and_a_beginning_are_not_added(tmp_path):
+    recording = written(tmp_path / "one.nc", [60.0, 120.0], "seconds since 2022-02-01", [5 * DAY])
+    with pytest.raises(RecordingError, match="has dates in time, and a start beside it"):
+        recorded_begins(tmp_path / "r.nc", recording, 1)
+    old = recording.assign_attrs(zeroshot_schema_version="2.0")
+    assert recorded_begins(tmp_path, old, 1).tolist() == [5 * DAY]

@@ -162,5 +162,8 @@ def test_gaps_are_read_up_to_what_was_trained_on(flexible, recording, tmp_path):
 
 def test_a_shards_records_have_their_own_beginning(ridge_run, shard, tmp_path):
     moved = shard.assign(start=("system", 86400.0 * np.arange(shard.sizes["system"]), {"units": "s"}))
+    with pytest.raises(RecordingError, match="has dates in time, and a start beside it"):
+        predict(ridge_run, write(moved, tmp_path / "new.nc"))
+    moved = moved.assign_attrs(zeroshot_schema_version="2.0")
     found = predict(ridge_run, write(moved, tmp_path / "r.nc")).predictions
     assert [one.end for one in found[:2]] == ["2001-01-11T00:00:00", "2001-01-12T00:00:00"]

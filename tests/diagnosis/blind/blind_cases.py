@@ -13,6 +13,8 @@ from diagnosis.blind.sealed import publish, seal
 from diagnosis.blind.verdicts import Outcome, Parameter, Run, Verdict, write_outcome, write_run
 from shared.store import sha256_of
 
+SINCE = {"units": "seconds since 2001-01-01 00:00:00"}
+
 STEPS, STEP = 96, 3600.0
 ROOM, AIR = "room", "air"
 
@@ -51,7 +53,7 @@ def write_set(folder, cases, seed=7):
         gaps = {ROOM: case.room, AIR: case.air}
         base = {name: np.linspace(20.0, 21.0, STEPS) for name in gaps}
         clean = {name: base[name] + gap_series(rms * noise[name], case.hours) for name, rms in gaps.items()}
-        data = xr.Dataset(coords={"time": ("time", STEP * np.arange(1, STEPS + 1), {"units": "s"})})
+        data = xr.Dataset(coords={"time": ("time", STEP * np.arange(1, STEPS + 1), SINCE)})
         for name, values in clean.items():
             data[name] = ("time", values, {"units": "1", "role": "output"})
         data["sun"] = ("time", np.arange(STEPS) % 24.0, {"units": "W/m2", "role": "input"})

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from diagnosis.calibrating.calibration import calibrate
+from datagen import simulate
+from diagnosis.calibrating.calibration import calibrate, estimate
 from diagnosis.calibrating.report import summary
 from diagnosis.calibrating.schema import read_calibration
 from diagnosis.calibrating.summary import summarise
 from diagnosis.cli import app
+from diagnosis.recording import read_recording
 from diagnosis.scores import score
 from shared.console import FAULT, OK, start
 from shared.errors import RecordingError, SystemDescriptionError
@@ -166,3 +168,30 @@ def test_in_replay_a_recording_counts_for_less_and_the_page_says_so(house, house
     )
     said = " ".join(summary(replace(done, report=report)))
     assert "Intervals are 1.5 times as wide" in said
+
+
+@pytest.mark.parametrize("units", ["hours since 2022-02-01 00:00:00", "seconds since 2022-01-05", "s"])
+def test_the_estimate_is_of_the_stretch_that_is_calibrated(default_system, tmp_path, monkeypatch, units):
+    """Whatever the file counts from, and where one system of a shard has its beginning apart."""
+    simulate(default_system, hours=72.0, seed=1, out=tmp_path / "one.nc")
+    data = xr.load_dataset(tmp_path / "one.nc", decode_times=False).drop_vars("time_bnds")
+    time = data["time"].values / (3600.0 if units.startswith("hours") else 1.0)
+    data = data.assign_coords(time=("time", time, {"units": units}))
+    if units == "s":
+        data = data.assign(start=((), 5 * 86400.0, {"units": "s"}))
+    data.to_netcdf(tmp_path / "other.nc")
+    record = read_recording(tmp_path / "other.nc", default_system)
+    inputs = {name: values[24:60] for name, values in record.inputs.items()}
+    part = replace(record, time=record.time[24:60], outputs=record.outputs[:, 24:60], inputs=inputs)
+    given = []
+
+    def predicted(run, path):
+        given.append(xr.load_dataset(path, decode_times=False))
+        raise RecordingError(f"{path}: enough")
+
+    monkeypatch.setattr("trainer.predict", predicted, raising=False)
+    with pytest.raises(RecordingError, match=r"other\.nc: enough"):
+        estimate("run", part, default_system)
+    np.testing.assert_array_equal(given[0]["time"].values, time[24:60])
+    np.testing.assert_array_equal(given[0]["TDryBul"].values, data["TDryBul"].values[24:60])
+    np.testing.assert_array_equal(given[0]["TRoo"].values, data["TRoo"].values[24:60])

@@ -107,6 +107,19 @@ def test_other_formats():
     np.testing.assert_array_equal(np.diff(utc), 3600.0)
 
 
+@pytest.mark.parametrize(
+    ("form", "text", "utc"),
+    [
+        ("%H:%M %d-%m-%Y", "00:15 30-06-2022", "2022-06-29T22:15:00"),  # -2022 is a year, not an offset
+        ("%H:%M %d-%m-%Y %z", "00:15 30-06-2022 +0000", "2022-06-30T00:15:00"),
+        ("%d-%m-%Y %H:%M UTC", "30-06-2022 00:15 UTC", "2022-06-30T00:15:00"),
+    ],
+)
+def test_a_format_says_whether_there_is_an_offset(form, text, utc):
+    found, _ = stamps([text], Time(column="t", zone="Europe/Amsterdam", format=form))
+    assert str(np.datetime64(int(found[0]), "s")) == utc
+
+
 def test_an_unknown_zone_gets_suggestions():
     with pytest.raises(RecordingError, match=r"zone is 'Europe/Amsterdm'.*did you mean Europe/Amsterdam"):
         find_zone("Europe/Amsterdm", "file")

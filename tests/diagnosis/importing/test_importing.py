@@ -11,6 +11,7 @@ from matplotlib.image import imread
 
 from diagnosis.importing import import_recording
 from diagnosis.importing.quality import ASSUMED, COMPUTED, IMPOSSIBLE, INTERPOLATED, MISSING, PARTLY, STUCK
+from diagnosis.importing.reading import Measurements
 from shared.schema import EPOCH
 from tests.diagnosis.importing.house_cases import MAPPING, measured, warmth
 
@@ -165,3 +166,9 @@ def test_the_picture_shows_what_was_left_out(house):
     marked = imread(house(frame).picture)
     red = [float(((p[..., 0] > 0.7) & (p[..., 1] < 0.3) & (p[..., 2] < 0.2)).sum()) for p in (clean, marked)]
     assert clean.shape[0] > 900 and red[0] == 0 and red[1] > 50
+
+
+def test_a_dot_beside_a_decimal_comma_is_of_thousands():
+    texts = pd.DataFrame({"heat": ["1.523,5", "12", "0,25", "-1.234.567", "3.4"]})
+    data = Measurements(Path("log.csv"), np.arange(5.0), texts, ",", set())
+    np.testing.assert_array_equal(data.numbers("heat", "here"), [1523.5, 12.0, 0.25, -1234567.0, 3.4])

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from diagnosis.importing.filling import fill_constant, interpolate_short, longest_whole, runs
-from diagnosis.importing.quality import ASSUMED, IMPOSSIBLE, INTERPOLATED, PARTLY, Signal
+from diagnosis.importing.mapping import Source
+from diagnosis.importing.quality import ASSUMED, IMPOSSIBLE, INTERPOLATED, PARTLY, Signal, make_signal
 from diagnosis.importing.resampling import instants_of, means_of, resample
 
 FINITE = st.floats(-1e3, 1e3)
@@ -174,3 +175,14 @@ def test_runs_are_all_there_is(mask):
         assert a < b and (a == 0 or not mask[a - 1]) and (b == len(mask) or not mask[b])
         again[a:b] = True
     np.testing.assert_array_equal(again, mask)
+
+
+@pytest.mark.parametrize(("interval", "bridged"), [(600.0, True), (1800.0, True), (3600.0, False), (7200.0, False)])
+def test_a_line_over_more_than_an_hour_invents_no_reading(interval, bridged):
+    times = interval * np.arange(50)
+    readings = np.where(np.arange(50) == 20, np.nan, 300.0)
+    source = Source(column="x", unit="K")
+    signal = make_signal(times, readings, source, "K", kind="point", stamp="end", density=1.2, where="x")
+    found = instants_of(signal, times)
+    assert np.isfinite(found[np.arange(50) != 20]).all()
+    assert np.isfinite(found[20]) == bridged
