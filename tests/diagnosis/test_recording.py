@@ -8,6 +8,7 @@ import xarray as xr
 
 from datagen import simulate
 from diagnosis.calibrating.report import began
+from diagnosis.fitting.drive import drive
 from diagnosis.recording import read_recording
 from shared.errors import RecordingError
 
@@ -71,3 +72,26 @@ def test_a_mean_is_not_taken_for_an_instant(default_system, tmp_path, name, said
     data.to_netcdf(tmp_path / "other.nc")
     with pytest.raises(RecordingError, match=sentence):
         read_recording(tmp_path / "other.nc", default_system)
+
+
+def test_what_an_import_assumed_is_not_called_measured(default_system, tmp_path):
+    simulate(default_system, hours=3.0, seed=1, out=tmp_path / "one.nc")
+    data = xr.load_dataset(tmp_path / "one.nc", decode_times=False)
+    for name, flags in (("TSet", [32, 32, 32]), ("CO2Out", [32, 0, 32])):
+        data[name].attrs["comment"] = "constant of the mapping"
+        data[f"{name}_flag"] = ("time", np.array(flags, dtype=np.int8))
+    data.to_netcdf(tmp_path / "other.nc")
+    found = read_recording(tmp_path / "other.nc", default_system)
+    assert found.assumed == {"TSet": "constant of the mapping"}
+    assert drive(default_system, found, warm_up=0.0).assumed["TSet"] == "constant of the mapping"
+
+
+def test_a_replayed_meter_of_which_much_was_lost_is_told(default_system, tmp_path):
+    simulate(default_system, hours=48.0, seed=1, out=tmp_path / "one.nc")
+    record = read_recording(tmp_path / "one.nc", default_system)
+    heat = default_system.output_names.index("QHea")
+    assert "of its meter" not in str(drive(default_system, record, warm_up=0.0, replay=True).assumed)
+    record.outputs[heat, 20:32] = np.nan
+    record.outputs[heat, 40] = np.nan
+    said = drive(default_system, record, warm_up=0.0, replay=True).assumed
+    assert "27% of its meter's readings, bridged; the longest loss is 12 h" in said.values()

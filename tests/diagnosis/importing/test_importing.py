@@ -172,3 +172,10 @@ def test_a_dot_beside_a_decimal_comma_is_of_thousands():
     texts = pd.DataFrame({"heat": ["1.523,5", "12", "0,25", "-1.234.567", "3.4"]})
     data = Measurements(Path("log.csv"), np.arange(5.0), texts, ",", set())
     np.testing.assert_array_equal(data.numbers("heat", "here"), [1523.5, 12.0, 0.25, -1234567.0, 3.4])
+
+
+def test_a_schedule_that_stands_in_says_where_clocks_show_another_hour(house):
+    report = house(measured()[0])  # 27 October to 2 November 2022: three days of it are summer time
+    said = [note for note in report.notes if "daylight saving" in note and "stands in" in note]
+    assert len(said) == 1 and said[0].startswith("wish: not measured")
+    assert "an hour late by the clocks of 3 of 7 days with daylight saving" in said[0]
