@@ -112,6 +112,7 @@ def verdict_of(report: Report) -> Verdict:
         probabilities=probabilities,
         none=report.none_of_these,
         nothing=report.no_gap,
+        mistaken=report.mistaken,
         named=[one.name for one in report.effects if one.named],
         sets=report.sets,
         alike={one.name: one.confusable for one in report.detectability},

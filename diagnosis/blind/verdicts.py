@@ -60,18 +60,20 @@ class Moved(_Table):
 class Verdict(_Table):
     """What a diagnosis said.
 
-    ``probabilities`` by candidate, ``none`` that it is none of them and ``nothing`` that there is no gap; ``named`` are
-    the effects of the answer (one, or a set that cannot be told apart), ``sets`` the same by cause found; ``alike`` by
-    effect: the candidates that it was declared to be confusable with before any was ranked; ``smallest``: the least
-    amplitude [unit of the effect] that was declared to be seen, None where none would be; ``rejected``: whether the
-    best fit is rejected on its own twins; ``left_over``: gain in log evidence of a discrepancy without a cause, by
-    number of effects.
+    ``probabilities`` by candidate, ``none`` that it is none of them and ``nothing`` that there is no gap; ``mistaken``
+    that what the evidence points to holds no true cause, of which both are parts; ``named`` are the effects of the
+    answer (one, or a set that cannot be told apart), ``sets`` the same by cause found; ``alike`` by effect: the
+    candidates that it was declared to be confusable with before any was ranked; ``smallest``: the least amplitude [unit
+    of the effect] that was declared to be seen, None where none would be; ``rejected``: whether the best fit is
+    rejected on its own twins; ``left_over``: gain in log evidence of a discrepancy without a cause, by number of
+    effects.
     """
 
     verdict: Answer
     probabilities: dict[str, float] = {}
     none: float | None = None
     nothing: float | None = None
+    mistaken: float | None = None
     named: list[str] = []
     sets: list[list[str]] = []
     alike: dict[str, list[str]] = {}
@@ -89,6 +91,14 @@ class Verdict(_Table):
         if self.verdict not in ("effect", "ambiguous") or not self.named:
             return ""
         return max(self.named, key=lambda name: self.probabilities.get(name, 0.0))
+
+    @property
+    def pointed(self) -> dict[str, float]:
+        """Probabilities without what every candidate has alike because the evidence may be mistaken."""
+        # verdicts without ``mistaken`` are of a time when every mistake was taken for a cause outside the library
+        other = max((self.mistaken or 0.0) - (self.none or 0.0) - (self.nothing or 0.0), 0.0)
+        even = other / max(len(self.probabilities), 1)
+        return {name: max(p - even, 0.0) for name, p in self.probabilities.items()}
 
 
 class Outcome(_Table):

@@ -66,7 +66,7 @@ def contenders(verdict: Verdict) -> list[str]:
     """Candidates on which a verdict rested: none where there was no gap."""
     if verdict.verdict == "no_gap":
         return []
-    return [name for name, p in verdict.probabilities.items() if p >= CHANCE or name in verdict.named]
+    return [name for name, p in verdict.pointed.items() if p >= CHANCE or name in verdict.named]
 
 
 def _outcome(listed: dict[str, Any], judge: Callable[[], Verdict]) -> Outcome:

@@ -15,6 +15,8 @@ from shared.logs import USUAL, Reporting
 from shared.progress import stages
 
 console = new_console()
+LINES = 5
+"""So many candidates are printed; the report has all."""
 
 
 def run(
@@ -65,10 +67,12 @@ def run(
     for sentence in report.summary:
         console.print(sentence, markup=False)
     table = Table("candidate", "probability", "size", "unit", box=None)
-    for one in report.effects[:5]:
-        if one.probability >= 0.005:
-            size = "" if one.amplitude is None else f"{one.amplitude:.3g}"
-            table.add_row(one.name, f"{one.probability:.0%}", size, one.unit)
+    told = report.foremost[:LINES]
+    for one in told:
+        size = "" if one.amplitude is None else f"{one.amplitude:.3g}"
+        table.add_row(one.name, f"{one.probability:.0%}", size, one.unit)
+    if others := [one.probability for one in report.effects if one not in told]:
+        table.add_row(f"{len(others)} others", f"{sum(others):.0%}", "", "")
     table.add_row("none of these", f"{report.none_of_these:.0%}", "", "")
     table.add_row("no gap", f"{report.no_gap:.0%}", "", "")
     console.print(table)

@@ -66,6 +66,7 @@ def reported(
         sets=[list(one) for one in decision.sets],
         none_of_these=decision.none,
         no_gap=decision.nothing,
+        mistaken=decision.mistaken,
         rejected=decision.rejected,
         where=_places(where, first, dict(zip(problem.system.output_names, problem.floor.tolist(), strict=True))),
         balance=where.verdict,

@@ -8,7 +8,9 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from diagnosis.gap.decision import Verdict
 
-SCHEMA_VERSION = 4
+SCHEMA_VERSION = 5
+NOTICED = 0.02
+"""Candidates of less probability are told together."""
 
 
 class _Table(BaseModel):
@@ -166,6 +168,10 @@ class Report(_Table):
     sets: list[list[str]] = Field(description="for each effect found, the candidates that the data cannot tell apart")
     none_of_these: float = Field(description="probability that the cause is not among the candidates")
     no_gap: float = Field(description="probability that there is no gap")
+    mistaken: float = Field(
+        description="probability that what the candidates' evidence points to holds no true cause, as of none of these"
+        " and of no gap, and of another candidate about which the evidence says nothing (in equal shares)"
+    )
     rejected: bool = Field(description="whether the chosen effects are rejected on their own twins")
     where: list[Place]
     balance: str = Field(description="whether a balance or a sensor is off: balance, sensor, undecided, none")
@@ -201,3 +207,14 @@ class Report(_Table):
     simulations: int
     seconds: float
     cpu_seconds: float
+
+    @property
+    def foremost(self) -> list[NamedEffect]:
+        """Candidates worth a line of their own: those of the answer, and others of some probability."""
+        return [one for one in self.effects if one.named or one.probability >= NOTICED]
+
+    @property
+    def others(self) -> tuple[int, float] | None:
+        """How many other candidates there are, and their probability together; None where there are none."""
+        rest = [one.probability for one in self.effects if not one.named and one.probability < NOTICED]
+        return (len(rest), sum(rest)) if rest else None

@@ -85,8 +85,8 @@ def _which(report: Report) -> str:
         chosen = " with ".join(report.stages[-1].effects)
         nearest = f"; the nearest is {chosen}, which is rejected on its own twins" if chosen else ""
         return (
-            f"Which: none of the {len(report.effects)} candidates explains it (probability {report.none_of_these:.0%})"
-            f"{nearest}."
+            f"Which: none of the {len(report.effects)} candidates explains it{nearest}. That the cause is none of them"
+            f" is {report.none_of_these:.0%} sure: one of them may act otherwise than it is described."
         )
     rest = " Something more is left that these do not explain." if report.rejected else ""
     if report.verdict == "ambiguous":
