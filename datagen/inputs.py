@@ -161,7 +161,7 @@ class _Composer:
 def schedule_signal(schedule: Schedule, start: float, stop: float) -> Piecewise:
     """A schedule over ``start`` to ``stop`` [s since time zero] as steps."""
     days = np.arange(np.floor(start / _DAY), np.ceil(stop / _DAY))
-    weekend = (schedule.first_weekday + days.astype(np.int64)) % 7 >= 5
+    weekend = days.astype(np.int64) % 7 >= 5
     parts_t, parts_v = [], []
     for rows, chosen in ((schedule.weekday, ~weekend), (schedule.weekend or schedule.weekday, weekend)):
         hours, values = np.array(rows, dtype=np.float64).T

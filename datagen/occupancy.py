@@ -133,7 +133,7 @@ def _steps(
     ``u`` has shape (..., days, slots). Steps that do not happen have change 0; the changes of a day sum to 0.
     """
     headcount, arrival, duration = usual
-    weekend = (spec.first_weekday + days) % 7 >= 5
+    weekend = days % 7 >= 5
     comes = u[..., 0] < np.where(weekend, spec.weekend, 1.0 - spec.absence)
     present = np.rint(_between(spec.attendance, u[..., 1]) * headcount)
     # a day on which somebody comes has somebody, unless the room has nobody to come

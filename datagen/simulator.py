@@ -16,6 +16,7 @@ from datagen.tables import InputTable
 from datagen.watchdog import watchdog
 from shared.errors import SimulationError
 from shared.system import System
+from shared.variables import WeatherInput
 
 _SHARE = 1e4
 """Error of a mean that a step may make, relative to the tolerance and the output's accuracy."""
@@ -75,6 +76,8 @@ class Simulator:
         self._vr_means = np.array([outputs[k] for k in self._means], dtype=np.uint32)
         self._vr_inputs = np.array(inputs, dtype=np.uint32)
         self._held = np.array([one.interpolation == "previous" for one in system.inputs], dtype=bool)
+        read = [one.column if isinstance(one, WeatherInput) else "" for one in system.inputs]
+        self._directions = [k for k, column in enumerate(read) if column == "wind_direction"]
 
     def run(
         self,
@@ -166,10 +169,12 @@ class Simulator:
         counts = {"right_hand_sides": calls.RHS_CALLS, "indicator_calls": calls.INDICATOR_CALLS, "events": calls.EVENTS}
         if self.fmu.cosimulation:
             counts = {"communication_steps": calls.STEPS}
+        driven = np.where(self._held[:, None], inputs.means(grid).T, inputs.at(grid[1:]).T)
+        driven[self._directions] %= 360.0  # as a vane shows it; the FMU's has no jump from 360 to 0
         return Trajectory(
             time=grid[1:],
             outputs=outputs,
-            inputs=np.where(self._held[:, None], inputs.means(grid).T, inputs.at(grid[1:]).T),
+            inputs=driven,
             states=records.states,
             statistics={name: int(plan[place]) for name, place in counts.items()},
         )

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from shared.signals import Span, Table
+from shared.signals import FirstWeekday, Span, Table
 
 Mode = Literal["control", "replay"]
 
@@ -22,7 +22,7 @@ class TimetableShape(Table):
     form: Literal["timetable"]
     hours: list[Span] = Field(min_length=1, description="(from, to) [h]; from > to runs past midnight")
     days: Literal["all", "weekday", "weekend"] = Field("all", description="the days on which a span begins")
-    first_weekday: int = Field(0, ge=0, le=6, description="weekday of time zero; 0 is Monday")
+    first_weekday: FirstWeekday = Field(0, description="weekday of time zero: 0, Monday")
 
     @model_validator(mode="after")
     def _hours(self) -> TimetableShape:

@@ -9,6 +9,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+ROUNDING = 1e-9
+"""Numbers that differ by less, relative to their size, are the same."""
+
 
 def r2(truth: np.ndarray, estimate: np.ndarray) -> np.ndarray:
     """Coefficient of determination of each parameter (paper, section 4.1), in the parameter's own unit.
@@ -25,7 +28,9 @@ def r2(truth: np.ndarray, estimate: np.ndarray) -> np.ndarray:
     """
     residual = np.sum((truth - estimate) ** 2, axis=0)
     spread = np.sum((truth - truth.mean(axis=0)) ** 2, axis=0)
-    return np.where(spread > 0, 1 - residual / np.where(spread > 0, spread, 1), np.nan)
+    # the mean of equal numbers is not quite that number, so that their spread is not quite zero
+    varies = np.ptp(truth, axis=0) > ROUNDING * np.abs(truth).max(axis=0)
+    return np.where(varies, 1 - residual / np.where(varies, spread, 1), np.nan)
 
 
 def relative_accuracy(truth: np.ndarray, estimate: np.ndarray) -> np.ndarray:
@@ -53,7 +58,8 @@ def bootstrap_by_system(
     Returns
     -------
     tuple
-        Low and high ends of the interval, shaped like the statistic.
+        Low and high ends of the interval, shaped like the statistic. NaN where the statistic has no value in more of
+        the resamples than the interval leaves out at one end, as R2 has none where all windows are of one system.
     """
     rng = np.random.default_rng(seed)
     rows = [np.flatnonzero(systems == s) for s in np.unique(systems)]
@@ -61,5 +67,7 @@ def bootstrap_by_system(
         statistic(np.concatenate([rows[i] for i in rng.integers(len(rows), size=len(rows))])) for _ in range(draws)
     ]
     tail = 100 * (1 - level) / 2
-    low, high = np.nanpercentile(np.asarray(values), [tail, 100 - tail], axis=0)
-    return low, high
+    found = np.asarray(values)
+    known = 100 * np.isnan(found).mean(axis=0) <= tail
+    low, high = np.nanpercentile(np.where(known, found, 0.0), [tail, 100 - tail], axis=0)
+    return np.where(known, low, np.nan), np.where(known, high, np.nan)

@@ -2,11 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 Span = tuple[float, float]
+
+
+def _monday(value: int) -> int:
+    if value:
+        raise ValueError(
+            f"is {value}; expected 0: time zero is Monday 1 January 2001 in every file, so that a weekend moved by this"
+            " would not be that of the dates; a year that begins on another weekday is a matter of experiment.start"
+        )
+    return value
+
+
+FirstWeekday = Annotated[int, AfterValidator(_monday)]
+"""Weekday of time zero: Monday. Part of descriptions, and so of their hash, since it could be another."""
 
 
 class Table(BaseModel):
@@ -42,7 +55,7 @@ class Occupancy(Table):
     gap_share: Span = Field(description="share of those present who leave")
     absence: float = Field(ge=0, le=1, description="probability that nobody comes on a working day")
     weekend: float = Field(ge=0, le=1, description="probability that somebody comes on a day of the weekend")
-    first_weekday: int = Field(0, ge=0, le=6, description="weekday of time zero; 0 is Monday")
+    first_weekday: FirstWeekday = Field(0, description="weekday of time zero: 0, Monday")
 
     @model_validator(mode="after")
     def _spans(self) -> Occupancy:
@@ -58,7 +71,7 @@ class Schedule(Table):
 
     weekday: list[tuple[float, float]] = Field(min_length=1)
     weekend: list[tuple[float, float]] | None = None
-    first_weekday: int = Field(0, ge=0, le=6)
+    first_weekday: FirstWeekday = Field(0, description="weekday of time zero: 0, Monday")
 
     @model_validator(mode="after")
     def _ordered(self) -> Schedule:

@@ -11,7 +11,6 @@ A system is known by system hash, root seed and index; what a run has seen stand
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 
 import numpy as np
@@ -181,9 +180,7 @@ def figures_of_merit(
         return np.append(each, each.mean())
 
     middle = scores(np.arange(len(truth)))
-    with warnings.catch_warnings():  # where no resample has an R2, neither has the interval
-        warnings.filterwarnings("ignore", "All-NaN slice")
-        low, high = bootstrap_by_system(where, scores, level=LEVEL)
+    low, high = bootstrap_by_system(where, scores, level=LEVEL)
     value = [float(v) if np.isfinite(v) else None for v in middle]
     spans = [tuple(float(v) if np.isfinite(v) else None for v in pair) for pair in zip(low, high, strict=True)]
     accuracy = np.median(relative_accuracy(truth, estimate), axis=0)

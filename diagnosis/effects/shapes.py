@@ -70,7 +70,7 @@ def shape_value(shape: ThresholdShape | PresenceShape | SeriesShape, x: np.ndarr
 def timetable(shape: TimetableShape, start: float, stop: float) -> Piecewise:
     """A timetable over ``start`` to ``stop`` [s since time zero]: steps between 0 and 1."""
     days = np.arange(np.floor(start / DAY) - 1, np.ceil(stop / DAY) + 1)
-    weekend = (shape.first_weekday + days.astype(np.int64)) % 7 >= 5
+    weekend = days.astype(np.int64) % 7 >= 5
     days = days[{"all": np.ones_like(weekend), "weekday": ~weekend, "weekend": weekend}[shape.days]]
     times, changes = [np.array([start - 2 * DAY])], [np.zeros(1)]
     for first, last in shape.hours:

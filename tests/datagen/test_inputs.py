@@ -176,10 +176,10 @@ def test_weather_held_for_each_hour_keeps_its_total():
 
 
 def test_schedule_of_the_week():
-    schedule = Schedule(weekday=[(0, 1.0), (6.5, 2.0), (22, 1.0)], weekend=[(0, 0.5)], first_weekday=4)
-    signal = schedule_signal(schedule, -1 * DAY, 4 * DAY)  # Thursday to Monday
+    schedule = Schedule(weekday=[(0, 1.0), (6.5, 2.0), (22, 1.0)], weekend=[(0, 0.5)])
+    signal = schedule_signal(schedule, 3 * DAY, 8 * DAY)  # Thursday to Monday
     hours = np.array([-24, -18, -17.5, -2, 0, 7, 22, 24, 31, 48, 55, 72, 79]) * HOUR
-    np.testing.assert_array_equal(signal.at(hours), [1, 1, 2, 1, 1, 2, 1, 0.5, 0.5, 0.5, 0.5, 1, 2])
+    np.testing.assert_array_equal(signal.at(4 * DAY + hours), [1, 1, 2, 1, 1, 2, 1, 0.5, 0.5, 0.5, 0.5, 1, 2])
     every_day = Schedule(weekday=[(0, 1.0), (6.5, 2.0)])
     np.testing.assert_array_equal(schedule_signal(every_day, 5 * DAY, 6 * DAY).at([5.5 * DAY]), [2])
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from datagen.occupancy import occupancy_prior, sample_occupancy
 from datagen.sampling import stream
@@ -81,11 +82,12 @@ def test_a_day_is_the_same_in_every_span(index, start, length):
     np.testing.assert_array_equal(part.times[1:], whole.times[inside])
 
 
-def test_first_weekday_moves_the_weekend():
-    spec = SPEC.model_copy(update={"absence": 0.0, "weekend": 0.0, "first_weekday": 5})
-    signal = year(0, spec=spec)
-    busy = {int(t // DAY) % 7 for t in signal.times[1:]}
-    assert busy == {2, 3, 4, 5, 6}
+def test_the_weekend_is_that_of_the_dates():
+    """Time zero is a Monday in every file; a description that says otherwise would contradict the dates."""
+    signal = year(0, spec=SPEC.model_copy(update={"absence": 0.0, "weekend": 0.0}))
+    assert {int(t // DAY) % 7 for t in signal.times[1:]} == {0, 1, 2, 3, 4}
+    with pytest.raises(ValidationError, match="is 3; expected 0: time zero is Monday 1 January 2001"):
+        Occupancy.model_validate(SPEC.model_dump() | {"first_weekday": 3})
 
 
 def test_work_past_midnight_reaches_into_the_next_day():

@@ -50,6 +50,19 @@ def test_a_ramp_is_integrated_not_held(simulator):
     assert found - 420.0 == pytest.approx(rise * PPM_PER_SHARE, rel=1e-5)
 
 
+def test_a_wind_direction_is_recorded_as_a_vane_shows_it(default_system):
+    """The FMU's turns on beyond 360 degree, so that no hour sweeps over the compass: what is recorded must not."""
+    inputs = [
+        one.model_copy(update={"column": "wind_direction"}) if one.name == "winSpe" else one
+        for one in default_system.inputs
+    ]
+    vane = Simulator(default_system.model_copy(update={"inputs": inputs}))
+    turning = Piecewise(np.array([0.0, 4 * 3600.0]), np.array([330.0, 370.0]))
+    found = vane.run(middle(default_system), constant_inputs(vane, 4 * 3600.0, winSpe=turning), start=0.0, stop=14400.0)
+    recorded = found.inputs[default_system.input_names.index("winSpe")]
+    np.testing.assert_allclose(recorded, [340.0, 350.0, 0.0, 10.0], atol=1e-9)
+
+
 def test_a_step_within_the_hour_is_exact(simulator):
     stop, flow, when = 3600.0, 0.1, 1234.5
     table = constant_inputs(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -123,9 +122,7 @@ def scores_of(answers: list[Answers], trained_on: int) -> Scores:
         return mean
 
     everything = np.arange(len(systems))
-    with warnings.catch_warnings():  # where no resample has an R2, neither has the interval
-        warnings.filterwarnings("ignore", "All-NaN slice")
-        low, high = bootstrap_by_system(systems, over_seeds, level=LEVEL, draws=DRAWS)
+    low, high = bootstrap_by_system(systems, over_seeds, level=LEVEL, draws=DRAWS)
     accuracy = np.concatenate([relative_accuracy(one.truth, one.estimate) for one in answers])
     return Scores(
         r2=np.stack([of_seed(one, everything) for one in answers]),

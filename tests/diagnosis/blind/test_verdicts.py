@@ -1,0 +1,25 @@
+"""What a score sees of a verdict."""
+
+import pytest
+
+from diagnosis.blind.verdicts import Verdict
+from diagnosis.blind.working import contenders
+
+
+def test_what_every_candidate_has_alike_is_no_reason_to_diagnose_again():
+    """Of four candidates the evidence points to one; that it is mistaken gives each of them five per cent more."""
+    said = {"a": 0.55, "b": 0.05, "c": 0.05, "d": 0.06}
+    one = Verdict(verdict="effect", probabilities=said, none=0.25, nothing=0.04, mistaken=0.49, named=["a"])
+    assert one.pointed == pytest.approx({"a": 0.5, "b": 0.0, "c": 0.0, "d": 0.01})
+    assert contenders(one) == ["a", "d"]
+
+
+def test_a_verdict_of_earlier_programs_points_where_its_probabilities_do():
+    said = {"a": 0.6, "b": 0.25}
+    one = Verdict(verdict="ambiguous", probabilities=said, none=0.15, nothing=0.0, named=["a", "b"])
+    assert one.pointed == said
+
+
+def test_where_there_is_no_gap_nothing_is_diagnosed_again():
+    said = {"a": 0.3, "b": 0.1}
+    assert contenders(Verdict(verdict="no_gap", probabilities=said, none=0.2, nothing=0.4, mistaken=0.0)) == []
