@@ -9,7 +9,8 @@ error. With parameters standardised by their prior,
 
 J: outputs by parameters, X: by initial states (prior P), H: by occupancy (prior covariance C of its half-hourly
 means, from the sampler), R: sensor noise with the numerical floor. All derivatives are central differences of whole
-simulations, so saturation and events are in them. Weather, schedules and excitation are taken as known.
+simulations, so saturation and events are in them. Weather, schedules and excitation are taken as known, and persons
+where an occupancy input is among the channels: H is left out then.
 """
 
 from __future__ import annotations
@@ -26,10 +27,11 @@ from scipy.linalg import cho_factor, cho_solve
 
 from datagen.inputs import build_inputs
 from datagen.occupancy import occupancy_prior
-from datagen.sampling import sample_parameters, stream
+from datagen.package import weather_hashes
+from datagen.sampling import record_start, sample_parameters, stream
 from datagen.simulator import Simulator
 from datagen.tables import InputTable
-from shared.ceiling import Ceiling
+from shared.ceiling import Ceiling, Origin
 from shared.errors import SystemDescriptionError
 from shared.interrupts import interrupts_held
 from shared.progress import progress_bar
@@ -73,7 +75,10 @@ def identifiability(
     seed: int = 1,
     workers: int = 1,
 ) -> Ceiling:
-    """The ceiling of R2 for one context length [h], noise preset and set of channels, over random systems."""
+    """The ceiling of R2 for one context length [h], noise preset and set of channels, over random systems.
+
+    Windows are of records as the description's experiment has them: of its start and hours.
+    """
     return ceilings_of(
         system, contexts=[context], conditions=[(noise, channels)], systems=systems, seed=seed, workers=workers
     )[0]
@@ -95,6 +100,8 @@ def ceilings_of(
     ------
     SystemDescriptionError
         For an unknown noise preset, an unknown channel, or channels without any output.
+    WeatherError
+        If a weather file cannot be read.
     """
     described = system if isinstance(system, System) else load_system(system)
     wanted = [(noise, channels or described.estimator.channels) for noise, channels in conditions]
@@ -107,7 +114,7 @@ def ceilings_of(
             )
         if not set(channels) & set(described.output_names):
             raise SystemDescriptionError(f"{described.path}: channels {channels} hold no output; nothing to learn from")
-    results, lengths = [], list(contexts)
+    results, lengths, weather = [], list(contexts), weather_hashes(described)
     with progress_bar("windows", systems * len(lengths), shown=not quiet) as bar:
         for count, context in enumerate(lengths):
             windows = []
@@ -115,16 +122,22 @@ def ceilings_of(
                 windows.append(window)
                 bar.update(count * systems + len(windows), note=f"{context:g} h")
             spread = np.concatenate([w.visited for w in windows]).std(axis=0)
+            experiment = described.experiment
+            # a window that is longer than a record is a record of its own
+            origin = Origin(start=experiment.start, hours=max(experiment.hours, context), weather=weather)
             for noise, channels in wanted:
                 variances = np.array([posterior_variance(described, w, spread, noise, channels) for w in windows])
-                results.append(_summarise(described, variances, context, noise, channels, seed))
+                results.append(_summarise(described, variances, context, noise, channels, seed, origin))
     return results
 
 
 def posterior_variance(
     system: System, window: Window, state_sd: np.ndarray, noise: str, channels: list[str]
 ) -> np.ndarray:
-    """Posterior variance of each standardised parameter, shape (parameters,); 1 is the prior."""
+    """Posterior variance of each standardised parameter, shape (parameters,); 1 is the prior.
+
+    Persons are unknown unless one of the channels counts them.
+    """
     rows = [k for k, name in enumerate(system.output_names) if name in channels]
     sd = system.noise_sd(noise)[rows]
 
@@ -134,15 +147,20 @@ def posterior_variance(
     by_parameter = flat(window.parameters)
     by_state = flat(window.states) * state_sd
     covariance = np.eye(len(by_parameter)) + by_state @ by_state.T
-    if window.occupancy.shape[2]:
+    if window.occupancy.shape[2] and not set(channels) & set(crowd_inputs(system)):
         by_occupancy = flat(window.occupancy)
         covariance += by_occupancy @ window.occupancy_covariance @ by_occupancy.T
     information = by_parameter.T @ cho_solve(cho_factor(covariance, lower=True), by_parameter)
     return np.diag(np.linalg.inv(np.eye(len(information)) + information))
 
 
+def crowd_inputs(system: System) -> list[str]:
+    """Names of the inputs that are the number of persons: one crowd, however many read it."""
+    return [one.name for one in system.inputs if one.source == "occupancy"]
+
+
 def _summarise(
-    system: System, variances: np.ndarray, context: float, noise: str, channels: list[str], seed: int
+    system: System, variances: np.ndarray, context: float, noise: str, channels: list[str], seed: int, origin: Origin
 ) -> Ceiling:
     r2 = 1 - variances.mean(axis=0)
     rng = np.random.default_rng(0)
@@ -159,6 +177,7 @@ def _summarise(
         r2_mean_high=float(high),
         systems=len(variances),
         seed=seed,
+        origin=origin,
     )
 
 
@@ -177,7 +196,7 @@ _SIMULATORS: dict[str, Simulator] = {}
 
 
 def _window(system: System, context: float, seed: int, index: int) -> Window:
-    """Sensitivities of a random window of a random system."""
+    """Sensitivities of a random window of a random system, from its record as the farm makes it."""
     key = system.canonical()
     if key not in _SIMULATORS:
         _SIMULATORS[key] = Simulator(system)
@@ -185,7 +204,7 @@ def _window(system: System, context: float, seed: int, index: int) -> Window:
     step = system.experiment.step
     span = context * HOUR
     latest = max(int((system.experiment.hours * HOUR - span) // step), 0)
-    begin = step * int(stream(seed, index, "window").integers(latest + 1))
+    begin = record_start(system, seed, index) + step * int(stream(seed, index, "window").integers(latest + 1))
     theta = sample_parameters(system, seed, index)
     scale = np.array([float(np.std(p.from_unit(np.linspace(0, 1, 2001)))) for p in system.parameters])
     spin_up = SPIN_UP_HOURS * HOUR
@@ -225,10 +244,14 @@ def _window(system: System, context: float, seed: int, index: int) -> Window:
         by_state.append(difference(pair[0], pair[1], 2 * move[k]))
     shape = (len(system.outputs), round(span / step), 0)
     by_pulse, covariance = np.empty(shape), np.empty((0, 0))
-    crowd = [i for i, one in enumerate(system.inputs) if one.source == "occupancy"]
+    crowd = [system.input_names.index(name) for name in crowd_inputs(system)]
     if crowd and system.occupancy is not None:
-        base = outputs(theta, start_states, fine)
-        pulses = [outputs(theta, start_states, fine.with_pulse(crowd[0], a, b, 1.0)) - base for a, b in pairwise(edges)]
+        base, pulses = outputs(theta, start_states, fine), []
+        for a, b in pairwise(edges):
+            more = fine
+            for column in crowd:
+                more = more.with_pulse(column, a, b, 1.0)
+            pulses.append(outputs(theta, start_states, more) - base)
         by_pulse = np.stack(pulses, axis=-1)
         draws = occupancy_prior(system.occupancy, edges, PRIOR_DRAWS, seed)
         covariance = np.cov(draws, rowvar=False)

@@ -12,6 +12,7 @@ from typing import Any
 
 import dask
 from dask.distributed import Client, LocalCluster
+from dask.utils import parse_timedelta
 from distributed.comm import CommClosedError
 
 from datagen.dask_settings import SETTINGS
@@ -28,6 +29,8 @@ QUEUES = {"slurm": slurm}
 """Kinds of cluster whose workers are jobs of a queue: each makes one of so many jobs, from the users' options and the
 scheduler's own."""
 _CONFIG = SETTINGS
+ANSWER = 20.0
+"""A scheduler that runs already answers within so long [s]."""
 
 
 def check_places(
@@ -90,7 +93,7 @@ def connect(
     check_places(workers=workers, scheduler=scheduler, cluster=cluster, options=options, host=host)
     if scheduler:
         try:
-            client = _client(scheduler, timeout=20)
+            client = _client(scheduler, timeout=_patience())
         except (OSError, ValueError, TypeError, RuntimeError) as error:  # the last two: TLS on one side only
             raise ClusterError(
                 f"{scheduler}: no Dask scheduler answers: {error}; expected tcp://HOST:PORT, or tls://HOST:PORT with"
@@ -170,6 +173,11 @@ def _held(what: str) -> Iterator[None]:
 
 def _words(error: BaseException) -> str:
     return str(error) or type(error).__name__
+
+
+def _patience() -> float:
+    """How long we wait for a scheduler that runs already [s]: Dask's own setting, where it is shorter."""
+    return min(ANSWER, float(parse_timedelta(dask.config.get("distributed.comm.timeouts.connect"))))
 
 
 def _client(where: Any, **options: Any) -> Client:

@@ -31,7 +31,7 @@ from datagen.plan import adopt, missing
 from datagen.simulator import Simulator
 from datagen.worker import RECYCLE, TIMEOUT, Job
 from shared.ceiling import FILE_NAME as CEILING_FILE
-from shared.ceiling import read_ceilings
+from shared.ceiling import Origin, fitting, read_ceilings
 from shared.errors import DatasetError, SimulationError, ZeroshotError
 from shared.logs import logger
 from shared.store import Manifest, read_manifest, write_atomically, write_manifest
@@ -245,7 +245,7 @@ def _clear(folder: Path) -> None:
 
 
 def _copy_ceilings(system: System, folder: Path, *, excitation: bool) -> None:
-    """Put the ceilings that lie beside the description into the dataset, if they are of this very system and FMU."""
+    """Put the ceilings beside the description into the dataset, if any is of this very system, FMU, season, weather."""
     beside = system.path.parent / CEILING_FILE
     if not beside.exists():
         return
@@ -253,5 +253,11 @@ def _copy_ceilings(system: System, folder: Path, *, excitation: bool) -> None:
     if ceilings.system_hash == system.hash() and ceilings.fmu_sha256 == fmu_sha256(system.fmu_path):
         if not excitation and any(one.source == "excitation" for one in system.inputs):
             _log.warning("%s: not copied: its ceilings hold with excitation, this dataset is without", beside)
+            return
+        experiment = system.experiment
+        origin = Origin(start=experiment.start, hours=experiment.hours, weather=weather_hashes(system))
+        limit, reason = fitting(ceilings.ceilings, origin)
+        if limit is None:
+            _log.warning("%s: not copied: %s", beside, reason)
             return
         write_atomically(folder / CEILING_FILE, beside.read_bytes())

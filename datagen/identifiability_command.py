@@ -42,7 +42,8 @@ def identifiability(
     noise
         Noise presets of the description; `none` is the numerical floor.
     channels
-        Outputs that are measured, separated by commas; several sets one after another. By default the estimator's.
+        Outputs that are measured, separated by commas; several sets one after another. With an occupancy input among
+        them, persons are counted. By default the estimator's.
     systems
         Random systems and windows to average over.
     seed
@@ -54,7 +55,7 @@ def identifiability(
     as_json
         Print JSON.
     """
-    from datagen.ceilings import ceilings_of
+    from datagen.ceilings import ceilings_of, crowd_inputs
     from datagen.fmu import fmu_sha256
     from shared.ceiling import FILE_NAME, Ceilings, read_ceilings, write_ceilings
     from shared.system import load_system
@@ -76,7 +77,7 @@ def identifiability(
         system_hash=described.hash(),
         fmu_sha256=fmu_sha256(described.fmu_path),
         outputs=described.output_names,
-        nuisances=[one.name for one in described.inputs if one.source == "occupancy"],
+        nuisances=crowd_inputs(described),
     )
     if path.exists():
         before = read_ceilings(path)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,7 +15,7 @@ from diagnosis.importing.quality import ASSUMED
 from shared.errors import RecordingError
 from shared.netcdf import read_netcdf
 from shared.reading import shown
-from shared.schema import EPOCH
+from shared.schema import EPOCH, method_fault, methods_of
 from shared.system import System
 from shared.times import recorded_begins, recorded_times
 
@@ -25,7 +24,6 @@ DAY = 24 * HOUR
 WEEK, YEAR = np.timedelta64(7, "D"), np.timedelta64(372, "D")
 ZERO = np.datetime64(EPOCH, "s")
 """Time zero of simulated years."""
-_METHODS = {"mean": "a mean over each step", "point": "an instant at each step's end"}
 
 
 @dataclass(frozen=True)
@@ -99,16 +97,14 @@ def read_recording(path: Path | str, system: System) -> Recording:
     if not np.allclose(steps, steps[0], rtol=0, atol=1e-3):
         raise RecordingError(f"{path}: time is not regular (steps of {steps.min():g} to {steps.max():g} s)")
 
-    def series(name: str, unit: str, method: str) -> np.ndarray:
+    methods = methods_of(system)
+
+    def series(name: str, unit: str) -> np.ndarray:
         found = data[name].attrs.get("units", "")
         if not isinstance(found, str) or found != unit:
             raise RecordingError(f"{path}: {name!r} is in {shown(found)}; the system description has {unit!r}")
-        said = re.search(r"\btime:\s*(\w+)", str(data[name].attrs.get("cell_methods", "")))
-        if said and said[1] != method:
-            raise RecordingError(
-                f"{path}: {name!r} is {_METHODS.get(said[1], f'the {said[1]} of each step')} (its cell_methods); by the"
-                f" system description it is {_METHODS[method]}"
-            )
+        if fault := method_fault(data[name].attrs, methods[name], "by the system description"):
+            raise RecordingError(f"{path}: {name!r} {fault}")
         if data[name].dims != ("time",):
             raise RecordingError(f"{path}: {name!r} has dimensions {data[name].dims}; expected ('time',)")
         return data[name].values.astype(float)
@@ -117,13 +113,9 @@ def read_recording(path: Path | str, system: System) -> Recording:
     if not measured:
         raise RecordingError(f"{path}: none of the outputs {', '.join(system.output_names)} is in it")
     outputs = np.stack(
-        [series(o.name, o.unit, o.method) if o.name in data else np.full(len(time), np.nan) for o in system.outputs]
+        [series(o.name, o.unit) if o.name in data else np.full(len(time), np.nan) for o in system.outputs]
     )
-    inputs = {
-        i.name: series(i.name, i.unit, "mean" if i.interpolation == "previous" else "point")
-        for i in system.inputs
-        if i.name in data
-    }
+    inputs = {i.name: series(i.name, i.unit) for i in system.inputs if i.name in data}
     for name, values in inputs.items():
         if not np.isfinite(values).all():
             raise RecordingError(f"{path}: input {name!r} has gaps; expected a finite value at every step")

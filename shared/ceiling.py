@@ -1,24 +1,71 @@
 """Ceilings: the linearised Bayesian limit of R2; ``datagen identifiability`` writes it, ``trainer evaluate`` reads it.
 
-A ceiling belongs to a system, a context length, a noise preset and a set of channels. The file lies beside the system
-description and is copied into every dataset made from it.
+A ceiling belongs to a system, a context length, a noise preset, a set of channels and a season: weeks in January and in
+July do not tell the same. The file lies beside the system description and is copied into every dataset made from it
+that has the season and the weather of one of its ceilings.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from shared.errors import ZeroshotError
 from shared.reading import read_json, validated
 from shared.store import write_atomically
 
 FILE_NAME = "identifiability.json"
+YEAR = 8760.0
+"""Hours."""
+WHOLE = YEAR - 168.0
+"""From so many hours on, records cover the whole year: a year of 52 weeks is one, too."""
+
+
+class Origin(BaseModel):
+    """Records that windows are drawn from: they begin between two hours of the year, and each has ``hours``.
+
+    ``weather`` is the sha256 of each weather file: the system's hash knows their names alone.
+    """
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+    start: tuple[float, float]
+    hours: float = Field(gt=0)
+    weather: dict[str, str] = {}
+
+    def season(self) -> tuple[float, float] | None:
+        """First and last hour of the year that any window covers; beyond a turn of the year it counts on.
+
+        None is the whole year: one record of a year and many short ones that begin anywhere in it are of one season.
+        """
+        first, last = self.start
+        span = last - first + self.hours
+        return None if span >= WHOLE else (first % YEAR, first % YEAR + span)
+
+    def unlike(self, other: Origin) -> str:
+        """Why limits on windows of this origin are none for a dataset of ``other``; empty where they are."""
+        if self.season() != other.season():
+            return f"it is of {_named(self.season())}; this dataset is of {_named(other.season())}"
+        for file in sorted(self.weather.keys() & other.weather.keys()):
+            ours, theirs = self.weather[file], other.weather[file]
+            if ours != theirs:
+                return f"it is of weather {file} with sha256 {ours[:12]}; this dataset's has {theirs[:12]}"
+        return ""
+
+
+def _named(season: tuple[float, float] | None) -> str:
+    return "the whole year" if season is None else f"hours {season[0]:g} to {season[1]:g} of the year"
+
+
+_OLD = Origin(start=(0.0, 0.0), hours=YEAR)
+"""Of ceilings that do not say it: nearly all were made over a year."""
 
 
 class Ceiling(BaseModel):
-    """Limit of R2 per parameter under one condition, averaged over ``systems`` random systems and windows."""
+    """Limit of R2 per parameter under one condition, averaged over ``systems`` random systems and windows.
+
+    ``origin`` says what the windows were of; older files lack it, and are taken to be of the whole year.
+    """
 
     model_config = ConfigDict(extra="forbid")
     context_hours: float
@@ -31,6 +78,11 @@ class Ceiling(BaseModel):
     r2_mean_high: float
     systems: int
     seed: int
+    origin: Origin | None = None
+
+    def known_origin(self) -> Origin:
+        """What the windows were of, also of an older file."""
+        return self.origin or _OLD
 
 
 class Ceilings(BaseModel):
@@ -45,27 +97,43 @@ class Ceilings(BaseModel):
     nuisances: list[str] = []
     ceilings: list[Ceiling] = []
 
-    def find(self, *, context_hours: float, step: float, noise: str, channels: list[str]) -> Ceiling | None:
-        """The ceiling of a condition, or None where it was not computed.
+    def find(self, *, context_hours: float, step: float, noise: str, channels: list[str]) -> list[Ceiling]:
+        """The ceilings of a condition, one for each season that it was computed for.
 
-        Only outputs among the channels count: inputs other than the ``nuisances`` are taken as known anyway. A nuisance
-        that is measured is no nuisance, and has no ceiling here.
+        Of the channels, outputs count, and whether any is among the ``nuisances``: one that is measured is known. Other
+        inputs are taken as known anyway. Ceilings without an origin were computed as though no nuisance could be
+        measured: where they name one they are too low, and not found.
         """
-        if set(channels) & set(self.nuisances):
-            return None
-        measured = sorted(set(channels) & set(self.outputs))
-        for one in self.ceilings:
-            same = (one.context_hours, one.step, one.noise) == (context_hours, step, noise)
-            if same and sorted(set(one.channels) & set(self.outputs)) == measured:
-                return one
-        return None
+        wanted = (context_hours, step, noise, *self._told(channels))
+        return [one for one in self.ceilings if self._condition(one) == wanted and not self._too_low(one)]
 
     def put(self, ceiling: Ceiling) -> None:
-        """Add a ceiling in place of the one for the same condition."""
-        old = self.find(
-            context_hours=ceiling.context_hours, step=ceiling.step, noise=ceiling.noise, channels=ceiling.channels
-        )
-        self.ceilings = [one for one in self.ceilings if one is not old] + [ceiling]
+        """Add a ceiling in place of those for the same condition and season."""
+
+        def key(one: Ceiling) -> tuple[object, ...]:
+            return (*self._condition(one), one.known_origin().season())
+
+        self.ceilings = [one for one in self.ceilings if key(one) != key(ceiling)] + [ceiling]
+
+    def _told(self, channels: list[str]) -> tuple[list[str], bool]:
+        """The outputs among channels, and whether they tell the nuisance: all of these are one and the same signal."""
+        return sorted(set(channels) & set(self.outputs)), bool(set(channels) & set(self.nuisances))
+
+    def _condition(self, one: Ceiling) -> tuple[object, ...]:
+        return (one.context_hours, one.step, one.noise, *self._told(one.channels))
+
+    def _too_low(self, one: Ceiling) -> bool:
+        return one.origin is None and self._told(one.channels)[1]
+
+
+def fitting(ceilings: list[Ceiling], dataset: Origin) -> tuple[Ceiling | None, str]:
+    """The first of some ceilings that holds for a dataset; where there is none, None and why."""
+    # of the dataset's own season first: why that one does not hold says most
+    ordered = sorted(ceilings, key=lambda one: one.known_origin().season() != dataset.season())
+    reasons = [one.known_origin().unlike(dataset) for one in ordered]
+    if "" in reasons:
+        return ordered[reasons.index("")], ""
+    return None, reasons[0] if reasons else "it has none"
 
 
 def read_ceilings(path: Path) -> Ceilings:

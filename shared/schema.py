@@ -10,7 +10,9 @@ where they begin on days of their own it is an elapsed time, which no reader can
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
@@ -36,6 +38,27 @@ STEP_END = {"long_name": "end of the output step, local standard time", "axis": 
 CONTENT_HASH = "content_hash"
 """Global attribute of a shard that holds its own content hash."""
 SPLITS = ("train", "validation", "test")
+Method = Literal["point", "mean"]
+"""CF cell method of a series over time."""
+_METHODS = {"mean": "a mean over each step", "point": "an instant at each step's end"}
+
+
+def methods_of(system: System) -> dict[str, Method]:
+    """Cell method of each output and input, by name: an input that holds over a step is its mean."""
+    methods: dict[str, Method] = {output.name: output.method for output in system.outputs}
+    return methods | {one.name: "mean" if one.interpolation == "previous" else "point" for one in system.inputs}
+
+
+def method_fault(attributes: Mapping[Any, Any], method: Method, whose: str) -> str:
+    """What is wrong with the cell method in a variable's attributes, to follow its name; empty if it states no other.
+
+    ``whose`` method it should be is how the sentence goes on, for example ``by the system description``.
+    """
+    said = re.search(r"\btime:\s*(\w+)", str(attributes.get("cell_methods", "")))
+    if said is None or said[1] == method:
+        return ""
+    found = _METHODS.get(said[1], f"the {said[1]} of each step")
+    return f"is {found} (its cell_methods); {whose} it is {_METHODS[method]}"
 
 
 def split_of(root_seed: int, index: int) -> int:
@@ -84,6 +107,7 @@ def build_shard(
     count = outputs.shape[2]
     time = time_axis(step, count)
     series = ("system", "time")
+    methods = methods_of(system)
     variables: dict[str, tuple] = {
         "time_bnds": (("time", "bnds"), np.stack([time - step, time], axis=1)),
         "start": (
@@ -107,7 +131,7 @@ def build_shard(
         variables[parameter.name] = (("system",), parameters[:, k].astype(np.float64), about | span)
     for k, output in enumerate(system.outputs):
         attrs = {"long_name": output.long_name or output.name, "units": output.unit, "role": "output"}
-        attrs["cell_methods"] = f"time: {output.method}"
+        attrs["cell_methods"] = f"time: {methods[output.name]}"
         if output.standard_name:
             attrs["standard_name"] = output.standard_name
             if "temperature" in output.standard_name:
@@ -115,7 +139,7 @@ def build_shard(
         variables[output.name] = (series, outputs[:, k].astype(np.float32), attrs)
     for k, one in enumerate(system.inputs):
         attrs = {"long_name": f"input {one.name}", "units": one.unit, "role": "input", "source": one.source}
-        attrs["cell_methods"] = f"time: {'mean' if one.interpolation == 'previous' else 'point'}"
+        attrs["cell_methods"] = f"time: {methods[one.name]}"
         variables[one.name] = (series, inputs[:, k].astype(np.float32), attrs)
     coordinates = {
         "system": (("system",), np.asarray(indices, dtype=np.int64), {"long_name": "system index", "units": "1"}),

@@ -17,6 +17,7 @@ import torch
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from shared.errors import EstimatorError
+from shared.schema import Method, methods_of
 from shared.store import Records
 from shared.system import System
 
@@ -25,6 +26,8 @@ LONGEST = 10_000_000
 """Samples of a window: a year at steps of three seconds, or a fortnight of every tenth of one."""
 DERIVED = {"time_of_day": DAY, "day_of_week": 7 * DAY}
 """Derived channels: sine and cosine of the time stamp with this period [s]."""
+LATER = {"methods", "constant"}
+"""Fields of an encoding that earlier cards lack, and that follow from the system's hash and from mean and sd."""
 
 
 def split_channels(system: System, channels: list[str] | None) -> tuple[list[str], list[str]]:
@@ -75,6 +78,8 @@ class Encoding(BaseModel):
     outputs: int
     """How many of the recorded channels are outputs; they come first."""
     units: list[str]
+    methods: list[Method] = []
+    """CF cell methods of the recorded channels; none in earlier cards."""
     derived: list[str]
     step: float = Field(gt=0, allow_inf_nan=False)
     length: int = Field(gt=0, le=LONGEST)
@@ -87,6 +92,9 @@ class Encoding(BaseModel):
     """Share of a window that an output may miss."""
     mean: list[float]
     sd: list[float]
+    """One where a channel did not vary in training."""
+    constant: list[str] = []
+    """Recorded channels that did not vary in training; none in earlier cards."""
     parameters: list[str]
     parameter_units: list[str]
     parameter_min: list[float]
@@ -104,6 +112,11 @@ class Encoding(BaseModel):
             for name in names:
                 if len(getattr(self, name)) != count:
                     raise ValueError(f"{name}: has {len(getattr(self, name))} values; expected {count}")
+        if self.methods and len(self.methods) != len(self.recorded):
+            raise ValueError(f"methods: has {len(self.methods)} values; expected {len(self.recorded)}, or none")
+        for name in self.constant:
+            if name not in self.recorded:
+                raise ValueError(f"constant: {name!r} is not known; expected one of {', '.join(self.recorded)}")
         for name in ("mean", "sd", "parameter_min", "parameter_max", "target_mean", "target_sd"):
             if not all(math.isfinite(value) for value in getattr(self, name)):
                 raise ValueError(f"{name}: has a value that is not finite")
@@ -159,7 +172,8 @@ def make_encoding(
 ) -> Encoding:
     """Encoding of a dataset, from the rows ``training`` of its records alone.
 
-    A channel or target that does not vary keeps its mean and gets a standard deviation of one.
+    A channel or target that does not vary keeps its mean and gets a standard deviation of one. Such channels are noted:
+    what an estimator has never seen move it cannot read.
     """
     step = float(records.time[1] - records.time[0]) if len(records.time) > 1 else system.experiment.step
     means, variances = [], []
@@ -169,12 +183,15 @@ def make_encoding(
         variances.append(series.var(axis=1))
     mean = np.mean(means, axis=0)
     sd = np.sqrt(np.mean(variances, axis=0) + np.var(means, axis=0))
+    varies = sd > 1e-6 * np.abs(mean)
     targets = np.log10(records.parameters[training])
     target_mean, target_sd = targets.mean(axis=0), targets.std(axis=0)
+    methods = methods_of(system)
     return Encoding(
         recorded=records.channels,
         outputs=sum(name in system.output_names for name in records.channels),
         units=units_of(system, records.channels),
+        methods=[methods[name] for name in records.channels],
         derived=derived,
         step=step,
         length=length,
@@ -182,7 +199,8 @@ def make_encoding(
         optional=optional or [],
         largest_gap=largest_gap,
         mean=mean.tolist(),
-        sd=np.where(sd > 1e-6 * np.abs(mean), sd, 1.0).tolist(),
+        sd=np.where(varies, sd, 1.0).tolist(),
+        constant=[name for name, moves in zip(records.channels, varies, strict=True) if not moves],
         parameters=system.parameter_names,
         parameter_units=[p.unit for p in system.parameters],
         parameter_min=[p.min for p in system.parameters],

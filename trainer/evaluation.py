@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from shared.ceiling import FILE_NAME, read_ceilings
+from shared.ceiling import FILE_NAME, Origin, fitting, read_ceilings
 from shared.errors import EstimatorError
 from shared.metrics import bootstrap_by_system, r2, relative_accuracy
 from shared.store import DatasetFolder, Records
@@ -204,25 +204,41 @@ def find_ceiling(
 ) -> tuple[CeilingFigures | None, str]:
     """The ceiling of a condition, or None; and a sentence that says which, or why there is none.
 
-    Channels from the clock and inputs are no part of the condition: the ceiling takes them for known.
+    Channels from the clock and inputs are no part of the condition, but for counted persons: the ceiling takes them for
+    known. A dataset without excitation has none: ceilings are computed with it.
 
     Raises
     ------
     ZeroshotError
         If a file that was named cannot be read.
     """
-    where = path or dataset.folder / FILE_NAME
+    where, manifest = path or dataset.folder / FILE_NAME, dataset.manifest
     if path is None and not where.exists():
         return None, f"no ceiling: {where} does not exist; `datagen identifiability` writes one"
     ceilings = read_ceilings(where)
     if ceilings.system_hash != card.system_hash:
         return None, f"no ceiling: {where} is of another system ({ceilings.system_name})"
+    if ceilings.fmu_sha256 != manifest.fmu_sha256:
+        found = f"its fmu_sha256 is {ceilings.fmu_sha256[:12]}, this dataset has {manifest.fmu_sha256[:12]}"
+        return None, f"no ceiling: {where} is of another FMU: {found}"
+    if not manifest.settings.get("excitation", True) and any(i.source == "excitation" for i in dataset.system.inputs):
+        return None, f"no ceiling: {where} holds with excitation; this dataset is without"
     read = [name for name in card.encoding.recorded if name in channels]
-    found = ceilings.find(context_hours=hours, step=card.encoding.step, noise=noise, channels=read)
+    limits = ceilings.find(context_hours=hours, step=card.encoding.step, noise=noise, channels=read)
     condition = f"{hours:g} h, step {card.encoding.step:g} s, noise {noise}, channels {' '.join(read)}"
-    if found is None:
+    if not limits:
         return None, f"no ceiling: {where} has none for {condition}"
-    return CeilingFigures(r2=found.r2, r2_mean=found.r2_mean), f"ceiling for {condition}, over {found.systems} systems"
+    limit, reason = fitting(limits, origin_of(dataset))
+    if limit is None:
+        return None, f"no ceiling: {where}: {reason}"
+    return CeilingFigures(r2=limit.r2, r2_mean=limit.r2_mean), f"ceiling for {condition}, over {limit.systems} systems"
+
+
+def origin_of(dataset: DatasetFolder) -> Origin:
+    """What a dataset's windows are of; datasets of old say nothing of their weather."""
+    experiment, weather = dataset.system.experiment, dataset.manifest.settings.get("weather")
+    known = {str(k): str(v) for k, v in weather.items()} if isinstance(weather, dict) else {}
+    return Origin(start=experiment.start, hours=experiment.hours, weather=known)
 
 
 def check_same_system(card: Card, dataset: DatasetFolder) -> None:

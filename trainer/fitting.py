@@ -30,7 +30,7 @@ from trainer.checkpoint import (
     shape_of,
 )
 from trainer.data import load_records, rows_of
-from trainer.encoding import Encoding, make_encoding, split_channels
+from trainer.encoding import LATER, Encoding, make_encoding, split_channels
 from trainer.missing import LONGEST, Missing
 from trainer.models import build, estimator_class, option_defaults
 from trainer.models.base import Estimator, Recipe
@@ -252,7 +252,7 @@ def take_weights(network: Estimator, encoding: Encoding, earlier: Run) -> str:
     """
     for field in Encoding.model_fields:
         found, expected = getattr(earlier.card.encoding, field), getattr(encoding, field)
-        if found != expected:
+        if found != expected and (found or field not in LATER):
             raise EstimatorError(
                 f"begin_with: {earlier.folder}: {field} is {found!r}; expected {expected!r}, as in this training:"
                 " give the same dataset, channels and contexts"
@@ -271,8 +271,8 @@ def take_weights(network: Estimator, encoding: Encoding, earlier: Run) -> str:
 def settings_of(card: Card, steps: int | None) -> dict[str, Any]:
     """What makes a training this one and no other, as JSON holds it; ``steps`` is None where the budget is minutes."""
     training, encoding = card.training, card.encoding
-    known = (card.training_systems, card.validation_systems, encoding, card.system_hash)
-    digest = hashlib.sha256("".join(k if isinstance(k, str) else k.model_dump_json() for k in known).encode())
+    # what earlier versions did not write must not tell an equal training from theirs
+    known = [k.model_dump_json(exclude=LATER) for k in (card.training_systems, card.validation_systems, encoding)]
     return {
         "model": card.model,
         "options": card.options,
@@ -288,7 +288,7 @@ def settings_of(card: Card, steps: int | None) -> dict[str, Any]:
         "seed": training.seed,
         "begun with": card.begun_with,
         "training systems": len(card.training_systems.indices),
-        "data": digest.hexdigest(),
+        "data": hashlib.sha256("".join([*known, card.system_hash]).encode()).hexdigest(),
     }
 
 

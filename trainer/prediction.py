@@ -12,10 +12,11 @@ from pydantic import BaseModel, ConfigDict
 from shared.errors import EstimatorError, RecordingError
 from shared.netcdf import read_netcdf
 from shared.reading import shown
-from shared.schema import EPOCH
+from shared.schema import Method, method_fault
 from shared.times import recorded_begins, recorded_times
 from trainer.checkpoint import Run, load_run
 from trainer.encoding import Encoding
+from trainer.readings import check_gaps, comparable, date_of
 from trainer.seeds import check_seed
 from trainer.validation import Typical, typical_errors
 
@@ -48,7 +49,7 @@ class Estimate(_Table):
 
 
 class Prediction(_Table):
-    """Parameters of one system, from the window that ends at ``end``."""
+    """Parameters of one system, from the window of the steps from ``begin`` to ``end``."""
 
     system: int | None
     begin: str
@@ -105,7 +106,8 @@ def predict(
     Raises
     ------
     RecordingError
-        If the recording cannot be read, or its channels, units, step, length or values do not fit the run.
+        If the recording cannot be read, or its channels, units, cell methods, step, length or values do not fit the
+        run.
     EstimatorError
         If the run cannot be used, or samples or a figure are wanted and it has no posterior.
     """
@@ -140,7 +142,8 @@ def predict(
     near = NEAR * (high - low)
     predictions = []
     for i, (system, row, moved) in enumerate(zip(window.systems, estimates, window.begins, strict=True)):
-        begin, end = (_date(window.stamps[k] + moved) for k in (0, -1))
+        # a stamp is the end of its step, and so the window begins a step before its first one
+        begin, end = (date_of(stamp + moved) for stamp in (window.stamps[0] - encoding.step, window.stamps[-1]))
         parameters = {
             name: Estimate(
                 value=float(row[k]),
@@ -195,10 +198,6 @@ class Window(NamedTuple):
     absent: list[str]
 
 
-def _date(stamp: float) -> str:
-    return str(np.datetime64(EPOCH, "s") + np.timedelta64(round(stamp), "s"))
-
-
 def read_window(path: Path, encoding: Encoding) -> Window:
     """The last context window of a recording: the longest that it has of those that the run was trained on.
 
@@ -211,33 +210,24 @@ def read_window(path: Path, encoding: Encoding) -> Window:
     stamps = _stamps(path, recording, encoding)
     length = len(stamps)
     absent = [name for name in encoding.optional if name not in recording.data_vars]
+    methods: list[Method] | list[None] = encoding.methods or [None] * len(encoding.recorded)
     series = [
-        np.full(length, np.nan, dtype=np.float32) if name in absent else _channel(path, recording, name, unit)
-        for name, unit in zip(encoding.recorded, encoding.units, strict=True)
+        np.full(length, np.nan, dtype=np.float32) if name in absent else _channel(path, recording, name, unit, method)
+        for name, unit, method in zip(encoding.recorded, encoding.units, methods, strict=True)
     ]
     # a channel that all systems share may come without the dimension system
     values = np.stack(np.broadcast_arrays(*(one[..., -length:] for one in series)), axis=-1)
     for k, name in enumerate(encoding.recorded):
         if name not in absent:
-            _check_gaps(path, name, values[..., k], encoding.largest_gap if k < encoding.outputs else 0.0)
+            check_gaps(path, name, values[..., k], encoding.largest_gap if k < encoding.outputs else 0.0)
     indices: list[int | None] = [None]
     if values.ndim == 3:
         known = "system" in recording.coords and recording["system"].dtype.kind in "iu"
         indices = [int(i) for i in recording["system"].values] if known else list(range(len(values)))
     values = values.reshape(-1, length, len(encoding.recorded))
-    return Window(values, stamps, recorded_begins(path, recording, len(values)), indices, absent)
-
-
-def _check_gaps(path: Path, name: str, values: np.ndarray, largest: float) -> None:
-    """Refuse infinite values, and more missing ones than the share ``largest`` of a window."""
-    bad = ~np.isfinite(values)
-    allowed = int(largest * values.shape[-1])
-    if np.isinf(values).any() or (bad.sum(axis=-1) > allowed).any():
-        raise RecordingError(
-            f"{path}: {name} has {int(bad.sum())} missing or infinite values in its last {values.shape[-1]} samples;"
-            f" expected {f'at most {allowed}' if allowed else 'none'}: fill them first, for example by holding the last"
-            " value"
-        )
+    begins = recorded_begins(path, recording, len(values))
+    values = comparable(path, values, begins[:, None] + stamps, indices, encoding)
+    return Window(values, stamps, begins, indices, absent)
 
 
 def _stamps(path: Path, recording: xr.Dataset, encoding: Encoding) -> np.ndarray:
@@ -256,7 +246,7 @@ def _stamps(path: Path, recording: xr.Dataset, encoding: Encoding) -> np.ndarray
     if len(wrong):
         at = float(window[wrong[0]])
         dated = np.issubdtype(recording["time"].dtype, np.datetime64) and np.isfinite(at)
-        where = _date(at) if dated else f"{at:g} s"
+        where = date_of(at) if dated else f"{at:g} s"
         raise RecordingError(
             f"{path}: its step is {steps[wrong[0]]:g} s after {where};"
             f" the run was trained on steps of {encoding.step:g} s throughout"
@@ -264,8 +254,8 @@ def _stamps(path: Path, recording: xr.Dataset, encoding: Encoding) -> np.ndarray
     return np.asarray(window, dtype=np.float64)
 
 
-def _channel(path: Path, recording: xr.Dataset, name: str, unit: str) -> np.ndarray:
-    """One channel, (time,) or (system, time), in the run's unit."""
+def _channel(path: Path, recording: xr.Dataset, name: str, unit: str, method: Method | None) -> np.ndarray:
+    """One channel, (time,) or (system, time), in the run's unit and of its cell method, where that is known."""
     if name not in recording.data_vars:
         found = ", ".join(str(n) for n, v in recording.data_vars.items() if "time" in v.dims)
         raise RecordingError(f"{path}: has no channel {name!r}, which the run reads; found {found or 'none'}")
@@ -275,6 +265,8 @@ def _channel(path: Path, recording: xr.Dataset, name: str, unit: str) -> np.ndar
         raise RecordingError(f"{path}: {name} has no units; the run expects {unit!r}")
     if not isinstance(units, str) or units != unit:
         raise RecordingError(f"{path}: {name} is in {shown(units)}; the run expects {unit!r}: convert it first")
+    if method is not None and (fault := method_fault(variable.attrs, method, "for the run")):
+        raise RecordingError(f"{path}: {name} {fault}")
     if variable.dims not in (("time",), ("system", "time")):
         raise RecordingError(
             f"{path}: {name} has dimensions ({', '.join(map(str, variable.dims))}); expected (time) or (system, time)"

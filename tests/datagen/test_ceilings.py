@@ -3,8 +3,77 @@
 import numpy as np
 import pytest
 
-from datagen.ceilings import Window, _window, ceilings_of, posterior_variance
+from datagen.ceilings import HOUR, SPIN_UP_HOURS, Window, _window, ceilings_of, identifiability, posterior_variance
+from datagen.package import weather_hashes
+from datagen.sampling import record_start
+from shared.ceiling import Ceilings
 from shared.errors import SystemDescriptionError
+from shared.system import parse_system
+
+HOUSE = """
+schema_version = 1
+name = "House"
+fmu = "{fmu}"
+[experiment]
+hours = 48.0
+[estimator]
+channels = ["room"]
+[[parameters]]
+name = "ro"
+unit = "K/kW"
+min = 4.0
+max = 12.0
+[[parameters]]
+name = "ri"
+unit = "K/kW"
+min = 0.2
+max = 1.0
+[[inputs]]
+name = "To"
+unit = "degC"
+source = "constant"
+value = 5.0
+{readers}
+[[outputs]]
+name = "room"
+variable = "Y"
+unit = "degC"
+accuracy = 0.01
+noise.sensor = {{ sd = 0.05 }}
+[occupancy]
+headcount = [2, 12]
+arrival = [7.0, 9.0]
+duration = [8.0, 10.0]
+jitter = 0.3
+attendance = [0.5, 1.0]
+gaps = [1, 1]
+gap_duration = [0.5, 1.0]
+gap_share = [0.5, 1.0]
+absence = 0.05
+weekend = 0.9
+"""
+
+
+@pytest.fixture
+def house(small_fmu):
+    """``house("N", "P")``: a house whose inputs of these names, in this order, are the persons in it."""
+    fmu = small_fmu("house", attributes='canHandleVariableCommunicationStepSize="true"')
+    units = {"N": "1", "P": "kW", "S": "kW/m2"}
+
+    def make(*readers):
+        tables = [(name, 'source = "occupancy"') for name in readers]
+        tables += [(name, 'source = "constant"\nvalue = 0.0') for name in units if name not in readers]
+        text = "\n".join(f'[[inputs]]\nname = "{name}"\nunit = "{units[name]}"\n{source}' for name, source in tables)
+        return parse_system(HOUSE.format(fmu=fmu.as_posix(), readers=text), fmu.parent / "house.toml")
+
+    return make
+
+
+SHORT = {"context": 24.0, "noise": "sensor", "systems": 2}
+
+
+def limits(found):
+    return np.array(list(found.r2.values()))
 
 
 def random_window(system, rng, steps=12, states=3, pulses=5):
@@ -84,3 +153,67 @@ def test_a_channel_that_is_not_there_is_refused_by_name(default_system):
     conditions = [("none", ["TRoo", "TDryBul"]), ("none", ["TRoo", "C02", "time_of_day"])]
     with pytest.raises(SystemDescriptionError, match=r"\['C02', 'time_of_day'\] are neither .*'TRoo', .*'TDryBul'"):
         ceilings_of(default_system, contexts=[24.0], conditions=conditions, systems=1)
+
+
+def test_windows_lie_in_the_records_that_the_farm_makes(default_system, monkeypatch):
+    july = default_system.with_experiment(hours=720.0, start=(4344.0, 4700.0))
+    spans = []
+
+    def stopped(*_, start, stop, **__):
+        spans.append((start + SPIN_UP_HOURS * HOUR, stop))
+        raise InterruptedError
+
+    monkeypatch.setattr("datagen.ceilings.build_inputs", stopped)
+    for index in range(30):
+        with pytest.raises(InterruptedError):
+            _window(july, 24.0, 3, index)
+    first = np.array([record_start(july, 3, index) for index in range(30)])
+    begin, end = np.array(spans).T
+    assert first.min() >= 4344 * HOUR
+    assert (end - begin == 24 * HOUR).all()
+    assert (begin >= first).all() and (end <= first + 720 * HOUR).all()
+    assert (begin - first).max() > 480 * HOUR > 240 * HOUR > (begin - first).min()
+
+
+def test_it_is_written_down_what_the_windows_were_of(house, default_system, monkeypatch):
+    found = identifiability(house("N").with_experiment(start=(4344.0, 4700.0)), **{**SHORT, "systems": 1}).origin
+    assert (found.start, found.hours, found.weather) == ((4344.0, 4700.0), 48.0, {})
+    longer = identifiability(house("N"), **{**SHORT, "context": 72.0, "systems": 1}).origin
+    assert longer.hours == 72.0
+    window = random_window(default_system, np.random.default_rng(0))
+    monkeypatch.setattr("datagen.ceilings._windows", lambda *_: iter([window]))
+    assert identifiability(default_system).origin.weather == weather_hashes(default_system)
+
+
+def test_one_crowd_however_many_inputs_read_it(house):
+    """Persons come into all of the inputs at once: the order of the inputs says nothing, and neither does one alone."""
+    both, swapped = (identifiability(house(*names), **SHORT) for names in (("N", "P"), ("P", "N")))
+    np.testing.assert_allclose(limits(both), limits(swapped), rtol=1e-9)
+    window = _window(house("N", "P"), 24.0, 1, 0)
+    alone = _window(house("N"), 24.0, 1, 0)
+    # q = 0.1 kW a person by way of N, and 1 kW by way of P; the house is linear in them
+    np.testing.assert_allclose(window.occupancy, 11 * alone.occupancy, rtol=1e-4, atol=1e-6)
+
+
+def test_counted_persons_are_known(house):
+    system = house("N", "P")
+    conditions = [("sensor", channels) for channels in (["room"], ["room", "N"], ["room", "P"], ["room", "To"])]
+    found = ceilings_of(system, contexts=[24.0], conditions=conditions, systems=2)
+    unknown, counted, other, constant = (limits(one) for one in found)
+    assert (counted > unknown + 0.02).any() and (counted >= unknown - 1e-9).all()
+    np.testing.assert_array_equal(other, counted)
+    np.testing.assert_array_equal(constant, unknown)
+    window = _window(system, 24.0, 1, 0)
+    bare = Window(window.parameters, window.states, window.occupancy[:, :, :0], np.empty((0, 0)), window.visited)
+    sd = window.visited.std(axis=0)
+    np.testing.assert_array_equal(
+        posterior_variance(system, window, sd, "sensor", ["room", "N"]),
+        posterior_variance(system, bare, sd, "sensor", ["room"]),
+    )
+    kept = Ceilings(system_name="House", system_hash="a", fmu_sha256="b", outputs=["room"], nuisances=["N", "P"])
+    for one in [*found, *found]:
+        kept.put(one)
+    assert kept.ceilings == [found[2], found[3]]  # the others are the same conditions by other names
+    condition = {"context_hours": 24.0, "step": 3600.0, "noise": "sensor"}
+    assert kept.find(**condition, channels=["N", "room"]) == [found[2]]
+    assert kept.find(**condition, channels=["room"]) == [found[3]]

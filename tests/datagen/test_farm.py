@@ -11,6 +11,7 @@ from datagen import info, run, simulate, verify
 from datagen.sampling import sample_parameters
 from datagen.worker import Job, simulate_shard
 from diagnosis.recording import read_recording
+from shared.ceiling import Origin, read_ceilings, write_ceilings
 from shared.errors import DatasetError, SystemDescriptionError
 from shared.store import DatasetFolder, read_manifest, write_manifest
 from shared.system import parse_system
@@ -178,16 +179,53 @@ def test_systems_that_fail_are_quarantined_with_their_cause(default_system, tmp_
     json.dumps(failure)
 
 
+def nothing_simulated(monkeypatch):
+    monkeypatch.setattr("datagen.farm._check_live", lambda *_: None)
+    monkeypatch.setattr("datagen.farm.missing", lambda *_, **__: iter(()))
+
+
 @pytest.mark.parametrize("excitation", [True, False])
 def test_ceilings_with_excitation_are_not_put_beside_data_without(
     default_system, tmp_path, monkeypatch, caplog, excitation
 ):
-    monkeypatch.setattr("datagen.farm._check_live", lambda *_: None)
-    monkeypatch.setattr("datagen.farm.missing", lambda *_, **__: iter(()))  # nothing to simulate
-    run(default_system, tmp_path, excitation=excitation, **SIZE)
+    nothing_simulated(monkeypatch)
+    run(default_system, tmp_path, excitation=excitation, preset="many-rooms", **{**SIZE, "hours": None})
     assert (tmp_path / "identifiability.json").exists() == excitation
     said = f"{default_system.path.parent / 'identifiability.json'}: not copied: its ceilings hold with excitation"
     assert (said in caplog.text) != excitation
+
+
+@pytest.mark.parametrize(
+    ("size", "season"),
+    [
+        ({"hours": 336.0}, "hours 0 to 336 of the year"),
+        ({"preset": "paper-week"}, "hours 0 to 168 of the year"),
+        ({"preset": "many-rooms"}, None),
+        ({"preset": "paper-year"}, None),
+        ({}, None),
+    ],
+)
+def test_ceilings_of_another_season_are_not_put_beside_data(
+    default_system, tmp_path, monkeypatch, caplog, size, season
+):
+    nothing_simulated(monkeypatch)
+    run(default_system, tmp_path, systems=6, quiet=True, **size)
+    assert (tmp_path / "identifiability.json").exists() == (season is None)
+    assert (f"not copied: it is of the whole year; this dataset is of {season}" in caplog.text) == (season is not None)
+
+
+def test_ceilings_of_other_weather_are_not_put_beside_data(default_system, tmp_path, monkeypatch, caplog):
+    nothing_simulated(monkeypatch)
+    (file,) = default_system.weather.files
+    beside = default_system.model_copy(update={"path": tmp_path / "system.toml", "fmu": str(default_system.fmu_path)})
+    known = read_ceilings(default_system.path.parent / "identifiability.json")
+    origin = Origin(start=(0.0, 0.0), hours=8760.0, weather={file: "f" * 64})
+    known.system_hash = beside.hash()
+    known.ceilings = [one.model_copy(update={"origin": origin}) for one in known.ceilings]
+    write_ceilings(tmp_path / "identifiability.json", known)
+    run(beside, tmp_path / "ds", systems=6, quiet=True)
+    assert not (tmp_path / "ds" / "identifiability.json").exists()
+    assert f"not copied: it is of weather {file} with sha256 ffffffffffff; this dataset's has " in caplog.text
 
 
 def test_unknown_parameter_is_a_sentence(default_system):

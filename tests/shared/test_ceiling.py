@@ -1,8 +1,8 @@
-"""Ceilings are found for their own condition only."""
+"""Ceilings are found for their own condition only, and hold for their own season and weather."""
 
 import pytest
 
-from shared.ceiling import Ceiling, Ceilings, read_ceilings, write_ceilings
+from shared.ceiling import Ceiling, Ceilings, Origin, fitting, read_ceilings, write_ceilings
 from shared.errors import ZeroshotError
 
 
@@ -29,12 +29,14 @@ def ceilings():
     )
 
 
+JULY = Origin(start=(4344.0, 4344.0), hours=720.0, weather={"a.csv": "1" * 64})
+YEAR = Origin(start=(0.0, 0.0), hours=8760.0)
 CONDITION = {"context_hours": 168.0, "step": 3600.0, "noise": "none", "channels": ["C", "T"]}
 
 
 def test_found_whatever_the_order_and_the_known_inputs(ceilings):
-    assert ceilings.find(**CONDITION) is ceilings.ceilings[0]
-    assert ceilings.find(**{**CONDITION, "channels": ["T", "weather", "C", "time_of_day"]}) is ceilings.ceilings[0]
+    assert ceilings.find(**CONDITION) == ceilings.ceilings
+    assert ceilings.find(**{**CONDITION, "channels": ["T", "weather", "C", "time_of_day"]}) == ceilings.ceilings
 
 
 @pytest.mark.parametrize(
@@ -42,15 +44,65 @@ def test_found_whatever_the_order_and_the_known_inputs(ceilings):
     [{"context_hours": 24.0}, {"step": 300.0}, {"noise": "sensor"}, {"channels": ["T"]}, {"channels": ["T", "C", "n"]}],
 )
 def test_not_found_for_another_condition(ceilings, change):
-    assert ceilings.find(**{**CONDITION, **change}) is None
+    assert ceilings.find(**{**CONDITION, **change}) == []
 
 
 def test_put_replaces_and_file_round_trips(ceilings, tmp_path):
     ceilings.put(ceiling(r2_mean=0.5))
-    ceilings.put(ceiling(noise="sensor"))
+    ceilings.put(ceiling(noise="sensor", origin=JULY))
     assert [c.r2_mean for c in ceilings.ceilings] == [0.5, 0.9]
     write_ceilings(tmp_path / "c.json", ceilings)
     assert read_ceilings(tmp_path / "c.json") == ceilings
+
+
+def test_a_counted_nuisance_is_a_condition_of_its_own(ceilings):
+    counted = {**CONDITION, "channels": ["T", "C", "n"]}
+    for value in (0.94, 0.95):
+        ceilings.put(ceiling(channels=["T", "C", "n"], r2_mean=value, origin=YEAR))
+    assert [c.r2_mean for c in ceilings.find(**counted)] == [0.95]
+    assert [c.r2_mean for c in ceilings.find(**CONDITION)] == [0.9]
+
+
+def test_a_counted_nuisance_of_an_older_file_is_not_believed(ceilings):
+    """Such limits were computed as though it was unknown."""
+    ceilings.ceilings += [ceiling(channels=["T", "C", "n"]), ceiling(channels=["n", "T", "C"])]
+    assert ceilings.find(**{**CONDITION, "channels": ["T", "C", "n"]}) == []
+    ceilings.put(ceiling(channels=["T", "C", "n"], origin=YEAR))
+    assert [c.channels for c in ceilings.ceilings] == [["T", "C"], ["T", "C", "n"]]
+    assert len(ceilings.find(**{**CONDITION, "channels": ["T", "C", "n"]})) == 1
+
+
+def test_seasons_stand_beside_each_other(ceilings):
+    for origin, value in ((JULY, 0.6), (YEAR, 0.8), (JULY, 0.7)):
+        ceilings.put(ceiling(origin=origin, r2_mean=value))
+    assert [c.r2_mean for c in ceilings.find(**CONDITION)] == [0.8, 0.7]  # of the year, also in place of the old one
+    assert fitting(ceilings.ceilings, JULY)[0].r2_mean == 0.7
+    assert fitting(ceilings.ceilings, YEAR)[0].r2_mean == 0.8
+    other = JULY.model_copy(update={"weather": {"a.csv": "2" * 64}})
+    said = "it is of weather a.csv with sha256 111111111111; this dataset's has 222222222222"
+    assert fitting(ceilings.ceilings, other) == (None, said)
+    assert fitting([], YEAR) == (None, "it has none")
+
+
+@pytest.mark.parametrize(
+    ("start", "hours"),
+    [((0.0, 0.0), 8760.0), ((0.0, 8760.0), 720.0), ((0.0, 8040.0), 720.0), ((24.0, 24.0), 8736.0), ((0.0, 0.0), 2e4)],
+)
+def test_a_whole_year_is_one_season_however_it_is_recorded(start, hours):
+    whole = Origin(start=start, hours=hours)
+    assert whole.season() is None
+    assert fitting([ceiling()], whole)[1] == ""  # an older file, which does not say
+
+
+def test_another_season_is_a_sentence():
+    january, later = (Origin(start=(first, first), hours=336.0) for first in (0.0, 8760.0))
+    assert january.season() == later.season() == (0.0, 336.0)
+    reason = fitting([ceiling()], january)[1]
+    assert reason == "it is of the whole year; this dataset is of hours 0 to 336 of the year"
+    turn = Origin(start=(8424.0, 8592.0), hours=336.0)
+    assert (
+        turn.unlike(january) == "it is of hours 8424 to 8928 of the year; this dataset is of hours 0 to 336 of the year"
+    )
 
 
 def test_files_that_are_none(tmp_path):

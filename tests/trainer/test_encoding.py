@@ -1,3 +1,5 @@
+import json
+
 import numpy as np
 import pytest
 import torch
@@ -5,8 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shared.errors import EstimatorError
+from shared.schema import methods_of
 from shared.store import Records
-from trainer.encoding import clock_columns, make_encoding, split_channels
+from shared.system import load_system
+from trainer.checkpoint import load_run
+from trainer.encoding import LATER, Encoding, clock_columns, make_encoding, split_channels
+from trainer.fitting import fit
 
 from .conftest import tank_system
 
@@ -49,7 +55,8 @@ def test_a_channel_that_does_not_vary_is_encoded_as_zero(data):
     values, parameters = data
     encoding = make_encoding(tank_system(), records(0 * values + 420.0, parameters), [], 10, np.arange(5))
     windows = encoding.encode(torch.full((2, 10, 1), 420.0), torch.zeros(2, dtype=torch.float64))
-    assert encoding.sd == [1.0]
+    assert (encoding.sd, encoding.constant) == ([1.0], ["level"])
+    assert make_encoding(tank_system(), records(values, parameters), [], 10, np.arange(5)).constant == []
     assert torch.equal(windows, torch.zeros(2, 10, 1))
 
 
@@ -105,3 +112,47 @@ def test_channels_are_sorted_into_recorded_and_derived():
 def test_wrong_channels_are_refused(channels, sentence):
     with pytest.raises(EstimatorError, match=sentence):
         split_channels(tank_system(), channels)
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"methods": ["point", "mean"]}, "methods: has 2 values; expected 1, or none"),
+        ({"methods": ["maximum"]}, "'point' or 'mean'"),
+        ({"constant": ["glow"]}, "constant: 'glow' is not known; expected one of level"),
+    ],
+)
+def test_what_a_card_says_of_its_channels_goes_together(data, change, sentence):
+    encoding = make_encoding(tank_system(), records(*data), [], 10, np.arange(5))
+    assert encoding.methods == ["point"]
+    earlier = encoding.model_dump(exclude=LATER)
+    assert Encoding.model_validate(earlier).methods == Encoding.model_validate(earlier).constant == []
+    with pytest.raises(ValueError, match=sentence):
+        Encoding.model_validate(earlier | change)
+
+
+def test_a_run_of_an_earlier_version_is_begun_with_and_resumed(tanks, tmp_path):
+    """It says nothing of methods and constant channels: so nothing of them differs."""
+    options = {"width": 16, "layers": 1, "heads": 2, "feedforward": 32}
+    settings = {"options": options, "channels": ["level", "valve"], "steps": 2}
+    run = fit(tanks, tmp_path / "run", **settings)
+    path = tmp_path / "run" / "estimator.json"
+    card = json.loads(path.read_text())
+    assert (card["encoding"]["methods"], card["encoding"]["constant"]) == (["point", "point"], ["valve"])
+    for name in LATER:
+        del card["encoding"][name]
+    path.write_text(json.dumps(card))
+    assert fit(tanks, tmp_path / "run", resume=True, **settings).card.weights_sha256 == run.card.weights_sha256
+    assert "methods" not in json.loads(path.read_text())["encoding"]  # it was left as it is
+    again = fit(tanks, tmp_path / "again", begin_with=tmp_path / "run", **settings)
+    assert again.card.begun_with == run.card.weights_sha256
+    card["encoding"]["methods"] = ["mean", "point"]
+    path.write_text(json.dumps(card))
+    with pytest.raises(EstimatorError, match=r"run: methods is \['mean', 'point'\]; expected \['point', 'point'\]"):
+        fit(tanks, tmp_path / "other", begin_with=tmp_path / "run", **settings)
+
+
+def test_the_shipped_estimator_knows_its_means_from_its_instants():
+    encoding, methods = load_run("MixedAirCO2").card.encoding, methods_of(load_system("MixedAirCO2"))
+    assert encoding.methods == [methods[name] for name in encoding.recorded]
+    assert [name for name in encoding.recorded if methods[name] == "mean"] == ["QHea", "mOA", "TSet"]

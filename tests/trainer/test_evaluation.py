@@ -5,7 +5,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from shared.ceiling import Ceiling, Ceilings, write_ceilings
+from shared.ceiling import Ceiling, Ceilings, Origin, write_ceilings
 from shared.errors import DatasetError, EstimatorError, ZeroshotError
 from shared.store import DatasetFolder
 from trainer.checkpoint import Run, Systems
@@ -122,8 +122,11 @@ def test_the_files_say_what_was_found(own_ridge, tanks):
     assert matplotlib.image.imread(own_ridge / "scatter.png").shape[1] > 400
 
 
+TANKS = Origin(start=(0.0, 0.0), hours=240.0)
+
+
 def ceilings_for(run, **changes):
-    fields = {"context_hours": 24.0, "step": 1800.0, "noise": "none", "channels": ["level"]} | changes
+    fields = {"context_hours": 24.0, "step": 1800.0, "noise": "none", "channels": ["level"], "origin": TANKS} | changes
     limit = Ceiling(
         **fields,
         r2={"tank.drain": 0.99, "tank.fill": 0.98},
@@ -163,10 +166,63 @@ def test_the_ceiling_of_another_condition_is_not(ridge_run, tanks, tmp_path, cha
     assert "none for 24 h, step 1800 s, noise none, channels level" in found.ceiling_note
 
 
-def test_a_measured_nuisance_has_no_ceiling(tanks, tmp_path):
+def test_a_measured_nuisance_has_a_ceiling_of_its_own(ridge_run, tanks, tmp_path):
     run = fit(tanks, tmp_path / "run", model="mean", channels=["level", "valve"])
-    write_ceilings(tmp_path / "limits.json", ceilings_for(run))
-    assert evaluate(run, tanks, windows=20, ceiling=tmp_path / "limits.json").ceiling is None
+    path = tmp_path / "limits.json"
+    write_ceilings(path, ceilings_for(run))
+    assert evaluate(run, tanks, windows=20, ceiling=path).ceiling is None
+    write_ceilings(path, ceilings_for(run, channels=["level", "valve"]))
+    assert evaluate(run, tanks, windows=20, ceiling=path).ceiling.r2_mean == 0.985
+    assert evaluate(ridge_run, tanks, windows=20, ceiling=path, out=tmp_path).ceiling is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"origin": None}, "it is of the whole year; this dataset is of hours 0 to 240 of the year"),
+        ({"origin": Origin(start=(4344.0, 4344.0), hours=240.0)}, "it is of hours 4344 to 4584 of the year; this "),
+        ({"origin": TANKS.model_copy(update={"weather": {"a.csv": "1" * 64}})}, "it is of weather a.csv with "),
+        ({"origin": TANKS.model_copy(update={"weather": {"b.csv": "1" * 64}})}, None),
+    ],
+)
+def test_the_ceiling_of_another_season_or_weather_is_not_shown(tmp_path, changes, said):
+    january = make_dataset(tmp_path / "ds", systems=20, settings={"weather": {"a.csv": "2" * 64}})
+    run = fit(january, tmp_path / "run", model="mean")
+    path = tmp_path / "limits.json"
+    write_ceilings(path, ceilings_for(run, **changes))
+    found = evaluate(run, january, windows=20, ceiling=path, out=tmp_path)
+    assert (found.ceiling is None) == (said is not None)
+    assert found.ceiling_note.startswith(f"no ceiling: {path}: {said}" if said else "ceiling for 24 h")
+
+
+def test_the_ceiling_of_another_fmu_is_not_shown(ridge_run, tanks, tmp_path):
+    other = ceilings_for(ridge_run).model_copy(update={"fmu_sha256": "f" * 64})
+    write_ceilings(tmp_path / "limits.json", other)
+    found = evaluate(ridge_run, tanks, windows=20, ceiling=tmp_path / "limits.json", out=tmp_path)
+    assert found.ceiling is None
+    assert "is of another FMU: its fmu_sha256 is ffffffffffff, this dataset has 000000000000" in found.ceiling_note
+
+
+EXCITED = (
+    TANK.replace('source = "constant"\nvalue = 1.0', 'source = "excitation"\nexcitation = "pump"')
+    + """
+[excitations.pump]
+components = [{ amplitude = 1.0, period = 5.0, phase = 0.0 }]
+"""
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "excitation", "shown"), [(EXCITED, False, False), (EXCITED, True, True), (TANK, False, True)]
+)
+def test_ceilings_with_excitation_are_not_shown_for_data_without(tmp_path, text, excitation, shown):
+    made = make_dataset(tmp_path / "ds", text=text, systems=20, settings={"excitation": excitation})
+    run = fit(made, tmp_path / "run", model="mean")
+    path = tmp_path / "limits.json"
+    write_ceilings(path, ceilings_for(run))
+    found = evaluate(run, made, windows=20, ceiling=path, out=tmp_path)
+    assert (found.ceiling is not None) == shown
+    assert (found.ceiling_note == f"no ceiling: {path} holds with excitation; this dataset is without") != shown
 
 
 def test_without_a_ceiling_a_sentence_says_why(ridge_run, tanks, tmp_path):

@@ -1,11 +1,17 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 import xarray as xr
 
 from shared.errors import RecordingError
-from shared.store import DatasetFolder
+from shared.store import DatasetFolder, Records
+from trainer.encoding import make_encoding
 from trainer.fitting import fit
-from trainer.prediction import predict
+from trainer.prediction import predict, read_window
+from trainer.readings import comparable
+
+from .conftest import TANK, tank_system
 
 
 @pytest.fixture
@@ -42,8 +48,8 @@ def test_one_recording_uses_its_last_window(ridge_run, recording, tmp_path, tank
     assert len(found) == 1
     one = found[0]
     assert one.system is None
-    # samples 53 to 100 of half an hour each
-    assert (one.begin, one.end) == ("2001-01-02T02:30:00", "2001-01-03T02:00:00")
+    # samples 53 to 100 of half an hour each, stamped at their ends
+    assert (one.begin, one.end) == ("2001-01-02T02:00:00", "2001-01-03T02:00:00")
     truth = DatasetFolder(tanks).load().parameters[4]
     assert one.parameters["tank.fill"].value == pytest.approx(truth[1], rel=0.1)
     assert one.parameters["tank.fill"].unit == "m"
@@ -58,12 +64,12 @@ def test_the_calendar_of_the_recording_does_not_matter(ridge_run, recording, tmp
     # 2024 began on a Monday as well
     later = recording.assign_coords(time=recording.time + (np.datetime64("2024-01-01") - np.datetime64("2001-01-01")))
     two = predict(ridge_run, write(later, tmp_path / "b.nc")).predictions[0]
-    assert two.begin == "2024-01-02T02:30:00"
+    assert two.begin == "2024-01-02T02:00:00"
     assert two.parameters["tank.fill"].value == pytest.approx(one.parameters["tank.fill"].value, rel=1e-6)
 
 
 def test_an_estimate_at_the_end_of_its_range_is_marked(ridge_run, recording, tmp_path):
-    recording["level"] = recording["level"].copy(data=recording["level"].values * 50)
+    recording["level"] = recording["level"].copy(data=recording["level"].values * 5)
     one = predict(ridge_run, write(recording, tmp_path / "r.nc")).predictions[0]
     assert one.parameters["tank.fill"].value == pytest.approx(4.0)
     assert one.parameters["tank.fill"].at_bound
@@ -88,6 +94,21 @@ def numbered(r):
     return r.assign_coords(time=np.arange(100.0))
 
 
+def averaged(r):
+    r["level"].attrs["cell_methods"] = "area: mean time: mean (interval: 30 minutes)"
+    return r
+
+
+def highest(r):
+    r["level"].attrs["cell_methods"] = "time: maximum"
+    return r
+
+
+def with_a_code(r):
+    r["level"][[60, 90]] = -9999.0
+    return r
+
+
 def with_more_dimensions(r):
     return r.expand_dims("room")
 
@@ -98,6 +119,14 @@ def with_more_dimensions(r):
         (without_units, "level has no units; the run expects 'm'"),
         (in_other_units, "level is in 'cm'; the run expects 'm': convert it first"),
         (with_holes, "level has 2 missing or infinite values in its last 48 samples"),
+        (averaged, r"level is a mean over each step \(its cell_methods\); for the run it is an instant at each step's"),
+        (highest, "level is the maximum of each step"),
+        (
+            with_a_code,
+            r"r\.nc: level is -9999 m at 2001-01-02T06:30:00, \d{5} standard deviations from the mean of the run's"
+            r" training \([\d.]+ m, standard deviation [\d.]+ m\); expected at most 30: declare a code for a missing"
+            r" reading missing \(NaN\)",
+        ),
         (numbered, "time has no units; expected for example 'seconds since 2001-01-01 00:00:00'"),
         (with_more_dimensions, r"level has dimensions \(room, time\); expected \(time\) or \(system, time\)"),
         (lambda r: r.rename(level="height"), "has no channel 'level', which the run reads; found height"),
@@ -167,3 +196,69 @@ def test_a_shards_records_have_their_own_beginning(ridge_run, shard, tmp_path):
     moved = moved.assign_attrs(zeroshot_schema_version="2.0")
     found = predict(ridge_run, write(moved, tmp_path / "r.nc")).predictions
     assert [one.end for one in found[:2]] == ["2001-01-11T00:00:00", "2001-01-12T00:00:00"]
+
+
+def test_only_a_cell_method_that_is_stated_and_known_is_held_against_the_run(ridge_run, recording, tmp_path):
+    one = predict(ridge_run, write(recording, tmp_path / "point.nc")).predictions
+    del recording["level"].attrs["cell_methods"]
+    assert predict(ridge_run, write(recording, tmp_path / "unstated.nc")).predictions == one
+    recording["level"].attrs["cell_methods"] = "time: mean"
+    earlier = ridge_run.card.encoding.model_copy(update={"methods": []})
+    assert read_window(write(recording, tmp_path / "mean.nc"), earlier).values.shape == (1, 48, 1)
+
+
+def test_an_input_that_holds_over_a_step_is_a_mean(tanks, recording, tmp_path):
+    text = TANK.replace("value = 1.0", 'value = 1.0\ninterpolation = "previous"')
+    encoding = make_encoding(tank_system(text), DatasetFolder(tanks).load(["level", "valve"]), [], 48, np.arange(5))
+    assert encoding.methods == ["point", "mean"]
+    valve = ("time", np.ones(100), {"units": "1", "cell_methods": "time: point"})
+    with pytest.raises(
+        RecordingError, match=r"valve is an instant at each step's end .* for the run it is a mean over"
+    ):
+        read_window(write(recording.assign(valve=valve), tmp_path / "r.nc"), encoding)
+
+
+def test_the_first_impossible_reading_is_named_with_its_system(ridge_run, shard, tmp_path):
+    level = shard["level"].values
+    mean, sd = ridge_run.card.encoding.mean[0], ridge_run.card.encoding.sd[0]
+    level[3, -2:] = mean + 29.9 * sd  # unheard of, but neither a code nor another unit
+    assert predict(ridge_run, write(shard, tmp_path / "high.nc")).predictions
+    level[7, -40], level[7, -1], level[9, -48] = mean + 30.1 * sd, 999.0, 999.0
+    told = rf"level of system 7 is {mean + 30.1 * sd:g} m at 2001-01-10T04:30:00, 30 standard deviations"
+    with pytest.raises(RecordingError, match=told):
+        predict(ridge_run, write(shard, tmp_path / "higher.nc"))
+
+
+def test_a_channel_that_never_varied_in_training_must_stay_as_it_was(tanks, recording, tmp_path):
+    run = fit(tanks, tmp_path / "run", model="ridge", channels=["level", "valve"], steps=2)
+    assert run.card.encoding.constant == ["valve"]
+
+    def read(opening):
+        valve = np.ones(100)
+        valve[70:] = opening
+        return write(recording.assign(valve=("time", valve, {"units": "1"})), tmp_path / f"{opening}.nc")
+
+    told = "valve is 0.5 at 2001-01-02T11:30:00; in the run's training it was 1 throughout, so that the run cannot tell"
+    with pytest.raises(RecordingError, match=told):
+        predict(run, read(0.5))
+    with pytest.raises(RecordingError, match=r"valve is 0\.998 at"):
+        predict(run, read(0.998))
+    # a rounding changes nothing, not even a little
+    assert predict(run, read(1.0005)).predictions == predict(run, read(1.0)).predictions
+    earlier = run.card.encoding.model_copy(update={"constant": []})
+    assert read_window(read(0.5), earlier).values[0, -1, 1] == 0.5
+
+
+def test_a_constant_channel_at_zero_stays_there_and_may_have_gaps():
+    system = tank_system()
+    values = np.zeros((3, 1, 20), np.float32)
+    records = Records(["level"], values, np.full((3, 2), 3.0), np.arange(3), np.zeros(3, np.int8), np.arange(1, 21.0))
+    encoding = make_encoding(system, records, [], 4, np.arange(3))
+    window = np.array([[0.0, np.nan, 0.0, 0.0]], np.float32)[..., None]
+    times = 1800.0 * np.arange(1, 5)[None]
+    read = comparable(Path("r.nc"), window, times, [None], encoding)
+    np.testing.assert_array_equal(read, window)
+    with pytest.raises(
+        RecordingError, match="level is 1e-06 m at 2001-01-01T02:00:00; in the run's training it was 0 m"
+    ):
+        comparable(Path("r.nc"), window + np.float32([0, 0, 0, 1e-6])[:, None], times, [None], encoding)
