@@ -8,9 +8,10 @@ from diagnosis.gap.schema import NamedEffect, Report
 from diagnosis.gap.stages import LEVEL
 
 CHECKED = (
-    "In the last two blind checks, of versions close to this one and 400 one-week recordings of the default room, 123"
-    " of 152 answers that named effects held a true cause (38 of 49 with replayed actuators), and 74 of 95 detectable"
-    " effects were in the answer; of 80 recordings without any effect four raised an alarm."
+    "In the last three blind checks, of versions close to this one and 600 one-week recordings of the default room,"
+    " 178 of 220 answers that named effects held a true cause (55 of 71 with replayed actuators), and 107 of 138"
+    " detectable effects were in the answer; half of the answers of none of these were right; of 120 recordings without"
+    " any effect nine raised an alarm."
 )
 
 
