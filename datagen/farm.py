@@ -258,6 +258,6 @@ def _copy_ceilings(system: System, folder: Path, *, excitation: bool) -> None:
         origin = Origin(start=experiment.start, hours=experiment.hours, weather=weather_hashes(system))
         limit, reason = fitting(ceilings.ceilings, origin)
         if limit is None:
-            _log.warning("%s: not copied: %s", beside, reason)
+            _log.info("%s: not copied: %s", beside, reason)  # nothing is wrong with the dataset
             return
         write_atomically(folder / CEILING_FILE, beside.read_bytes())

@@ -209,6 +209,7 @@ def test_ceilings_of_another_season_are_not_put_beside_data(
     default_system, tmp_path, monkeypatch, caplog, size, season
 ):
     nothing_simulated(monkeypatch)
+    caplog.set_level("INFO", "zeroshot")
     run(default_system, tmp_path, systems=6, quiet=True, **size)
     assert (tmp_path / "identifiability.json").exists() == (season is None)
     assert (f"not copied: it is of the whole year; this dataset is of {season}" in caplog.text) == (season is not None)
@@ -216,6 +217,7 @@ def test_ceilings_of_another_season_are_not_put_beside_data(
 
 def test_ceilings_of_other_weather_are_not_put_beside_data(default_system, tmp_path, monkeypatch, caplog):
     nothing_simulated(monkeypatch)
+    caplog.set_level("INFO", "zeroshot")
     (file,) = default_system.weather.files
     beside = default_system.model_copy(update={"path": tmp_path / "system.toml", "fmu": str(default_system.fmu_path)})
     known = read_ceilings(default_system.path.parent / "identifiability.json")
