@@ -95,15 +95,17 @@ def decide(search: Search, where_p: float, where_left_p: float) -> Decision:
     share = search.share_left
     mistaken = mistaken_by(share, rejected) if search.chosen else 1.0
     none, nothing = OUTSIDE * mistaken, AFTER_ALL * mistaken
-    even = (mistaken - none - nothing) / max(len(first.lin.effects), 1)
-    probabilities = {one.name: even for one in first.lin.effects}
+    tried = [one.name for one in first.lin.effects if one.name not in search.excluded]  # others are no candidates here
+    even = (mistaken - none - nothing) / max(len(tried), 1)
+    probabilities = dict.fromkeys(tried, even)
     sets = []
     for k, refits in enumerate(search.refits):
         later = [ones[0].names[-1] for ones in search.refits[k + 1 :]]
         chance = weighed(search.stages[k], refits, search.stages[k + 1], tried=search.tried[k], later=later)
         sets.append(named(chance, refits[0].names[-1]))
         for name, p in chance.items():
-            probabilities[name] = max(probabilities.get(name, 0.0), (1 - mistaken) * p + even)
+            own = (1 - mistaken) * p + (even if name in tried else 0.0)
+            probabilities[name] = max(probabilities.get(name, 0.0), own)
     if mistaken > 0.5:
         return Decision("none_of_these", probabilities, none, nothing, mistaken, (), (), rejected)
     verdict: Verdict = "effect" if all(len(one) == 1 for one in sets) else "ambiguous"

@@ -47,7 +47,14 @@ def searched(stages, made, confirmed=True):
     share = stages[-1].left_over / max(stages[0].left_over, 1.0)
     chosen = stages[-1].lin.chosen
     return SimpleNamespace(
-        stages=stages, refits=made, tried=made, last=stages[-1], chosen=chosen, share_left=share, confirmed=confirmed
+        stages=stages,
+        refits=made,
+        tried=made,
+        last=stages[-1],
+        chosen=chosen,
+        share_left=share,
+        confirmed=confirmed,
+        excluded={},
     )
 
 
@@ -115,6 +122,15 @@ def test_a_rejected_answer_is_less_sure_the_more_is_left(left_over):
     other = 1 / (1 + np.exp(-(left_over / 100 - HALF) / STEEP))
     assert done.mistaken == pytest.approx(LEAST + (1 - LEAST) * other)
     assert (done.verdict == "none_of_these") is (done.mistaken > 0.5) is (done.named == ())
+    whole(done)
+
+
+def test_a_candidate_that_could_not_be_tried_has_no_share_of_a_mistake():
+    search = searched([stage()], [])
+    search.excluded["three"] = "its simulation fails"
+    done = decide(search, 0.002, 0.002)
+    assert done.probabilities.get("three", 0.0) == 0.0
+    assert done.probabilities["one"] == done.probabilities["two"] > 0
     whole(done)
 
 
