@@ -13,6 +13,8 @@ from trainer.encoding import Encoding
 FARTHEST = 30.0
 """Standard deviations from the training's mean that a reading may lie: of no training does more than one reading in 900
 lie farther (Chebyshev's inequality), and those of rooms simulated for other purposes stay within seven."""
+COLDEST = 150.0
+"""Temperature [K] below which no weather and no room has ever been: readings there are in degC, or a code."""
 ROUNDING = 1e-3
 """Share of its value by which a channel that did not vary in training may differ: that much is how it was written."""
 
@@ -64,6 +66,8 @@ def comparable(
     constant = np.isin(encoding.recorded, encoding.constant)
     with np.errstate(over="ignore"):  # of a damaged card's numbers
         allowed = np.where(constant, ROUNDING * np.abs(mean), FARTHEST * np.array(encoding.sd))
+        absolute = (np.array(encoding.units) == "K") & (mean > COLDEST)  # a difference is in K, too
+        allowed = np.where(absolute, np.minimum(allowed, mean - COLDEST), allowed)
     far = np.abs(values - mean) > allowed  # nowhere for NaN
     if not far.any():
         return np.where(constant & np.isfinite(values), mean, values).astype(np.float32)
@@ -79,6 +83,6 @@ def comparable(
     sd = encoding.sd[k]
     raise RecordingError(
         f"{found}, {abs(values[i, at, k] - mean[k]) / sd:.0f} standard deviations from the mean of the run's training"
-        f" ({mean[k]:.4g}{unit}, standard deviation {sd:.3g}{unit}); expected at most {FARTHEST:g}: declare a code for"
-        " a missing reading missing (NaN), and check the unit"
+        f" ({mean[k]:.4g}{unit}, standard deviation {sd:.3g}{unit}); expected at most {allowed[k] / sd:.3g}: declare"
+        " a code for a missing reading missing (NaN), and check the unit"
     )

@@ -6,7 +6,7 @@ import xarray as xr
 
 from shared.errors import RecordingError
 from shared.store import DatasetFolder, Records
-from trainer.encoding import make_encoding
+from trainer.encoding import Encoding, make_encoding
 from trainer.fitting import fit
 from trainer.prediction import predict, read_window
 from trainer.readings import comparable
@@ -262,3 +262,33 @@ def test_a_constant_channel_at_zero_stays_there_and_may_have_gaps():
         RecordingError, match="level is 1e-06 m at 2001-01-01T02:00:00; in the run's training it was 0 m"
     ):
         comparable(Path("r.nc"), window + np.float32([0, 0, 0, 1e-6])[:, None], times, [None], encoding)
+
+
+@pytest.mark.parametrize("unit", ["K", "m"])
+def test_temperatures_in_degrees_are_refused_however_wide_the_training_was(tmp_path, unit):
+    """283 K with a spread of 10 K: 10 degC are 27 standard deviations away, and yet no such temperature exists."""
+    encoding = Encoding(
+        recorded=["air"],
+        outputs=1,
+        units=[unit],
+        derived=[],
+        step=3600.0,
+        length=3,
+        mean=[283.0],
+        sd=[10.0],
+        parameters=["k"],
+        parameter_units=["1"],
+        parameter_min=[1.0],
+        parameter_max=[2.0],
+        target_mean=[0.1],
+        target_sd=[0.1],
+    )
+    values = np.array([[[10.0], [11.0], [12.0]]], dtype=np.float32)
+    times = np.array([[3600.0, 7200.0, 10800.0]])
+    if unit == "m":
+        assert comparable(tmp_path / "r.nc", values, times, [None], encoding) == pytest.approx(values)
+        return
+    with pytest.raises(
+        RecordingError, match=r"air is 10 K at 2001-01-01T01:00:00, 27 standard deviations .* at most 13"
+    ):
+        comparable(tmp_path / "r.nc", values, times, [None], encoding)
