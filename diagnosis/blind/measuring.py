@@ -12,7 +12,7 @@ from diagnosis.blind.generator import Made
 from diagnosis.blind.processes import autoregressive
 from diagnosis.blind.truth import Truth
 from diagnosis.recording import HOUR
-from shared.schema import EPOCH
+from shared.schema import EPOCH, methods_of
 from shared.system import System
 from shared.variables import Noise
 
@@ -45,16 +45,17 @@ def published(made: Made, outputs: np.ndarray, system: System, truth: Truth) -> 
     """The recording as the diagnosis gets it: variables and attributes depend on the public conditions alone."""
     rng = made.case.rng("inputs")
     variables: dict[str, Any] = {}
+    methods = methods_of(system)
     for k, output in enumerate(system.outputs):
         attrs = {"long_name": output.long_name or output.name, "units": output.unit, "role": "output"}
-        attrs["cell_methods"] = f"time: {output.method}"
+        attrs["cell_methods"] = f"time: {methods[output.name]}"
         variables[output.name] = (("time",), outputs[k].astype(np.float32), attrs)
     for one in system.inputs:
         error = rng.standard_normal(len(made.time)) * truth.measuring.inputs.get(one.name, 0.0)
         if one.name not in made.inputs:
             continue
         attrs = {"long_name": f"input {one.name}", "units": one.unit, "role": "input"}
-        attrs["cell_methods"] = f"time: {'mean' if one.interpolation == 'previous' else 'point'}"
+        attrs["cell_methods"] = f"time: {methods[one.name]}"
         variables[one.name] = (("time",), (made.inputs[one.name] + error).astype(np.float32), attrs)
     clock = {"long_name": "end of the step", "units": f"seconds since {EPOCH}", "calendar": "standard"}
     attrs = {

@@ -31,8 +31,6 @@ class Residuals:
         Residuals of the twins, shape (B, outputs, steps); NaN where a twin's reading was lost.
     names, units, labels
         Of the outputs; ``labels`` are what a reader sees (the names, when left out).
-    first_weekday
-        Weekday of time zero; 0 is Monday.
     """
 
     time: np.ndarray
@@ -41,7 +39,6 @@ class Residuals:
     names: Sequence[str]
     units: Sequence[str]
     labels: Sequence[str] = field(default=())
-    first_weekday: int = 0
 
     def __post_init__(self) -> None:
         outputs, steps = self.observed.shape
@@ -85,7 +82,7 @@ class Residuals:
     @property
     def weekend(self) -> np.ndarray:
         """Whether a step lies on Saturday or Sunday, shape (steps,)."""
-        return (self.day + self.first_weekday) % 7 >= 5
+        return self.day % 7 >= 5
 
     @cached_property
     def stacked(self) -> np.ndarray:

@@ -9,6 +9,7 @@ from datagen.sampling import record_start
 from shared.ceiling import Ceilings
 from shared.errors import SystemDescriptionError
 from shared.system import parse_system
+from tests.house import ROOM_AND_PERSONS
 
 HOUSE = """
 schema_version = 1
@@ -34,23 +35,6 @@ unit = "degC"
 source = "constant"
 value = 5.0
 {readers}
-[[outputs]]
-name = "room"
-variable = "Y"
-unit = "degC"
-accuracy = 0.01
-noise.sensor = {{ sd = 0.05 }}
-[occupancy]
-headcount = [2, 12]
-arrival = [7.0, 9.0]
-duration = [8.0, 10.0]
-jitter = 0.3
-attendance = [0.5, 1.0]
-gaps = [1, 1]
-gap_duration = [0.5, 1.0]
-gap_share = [0.5, 1.0]
-absence = 0.05
-weekend = 0.9
 """
 
 
@@ -64,7 +48,9 @@ def house(small_fmu):
         tables = [(name, 'source = "occupancy"') for name in readers]
         tables += [(name, 'source = "constant"\nvalue = 0.0') for name in units if name not in readers]
         text = "\n".join(f'[[inputs]]\nname = "{name}"\nunit = "{units[name]}"\n{source}' for name, source in tables)
-        return parse_system(HOUSE.format(fmu=fmu.as_posix(), readers=text), fmu.parent / "house.toml")
+        return parse_system(
+            HOUSE.format(fmu=fmu.as_posix(), readers=text) + ROOM_AND_PERSONS, fmu.parent / "house.toml"
+        )
 
     return make
 

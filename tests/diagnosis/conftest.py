@@ -8,6 +8,7 @@ import pytest
 import xarray as xr
 
 from shared.system import parse_system
+from tests.house import ROOM_AND_PERSONS
 
 SINCE = {"units": "seconds since 2001-01-01 00:00:00"}
 
@@ -66,23 +67,6 @@ unit = "kW"
 source = "measured"
 column = "heater"
 interpolation = "previous"
-[[outputs]]
-name = "room"
-variable = "Y"
-unit = "degC"
-accuracy = 0.01
-noise.sensor = {{ sd = 0.05 }}
-[occupancy]
-headcount = [2, 12]
-arrival = [7.0, 9.0]
-duration = [8.0, 10.0]
-jitter = 0.3
-attendance = [0.5, 1.0]
-gaps = [1, 1]
-gap_duration = [0.5, 1.0]
-gap_share = [0.5, 1.0]
-absence = 0.05
-weekend = 0.1
 """
 TRUTH = {"ro": 7.0, "ri": 0.6, "c": 4.0, "a": 2.5}
 
@@ -100,7 +84,7 @@ def house(tmp_path_factory):
         if kind not in made:
             fmu = builder.build("house", 2, (kind,), folder, attributes='canHandleVariableCommunicationStepSize="true"')
             toml = folder / f"house-{kind}.toml"
-            toml.write_text(HOUSE.format(fmu=fmu.name), encoding="utf-8")
+            toml.write_text(HOUSE.format(fmu=fmu.name) + ROOM_AND_PERSONS, encoding="utf-8")
             made[kind] = parse_system(toml.read_text(encoding="utf-8"), toml)
         return made[kind]
 

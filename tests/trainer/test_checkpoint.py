@@ -41,8 +41,8 @@ def test_a_damaged_card_is_told(own_ridge, text):
 
 
 def test_a_newer_version_is_told(own_ridge):
-    change_card(own_ridge, schema_version=3, tricks="new")
-    with pytest.raises(EstimatorError, match="schema version is 3; this version of zeroshot-fmu reads up to 2"):
+    change_card(own_ridge, schema_version=4, tricks="new")
+    with pytest.raises(EstimatorError, match="schema version is 4; this version of zeroshot-fmu reads up to 3"):
         load_run(own_ridge)
 
 

@@ -35,7 +35,6 @@ def with_observed(residuals, observed):
         residuals.names,
         residuals.units,
         residuals.labels,
-        residuals.first_weekday,
     )
 
 
