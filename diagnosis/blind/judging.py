@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Protocol
 import datagen
 import diagnosis
 import shared
-from diagnosis.blind.verdicts import Moved, Place, Shrunk, Verdict
+from diagnosis.blind.verdicts import Moved, Place, Shrunk, Sized, Verdict
 from shared.system import System
 
 if TYPE_CHECKING:
@@ -117,12 +117,20 @@ def verdict_of(report: Report) -> Verdict:
         sets=report.sets,
         alike={one.name: one.confusable for one in report.detectability},
         smallest={one.name: one.smallest for one in report.detectability},
+        sizes={
+            one.name: Sized(value=one.amplitude, low=one.low, high=one.high)
+            for one in report.effects
+            if one.named and one.amplitude is not None and one.low is not None and one.high is not None
+        },
         where=[Place(channel=one.channel, kind=one.kind, cell=one.cell, p_value=one.p_value) for one in report.where],
         shrinkage={
             one.channel: Shrunk(share=one.share, low=one.low, high=one.high, before=one.before, floor=one.floor)
             for one in report.shrinkage
         },
-        parameters={one.name: Moved(before=one.before, after=one.after) for one in report.parameters},
+        parameters={
+            one.name: Moved.model_validate({key: getattr(one, key) for key in Moved.model_fields})
+            for one in report.parameters
+        },
         simulations=report.simulations,
         rejected=report.rejected,
         left_over=[one.left_over for one in report.stages],

@@ -97,6 +97,11 @@ def further(done: Score) -> Lines:
     ]
 
 
+def held(done: Score) -> Lines:
+    """Whether stated intervals hold the truth: of what, the share of them, and how far off they are."""
+    return [(one.what, number(one.held), number(one.error)) for one in done.held]
+
+
 def _again(one: LeftOutScore) -> str:
     return f"{one.again} of {one.n} diagnosed again; the others had given it no chance"
 
@@ -123,6 +128,7 @@ def markdown(done: Score) -> str:
             ("parameter", "error before", "error after", "change"),
             [(p.parameter, number(p.before), number(p.after), number(p.change)) for p in done.parameters],
         ),
+        _table(("90 % intervals of", "that hold the truth", "error in standard deviations, rms"), held(done)),
         done.detectable_definition + " " + done.visible_definition,
         "```sh\n" + "\n".join(done.commands) + "\n```",
         f"Answers sha256 `{done.answers_sha256}`, verdicts sha256 `{done.verdicts_sha256}`.",
@@ -148,6 +154,7 @@ def page(done: Score) -> str:
         score=done,
         headline=headline(done),
         further=further(done),
+        held=held(done),
         strata_picture=pictures.confusion(done.strata, "stratum", "verdict"),
         confusion_picture=pictures.confusion(done.confusion, "true effect", "named first"),
         power_picture=pictures.power(done.power_by_size, done.power_by_gap, done.power_by_length),

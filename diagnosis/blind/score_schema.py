@@ -7,6 +7,7 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict
 
 from diagnosis.blind import rates
+from diagnosis.blind.holding import Held
 from diagnosis.blind.intervals import Figure, Share
 from diagnosis.blind.shrinking import Error, Shrinkage
 from shared.errors import RecordingError
@@ -55,7 +56,7 @@ class Where(_Table):
 class Score(_Table):
     """All figures; the file's schema is ``schema_version``."""
 
-    schema_version: int = 4
+    schema_version: int = 5
     commands: list[str]
     seed: int
     bootstrap_seed: int
@@ -101,6 +102,7 @@ class Score(_Table):
     shrinkage_detectable: Shrinkage
     parameters: list[Error]
     parameters_right: list[Error]
+    held: list[Held] = []
 
 
 def read_score(path: Path | str) -> Score:

@@ -51,10 +51,25 @@ class Shrunk(_Table):
 
 
 class Moved(_Table):
-    """A parameter without and with the effect [its unit]; ``after`` is empty where no effect was added."""
+    """A parameter without and with the effect [its unit], each with the ends of its 90 % interval.
+
+    ``after`` is empty where no effect was added, intervals in verdicts from before they were asked for.
+    """
 
     before: float
+    before_low: float | None = None
+    before_high: float | None = None
     after: float | None = None
+    after_low: float | None = None
+    after_high: float | None = None
+
+
+class Sized(_Table):
+    """The amplitude of an effect and the ends of its 90 % interval [unit of the effect]."""
+
+    value: float
+    low: float
+    high: float
 
 
 class Verdict(_Table):
@@ -64,9 +79,9 @@ class Verdict(_Table):
     that what the evidence points to holds no true cause, of which both are parts; ``named`` are the effects of the
     answer (one, or a set that cannot be told apart), ``sets`` the same by cause found; ``alike`` by effect: the
     candidates that it was declared to be confusable with before any was ranked; ``smallest``: the least amplitude [unit
-    of the effect] that was declared to be seen, None where none would be; ``rejected``: whether the best fit is
-    rejected on its own twins; ``left_over``: gain in log evidence of a discrepancy without a cause, by number of
-    effects.
+    of the effect] that was declared to be seen, None where none would be; ``sizes`` of the effects of the answer;
+    ``rejected``: whether the best fit is rejected on its own twins; ``left_over``: gain in log evidence of a
+    discrepancy without a cause, by number of effects.
     """
 
     verdict: Answer
@@ -78,6 +93,7 @@ class Verdict(_Table):
     sets: list[list[str]] = []
     alike: dict[str, list[str]] = {}
     smallest: dict[str, float | None] = {}
+    sizes: dict[str, Sized] = {}
     where: list[Place] = []
     shrinkage: dict[str, Shrunk] = {}
     parameters: dict[str, Moved] = {}

@@ -116,7 +116,8 @@ def calibrate(
 def estimate(run: Path | str, recording: Recording, system: System) -> dict[str, float]:
     """Zero-shot values by name [unit of the description], from the recording's readings and its own span of its file.
 
-    Readings that were lost are interpolated, since estimators want one at every step.
+    Readings that were lost are interpolated, since estimators want one at every step; an output that was never read is
+    left out, which an estimator may be trained to do without.
 
     Raises
     ------
@@ -132,8 +133,10 @@ def estimate(run: Path | str, recording: Recording, system: System) -> dict[str,
     data = data.isel(time=np.flatnonzero((time >= recording.time[0] - 1) & (time <= recording.time[-1] + 1)))
     data = data.isel(system=0, drop=True) if "system" in data.dims else data
     for output, readings in zip(system.output_names, recording.outputs, strict=True):
-        if output in data:
+        if output in data and np.isfinite(readings).any():
             data[output].values[:] = readings
+        elif output in data:
+            data = data.drop_vars(output)
     for name in data.data_vars:
         values = data[name].values
         if data[name].dims == ("time",) and np.issubdtype(values.dtype, np.floating):

@@ -18,6 +18,7 @@ from diagnosis.recording import read_recording
 from diagnosis.scores import score
 from shared.console import FAULT, OK, start
 from shared.errors import RecordingError, SystemDescriptionError
+from trainer import predict
 
 TRUTH = {"ro": 7.0, "ri": 0.6, "c": 4.0, "a": 2.5}
 
@@ -195,3 +196,18 @@ def test_the_estimate_is_of_the_stretch_that_is_calibrated(default_system, tmp_p
     np.testing.assert_array_equal(given[0]["time"].values, time[24:60])
     np.testing.assert_array_equal(given[0]["TDryBul"].values, data["TDryBul"].values[24:60])
     np.testing.assert_array_equal(given[0]["TRoo"].values, data["TRoo"].values[24:60])
+
+
+def test_an_output_that_was_never_read_is_left_out_of_the_estimate(default_system, tmp_path):
+    """The shipped estimator does without heater power and air flow; held against one on a file that never had them."""
+    simulate(default_system, hours=72.0, seed=1, out=tmp_path / "one.nc")
+    record = read_recording(tmp_path / "one.nc", default_system)
+    shown = record.outputs.copy()
+    unread = [k for k, name in enumerate(default_system.output_names) if name not in ("TRoo", "CO2")]
+    shown[unread] = np.nan
+    found = estimate("MixedAirCO2", replace(record, outputs=shown), default_system)
+    data = xr.load_dataset(tmp_path / "one.nc", decode_times=False)
+    data.drop_vars([default_system.output_names[k] for k in unread]).to_netcdf(tmp_path / "two.nc")
+    expected = predict("MixedAirCO2", tmp_path / "two.nc").predictions[0].parameters
+    assert found == pytest.approx({name: one.value for name, one in expected.items()}, rel=1e-5)
+    assert found != pytest.approx(estimate("MixedAirCO2", record, default_system), rel=1e-2)
