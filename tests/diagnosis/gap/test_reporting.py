@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagnosis.gap.reporting import WIDE_90, _effects, _smallest
+from diagnosis.gap.reporting import WIDE_90, _effects, _smallest, _values
 from diagnosis.gap.scan import NEGLIGIBLE
 
 NAMES = ("one", "two", "three")
@@ -53,3 +53,16 @@ def test_what_would_be_seen_lies_beyond_what_does_not_matter():
     negligible = NEGLIGIBLE * amplitude * size - 0.5 * NEGLIGIBLE**2 * size
     assert ratio - negligible == pytest.approx(threshold)
     assert _smallest(EFFECTS["one"], 1e-4, threshold) is None
+
+
+def test_an_interval_of_a_parameter_is_twice_as_wide_as_the_recording_says_but_no_wider_than_the_prior():
+    """Held against Bayes' rule by hand: a prior of sd 1, and readings whose sd is doubled."""
+    readings = np.array([0.01, 0.5, 1.0, 1e6])
+    posterior = 1 / np.sqrt(1 + readings**-2)
+    fit = SimpleNamespace(lin=SimpleNamespace(problem=SimpleNamespace(values=lambda z: z), z=np.zeros(4)), sd=posterior)
+    low, value, high = _values(fit)
+    expected = 1.645 / np.sqrt(1 + (2 * readings) ** -2)
+    np.testing.assert_allclose(high, expected, rtol=1e-9)
+    np.testing.assert_allclose(low, -expected, rtol=1e-9)
+    np.testing.assert_array_equal(value, 0)
+    assert high[0] == pytest.approx(2 * 1.645 * posterior[0], rel=1e-3)
