@@ -38,7 +38,7 @@ WIDE_90 = 1.1 * 1.645
 own slow error of the noise's size would. Without that, three of six intervals of a sensor's drift missed it."""
 DOUBTED = 2.0
 """A recording's say on a parameter counts in intervals as if its standard deviations were so much larger: parameters
-also make up for what the model is not. With rooms of finer walls and no effect 75 % of the intervals held without it."""
+also make up for what the model is not. Without it 75 % of intervals held for rooms of finer walls without effect."""
 TYPICAL = 2.0
 """Size, in scales, at which it is said what a candidate would be mistaken for."""
 
