@@ -13,6 +13,10 @@ from trainer.encoding import Encoding
 FARTHEST = 30.0
 """Standard deviations from the training's mean that a reading may lie: of no training does more than one reading in 900
 lie farther (Chebyshev's inequality), and those of rooms simulated for other purposes stay within seven."""
+CODES = np.array([sign * code for sign in (-1, 1) for code in (99, 99.9, 999, 999.9, 9999, 9999.9, 99999)])
+"""What loggers write where a reading is missing."""
+ODD = 5.0
+"""Standard deviations from the training's mean beyond which a reading that is one of :data:`CODES` is taken for it."""
 COLDEST = 150.0
 """Temperature [K] below which no weather and no room has ever been: readings there are in degC, or a code."""
 ROUNDING = 1e-3
@@ -60,7 +64,7 @@ def comparable(
     Raises
     ------
     RecordingError
-        If a reading is too far from the training's, as codes for missing ones are; of several the first system's first.
+        If a reading is too far from the training's, or a code for a missing one; of several the first system's first.
     """
     mean = np.array(encoding.mean)
     constant = np.isin(encoding.recorded, encoding.constant)
@@ -68,7 +72,11 @@ def comparable(
         allowed = np.where(constant, ROUNDING * np.abs(mean), FARTHEST * np.array(encoding.sd))
         absolute = (np.array(encoding.units) == "K") & (mean > COLDEST)  # a difference is in K, too
         allowed = np.where(absolute, np.minimum(allowed, mean - COLDEST), allowed)
-    far = np.abs(values - mean) > allowed  # nowhere for NaN
+        odd = np.where(constant, allowed, np.minimum(ODD * np.array(encoding.sd), allowed))
+    away = np.abs(values - mean)
+    codes = CODES.astype(np.float32)
+    coded = (away > odd) & np.isin(values.astype(np.float32), codes)  # in whichever precision they were written
+    far = coded | (away > allowed)  # nowhere for NaN
     if not far.any():
         return np.where(constant & np.isfinite(values), mean, values).astype(np.float32)
     i, at, k = (int(place) for place in np.unravel_index(np.argmax(far), far.shape))
@@ -81,6 +89,11 @@ def comparable(
             " change of it does: fit one to a dataset in which it varies, or one that does not read it"
         )
     sd = encoding.sd[k]
+    if coded[i, at, k]:
+        raise RecordingError(
+            f"{found}, as loggers write where a reading is missing (the run's training: {mean[k]:.4g}{unit}, standard"
+            f" deviation {sd:.3g}{unit}); expected a reading: declare such codes missing (NaN)"
+        )
     raise RecordingError(
         f"{found}, {abs(values[i, at, k] - mean[k]) / sd:.0f} standard deviations from the mean of the run's training"
         f" ({mean[k]:.4g}{unit}, standard deviation {sd:.3g}{unit}); expected at most {allowed[k] / sd:.3g}: declare"

@@ -109,6 +109,11 @@ def with_a_code(r):
     return r
 
 
+def far_off(r):
+    r["level"][[60, 90]] = -9000.0
+    return r
+
+
 def with_more_dimensions(r):
     return r.expand_dims("room")
 
@@ -123,7 +128,12 @@ def with_more_dimensions(r):
         (highest, "level is the maximum of each step"),
         (
             with_a_code,
-            r"r\.nc: level is -9999 m at 2001-01-02T06:30:00, \d{5} standard deviations from the mean of the run's"
+            r"r\.nc: level is -9999 m at 2001-01-02T06:30:00, as loggers write where a reading is missing \(the run's"
+            r" training: [\d.]+ m, standard deviation [\d.]+ m\); expected a reading: declare such codes missing",
+        ),
+        (
+            far_off,
+            r"r\.nc: level is -9000 m at 2001-01-02T06:30:00, \d{5} standard deviations from the mean of the run's"
             r" training \([\d.]+ m, standard deviation [\d.]+ m\); expected at most 30: declare a code for a missing"
             r" reading missing \(NaN\)",
         ),
