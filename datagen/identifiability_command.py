@@ -22,6 +22,7 @@ def identifiability(
     context: Annotated[list[float] | None, Parameter(consume_multiple=True, negative=())] = None,
     noise: Annotated[list[str] | None, Parameter(consume_multiple=True, negative=())] = None,
     channels: Annotated[list[str] | None, Parameter(consume_multiple=True, negative=())] = None,
+    preset: str | None = None,
     systems: Positive = 10,
     seed: NotNegative = 1,
     workers: Positive = 2,
@@ -44,6 +45,8 @@ def identifiability(
     channels
         Outputs that are measured, separated by commas; several sets one after another. With an occupancy input among
         them, persons are counted. By default the estimator's.
+    preset
+        Windows of records as this preset of the description has them: its season, length and step.
     systems
         Random systems and windows to average over.
     seed
@@ -61,6 +64,9 @@ def identifiability(
     from shared.system import load_system
 
     described = load_system(system)
+    if preset is not None:
+        chosen = described.preset(preset)
+        described = described.with_experiment(hours=chosen.hours, step=chosen.step, start=chosen.start)
     sets = [one.split(",") for one in channels] if channels else [described.estimator.channels]
     found = ceilings_of(
         described,

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from datagen.ceilings import HOUR, SPIN_UP_HOURS, Window, _window, ceilings_of, identifiability, posterior_variance
+from datagen.cli import app
 from datagen.package import weather_hashes
 from datagen.sampling import record_start
-from shared.ceiling import Ceilings
+from shared.ceiling import Ceilings, read_ceilings
 from shared.errors import SystemDescriptionError
 from shared.system import parse_system
 from tests.house import ROOM_AND_PERSONS
@@ -35,6 +36,24 @@ unit = "degC"
 source = "constant"
 value = 5.0
 {readers}
+"""
+
+
+READERS = """
+[[inputs]]
+name = "N"
+unit = "1"
+source = "occupancy"
+[[inputs]]
+name = "P"
+unit = "kW"
+source = "constant"
+value = 0.0
+[[inputs]]
+name = "S"
+unit = "kW/m2"
+source = "constant"
+value = 0.0
 """
 
 
@@ -169,6 +188,22 @@ def test_it_is_written_down_what_the_windows_were_of(house, default_system, monk
     window = random_window(default_system, np.random.default_rng(0))
     monkeypatch.setattr("datagen.ceilings._windows", lambda *_: iter([window]))
     assert identifiability(default_system).origin.weather == weather_hashes(default_system)
+
+
+def test_a_preset_says_of_which_records_the_limit_is(house, tmp_path, monkeypatch):
+    described = house("N")
+    folder = tmp_path / "house"
+    folder.mkdir()
+    toml = HOUSE.format(fmu=described.fmu_path.as_posix(), readers=READERS) + ROOM_AND_PERSONS
+    july = "[presets.july]\nsystems = 3\nhours = 72.0\nstep = 1800.0\nstart = [4344.0, 4700.0]\n"
+    (folder / "house.toml").write_text(toml + july)
+    command = ["identifiability", str(folder / "house.toml"), "--context", "24", "--systems", "1", "--workers", "1"]
+    out = ["--out", str(tmp_path / "july.json")]
+    assert app([*command, "--preset", "july", *out, "--quiet"]) == 0
+    (found,) = read_ceilings(tmp_path / "july.json").ceilings
+    assert (found.origin.start, found.origin.hours, found.step) == ((4344.0, 4700.0), 72.0, 1800.0)
+    with pytest.raises(SystemDescriptionError, match="no preset 'june'; found july"):
+        app([*command, "--preset", "june", *out])
 
 
 def test_one_crowd_however_many_inputs_read_it(house):
