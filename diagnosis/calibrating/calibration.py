@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,9 @@ from shared.system import System, load_system
 __all__ = ["Calibrated", "Calibration", "calibrate", "check_recording", "estimate", "read_calibration", "whole"]
 
 STARTS = 3
+BRIDGED = 3.0
+"""Gaps in a channel up to so long [h] are interpolated for an estimator; how many longer ones it can do without, it
+says itself. A day that was made up would be one that it was never shown."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +120,8 @@ def calibrate(
 def estimate(run: Path | str, recording: Recording, system: System) -> dict[str, float]:
     """Zero-shot values by name [unit of the description], from the recording's readings and its own span of its file.
 
-    Readings that were lost are interpolated, since estimators want one at every step; an output that was never read is
+    Readings that were lost for a short while (:data:`BRIDGED`) are interpolated, since estimators want one at every
+    step; an output that was never read is
     left out, which an estimator may be trained to do without.
 
     Raises
@@ -124,7 +129,7 @@ def estimate(run: Path | str, recording: Recording, system: System) -> dict[str,
     EstimatorError
         If the estimator is one of another system.
     RecordingError
-        If the recording lacks a channel of the estimator, or is shorter than its context.
+        If the recording lacks a channel of the estimator or too much of it, or is shorter than its context.
     """
     from trainer import predict
 
@@ -140,9 +145,7 @@ def estimate(run: Path | str, recording: Recording, system: System) -> dict[str,
     for name in data.data_vars:
         values = data[name].values
         if data[name].dims == ("time",) and np.issubdtype(values.dtype, np.floating):
-            seen = np.isfinite(values)
-            if seen.any() and not seen.all():
-                values[~seen] = np.interp(np.flatnonzero(~seen), np.flatnonzero(seen), values[seen])
+            _bridge(values, round(BRIDGED * HOUR / recording.step))
     with tempfile.TemporaryDirectory(prefix="zeroshot-span-") as folder:
         path = Path(folder) / recording.path.name
         data.to_netcdf(path)
@@ -156,3 +159,14 @@ def estimate(run: Path | str, recording: Recording, system: System) -> dict[str,
             f"{run}: estimates {', '.join(values_by_name)}; the system has {', '.join(system.parameter_names)}"
         )
     return values_by_name
+
+
+def _bridge(values: np.ndarray, longest: int) -> None:
+    """Fill gaps of at most ``longest`` steps in readings (steps,) by straight lines, in place."""
+    seen = np.flatnonzero(np.isfinite(values))
+    for before, after in pairwise(seen):
+        if 1 < after - before <= longest + 1:
+            values[before : after + 1] = np.linspace(values[before], values[after], after - before + 1)
+    for end, inner in ((slice(None, seen[0]), seen[0]), (slice(seen[-1] + 1, None), seen[-1])) if len(seen) else ():
+        if len(values[end]) <= longest:
+            values[end] = values[inner]

@@ -12,7 +12,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import minimize
 
+from shared.system import System
+
 HOUR = 3600.0
+
+
+def errors_under(system: System, preset: str) -> np.ndarray:
+    """Standard deviations of the outputs' errors under a noise preset [unit of each], shape (outputs,).
+
+    ``sensor``, which is the default everywhere, is the numerical floor where the description has no such preset.
+
+    Raises
+    ------
+    SystemDescriptionError
+        If there is no preset of that name.
+    """
+    plain = preset == "sensor" and preset not in system.noise_presets
+    return system.noise_sd("none" if plain else preset)
 
 
 @dataclass(frozen=True)

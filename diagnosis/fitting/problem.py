@@ -19,7 +19,7 @@ from diagnosis.fitting.differences import one_sided
 from diagnosis.fitting.drive import crowd, drive
 from diagnosis.fitting.linearisation import Linearisation
 from diagnosis.fitting.marginal import Marginal
-from diagnosis.fitting.noise import NoiseModel
+from diagnosis.fitting.noise import NoiseModel, errors_under
 from diagnosis.fitting.nuisance import responses
 from diagnosis.fitting.remembered import Remembered
 from diagnosis.fitting.runs import Runs
@@ -83,8 +83,7 @@ class Problem:
         self._remembered, self.simulations = Remembered(), 0
         self.occupancy = crowd(system, recording, occupancy)
         if isinstance(noise, str):
-            plain = noise == "sensor" and noise not in system.noise_presets  # the default, where there is none
-            noise = system.noise_sd("none" if plain else noise)
+            noise = errors_under(system, noise)
         self.noise = noise if isinstance(noise, NoiseModel) else NoiseModel.white_only(noise)
         self.floor = self.noise.white
         meters = dict(zip(system.output_names, self.floor.tolist(), strict=True))

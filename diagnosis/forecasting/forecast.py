@@ -15,10 +15,11 @@ from datagen.simulator import Simulator
 from diagnosis.calibrating.calibration import calibrate
 from diagnosis.calibrating.checks import check_recording
 from diagnosis.calibrating.schema import Calibration, read_calibration
+from diagnosis.fitting.noise import NoiseModel, errors_under
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.renewing import renewed
 from diagnosis.fitting.side_by_side import side_by_side
-from diagnosis.recording import HOUR, Recording, read_recording
+from diagnosis.recording import DAY, HOUR, Recording, read_recording
 from diagnosis.scores import Score, score
 from shared.errors import RecordingError, SimulationError
 from shared.system import System, load_system
@@ -136,7 +137,7 @@ def forecast(
         report = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
         if report.system_hash != described.hash():
             raise RecordingError(f"{calibration}: is a calibration of {report.system}; expected one of this system")
-        noise_model = noise  # type: ignore[assignment]
+        noise_model = _noise_of(report, described, noise)
     z, covariance = np.array(report.z), np.array(report.covariance)
     simulator = Simulator(described)
     with side_by_side(simulator, workers=workers, scheduler=scheduler) as runner:
@@ -144,6 +145,11 @@ def forecast(
             simulator, whole_record, noise=noise_model, replay=replay, occupancy=occupancy, warm_up=warm_up * HOUR,
             runner=runner,
         )  # fmt: skip
+        if len(z) != problem.size:
+            raise RecordingError(
+                f"{calibration}: was made with persons {report.occupancy}, which makes {len(z)} unknowns; the forecast"
+                f" has {problem.size}, with persons {problem.occupancy}: give both the same occupancy"
+            )
         seen = np.zeros(problem.observed.shape, dtype=bool)
         seen[:, :split] = True
         centre, made = _ensemble(problem.with_observed(seen), z, covariance, draws, seed)
@@ -182,6 +188,18 @@ def forecast(
 
         write_forecast(answer, Path(out))
     return answer
+
+
+def _noise_of(report: Calibration, system: System, preset: str) -> NoiseModel:
+    """The noise that a calibration found; of outputs that it did not see that of a preset."""
+    white = errors_under(system, preset)
+    slow, memory = np.zeros_like(white), np.full_like(white, DAY)
+    for k, name in enumerate(system.output_names):
+        one = report.outputs.get(name)
+        if one is not None and one.used:
+            white[k], slow[k] = one.noise, one.slow_noise
+            memory[k] = one.slow_hours * HOUR if one.slow_noise > 0 else DAY
+    return NoiseModel(white, slow, memory)
 
 
 def band(draws: np.ndarray, level: float = LEVEL) -> tuple[np.ndarray, np.ndarray]:

@@ -211,3 +211,23 @@ def test_an_output_that_was_never_read_is_left_out_of_the_estimate(default_syste
     expected = predict("MixedAirCO2", tmp_path / "two.nc").predictions[0].parameters
     assert found == pytest.approx({name: one.value for name, one in expected.items()}, rel=1e-5)
     assert found != pytest.approx(estimate("MixedAirCO2", record, default_system), rel=1e-2)
+
+
+def test_an_estimate_is_not_made_from_days_that_were_made_up(default_system, tmp_path, monkeypatch):
+    simulate(default_system, hours=72.0, seed=1, out=tmp_path / "one.nc")
+    record = read_recording(tmp_path / "one.nc", default_system)
+    shown = record.outputs.copy()
+    shown[0, 0] = shown[0, 10:13] = shown[0, 20:24] = np.nan
+    given = []
+
+    def predicted(run, path):
+        given.append(xr.load_dataset(path, decode_times=False)[default_system.output_names[0]].values)
+        raise RecordingError(f"{path}: enough")
+
+    monkeypatch.setattr("trainer.predict", predicted, raising=False)
+    with pytest.raises(RecordingError, match="enough"):
+        estimate("run", replace(record, outputs=shown), default_system)
+    (found,) = given
+    np.testing.assert_allclose(found[9:14], np.linspace(found[9], found[13], 5), rtol=1e-6)
+    assert found[0] == found[1]
+    assert np.isnan(found[20:24]).all() and np.isnan(found).sum() == 4
