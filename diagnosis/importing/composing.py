@@ -33,6 +33,8 @@ from shared.variables import ConstantInput, ExcitationInput, Input, MeasuredInpu
 DAY = 86400.0
 _MOVING = ("K", "degC", "ppm", "W/m2", "m/s")
 """Units of quantities that never stand still: a sensor of one that does is stuck."""
+ROUNDED = 1e-3
+"""A share beyond its ends by so little is rounded."""
 _STUCK_AFTER = 12.0
 """How long such a sensor may show one value [h]; irradiance may be zero for as long as it likes."""
 
@@ -206,6 +208,8 @@ class Composer:
             unit = MEASURABLE[name]
             where = f"{self.mapping.path}: weather.{name}"
             self._weather[name] = self._signal(self.mapping.weather[name], unit, where, moving=unit in _MOVING)
+            if unit == "1":
+                _is_share(self._weather[name], where)
         return self._weather[name]
 
     def check_sun(self) -> None:
@@ -220,3 +224,14 @@ class Composer:
             )
         if down > 0.02:
             self.notes.append(f"{down:.0%} of the irradiance comes while the sun is down: check time.zone and place")
+
+
+def _is_share(signal: Signal, where: str) -> None:
+    """Refuse readings that are no share: tenths and oktas have no unit either."""
+    seen = signal.clean().values
+    wrong = seen[(seen < -ROUNDED) | (seen > 1 + ROUNDED)]
+    if wrong.size:
+        raise RecordingError(
+            f"{where}: is {wrong[np.argmax(np.abs(wrong))]:g}; expected shares from 0 to 1: for tenths write scale ="
+            " 0.1, for oktas scale = 0.125, and valid = [0, 1] where other readings are codes"
+        )

@@ -12,6 +12,7 @@ from matplotlib.image import imread
 from diagnosis.importing import import_recording
 from diagnosis.importing.quality import ASSUMED, COMPUTED, IMPOSSIBLE, INTERPOLATED, MISSING, PARTLY, STUCK
 from diagnosis.importing.reading import Measurements
+from shared.errors import RecordingError
 from shared.schema import EPOCH
 from tests.diagnosis.importing.house_cases import MAPPING, measured, warmth
 
@@ -113,6 +114,15 @@ def test_what_is_not_mapped_is_said(house):
     data, _ = steps_of(report)
     np.testing.assert_allclose(data["air"], 0.04, rtol=1e-6)
     assert "people" not in data
+
+
+def test_tenths_of_the_sky_are_no_shares(house):
+    mapping = MAPPING.replace("[variables.people]", "[weather.opaque_cover]").replace("persons = 2.0\n", "")
+    mapping = mapping.replace('unit = "presence"\n', 'unit = "fraction"\nscale = 8.0\n')
+    with pytest.raises(RecordingError, match=r"weather\.opaque_cover: is 8; expected shares from 0 to 1: for tenths"):
+        house(measured()[0], mapping)
+    report = house(measured()[0], mapping.replace("scale = 8.0\n", "scale = 8.0\nvalid = [0.0, 1.0]\n"))
+    assert any("measured cloud cover" in note for note in report.notes)
 
 
 def test_a_wrong_zone_shows_in_the_sun(house):
