@@ -17,6 +17,7 @@ def import_(
     *,
     out: Path,
     system: Path | None = None,
+    ahead: Annotated[bool, Parameter(negative=())] = False,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
 ) -> int:
     """Turn a CSV of measurements into a recording, say what was understood and what not, and draw it.
@@ -31,13 +32,15 @@ def import_(
         The recording to write (NetCDF); a picture of it is written next to it.
     system
         System description (TOML); by default the one that the mapping names.
+    ahead
+        Keep the inputs after the last reading of an output, as of a weather forecast: for `diagnosis forecast`.
     as_json
         Print the report as JSON.
     """
     from diagnosis.importing.importer import import_recording
     from diagnosis.importing.report import print_report
 
-    report = import_recording(mapping, data, out=out, system=system)
+    report = import_recording(mapping, data, out=out, system=system, ahead=ahead)
     if as_json:
         sys.stdout.write(report.model_dump_json(indent=1) + "\n")
     else:

@@ -30,6 +30,7 @@ def import_recording(
     *,
     out: Path | str,
     system: System | Path | str | None = None,
+    ahead: bool = False,
 ) -> ImportReport:
     """Turn a CSV of measurements into a recording (NetCDF) and draw it.
 
@@ -43,6 +44,8 @@ def import_recording(
         The recording; its picture lies next to it, ending in ``.png``.
     system
         System description; by default the one that the mapping names.
+    ahead
+        Whether the recording goes on after the last reading of an output as long as all inputs do, for a forecast.
 
     Returns
     -------
@@ -70,7 +73,7 @@ def import_recording(
     composer = _composer(described, settings, measurements, clock)
     series, missing = _series(composer)
     composer.check_sun()
-    first, last = _stretch(composer, series)
+    first, last = _stretch(composer, series, ahead)
     for one in series:
         one.cut(first, last)
     time = composer.edges[first + 1 : last + 1]
@@ -152,13 +155,20 @@ def _series(composer: Composer) -> tuple[list[Series], list[str]]:
     return series, missing
 
 
-def _stretch(composer: Composer, series: list[Series]) -> tuple[int, int]:
+def _stretch(composer: Composer, series: list[Series], ahead: bool) -> tuple[int, int]:
     """The steps to keep: from the first to the last output, and of these the longest with all inputs."""
     measured = np.any([np.isfinite(one.values) for one in series if one.target.role == "output"], axis=0)
     if not measured.any():
         raise RecordingError(f"{composer.data.path}: no output has a value on the grid of {composer.step:g} s")
     first, last = int(np.flatnonzero(measured)[0]), int(np.flatnonzero(measured)[-1]) + 1
     inputs = {one.target.name: one.values for one in series if one.target.role == "input"}
+    known = np.all([np.isfinite(values) for values in inputs.values()], axis=0) if inputs else measured
+    further = int(np.argmin([*known[last:], False]))
+    if further and ahead:
+        last += further
+    if further:
+        kept = "are kept for a forecast" if ahead else "are left out (--ahead keeps them for a forecast)"
+        composer.notes.append(f"inputs go on for {further} steps after the last reading of an output: these {kept}")
     a, b = longest_whole(inputs, first, last)
     gaps = {name: int((~np.isfinite(values[first:last])).sum()) for name, values in inputs.items()}
     told = ", ".join(f"{name} in {count} steps" for name, count in gaps.items() if count)

@@ -17,10 +17,10 @@ def undrawn(request, monkeypatch):
 def house(tmp_path):
     """Write mapping, system and data; import them; return the report."""
 
-    def run(frame, mapping=MAPPING, out="out/house.nc"):
+    def run(frame, mapping=MAPPING, out="out/house.nc", **more):
         (tmp_path / "house.toml").write_text(HOUSE)
         (tmp_path / "mapping.toml").write_text(mapping)
         frame.to_csv(tmp_path / "data.csv", index=False)
-        return import_recording(tmp_path / "mapping.toml", tmp_path / "data.csv", out=tmp_path / out)
+        return import_recording(tmp_path / "mapping.toml", tmp_path / "data.csv", out=tmp_path / out, **more)
 
     return run

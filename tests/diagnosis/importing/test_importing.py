@@ -103,6 +103,21 @@ def test_an_input_that_stays_missing_cuts_the_recording(house):
     assert all(one.missing == 0 for one in report.variables)
 
 
+def test_what_comes_after_the_last_reading_is_kept_for_a_forecast_or_told(house):
+    frame, hours = measured()
+    outputs = [one for one in ("room", "room 2", "kilowatts") if one in frame]
+    frame.loc[hours > 96, outputs] = np.nan
+    report = house(frame)
+    _, at = steps_of(report)
+    assert at[-1] == pytest.approx(96.0, abs=0.6)
+    assert any(f"inputs go on for {96} steps after the last" in note and "--ahead" in note for note in report.notes)
+    report = house(frame, ahead=True)
+    data, at = steps_of(report)
+    assert at[-1] == pytest.approx(144.0, abs=0.6)
+    assert np.isnan(data["warmth"].values[at > 97]).all() and np.isfinite(data["outdoors"].values).all()
+    assert any("are kept for a forecast" in note for note in report.notes)
+
+
 def test_what_is_not_mapped_is_said(house):
     mapping = MAPPING.replace("[variables.people]", "[weather.opaque_cover]").replace("persons = 2.0\n", "")
     mapping = mapping.replace('unit = "presence"\n', 'unit = "fraction"\n')
