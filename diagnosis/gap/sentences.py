@@ -8,10 +8,14 @@ from diagnosis.gap.schema import NamedEffect, Report
 from diagnosis.gap.stages import LEVEL
 
 CHECKED = (
-    "In the last three blind checks, of versions close to this one and 600 one-week recordings of the default room,"
-    " 178 of 220 answers that named effects held a true cause (55 of 71 with replayed actuators), and 107 of 138"
-    " detectable effects were in the answer; half of the answers of none of these were right; of 120 recordings without"
-    " any effect nine raised an alarm."
+    "In the last four blind checks, of versions close to this one and 800 one-week recordings of the default room, 236"
+    " of 293 answers that named effects held a true cause (64 of 91 with replayed actuators), and 138 of 187 detectable"
+    " effects were in the answer; half of the answers of none of these were right; of 160 recordings without any effect"
+    " eleven raised an alarm."
+)
+UNEXPLAINED = (
+    "A gap that is not explained sits in the parameters as well, and their intervals do not allow for it: in the last"
+    " blind check 72 % of such 90 % intervals held the truth. Do not take the parameters from this answer."
 )
 
 
@@ -181,6 +185,8 @@ def _cost(report: Report, condition: str, begin: str) -> str:
 def limits(report: Report) -> list[str]:
     """What was not known and how that limits the answer."""
     found = [CHECKED]
+    if report.verdict == "none_of_these":
+        found.append(UNEXPLAINED)
     if report.occupancy == "unknown":
         found.append(
             "Persons were not counted: whatever looks like people coming and going at other times than usual is taken"

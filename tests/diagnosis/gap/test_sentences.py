@@ -54,6 +54,7 @@ def place(channel, kind="cell", text="room: measured higher"):
 
 
 BARE = {
+    "verdict": "effect",
     "occupancy": "measured",
     "replay": False,
     "replayed": [],
@@ -190,6 +191,12 @@ def test_what_no_candidate_explains_is_said_of_the_nearest_only():
     assert far == (
         "How far: no candidate explains enough of the gap to be fitted, so nothing is known that would shrink it."
     )
+
+
+def test_parameters_of_an_unexplained_gap_are_not_to_be_believed():
+    for verdict in ("none_of_these", "effect", "ambiguous", "no_gap"):
+        said = any("Do not take the parameters" in one for one in limits(report(verdict=verdict)))
+        assert said == (verdict == "none_of_these")
 
 
 def test_of_a_set_of_many_the_foremost_are_said():
