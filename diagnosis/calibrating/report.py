@@ -87,14 +87,17 @@ def summary(done: Calibrated) -> list[str]:
         said.append(
             "Nobody counted the persons: how many there were was inferred along with the parameters, with the"
             " description's idea of how such a room is used. What depends on them is as uncertain as that idea, above"
-            f" all what a person emits. Intervals are {report.widened:g} times as wide as the recording alone makes"
-            " them; still take them with care, and count persons if the parameters matter."
+            " all what a person emits: count persons if the parameters matter."
         )
     elif report.replay:
         said.append(
-            "Actuators were replayed: what their meters get wrong drives the model. Intervals are"
-            f" {report.widened:g} times as wide as the recording alone makes them; still take them with care."
+            "Actuators were replayed: what their meters get wrong drives the model; take the intervals with care."
         )
+    said.append(
+        f"Intervals are about {report.widened:g} times as wide as the recording alone makes them, because a building is"
+        " not the model: with rooms of finer walls they hold nine times in ten then, and a gap that the model does not"
+        " explain they do not allow for."
+    )
     if not report.converged:
         said.append("The fit had not come to rest when it stopped: take its figures with care.")
     return said

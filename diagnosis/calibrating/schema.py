@@ -62,7 +62,7 @@ class Calibration(_Table):
     """``calibration.json``.
 
     ``covariance`` (unknowns, unknowns) is that of the posterior in which the recording counts for 1 / ``widened``^2 of
-    what it is worth to the model: see :data:`diagnosis.calibrating.summary.WIDENED`.
+    what it is worth to the model: see :mod:`diagnosis.fitting.doubt`.
     """
 
     schema_version: int = 1

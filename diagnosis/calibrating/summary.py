@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from diagnosis.calibrating.schema import Calibration, Channel, Pair, Parameter
+from diagnosis.fitting.doubt import DOUBT, doubted
 from diagnosis.fitting.fit import Fit
 from diagnosis.recording import HOUR
 from diagnosis.scores import score
@@ -15,10 +16,6 @@ TOLD = (0.5, 0.9)
 """Shares of the prior variance that the recording removed: below the first a parameter is hardly told, above the
 second it is told well."""
 CORRELATED = 0.8
-WIDENED = 1.5
-"""Without a count of persons, or with replayed actuators, intervals from the recording alone are made so much wider:
-who was there is described by a Gaussian that real rooms, and the description's own, do not follow, and what meters get
-wrong drives the model. docs/measurements.md has what intervals are worth with it and without."""
 
 
 def summarise(found: Fit, zero_shot: dict[str, float], started_from: str) -> Calibration:
@@ -26,9 +23,7 @@ def summarise(found: Fit, zero_shot: dict[str, float], started_from: str) -> Cal
     problem = found.problem
     system = problem.system
     count = len(system.parameters)
-    widened = WIDENED if problem.occupancy == "unknown" or problem.replay else 1.0
-    prior = np.eye(problem.size)
-    covariance = np.linalg.inv(prior + (np.linalg.inv(found.covariance) - prior) / widened**2)
+    covariance = doubted(found.covariance)
     sd = np.sqrt(np.diag(covariance))
     low, value, high = (problem.values(found.z + k * 1.645 * sd) for k in (-1, 0, 1))
     parameters = [
@@ -73,7 +68,7 @@ def summarise(found: Fit, zero_shot: dict[str, float], started_from: str) -> Cal
         outputs=_channels(found),
         z=found.z.tolist(),
         covariance=covariance.tolist(),
-        widened=widened,
+        widened=DOUBT,
         log_likelihood=found.log_likelihood,
         log_evidence=found.log_evidence,
         converged=found.converged,

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from diagnosis.effects import Effect
+from diagnosis.fitting.doubt import doubted_sd
 from diagnosis.fitting.fit import Fit
 from diagnosis.fitting.unknowns import EDGE
 from diagnosis.gap.conditions import Otherwise, expected
@@ -36,9 +37,6 @@ from diagnosis.where import Where
 WIDE_90 = 1.1 * 1.645
 """Half-width of a 90 % interval, in standard deviations: a tenth wider than the recording alone makes it, as a model's
 own slow error of the noise's size would. Without that, three of six intervals of a sensor's drift missed it."""
-DOUBTED = 2.0
-"""A recording's say on a parameter counts in intervals as if its standard deviations were so much larger: parameters
-also make up for what the model is not. Without it 75 % of intervals held for rooms of finer walls without effect."""
 TYPICAL = 2.0
 """Size, in scales, at which it is said what a candidate would be mistaken for."""
 
@@ -202,9 +200,8 @@ def _parameters(search: Search) -> list[ParameterOf]:
 
 
 def _values(one: Refit) -> list[np.ndarray]:
-    """Values and their 90 % intervals (low, value, high), each (unknowns,) [unit of each]; the prior keeps its say."""
-    told = np.maximum(one.sd**-2.0 - 1.0, 0.0) / DOUBTED**2
-    return [one.lin.problem.values(one.lin.z + k * 1.645 / np.sqrt(1.0 + told)) for k in (-1, 0, 1)]
+    """Values and their 90 % intervals (low, value, high), each (unknowns,) [unit of each]."""
+    return [one.lin.problem.values(one.lin.z + k * 1.645 * doubted_sd(one.sd)) for k in (-1, 0, 1)]
 
 
 def _on_edge(one: Refit) -> np.ndarray:
