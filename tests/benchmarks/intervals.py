@@ -8,11 +8,17 @@ measured heater and air flow in place of the controllers). Printed: the root mea
 standard deviation in the scale in which the prior is standard normal (1 for a Gaussian posterior), the share of 90 %
 intervals that hold the truth, and how wide they are. Recordings are the independent draws: the interval of each figure
 is a bootstrap over them. Take a seed that nothing was developed on.
+
+    python tests/benchmarks/intervals.py fmus/MixedAirCO2 --blind blind --answers blind.answers.json --out intervals
+
+takes the recordings without an effect of an opened blind check instead, whose walls are finer than the model's, each
+with the persons and the actuators that it was made with.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -27,10 +33,11 @@ from diagnosis.recording import Recording, read_recording
 from shared.errors import ZeroshotError
 from shared.system import System, load_system
 
-KINDS = {
+KINDS: dict[str, dict[str, Any]] = {
     "measured": {"occupancy": "measured"},
     "unknown": {"occupancy": "unknown"},
     "replay": {"occupancy": "measured", "replay": True},
+    "unknown, replay": {"occupancy": "unknown", "replay": True},
 }
 NOMINAL, QUANTILE = 0.9, 1.645
 
@@ -46,22 +53,43 @@ def noisy(record: Recording, system: System, rng: np.random.Generator, preset: s
     return replace(record, outputs=shown)
 
 
+def drawn(case: dict[str, Any], system: System) -> tuple[Recording, dict[str, float]]:
+    """A recording of a random room as its sensors show it, and the room's parameters [unit of each]."""
+    system = system.with_experiment(hours=case["hours"], start=(0.0, 8760.0 - case["hours"]))
+    path = Path(case["folder"]) / f"room-{case['seed']}-{case['index']}-{case['kind']}.nc"
+    data = simulate(system, seed=case["seed"], index=case["index"], out=path)
+    record = noisy(read_recording(path, system), system, np.random.default_rng([case["seed"], case["index"]]))
+    path.unlink()
+    return record, {name: float(data[name]) for name in system.parameter_names}
+
+
+def opened(case: dict[str, Any], system: System) -> tuple[Path, dict[str, float]]:
+    """A recording of an opened blind check, and its room's parameters [unit of each]."""
+    answers = json.loads(Path(case["answers"]).read_text())["recordings"]
+    truth = next(one["parameters"] for one in answers if one["file"] == case["file"])
+    return Path(case["blind"]) / case["file"], {name: truth[name] for name in system.parameter_names}
+
+
+def without_effect(folder: Path, answers: Path) -> list[dict[str, Any]]:
+    """Cases of an opened blind check in whose recordings nothing is wrong but the walls."""
+    kinds = {(kind["occupancy"], kind.get("replay", False)): name for name, kind in KINDS.items()}
+    where = {"blind": str(folder), "answers": str(answers)}
+    return [
+        {**where, "file": one["file"], "kind": kinds[one["occupancy"], one["replay"]]}
+        for one in json.loads(answers.read_text())["recordings"]
+        if one["stratum"] == "none"
+    ]
+
+
 def made(case: dict[str, Any]) -> dict[str, Any]:
     """One calibration, and the truth."""
-    system = load_system(case["system"]).with_experiment(hours=case["hours"], start=(0.0, 8760.0 - case["hours"]))
-    folder = Path(case["folder"])
-    path = folder / f"room-{case['seed']}-{case['index']}-{case['kind']}.nc"
-    data = simulate(system, seed=case["seed"], index=case["index"], out=path)
-    rng = np.random.default_rng([case["seed"], case["index"]])
-    record = noisy(read_recording(path, system), system, rng)
+    system = load_system(case["system"])
     began = time.process_time()
     try:
+        record, truth = opened(case, system) if "answers" in case else drawn(case, system)
         done = calibrate(system, record, starts=case["starts"], **KINDS[case["kind"]])
     except ZeroshotError as error:
         return {"error": str(error)}
-    finally:
-        path.unlink()
-    truth = {name: float(data[name]) for name in system.parameter_names}
     count = len(truth)
     widened = np.sqrt(np.diag(done.report.covariance))[:count]
     return {
@@ -99,18 +127,24 @@ def main() -> None:
     parser.add_argument("--hours", type=float, default=168.0)
     parser.add_argument("--starts", type=int, default=2)
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=list(KINDS))
+    parser.add_argument("--blind", type=Path, help="folder of an opened blind check: its recordings, not random rooms")
+    parser.add_argument("--answers", type=Path, help="its answers")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("intervals"))
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
-    common = {"system": str(options.system), "hours": options.hours, "seed": options.seed, "starts": options.starts}
-    span = range(options.first, options.first + options.recordings)
-    cases = [
-        {**common, "folder": str(options.out), "kind": kind, "index": index} for kind in options.kinds for index in span
-    ]
+    common = {"system": str(options.system), "starts": options.starts}
+    if options.blind:
+        cases = [common | one for one in without_effect(options.blind, options.answers) if one["kind"] in options.kinds]
+        which = f"{len(cases)} recordings without an effect, {options.blind}"
+    else:
+        common |= {"folder": str(options.out), "hours": options.hours, "seed": options.seed}
+        span = range(options.first, options.first + options.recordings)
+        cases = [{**common, "kind": kind, "index": index} for kind in options.kinds for index in span]
+        which = f"{options.hours / 24:g} days, {options.recordings} recordings, root seed {options.seed}"
     rows = resumed(options.out / "cases.jsonl", cases, made, workers=options.workers)
     names = load_system(options.system).parameter_names
-    print(f"\n{options.hours / 24:g} days, {options.recordings} recordings, root seed {options.seed}\n")
+    print(f"\n{which}\n")
     print(
         "| persons | calibrated | error / sd, rms | in 90 % interval | largest | not widened | sd, median | seconds |\n"
         "|---|---|---|---|---|---|---|---|"
