@@ -26,10 +26,11 @@ from diagnosis.fitting.noise import NoiseModel, estimated
 from diagnosis.fitting.problem import Linearisation, Problem
 from diagnosis.fitting.pruning import pruned
 from diagnosis.fitting.renewing import renewed
+from diagnosis.fitting.settling import between, swung
 from diagnosis.fitting.stretching import stretched
 from shared.errors import SimulationError
 
-ROUNDS = 10
+ROUNDS = 16
 MOVED = 0.25
 """An optimum that moves less than this between rounds [posterior standard deviations] stays."""
 NEAR = 3.0
@@ -51,7 +52,8 @@ class Fit:
     z
         Unknowns at the optimum, shape (unknowns,).
     covariance
-        Of the posterior there, shape (unknowns, unknowns): see :mod:`diagnosis.fitting.stretching`.
+        Of the posterior there, shape (unknowns, unknowns): see :mod:`diagnosis.fitting.stretching` and
+        :mod:`diagnosis.fitting.settling`.
     cost
         Half the sum of squares of the marginal standardised residual and of ``z``.
     log_likelihood
@@ -143,11 +145,13 @@ def fit(
         problem, around = pruned(problem, around)
     z = _best_start(problem, starts, around)
     converged, near, history = rounds == 0, rounds == 0, []
+    path: list[np.ndarray] = []
     bent, information = None, np.eye(problem.size)
     for round_ in range(max(rounds, 1) + restless):
         if round_ >= max(rounds, 1) and moved < LEAPING:
             break
         if rounds:
+            z = between(path, z, round_)
             around = renewed(problem, z, around, leaps=moved < LEAPING)
         before = z
         if near and (bent is None or _far(z, bent.z, information) > REUSED):
@@ -156,17 +160,20 @@ def fit(
         information = np.eye(problem.size) + jacobian.T @ jacobian
         moved = _far(z, before, information)
         history.append((problem.simulations - counted, moved))
+        path += [z] if near else []
         stays, near = near and moved < MOVED, near or moved < NEAR
-        if estimate_noise and (stays or round_ == 1):
+        if estimate_noise and (near or round_ == 1):
             noise = _noise(problem, z, around)
             stays = stays and _same(noise, problem.noise)
             problem = _go_on(problem, noise)
             around = replace(around, marginal=problem.marginal(around.response))
         if stays:
-            converged = True
+            converged, path = True, []
             break
+    swing, z = swung(path, between(path, z, round_), round_), between(path, z, round_)
     slope = np.zeros(problem.size) if bent is None else bent.slope + bent.root.T @ (bent.root @ (z - bent.z))
-    return _finish(problem, z, around, slope, converged, history, began, counted)
+    found = _finish(problem, z, around, slope, converged, history, began, counted)
+    return replace(found, covariance=found.covariance + swing)
 
 
 def _go_on(problem: Problem, noise: NoiseModel) -> Problem:
