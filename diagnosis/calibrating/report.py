@@ -95,11 +95,13 @@ def summary(done: Calibrated) -> list[str]:
         )
     said.append(
         f"Intervals are about {report.widened:g} times as wide as the recording alone makes them, because a building is"
-        " not the model: with rooms of finer walls they hold nine times in ten then, and a gap that the model does not"
-        " explain they do not allow for."
+        " not the model. For a gap that the model does not explain they do not allow."
     )
     if not report.converged:
-        said.append("The fit had not come to rest when it stopped: take its figures with care.")
+        said.append(
+            "The fit had not come to rest when it stopped: values are means of its last rounds, and intervals allow for"
+            " what they still moved by. Take its figures with care."
+        )
     return said
 
 
