@@ -71,7 +71,7 @@ def simulate(
             **({"other_parameters": ", ".join(f"{k}={v:g}" for k, v in others.items())} if others else {}),
         },
     )
-    record = _on_the_clock(shard.isel(system=0))
+    record = on_the_clock(shard.isel(system=0))
     if out is not None:
         path = Path(out)
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -79,7 +79,7 @@ def simulate(
     return record
 
 
-def _on_the_clock(record: xr.Dataset) -> xr.Dataset:
+def on_the_clock(record: xr.Dataset) -> xr.Dataset:
     """The record of one system with its beginning in its time, as measurements have it."""
     begin = float(record["start"])
     bounds = record["time_bnds"].variable + begin  # a variable: its own times would not match those that it is put to

@@ -20,13 +20,14 @@ import numpy as np
 from resumed import resumed
 
 from datagen.inputs import build_inputs
+from datagen.recording import on_the_clock
 from datagen.sampling import sample_parameters
 from datagen.simulator import Simulator
 from datagen.tables import Piecewise
 from diagnosis.forecasting.forecast import forecast
 from diagnosis.recording import HOUR, Recording
 from shared.errors import ZeroshotError
-from shared.schema import CLOCK, STEP_END, build_shard
+from shared.schema import build_shard
 from shared.store import write_shard
 from shared.system import System, load_system
 
@@ -56,10 +57,9 @@ def unseen(system: System, seed: int, index: int, noise: str, context: float, ah
     shard = build_shard(
         system, indices=np.array([index]), root_seed=seed, parameters=theta[None], outputs=outputs[None],
         inputs=made.inputs[None], attributes={}, starts=np.array([begin]),
-    ).isel(system=0)  # fmt: skip
-    shard = shard.drop_vars("start").assign_coords(time=("time", made.time, STEP_END | CLOCK))
+    )  # fmt: skip
     path = folder / f"system-{index}.nc"
-    write_shard(path, shard, [index])
+    write_shard(path, on_the_clock(shard.isel(system=0)), [index])
     return replace(read_recording(path, system), outputs=outputs)
 
 
