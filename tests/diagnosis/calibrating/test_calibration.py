@@ -157,13 +157,19 @@ def test_scores_by_hand():
 
 
 def test_a_recording_counts_for_less_than_the_fit_believes_and_the_page_says_so(house, house_recording):
-    """Its information is divided by four; the prior's, which is one, is not."""
+    """Each parameter's information is divided by four; the prior's, which is one, is not."""
     done = calibrate(house("me"), house_recording(hours=48), starts=1)
     assert done.report.widened == 2.0
-    information, identity = np.linalg.inv(done.fit.covariance), np.eye(done.problem.size)
-    np.testing.assert_allclose(
-        np.array(done.report.covariance), np.linalg.inv(identity + (information - identity) / 4), rtol=1e-6
+    stated = np.array(done.report.covariance)
+    np.testing.assert_allclose(np.diag(stated), 1 / (1 + (done.fit.sd**-2 - 1) / 4), rtol=1e-6)
+    np.linalg.cholesky(stated)
+    low, high = (
+        done.problem.unknowns({one.name: getattr(one, end) for one in done.report.parameters})
+        for end in ("low", "high")
     )
+    inside = [k for k, one in enumerate(done.report.parameters) if not one.at_bound]
+    np.testing.assert_allclose((high - low)[inside], 2 * 1.645 * np.sqrt(np.diag(stated))[inside], rtol=1e-3)
+    assert inside
     problem = copy(done.fit.problem)
     problem.replay = True
     report = summarise(replace(done.fit, problem=problem), {}, "the middle of the prior")
