@@ -17,6 +17,8 @@ from diagnosis.whole import whole
 
 POOR = 0.5
 """A model that explains less than this share of an output's variance is not believed."""
+OUTER = 1.28
+"""Beyond this [prior standard deviations] a parameter lies in the outer tenths of its range: no prior left it."""
 _MANY = 12
 """Weather inputs and the like that a picture shows at most."""
 
@@ -56,9 +58,10 @@ def began(done: Calibrated) -> str:
 def summary(done: Calibrated) -> list[str]:
     """What came out, in a few sentences."""
     report = done.report
-    groups = {
-        kind: [p.name for p in report.parameters if p.identified == kind] for kind in ("well", "partly", "hardly")
-    }
+    groups: dict[str, list[str]] = {"well": [], "partly": [], "hardly": [], "pushed": [], "bound": []}
+    for p, place in zip(report.parameters, report.z, strict=False):
+        pushed = "pushed" if abs(place) > OUTER else "hardly"
+        groups["bound" if p.at_bound else pushed if p.identified == "hardly" else p.identified].append(p.name)
     said = [
         f"The fitted model explains {max(share, 0):.0%} of what {name} did: it lacks something, for which its"
         " parameters make up, and neither they nor their intervals are to be believed."
@@ -69,10 +72,11 @@ def summary(done: Calibrated) -> list[str]:
         ("well", "The recording tells {} well."),
         ("partly", "It tells {} in part."),
         ("hardly", "It hardly tells {}: what is given for them is mostly the prior."),
+        ("pushed", "It pushes {} to an end of the range, as far as it tells: the interval ends where the range does."),
     ):
         if groups[kind]:
             said.append(words.format(", ".join(groups[kind])))
-    bound = [p.name for p in report.parameters if p.at_bound]
+    bound = groups["bound"]
     if bound:
         said.append(
             f"{', '.join(bound)} {'lies' if len(bound) == 1 else 'lie'} on a bound of the range: either the range is"

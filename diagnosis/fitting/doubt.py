@@ -1,8 +1,8 @@
 """How far a fit is believed: parameters also make up for what the model is not, and its own covariance knows no such.
 
 Rooms of two opened blind checks without any effect, whose walls alone are finer than the model's, told what that takes:
-of the 90 % intervals of ``diagnosis calibrate`` FEW % held the truth as the fit made them (MANY % with the doubt); the
-glass's share of the sun missed it most often. docs/measurements.md has all conditions.
+of the 90 % intervals of ``diagnosis calibrate`` 70 % held the truth as the fit made them, 87 % with the doubt, and in
+rooms whose walls are the model's own 91 and 98 % (persons counted). docs/measurements.md has all conditions.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ is a bootstrap over them. Take a seed that nothing was developed on.
 
     python tests/benchmarks/intervals.py fmus/MixedAirCO2 --blind blind --answers blind.answers.json --out intervals
 
-takes the recordings without an effect of an opened blind check instead, whose walls are finer than the model's, each
+takes the recordings without an effect of opened blind checks instead, whose walls are finer than the model's, each
 with the persons and the actuators that it was made with.
 """
 
@@ -127,16 +127,19 @@ def main() -> None:
     parser.add_argument("--hours", type=float, default=168.0)
     parser.add_argument("--starts", type=int, default=2)
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=list(KINDS))
-    parser.add_argument("--blind", type=Path, help="folder of an opened blind check: its recordings, not random rooms")
-    parser.add_argument("--answers", type=Path, help="its answers")
+    parser.add_argument(
+        "--blind", type=Path, nargs="+", help="folders of opened blind checks, in place of random rooms"
+    )
+    parser.add_argument("--answers", type=Path, nargs="+", help="their answers, in the same order")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("intervals"))
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     common = {"system": str(options.system), "starts": options.starts}
     if options.blind:
-        cases = [common | one for one in without_effect(options.blind, options.answers) if one["kind"] in options.kinds]
-        which = f"{len(cases)} recordings without an effect, {options.blind}"
+        several = zip(options.blind, options.answers, strict=True)
+        cases = [common | one for where in several for one in without_effect(*where) if one["kind"] in options.kinds]
+        which = f"{len(cases)} recordings without an effect"
     else:
         common |= {"folder": str(options.out), "hours": options.hours, "seed": options.seed}
         span = range(options.first, options.first + options.recordings)

@@ -237,3 +237,22 @@ def test_an_estimate_is_not_made_from_days_that_were_made_up(default_system, tmp
     np.testing.assert_allclose(found[9:14], np.linspace(found[9], found[13], 5), rtol=1e-6)
     assert found[0] == found[1]
     assert np.isnan(found[20:24]).all() and np.isnan(found).sum() == 4
+
+
+def test_what_lies_at_an_end_of_its_range_is_not_said_to_be_the_prior(house, house_recording):
+    """Hardly told by its variance, and yet moved: the range's end made the interval."""
+    done = calibrate(house("me"), house_recording(hours=48), starts=1)
+    ranges = [
+        one.model_copy(update={"identified": "hardly", "at_bound": k == 0})
+        for k, one in enumerate(done.report.parameters)
+    ]
+    z = [3.0, 2.0, 0.1, *done.report.z[3:]]
+    names = [one.name for one in ranges]
+    said = summary(replace(done, report=done.report.model_copy(update={"parameters": ranges, "z": z})))
+    assert (
+        f"It pushes {names[1]} to an end of the range, as far as it tells: the interval ends where the range does."
+        in said
+    )
+    others = ", ".join(name for name, place in zip(names[2:], z[2:], strict=False) if abs(place) < 1.28)
+    assert f"It hardly tells {others}: what is given for them is mostly the prior." in said
+    assert any(one.startswith(f"{names[0]} lies on a bound") for one in said)
