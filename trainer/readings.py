@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from shared.codes import CODES
 from shared.errors import RecordingError
 from shared.schema import EPOCH
 from trainer.encoding import Encoding
@@ -13,10 +14,8 @@ from trainer.encoding import Encoding
 FARTHEST = 30.0
 """Standard deviations from the training's mean that a reading may lie: of no training does more than one reading in 900
 lie farther (Chebyshev's inequality), and those of rooms simulated for other purposes stay within seven."""
-CODES = np.array([sign * code for sign in (-1, 1) for code in (99, 99.9, 999, 999.9, 9999, 9999.9, 99999)])
-"""What loggers write where a reading is missing."""
 ODD = 5.0
-"""Standard deviations from the training's mean beyond which a reading that is one of :data:`CODES` is taken for it."""
+"""Standard deviations from the training's mean beyond which nines (:data:`shared.codes.CODES`) are taken for a code."""
 COLDEST = 150.0
 """Temperature [K] below which no weather and no room has ever been: readings there are in degC, or a code."""
 ROUNDING = 1e-3

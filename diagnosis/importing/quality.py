@@ -9,6 +9,7 @@ import numpy as np
 
 from diagnosis.importing import units
 from diagnosis.importing.mapping import Source
+from shared.codes import coded
 from shared.errors import RecordingError
 
 FLAGS = {
@@ -89,7 +90,7 @@ def make_signal(
     density: float,
     where: str,
 ) -> Signal:
-    """Readings of a column as a signal in the target's unit, nothing judged yet.
+    """Readings of a column as a signal in the target's unit; codes for missing ones are marked impossible.
 
     Parameters
     ----------
@@ -119,7 +120,8 @@ def make_signal(
         # a state is logged when it changes: by default it holds for a day at most
         holds = 3600.0 * source.max_gap if source.max_gap is not None else 86400.0
         end = np.minimum(t + holds, np.concatenate([t[1:], [t[-1] + usual]])) if t.size else t
-    return Signal(begin, end, values, np.zeros(len(t), dtype=np.int8), kind, max_gap, target)
+    flags = np.where(coded(readings[there]), IMPOSSIBLE, 0).astype(np.int8)
+    return Signal(begin, end, values, flags, kind, max_gap, target)
 
 
 def to_target(readings: np.ndarray, source: Source, target: str, *, density: float, where: str) -> np.ndarray:

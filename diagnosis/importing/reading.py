@@ -17,6 +17,8 @@ from shared.reading import MIB, check_columns, listed, read_text, shown, why
 MOST = 1024 * MIB
 """Bytes of a file of measurements."""
 _TRUE = {"true": "1", "yes": "1", "on": "1", "false": "0", "no": "0", "off": "0"}
+_GROUPED = r"[+-]?\d+([.,'\u2019\s\u00a0\u202f]\d+)+"
+"""Numbers that would be missing in silence, and only the large ones of a column: digits with more than one sign."""
 
 
 @dataclass
@@ -63,6 +65,14 @@ class Measurements:
         values = pd.to_numeric(text, errors="coerce").to_numpy(dtype=np.float64)
         values = np.where(np.isfinite(values), values, np.nan)
         odd = text.notna().to_numpy() & np.isnan(values)
+        grouped = np.flatnonzero(odd & text.str.fullmatch(_GROUPED).fillna(False).to_numpy(dtype=bool))
+        if grouped.size:
+            row = int(grouped[0])
+            raise RecordingError(
+                f"{where}: column {name!r} of {self.path} holds {shown(self.columns[name].iloc[row])} in row {row + 1},"
+                f" a number with a separator of thousands or another decimal sign than {self.decimal!r}; expected none"
+                " (file.decimal?)"
+            )
         if odd.sum() > 0.5 * text.notna().sum() or not np.isfinite(values).any():
             example = self.columns[name].iloc[int(np.flatnonzero(odd)[0])] if odd.any() else None
             found = "is empty" if example is None else f"holds text such as {shown(example)} in {int(odd.sum())} rows"

@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from shared.codes import CODES
 from shared.errors import RecordingError
-from trainer.readings import CODES, comparable
+from trainer.readings import comparable
 
 
 def encoding(mean, sd, unit="W", constant=()):

@@ -199,6 +199,17 @@ def test_a_dot_beside_a_decimal_comma_is_of_thousands():
     np.testing.assert_array_equal(data.numbers("heat", "here"), [1523.5, 12.0, 0.25, -1234567.0, 3.4])
 
 
+@pytest.mark.parametrize("large", ["1,523.5", "1 523", "1'523.5", "1,523"])
+def test_large_numbers_are_not_lost_for_their_separator(large):
+    """Taken as missing, only the large readings of a column would be."""
+    texts = pd.DataFrame({"CO2": ["412.5", "640", large, "980.25"]})
+    data = Measurements(Path("log.csv"), np.arange(4.0), texts, ".", set())
+    with pytest.raises(
+        RecordingError, match=r"here: column 'CO2' of log.csv holds .* in row 3, a number with a separator"
+    ):
+        data.numbers("CO2", "here")
+
+
 def test_a_schedule_that_stands_in_says_where_clocks_show_another_hour(house):
     report = house(measured()[0])  # 27 October to 2 November 2022: three days of it are summer time
     said = [note for note in report.notes if "daylight saving" in note and "stands in" in note]

@@ -1,0 +1,25 @@
+"""What loggers write where a reading is missing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+CODES = np.array([sign * code for sign in (-1, 1) for code in (99, 99.9, 999, 999.9, 9999, 9999.9, 99999)])
+"""Minus or plus nines."""
+ENOUGH = 5
+"""Different other readings that it takes to tell a code from a reading of a column that hardly ever changes."""
+BELOW, ABOVE = 1.0, 5.0
+"""So many spans of the other readings a code lies below or above them all: 999 ppm or 99 W/m2 may be readings.
+Below zero it is one where nothing else is."""
+
+
+def coded(readings: np.ndarray) -> np.ndarray:
+    """Which readings of one column (n,) [any unit] are codes: nines, far from all that are none."""
+    code = np.isin(readings.astype(np.float32), CODES.astype(np.float32))  # in whichever precision they were written
+    others = np.unique(readings[~code & np.isfinite(readings)])
+    if not code.any() or len(others) < ENOUGH:
+        return np.zeros(len(readings), dtype=bool)
+    low, high = others[0], others[-1]
+    floor = max(low - BELOW * (high - low), 0.0 if low >= 0 else -np.inf)
+    far = (readings < floor) | (readings > high + ABOVE * (high - low))
+    return np.asarray(code & far)
