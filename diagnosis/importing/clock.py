@@ -204,14 +204,14 @@ def _of_wall_clock(stamps: pd.DatetimeIndex, zone: tzinfo, name: str, where: str
     early, late, wall = _seconds(first), _seconds(second), _seconds(stamps)
     repeated = early != late
     utc = early.copy()
-    passed = False
-    for k in np.flatnonzero(repeated):
-        if k == 0 or not repeated[k - 1]:
-            passed = False
-        elif wall[k] <= wall[k - 1]:
-            passed = True
-        if passed:
-            utc[k] = late[k]
+    starts = np.flatnonzero(repeated & ~np.concatenate([[False], repeated[:-1]]))
+    for start in starts:
+        stop = start + int(np.argmin(np.concatenate([repeated[start:], [False]])))
+        step = np.diff(wall[start:stop])
+        # where the clock goes back; of hourly stamps it shows the same hour twice, which else are rows that repeat one
+        back = np.flatnonzero(step < 0 if (step < 0).any() else step == 0)
+        if back.size:
+            utc[start + 1 + back[0] : stop] = late[start + 1 + back[0] : stop]
     notes = []
     if repeated.any():
         again = int((utc != early).sum())

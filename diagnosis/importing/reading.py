@@ -32,7 +32,7 @@ class Measurements:
     columns
         The file's columns as text, without that of the time stamps.
     repeated
-        Rows whose time stamp another row had before: they were left out.
+        Rows whose time stamp another row had before: they only fill what that row has not.
     notes
         Sentences on what was understood and what was left out.
     """
@@ -117,12 +117,18 @@ def read_measurements(path: Path, mapping: Mapping) -> Measurements:
     utc, notes = read_stamps(frame[name].fillna(""), mapping.time, f"{path}: column {name!r}")
     keep = np.concatenate([[True], np.diff(utc) > 0])
     if not keep.all():
-        notes.append(f"{int((~keep).sum())} rows repeat the time stamp of the row before: the first is used")
+        notes.append(
+            f"{int((~keep).sum())} rows repeat the time stamp of the row before: the first reading of each column is"
+            " used"
+        )
     columns = frame.drop(columns=name).fillna("")
+    if not keep.all():  # a logger may write a row for each of its sensors
+        there = columns.apply(lambda one: one.where(~one.str.strip().isin(settings.missing)))
+        columns = there.groupby(np.cumsum(keep) - 1).first()
     return Measurements(
         path=path,
         utc=utc[keep],
-        columns=columns[keep].reset_index(drop=True),
+        columns=columns.reset_index(drop=True),
         decimal=settings.decimal,
         missing=set(settings.missing),
         repeated=int((~keep).sum()),

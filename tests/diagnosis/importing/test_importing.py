@@ -215,3 +215,14 @@ def test_a_schedule_that_stands_in_says_where_clocks_show_another_hour(house):
     said = [note for note in report.notes if "daylight saving" in note and "stands in" in note]
     assert len(said) == 1 and said[0].startswith("wish: not measured")
     assert "an hour late by the clocks of 3 of 7 days with daylight saving" in said[0]
+
+
+def test_a_logger_that_writes_a_row_for_each_sensor_loses_none(house):
+    """Two rows of every time stamp, each with some of the columns: the same recording as of whole rows."""
+    frame, _ = measured()
+    whole = xr.load_dataset(house(frame, out="whole.nc").recording)
+    half = [name for name in frame.columns if name != "when"][::2]
+    apart = pd.concat([frame.drop(columns=half), frame[["when", *half]]]).sort_index(kind="stable")
+    report = house(apart, out="apart.nc")
+    xr.testing.assert_equal(xr.load_dataset(report.recording), whole)
+    assert any("the first reading of each column is used" in note for note in report.notes)
