@@ -120,7 +120,9 @@ def make_signal(
         # a state is logged when it changes: by default it holds for a day at most
         holds = 3600.0 * source.max_gap if source.max_gap is not None else 86400.0
         end = np.minimum(t + holds, np.concatenate([t[1:], [t[-1] + usual]])) if t.size else t
-    flags = np.where(coded(readings[there]), IMPOSSIBLE, 0).astype(np.int8)
+    # where the mapping says what is possible, it knows better
+    nines = coded(readings[there]) if source.valid is None else np.zeros(len(t), dtype=bool)
+    flags = np.where(nines, IMPOSSIBLE, 0).astype(np.int8)
     return Signal(begin, end, values, flags, kind, max_gap, target)
 
 

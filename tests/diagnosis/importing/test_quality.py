@@ -15,3 +15,5 @@ def test_codes_of_a_heat_meter_are_left_out(code):
     )
     np.testing.assert_array_equal(signal.flags, np.where(readings == code, IMPOSSIBLE, 0))
     assert signal.clean().values.min() == 0.0 and signal.clean().values.max() == 410.0
+    told = Source(column="heat", unit="W", valid=(-1e5, 1e5))
+    assert not make_signal(time, readings, told, "W", kind="mean", stamp="end", density=1.2, where="x").flags.any()
