@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-CODES = np.array([sign * code for sign in (-1, 1) for code in (99, 99.9, 999, 999.9, 9999, 9999.9, 99999)])
-"""Minus or plus nines."""
+CODES = np.array(
+    [sign * code for sign in (-1, 1) for code in (99, 99.9, 999, 999.9, 9999, 9999.9, 99999)]
+    + [-32768, 32767, 65535, 3276.7, 6553.5]
+)
+"""Minus or plus nines, and the ends of what a register of 16 bits can hold."""
 ENOUGH = 5
 """Different other readings that it takes to tell a code from a reading of a column that hardly ever changes."""
 BELOW, ABOVE = 1.0, 5.0
@@ -14,7 +17,7 @@ Below zero it is one where nothing else is."""
 
 
 def coded(readings: np.ndarray) -> np.ndarray:
-    """Which readings of one column (n,) [any unit] are codes: nines, far from all that are none."""
+    """Which readings of one column (n,) [any unit] are codes, far from all that are none."""
     code = np.isin(readings.astype(np.float32), CODES.astype(np.float32))  # in whichever precision they were written
     others = np.unique(readings[~code & np.isfinite(readings)])
     if not code.any() or len(others) < ENOUGH:

@@ -133,7 +133,8 @@ def read_stamps(texts: pd.Series, settings: Time, where: str) -> tuple[np.ndarra
     RecordingError
         If stamps cannot be read, lie in the hour that daylight saving skips, or run backwards.
     """
-    zone = find_zone(settings.zone, where)
+    name = settings.stamps or settings.zone
+    zone = find_zone(name, where)
     texts = texts.str.strip()
     empty = texts.isna() | (texts == "")
     if empty.any():
@@ -146,6 +147,11 @@ def read_stamps(texts: pd.Series, settings: Time, where: str) -> tuple[np.ndarra
         if settings.format == "ISO8601":
             stamped = texts.str.contains(_STAMPED, regex=True) & texts.str.contains(":", regex=False)
         else:  # a date may stand where an offset could: the format says which it is
+            if "%Z" in settings.format or (_OFFSET.search(settings.format) and "%z" not in settings.format):
+                raise RecordingError(
+                    f"{where}: time.format is {settings.format!r}; expected %z for an offset in the stamps, or none and"
+                    " time.stamps: letters and fixed offsets are not believed"
+                )
             stamped = pd.Series("%z" in settings.format or settings.format.endswith(_UTC), index=texts.index)
         if stamped.any() and not stamped.all():
             odd = int(np.flatnonzero(~stamped)[0])
@@ -160,8 +166,9 @@ def read_stamps(texts: pd.Series, settings: Time, where: str) -> tuple[np.ndarra
             if aware:
                 utc = _seconds(pd.DatetimeIndex(parsed))
             else:
-                utc, notes = _of_wall_clock(pd.DatetimeIndex(parsed), zone, settings.zone, where)
-        except (ValueError, ArithmeticError) as error:  # a format that is none, or a year that pandas cannot hold
+                utc, notes = _of_wall_clock(pd.DatetimeIndex(parsed), zone, name, where)
+        # a format that is none, a year that pandas cannot hold, an offset without colons
+        except (TypeError, ValueError, ArithmeticError) as error:
             raise RecordingError(f"{where}: times cannot be read ({why(error)}); expected times of today") from None
     odd_year = np.flatnonzero((utc < FIRST) | (utc > LAST))
     if odd_year.size:

@@ -9,7 +9,7 @@ import numpy as np
 
 from datagen.inputs import schedule_signal
 from datagen.tables import merge
-from diagnosis.importing import weather
+from diagnosis.importing import plausible, units, weather
 from diagnosis.importing.clock import Clock, find_zone
 from diagnosis.importing.filling import fill_constant, interpolate_short
 from diagnosis.importing.mapping import MEASURABLE, Mapping, Source
@@ -31,6 +31,8 @@ from shared.system import System
 from shared.variables import ConstantInput, ExcitationInput, Input, MeasuredInput, Output, ScheduleInput, WeatherInput
 
 DAY = 86400.0
+_STATES = ("presence", "bool", "person", "persons", "count", "counts")
+"""Units of what jumps from one reading to the next."""
 _MOVING = ("K", "degC", "ppm", "W/m2", "m/s")
 """Units of quantities that never stand still: a sensor of one that does is stuck."""
 ROUNDED = 1e-3
@@ -131,12 +133,21 @@ class Composer:
         self.used.add(column)
         readings = self.data.numbers(column, where)
         density = self.mapping.air_density
+        kind = source.reading or self.mapping.defaults.reading
+        usual = plausible.sparse(self.data.utc, readings) if kind == "point" and source.max_gap is None else None
+        if usual is not None and source.reading is None and source.unit in _STATES:
+            raise RecordingError(
+                f"{where}: is read every {usual / 3600:.3g} h only, and {source.unit} is no straight line between;"
+                " expected reading = 'hold' if it is logged when it changes, else 'point'"
+            )
+        if usual is not None:
+            self.notes.append(plausible.about_changes(column, source, usual))
         signal = make_signal(
             self.clock.seconds(self.data.utc),
             readings,
             source,
             unit,
-            kind=source.reading or self.mapping.defaults.reading,
+            kind=kind,
             stamp=source.stamp or self.mapping.defaults.stamp,
             density=density,
             where=where,
@@ -148,6 +159,8 @@ class Composer:
         signal = mark_impossible(signal, source, density=density, where=where)
         if source.unit in ("percent", "%") and source.scale == 1 and 0 < float(np.nanmax(readings)) <= 1.0:
             self.notes.append(f"column {column}: declared in percent, but no reading is above 1; is it a fraction?")
+        register = plausible.about_register(column, signal) if unit == "W" else None
+        self.notes += [register] if register else []
         hours = source.stuck_after if source.stuck_after is not None else (_STUCK_AFTER if moving else 0.0)
         signal = mark_stuck(signal, hours, except_zero=unit == "W/m2")
         if not signal.used.any():
@@ -173,6 +186,12 @@ class Composer:
     def _of_weather(self, target: Target, column: str) -> Series | None:
         known = self.mapping.weather
         where = f"{self.mapping.path}: weather.{column}"
+        unit = MEASURABLE.get(column, target.unit)
+        if target.unit != unit and not _same(target.unit, unit):
+            raise RecordingError(
+                f"{self.system.path}: inputs {target.name!r}: unit is {target.unit!r}; expected {unit!r}, the unit of"
+                f" weather column {column!r}"
+            )
         if column in known:
             source = known[column]
             if source.constant is not None:
@@ -214,8 +233,12 @@ class Composer:
 
     def check_sun(self) -> None:
         """Hold the irradiance against the sun of the place: a wrong zone or clock shows here."""
+        zone = plausible.about_zone(self.clock, self.mapping.place)
+        self.notes += [zone] if zone else []
         if not self._measured("ghi") or self.mapping.place is None:
             return
+        level = plausible.about_level(self.weather_signal("ghi"), self.clock, self.mapping.place)
+        self.notes += [level] if level else []
         late, correlation, down = weather.sun_clock(self.weather_signal("ghi"), self.clock, self.mapping.place)
         if correlation > 0.5 and abs(late) >= 20:
             self.notes.append(
@@ -235,3 +258,11 @@ def _is_share(signal: Signal, where: str) -> None:
             f"{where}: is {wrong[np.argmax(np.abs(wrong))]:g}; expected shares from 0 to 1: for tenths write scale ="
             " 0.1, for oktas scale = 0.125, and valid = [0, 1] where other readings are codes"
         )
+
+
+def _same(unit: str, other: str) -> bool:
+    """Whether two spellings are of one unit."""
+    try:
+        return bool(np.allclose(units.convert(np.array([0.0, 1.0]), unit, other, density=1.0, where=""), [0.0, 1.0]))
+    except RecordingError:
+        return False

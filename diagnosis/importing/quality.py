@@ -153,6 +153,7 @@ def mark_impossible(signal: Signal, source: Source, *, density: float, where: st
         low, high = low * source.persons, high * source.persons
     if source.valid is not None:
         ends = units.convert(np.array(source.valid), source.unit, signal.unit, density=density, where=where)
+        ends = ends * (source.persons or 1.0)
         low, high, zero = float(ends.min()), float(ends.max()), False
     elif (source.scale, source.offset) != (1.0, 0.0) and source.unit in units.WORD_LIMITS:
         low, high = -np.inf, np.inf  # the word's limits hold for what was read, not for what was made of it

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import io
+import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from diagnosis.importing.clock import read_stamps
-from diagnosis.importing.mapping import Mapping
+from diagnosis.importing.mapping import File, Mapping
+from diagnosis.importing.separators import with_dots
 from shared.errors import RecordingError
 from shared.reading import MIB, check_columns, listed, read_text, shown, why
 
 MOST = 1024 * MIB
 """Bytes of a file of measurements."""
 _TRUE = {"true": "1", "yes": "1", "on": "1", "false": "0", "no": "0", "off": "0"}
-_GROUPED = r"[+-]?\d+([.,'\u2019\s\u00a0\u202f]\d+)+"
-"""Numbers that would be missing in silence, and only the large ones of a column: digits with more than one sign."""
 
 
 @dataclass
@@ -57,22 +58,12 @@ class Measurements:
             raise RecordingError(f"{where}: {self.path} has no column {name!r}; found {listed(self.columns.columns)}")
         text = self.columns[name].str.strip()
         text = text.where(~text.isin(self.missing))
-        if self.decimal != ".":
-            thousands = text.str.fullmatch(r"[+-]?\d{1,3}(\.\d{3})+(,\d*)?").fillna(False).astype(bool)
-            text = text.where(~thousands, text.str.replace(".", "", regex=False))
-            text = text.str.replace(self.decimal, ".", regex=False)
+        text, notes = with_dots(text, self.decimal, f"{where}: column {name!r} of {self.path}")
+        self.notes += [f"column {name}: {one}" for one in notes]
         text = text.str.lower().replace(_TRUE)
         values = pd.to_numeric(text, errors="coerce").to_numpy(dtype=np.float64)
         values = np.where(np.isfinite(values), values, np.nan)
         odd = text.notna().to_numpy() & np.isnan(values)
-        grouped = np.flatnonzero(odd & text.str.fullmatch(_GROUPED).fillna(False).to_numpy(dtype=bool))
-        if grouped.size:
-            row = int(grouped[0])
-            raise RecordingError(
-                f"{where}: column {name!r} of {self.path} holds {shown(self.columns[name].iloc[row])} in row {row + 1},"
-                f" a number with a separator of thousands or another decimal sign than {self.decimal!r}; expected none"
-                " (file.decimal?)"
-            )
         if odd.sum() > 0.5 * text.notna().sum() or not np.isfinite(values).any():
             example = self.columns[name].iloc[int(np.flatnonzero(odd)[0])] if odd.any() else None
             found = "is empty" if example is None else f"holds text such as {shown(example)} in {int(odd.sum())} rows"
@@ -94,17 +85,7 @@ def read_measurements(path: Path, mapping: Mapping) -> Measurements:
     settings = mapping.file
     text = read_text(path, RecordingError, "measurements (CSV)", most=MOST, encoding=settings.encoding)
     check_columns(text, settings.separator, f"{path}", RecordingError)
-    try:
-        frame = pd.read_csv(
-            io.StringIO(text),
-            sep=settings.separator,
-            skiprows=settings.skip,
-            dtype=str,
-            keep_default_na=False,
-            skip_blank_lines=True,
-        )
-    except (ValueError, ArithmeticError, LookupError, MemoryError) as error:  # what pandas meets in text that is no CSV
-        raise RecordingError(f"{path}: not readable as CSV ({why(error)})") from None
+    frame = _table(text, settings, path)
     frame.columns = frame.columns.str.strip()
     name = mapping.time.column
     if name not in frame:
@@ -134,3 +115,34 @@ def read_measurements(path: Path, mapping: Mapping) -> Measurements:
         repeated=int((~keep).sum()),
         notes=notes,
     )
+
+
+def _table(text: str, settings: File, path: Path) -> pd.DataFrame:
+    """A CSV's rows as text under its column names; a separator that ends every row but the header's makes no column."""
+
+    def read(**more: Any) -> pd.DataFrame:
+        return pd.read_csv(
+            io.StringIO(text),
+            sep=settings.separator,
+            skiprows=settings.skip,
+            dtype=str,
+            keep_default_na=False,
+            skip_blank_lines=True,
+            **more,
+        )
+
+    try:
+        frame = read()
+        if isinstance(frame.index, pd.RangeIndex):
+            return frame
+        # rows are longer than the header: pandas would take their first fields for names of the rows
+        if frame.index.nlevels > 1 or frame.iloc[:, -1].str.strip().ne("").any():
+            raise RecordingError(
+                f"{path}: rows have {frame.index.nlevels + frame.shape[1]} fields under {frame.shape[1]} column names;"
+                " expected as many names as fields"
+            )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", pd.errors.ParserWarning)  # the empty fields are lost, as they should be
+            return read(index_col=False)
+    except (ValueError, ArithmeticError, LookupError, MemoryError) as error:  # what pandas meets in text that is no CSV
+        raise RecordingError(f"{path}: not readable as CSV ({why(error)})") from None

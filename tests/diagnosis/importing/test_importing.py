@@ -11,7 +11,6 @@ from matplotlib.image import imread
 
 from diagnosis.importing import import_recording
 from diagnosis.importing.quality import ASSUMED, COMPUTED, IMPOSSIBLE, INTERPOLATED, MISSING, PARTLY, STUCK
-from diagnosis.importing.reading import Measurements
 from shared.errors import RecordingError
 from shared.schema import EPOCH
 from tests.diagnosis.importing.house_cases import MAPPING, measured, warmth
@@ -191,23 +190,6 @@ def test_the_picture_shows_what_was_left_out(house):
     marked = imread(house(frame).picture)
     red = [float(((p[..., 0] > 0.7) & (p[..., 1] < 0.3) & (p[..., 2] < 0.2)).sum()) for p in (clean, marked)]
     assert clean.shape[0] > 900 and red[0] == 0 and red[1] > 50
-
-
-def test_a_dot_beside_a_decimal_comma_is_of_thousands():
-    texts = pd.DataFrame({"heat": ["1.523,5", "12", "0,25", "-1.234.567", "3.4"]})
-    data = Measurements(Path("log.csv"), np.arange(5.0), texts, ",", set())
-    np.testing.assert_array_equal(data.numbers("heat", "here"), [1523.5, 12.0, 0.25, -1234567.0, 3.4])
-
-
-@pytest.mark.parametrize("large", ["1,523.5", "1 523", "1'523.5", "1,523"])
-def test_large_numbers_are_not_lost_for_their_separator(large):
-    """Taken as missing, only the large readings of a column would be."""
-    texts = pd.DataFrame({"CO2": ["412.5", "640", large, "980.25"]})
-    data = Measurements(Path("log.csv"), np.arange(4.0), texts, ".", set())
-    with pytest.raises(
-        RecordingError, match=r"here: column 'CO2' of log.csv holds .* in row 3, a number with a separator"
-    ):
-        data.numbers("CO2", "here")
 
 
 def test_a_schedule_that_stands_in_says_where_clocks_show_another_hour(house):

@@ -1,0 +1,89 @@
+"""What readings look like that are declared as something else: sentences for those who know the building."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from diagnosis.importing.clock import Clock
+from diagnosis.importing.mapping import Place, Source
+from diagnosis.importing.quality import Signal, usual_interval
+from diagnosis.importing.weather import sun_position
+
+SPARSE, LONG = 3.0, 3600.0
+"""A column read so many times less often than the file's rows, and less than hourly [s], is logged when it changes."""
+OFF = 1.75
+"""Hours that a zone's standard time may differ from that of the sun: Iceland's do by one and a half."""
+REGISTER = 24
+"""Different readings of a day at least that never fall: no power does that."""
+DARK, BRIGHT = 0.3, 1.4
+"""Shares of a clear sky's highest irradiance that the highest of some days does not stay below, nor pass."""
+
+
+def sparse(time: np.ndarray, readings: np.ndarray) -> float | None:
+    """Usual spacing [s] of the readings of a column that is logged when it changes; None of one that is not.
+
+    Both (rows,); NaN where a row has no reading.
+    """
+    there = np.isfinite(readings)
+    if there.sum() < 2:
+        return None
+    usual, rows = usual_interval(time, there), float(np.median(np.diff(time)))
+    return usual if usual > LONG and usual > SPARSE * rows else None
+
+
+def about_changes(column: str, source: Source, usual: float) -> str:
+    """What is said of such a column where nothing says how its readings are to be understood."""
+    return (
+        f"column {column}: read every {usual / 3600:.3g} h only, and joined by straight lines; is it logged when it"
+        f" changes (reading = 'hold')? declared in {source.unit!r}"
+    )
+
+
+def about_register(column: str, signal: Signal) -> str | None:
+    """A sentence if a power never falls: it may be a meter's register."""
+    clean = signal.clean()
+    values = clean.values
+    if len(values) < 2 or clean.end[-1] - clean.begin[0] < 86400.0 or (np.diff(values) < 0).any():
+        return None
+    if len(np.unique(values)) < REGISTER:
+        return None
+    return (
+        f"column {column}: never falls, from {values[0]:.6g} to {values[-1]:.6g} {signal.unit}; a register must be"
+        " brought to a power before"
+    )
+
+
+def about_zone(clock: Clock, place: Place | None) -> str | None:
+    """A sentence if the recording's standard time cannot be that of the place."""
+    if clock.zone.upper() in ("UTC", "Z", "GMT"):
+        return (
+            f"time.zone is {clock.zone}: days, schedules and habits of the recording run by it; expected the place's"
+            " zone, with stamps = 'UTC' where the logger keeps UTC"
+        )
+    if place is None:
+        return None
+    off = (clock.offset / 3600.0 - place.longitude / 15.0 + 12.0) % 24.0 - 12.0
+    if abs(off) <= OFF:
+        return None
+    return (
+        f"standard time of {clock.zone} is {abs(off):.1f} h {'ahead of' if off > 0 else 'behind'} the sun at longitude"
+        f" {place.longitude:g}: check time.zone and place"
+    )
+
+
+def about_level(ghi: Signal, clock: Clock, place: Place) -> str | None:
+    """A sentence if global horizontal irradiance is far from what any sky lets through (sun above 10 degree).
+
+    Clear sky: 910 sin(h) - 30 W/m2 (Kasten and Czeplak 1980).
+    """
+    clean = ghi.clean()
+    zenith, _ = sun_position(clock.utc(clean.middle), place)
+    up = zenith < 80.0
+    if up.sum() < REGISTER:
+        return None
+    clear = 910.0 * np.cos(np.radians(zenith[up])) - 30.0
+    # of the highest each: at a low sun, a hill or a late clock makes any ratio
+    share = float(np.quantile(clean.values[up], 0.98) / np.quantile(clear, 0.98))
+    if DARK <= share <= BRIGHT:
+        return None
+    return f"the irradiance reaches {share:.3g} of a clear sky's in its best hours: check its unit, and place"

@@ -1,0 +1,113 @@
+"""Readings that are something else than they are declared as."""
+
+from datetime import timedelta
+
+import pandas as pd
+import pytest
+import xarray as xr
+
+from diagnosis.importing import import_recording
+from shared.errors import RecordingError
+from tests.diagnosis.importing.house_cases import HOUSE, MAPPING, ZONE, measured
+
+
+def told(report, words):
+    return any(words in note for note in report.notes)
+
+
+def test_what_is_as_declared_is_not_suspected(house):
+    report = house(measured()[0])
+    for words in ("register", "logged when it", "clear sky's", "the sun at longitude", "run by it"):
+        assert not told(report, words), report.notes
+
+
+def test_a_register_is_told_from_a_power(house):
+    frame, hours = measured()
+    frame["kilowatts"] = 1000.0 + 0.3 * hours
+    assert told(house(frame), "column kilowatts: never falls, from 1e+06 to")
+
+
+def on_change(frame):
+    """Presence as a logger writes it that only writes changes."""
+    changed = frame["presence"].diff().fillna(1.0) != 0
+    return frame.assign(presence=frame["presence"].where(changed).astype("Int64").astype("string").fillna(""))
+
+
+def test_persons_that_are_logged_when_they_change_are_no_lines(house):
+    frame, _ = measured()
+    mapping = MAPPING.replace('persons = 2.0\nreading = "mean"', "persons = 2.0")
+    with pytest.raises(RecordingError, match=r"presence'.* is read every .* h only, .* expected\s+reading = 'hold'"):
+        house(on_change(frame), mapping)
+    hold = MAPPING.replace('persons = 2.0\nreading = "mean"', 'persons = 2.0\nreading = "hold"')
+    every = xr.load_dataset(house(frame, hold, out="every.nc").recording)
+    xr.testing.assert_equal(xr.load_dataset(house(on_change(frame), hold, out="changes.nc").recording), every)
+
+
+def test_an_irradiance_in_another_unit_is_told(house):
+    frame, _ = measured()
+    assert told(house(frame.assign(sun=frame["sun"] / 1000)), "of a clear sky's in its best hours: check its unit")
+
+
+def universal(frame):
+    """The same rows with stamps in UTC."""
+    stamps = pd.date_range("2022-10-27 22:00", periods=len(frame), freq=timedelta(minutes=10))
+    return frame.assign(when=stamps.strftime("%Y-%m-%d %H:%M:%S"))
+
+
+def test_another_zone_than_the_places_is_told(house):
+    frame, _ = measured()
+    far = house(frame, MAPPING.replace("longitude = 5.0", "longitude = -74.0"), out="far.nc")
+    assert told(far, "ahead of the sun at longitude -74: check time.zone and place")
+    utc = house(universal(frame), MAPPING.replace('"Europe/Amsterdam"', '"UTC"'), out="utc.nc")
+    assert told(utc, "time.zone is UTC: days, schedules and habits")
+
+
+def test_stamps_in_utc_of_a_place_that_has_a_zone(house):
+    """The same recording as of stamps on the wall clock."""
+    frame, _ = measured()
+    wall = xr.load_dataset(house(frame, out="wall.nc").recording)
+    report = house(universal(frame), MAPPING.replace("[place]", 'stamps = "UTC"\n[place]'), out="universal.nc")
+    xr.testing.assert_equal(xr.load_dataset(report.recording), wall)
+    assert report.zone == str(ZONE)
+
+
+def test_persons_keep_the_possible_values_of_a_presence(house):
+    frame, _ = measured()
+    report = house(frame, MAPPING.replace("persons = 2.0", "persons = 2.0\nvalid = [0, 1]"))
+    (people,) = [one for one in report.variables if one.name == "people"]
+    assert people.impossible == 0 and people.maximum == 2.0
+
+
+def test_an_input_in_another_unit_than_its_weather_is_refused(tmp_path):
+    (tmp_path / "house.toml").write_text(
+        HOUSE.replace('name = "outdoors", unit = "K"', 'name = "outdoors", unit = "degC"')
+    )
+    (tmp_path / "mapping.toml").write_text(MAPPING)
+    measured()[0].to_csv(tmp_path / "data.csv", index=False)
+    with pytest.raises(RecordingError, match=r"inputs 'outdoors': unit is 'degC'; expected 'K', the unit of weather"):
+        import_recording(tmp_path / "mapping.toml", tmp_path / "data.csv", out=tmp_path / "out.nc")
+
+
+def test_rows_that_end_in_a_separator_keep_their_columns(house, tmp_path):
+    frame, _ = measured()
+    whole = xr.load_dataset(house(frame, out="whole.nc").recording)
+    text = frame.to_csv(index=False).splitlines()
+    (tmp_path / "ends.csv").write_text("\n".join([text[0], *(line + "," for line in text[1:])]))
+    report = import_recording(tmp_path / "mapping.toml", tmp_path / "ends.csv", out=tmp_path / "ends.nc")
+    xr.testing.assert_equal(xr.load_dataset(report.recording), whole)
+    (tmp_path / "more.csv").write_text("\n".join([text[0], *(line + ",7" for line in text[1:])]))
+    with pytest.raises(RecordingError, match="rows have 10 fields under 9 column names"):
+        import_recording(tmp_path / "mapping.toml", tmp_path / "more.csv", out=tmp_path / "more.nc")
+
+
+@pytest.mark.parametrize("form", ["%Y-%m-%d %H:%M:%S %Z", "%Y-%m-%d %H:%M:%S +02:00"])
+def test_letters_and_fixed_offsets_in_a_format_are_refused(house, form):
+    with pytest.raises(RecordingError, match=r"time.format is .* expected %z"):
+        house(measured()[0], MAPPING.replace("[time]", f'[time]\nformat = "{form}"'))
+
+
+def test_an_offset_without_colons_is_a_sentence(house):
+    frame, _ = measured()
+    frame["when"] = [one.replace(" ", "T").replace("-", "").replace(":", "") + "Z" for one in frame["when"]]
+    with pytest.raises(RecordingError):
+        house(frame)
