@@ -6,9 +6,10 @@ import numpy as np
 
 CODES = np.array(
     [sign * code for sign in (-1, 1) for code in (99, 99.9, 999, 999.9, 9999, 9999.9, 99999)]
-    + [-32768, 32767, 65535, 3276.7, 6553.5]
+    + [-32768, 32767, 65535, -3276.8, 3276.7, 6553.5, -327.68, 327.67, 655.35]
+    + [-2147483648, 2147483647, 4294967295, -40]
 )
-"""Minus or plus nines, and the ends of what a register of 16 bits can hold."""
+"""Minus or plus nines, the ends of what registers of 16 and 32 bits can hold, and a thermometer torn off."""
 ENOUGH = 5
 """Different other readings that it takes to tell a code from a reading of a column that hardly ever changes."""
 BELOW, ABOVE = 1.0, 5.0

@@ -167,8 +167,12 @@ def read_stamps(texts: pd.Series, settings: Time, where: str) -> tuple[np.ndarra
                 utc = _seconds(pd.DatetimeIndex(parsed))
             else:
                 utc, notes = _of_wall_clock(pd.DatetimeIndex(parsed), zone, name, where)
-        # a format that is none, a year that pandas cannot hold, an offset without colons
-        except (TypeError, ValueError, ArithmeticError) as error:
+        except TypeError:
+            raise RecordingError(
+                f"{where}: offsets from UTC cannot be read; expected ISO 8601 with colons, 2022-10-30 02:15:00+01:00,"
+                " or time.format"
+            ) from None
+        except (ValueError, ArithmeticError) as error:
             raise RecordingError(f"{where}: times cannot be read ({why(error)}); expected times of today") from None
     odd_year = np.flatnonzero((utc < FIRST) | (utc > LAST))
     if odd_year.size:
@@ -222,6 +226,11 @@ def _of_wall_clock(stamps: pd.DatetimeIndex, zone: tzinfo, name: str, where: str
     notes = []
     if repeated.any():
         again = int((utc != early).sum())
+        if not again and not repeated[-1]:
+            notes.append(
+                "the hour that the end of daylight saving repeats is there once only: if the logger keeps standard time"
+                " all year, write time.stamps as an offset such as '+01:00'"
+            )
         notes.append(
             f"{int(repeated.sum())} stamps fall in the hour that the end of daylight saving repeats: "
             f"{again} of them, from where the clock goes back, are of its second pass"

@@ -134,14 +134,14 @@ class Composer:
         readings = self.data.numbers(column, where)
         density = self.mapping.air_density
         kind = source.reading or self.mapping.defaults.reading
-        usual = plausible.sparse(self.data.utc, readings) if kind == "point" and source.max_gap is None else None
-        if usual is not None and source.reading is None and source.unit in _STATES:
+        usual = plausible.sparse(self.data.utc, readings) if kind != "hold" and source.max_gap is None else None
+        if usual is not None and kind == "point" and source.reading is None and source.unit in _STATES:
             raise RecordingError(
                 f"{where}: is read every {usual / 3600:.3g} h only, and {source.unit} is no straight line between;"
-                " expected reading = 'hold' if it is logged when it changes, else 'point'"
+                " expected reading = 'hold' if it is logged when it changes, or reading = 'point' to join its readings"
             )
         if usual is not None:
-            self.notes.append(plausible.about_changes(column, source, usual))
+            self.notes.append(plausible.about_changes(column, kind, usual))
         signal = make_signal(
             self.clock.seconds(self.data.utc),
             readings,

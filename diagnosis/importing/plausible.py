@@ -5,16 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from diagnosis.importing.clock import Clock
-from diagnosis.importing.mapping import Place, Source
+from diagnosis.importing.mapping import Place
 from diagnosis.importing.quality import Signal, usual_interval
 from diagnosis.importing.weather import sun_position
 
-SPARSE, LONG = 3.0, 3600.0
-"""A column read so many times less often than the file's rows, and less than hourly [s], is logged when it changes."""
+SPARSE, LONG, IRREGULAR = 3.0, 3600.0, 0.3
+"""A column read so many times less often than the file's rows, and less than hourly [s] or at spacings that differ by
+this share of their mean, is logged when it changes."""
 OFF = 1.75
 """Hours that a zone's standard time may differ from that of the sun: Iceland's do by one and a half."""
 REGISTER = 24
 """Different readings of a day at least that never fall: no power does that."""
+RESETS = 0.01
+"""Share of a register's steps that may fall: it is reset, or a reading is lost as zero."""
 DARK, BRIGHT = 0.3, 1.4
 """Shares of a clear sky's highest irradiance that the highest of some days does not stay below, nor pass."""
 
@@ -28,14 +31,16 @@ def sparse(time: np.ndarray, readings: np.ndarray) -> float | None:
     if there.sum() < 2:
         return None
     usual, rows = usual_interval(time, there), float(np.median(np.diff(time)))
-    return usual if usual > LONG and usual > SPARSE * rows else None
+    spacing = np.diff(time[there])
+    unlike = float(spacing.std()) > IRREGULAR * float(spacing.mean())
+    return usual if usual > SPARSE * rows and (usual > LONG or unlike) else None
 
 
-def about_changes(column: str, source: Source, usual: float) -> str:
+def about_changes(column: str, kind: str, usual: float) -> str:
     """What is said of such a column where nothing says how its readings are to be understood."""
     return (
-        f"column {column}: read every {usual / 3600:.3g} h only, and joined by straight lines; is it logged when it"
-        f" changes (reading = 'hold')? declared in {source.unit!r}"
+        f"column {column}: read every {usual / 3600:.3g} h only, and taken for reading = {kind!r}; is it logged when it"
+        " changes (reading = 'hold')?"
     )
 
 
@@ -43,19 +48,19 @@ def about_register(column: str, signal: Signal) -> str | None:
     """A sentence if a power never falls: it may be a meter's register."""
     clean = signal.clean()
     values = clean.values
-    if len(values) < 2 or clean.end[-1] - clean.begin[0] < 86400.0 or (np.diff(values) < 0).any():
+    if len(np.unique(values)) < REGISTER or clean.end[-1] - clean.begin[0] < 86400.0:
         return None
-    if len(np.unique(values)) < REGISTER:
+    if (np.diff(values) < 0).sum() > max(RESETS * len(values), 1):
         return None
     return (
-        f"column {column}: never falls, from {values[0]:.6g} to {values[-1]:.6g} {signal.unit}; a register must be"
-        " brought to a power before"
+        f"column {column}: hardly ever falls, from {values[0]:.6g} to {values[-1]:.6g} {signal.unit}; of a meter's"
+        " register take differences, as a power, before"
     )
 
 
 def about_zone(clock: Clock, place: Place | None) -> str | None:
     """A sentence if the recording's standard time cannot be that of the place."""
-    if clock.zone.upper() in ("UTC", "Z", "GMT"):
+    if clock.zone.upper() in ("UTC", "Z", "GMT", "+00:00", "-00:00"):
         return (
             f"time.zone is {clock.zone}: days, schedules and habits of the recording run by it; expected the place's"
             " zone, with stamps = 'UTC' where the logger keeps UTC"

@@ -38,8 +38,13 @@ def with_dots(text: pd.Series, decimal: str, where: str) -> tuple[pd.Series, lis
     parted = text.str.contains(decimal, regex=False).fillna(False).astype(bool)
     alike = text.str.fullmatch(rf"[+-]?[1-9]\d{{0,2}}\{decimal}\d{{3}}").fillna(False).astype(bool)
     small = whole & (text.str.lstrip("+-").str.len() <= 3)
-    if parted.any() and large and (parted == alike).all() and (parted | small | text.isna()).all():
-        raise _either(text, parted, where, decimal)
+    if parted.any() and (parted == alike).all() and (parted | small | text.isna()).all():
+        if large:
+            raise _either(text, parted, where, decimal)
+        if whole.any() and (text[whole].str.strip("+-0") == "").all():
+            notes.append(
+                f"numbers such as {shown(text[parted].iloc[0])} are taken as with three decimals, not thousands"
+            )
     if decimal == ",":
         text = text.str.replace(",", ".", regex=False)
     odd = text.str.fullmatch(_GROUPED).fillna(False).astype(bool) & ~text.str.fullmatch(r"[+-]?\d+\.\d+").fillna(False)

@@ -2,6 +2,7 @@
 
 from datetime import timedelta
 
+import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
@@ -23,8 +24,8 @@ def test_what_is_as_declared_is_not_suspected(house):
 
 def test_a_register_is_told_from_a_power(house):
     frame, hours = measured()
-    frame["kilowatts"] = 1000.0 + 0.3 * hours
-    assert told(house(frame), "column kilowatts: never falls, from 1e+06 to")
+    frame["kilowatts"] = np.where(hours == 50, 0.0, 1000.0 + 0.3 * hours)  # one reading was lost
+    assert told(house(frame), "column kilowatts: hardly ever falls, from 1e+06 to")
 
 
 def on_change(frame):
