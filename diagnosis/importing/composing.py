@@ -24,7 +24,7 @@ from diagnosis.importing.quality import (
     to_target,
 )
 from diagnosis.importing.reading import Measurements
-from diagnosis.importing.resampling import resample
+from diagnosis.importing.resampling import around, resample
 from diagnosis.importing.series import Series, Target, input_target, output_target
 from shared.errors import RecordingError
 from shared.system import System
@@ -170,6 +170,8 @@ class Composer:
     def _gridded(self, target: Target, signal: Signal, source: Source, origin: str, where: str) -> Series:
         """A signal on the grid, an input's gaps filled as its mapping says: weather by short lines unless told."""
         values, flags = resample(signal, self.edges, target.method, self.mapping.grid.coverage)
+        if target.role == "input" and target.method == "point":
+            values = around(signal, self.edges)
         flags |= np.bitwise_and.reduce(signal.flags) & np.int8(COMPUTED)
         if target.role == "input":
             fill = source.fill if source.fill is not None else self._usual_fill(source)

@@ -11,6 +11,10 @@ import numpy as np
 
 from diagnosis.importing.quality import IMPOSSIBLE, PARTLY, STUCK, Signal
 
+CLOSER = 0.75
+"""Readings closer than this share of a step are averaged where an input is joined by straight lines."""
+NEARLY = 0.9
+"""Share of a step around an instant that readings must cover for their mean to be of its middle."""
 _WHOLE = 1.0 - 1e-9
 """Share from which on a step counts as covered."""
 
@@ -92,6 +96,20 @@ def instants_of(signal: Signal, times: np.ndarray) -> np.ndarray:
     close = (t[after] - t[k] <= clean.max_gap * (1 + 1e-9)) & (times >= t[0]) & (times <= t[-1])
     exact = (times == t[k]) | (times == t[after])
     return np.where(close | exact, np.interp(times, t, clean.values), np.nan)
+
+
+def around(signal: Signal, edges: np.ndarray) -> np.ndarray:
+    """Means over a step about each step's end (n,): what straight lines through them keep of closer readings.
+
+    At instants alone, the sun between clouds at the full hour would stand for the hour. Where readings do not cover
+    nearly all of it their value at the instant: half of a step has another middle.
+    """
+    step = float(edges[1] - edges[0])
+    at = instants_of(signal, edges[1:])
+    if len(signal.values) < 2 or float(np.median(np.diff(signal.middle))) > CLOSER * step:
+        return at
+    values, share = means_of(signal, np.append(edges[1:], edges[-1] + step) - 0.5 * step)
+    return np.where(share >= NEARLY, values, at)
 
 
 def resample(signal: Signal, edges: np.ndarray, method: str, coverage: float) -> tuple[np.ndarray, np.ndarray]:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from diagnosis.importing.filling import fill_constant, interpolate_short, longest_whole, runs
 from diagnosis.importing.mapping import Source
 from diagnosis.importing.quality import ASSUMED, IMPOSSIBLE, INTERPOLATED, PARTLY, Signal, make_signal
-from diagnosis.importing.resampling import instants_of, means_of, resample
+from diagnosis.importing.resampling import around, instants_of, means_of, resample
 
 FINITE = st.floats(-1e3, 1e3)
 
@@ -186,3 +186,19 @@ def test_a_line_over_more_than_an_hour_invents_no_reading(interval, bridged):
     found = instants_of(signal, times)
     assert np.isfinite(found[np.arange(50) != 20]).all()
     assert np.isfinite(found[20]) == bridged
+
+
+@pytest.mark.parametrize("minutes", [1, 5, 15])
+def test_the_sun_between_clouds_is_averaged_around_the_instant(minutes):
+    """Square waves of half an hour: at the instant all or nothing, around it half."""
+    time = np.arange(0.0, 86400.0 + 1, 60.0 * minutes)
+    signal = points(time, 400.0 * (np.floor(time / 1800) % 2))
+    made = around(signal, np.arange(0.0, 86401.0, 3600.0))
+    np.testing.assert_allclose(made[:-1], 200.0, atol=400.0 * minutes / 60)
+    np.testing.assert_allclose(made[:-1].mean(), 200.0, atol=15.0)
+
+
+def test_what_is_read_as_often_as_the_step_is_left_alone():
+    time = np.arange(0.0, 86401.0, 3600.0)
+    signal = points(time, np.sin(time))
+    np.testing.assert_array_equal(around(signal, time), np.sin(time)[1:])
