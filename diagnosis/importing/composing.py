@@ -114,6 +114,9 @@ class Composer:
         moving = target.unit in _MOVING and target.role == "output"
         signal = self._signal(source, target.unit, where, moving=moving)
         made = self._gridded(target, signal, source, f"{source.column} [{source.unit}]", where)
+        if target.role == "output" and source.max_gap is None:
+            lines = plausible.about_lines(str(source.column), signal, self.step)
+            self.notes += [lines] if lines else []
         if source.compare is not None:
             meter = source.compare
             same = {name: getattr(source, name) for name in ("reading", "stamp", "interval", "max_gap")}
@@ -217,6 +220,8 @@ class Composer:
             made = self._gridded(target, signal, known["temp_air"], f"estimated from {known['temp_air'].column}", where)
             made.comment = f"not measured; estimated from {how}"
             self.notes.append(f"{target.name}: {made.comment}")
+            helped = [plausible.about_helper(target.name, str(known[n].column), one) for n, one in others.items()]
+            self.notes += [one for one in helped if one]
             return made
         return None
 

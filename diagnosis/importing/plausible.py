@@ -16,6 +16,8 @@ OFF = 1.75
 """Hours that a zone's standard time may differ from that of the sun: Iceland's do by one and a half."""
 REGISTER = 24
 """Different readings of a day at least that never fall: no power does that."""
+BRIDGED = 6 * 3600.0
+"""A dew point or a cloud cover says little of a time so far from its readings [s]."""
 RESETS = 0.01
 """Share of a register's steps that may fall: it is reset, or a reading is lost as zero."""
 DARK, BRIGHT = 0.3, 1.4
@@ -55,6 +57,32 @@ def about_register(column: str, signal: Signal) -> str | None:
     return (
         f"column {column}: hardly ever falls, from {values[0]:.6g} to {values[-1]:.6g} {signal.unit}; of a meter's"
         " register take differences, as a power, before"
+    )
+
+
+def about_lines(column: str, signal: Signal, step: float) -> str | None:
+    """A sentence if steps [s] of an output lie between readings that are joined over more than two of them."""
+    apart = np.diff(signal.clean().begin)
+    joined = apart[(apart > max(2.5 * step, LONG)) & (apart <= signal.max_gap)]
+    if signal.kind != "point" or not joined.size:
+        return None
+    hours, usual = joined.sum() / 3600, np.median(joined) / 3600
+    return (
+        f"column {column}: {hours:.4g} h lie between readings that are {usual:.3g} h apart, joined by straight lines"
+        " and taken for readings; max_gap leaves them out"
+    )
+
+
+def about_helper(name: str, column: str, signal: Signal) -> str | None:
+    """A sentence if a quantity that only helps to compute another one had readings left out, or long gaps bridged."""
+    clean = signal.clean()
+    left = len(signal.values) - len(clean.values)
+    longest = float(np.diff(clean.middle).max()) if len(clean.values) > 1 else 0.0
+    if not left and longest <= BRIDGED:
+        return None
+    return (
+        f"{name}: of column {column} {left} readings were left out, and gaps of up to {longest / 3600:.3g} h bridged,"
+        " to compute it"
     )
 
 

@@ -117,13 +117,20 @@ def make_signal(
         else:
             end = np.minimum(t + length, np.concatenate([t[1:], [np.inf]]))
     elif kind == "hold":
-        # a state is logged when it changes: by default it holds for a day at most
-        holds = 3600.0 * source.max_gap if source.max_gap is not None else 86400.0
+        # a state is logged when it changes: by default it holds for a day at most; one that is read all the time holds
+        # no longer than any other reading
+        holds = max_gap if source.max_gap is not None or regular(t) else 86400.0
         end = np.minimum(t + holds, np.concatenate([t[1:], [t[-1] + usual]])) if t.size else t
     # where the mapping says what is possible, it knows better
     nines = coded(readings[there]) if source.valid is None else np.zeros(len(t), dtype=bool)
     flags = np.where(nines, IMPOSSIBLE, 0).astype(np.int8)
     return Signal(begin, end, values, flags, kind, max_gap, target)
+
+
+def regular(time: np.ndarray) -> bool:
+    """Whether readings (n,) [s] come at one spacing, but for lost ones."""
+    spacing = np.diff(time)
+    return len(spacing) > 1 and float(np.mean(np.abs(spacing - np.median(spacing)) <= 0.1 * np.median(spacing))) > 0.9
 
 
 def to_target(readings: np.ndarray, source: Source, target: str, *, density: float, where: str) -> np.ndarray:

@@ -112,3 +112,29 @@ def test_an_offset_without_colons_is_a_sentence(house):
     frame["when"] = [one.replace(" ", "T").replace("-", "").replace(":", "") + "Z" for one in frame["when"]]
     with pytest.raises(RecordingError):
         house(frame)
+
+
+def test_a_dropout_of_a_state_that_is_always_read_is_a_gap(house):
+    """Persons of a day are not those of the night after, because the counter fell silent."""
+    frame, hours = measured()
+    lost = (hours > 60) & (hours < 80)
+    mapping = MAPPING.replace('persons = 2.0\nreading = "mean"', 'persons = 2.0\nreading = "hold"\nfill = 0.0')
+    frame["presence"] = frame["presence"].where(~lost).astype("Int64").astype("string").fillna("")
+    (people,) = [one for one in house(frame, mapping).variables if one.name == "people"]
+    assert people.assumed >= 18
+
+
+def test_outputs_between_readings_hours_apart_are_told(house):
+    frame, hours = measured()
+    seldom = frame.assign(room=frame["room"].where(hours % 4 == 0))
+    assert told(house(seldom), "column room: 144 h lie between readings that are 4 h apart, joined")
+    assert not told(house(frame, out="often.nc"), "lie between readings")
+
+
+def test_long_gaps_of_a_dew_point_are_told(house):
+    frame, hours = measured()
+    mapping = MAPPING + '[weather.temp_dew]\ncolumn = "dew"\nunit = "degC"\n'
+    dew = 3.0 + np.sin(hours)
+    assert not told(house(frame.assign(dew=dew), mapping), "of column dew")
+    gap = house(frame.assign(dew=np.where((hours > 50) & (hours < 98), np.nan, dew)), mapping, out="gap.nc")
+    assert told(gap, "sky: of column dew 0 readings were left out, and gaps of up to 48 h bridged")
