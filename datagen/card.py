@@ -21,6 +21,8 @@ _CARD = """\
 {%- else %} local standard time, in seconds since {{ epoch }};
 {%- endif %} a value belongs to the step that ends at its time.
 {%- if not manifest.settings.excitation %} Excitation was switched off.{% endif %}
+{%- if 'calm' in manifest.settings %} A share of
+{{ manifest.settings.calm }} of the systems, drawn by chance, had no excitation.{% endif %}
 
 | split | systems |
 |---|---|

@@ -59,6 +59,7 @@ def run(
     host: str | None = None,
     shard_size: int = 10,
     excitation: bool = True,
+    calm: float = 0.0,
     extend: bool = False,
     retry_failures: bool = False,
     failure_budget: float = FAILURE_BUDGET,
@@ -80,6 +81,10 @@ def run(
         Where the work is done; see :func:`datagen.cluster.connect`.
     shard_size
         Systems per shard.
+    excitation
+        Whether inputs of source ``excitation`` act.
+    calm
+        Share of the systems, drawn by chance, in which they do not.
     extend
         Allow more systems than the dataset was started with; the shards that are there stay as they are.
     retry_failures
@@ -111,6 +116,11 @@ def run(
         raise DatasetError(f"systems is {systems}; expected at least 1")
     if shard_size < 1:
         raise DatasetError(f"shard_size is {shard_size}; expected at least 1")
+    if not 0 <= calm < 1 or (calm and not excitation):
+        raise DatasetError(
+            f"calm is {calm:g}{'' if excitation else ' and excitation is off'}; expected a share from 0 to less than 1"
+            " of the systems, of which the others are excited"
+        )
     if seed < 0:
         raise DatasetError(f"seed is {seed}; expected at least 0")
     if not _SHORTEST <= timeout <= threading.TIMEOUT_MAX:
@@ -122,6 +132,8 @@ def run(
     fmu_hash = Simulator(described).fmu.sha256
     weather = weather_hashes(described)
     settings = {**described.experiment.model_dump(mode="json"), "excitation": excitation, "weather": weather}
+    if calm:  # earlier datasets do not know it
+        settings["calm"] = calm
     wanted = Manifest(
         system_name=described.name,
         system_hash=described.hash(),
@@ -152,6 +164,7 @@ def run(
                 fmu_sha256=fmu_hash,
                 root_seed=seed,
                 excitation=excitation,
+                calm=calm,
                 folder=str(folder.resolve()),
                 settings=text,
                 package=package_hash(fmu_hash, weather),
@@ -170,7 +183,7 @@ def run(
                     collection.collect(client, again, quiet=quiet, patience=patience)
             if not (folder / FAILURES_FILE).exists():
                 failures.write(folder)
-            _copy_ceilings(described, folder, excitation=excitation)
+            _copy_ceilings(described, folder, excitation=excitation and not calm)
             write_card(folder, manifest, described)
     except OSError as error:
         raise DatasetError(
@@ -252,7 +265,7 @@ def _copy_ceilings(system: System, folder: Path, *, excitation: bool) -> None:
     ceilings = read_ceilings(beside)
     if ceilings.system_hash == system.hash() and ceilings.fmu_sha256 == fmu_sha256(system.fmu_path):
         if not excitation and any(one.source == "excitation" for one in system.inputs):
-            _log.warning("%s: not copied: its ceilings hold with excitation, this dataset is without", beside)
+            _log.warning("%s: not copied: its ceilings hold with excitation, this dataset is not all with it", beside)
             return
         experiment = system.experiment
         origin = Origin(start=experiment.start, hours=experiment.hours, weather=weather_hashes(system))

@@ -63,6 +63,7 @@ def repair(folder: Path | str, system: Path | str | None = None, *, workers: int
             fmu_sha256=manifest.fmu_sha256,
             root_seed=manifest.root_seed,
             excitation=bool(manifest.settings.get("excitation", True)),
+            calm=float(manifest.settings.get("calm", 0.0)),
             folder=str(dataset.folder.resolve()),
             settings=settings_text(manifest),
             package=package_hash(manifest.fmu_sha256, weather),

@@ -31,6 +31,7 @@ def run(
     host: str | None = None,
     shard_size: int = 10,
     excitation: bool = True,
+    calm: float = 0.0,
     extend: Annotated[bool, Parameter(negative=())] = False,
     retry_failures: Annotated[bool, Parameter(negative=())] = False,
     failure_budget: float = 0.05,
@@ -73,6 +74,9 @@ def run(
         Systems per file.
     excitation
         Add the description's small sinusoids to the control actions.
+    calm
+        Share of the systems, drawn by chance, that get none of them: an estimator that shall read both kinds must have
+        seen both.
     extend
         Add systems to a dataset that has fewer; the shards that are there stay as they are.
     retry_failures
@@ -100,6 +104,7 @@ def run(
         host=host,
         shard_size=shard_size,
         excitation=excitation,
+        calm=calm,
         extend=extend,
         retry_failures=retry_failures,
         failure_budget=failure_budget,

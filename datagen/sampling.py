@@ -49,6 +49,11 @@ def record_start(system: System, root_seed: int, index: int) -> float:
     return 86400.0 * (day + int(stream(root_seed, index, "start").integers(days)))
 
 
+def is_calm(root_seed: int, index: int, share: float) -> bool:
+    """Whether a system is one of the share (0 to 1) that is simulated without excitation."""
+    return bool(stream(root_seed, index, "calm").random() < share)
+
+
 def sample_parameters(system: System, root_seed: int, index: int) -> np.ndarray:
     """Draw a system's parameters: independent, uniform in each parameter's scale between its bounds.
 

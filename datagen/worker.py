@@ -26,7 +26,7 @@ from datagen.fmu import SCRATCH
 from datagen.guard import guarded as in_children
 from datagen.inputs import build_inputs
 from datagen.package import locate, sees_folder
-from datagen.sampling import record_start, sample_parameters
+from datagen.sampling import is_calm, record_start, sample_parameters
 from datagen.simulator import Simulator, Trajectory
 from shared import __version__
 from shared.errors import DatasetError, SimulationError
@@ -56,6 +56,7 @@ class Job:
     root_seed: int
     excitation: bool
     folder: str
+    calm: float = 0.0
     settings: str = ""
     package: str = ""
     token: str = ""
@@ -147,7 +148,7 @@ def attempt(work: tuple[Job, int]) -> Trajectory:
                 simulator,
                 root_seed=job.root_seed,
                 index=index,
-                excitation=job.excitation,
+                excitation=job.excitation and not is_calm(job.root_seed, index, job.calm),
                 tolerance=simulator.system.experiment.tolerance * factor,
             )
         except SimulationError as error:

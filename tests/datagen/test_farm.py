@@ -8,7 +8,8 @@ import pytest
 import xarray as xr
 
 from datagen import info, run, simulate, verify
-from datagen.sampling import sample_parameters
+from datagen.mending import repair
+from datagen.sampling import is_calm, sample_parameters
 from datagen.worker import Job, simulate_shard
 from diagnosis.recording import read_recording
 from shared.ceiling import Origin, read_ceilings, write_ceilings
@@ -182,6 +183,38 @@ def test_systems_that_fail_are_quarantined_with_their_cause(default_system, tmp_
 def nothing_simulated(monkeypatch):
     monkeypatch.setattr("datagen.farm._check_live", lambda *_: None)
     monkeypatch.setattr("datagen.farm.missing", lambda *_, **__: iter(()))
+
+
+def test_a_share_of_the_systems_is_calm_and_stays_so_when_it_is_mended(made, default_system, tmp_path):
+    run(default_system, tmp_path / "some", workers=2, calm=0.5, **SIZE)
+    run(default_system, tmp_path / "all", workers=2, excitation=False, **SIZE)
+    names = [one.name for one in default_system.inputs if one.source == "excitation"]
+    some, none, every = (DatasetFolder(folder) for folder in (tmp_path / "some", tmp_path / "all", made))
+    loaded = [one.load([*names, *default_system.output_names]) for one in (some, none, every)]
+    calm = [is_calm(5, int(index), 0.5) for index in loaded[0].systems]
+    assert 0 < sum(calm) < len(calm)
+    for row, still in enumerate(calm):
+        assert (not loaded[0].values[row, : len(names)].any()) == still
+        assert np.array_equal(loaded[0].values[row], loaded[1 if still else 2].values[row])
+    assert some.manifest.settings["calm"] == 0.5
+    assert "calm" not in every.manifest.settings
+    assert (
+        "A share of\n0.5 of the systems, drawn by chance, had no excitation"
+        in (tmp_path / "some/README.md").read_text()
+    )
+    assert not (tmp_path / "some" / "identifiability.json").exists()
+    before = hashes(tmp_path / "some")
+    damaged = tmp_path / "some" / "shards" / some.manifest.shards[1].file  # has calm systems
+    damaged.write_bytes(damaged.read_bytes()[:-100])
+    repair(tmp_path / "some", default_system.path)
+    assert hashes(tmp_path / "some") == before
+
+
+def test_a_share_that_is_none_is_refused(default_system, tmp_path):
+    for share, excitation in ((-0.1, True), (1.0, True), (float("nan"), True), (0.5, False)):
+        with pytest.raises(DatasetError, match="expected a share from 0 to less than 1 of the systems"):
+            run(default_system, tmp_path / "ds", calm=share, excitation=excitation, **SIZE)
+    assert not (tmp_path / "ds").exists()
 
 
 @pytest.mark.parametrize("excitation", [True, False])
