@@ -18,6 +18,7 @@ from shared.reading import read_json, validated
 from shared.shipped import resolved_estimator
 from shared.store import Records, sha256_of, write_atomically
 from trainer.encoding import Encoding
+from trainer.familiar import Familiar
 from trainer.models import build
 from trainer.models.base import Estimator, Shape
 from trainer.spans import packed, unpacked
@@ -63,6 +64,13 @@ class Systems(_Table):
         """The systems in some rows of records."""
         return cls(root_seeds=[int(s) for s in records.seeds[rows]], indices=records.systems[rows].tolist())
 
+    def with_those(self, others: Systems) -> Systems:
+        """These, and those of ``others`` that are not among them."""
+        own = list(zip(self.root_seeds, self.indices, strict=True))
+        known = set(own)
+        own += [pair for pair in zip(others.root_seeds, others.indices, strict=True) if pair not in known]
+        return Systems(root_seeds=[seed for seed, _ in own], indices=[index for _, index in own])
+
 
 class Training(_Table):
     """How the estimator came about."""
@@ -81,6 +89,8 @@ class Training(_Table):
     """budget [min], where it was not steps"""
     keep: Keep = "best"
     """weights that were best on validation systems, or the last ones"""
+    coarse: bool = False
+    """whether products were rounded to bfloat16"""
 
 
 class Errors(_Table):
@@ -133,17 +143,24 @@ class Card(_Table):
     """
     validation_errors: list[Errors] = []
     """The same condition by condition; none in a card of the first version, or of a training that was interrupted."""
+    familiar: list[Familiar] = []
+    """What windows of the training look like, length by length; none in cards of earlier versions."""
     training: Training
     versions: dict[str, str]
     weights_sha256: str = ""
 
     @model_validator(mode="after")
     def _errors_fit(self) -> Card:
-        """Errors are of the encoding's parameters."""
+        """Errors are of the encoding's parameters, what is familiar of its channels."""
         for one in self.validation_errors:
             if set(one.rmse) != set(self.encoding.parameters):
                 found, expected = ", ".join(one.rmse) or "none", ", ".join(self.encoding.parameters)
                 raise ValueError(f"validation_errors: has errors of {found}; expected {expected}")
+        for known in self.familiar:
+            if len(known.lowest) != len(self.encoding.recorded):
+                raise ValueError(
+                    f"familiar: is of {len(known.lowest)} channels; expected {len(self.encoding.recorded)}"
+                )
         return self
 
     def seen(self, system_hash: str, records: Records) -> np.ndarray:

@@ -60,6 +60,7 @@ def fit(
     option: dict[str, float] | None = None,
     options: Path | None = None,
     begin_with: Path | None = None,
+    coarse: Annotated[bool, Parameter(negative="")] = False,
     systems: int | None = None,
     keep: Literal["best", "last"] = "best",
     seed: int = 0,
@@ -110,7 +111,10 @@ def fit(
         comes first.
     begin_with
         Run folder, or name of a shipped system, whose estimator's weights to begin with; it must have been trained with
-        the same dataset, channels and contexts. What the model has beyond that one begins untrained.
+        the same channels and contexts. What the model has beyond that one begins untrained.
+    coarse
+        Round products to bfloat16 while training, for the multiscale and the regression transformer: faster on
+        processors that have such products.
     systems
         Train on the first so many training systems only.
     keep
@@ -157,6 +161,7 @@ def fit(
         patch=patch,
         options=chosen,
         begin_with=begin_with,
+        coarse=coarse,
         systems=systems,
         keep=keep,
         seed=seed,

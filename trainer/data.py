@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from shared.errors import DatasetError
+from shared.errors import DatasetError, EstimatorError
 from shared.store import DatasetFolder, Records
 
 
@@ -56,6 +56,25 @@ def rows_of(records: Records, split: str, folder: Path) -> np.ndarray:
             " of each ten systems one validates and one tests: simulate at least ten"
         )
     return rows
+
+
+def training_records(dataset: DatasetFolder, recorded: list[str], systems: int | None) -> Records:
+    """Training and validation systems, of the former the first so many; all if ``systems`` is None.
+
+    Raises
+    ------
+    EstimatorError
+        If there are fewer.
+    DatasetError
+        As :func:`load_records` and :func:`rows_of`.
+    """
+    index = load_records(dataset, [])
+    training, validation = (rows_of(index, split, dataset.folder) for split in ("train", "validation"))
+    if systems is not None and not 1 <= systems <= len(training):
+        raise EstimatorError(
+            f"systems: is {systems}; expected 1 to the {len(training)} training systems of the dataset"
+        )
+    return load_records(dataset, recorded, np.sort(np.concatenate([training[:systems], validation])))
 
 
 def identity_of(dataset: DatasetFolder, index: Records) -> dict[str, Any]:

@@ -29,6 +29,9 @@ DERIVED = {"time_of_day": DAY, "day_of_week": 7 * DAY}
 LATER = {"methods", "constant"}
 """Fields of an encoding that earlier cards lack, and that follow from the system's hash and from mean and sd."""
 
+MEASURED = ("mean", "sd", "target_mean", "target_sd")
+"""Fields of an encoding that are measured on training systems."""
+
 
 def split_channels(system: System, channels: list[str] | None) -> tuple[list[str], list[str]]:
     """Sort channel names into recorded ones, outputs before inputs, and derived ones.

@@ -221,8 +221,9 @@ def find_ceiling(
     if ceilings.fmu_sha256 != manifest.fmu_sha256:
         found = f"its fmu_sha256 is {ceilings.fmu_sha256[:12]}, this dataset has {manifest.fmu_sha256[:12]}"
         return None, f"no ceiling: {where} is of another FMU: {found}"
-    if not manifest.settings.get("excitation", True) and any(i.source == "excitation" for i in dataset.system.inputs):
-        return None, f"no ceiling: {where} holds with excitation; this dataset is without"
+    excited = manifest.settings.get("excitation", True) and not manifest.settings.get("calm")
+    if not excited and any(i.source == "excitation" for i in dataset.system.inputs):
+        return None, f"no ceiling: {where} holds with excitation; this dataset is not all with it"
     read = [name for name in card.encoding.recorded if name in channels]
     limits = ceilings.find(context_hours=hours, step=card.encoding.step, noise=noise, channels=read)
     condition = f"{hours:g} h, step {card.encoding.step:g} s, noise {noise}, channels {' '.join(read)}"

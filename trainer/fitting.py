@@ -14,7 +14,8 @@ import torch
 
 import shared
 from shared.errors import EstimatorError
-from shared.store import DatasetFolder, Records
+from shared.store import DatasetFolder
+from trainer.beginning import encoding_of, take_weights
 from trainer.checkpoint import (
     CARD,
     WEIGHTS,
@@ -29,8 +30,9 @@ from trainer.checkpoint import (
     read_card,
     shape_of,
 )
-from trainer.data import load_records, rows_of
-from trainer.encoding import LATER, Encoding, make_encoding, split_channels
+from trainer.data import training_records
+from trainer.encoding import LATER, make_encoding, split_channels
+from trainer.familiar import familiar
 from trainer.missing import LONGEST, Missing
 from trainer.models import build, estimator_class, option_defaults
 from trainer.models.base import Estimator, Recipe
@@ -69,6 +71,7 @@ def fit(
     patch: int | None = None,
     options: dict[str, Any] | None = None,
     begin_with: Path | str | None = None,
+    coarse: bool = False,
     systems: int | None = None,
     seed: int = 0,
     keep: Keep = "best",
@@ -109,6 +112,8 @@ def fit(
         Further options of the model, by name.
     begin_with
         A run whose weights to begin with, of the same encoding. What this model has beyond that one begins untrained.
+    coarse
+        Round larger products to bfloat16 while training, for speed, with a model that can.
     systems
         Train on the first so many training systems only; all by default.
     seed
@@ -149,13 +154,15 @@ def fit(
         raise EstimatorError("resume and overwrite: both are given; expected one of them")
     if (folder / CARD).exists() and not overwrite and not resume:
         raise EstimatorError(f"{folder}: already holds an estimator; choose another folder, resume it, or overwrite it")
+    kind = estimator_class(model)
     recorded, derived = split_channels(dataset.system, channels)
     sensors = Sensors(dataset.system, recorded, noise)
-    records = _records(dataset, recorded, systems)
+    if coarse and not kind.rounds:
+        raise EstimatorError(f"coarse: {model} is trained with all digits only; leave it out")
+    records = training_records(dataset, recorded, systems)
     training, validation = (records.of_split(split) for split in ("train", "validation"))
     hours = dataset.system.estimator.context_hours if context_hours is None else context_hours
     length = context_length(hours, records)
-    kind = estimator_class(model)
     if other_contexts and not kind.reads_shorter:
         raise EstimatorError(f"other_contexts: {model} reads windows of one length; leave it out")
     if optional and not kind.reads_missing:
@@ -167,8 +174,11 @@ def fit(
         optional=optional,
         largest_gap=LONGEST if kind.reads_missing else 0.0,
     )
+    first = None if begin_with is None else load_run(begin_with)
+    if first is not None:
+        encoding = encoding_of(first, encoding)
     gaps = Missing(recorded, encoding.outputs, optional or []) if kind.reads_missing else None
-    seeds = [int(s) for s in np.random.SeedSequence(seed).generate_state(5)]
+    seeds = [int(s) for s in np.random.SeedSequence(seed).generate_state(6)]
     source = WindowSource(records, encoding, sensors, torch.Generator().manual_seed(seeds[0]), gaps)
     records = replace(records, values=np.empty((0, 0, 0), np.float32))  # the source has its own copy
     where, starts = disjoint_windows(
@@ -177,7 +187,8 @@ def fit(
     held_out = source.gather(torch.from_numpy(where), torch.from_numpy(starts), length)
     with torch_state(seeds[2], threads):
         network, merged = build(model, shape_of(encoding), chosen)
-        earlier = None if begin_with is None else take_weights(network, encoding, load_run(begin_with))
+        network.coarse = coarse
+        earlier = None if first is None else take_weights(network, first)
         card = Card(
             model=model,
             options=merged,
@@ -191,6 +202,7 @@ def fit(
             training_systems=Systems.of(records, training),
             validation_systems=Systems.of(records, validation),
             validation_rmse={},
+            familiar=familiar(source, training, seeds[5]),
             training=Training(
                 seed=seed,
                 batch_size=recipe.batch_size,
@@ -204,6 +216,7 @@ def fit(
                 stopped="running",
                 minutes=minutes,
                 keep=keep,
+                coarse=coarse,
             ),
             versions={
                 "zeroshot-fmu": shared.__version__,
@@ -212,6 +225,9 @@ def fit(
                 "numpy": np.__version__,
             },
         )
+        if first is not None and first.card.system_hash == card.system_hash:
+            card.training_systems = card.training_systems.with_those(first.card.training_systems)
+            card.validation_systems = card.validation_systems.with_those(first.card.validation_systems)
         settings = settings_of(card, None if minutes else recipe.steps)
         make_folder(folder)
         if resume and not (folder / STATE).exists() and (folder / CARD).exists():
@@ -231,43 +247,6 @@ def fit(
     return load_run(folder)
 
 
-def _records(dataset: DatasetFolder, recorded: list[str], systems: int | None) -> Records:
-    """Training and validation systems, of the former the first so many."""
-    index = load_records(dataset, [])
-    training, validation = (rows_of(index, split, dataset.folder) for split in ("train", "validation"))
-    if systems is not None and not 1 <= systems <= len(training):
-        raise EstimatorError(
-            f"systems: is {systems}; expected 1 to the {len(training)} training systems of the dataset"
-        )
-    return load_records(dataset, recorded, np.sort(np.concatenate([training[:systems], validation])))
-
-
-def take_weights(network: Estimator, encoding: Encoding, earlier: Run) -> str:
-    """Give a network the weights of an earlier run; returns what identifies them, the sha256 of their file.
-
-    Raises
-    ------
-    EstimatorError
-        If the earlier run encodes its windows in another way, or has weights that the network has not.
-    """
-    for field in Encoding.model_fields:
-        found, expected = getattr(earlier.card.encoding, field), getattr(encoding, field)
-        if found != expected and (found or field not in LATER):
-            raise EstimatorError(
-                f"begin_with: {earlier.folder}: {field} is {found!r}; expected {expected!r}, as in this training:"
-                " give the same dataset, channels and contexts"
-            )
-    own, given = network.state_dict(), earlier.model.state_dict()
-    for name, tensor in given.items():
-        if name not in own or own[name].shape != tensor.shape:
-            raise EstimatorError(
-                f"begin_with: {earlier.folder}: {name} has shape {tuple(tensor.shape)};"
-                f" expected {tuple(own[name].shape) if name in own else 'no such weights'}"
-            )
-    network.load_state_dict(own | given)
-    return earlier.card.weights_sha256
-
-
 def settings_of(card: Card, steps: int | None) -> dict[str, Any]:
     """What makes a training this one and no other, as JSON holds it; ``steps`` is None where the budget is minutes."""
     training, encoding = card.training, card.encoding
@@ -285,6 +264,7 @@ def settings_of(card: Card, steps: int | None) -> dict[str, Any]:
         "steps": steps,
         "minutes": training.minutes,
         "keep": training.keep,
+        "coarse": training.coarse or None,  # as in states of trainings that knew nothing of it
         "seed": training.seed,
         "begun with": card.begun_with,
         "training systems": len(card.training_systems.indices),

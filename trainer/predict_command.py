@@ -57,6 +57,12 @@ def predict(
     console = new_console()
     for one in result.predictions:
         console.print(_table(one))
+        if one.unlike:
+            console.print(
+                "[bold]Unlike all that the run was trained on[/bold], so that errors are larger than is said:"
+            )
+            for note in one.unlike:
+                console.print(f"- {note}", markup=False)
     console.print(result.rmse_note, markup=False)
     for path in (out, corner):
         if path is not None:

@@ -16,6 +16,7 @@ from shared.schema import Method, method_fault
 from shared.times import recorded_begins, recorded_times
 from trainer.checkpoint import Run, load_run
 from trainer.encoding import Encoding
+from trainer.familiar import Familiar, stuck, unlike
 from trainer.readings import check_gaps, comparable, date_of
 from trainer.seeds import check_seed
 from trainer.validation import Typical, typical_errors
@@ -57,12 +58,14 @@ class Prediction(_Table):
     parameters: dict[str, Estimate]
     correlation: list[list[float]] | None = None
     """of the parameters under the posterior, in their order"""
+    unlike: list[str] = []
+    """in what the window is unlike all that the run was trained on: then errors are larger than is said"""
 
 
 class Predictions(_Table):
     """What ``trainer predict`` prints."""
 
-    schema_version: int = 2
+    schema_version: int = 3
     file: str
     model: str
     context_hours: float
@@ -137,6 +140,9 @@ def predict(
 
         ranges = list(zip(encoding.parameter_min, encoding.parameter_max, strict=True))
         draw_corner(drawn[0], names, units, ranges, Path(corner))
+    known = {one.length: one for one in run.card.familiar}.get(len(window.stamps))
+    if known is not None:
+        _check_moving(Path(file), window, known, encoding)
     typical = typical_errors(run.card, len(window.stamps), window.absent)
     low, high = np.array(encoding.parameter_min), np.array(encoding.parameter_max)
     near = NEAR * (high - low)
@@ -158,7 +164,14 @@ def predict(
         }
         correlation = None if found is None else found.correlation[i].tolist()
         predictions.append(
-            Prediction(system=system, begin=begin, end=end, parameters=parameters, correlation=correlation)
+            Prediction(
+                system=system,
+                begin=begin,
+                end=end,
+                parameters=parameters,
+                correlation=correlation,
+                unlike=[] if known is None else unlike(window.values[i], known, encoding),
+            )
         )
     return Predictions(
         file=str(file),
@@ -168,6 +181,22 @@ def predict(
         absent=window.absent,
         rmse_note=_rmse_note(typical, window, encoding, posterior is not None),
         predictions=predictions,
+    )
+
+
+def _check_moving(path: Path, window: Window, known: Familiar, encoding: Encoding) -> None:
+    """Refuse an output that stands still throughout, where that never was so in training."""
+    at = stuck(window.values, known, encoding)
+    if at is None:
+        return
+    name, unit = encoding.recorded[at[1]], encoding.units[at[1]]
+    hours = len(window.stamps) * encoding.step / 3600
+    found = f"{window.values[at[0], 0, at[1]]:g}{'' if unit == '1' else f' {unit}'}"
+    whose = "" if window.systems[at[0]] is None else f" of system {window.systems[at[0]]}"
+    longest = known.longest_still[at[1]] * encoding.step / 3600
+    raise RecordingError(
+        f"{path}: {name}{whose} is {found} throughout the window of {hours:g} h, and"
+        f" in the run's training never for more than {longest:.3g} h on end; expected readings of a sensor that works"
     )
 
 

@@ -153,7 +153,9 @@ class Loop:
             network.zero_grad()
             loss.backward()
             if recipe.optimiser != "adamax":
-                torch.nn.utils.clip_grad_norm_(network.parameters(), CLIP)
+                norm = torch.nn.utils.clip_grad_norm_(network.parameters(), CLIP)
+                if not math.isfinite(norm.item()):
+                    return self.step + 1, "not a number"
             for one in self.optimisers:
                 one.step()
             self.step += 1

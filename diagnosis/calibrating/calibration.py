@@ -19,9 +19,11 @@ from diagnosis.fitting.side_by_side import side_by_side
 from diagnosis.recording import HOUR, Recording, read_recording
 from diagnosis.whole import whole
 from shared.errors import EstimatorError, RecordingError
+from shared.logs import logger
 from shared.netcdf import read_netcdf
 from shared.system import System, load_system
 
+_log = logger(__name__)
 __all__ = ["Calibrated", "Calibration", "calibrate", "check_recording", "estimate", "read_calibration", "whole"]
 
 STARTS = 3
@@ -150,10 +152,12 @@ def estimate(run: Path | str, recording: Recording, system: System) -> dict[str,
         path = Path(folder) / recording.path.name
         data.to_netcdf(path)
         try:
-            found = predict(run, path).predictions[0].parameters
+            told = predict(run, path).predictions[0]
         except RecordingError as error:
             raise RecordingError(str(error).replace(str(path), str(recording.path))) from None
-    values_by_name = {name: one.value for name, one in found.items()}
+    for note in told.unlike:
+        _log.warning("%s: unlike all that the estimator was trained on: %s", recording.path, note)
+    values_by_name = {name: one.value for name, one in told.parameters.items()}
     if sorted(values_by_name) != sorted(system.parameter_names):
         raise EstimatorError(
             f"{run}: estimates {', '.join(values_by_name)}; the system has {', '.join(system.parameter_names)}"

@@ -213,16 +213,22 @@ components = [{ amplitude = 1.0, period = 5.0, phase = 0.0 }]
 
 
 @pytest.mark.parametrize(
-    ("text", "excitation", "shown"), [(EXCITED, False, False), (EXCITED, True, True), (TANK, False, True)]
+    ("text", "settings", "shown"),
+    [
+        (EXCITED, {"excitation": False}, False),
+        (EXCITED, {"excitation": True, "calm": 0.5}, False),
+        (EXCITED, {"excitation": True}, True),
+        (TANK, {"excitation": False}, True),
+    ],
 )
-def test_ceilings_with_excitation_are_not_shown_for_data_without(tmp_path, text, excitation, shown):
-    made = make_dataset(tmp_path / "ds", text=text, systems=20, settings={"excitation": excitation})
+def test_ceilings_with_excitation_are_not_shown_for_data_without(tmp_path, text, settings, shown):
+    made = make_dataset(tmp_path / "ds", text=text, systems=20, settings=settings)
     run = fit(made, tmp_path / "run", model="mean")
     path = tmp_path / "limits.json"
     write_ceilings(path, ceilings_for(run))
     found = evaluate(run, made, windows=20, ceiling=path, out=tmp_path)
     assert (found.ceiling is not None) == shown
-    assert (found.ceiling_note == f"no ceiling: {path} holds with excitation; this dataset is without") != shown
+    assert (found.ceiling_note == f"no ceiling: {path} holds with excitation; this dataset is not all with it") != shown
 
 
 def test_without_a_ceiling_a_sentence_says_why(ridge_run, tanks, tmp_path):

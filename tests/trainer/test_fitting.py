@@ -267,3 +267,65 @@ def test_weights_of_another_kind_are_not_taken_over(tanks, tmp_path):
     more = fit(tanks, tmp_path / "more", model="regression-transformer", options=options, steps=1)
     with pytest.raises(EstimatorError, match="expected no such weights"):
         fit(tanks, tmp_path / "c", model=first.card.model, options=options, begin_with=more.folder)
+
+
+def test_a_training_that_begins_with_weights_of_another_dataset_reads_windows_as_that_one_did(
+    tanks, other_tanks, tmp_path
+):
+    options = SMALL | {"patch": 12}
+    settings = {"model": "multiscale-transformer", "options": options, "steps": 2}
+    first = fit(tanks, tmp_path / "first", **settings)
+    alone = fit(other_tanks, tmp_path / "alone", **settings)
+    again = fit(other_tanks, tmp_path / "again", begin_with=tmp_path / "first", **settings)
+    assert again.card.encoding == first.card.encoding != alone.card.encoding
+    for dataset in (tanks, other_tanks):  # what either was trained on or chosen by is not unseen
+        folder = DatasetFolder(dataset)
+        index = folder.load([])
+        seen = again.card.seen(folder.manifest.system_hash, index)
+        assert np.flatnonzero(~seen).tolist() == index.of_split("test").tolist()
+    resumed = fit(other_tanks, tmp_path / "again", begin_with=tmp_path / "first", resume=True, **settings)
+    assert resumed.card.weights_sha256 == again.card.weights_sha256
+
+
+def test_a_coarse_training_is_a_training_of_its_own(tanks, tmp_path):
+    settings = {"model": "regression-transformer", "options": SMALL | {"patch": 12, "views": 2}, "steps": 40}
+    exact = fit(tanks, tmp_path / "exact", **settings)
+    rough = fit(tanks, tmp_path / "rough", coarse=True, **settings)
+    assert (exact.card.training.coarse, rough.card.training.coarse) == (False, True)
+    assert rough.card.weights_sha256 != exact.card.weights_sha256
+    assert rough.card.training.validation_loss == pytest.approx(exact.card.training.validation_loss, rel=0.05)
+    values = DatasetFolder(tanks).load().values[:5, :, :48].transpose(0, 2, 1)[..., :1]
+    first = rough.estimate(values, np.zeros(5))
+    rough.model.coarse = False  # estimates have all digits either way
+    assert np.array_equal(rough.estimate(values, np.zeros(5)), first)
+    with pytest.raises(EstimatorError, match="coarse: lstm is trained with all digits only"):
+        fit(tanks, tmp_path / "lstm", model="lstm", coarse=True, steps=1)
+    with pytest.raises(EstimatorError, match="coarse was True and is None now"):
+        resume_after_a_stop(tanks, tmp_path / "cut", settings, coarse=True)
+
+
+def resume_after_a_stop(dataset, folder, settings, **first):
+    """Begin a training, stop it, and go on without what ``first`` says."""
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr("trainer.training.Loop._validate", stopping)
+        fit(dataset, folder, **settings, **first)
+    return fit(dataset, folder, resume=True, **settings)
+
+
+def stopping(loop, *_):
+    loop._keep()
+    raise KeyboardInterrupt
+
+
+def test_a_gradient_that_is_no_number_ends_the_training_with_a_sentence(tanks, tmp_path, monkeypatch):
+    """The loss was still one; the step would have made all weights none, and the next loss a traceback."""
+    taken = []
+
+    def clipped(parameters, largest):
+        taken.append(largest)
+        return torch.tensor(torch.nan if len(taken) == 30 else 1.0)
+
+    monkeypatch.setattr(torch.nn.utils, "clip_grad_norm_", clipped)
+    with pytest.raises(EstimatorError, match=r"not a finite number at step 30; the estimator of step \d+ is kept"):
+        fit(tanks, tmp_path / "run", model="multiscale-transformer", options=SMALL | {"patch": 12}, steps=40)
+    assert load_run(tmp_path / "run").card.training.stopped == "not a number"

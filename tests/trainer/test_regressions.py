@@ -96,3 +96,13 @@ def test_it_begins_as_the_multiscale_transformer_whose_weights_it_is_given():
     loss = both(windows, time).square().sum()
     loss.backward()
     assert both.correction[2].weight.grad.abs().sum() > 0
+
+
+def test_a_sample_without_any_weight_leaves_the_gradient_finite(plain):
+    """The square root of a weight that has become zero had none: all weights of the network were gone in one step."""
+    with torch.no_grad():
+        plain.weight.weight[0, 0] = 200.0  # samples at -2 and below have a weight of exp(-400): zero in float32
+    given = torch.randn(4, 50, 3, generator=torch.Generator().manual_seed(1)).mul(2).requires_grad_()
+    plain(given).sum().backward()
+    assert torch.isfinite(given.grad).all()
+    assert all(torch.isfinite(part.grad).all() for part in plain.parameters() if part.grad is not None)

@@ -53,6 +53,10 @@ class Estimator(nn.Module):
     """Whether outputs may be missing, not a number, in its windows."""
     reads_shorter: ClassVar[bool] = False
     """Whether windows may be shorter than its shape says."""
+    rounds: ClassVar[bool] = False
+    """Whether it can be trained coarsely."""
+    coarse: bool = False
+    """Whether larger products are rounded to bfloat16 while training, for speed."""
 
     def prepare(self, draw: Callable[[int], Batch], validation: Batch, windows: int) -> None:
         """See training data once, before the first step: ``draw(n)`` gives n random training windows.

@@ -12,6 +12,7 @@ from typing import ClassVar
 
 import torch
 from torch import nn
+from torch.nn.attention import SDPBackend, sdpa_kernel
 
 from shared.errors import EstimatorError
 from trainer.models.base import Estimator, Recipe, Shape
@@ -32,6 +33,7 @@ class MultiscaleTransformer(Estimator):
     recipe: ClassVar[Recipe] = Recipe(steps=20000, batch_size=128, lr=1e-3, schedule="cosine", optimiser="muon")
     reads_missing: ClassVar[bool] = True
     reads_shorter: ClassVar[bool] = True
+    rounds: ClassVar[bool] = True
 
     def __init__(
         self,
@@ -117,8 +119,17 @@ class MultiscaleTransformer(Estimator):
     def _encode(self, columns: torch.Tensor) -> torch.Tensor:
         """Mean and maximum over the encoded patches (batch, 2 width)."""
         patches = columns.reshape(len(columns), -1, self.patch * self.column_count)
-        encoded = self.encoder(self.embedding(patches) + self.position[-patches.shape[1] :])
+        encoded = self._transformed(self.embedding(patches) + self.position[-patches.shape[1] :])
         return self.norm(torch.cat([encoded.mean(dim=1), encoded.amax(dim=1)], dim=1))
+
+    def _transformed(self, embedded: torch.Tensor) -> torch.Tensor:
+        if not (self.training and self.coarse):
+            exact: torch.Tensor = self.encoder(embedded)
+            return exact
+        # what is embedded has digits that count: only the encoder is coarse. Its fused attention is slow in bfloat16
+        with torch.autocast("cpu", torch.bfloat16), sdpa_kernel(SDPBackend.MATH):
+            rounded: torch.Tensor = self.encoder(embedded)
+        return rounded.float()
 
     def columns(self, windows: torch.Tensor) -> torch.Tensor:
         """Windows (batch, length, columns), missing readings not a number, to (batch, length, multi-scale columns)."""

@@ -17,6 +17,8 @@ MEMORY_HOURS = (3.0, 12.0, 48.0)
 """Time constants of the running means that stand for what walls remember [h]."""
 FLOOR = 1e-7
 """Least variance of a regressor, response or residual, relative to what a standardised channel has."""
+LEAST = 1e-9
+"""Least weight of a sample, relative to the largest that it may have."""
 LOG_PENALTY = -9.0
 """Logarithm of the first ridge penalty, relative to the regressors' variances."""
 LIMIT = 8.0
@@ -66,7 +68,7 @@ class Regressions(nn.Module):
         left = self.left(series)
         local = torch.cat([left, left * self.right(series)], dim=1).transpose(1, 2)
         batch, length = local.shape[:2]
-        weight = torch.sigmoid(self.weight(local))
+        weight = torch.sigmoid(self.weight(local)).clamp(min=LEAST)  # the root of zero has no gradient
         weight = weight / weight.sum(dim=1, keepdim=True)
         chosen = self.choice(local).view(batch, length, self.count, -1)
         centred = chosen - (weight[..., None] * chosen).sum(dim=1, keepdim=True)

@@ -1,0 +1,147 @@
+"""What windows of a training look like, and in what a recording is unlike all of them.
+
+An estimator answers whatever it is shown. What it was never shown, a sensor that stands still or an outdoor temperature
+of another climate, it answers wrongly with the same face; so a run remembers the extremes of its training, and an
+estimate says which of them a recording passes.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from pydantic import BaseModel, ConfigDict, model_validator
+
+from trainer.encoding import Encoding
+from trainer.windows import WindowSource
+
+WINDOWS = 2000
+"""Of each length that are looked at."""
+CHUNK = 200
+MARGIN = 0.1
+"""How far beyond an extreme is still like it, as a share of its distance from the mean: the next 2,000 windows reach
+beyond those of the first as well."""
+LONGER = 3
+"""A standstill that is longer than the longest by so many samples, and by the margin, is unlike it."""
+LESS = 0.5
+"""A spread of less than this share of the least is unlike it."""
+
+
+class Familiar(BaseModel):
+    """Extremes over windows of one length, of each recorded channel in the encoding's order [the channel's unit]."""
+
+    model_config = ConfigDict(extra="forbid")
+    length: int
+    """samples of a window"""
+    windows: int
+    lowest: list[float]
+    highest: list[float]
+    least_sd: list[float]
+    """least standard deviation within a window"""
+    longest_still: list[int]
+    """most readings in a row that were equal"""
+
+    @model_validator(mode="after")
+    def _fits(self) -> Familiar:
+        """One figure of each kind for each channel."""
+        for name in ("highest", "least_sd", "longest_still"):
+            if len(getattr(self, name)) != len(self.lowest):
+                raise ValueError(f"{name}: has {len(getattr(self, name))} values; expected {len(self.lowest)}")
+        return self
+
+
+class _Looks(NamedTuple):
+    """Of windows, shape (windows, channels) each; not a number where nothing was read."""
+
+    lowest: np.ndarray
+    highest: np.ndarray
+    sd: np.ndarray
+    still: np.ndarray
+
+
+def looks(values: np.ndarray) -> _Looks:
+    """Extremes, spread and longest standstill of windows (windows, length, channels) with readings missing (NaN)."""
+    values = np.asarray(values, dtype=np.float64)
+    seen = np.isfinite(values)
+    count = seen.sum(axis=1)
+    nothing = np.where(count > 0, 0.0, np.nan)
+    lowest = np.where(seen, values, np.inf).min(axis=1) + nothing
+    highest = np.where(seen, values, -np.inf).max(axis=1) + nothing
+    mean = np.where(seen, values, 0.0).sum(axis=1) / np.maximum(count, 1)
+    off = np.where(seen, values - mean[:, None], 0.0)
+    sd = np.sqrt((off**2).sum(axis=1) / np.maximum(count, 1)) + nothing
+    moves = np.ones(values.shape, dtype=bool)
+    moves[:, 1:] = values[:, 1:] != values[:, :-1]  # a reading that is missing ends a standstill
+    place = np.arange(values.shape[1])[None, :, None]
+    still = (place - np.maximum.accumulate(np.where(moves, place, 0), axis=1)).max(axis=1) + 1
+    return _Looks(lowest, highest, sd, still + nothing)
+
+
+def familiar(source: WindowSource, rows: np.ndarray, seed: int) -> list[Familiar]:
+    """The extremes over random windows of the records ``rows`` of a source, under its sensors, for each length."""
+    encoding, found = source.encoding, []
+    for length in [*encoding.shorter, encoding.length]:
+        rng = np.random.default_rng([seed, length])
+        generator = torch.Generator().manual_seed(int(rng.integers(2**31)))
+        parts = []
+        for begin in range(0, WINDOWS, CHUNK):
+            which = torch.from_numpy(rng.choice(rows, size=min(CHUNK, WINDOWS - begin)))
+            start = torch.from_numpy(rng.integers(source.values.shape[1] - length + 1, size=len(which)))
+            values = source.values[which[:, None], start[:, None] + torch.arange(length)]
+            parts.append(looks(source.sensors(values, generator).numpy()))
+        lowest, highest, sd, still = (np.concatenate(each) for each in zip(*parts, strict=True))
+        found.append(
+            Familiar(
+                length=length,
+                windows=len(lowest),
+                lowest=lowest.min(axis=0).tolist(),
+                highest=highest.max(axis=0).tolist(),
+                least_sd=sd.min(axis=0).tolist(),
+                longest_still=still.max(axis=0).astype(int).tolist(),
+            )
+        )
+    return found
+
+
+def stuck(values: np.ndarray, known: Familiar, encoding: Encoding) -> tuple[int, int] | None:
+    """The first window (windows, length, recorded) with an output that never moved, and the output's place.
+
+    Only outputs that never stood still for so long in training: a heater may well be off for a week; and only those
+    that every recording has: what an optional one is in a building that was never excited may well be constant.
+    """
+    still = looks(values).still[:, : encoding.outputs]
+    needed = ~np.isin(encoding.recorded[: encoding.outputs], encoding.optional)
+    at = np.argwhere((still == values.shape[1]) & (still > _longest(known)[: encoding.outputs]) & needed)
+    return None if not len(at) else (int(at[0, 0]), int(at[0, 1]))
+
+
+def _longest(known: Familiar) -> np.ndarray:
+    """The longest standstill (channels,) that is like the training [samples]."""
+    longest = np.array(known.longest_still)
+    return np.asarray(longest + np.maximum(LONGER, MARGIN * longest))
+
+
+def unlike(values: np.ndarray, known: Familiar, encoding: Encoding) -> list[str]:
+    """In what a window (length, recorded) [the run's units] is unlike those of a training, a sentence each."""
+    low, high, sd, still = (part[0] for part in looks(values[None]))
+    notes = []
+    for k, name in enumerate(encoding.recorded):
+        if name in encoding.constant or np.isnan(low[k]):
+            continue
+        unit = "" if encoding.units[k] == "1" else f" {encoding.units[k]}"
+        mean, hours = encoding.mean[k], encoding.step / 3600
+        lowest, highest, least = known.lowest[k], known.highest[k], known.least_sd[k]
+        if low[k] < lowest - MARGIN * abs(mean - lowest):
+            notes.append(f"{name} falls to {low[k]:.4g}{unit}, never below {lowest:.4g}{unit} in training")
+        if high[k] > highest + MARGIN * abs(highest - mean):
+            notes.append(f"{name} rises to {high[k]:.4g}{unit}, never above {highest:.4g}{unit} in training")
+        if still[k] > _longest(known)[k]:
+            longest = known.longest_still[k] * hours
+            notes.append(
+                f"{name} stands still for {still[k] * hours:.3g} h, never longer than {longest:.3g} h in training"
+            )
+        elif sd[k] < LESS * least:
+            by = f"by {sd[k]:.2g}{unit} (standard deviation)"
+            notes.append(f"{name} varies {by}, never by less than {least:.2g}{unit} in training")
+    return notes
