@@ -9,6 +9,7 @@ import xarray as xr
 
 from datagen import simulate
 from shared.ceiling import read_ceilings
+from shared.errors import RecordingError
 from shared.shipped import shipped_systems
 from shared.system import load_system
 from trainer.checkpoint import load_run
@@ -57,6 +58,31 @@ def test_it_does_without_the_optional_sensors(room, tmp_path):
     found = predict(NAME, poor)
     assert found.absent == card.encoding.optional
     assert found.predictions[0].parameters
+
+
+def test_it_says_in_what_a_recording_is_unlike_its_training(room, tmp_path):
+    assert predict(NAME, room).predictions[0].unlike == []
+    simulate(NAME, seed=4711, hours=168, excitation=False, out=tmp_path / "calm.nc")
+    calm = predict(NAME, tmp_path / "calm.nc").predictions[0].unlike
+    assert [note.split(" h,")[0] for note in calm][-2:] == [
+        "excHea stands still for 168",
+        "excOut stands still for 168",
+    ]
+    data = xr.load_dataset(room, decode_times=False)
+    data["CO2"].values[-30:-20] = 0.0
+    data.to_netcdf(tmp_path / "some.nc")
+    (note,) = predict(NAME, tmp_path / "some.nc").predictions[0].unlike
+    assert note.startswith("CO2 falls to 0 ppm, never below")
+    data["CO2"].values[:] = 400.0
+    data.to_netcdf(tmp_path / "dead.nc")
+    with pytest.raises(RecordingError, match="CO2 is 400 ppm throughout the window of 168 h"):
+        predict(NAME, tmp_path / "dead.nc")
+
+
+def test_errors_stand_beside_its_estimates(room):
+    found = predict(NAME, room)
+    assert found.rmse_note.startswith("rmse: root mean square error on 256 windows")
+    assert all(one.rmse > 0 for one in found.predictions[0].parameters.values())
 
 
 def test_what_it_has_seen_is_written_down():
