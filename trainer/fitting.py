@@ -14,6 +14,7 @@ import torch
 
 import shared
 from shared.errors import EstimatorError
+from shared.logs import logger
 from shared.store import DatasetFolder
 from trainer.beginning import encoding_of, take_weights
 from trainer.checkpoint import (
@@ -37,11 +38,14 @@ from trainer.missing import LONGEST, Missing
 from trainer.models import build, estimator_class, option_defaults
 from trainer.models.base import Estimator, Recipe
 from trainer.noise import Sensors
+from trainer.rounding import slowdown
 from trainer.seeds import check_seed, torch_state
 from trainer.state import STATE, check_settings
 from trainer.training import Loop
 from trainer.validation import measured_errors
 from trainer.windows import Sampler, WindowSource, context_length, disjoint_windows
+
+_log = logger(__name__)
 
 VALIDATION_WINDOWS = 512
 WRITTEN = (
@@ -188,6 +192,10 @@ def fit(
     with torch_state(seeds[2], threads):
         network, merged = build(model, shape_of(encoding), chosen)
         network.coarse = coarse
+        if coarse and (times := slowdown()) > 1:
+            _log.warning(
+                "coarse: products in bfloat16 take %.1f times as long as others on this processor; leave it out", times
+            )
         earlier = None if first is None else take_weights(network, first)
         card = Card(
             model=model,

@@ -287,6 +287,14 @@ def test_a_training_that_begins_with_weights_of_another_dataset_reads_windows_as
     assert resumed.card.weights_sha256 == again.card.weights_sha256
 
 
+@pytest.mark.parametrize("times", [0.6, 3.2])
+def test_a_processor_that_computes_bfloat16_in_software_is_told(tanks, tmp_path, monkeypatch, caplog, times):
+    monkeypatch.setattr("trainer.fitting.slowdown", lambda: times)
+    with caplog.at_level("WARNING"):
+        fit(tanks, tmp_path / "rough", model="multiscale-transformer", coarse=True, steps=1)
+    assert ("take 3.2 times as long" in caplog.text) == (times > 1)
+
+
 def test_a_coarse_training_is_a_training_of_its_own(tanks, tmp_path):
     settings = {"model": "regression-transformer", "options": SMALL | {"patch": 12, "views": 2}, "steps": 40}
     exact = fit(tanks, tmp_path / "exact", **settings)

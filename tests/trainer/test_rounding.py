@@ -1,0 +1,23 @@
+"""What a processor makes of bfloat16 is measured: whatever it is, it is a ratio of two times."""
+
+import time
+
+import pytest
+
+from trainer import rounding
+
+
+def test_the_ratio_is_that_of_the_times(monkeypatch):
+    waits = {True: 0.006, False: 0.002}
+
+    def product(left, right):
+        time.sleep(waits[left.dtype.itemsize == 2])
+
+    monkeypatch.setattr(rounding.torch, "mm", product)
+    assert rounding.slowdown() == pytest.approx(3, rel=0.3)
+
+
+def test_it_is_measured_in_no_time():
+    began = time.perf_counter()
+    assert rounding.slowdown() > 0
+    assert time.perf_counter() - began < 5
