@@ -54,6 +54,12 @@ class Recording:
         """End of the last step [s]."""
         return float(self.time[-1])
 
+    @property
+    def began(self) -> str:
+        """When it began, to the minute, by its own clock."""
+        begin = self.zero + np.timedelta64(round(self.start), "s")
+        return str(begin.astype("datetime64[m]")).replace("T", " ")
+
     def times(self, data: xr.Dataset) -> np.ndarray:
         """The times of its file, decoded, as this recording counts them, shape (time,) [s]."""
         return _since_time_zero(self.path, data) - _after_time_zero(self.zero)

@@ -54,10 +54,12 @@ def score(measured: np.ndarray, simulated: np.ndarray, unit: str) -> Score:
     )
 
 
-def score_table(outputs: Mapping[str, Score]) -> Table:
-    """Scores by output, for the terminal."""
-    table = Table("output", "unit", "RMSE", "bias", "CVRMSE", "NMBE", "shares of", box=None)
+def score_table(outputs: Mapping[str, Score], **further: Mapping[str, float]) -> Table:
+    """Scores by output, for the terminal, with further columns of shares by output."""
+    heads = ("output", "unit", "RMSE", "bias", "CVRMSE", "NMBE", "shares of")
+    table = Table(*heads, *(head.replace("_", " ") for head in further), box=None)
     for name, one in outputs.items():
         shares = ["-" if value is None else f"{value:.2%}" for value in (one.cvrmse, one.nmbe)]
-        table.add_row(name, one.unit, f"{one.rmse:.4g}", f"{one.bias:.4g}", *shares, one.share_of)
+        more = [f"{column[name]:.0%}" for column in further.values()]
+        table.add_row(name, one.unit, f"{one.rmse:.4g}", f"{one.bias:.4g}", *shares, one.share_of, *more)
     return table

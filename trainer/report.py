@@ -110,7 +110,10 @@ def notes(evaluation: Evaluation) -> list[str]:
         " had trained on or been validated by"
         for name, one in evaluation.protocols.items()
     ]
-    return [*lines, "R2 in the parameters' own units, with 90 % intervals by system", evaluation.ceiling_note]
+    meant = (
+        "R2 in the parameters' own units, with 90 % intervals by system; accuracy: median of 1 less the relative error"
+    )
+    return [*lines, meant, evaluation.ceiling_note]
 
 
 def terminal_table(evaluation: Evaluation) -> Table:

@@ -8,6 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import xarray as xr
 
 from datagen.simulator import Simulator
 from diagnosis.calibrating.checks import check_recording
@@ -91,6 +92,8 @@ def calibrate(
     SystemDescriptionError, FmuError, SimulationError, EstimatorError
         If the system, its FMU or the estimator cannot be used.
     """
+    if starts < 1:
+        raise RecordingError(f"starts is {starts}; expected at least 1")
     described = system if isinstance(system, System) else load_system(system)
     record = recording if isinstance(recording, Recording) else read_recording(recording, described)
     check_recording(record, described)
@@ -122,9 +125,8 @@ def calibrate(
 def estimate(run: Path | str, recording: Recording, system: System) -> dict[str, float]:
     """Zero-shot values by name [unit of the description], from the recording's readings and its own span of its file.
 
-    Readings that were lost for a short while (:data:`BRIDGED`) are interpolated, since estimators want one at every
-    step; an output that was never read is
-    left out, which an estimator may be trained to do without.
+    Where the estimator refuses gaps, readings that were lost for a short while (:data:`BRIDGED`) are interpolated; an
+    output that was never read is left out, which an estimator may be trained to do without.
 
     Raises
     ------
@@ -144,17 +146,19 @@ def estimate(run: Path | str, recording: Recording, system: System) -> dict[str,
             data[output].values[:] = readings
         elif output in data:
             data = data.drop_vars(output)
-    for name in data.data_vars:
-        values = data[name].values
-        if data[name].dims == ("time",) and np.issubdtype(values.dtype, np.floating):
-            _bridge(values, round(BRIDGED * HOUR / recording.step))
     with tempfile.TemporaryDirectory(prefix="zeroshot-span-") as folder:
         path = Path(folder) / recording.path.name
         data.to_netcdf(path)
         try:
             told = predict(run, path).predictions[0]
-        except RecordingError as error:
-            raise RecordingError(str(error).replace(str(path), str(recording.path))) from None
+        except RecordingError:
+            bridged = _bridged(data, round(BRIDGED * HOUR / recording.step))
+            path.unlink()
+            bridged.to_netcdf(path)
+            try:
+                told = predict(run, path).predictions[0]
+            except RecordingError as error:
+                raise RecordingError(str(error).replace(str(path), str(recording.path))) from None
     for note in told.unlike:
         _log.warning("%s: unlike all that the estimator was trained on: %s", recording.path, note)
     values_by_name = {name: one.value for name, one in told.parameters.items()}
@@ -163,6 +167,16 @@ def estimate(run: Path | str, recording: Recording, system: System) -> dict[str,
             f"{run}: estimates {', '.join(values_by_name)}; the system has {', '.join(system.parameter_names)}"
         )
     return values_by_name
+
+
+def _bridged(data: xr.Dataset, longest: int) -> xr.Dataset:
+    """A recording whose gaps of at most ``longest`` steps are filled by straight lines."""
+    filled = data.copy(deep=True)
+    for name in filled.data_vars:
+        values = filled[name].values
+        if filled[name].dims == ("time",) and np.issubdtype(values.dtype, np.floating):
+            _bridge(values, longest)
+    return filled
 
 
 def _bridge(values: np.ndarray, longest: int) -> None:

@@ -53,7 +53,7 @@ def calibrate(
         Print JSON.
     """
     from diagnosis.calibrating.calibration import calibrate as calibrate_
-    from diagnosis.calibrating.report import summary
+    from diagnosis.calibrating.sentences import sentences
 
     with stages("simulating", shown=not report.quiet):
         done = calibrate_(
@@ -75,8 +75,9 @@ def calibrate(
             one.name, one.unit, f"{one.value:.4g}", f"{one.low:.4g} to {one.high:.4g}", f"{one.told:.0%}", note
         )
     console.print(table)
-    console.print(score_table(done.report.outputs))
-    for sentence in summary(done):
+    outputs = done.report.outputs
+    console.print(score_table({name if one.used else f"{name} (replayed)": one for name, one in outputs.items()}))
+    for sentence in sentences(done.report):
         console.print(sentence, markup=False)
     console.print(f"{done.report.simulations} simulations, {done.report.seconds:.0f} s; {out / 'calibration.html'}")
     return OK

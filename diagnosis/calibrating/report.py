@@ -9,16 +9,13 @@ import numpy as np
 
 from datagen.tables import Piecewise
 from diagnosis.calibrating.calibration import Calibrated
+from diagnosis.calibrating.sentences import sentences
 from diagnosis.calibrating.summary import CORRELATED
 from diagnosis.pages import page_environment
 from diagnosis.pictures import BLUE, GREY, ORANGE, RED, embedded, figure, readable
 from diagnosis.recording import DAY, HOUR
 from diagnosis.whole import whole
 
-POOR = 0.5
-"""A model that explains less than this share of an output's variance is not believed."""
-OUTER = 1.28
-"""Beyond this [prior standard deviations] a parameter lies in the outer tenths of its range: no prior left it."""
 _MANY = 12
 """Weather inputs and the like that a picture shows at most."""
 
@@ -37,88 +34,16 @@ def render(done: Calibrated) -> str:
     environment = page_environment()
     return environment.get_template("calibration.html.j2").render(
         report=done.report,
-        begin=began(done),
+        begin=done.problem.recording.began,
         days=done.report.steps * done.report.step / DAY,
         correlated_above=CORRELATED,
-        summary=summary(done),
+        summary=sentences(done.report),
         fit_picture=_fit(done),
         parameter_picture=_parameters(done),
         correlation_picture=_correlation(done),
         residual_picture=_residuals(done),
         input_picture=_inputs(done),
     )
-
-
-def began(done: Calibrated) -> str:
-    """When the recording began, to the minute, by its own clock."""
-    begin = done.problem.recording.zero + np.timedelta64(round(done.report.start), "s")
-    return str(begin.astype("datetime64[m]")).replace("T", " ")
-
-
-def summary(done: Calibrated) -> list[str]:
-    """What came out, in a few sentences."""
-    report = done.report
-    groups: dict[str, list[str]] = {"well": [], "partly": [], "hardly": [], "pushed": [], "bound": []}
-    for p, place in zip(report.parameters, report.z, strict=False):
-        pushed = "pushed" if abs(place) > OUTER else "hardly"
-        groups["bound" if p.at_bound else pushed if p.identified == "hardly" else p.identified].append(p.name)
-    said = [
-        f"The fitted model explains {max(share, 0):.0%} of what {name} did: it lacks something, for which its"
-        " parameters make up, and neither they nor their intervals are to be believed."
-        for name, share in _explained(done).items()
-        if share < POOR
-    ]
-    for kind, words in (
-        ("well", "The recording tells {} well."),
-        ("partly", "It tells {} in part."),
-        ("hardly", "It hardly tells {}: what is given for them is mostly the prior."),
-        ("pushed", "It pushes {} to an end of the range, as far as it tells: the interval ends where the range does."),
-    ):
-        if groups[kind]:
-            said.append(words.format(", ".join(groups[kind])))
-    bound = groups["bound"]
-    if bound:
-        said.append(
-            f"{', '.join(bound)} {'lies' if len(bound) == 1 else 'lie'} on a bound of the range: either the range is"
-            " too narrow, or the model lacks something that the parameter makes up for."
-        )
-    slow = [name for name, one in report.outputs.items() if one.slow_noise > one.noise]
-    if slow:
-        said.append(
-            f"What is left of {', '.join(slow)} is slow and larger than its sensor's noise: the model lacks something."
-        )
-    if report.occupancy == "unknown":
-        said.append(
-            "Nobody counted the persons: how many there were was inferred along with the parameters, with the"
-            " description's idea of how such a room is used. What depends on them is as uncertain as that idea, above"
-            " all what a person emits: count persons if the parameters matter."
-        )
-    elif report.replay:
-        said.append(
-            "Actuators were replayed: what their meters get wrong drives the model; take the intervals with care."
-        )
-    said.append(
-        f"Intervals are about {report.widened:g} times as wide as the recording alone makes them, because a building is"
-        " not the model. For a gap that the model does not explain they do not allow."
-    )
-    if not report.converged:
-        said.append(
-            "The fit had not come to rest when it stopped: values are means of its last rounds, and intervals allow for"
-            " what they still moved by. Take its figures with care."
-        )
-    return said
-
-
-def _explained(done: Calibrated) -> dict[str, float]:
-    """Share of the variance of each fitted output that the model explains with the most likely nuisance."""
-    problem, shares = done.problem, {}
-    for k, name in enumerate(problem.system.output_names):
-        seen = problem.observed[k]
-        if seen.any():
-            measured = problem.measured[k, seen]
-            left = measured - done.fit.around.outputs[k, seen]
-            shares[name] = 1 - float(np.mean(left**2) / max(float(np.var(measured)), 1e-300))
-    return shares
 
 
 def _days(done: Calibrated) -> np.ndarray:
@@ -138,8 +63,8 @@ def _fit(done: Calibrated) -> str:
         panel.set_ylabel(f"{name} [{unit}]")
         if not done.report.outputs[name].used:
             panel.set_title("replayed: drives the model, not fitted", fontsize=8, loc="right")
-    panels[0].legend(loc="upper right", ncols=2, fontsize=8)
-    panels[-1].set_xlabel(f"days since {began(done)}")
+    panels[0].legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, fontsize=8)
+    panels[-1].set_xlabel(f"days since {done.problem.recording.began}")
     return embedded(made)
 
 
@@ -154,7 +79,7 @@ def _residuals(done: Calibrated) -> str:
         panel.axhspan(-band, band, color=GREY, alpha=0.2, lw=0)
         panel.plot(_days(done), left, lw=0.8, color=RED)
         panel.set_ylabel(f"{name} [{problem.system.outputs[k].unit}]")
-    panels[-1].set_xlabel(f"days since {began(done)}")
+    panels[-1].set_xlabel(f"days since {done.problem.recording.began}")
     return embedded(made)
 
 
@@ -234,5 +159,5 @@ def _inputs(done: Calibrated) -> str:
         signal = Piecewise(grid, persons, "previous")
         panel.step((grid - grid[0]) / DAY, signal.at(grid), where="post", lw=0.9, color=ORANGE)
         panel.set_ylabel(f"{system.inputs[place].name}\ninferred", fontsize=8)
-    panels[-1].set_xlabel(f"days since {began(done)}")
+    panels[-1].set_xlabel(f"days since {done.problem.recording.began}")
     return embedded(made)

@@ -41,6 +41,8 @@ class Channel(Score):
 
     Scores of the fit, and the noise that was found [unit; h]. ``chi2`` is the mean square of the
     standardised residual with the nuisance integrated out: near 1 where model and noise explain the recording.
+    ``explained``: share of the variance that the model explains with the most likely nuisance, both without that of
+    the sensor's declared noise; None for an output that hardly moved beyond it, or was replayed.
     """
 
     used: bool
@@ -48,6 +50,7 @@ class Channel(Score):
     slow_noise: float
     slow_hours: float
     chi2: float | None
+    explained: float | None = None
 
 
 class Pair(_Table):
@@ -62,10 +65,10 @@ class Calibration(_Table):
     """``calibration.json``.
 
     ``covariance`` (unknowns, unknowns) is that of the posterior in which the recording counts for 1 / ``widened``^2 of
-    what it is worth to the model: see :mod:`diagnosis.fitting.doubt`.
+    what it is worth to the model: see :mod:`diagnosis.fitting.doubt`. Schema 2 added ``explained`` to the outputs.
     """
 
-    schema_version: int = 1
+    schema_version: int = 2
     system: str
     system_hash: str
     fmu_sha256: str

@@ -16,6 +16,8 @@ TOLD = (0.5, 0.9)
 """Shares of the prior variance that the recording removed: below the first a parameter is hardly told, above the
 second it is told well."""
 CORRELATED = 0.8
+STILL = 2.0
+"""An output that moves by less than this many standard deviations of its sensor's noise does not move."""
 
 
 def summarise(found: Fit, zero_shot: dict[str, float], started_from: str) -> Calibration:
@@ -102,5 +104,18 @@ def _channels(found: Fit) -> dict[str, Channel]:
             slow_noise=float(noise.slow[k]),
             slow_hours=float(noise.time[k] / HOUR) if noise.slow[k] > 0 else 0.0,
             chi2=float(np.mean(parts[k] ** 2)) if used else None,
+            explained=_explained(problem.measured[k], found.around.outputs[k], problem.floor[k]) if used else None,
         )
     return made
+
+
+def _explained(measured: np.ndarray, fitted: np.ndarray, noise: float) -> float | None:
+    """Share of a series' variance (steps,) that another explains, beyond noise of a standard deviation [unit].
+
+    None where the series and what is left of it are both within :data:`STILL` of that noise: there is nothing to tell.
+    """
+    seen = np.isfinite(measured)
+    moved = max(float(np.var(measured[seen])) - noise**2, 0.0)
+    left = max(float(np.mean((measured[seen] - fitted[seen]) ** 2)) - noise**2, 0.0)
+    still = (STILL**2 - 1) * noise**2
+    return None if max(moved, left) <= still else 1 - left / max(moved, still, 1e-300)

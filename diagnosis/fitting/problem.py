@@ -60,7 +60,7 @@ class Problem:
     Raises
     ------
     RecordingError
-        If the recording lacks an input, or has nothing to fit.
+        If the recording lacks an input, or has nothing to fit, or the warm-up is negative.
     """
 
     def __init__(
@@ -76,6 +76,8 @@ class Problem:
         history: bool = True,
         runner: Runner | None = None,
     ) -> None:
+        if not 0 <= warm_up < np.inf:
+            raise RecordingError(f"warm_up is {warm_up / HOUR:g} h; expected at least 0")
         self.simulator, self.recording, self.replay = simulator, recording, replay
         self.system = system = simulator.system
         self.effects = tuple(effects)

@@ -75,6 +75,8 @@ def nuisance_of(
 def _spans(driven: Drive) -> list[tuple[float, float]]:
     """Spans before the recording [s], nearest first."""
     ends = [driven.start - back for back in HISTORY if driven.start - back > driven.begin + SNAP]
+    if not ends:  # no warm-up, no history
+        return []
     return [(max(b, driven.begin), a) for a, b in zip(ends, [*ends[1:], driven.begin], strict=True)]
 
 

@@ -53,6 +53,7 @@ def forecast(
     as_json
         Print JSON.
     """
+    from diagnosis.calibrating.sentences import sentences
     from diagnosis.forecasting.forecast import forecast as forecast_
 
     with stages("simulating", shown=not report.quiet):
@@ -69,6 +70,9 @@ def forecast(
     if as_json:
         sys.stdout.write(done.report.model_dump_json(indent=1) + "\n")
         return OK
-    console.print(score_table({name: one for name, one in done.report.outputs.items() if one is not None}))
+    scored = {name: one for name, one in done.report.outputs.items() if one is not None}
+    console.print(score_table(scored, within_the_band={name: one.covered for name, one in scored.items()}))
+    for sentence in sentences(done.report.calibration):
+        console.print(sentence, markup=False)
     console.print(f"{out / 'forecast.html'}")
     return OK

@@ -35,12 +35,16 @@ class Ahead(Score):
 
 
 class Forecast(BaseModel):
-    """``forecast.json``. Scores are None where nothing was measured ahead."""
+    """``forecast.json``. Scores are None where nothing was measured ahead; ``begin`` is that of the context.
+
+    Schema 2 added ``begin``.
+    """
 
     model_config = ConfigDict(extra="forbid")
-    schema_version: int = 1
+    schema_version: int = 2
     system: str
     recording: str
+    begin: str
     context_hours: float
     ahead_hours: float
     level: float
@@ -106,11 +110,15 @@ def forecast(
     Raises
     ------
     RecordingError
-        If the recording ends before the forecast does, or cannot be calibrated on.
+        If the recording ends before the forecast does, or cannot be calibrated on; if the given calibration has seen
+        what is to be forecast.
     """
+    for name, hours in (("context", context), ("ahead", ahead)):
+        if not hours > 0:
+            raise RecordingError(f"{name} is {hours:g} h; expected more than 0")
     described = system if isinstance(system, System) else load_system(system)
     record = recording if isinstance(recording, Recording) else read_recording(recording, described)
-    split, end = round(context * HOUR / record.step), round((context + ahead) * HOUR / record.step)
+    split, end = (_steps(record, hours) for hours in (context, context + ahead))
     if end > len(record.time):
         raise RecordingError(
             f"{record.path}: is {len(record.time) * record.step / HOUR:g} h long; expected at least"
@@ -137,6 +145,7 @@ def forecast(
         report = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
         if report.system_hash != described.hash():
             raise RecordingError(f"{calibration}: is a calibration of {report.system}; expected one of this system")
+        _check_unseen(report, record, context)
         noise_model = _noise_of(report, described, noise)
     z, covariance = np.array(report.z), np.array(report.covariance)
     simulator = Simulator(described)
@@ -167,6 +176,7 @@ def forecast(
         Forecast(
             system=described.name,
             recording=str(record.path),
+            begin=record.began,
             context_hours=context,
             ahead_hours=ahead,
             level=LEVEL,
@@ -188,6 +198,27 @@ def forecast(
 
         write_forecast(answer, Path(out))
     return answer
+
+
+def _steps(record: Recording, hours: float) -> int:
+    """Steps of a recording in so many hours."""
+    steps = hours * HOUR / record.step
+    if abs(steps - round(steps)) > 1e-6:
+        raise RecordingError(
+            f"{record.path}: is in steps of {record.step / HOUR:g} h, which do not divide {hours:g} h; expected"
+            " a context and a time ahead of whole steps"
+        )
+    return round(steps)
+
+
+def _check_unseen(report: Calibration, record: Recording, context: float) -> None:
+    """Refuse a calibration on what is to be forecast: scores would be those of a fit."""
+    seen = (report.start + report.steps * report.step - record.start) / HOUR
+    if Path(report.recording).resolve() == record.path.resolve() and seen > context + 1e-6:
+        raise RecordingError(
+            f"{record.path}: its first {seen:g} h are what the given calibration was made from; expected one that has"
+            f" seen no more than the {context:g} h of the context, or none, to calibrate on the context"
+        )
 
 
 def _noise_of(report: Calibration, system: System, preset: str) -> NoiseModel:

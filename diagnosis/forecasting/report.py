@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from diagnosis.calibrating.sentences import sentences
 from diagnosis.forecasting.forecast import Forecasted
 from diagnosis.pages import page_environment
 from diagnosis.pictures import BLUE, ORANGE, embedded, figure, readable
@@ -24,7 +25,9 @@ def write_forecast(done: Forecasted, folder: Path) -> None:
 def render(done: Forecasted) -> str:
     """The page as HTML, pictures and all."""
     environment = page_environment()
-    return environment.get_template("forecast.html.j2").render(report=done.report, picture=_picture(done))
+    return environment.get_template("forecast.html.j2").render(
+        report=done.report, summary=sentences(done.report.calibration), picture=_picture(done)
+    )
 
 
 def _picture(done: Forecasted) -> str:
@@ -38,6 +41,6 @@ def _picture(done: Forecasted) -> str:
         panel.plot(days, readable(done.measured[k], output.unit)[0], lw=1.0, color=BLUE, label="measured")
         panel.plot(days, readable(done.centre[k], output.unit)[0], "--", lw=1.0, color=ORANGE, label="model")
         panel.set_ylabel(f"{output.name} [{unit}]")
-    panels[0].legend(loc="upper right", ncols=3, fontsize=8)
-    panels[-1].set_xlabel("days; shaded: the context that the parameters were estimated from")
+    panels[0].legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3, fontsize=8)
+    panels[-1].set_xlabel(f"days since {done.report.begin}; shaded: the context")
     return embedded(made)

@@ -17,6 +17,7 @@ from diagnosis.importing.quality import (
     ASSUMED,
     COMPUTED,
     Signal,
+    check_possible,
     is_constant,
     make_signal,
     mark_impossible,
@@ -127,7 +128,10 @@ class Composer:
         return made
 
     def _converted(self, value: float, source: Source, unit: str, where: str) -> float:
-        return float(to_target(np.array(value), source, unit, density=self.mapping.air_density, where=where))
+        density = self.mapping.air_density
+        made = float(to_target(np.array(value), source, unit, density=density, where=where))
+        check_possible(made, source, unit, density=density, where=where)
+        return made
 
     def _signal(self, source: Source, unit: str, where: str, *, moving: bool) -> Signal:
         """A column as a judged signal; ``moving`` says that it never stands still."""

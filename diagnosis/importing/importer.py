@@ -206,7 +206,7 @@ def _about(one: Series) -> VariableReport:
         method=one.target.method,
         origin=one.origin,
         readings=0 if one.signal is None else len(one.signal.values),
-        minimum=float(seen.min()) if seen.size else None,
+        minimum=float(seen.min()) + 0.0 if seen.size else None,
         mean=float(seen.mean()) if seen.size else None,
         maximum=float(seen.max()) if seen.size else None,
         impossible=readings(IMPOSSIBLE),

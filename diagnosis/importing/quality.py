@@ -147,6 +147,40 @@ def usual_interval(time: np.ndarray, there: np.ndarray) -> float:
     return float(np.median(spacing))
 
 
+def _possible(source: Source, unit: str, *, density: float, where: str) -> tuple[float, float, bool, float]:
+    """Lowest and highest possible value [unit], whether below zero means zero, and how far beyond is still rounding."""
+    low, high, zero = units.limits(source.unit, unit)
+    if source.persons is not None:
+        low, high = low * source.persons, high * source.persons
+    if source.valid is not None:
+        ends = units.convert(np.array(source.valid), source.unit, unit, density=density, where=where)
+        ends = ends * (source.persons or 1.0)
+        low, high, zero = float(ends.min()), float(ends.max()), False
+    elif (source.scale, source.offset) != (1.0, 0.0) and source.unit in units.WORD_LIMITS:
+        low, high = -np.inf, np.inf  # the word's limits hold for what was read, not for what was made of it
+    sizes = [abs(one) for one in (low, high) if np.isfinite(one)]
+    return low, high, zero, _SLACK * max(sizes, default=0.0)
+
+
+def check_possible(value: float, source: Source, unit: str, *, density: float, where: str) -> None:
+    """Refuse a constant that readings in its place would be refused for.
+
+    Raises
+    ------
+    RecordingError
+        If ``value`` [unit] is impossible.
+    """
+    low, high, _, slack = _possible(source, unit, density=density, where=where)
+    if low - slack <= value <= high + slack:
+        return
+    raw = source_value(value, source, unit, density=density, where=where)
+    fits = [one for one in units.alternatives(raw, unit, low, high, density=density) if one != source.unit]
+    hint = f"; is it in {' or '.join(fits)}?" if fits else ""
+    raise RecordingError(
+        f"{where}: {raw:.6g} {source.unit} is {value:.6g} {unit}; expected {low:g} to {high:g} {unit}{hint}"
+    )
+
+
 def mark_impossible(signal: Signal, source: Source, *, density: float, where: str) -> Signal:
     """Mark readings outside the possible values; small negative values of quantities that have none become zero.
 
@@ -155,17 +189,7 @@ def mark_impossible(signal: Signal, source: Source, *, density: float, where: st
     RecordingError
         If more than half of the readings are impossible: then it is the unit, not the sensor.
     """
-    low, high, zero = units.limits(source.unit, signal.unit)
-    if source.persons is not None:
-        low, high = low * source.persons, high * source.persons
-    if source.valid is not None:
-        ends = units.convert(np.array(source.valid), source.unit, signal.unit, density=density, where=where)
-        ends = ends * (source.persons or 1.0)
-        low, high, zero = float(ends.min()), float(ends.max()), False
-    elif (source.scale, source.offset) != (1.0, 0.0) and source.unit in units.WORD_LIMITS:
-        low, high = -np.inf, np.inf  # the word's limits hold for what was read, not for what was made of it
-    sizes = [abs(one) for one in (low, high) if np.isfinite(one)]
-    slack = _SLACK * max(sizes, default=0.0)
+    low, high, zero, slack = _possible(source, signal.unit, density=density, where=where)
     bad = (signal.values < low - slack) | (signal.values > high + slack)
     if bad.sum() > 0.5 * len(bad):
         middle = float(np.median(signal.values))

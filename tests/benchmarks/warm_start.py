@@ -81,7 +81,7 @@ def forward(run: Path, path: Path) -> tuple[float, float]:
     import torch
 
     from trainer.checkpoint import load_run
-    from trainer.prediction import read_window
+    from trainer.recorded import read_window
 
     torch.set_num_threads(1)
     estimator = load_run(run)

@@ -20,7 +20,7 @@ from trainer.checkpoint import load_run
 from trainer.evaluation import evaluate
 from trainer.fitting import fit
 from trainer.posterior.checkpoint import load_posterior
-from trainer.prediction import read_window
+from trainer.recorded import read_window
 from trainer.report import read_answers
 from trainer.state import read_state, write_state
 from trainer.tuning import Best, read_options

@@ -13,7 +13,7 @@ from shared.store import sha256_of
 from tests.hostile import cases_trainer
 from tests.hostile.properties import property_of
 from trainer.checkpoint import load_run
-from trainer.prediction import read_window
+from trainer.recorded import read_window
 from trainer.spans import MOST, unpacked
 from trainer.state import read_state
 from trainer.weights import _Budget

@@ -8,8 +8,9 @@ from shared.errors import RecordingError
 from shared.store import DatasetFolder, Records
 from trainer.encoding import Encoding, make_encoding
 from trainer.fitting import fit
-from trainer.prediction import predict, read_window
+from trainer.prediction import predict
 from trainer.readings import comparable
+from trainer.recorded import read_window
 
 from .conftest import TANK, tank_system
 

@@ -64,7 +64,7 @@ class Posterior:
     def sample_encoded(self, windows: torch.Tensor, time: torch.Tensor, n: int, *, seed: int = 0) -> np.ndarray:
         """As :meth:`sample`, of encoded windows (windows, length, columns)."""
         if n < 1:
-            raise EstimatorError(f"n: is {n}; expected at least 1 sample")
+            raise EstimatorError(f"samples: is {n}; expected at least 1 sample")
         check_seed(seed)
         length = self._which_length(windows)
         context = context_of(self.run, self.prior, windows, time)

@@ -10,9 +10,9 @@ import xarray as xr
 
 from datagen import simulate
 from diagnosis.calibrating.calibration import calibrate, estimate
-from diagnosis.calibrating.report import summary
 from diagnosis.calibrating.schema import read_calibration
-from diagnosis.calibrating.summary import summarise
+from diagnosis.calibrating.sentences import sentences
+from diagnosis.calibrating.summary import _explained, summarise
 from diagnosis.cli import app
 from diagnosis.recording import read_recording
 from diagnosis.scores import score
@@ -173,8 +173,10 @@ def test_a_recording_counts_for_less_than_the_fit_believes_and_the_page_says_so(
     problem = copy(done.fit.problem)
     problem.replay = True
     report = summarise(replace(done.fit, problem=problem), {}, "the middle of the prior")
-    said = " ".join(summary(replace(done, report=report)))
+    said = " ".join(sentences(report))
     assert "Intervals are about 2 times as wide" in said and "Actuators were replayed" in said
+    said = " ".join(sentences(report.model_copy(update={"occupancy": "unknown"})))
+    assert "Nobody counted the persons" in said and "Actuators were replayed" in said
 
 
 @pytest.mark.parametrize("units", ["hours since 2022-02-01 00:00:00", "seconds since 2022-01-05", "s"])
@@ -233,7 +235,8 @@ def test_an_estimate_is_not_made_from_days_that_were_made_up(default_system, tmp
     monkeypatch.setattr("trainer.predict", predicted, raising=False)
     with pytest.raises(RecordingError, match="enough"):
         estimate("run", replace(record, outputs=shown), default_system)
-    (found,) = given
+    as_read, found = given  # an estimator that takes gaps is given them
+    assert np.isnan(as_read).sum() == 8
     np.testing.assert_allclose(found[9:14], np.linspace(found[9], found[13], 5), rtol=1e-6)
     assert found[0] == found[1]
     assert np.isnan(found[20:24]).all() and np.isnan(found).sum() == 4
@@ -248,7 +251,8 @@ def test_what_lies_at_an_end_of_its_range_is_not_said_to_be_the_prior(house, hou
     ]
     z = [3.0, 2.0, 0.1, *done.report.z[3:]]
     names = [one.name for one in ranges]
-    said = summary(replace(done, report=done.report.model_copy(update={"parameters": ranges, "z": z})))
+    report = done.report.model_copy(update={"parameters": ranges, "z": z, "converged": True})
+    said = sentences(report)
     assert (
         f"It pushes {names[1]} to an end of the range, as far as it tells: the interval ends where the range does."
         in said
@@ -256,3 +260,22 @@ def test_what_lies_at_an_end_of_its_range_is_not_said_to_be_the_prior(house, hou
     others = ", ".join(name for name, place in zip(names[2:], z[2:], strict=False) if abs(place) < 1.28)
     assert f"It hardly tells {others}: what is given for them is mostly the prior." in said
     assert any(one.startswith(f"{names[0]} lies on a bound") for one in said)
+    said = sentences(report.model_copy(update={"converged": False}))
+    assert f"It hardly tells {others}, and the fit did not settle on them: values are not the prior's either." in said
+
+
+@pytest.mark.parametrize(
+    ("followed", "missed", "invented", "share"),
+    [
+        (0, 0, 0, None),  # a flow at its minimum, followed to the sensor's noise: 1 - mse / var would be nought
+        (0, 0, 9, 1 - 81 / 3),  # a model that moves where the building does not
+        (5, 0, 0, 1.0),
+        (3, 4, 0, 9 / 25),
+    ],
+)
+def test_the_share_that_is_explained_is_of_what_exceeds_the_sensors_noise(followed, missed, invented, share):
+    """Sines of given standard deviations, orthogonal; that of the noise is one."""
+    step = 2 * np.pi * np.arange(4000) / 4000
+    noise, signal, error = (np.sqrt(2) * np.sin(k * step) for k in (7, 2, 3))
+    found = _explained(20 + followed * signal + missed * error + noise, 20 + followed * signal + invented * error, 1.0)
+    assert found is None if share is None else found == pytest.approx(share, abs=1e-6)

@@ -50,3 +50,33 @@ def test_a_calibration_from_a_file_has_the_bands_of_one_that_was_just_made(house
     assert again.report.outputs["room"].covered > 0.8
     with pytest.raises(RecordingError, match=r"was made with persons measured, which makes 4 unknowns; .* has 5, with"):
         forecast(system, path, calibration=tmp_path / "calibration", occupancy="unknown", **common)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"context": 0, "ahead": 24}, "context is 0 h; expected more than 0"),
+        ({"context": 48, "ahead": -24}, "ahead is -24 h; expected more than 0"),
+        ({"context": 48, "ahead": 0}, "ahead is 0 h; expected more than 0"),
+        ({"context": 48, "ahead": 0.1}, "which do not divide 48.1 h"),
+        ({"context": 48, "ahead": 24, "warm_up": -5.0}, "warm_up is -5 h; expected at least 0"),
+        ({"context": 48, "ahead": 24, "starts": 0}, "starts is 0; expected at least 1"),
+    ],
+)
+def test_hours_that_are_none_are_told(house, house_recording, options, said):
+    with pytest.raises(RecordingError, match=said):
+        forecast(house("me"), house_recording(hours=96), **options)
+
+
+@pytest.mark.slow
+def test_a_fit_is_not_called_a_forecast_and_the_page_says_why_not_to_believe(house, house_recording, tmp_path):
+    system, path = house("me"), house_recording(hours=96)
+    calibrate(system, path, starts=1, warm_up=0.0, out=tmp_path / "all")
+    common = {"context": 48, "ahead": 48, "draws": 5, "calibration": tmp_path / "all"}
+    with pytest.raises(RecordingError, match="its first 96 h are what the given calibration was made from"):
+        forecast(system, path, **common)
+    other = house_recording(hours=72, seed=8)
+    forecast(system, other, out=tmp_path / "ahead", **common | {"ahead": 24})
+    page = " ".join((tmp_path / "ahead" / "forecast.html").read_text().split())
+    assert f"Parameters from a calibration on 96 h of {path}" in page
+    assert "Intervals are about 2 times as wide as the recording alone makes them" in page

@@ -33,6 +33,16 @@ from tests.diagnosis.importing.house_cases import MAPPING, measured
         (None, MAPPING.replace("[place]\nlatitude = 52.0\nlongitude = 5.0", ""), "place is missing"),
         (None, MAPPING.replace("schema_version = 1", ""), "schema_version: missing"),
         (None, MAPPING.replace("scale = 2.4", "skale = 2.4"), "variables.air.skale: unknown field"),
+        (
+            None,
+            MAPPING + '[variables.wish]\nconstant = 21\nunit = "K"\n',
+            r"variables.wish: 21 K is 21 K; expected 223.15 to 333.15 K; is it in degC or degF",
+        ),
+        (
+            None,
+            MAPPING.replace("fill = 0.0", "fill = -5.0"),
+            r"variables.air: -5 m3/h is -0.00\d+ kg/s; expected -0.001 to inf kg/s",
+        ),
         (None, MAPPING + "[", "not valid TOML"),
         (None, MAPPING.replace('system = "house.toml"', ""), "system is missing"),
         (

@@ -1,0 +1,86 @@
+"""A calibration in a few sentences: what the recording tells, and why not to believe it."""
+
+from __future__ import annotations
+
+from diagnosis.calibrating.schema import Calibration
+
+POOR = 0.5
+"""A model that explains less than this share of what an output did is not believed."""
+OUTER = 1.28
+"""Beyond this [prior standard deviations] a parameter lies in the outer tenths of its range: no prior left it."""
+
+
+def sentences(report: Calibration) -> list[str]:
+    """What came out, in a few sentences; first what speaks against all of it."""
+    return [*_lacking(report), *_told(report), *_meant(report)]
+
+
+def _lacking(report: Calibration) -> list[str]:
+    """Outputs that the model does not follow."""
+    return [
+        f"The fitted model explains {max(one.explained, 0):.0%} of what {name} did: it lacks something, for which its"
+        " parameters make up, and neither they nor their intervals are to be believed."
+        for name, one in report.outputs.items()
+        if one.explained is not None and one.explained < POOR
+    ]
+
+
+def _told(report: Calibration) -> list[str]:
+    """What the recording tells of each parameter."""
+    groups: dict[str, list[str]] = {"well": [], "partly": [], "hardly": [], "pushed": [], "bound": []}
+    for p, place in zip(report.parameters, report.z, strict=False):
+        pushed = "pushed" if abs(place) > OUTER else "hardly"
+        groups["bound" if p.at_bound else pushed if p.identified == "hardly" else p.identified].append(p.name)
+    hardly = "It hardly tells {}: what is given for them is mostly the prior."
+    if not report.converged:  # what still moved is in the interval, so that it looks like a prior that nothing moved
+        hardly = "It hardly tells {}, and the fit did not settle on them: values are not the prior's either."
+    said = [
+        words.format(", ".join(groups[kind]))
+        for kind, words in (
+            ("well", "The recording tells {} well."),
+            ("partly", "It tells {} in part."),
+            ("hardly", hardly),
+            (
+                "pushed",
+                "It pushes {} to an end of the range, as far as it tells: the interval ends where the range does.",
+            ),
+        )
+        if groups[kind]
+    ]
+    bound = groups["bound"]
+    if bound:
+        said.append(
+            f"{', '.join(bound)} {'lies' if len(bound) == 1 else 'lie'} on a bound of the range: either the range is"
+            " too narrow, or the model lacks something that the parameter makes up for."
+        )
+    return said
+
+
+def _meant(report: Calibration) -> list[str]:
+    """What the intervals hold and what not."""
+    said = []
+    slow = [name for name, one in report.outputs.items() if one.slow_noise > one.noise]
+    if slow:
+        said.append(
+            f"What is left of {', '.join(slow)} is slow and larger than its sensor's noise: the model lacks something."
+        )
+    if report.occupancy == "unknown":
+        said.append(
+            "Nobody counted the persons: how many there were was inferred along with the parameters, with the"
+            " description's idea of how such a room is used. What depends on them is as uncertain as that idea, above"
+            " all what a person emits: count persons if the parameters matter."
+        )
+    if report.replay:
+        said.append(
+            "Actuators were replayed: what their meters get wrong drives the model; take the intervals with care."
+        )
+    said.append(
+        f"Intervals are about {report.widened:g} times as wide as the recording alone makes them, because a building is"
+        " not the model. For a gap that the model does not explain they do not allow."
+    )
+    if not report.converged:
+        said.append(
+            "The fit had not come to rest when it stopped: values are means of its last rounds, and intervals allow for"
+            " what they still moved by. Take its figures with care."
+        )
+    return said
