@@ -211,13 +211,15 @@ def test_predictions_carry_intervals_samples_and_a_corner_plot(fitted, many_tank
     assert (fill.low, fill.median, fill.high) == pytest.approx((low, median, high))
     assert one.correlation[0][1] == pytest.approx(np.corrcoef(samples["tank.drain"], samples["tank.fill"])[0, 1])
     assert (tmp_path / "c.png").read_bytes().startswith(b"\x89PNG")
-    several = predict(fitted, many_tanks / "shards" / "000.nc", samples=50, out=tmp_path / "all.nc")
+    several = predict(fitted, many_tanks / "shards" / "000.nc", samples=50, out=tmp_path / "new" / "here" / "all.nc")
     assert len(several.predictions) == 150
-    with xr.open_dataset(tmp_path / "all.nc") as opened:
+    with xr.open_dataset(tmp_path / "new" / "here" / "all.nc") as opened:
         assert opened["tank.drain"].shape == (150, 50)
         assert opened["system"].values.tolist() == list(range(150))
     with pytest.raises(EstimatorError, match="has 150 systems; expected one for a corner plot"):
         predict(fitted, many_tanks / "shards" / "000.nc", samples=5, corner=tmp_path / "d.png")
+    with pytest.raises(EstimatorError, match=r"all\.nc/more: cannot be made \(.+\); expected a folder to write to"):
+        predict(fitted, recording, out=tmp_path / "new" / "here" / "all.nc" / "more" / "s.nc")
 
 
 def test_without_a_posterior_there_are_no_samples(ridge_run, tanks, tmp_path):
