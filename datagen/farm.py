@@ -121,6 +121,8 @@ def run(
             f"calm is {calm:g}{'' if excitation else ' and excitation is off'}; expected a share from 0 to less than 1"
             " of the systems, of which the others are excited"
         )
+    if calm and not any(one.source == "excitation" for one in described.inputs):
+        raise DatasetError(f"calm is {calm:g}; expected 0: {described.path} has no input of source 'excitation'")
     if seed < 0:
         raise DatasetError(f"seed is {seed}; expected at least 0")
     if not _SHORTEST <= timeout <= threading.TIMEOUT_MAX:

@@ -5,16 +5,23 @@ It reads its windows as that one did, and counts as seen what either has seen.
 
 from __future__ import annotations
 
+from typing import Any
+
 from shared.errors import EstimatorError
 from trainer.checkpoint import Run
 from trainer.encoding import LATER, MEASURED, Encoding
+from trainer.models import estimator_class
 from trainer.models.base import Estimator
+
+FREE = {"views", "dropout"}
+"""Options that do not say what the weights mean."""
 
 
 def encoding_of(earlier: Run, own: Encoding) -> Encoding:
     """The encoding of a training that begins with the weights of an earlier run: that one's own.
 
-    Means and standard deviations of the systems at hand may differ from it, for what they are of; the rest may not.
+    Means and standard deviations of the systems at hand may differ from it, for what they are of, and so may which
+    channels never varied; the rest may not.
 
     Raises
     ------
@@ -26,9 +33,35 @@ def encoding_of(earlier: Run, own: Encoding) -> Encoding:
         if field not in MEASURED and found != expected and (found or field not in LATER):
             raise EstimatorError(
                 f"begin_with: {earlier.folder}: {field} is {found!r}; expected {expected!r}, as in this training:"
-                " give the same dataset, channels and contexts"
+                " give the same channels, contexts and options"
             )
     return own.model_copy(update={field: getattr(earlier.card.encoding, field) for field in MEASURED})
+
+
+def check_same_model(earlier: Run, model: str, options: dict[str, Any], system_hash: str, fmu_sha256: str) -> None:
+    """Refuse an earlier run of another description or FMU, and of options that read the same weights otherwise.
+
+    Systems are counted as seen by their root seed and index, which mean the same rooms for one description only.
+
+    Raises
+    ------
+    EstimatorError
+        If it is such a run, or if a model would be made anew whatever it began with.
+    """
+    card = earlier.card
+    if not estimator_class(model).iterates:
+        raise EstimatorError(f"begin_with: {model} is not trained step by step; leave it out")
+    if (card.system_hash, card.fmu_sha256) != (system_hash, fmu_sha256):
+        raise EstimatorError(
+            f"begin_with: {earlier.folder}: is of another system description or FMU ({card.system_hash[:12]},"
+            f" {card.fmu_sha256[:12]}); expected the dataset's ({system_hash[:12]}, {fmu_sha256[:12]})"
+        )
+    for name in sorted((card.options.keys() & options.keys()) - FREE):
+        if card.options[name] != options[name]:
+            raise EstimatorError(
+                f"begin_with: {earlier.folder}: {name} is {card.options[name]!r}; expected {options[name]!r}, as"
+                " in this training"
+            )
 
 
 def take_weights(network: Estimator, earlier: Run) -> str:

@@ -29,7 +29,7 @@ DERIVED = {"time_of_day": DAY, "day_of_week": 7 * DAY}
 LATER = {"methods", "constant"}
 """Fields of an encoding that earlier cards lack, and that follow from the system's hash and from mean and sd."""
 
-MEASURED = ("mean", "sd", "target_mean", "target_sd")
+MEASURED = ("mean", "sd", "target_mean", "target_sd", "constant")
 """Fields of an encoding that are measured on training systems."""
 
 

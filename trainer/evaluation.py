@@ -11,6 +11,7 @@ A system is known by system hash, root seed and index; what a run has seen stand
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -82,7 +83,7 @@ def evaluate(
     if windows < 1:
         raise EstimatorError(f"windows: is {windows}; expected at least 1")
     index = load_records(dataset, [])
-    preset, length = noise or card.noise, window_length(card, context_hours)
+    preset, length = card.noise if noise is None else noise, window_length(card, context_hours)
     absent = absent_channels(card, without or [])
     check_records(card, index, dataset.folder, length)
     seen = card.seen(dataset.manifest.system_hash, index)
@@ -261,7 +262,8 @@ def check_same_system(card: Card, dataset: DatasetFolder) -> None:
 
 def window_length(card: Card, hours: float | None) -> int:
     """Samples of a window of so many hours, the run's main length by default."""
-    length = round((hours or card.context_hours) * 3600 / card.encoding.step)
+    hours = card.context_hours if hours is None else hours
+    length = round(hours * 3600 / card.encoding.step) if math.isfinite(hours) else 0
     known = [*card.encoding.shorter, card.encoding.length]
     if length not in known:
         found = ", ".join(f"{one * card.encoding.step / 3600:g} h" for one in known)

@@ -28,6 +28,20 @@ LESS = 0.5
 """A spread of less than this share of the least is unlike it."""
 
 
+RESTS = (24.0, 72.0)
+"""Standstills of at least so many hours are told by where a channel rests: empty rooms are long at outdoor CO2, and a
+sensor that died is anywhere."""
+
+
+class Rest(BaseModel):
+    """Where channels stood still for at least ``hours``, in the encoding's order; None where one never did [unit]."""
+
+    model_config = ConfigDict(extra="forbid")
+    hours: float
+    lowest: list[float | None]
+    highest: list[float | None]
+
+
 class Familiar(BaseModel):
     """Extremes over windows of one length, of each recorded channel in the encoding's order [the channel's unit]."""
 
@@ -41,6 +55,8 @@ class Familiar(BaseModel):
     """least standard deviation within a window"""
     longest_still: list[int]
     """most readings in a row that were equal"""
+    rests: list[Rest] = []
+    """of standstills of :data:`RESTS` that fit into a window; none in runs of before these were looked at"""
 
     @model_validator(mode="after")
     def _fits(self) -> Familiar:
@@ -48,6 +64,8 @@ class Familiar(BaseModel):
         for name in ("highest", "least_sd", "longest_still"):
             if len(getattr(self, name)) != len(self.lowest):
                 raise ValueError(f"{name}: has {len(getattr(self, name))} values; expected {len(self.lowest)}")
+        if any(len(one.lowest) != len(self.lowest) or len(one.highest) != len(self.lowest) for one in self.rests):
+            raise ValueError(f"rests: expected {len(self.lowest)} values in each")
         return self
 
 
@@ -58,10 +76,11 @@ class _Looks(NamedTuple):
     highest: np.ndarray
     sd: np.ndarray
     still: np.ndarray
+    level: np.ndarray
 
 
 def looks(values: np.ndarray) -> _Looks:
-    """Extremes, spread and longest standstill of windows (windows, length, channels) with readings missing (NaN)."""
+    """Extremes, spread, longest standstill and its level, of windows (windows, length, channels); NaN is missing."""
     values = np.asarray(values, dtype=np.float64)
     seen = np.isfinite(values)
     count = seen.sum(axis=1)
@@ -74,8 +93,9 @@ def looks(values: np.ndarray) -> _Looks:
     moves = np.ones(values.shape, dtype=bool)
     moves[:, 1:] = values[:, 1:] != values[:, :-1]  # a reading that is missing ends a standstill
     place = np.arange(values.shape[1])[None, :, None]
-    still = (place - np.maximum.accumulate(np.where(moves, place, 0), axis=1)).max(axis=1) + 1
-    return _Looks(lowest, highest, sd, still + nothing)
+    since = place - np.maximum.accumulate(np.where(moves, place, 0), axis=1)
+    level = np.take_along_axis(values, since.argmax(axis=1)[:, None], axis=1)[:, 0]
+    return _Looks(lowest, highest, sd, since.max(axis=1) + 1 + nothing, level)
 
 
 def familiar(source: WindowSource, rows: np.ndarray, seed: int) -> list[Familiar]:
@@ -90,7 +110,7 @@ def familiar(source: WindowSource, rows: np.ndarray, seed: int) -> list[Familiar
             start = torch.from_numpy(rng.integers(source.values.shape[1] - length + 1, size=len(which)))
             values = source.values[which[:, None], start[:, None] + torch.arange(length)]
             parts.append(looks(source.sensors(values, generator).numpy()))
-        lowest, highest, sd, still = (np.concatenate(each) for each in zip(*parts, strict=True))
+        lowest, highest, sd, still, level = (np.concatenate(each) for each in zip(*parts, strict=True))
         found.append(
             Familiar(
                 length=length,
@@ -99,21 +119,53 @@ def familiar(source: WindowSource, rows: np.ndarray, seed: int) -> list[Familiar
                 highest=highest.max(axis=0).tolist(),
                 least_sd=sd.min(axis=0).tolist(),
                 longest_still=still.max(axis=0).astype(int).tolist(),
+                rests=[
+                    _rest(still * encoding.step / 3600 >= hours, level, hours)
+                    for hours in RESTS
+                    if hours <= length * encoding.step / 3600
+                ],
             )
         )
     return found
 
 
+def _rest(long: np.ndarray, level: np.ndarray, hours: float) -> Rest:
+    """Where channels rest that stood still for ``long`` (windows, channels) at a ``level``."""
+    some = np.any(long, axis=0).tolist()
+    low = np.where(long, level, np.inf).min(axis=0)
+    high = np.where(long, level, -np.inf).max(axis=0)
+    return Rest(
+        hours=hours,
+        lowest=[one if there else None for one, there in zip(low.tolist(), some, strict=True)],
+        highest=[one if there else None for one, there in zip(high.tolist(), some, strict=True)],
+    )
+
+
+def _elsewhere(known: Familiar, encoding: Encoding, k: int, still: float, level: float) -> Rest | None:
+    """Where channel ``k`` rests in training, if a standstill of ``still`` samples at ``level`` [unit] is not there."""
+    for rest in sorted(known.rests, key=lambda one: -one.hours):
+        low, high = rest.lowest[k], rest.highest[k]
+        if still * encoding.step / 3600 >= rest.hours and low is not None and high is not None:
+            mean = encoding.mean[k]
+            inside = low - MARGIN * abs(mean - low) <= level <= high + MARGIN * abs(high - mean)
+            return None if inside else rest
+    return None
+
+
 def stuck(values: np.ndarray, known: Familiar, encoding: Encoding) -> tuple[int, int] | None:
     """The first window (windows, length, recorded) with an output that never moved, and the output's place.
 
-    Only outputs that never stood still for so long in training: a heater may well be off for a week; and only those
-    that every recording has: what an optional one is in a building that was never excited may well be constant.
+    Only outputs that never stood still for so long in training, or not there: a heater may well be off for a week, and
+    an empty room at outdoor CO2; and only those that every recording has: what an optional one is in a building that
+    was never excited may well be constant.
     """
-    still = looks(values).still[:, : encoding.outputs]
-    needed = ~np.isin(encoding.recorded[: encoding.outputs], encoding.optional)
-    at = np.argwhere((still == values.shape[1]) & (still > _longest(known)[: encoding.outputs]) & needed)
-    return None if not len(at) else (int(at[0, 0]), int(at[0, 1]))
+    found = looks(values)
+    longest = _longest(known)
+    for i, k in np.argwhere(found.still[:, : encoding.outputs] == values.shape[1]).tolist():
+        elsewhere = _elsewhere(known, encoding, k, found.still[i, k], found.level[i, k])
+        if encoding.recorded[k] not in encoding.optional and (found.still[i, k] > longest[k] or elsewhere):
+            return i, k
+    return None
 
 
 def _longest(known: Familiar) -> np.ndarray:
@@ -124,7 +176,7 @@ def _longest(known: Familiar) -> np.ndarray:
 
 def unlike(values: np.ndarray, known: Familiar, encoding: Encoding) -> list[str]:
     """In what a window (length, recorded) [the run's units] is unlike those of a training, a sentence each."""
-    low, high, sd, still = (part[0] for part in looks(values[None]))
+    low, high, sd, still, level = (part[0] for part in looks(values[None]))
     notes = []
     for k, name in enumerate(encoding.recorded):
         if name in encoding.constant or np.isnan(low[k]):
@@ -140,6 +192,11 @@ def unlike(values: np.ndarray, known: Familiar, encoding: Encoding) -> list[str]
             longest = known.longest_still[k] * hours
             notes.append(
                 f"{name} stands still for {still[k] * hours:.3g} h, never longer than {longest:.3g} h in training"
+            )
+        elif rest := _elsewhere(known, encoding, k, still[k], level[k]):
+            notes.append(
+                f"{name} stands still at {level[k]:.4g}{unit} for {still[k] * hours:.3g} h; in training it did so for"
+                f" {rest.hours:g} h and more at {rest.lowest[k]:.4g} to {rest.highest[k]:.4g}{unit} only"
             )
         elif sd[k] < LESS * least:
             by = f"by {sd[k]:.2g}{unit} (standard deviation)"

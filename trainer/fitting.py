@@ -16,7 +16,7 @@ import shared
 from shared.errors import EstimatorError
 from shared.logs import logger
 from shared.store import DatasetFolder
-from trainer.beginning import encoding_of, take_weights
+from trainer.beginning import check_same_model, encoding_of, take_weights
 from trainer.checkpoint import (
     CARD,
     WEIGHTS,
@@ -196,6 +196,9 @@ def fit(
             _log.warning(
                 "coarse: products in bfloat16 take %.1f times as long as others on this processor; leave it out", times
             )
+        if first is not None:
+            hashes = dataset.manifest.system_hash, dataset.manifest.fmu_sha256
+            check_same_model(first, model, merged, *hashes)
         earlier = None if first is None else take_weights(network, first)
         card = Card(
             model=model,
@@ -233,7 +236,7 @@ def fit(
                 "numpy": np.__version__,
             },
         )
-        if first is not None and first.card.system_hash == card.system_hash:
+        if first is not None:
             card.training_systems = card.training_systems.with_those(first.card.training_systems)
             card.validation_systems = card.validation_systems.with_those(first.card.validation_systems)
         settings = settings_of(card, None if minutes else recipe.steps)

@@ -57,7 +57,11 @@ def predict(
     console = new_console()
     for one in result.predictions:
         console.print(_table(one))
-        if one.unlike:
+        if one.unlike is None:
+            console.print(
+                "The run does not remember what it was trained on: whether this recording is like it is not known."
+            )
+        elif one.unlike:
             console.print(
                 "[bold]Unlike all that the run was trained on[/bold], so that errors are larger than is said:"
             )

@@ -53,8 +53,9 @@ class Prediction(_Table):
     parameters: dict[str, Estimate]
     correlation: list[list[float]] | None = None
     """of the parameters under the posterior, in their order"""
-    unlike: list[str] = []
-    """in what the window is unlike all that the run was trained on: then errors are larger than is said"""
+    unlike: list[str] | None = None
+    """in what the window is unlike all that the run was trained on: then errors are larger than is said; None where the
+    run does not remember it, so that nothing was checked"""
 
 
 class Predictions(_Table):
@@ -120,6 +121,9 @@ def predict(
             _make_folder(Path(path).parent)
     encoding = run.card.encoding
     window = read_window(Path(file), encoding)
+    known = {one.length: one for one in run.card.familiar}.get(len(window.stamps))
+    if known is not None:
+        _check_moving(Path(file), window, known, encoding)
     begins = window.begins + window.stamps[0]
     estimates = run.estimate(window.values, begins)
     posterior = load_posterior(run)
@@ -138,9 +142,6 @@ def predict(
 
         ranges = list(zip(encoding.parameter_min, encoding.parameter_max, strict=True))
         draw_corner(drawn[0], names, units, ranges, Path(corner))
-    known = {one.length: one for one in run.card.familiar}.get(len(window.stamps))
-    if known is not None:
-        _check_moving(Path(file), window, known, encoding)
     typical = typical_errors(run.card, len(window.stamps), window.absent)
     low, high = np.array(encoding.parameter_min), np.array(encoding.parameter_max)
     near = NEAR * (high - low)
@@ -168,7 +169,7 @@ def predict(
                 end=end,
                 parameters=parameters,
                 correlation=correlation,
-                unlike=[] if known is None else unlike(window.values[i], known, encoding),
+                unlike=None if known is None else unlike(window.values[i], known, encoding),
             )
         )
     return Predictions(
@@ -200,9 +201,10 @@ def _check_moving(path: Path, window: Window, known: Familiar, encoding: Encodin
     found = f"{window.values[at[0], 0, at[1]]:g}{'' if unit == '1' else f' {unit}'}"
     whose = "" if window.systems[at[0]] is None else f" of system {window.systems[at[0]]}"
     longest = known.longest_still[at[1]] * encoding.step / 3600
+    never = f"never for more than {longest:.3g} h on end" if longest < hours else "never so long there"
     raise RecordingError(
         f"{path}: {name}{whose} is {found} throughout the window of {hours:g} h, and"
-        f" in the run's training never for more than {longest:.3g} h on end; expected readings of a sensor that works"
+        f" in the run's training {never}; expected readings of a sensor that works"
     )
 
 

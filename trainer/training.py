@@ -107,7 +107,7 @@ class Loop:
             If the loss stops being a finite number; the best estimator until then is written all the same.
         """
         recipe, network = self.recipe, self.network
-        if not self._restore():
+        if not self._restore() and self.card.begun_with is None:  # what was begun with is prepared already
             network.prepare(self.sampler.draw, self.held_out, recipe.steps * recipe.batch_size)
         stopped: Stop = "steps"
         step = recipe.steps

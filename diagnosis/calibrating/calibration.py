@@ -159,7 +159,7 @@ def estimate(run: Path | str, recording: Recording, system: System) -> dict[str,
                 told = predict(run, path).predictions[0]
             except RecordingError as error:
                 raise RecordingError(str(error).replace(str(path), str(recording.path))) from None
-    for note in told.unlike:
+    for note in told.unlike or ():
         _log.warning("%s: unlike all that the estimator was trained on: %s", recording.path, note)
     values_by_name = {name: one.value for name, one in told.parameters.items()}
     if sorted(values_by_name) != sorted(system.parameter_names):

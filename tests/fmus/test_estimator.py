@@ -87,6 +87,16 @@ def test_it_says_in_what_a_recording_is_unlike_its_training(room, tmp_path):
         predict(NAME, tmp_path / "dead.nc")
 
 
+@pytest.mark.parametrize("hours", [24, 96])
+def test_a_dead_sensor_is_told_from_an_empty_room_in_short_windows_too(room, tmp_path, hours):
+    """Rooms are empty for days, and their CO2 that of outdoor air; no room is at 900 ppm for so long."""
+    data = xr.load_dataset(room, decode_times=False).isel(time=slice(hours))
+    data["CO2"].values[:] = 900.0
+    data.to_netcdf(tmp_path / "dead.nc")
+    with pytest.raises(RecordingError, match=f"CO2 is 900 ppm throughout the window of {hours} h"):
+        predict(NAME, tmp_path / "dead.nc")
+
+
 def test_errors_stand_beside_its_estimates(room):
     found = predict(NAME, room)
     assert found.rmse_note.startswith("rmse: root mean square error on 256 windows")

@@ -1,6 +1,7 @@
 """In what a recording is unlike a training: against windows that are made to be so."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from shared.store import DatasetFolder
 from trainer.checkpoint import load_run
 from trainer.data import load_records
 from trainer.encoding import make_encoding
-from trainer.familiar import Familiar, familiar, looks, stuck, unlike
+from trainer.familiar import Familiar, Rest, familiar, looks, stuck, unlike
 from trainer.noise import Sensors
 from trainer.prediction import predict
 from trainer.windows import WindowSource
@@ -127,3 +128,37 @@ def test_a_card_without_it_is_read_and_one_with_too_little_is_refused(own_ridge)
     with pytest.raises(EstimatorError, match="familiar: is of 0 channels; expected 1"):
         load_run(own_ridge)
     assert Familiar(**known[0]).length == 48
+
+
+def test_a_standstill_is_told_by_where_the_channel_rests(ridge_run):
+    """An empty room may be at outdoor CO2 for days; a sensor that died is anywhere, for as long."""
+    encoding = ridge_run.card.encoding
+    rest = Rest(hours=12.0, lowest=[1.0], highest=[1.1])  # half of a window
+    known = Familiar(
+        length=48, windows=9, lowest=[1.0], highest=[9.0], least_sd=[0.0], longest_still=[48], rests=[rest]
+    )
+    window = np.full((1, 48, 1), 1.05)
+    assert stuck(window, known, encoding) is None
+    assert unlike(window[0], known, encoding) == []
+    window[:] = 7.0
+    assert stuck(window, known, encoding) == (0, 0)
+    (note,) = unlike(window[0], known, encoding)
+    assert note == "level stands still at 7 m for 24 h; in training it did so for 12 h and more at 1 to 1.1 m only"
+    assert unlike(window[0], known.model_copy(update={"rests": []}), encoding) == []  # a run of before
+    window[0, :30, 0] = np.linspace(2.0, 7.0, 30)
+    assert stuck(window, known, encoding) is None
+    assert unlike(window[0], known, encoding) == []
+
+
+def test_where_a_training_rests_is_remembered(tanks):
+    """Every other tank's level stands still."""
+    dataset = DatasetFolder(tanks)
+    records = load_records(dataset, ["level"])
+    values = records.values.copy()
+    values[::2] = 1.5
+    train = records.of_split("train")
+    encoding = make_encoding(dataset.system, records, [], 48, train)
+    still = replace(records, values=values)
+    source = WindowSource(still, encoding, Sensors(dataset.system, ["level"], "none"), torch.Generator())
+    (found,) = familiar(source, train, 1)
+    assert [(one.hours, one.lowest, one.highest) for one in found.rests] == [(24.0, [1.5], [1.5])]

@@ -262,11 +262,16 @@ def test_weights_of_another_kind_are_not_taken_over(tanks, tmp_path):
     first = fit(tanks, tmp_path / "first", model="multiscale-transformer", options=options, steps=1)
     with pytest.raises(EstimatorError, match="first: length is 48; expected 24, as in this training"):
         fit(tanks, tmp_path / "a", model=first.card.model, options=options, context_hours=12, begin_with=first.folder)
-    with pytest.raises(EstimatorError, match=r"position has shape \(4, 16\); expected \(8, 16\)"):
+    with pytest.raises(EstimatorError, match="first: patch is 12; expected 6, as in this training"):
         fit(tanks, tmp_path / "b", model=first.card.model, options=options | {"patch": 6}, begin_with=first.folder)
     more = fit(tanks, tmp_path / "more", model="regression-transformer", options=options, steps=1)
     with pytest.raises(EstimatorError, match="expected no such weights"):
         fit(tanks, tmp_path / "c", model=first.card.model, options=options, begin_with=more.folder)
+    with pytest.raises(EstimatorError, match="begin_with: ridge is not trained step by step; leave it out"):
+        fit(tanks, tmp_path / "d", model="ridge", begin_with=fit(tanks, tmp_path / "ridge", model="ridge").folder)
+    other = make_dataset(tmp_path / "other", systems=30, root_seed=5, text=TANK.replace("sd = 0.02", "sd = 0.03"))
+    with pytest.raises(EstimatorError, match="first: is of another system description or FMU"):
+        fit(other, tmp_path / "e", model=first.card.model, options=options, begin_with=first.folder)
 
 
 def test_a_training_that_begins_with_weights_of_another_dataset_reads_windows_as_that_one_did(

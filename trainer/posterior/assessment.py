@@ -82,7 +82,7 @@ def calibration(
     dataset = DatasetFolder(dataset_dir)
     check_same_system(card, dataset)
     index = load_records(dataset, [])
-    preset, length = noise or card.noise, window_length(card, context_hours)
+    preset, length = card.noise if noise is None else noise, window_length(card, context_hours)
     absent = absent_channels(card, without or [])
     check_records(card, index, dataset.folder, length)
     unseen = unseen_rows(index, card.seen(dataset.manifest.system_hash, index) | posterior.card.seen(index))
