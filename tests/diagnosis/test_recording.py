@@ -1,13 +1,10 @@
 """Recordings as they are read."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 import xarray as xr
 
 from datagen import simulate
-from diagnosis.calibrating.report import began
 from diagnosis.fitting.drive import drive
 from diagnosis.recording import read_recording
 from shared.errors import RecordingError
@@ -27,8 +24,7 @@ def test_a_recording_knows_the_calendar(default_system, tmp_path, units, date, b
     data.to_netcdf(tmp_path / "other.nc")
     found = read_recording(tmp_path / "other.nc", default_system)
     assert str(found.zero) == date
-    done = SimpleNamespace(problem=SimpleNamespace(recording=found), report=SimpleNamespace(start=found.start))
-    assert began(done) == begun
+    assert found.began == begun
 
 
 @pytest.mark.parametrize(
