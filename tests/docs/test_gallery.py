@@ -31,9 +31,24 @@ def script(monkeypatch):
     return load
 
 
-def assert_page_is_true(name, made, rel):
-    """The page's tables have the figures that were made just now, within ``rel`` of each or 0.02 of the unit."""
-    kept = (GALLERY / f"{name}.out.md").read_text(encoding="utf-8")
+def without(text, columns):
+    """Tables in Markdown without the cells of some columns."""
+    heads, lines = [], []
+    for line in text.splitlines():
+        cells = line.split(" | ")
+        heads = cells if set(columns) & {one.strip(" |") for one in cells} else heads if line.startswith("|") else []
+        blank = [len(heads) == len(cells) and head.strip(" |") in columns for head in heads] or [False] * len(cells)
+        lines.append(" | ".join("" if no else one for one, no in zip(cells, blank, strict=True)))
+    return "\n".join(lines)
+
+
+def assert_page_is_true(name, made, rel, shaky=()):
+    """The page's tables have the figures that were made just now, within ``rel`` of each or 0.02 of the unit.
+
+    Columns of ``shaky`` are left out: what is in them is another by the last digits of a processor's arithmetic.
+    """
+    kept = without((GALLERY / f"{name}.out.md").read_text(encoding="utf-8"), shaky)
+    made = without(made, shaky)
     assert NUMBER.sub("#", kept) == NUMBER.sub("#", made), f"run python docs/gallery/{name}.py"
     old, new = ([float(one) for one in NUMBER.findall(text)] for text in (kept, made))
     small = [abs(one) > 1e-3 for one in new]  # where numbers are small, 0.02 would be anything
@@ -109,4 +124,5 @@ def test_a_house_of_my_own(script, tmp_path):
     (air,) = made.report.shrinkage
     assert air.after < 1.2 * 0.05 and air.before > 5 * air.after  # 0.05 K is the sensor
     house.draw(made, tmp_path / "house.png")
-    assert_page_is_true("house", "\n".join(house.tables(made)), rel=0.05)
+    # a model that lacks the equipment has several ways to make up for it: 0.30 to 0.38 K with other processors and threads
+    assert_page_is_true("house", "\n".join(house.tables(made)), rel=0.05, shaky=("RMS before", "placebo"))
