@@ -124,5 +124,5 @@ def test_a_house_of_my_own(script, tmp_path):
     (air,) = made.report.shrinkage
     assert air.after < 1.2 * 0.05 and air.before > 5 * air.after  # 0.05 K is the sensor
     house.draw(made, tmp_path / "house.png")
-    # a model that lacks the equipment has several ways to make up for it: 0.30 to 0.38 K with other processors and threads
+    # a model that lacks the equipment makes up for it in other ways on other processors: 0.30 to 0.38 K
     assert_page_is_true("house", "\n".join(house.tables(made)), rel=0.05, shaky=("RMS before", "placebo"))
