@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
@@ -36,7 +37,7 @@ def context_length(context_hours: float, records: Records) -> int:
     """
     count = len(records.time)
     step = float(records.time[1] - records.time[0]) if count > 1 else 3600.0
-    length = round(context_hours * 3600 / step)
+    length = round(context_hours * 3600 / step) if math.isfinite(context_hours) else 0
     if length < 1 or abs(length * step - context_hours * 3600) > 1e-6 * step:
         raise EstimatorError(f"context is {context_hours:g} h; expected a whole number of steps of {step:g} s")
     if length > count:

@@ -6,6 +6,7 @@ The lines are text, so that the names can be listed without importing torch.
 from __future__ import annotations
 
 import inspect
+import math
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -59,7 +60,13 @@ def build(name: str, shape: Shape, options: dict[str, Any]) -> tuple[Estimator, 
     for key, value in options.items():
         if key not in known:
             raise EstimatorError(f"{name}: no option {key!r}; found {', '.join(known) or 'none'}")
-        if isinstance(known[key], int) and (not isinstance(value, int | float) or value != int(value) or value < 1):
+        number = isinstance(value, int | float) and math.isfinite(value)
+        if isinstance(known[key], float) and not number:
+            raise EstimatorError(f"{name}: option {key!r} is {value!r}; expected a number")
+        if isinstance(known[key], int) and (not number or value != int(value) or value < 1):
             raise EstimatorError(f"{name}: option {key!r} is {value!r}; expected a whole number of at least 1")
     merged = {key: type(default)(options.get(key, default)) for key, default in known.items()}
-    return estimator_class(name)(shape, **merged), merged
+    try:
+        return estimator_class(name)(shape, **merged), merged
+    except ValueError as error:  # torch's own, of a dropout that is no share
+        raise EstimatorError(f"{name}: {error}") from None
