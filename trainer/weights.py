@@ -70,11 +70,9 @@ def load_weights(path: Path, sha256: str, card: str, again: str, build: Callable
         with torch.random.fork_rng(devices=[]), budget:
             network = build()  # its initial weights, soon replaced, must not use up the host's random numbers
         network.load_state_dict(tensors)
-    except EstimatorError:
-        raise
     except (SafetensorError, ArithmeticError, AttributeError, LookupError, MemoryError, TypeError) as error:
         raise EstimatorError(f"{path}: does not fit {card} ({why(error)}); {again}") from None
-    except (AssertionError, RuntimeError, ValueError) as error:  # what torch and the networks raise over their sizes
+    except (AssertionError, RuntimeError, ValueError, EstimatorError) as error:  # torch, and the networks, of their sizes
         raise EstimatorError(f"{path}: does not fit {card} ({why(error)}); {again}") from None
     for name, one in network.state_dict().items():
         if one.is_floating_point() and not bool(torch.isfinite(one).all()):
