@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import platform
 import shlex
@@ -28,6 +29,11 @@ _EPILOGUE = (
 )
 _PIPED_WIDTH = 120
 """Columns of text that goes into a file or a pipe, where nobody has a window to ask."""
+_HOST = {
+    *(errno.EACCES, errno.EPERM, errno.EROFS, errno.EISDIR, errno.ENOTDIR, errno.ENAMETOOLONG),
+    *(errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EMFILE, errno.ENFILE),
+}
+"""Errors of the operating system that are the host's or the user's to mend, wherever in the work they come."""
 _OURS = ("shared", "datagen", "trainer", "diagnosis", "fmus")
 NotNegative = Annotated[int, cyclopts.Parameter(validator=cyclopts.validators.Number(gte=0))]
 """Of an option: a seed or an index; numpy's generators take no negative one."""
@@ -130,6 +136,11 @@ def _carry_out(program: str, words: list[str], command: Callable[..., Any], call
     except KeyboardInterrupt as interrupt:
         _log.warning("%s", _how_to_go_on(program, words, command))
         code = ENDED if isinstance(interrupt, Terminated) else STOPPED
+    except OSError as error:
+        if error.errno not in _HOST:
+            _log.critical("a bug of ours", exc_info=True)
+            raise
+        _log.error("%s: cannot be read or written: %s", error.filename or "a file", error.strerror)
     except BaseException:
         _log.critical("a bug of ours", exc_info=True)
         raise

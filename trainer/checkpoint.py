@@ -91,6 +91,8 @@ class Training(_Table):
     """weights that were best on validation systems, or the last ones"""
     coarse: bool = False
     """whether products were rounded to bfloat16"""
+    data: str | None = None
+    """sha256 of what the dataset is, where the training began with the weights of another one"""
 
 
 class Errors(_Table):
@@ -180,10 +182,12 @@ class Card(_Table):
 class Run:
     """An estimator ready to use."""
 
-    def __init__(self, card: Card, model: Estimator, folder: Path | None = None) -> None:
+    def __init__(self, card: Card, model: Estimator, folder: Path | None = None, results: Path | None = None) -> None:
         self.card = card
         self.model = model
         self.folder = folder
+        self.results = results or folder
+        """where findings about it go, unless told otherwise: not among the files of an installed package"""
 
     def answers(self, windows: torch.Tensor, time: torch.Tensor) -> torch.Tensor:
         """Standardised log10 answers (windows, parameters) to encoded windows (windows, length, columns)."""
@@ -261,7 +265,7 @@ def load_run(folder: Path | str) -> Run:
     EstimatorError
         If the folder holds none, or one of its files is damaged or newer than this version.
     """
-    folder = resolved_estimator(folder)
+    given, folder = Path(folder), resolved_estimator(folder)
     card = read_card(folder)
     model = load_weights(
         folder / WEIGHTS,
@@ -270,4 +274,4 @@ def load_run(folder: Path | str) -> Run:
         "fit the estimator again",
         lambda: build(card.model, card.shape(), card.options)[0],
     )
-    return Run(card, model, folder)
+    return Run(card, model, folder, None if folder == given else Path(f"{given.name}-results"))

@@ -216,15 +216,17 @@ def evaluate(
     ceiling
         File of `datagen identifiability`; DATASET/identifiability.json by default.
     out
-        Where the files go; RUN by default.
+        Where the files go; by default RUN, or NAME-results for an estimator that comes with the package.
     json
         Print the evaluation as JSON, and nothing else, on stdout.
     """
+    from trainer.checkpoint import load_run
     from trainer.evaluation import evaluate as run_evaluate
     from trainer.report import notes, terminal_table
 
+    loaded = load_run(run)
     result = run_evaluate(
-        *(run, dataset),
+        *(loaded, dataset),
         windows=windows,
         seed=seed,
         noise=noise,
@@ -238,7 +240,7 @@ def evaluate(
     else:
         new_console().print(terminal_table(result))
         print("\n".join(notes(result)))
-        print(f"written to {out or run}: evaluation.json, evaluation.md, evaluation.csv, scatter.png")
+        print(f"written to {out or loaded.results}: evaluation.json, evaluation.md, evaluation.csv, scatter.png")
 
 
 @app.command

@@ -95,6 +95,12 @@ def identity_of(dataset: DatasetFolder, index: Records) -> dict[str, Any]:
     }
 
 
+def fingerprint(dataset: DatasetFolder) -> str:
+    """sha256 of a dataset's identity."""
+    identity = identity_of(dataset, load_records(dataset, []))
+    return hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
+
+
 def difference(found: dict[str, Any], expected: dict[str, Any]) -> str | None:
     """What of ``expected`` is otherwise in ``found``, in words, or not in it at all; None where all is the same."""
     for name, value in expected.items():

@@ -66,7 +66,7 @@ def evaluate(
     ceiling
         A file of ``datagen identifiability``; by default the one in the dataset folder, if there.
     out
-        Where the files go; the run folder by default.
+        Where the files go; by default the run folder, or NAME-results for an estimator that comes with the package.
 
     Raises
     ------
@@ -130,7 +130,7 @@ def evaluate(
         ceiling=limit,
         ceiling_note=note,
     )
-    folder = Path(out) if out is not None else run.folder
+    folder = Path(out) if out is not None else run.results
     if folder is not None:
         make_folder(folder)
         write_report(result, card, folder)

@@ -31,7 +31,7 @@ from trainer.checkpoint import (
     read_card,
     shape_of,
 )
-from trainer.data import training_records
+from trainer.data import fingerprint, training_records
 from trainer.encoding import LATER, make_encoding, split_channels
 from trainer.familiar import familiar
 from trainer.missing import LONGEST, Missing
@@ -228,6 +228,7 @@ def fit(
                 minutes=minutes,
                 keep=keep,
                 coarse=coarse,
+                data=None if first is None else fingerprint(dataset),
             ),
             versions={
                 "zeroshot-fmu": shared.__version__,
@@ -278,6 +279,7 @@ def settings_of(card: Card, steps: int | None) -> dict[str, Any]:
         "coarse": training.coarse or None,  # as in states of trainings that knew nothing of it
         "seed": training.seed,
         "begun with": card.begun_with,
+        "dataset": training.data,  # its systems and its scales, which tell it otherwise, are then mixed with another's
         "training systems": len(card.training_systems.indices),
         "data": hashlib.sha256("".join([*known, card.system_hash]).encode()).hexdigest(),
     }

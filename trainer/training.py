@@ -245,13 +245,15 @@ class Loop:
             return
         self.network.load_state_dict(self.best)
         self.network.eval()
-        self.card.training.stopped = stopped
+        measured = stopped != "interrupted"  # who stops a training does not want to wait for its errors
+        self.card.training.stopped = "running" if measured else stopped  # a run without its errors is not finished
         save_run(self.folder, self.card, self.network)
         write_atomically(self.folder / "curve.csv", self.curve.csv().encode())
         if len(self.curve.rows) > 1:
             draw_loss_curve(self.curve.rows, self.card.model, self.folder / "curve.png")
-        if stopped != "interrupted":  # who stops a training does not want to wait for its errors
+        if measured:
             self.card.validation_errors = self.measure(self.network)
+            self.card.training.stopped = stopped
             save_run(self.folder, self.card, self.network)
 
 

@@ -25,6 +25,12 @@ OPERATIONS = 2_000
 ROOM = 256 * MIB
 """Bytes that a network may make beside eight times its weights: positions, masks, initial values."""
 
+_UNFIT = (
+    *(SafetensorError, ArithmeticError, AttributeError, LookupError, MemoryError, TypeError),
+    *(AssertionError, RuntimeError, ValueError, EstimatorError),
+)
+"""What torch and the networks raise where sizes or options make no sense."""
+
 Network = TypeVar("Network", bound=nn.Module)
 
 
@@ -70,9 +76,7 @@ def load_weights(path: Path, sha256: str, card: str, again: str, build: Callable
         with torch.random.fork_rng(devices=[]), budget:
             network = build()  # its initial weights, soon replaced, must not use up the host's random numbers
         network.load_state_dict(tensors)
-    except (SafetensorError, ArithmeticError, AttributeError, LookupError, MemoryError, TypeError) as error:
-        raise EstimatorError(f"{path}: does not fit {card} ({why(error)}); {again}") from None
-    except (AssertionError, RuntimeError, ValueError, EstimatorError) as error:  # torch, and the networks, of their sizes
+    except _UNFIT as error:
         raise EstimatorError(f"{path}: does not fit {card} ({why(error)}); {again}") from None
     for name, one in network.state_dict().items():
         if one.is_floating_point() and not bool(torch.isfinite(one).all()):

@@ -40,6 +40,11 @@ def test_the_ceilings_beside_it_are_of_the_same_system():
     assert ceilings.fmu_sha256 == hashlib.sha256(system.fmu_path.read_bytes()).hexdigest()
 
 
+def test_findings_about_it_go_into_a_folder_of_the_users():
+    assert load_run(NAME).results == Path(f"{NAME}-results")
+    assert load_run(HOME / "estimator").results == HOME / "estimator"  # whoever names the folder means it
+
+
 def test_it_estimates_an_unseen_room(room):
     found = predict(NAME, room)
     assert found.context_hours == 168.0  # the longest of its contexts that two weeks have

@@ -42,6 +42,11 @@ def do(what: str, *, report: Reporting = USUAL):
         importlib.import_module("datagen.no_such_module")
     if what == "bug":
         raise ValueError("ours")
+    if what == "full":
+        with open("/dev/full", "w") as disk:
+            disk.write("x")
+    if what == "folder":
+        open("/dev").close()
     if what in AS:
         raise AS[what]
 
@@ -52,6 +57,8 @@ def do(what: str, *, report: Reporting = USUAL):
         ("nothing", OK, ""),
         ("code", PARTLY, ""),
         ("fault", FAULT, "error: d: broken\n"),
+        ("full", FAULT, "error: a file: cannot be read or written: No space left on device\n"),
+        ("folder", FAULT, "error: /dev: cannot be read or written: Is a directory\n"),
         ("partly", PARTLY, "error: 1 of 9 failed\n"),
         ("stop", STOPPED, "warning: stopped before its end; the same command begins anew\n"),
         ("sigterm", ENDED, "warning: stopped before its end; the same command begins anew\n"),

@@ -1,4 +1,6 @@
 import csv
+import json
+import shutil
 
 import numpy as np
 import pytest
@@ -296,6 +298,12 @@ def test_a_training_that_begins_with_weights_of_another_dataset_reads_windows_as
         assert np.flatnonzero(~seen).tolist() == index.of_split("test").tolist()
     resumed = fit(other_tanks, tmp_path / "again", begin_with=tmp_path / "first", resume=True, **settings)
     assert resumed.card.weights_sha256 == again.card.weights_sha256
+    # the same systems, differently simulated: encoding and systems seen are the same, the data are not
+    manifest = json.loads((other_tanks / "manifest.json").read_text())
+    elsewhere = shutil.copytree(other_tanks, tmp_path / "elsewhere")
+    (elsewhere / "manifest.json").write_text(json.dumps(manifest | {"settings": manifest["settings"] | {"calm": 0.5}}))
+    with pytest.raises(EstimatorError, match=r"dataset was '.*' and is '.*' now; resume with the same, or overwrite"):
+        fit(elsewhere, tmp_path / "again", begin_with=tmp_path / "first", resume=True, **settings)
 
 
 @pytest.mark.parametrize("times", [0.6, 3.2])

@@ -111,6 +111,24 @@ def test_an_interrupted_training_goes_on(tanks, tmp_path, stopping, monkeypatch,
     assert [line.split(",")[::2] for line in curves[0]] == [line.split(",")[::2] for line in curves[1]]
 
 
+@pytest.mark.parametrize("model", ["patch-transformer", "ridge"])
+def test_a_training_stopped_while_its_errors_are_measured_gets_them_when_resumed(tanks, tmp_path, monkeypatch, model):
+    settings = SETTINGS | {"model": model, "options": SMALL, "steps": 8} if model != "ridge" else {"model": model}
+
+    def stop(*arguments):
+        raise KeyboardInterrupt
+
+    whole = fit(tanks, tmp_path / "whole", **settings)
+    monkeypatch.setattr("trainer.fitting.measured_errors", stop)
+    with pytest.raises(KeyboardInterrupt):
+        fit(tanks, tmp_path / "cut", **settings)
+    monkeypatch.undo()
+    assert read_card(tmp_path / "cut").training.stopped == "running"
+    resumed = fit(tanks, tmp_path / "cut", resume=True, **settings)
+    assert resumed.card.validation_errors == whole.card.validation_errors != []
+    assert (resumed.card.training.stopped, resumed.card.weights_sha256) == ("steps", whole.card.weights_sha256)
+
+
 def test_a_finished_training_is_left_as_it_is(tanks, tmp_path):
     settings = SETTINGS | {"steps": 4}
     fit(tanks, tmp_path / "run", resume=True, **settings)

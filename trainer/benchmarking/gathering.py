@@ -10,11 +10,12 @@ import numpy as np
 from shared.errors import EstimatorError
 from shared.metrics import bootstrap_by_system, r2, relative_accuracy
 from shared.reading import read_json, validated
+from shared.store import DatasetFolder
 from trainer.benchmarking.conditions import Condition
 from trainer.benchmarking.job import FAILED, is_done, read_done
 from trainer.benchmarking.planning import Plan
 from trainer.checkpoint import Training, read_card
-from trainer.evaluation import LEVEL
+from trainer.evaluation import LEVEL, find_ceiling
 from trainer.report import Answers, CeilingFigures, Evaluation, read_answers
 
 DRAWS = 300
@@ -89,6 +90,12 @@ def gather(plan: Plan, condition: Condition) -> Finding | None:
         return None
     cards = [read_card(folder) for folder in folders]
     evaluation = read_evaluation(folders[0])
+    limit, note = find_ceiling(  # the ceiling of today: the file may have come, or another been named, since the fit
+        *(cards[0], DatasetFolder(plan.dataset), plan.ceiling),
+        hours=evaluation.context_hours,
+        noise=evaluation.noise,
+        channels=evaluation.channels,
+    )
     answers = [read_answers(folder) for folder in folders]
     done = [read_done(folder) for folder in folders]
     protocols = {
@@ -100,8 +107,8 @@ def gather(plan: Plan, condition: Condition) -> Finding | None:
         parameters=cards[0].encoding.parameters,
         units=cards[0].encoding.parameter_units,
         protocols=protocols,
-        ceiling=evaluation.ceiling,
-        ceiling_note=evaluation.ceiling_note,
+        ceiling=limit,
+        ceiling_note=note,
         trainings=[card.training for card in cards],
         training_systems=len(cards[0].training_systems.indices),
         warnings=[one.warning for one in done if one.warning],

@@ -61,7 +61,7 @@ def calibration(
     without
         Optional channels of the run that are to be missing.
     out
-        Where the files go; the run folder by default.
+        Where the files go; by default the run folder, or NAME-results for an estimator that comes with the package.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def calibration(
         samples=samples,
         **_figures_of_merit(posterior, truth, drawn, estimate, typical, position, density, where, first),
     )
-    folder = Path(out) if out is not None else run.folder
+    folder = Path(out) if out is not None else run.results
     if folder is not None:
         make_folder(folder)
         write_calibration(result, folder)

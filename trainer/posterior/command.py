@@ -114,15 +114,17 @@ def calibration(
     seed
         Of windows, noise and samples.
     out
-        Where the files go; RUN by default.
+        Where the files go; by default RUN, or NAME-results for an estimator that comes with the package.
     json
         Print the figures as JSON, and nothing else, on stdout.
     """
+    from trainer.checkpoint import load_run
     from trainer.posterior.assessment import calibration as run_calibration
     from trainer.posterior.report import notes, terminal_table
 
+    loaded = load_run(run)
     result = run_calibration(
-        run,
+        loaded,
         dataset,
         windows=windows,
         samples=samples,
@@ -140,6 +142,6 @@ def calibration(
     for line in notes(result):
         console.print(line, markup=False)
     console.print(
-        f"written to {out or run}: calibration.json, calibration.md, calibration.csv, sbc.png, coverage.png",
+        f"written to {out or loaded.results}: calibration.json, calibration.md, calibration.csv, sbc.png, coverage.png",
         markup=False,
     )
