@@ -36,7 +36,10 @@ def kept_for_scoring(recording: Recording) -> np.ndarray:
         order = np.arange(len(found))
     else:
         apart = (means[:, moved] - means[:, moved].mean(axis=0)) / spread[moved]
-        order = np.argsort(np.linalg.svd(apart, full_matrices=False)[0][:, 0], kind="stable")
+        component = np.linalg.svd(apart, full_matrices=False)[0][:, 0]
+        # the sign of a component is the processor's choice; where one block is kept, it is the one farthest out
+        component *= np.sign(component[np.abs(component).argmax()])
+        order = np.argsort(component, kind="stable")
     order = order[order > 0]  # the first block tells what came before the recording
     keep = max(round(SHARE * len(found)), 1)
     ends = [*order[: keep // 2], *order[len(order) - (keep - keep // 2) :]]

@@ -201,3 +201,16 @@ def test_the_part_that_is_kept_is_chosen_from_inputs_alone_and_unlike_the_rest()
     assert not kept[: 3 * 24].any()
     assert (np.diff(np.flatnonzero(np.diff(kept.astype(int)))) >= 24).all()
     assert abs(warm[kept]).mean() > 1.2 * abs(warm[~kept]).mean()
+
+
+@pytest.mark.parametrize(
+    ("days", "means", "kept"), [(5, [0, 1, 9, 1, 0], 2), (5, [0, 1, -9, 1, 0], 2), (4, [0, 1, 2, -5], 3)]
+)
+def test_one_part_that_is_kept_is_the_farthest_out_whatever_the_sign_of_a_component(monkeypatch, days, means, kept):
+    time = HOUR * np.arange(1, days * 24 + 1)
+    warm = np.repeat(np.array(means, dtype=float), 24)
+    record = SimpleNamespace(time=time, start=0.0, stop=float(time[-1]), step=HOUR, inputs={"x": warm, "y": warm**2})
+    svd = np.linalg.svd
+    for sign in (1, -1):
+        monkeypatch.setattr(np.linalg, "svd", lambda a, sign=sign, **k: [sign * one for one in svd(a, **k)])
+        assert np.unique(np.flatnonzero(kept_for_scoring(record)) // 24).tolist() == [kept]
