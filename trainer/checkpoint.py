@@ -64,6 +64,12 @@ class Systems(_Table):
         """The systems in some rows of records."""
         return cls(root_seeds=[int(s) for s in records.seeds[rows]], indices=records.systems[rows].tolist())
 
+    def rows_in(self, records: Records) -> np.ndarray:
+        """Which rows of records are of these systems; bool (systems,)."""
+        known = set(zip(self.root_seeds, self.indices, strict=True))
+        rows = zip(records.seeds, records.systems, strict=True)
+        return np.array([(int(seed), int(index)) in known for seed, index in rows], dtype=bool)
+
     def with_those(self, others: Systems) -> Systems:
         """These, and those of ``others`` that are not among them."""
         own = list(zip(self.root_seeds, self.indices, strict=True))
@@ -169,10 +175,12 @@ class Card(_Table):
         """Which rows of records, of a system, the run trained on or chose its weights by; bool (systems,)."""
         if system_hash != self.system_hash:
             return np.zeros(len(records.systems), dtype=bool)
-        parts = (self.training_systems, self.validation_systems)
-        known = {pair for part in parts for pair in zip(part.root_seeds, part.indices, strict=True)}
-        rows = zip(records.seeds, records.systems, strict=True)
-        return np.array([(int(seed), int(index)) in known for seed, index in rows], dtype=bool)
+        return self.training_systems.rows_in(records) | self.validation_systems.rows_in(records)
+
+    @property
+    def length(self) -> int:
+        """Samples of the window that the training was for first of all."""
+        return round(self.context_hours * 3600 / self.encoding.step)
 
     def shape(self) -> Shape:
         """Sizes of the estimator."""

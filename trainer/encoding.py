@@ -138,6 +138,11 @@ class Encoding(BaseModel):
         return [*self.recorded, *self.derived]
 
     @property
+    def lengths(self) -> list[int]:
+        """Samples of the windows that can be read, rising."""
+        return [*self.shorter, self.length]
+
+    @property
     def columns(self) -> int:
         """Columns of an encoded window."""
         return len(self.recorded) + 2 * len(self.derived)

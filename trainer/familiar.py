@@ -101,7 +101,7 @@ def looks(values: np.ndarray) -> _Looks:
 def familiar(source: WindowSource, rows: np.ndarray, seed: int) -> list[Familiar]:
     """The extremes over random windows of the records ``rows`` of a source, under its sensors, for each length."""
     encoding, found = source.encoding, []
-    for length in [*encoding.shorter, encoding.length]:
+    for length in encoding.lengths:
         rng = np.random.default_rng([seed, length])
         generator = torch.Generator().manual_seed(int(rng.integers(2**31)))
         parts = []

@@ -67,9 +67,9 @@ def read_window(path: Path, encoding: Encoding) -> Window:
 def _stamps(path: Path, recording: xr.Dataset, encoding: Encoding) -> np.ndarray:
     """Time stamps of the last context window [s since time zero]."""
     seconds = recorded_times(path, recording)
-    lengths = [length for length in (*encoding.shorter, encoding.length) if length <= len(seconds)]
+    lengths = [length for length in encoding.lengths if length <= len(seconds)]
     if not lengths:
-        hours, least = len(seconds) * encoding.step / 3600, min([*encoding.shorter, encoding.length])
+        hours, least = len(seconds) * encoding.step / 3600, min(encoding.lengths)
         raise RecordingError(
             f"{path}: has {len(seconds)} samples ({hours:g} h at the run's step);"
             f" the run needs {least} ({least * encoding.step / 3600:g} h)"

@@ -53,7 +53,7 @@ def measured_errors(
     encoding = card.encoding
     numbers = [int(one) for one in np.random.SeedSequence(seed).generate_state(2)]
     presets = dict.fromkeys(card.noise.split())
-    conditions = list(product([*encoding.shorter, encoding.length], absences(encoding.optional), presets))
+    conditions = list(product(encoding.lengths, absences(encoding.optional), presets))
     found = []
     for length, absent, preset in tracked(conditions, "validation errors", shown=progress and len(conditions) > 1):
         rng = np.random.default_rng(numbers[0])
@@ -123,7 +123,7 @@ def typical_errors(card: Card, length: int, absent: list[str], noise: str | None
     if (
         not card.validation_errors
         and _has_one_condition(card)
-        and length == _main(card)
+        and length == card.length
         and noise in (None, card.noise)
     ):
         return Typical(card.validation_rmse, f"root mean square error on the run's validation windows, {what}")
@@ -135,7 +135,7 @@ def typical_errors(card: Card, length: int, absent: list[str], noise: str | None
 def whole_condition(card: Card) -> str:
     """In words, what ``validation_rmse`` of a card is over."""
     optional = card.encoding.optional
-    text = _condition(card, _main(card), [], " and ".join(dict.fromkeys(card.noise.split())))
+    text = _condition(card, card.length, [], " and ".join(dict.fromkeys(card.noise.split())))
     return text + (f", with and without {', '.join(optional)}" if optional else "")
 
 
@@ -143,10 +143,6 @@ def _condition(card: Card, length: int, absent: list[str], noise: str) -> str:
     text = f"{length * card.encoding.step / 3600:g} h"
     text += f" without {', '.join(absent)}" if absent else ""
     return f"{text}, noise {noise}"
-
-
-def _main(card: Card) -> int:
-    return round(card.context_hours * 3600 / card.encoding.step)
 
 
 def _has_one_condition(card: Card) -> bool:

@@ -112,7 +112,7 @@ class Sampler:
     def __init__(self, source: WindowSource, rows: np.ndarray, seed: int, main: int | None = None) -> None:
         self.source = source
         self.rows = torch.from_numpy(np.asarray(rows, dtype=np.int64))
-        self.lengths = [*source.encoding.shorter, source.encoding.length]
+        self.lengths = source.encoding.lengths
         others = [0.0 if length == main else 1.0 / length for length in self.lengths]
         share = 0.5 if main is not None and len(self.lengths) > 1 else 0.0
         self.odds = torch.tensor([(1 - share) * o / (sum(others) or 1.0) for o in others])

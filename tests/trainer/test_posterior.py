@@ -15,7 +15,6 @@ from shared.system import parse_system
 from trainer.checkpoint import load_run
 from trainer.fitting import fit
 from trainer.posterior import fit_posterior, load_posterior
-from trainer.posterior.conditions import lengths_of
 from trainer.posterior.prior import Prior
 from trainer.prediction import predict
 
@@ -130,7 +129,7 @@ def test_several_lengths_and_missing_channels_have_a_say(tmp_path):
         steps=3,
         options={"width": 16, "layers": 1, "heads": 2, "feedforward": 16},
     )
-    assert lengths_of(run) == [24, 48]
+    assert run.card.encoding.lengths == [24, 48]
     posterior = fit_posterior(run, dataset, windows_per_system=8, epochs=2)
     assert len(posterior.card.temperatures) == 2
     assert posterior.card.context == 2 + 2 + 32 + 1 + 2

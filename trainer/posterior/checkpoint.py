@@ -57,10 +57,7 @@ class PosteriorCard(BaseModel):
 
     def seen(self, records: Records) -> np.ndarray:
         """Which rows of records, of the run's own system, the posterior was made with; bool (systems,)."""
-        parts = (self.fitting_systems, self.calibration_systems)
-        known = {pair for part in parts for pair in zip(part.root_seeds, part.indices, strict=True)}
-        rows = zip(records.seeds, records.systems, strict=True)
-        return np.array([(int(seed), int(index)) in known for seed, index in rows], dtype=bool)
+        return self.fitting_systems.rows_in(records) | self.calibration_systems.rows_in(records)
 
 
 def prior_of(run: Run, logarithmic: list[bool]) -> Prior:

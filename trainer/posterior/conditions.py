@@ -46,11 +46,6 @@ class Contexts(NamedTuple):
         return Contexts(*(part[chosen] for part in self))
 
 
-def lengths_of(run: Run) -> list[int]:
-    """Window lengths that a run reads, rising."""
-    return [*run.card.encoding.shorter, run.card.encoding.length]
-
-
 def source_of(run: Run, dataset: DatasetFolder, rows: np.ndarray) -> tuple[WindowSource, np.ndarray]:
     """Windows of the systems in some rows of a dataset, under the run's own conditions, and the systems' parameters."""
     encoding = run.card.encoding
@@ -81,8 +76,8 @@ def draw_contexts(
     encoding, card = run.card.encoding, run.card
     seeds = np.random.SeedSequence(seed).generate_state(2)
     source.generator = torch.Generator().manual_seed(int(seeds[0]))
-    lengths = lengths_of(run)
-    main = lengths.index(round(card.context_hours * 3600 / encoding.step))
+    lengths = encoding.lengths
+    main = lengths.index(card.length)
     odds = np.full(len(lengths), (1 - MAIN) / max(1, len(lengths) - 1))
     odds[main] = MAIN if len(lengths) > 1 else 1.0
     rng = np.random.default_rng(seeds[1])

@@ -28,7 +28,7 @@ from trainer.checkpoint import Run, Systems, load_run
 from trainer.data import load_records, rows_of
 from trainer.evaluation import check_same_system
 from trainer.posterior.checkpoint import CARD, PosteriorCard, load_posterior, save_posterior
-from trainer.posterior.conditions import Contexts, draw_contexts, lengths_of, source_of
+from trainer.posterior.conditions import Contexts, draw_contexts, source_of
 from trainer.posterior.flow import PosteriorFlow
 from trainer.posterior.inference import Posterior
 from trainer.posterior.prior import Prior
@@ -128,7 +128,7 @@ def fit_posterior(
         fit_to = draw_contexts(run, prior, source, parameters, places[0], windows_per_system, seeds[1])
         held_out = draw_contexts(run, prior, source, parameters, places[1], few, seeds[2])
         del source
-        sizes = (len(lengths_of(run)), run.card.encoding.outputs)
+        sizes = (len(run.card.encoding.lengths), run.card.encoding.outputs)
         flow, facts = train_flow(fit_to, held_out, *sizes, epochs, options or {}, progress)
         temper(flow, held_out, seeds[4])
     names = run.card.encoding.parameters
@@ -136,7 +136,7 @@ def fit_posterior(
         estimator_sha256=run.card.weights_sha256,
         logarithmic=prior.log.tolist(),
         context=fit_to.context.shape[1],
-        lengths=lengths_of(run),
+        lengths=run.card.encoding.lengths,
         options=options or {},
         fitting_systems=Systems.of(index, fitting),
         calibration_systems=Systems.of(index, calibration),
