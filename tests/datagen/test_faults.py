@@ -3,6 +3,7 @@
 import json
 import os
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -42,6 +43,20 @@ def whole(good, tmp_path_factory):
     code, said = finish(farm(good, "--out", folder, *WORDS))
     assert code == 0, said
     return folder
+
+
+@pytest.fixture(scope="module")
+def dozen(good, tmp_path_factory):
+    """A small dataset, undisturbed; tests take copies of it."""
+    folder = tmp_path_factory.mktemp("dozen") / "ds"
+    run(good, folder, **SIZE)
+    return folder
+
+
+@pytest.fixture
+def made(dozen, tmp_path):
+    """A copy of the small dataset, to do something to."""
+    return shutil.copytree(dozen, tmp_path / "ds")
 
 
 @pytest.mark.parametrize("victim", ["client", "worker", "interrupt", "terminate"])
@@ -123,13 +138,12 @@ def test_stopped_before_its_first_shard_it_leaves_nothing_behind(good, few, tmp_
     assert sorted(path.name for path in (out / "shards").iterdir()) == sorted(hashes(few))
 
 
-def test_a_second_run_on_one_folder_is_refused(good, tmp_path):
-    run(good, tmp_path, **SIZE)
-    before = hashes(tmp_path)
-    with FolderLock(tmp_path), pytest.raises(DatasetError, match=rf"another run is at it \(process {os.getpid()}"):
-        run(good, tmp_path, **SIZE)
-    run(good, tmp_path, **SIZE)
-    assert hashes(tmp_path) == before
+def test_a_second_run_on_one_folder_is_refused(good, made):
+    before = hashes(made)
+    with FolderLock(made), pytest.raises(DatasetError, match=rf"another run is at it \(process {os.getpid()}"):
+        run(good, made, **SIZE)
+    run(good, made, **SIZE)
+    assert hashes(made) == before
 
 
 def test_the_lock_of_a_killed_run_is_free(tmp_path):
@@ -146,13 +160,12 @@ def test_the_lock_of_a_killed_run_is_free(tmp_path):
 
 
 @pytest.mark.parametrize(("fault", "cause"), [(1, "SIGSEGV"), (2, "did not end within 8 s"), (3, "exit code 7")])
-def test_only_the_guilty_systems_are_quarantined(tanks, good, tmp_path, fault, cause):
+def test_only_the_guilty_systems_are_quarantined(tanks, dozen, tmp_path, fault, cause):
     bad = faulty.describe(tanks, fault=fault, above=9e-5)
     size = {**SIZE, "shard_size": 6, "timeout": 8.0}
     manifest = run(bad, tmp_path / "bad", failure_budget=0.5, **size)
     failures = [json.loads(line) for line in (tmp_path / "bad" / "failures.jsonl").read_text().splitlines()]
-    run(good, tmp_path / "good", **size)
-    innocent = DatasetFolder(tmp_path / "good").load()
+    innocent = DatasetFolder(dozen).load()
     guilty = [int(i) for i, (k,) in zip(innocent.systems, innocent.parameters, strict=True) if k > 9e-5]
     assert 0 < len(guilty) < 6
     assert [one["system"] for one in failures] == guilty
@@ -220,25 +233,23 @@ def test_more_systems_by_extension_leave_the_old_shards_alone(good, tmp_path):
         run(good, tmp_path / "grown", extend=True, **{**SIZE, "systems": 5})
 
 
-def test_a_shard_that_was_written_but_not_recorded_is_adopted(good, tmp_path):
-    run(good, tmp_path, **SIZE)
-    manifest = read_manifest(tmp_path)
-    write_manifest(tmp_path, manifest.model_copy(update={"shards": manifest.shards[:2]}))
-    spoilt = tmp_path / "shards" / manifest.shards[-1].file
+def test_a_shard_that_was_written_but_not_recorded_is_adopted(good, made):
+    manifest = read_manifest(made)
+    write_manifest(made, manifest.model_copy(update={"shards": manifest.shards[:2]}))
+    spoilt = made / "shards" / manifest.shards[-1].file
     spoilt.write_bytes(spoilt.read_bytes()[:5000])
-    before = {path.name: path.stat().st_mtime_ns for path in shards_in(tmp_path)}
-    run(good, tmp_path, **SIZE)
-    after = {path.name: path.stat().st_mtime_ns for path in shards_in(tmp_path)}
+    before = {path.name: path.stat().st_mtime_ns for path in shards_in(made)}
+    run(good, made, **SIZE)
+    after = {path.name: path.stat().st_mtime_ns for path in shards_in(made)}
     assert [name for name in after if after[name] != before[name]] == [spoilt.name]
-    assert read_manifest(tmp_path).shards == manifest.shards
+    assert read_manifest(made).shards == manifest.shards
 
 
 @pytest.mark.parametrize("damage", ["flip", "cut", "remove"])
-def test_repair_mends_the_damaged_shard_and_no_other(good, tmp_path, damage):
-    run(good, tmp_path, **SIZE)
-    whole = {path.name: path.read_bytes() for path in shards_in(tmp_path)}
-    times = {path.name: path.stat().st_mtime_ns for path in shards_in(tmp_path)}
-    victim = tmp_path / "shards" / "shard-000002.nc"
+def test_repair_mends_the_damaged_shard_and_no_other(made, damage):
+    whole = {path.name: path.read_bytes() for path in shards_in(made)}
+    times = {path.name: path.stat().st_mtime_ns for path in shards_in(made)}
+    victim = made / "shards" / "shard-000002.nc"
     data = bytearray(victim.read_bytes())
     if damage == "flip":
         data[len(data) // 2] ^= 0x10
@@ -247,12 +258,12 @@ def test_repair_mends_the_damaged_shard_and_no_other(good, tmp_path, damage):
         victim.write_bytes(data[: len(data) // 2])
     else:
         victim.unlink()
-    assert [victim.name in fault for fault in verify(tmp_path)] == [True]
-    assert mending.repair(tmp_path) == [victim.name]
-    assert {path.name: path.read_bytes() for path in shards_in(tmp_path)} == whole
-    others = {path.name: path.stat().st_mtime_ns for path in shards_in(tmp_path) if path != victim}
+    assert [victim.name in fault for fault in verify(made)] == [True]
+    assert mending.repair(made) == [victim.name]
+    assert {path.name: path.read_bytes() for path in shards_in(made)} == whole
+    others = {path.name: path.stat().st_mtime_ns for path in shards_in(made) if path != victim}
     assert others == {name: stamp for name, stamp in times.items() if name != victim.name}
-    assert verify(tmp_path) == []
+    assert verify(made) == []
 
 
 @pytest.fixture
