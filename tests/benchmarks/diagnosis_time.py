@@ -2,6 +2,9 @@
 
     python tests/benchmarks/diagnosis_time.py fmus/MixedAirCO2 --seed SEED --out diagnosis-time
 
+``--persons unknown`` and ``--replay`` time the same recording with persons that nobody counted, and with its recorded
+actuators in place of the control loops.
+
 The recording is a random room with air that leaks through its envelope, seen through its sensors. Printed for each
 number of candidates: wall time, processor time of all processes, simulations, and the verdict; and beside it the load
 of the machine, because wall time on a busy machine says little. Both diagnoses are in processes of their own, as
@@ -44,7 +47,9 @@ def recording(system_path: str, path: Path, seed: int, hours: float) -> None:
     data.to_netcdf(path)
 
 
-def diagnosed(system_path: str, path: Path, count: int, workers: int, out: Path) -> dict[str, object]:
+def diagnosed(
+    system_path: str, path: Path, count: int, workers: int, out: Path, persons: str, replay: bool
+) -> dict[str, object]:
     """One diagnosis with the first ``count`` candidates of every kind in turn: what it took and said."""
     from diagnosis.gap import diagnose
 
@@ -55,7 +60,8 @@ def diagnosed(system_path: str, path: Path, count: int, workers: int, out: Path)
         kinds.setdefault(one.kind, []).append(one)
     turns = [row[k] for k in range(max(map(len, kinds.values()))) for row in kinds.values() if k < len(row)]
     chosen = [one for one in library(system) if one in turns[:count]]
-    report = diagnose(system, path, effects=chosen, workers=workers, out=out).report
+    conditions = {"occupancy": persons, "replay": replay}
+    report = diagnose(system, path, effects=chosen, workers=workers, out=out, **conditions).report
     own, children = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return {
         "candidates": len(chosen),
@@ -75,17 +81,23 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--hours", type=float, default=WEEKS)
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--persons", choices=["measured", "unknown"], default="measured")
+    parser.add_argument("--replay", action="store_true")
     parser.add_argument("--candidates", type=int, help=argparse.SUPPRESS)
     options = parser.parse_args()
     path = options.out / "recording.nc"
     if options.candidates is not None:
         folder = options.out / f"report-{options.candidates}"
-        row = diagnosed(options.system, path, options.candidates, options.workers, folder)
+        conditions = options.persons, options.replay
+        row = diagnosed(options.system, path, options.candidates, options.workers, folder, *conditions)
         print(json.dumps(row))
         return
     options.out.mkdir(parents=True, exist_ok=True)
     recording(options.system, path, options.seed, options.hours)
-    print(f"{options.hours / 168:g} weeks, {options.workers} workers, {os.cpu_count()} cores")
+    print(
+        f"{options.hours / 168:g} weeks, {options.workers} workers, {os.cpu_count()} cores, persons {options.persons}"
+        + (", replay" if options.replay else "")
+    )
     print("| candidates | wall [s] | processor time [s] | simulations | verdict | load average |")
     print("|---:|---:|---:|---:|---|---:|")
     for count in (FIFTEEN, len(library(load_system(options.system)))):
