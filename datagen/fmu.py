@@ -226,6 +226,15 @@ def check_system(system: System, fmu: Fmu) -> None:
         for name in values:
             if variable(table, name).causality not in ("parameter", "input"):
                 raise SystemDescriptionError(f"{where}: {table} {name!r} cannot be set in {fmu.path.name}")
+    for uncertain in system.uncertain:
+        for name in uncertain.parameters:
+            found = variable(f"uncertain {uncertain.name!r}:", name)
+            value = system.fixed.get(name, found.start if fmu.is_float(name) else None)
+            if found.causality not in ("parameter", "input") or value is None or not float(value) > 0:
+                raise SystemDescriptionError(
+                    f"{where}: uncertain {uncertain.name!r}: {name!r} is a {found.causality} {_type(found)} with value"
+                    f" {value} in {fmu.path.name}; expected a positive {real} parameter that can be set"
+                )
 
 
 def _similar(name: str, names: list[str]) -> str:

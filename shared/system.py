@@ -20,6 +20,7 @@ from shared.reading import MOST_TOML, parse_json, parse_toml, read_text, short, 
 from shared.shipped import resolved, shipped_systems
 from shared.signals import Excitation, Occupancy, Schedule, Table, Weather
 from shared.sources import Source
+from shared.uncertain import Uncertain, fault
 from shared.variables import (
     Effect,
     ExcitationInput,
@@ -76,6 +77,7 @@ class System(Table):
     outputs: list[Output] = Field(min_length=1)
     effects: list[Effect] = []
     sources: list[Source] = []
+    uncertain: list[Uncertain] = []
     weather: Weather | None = None
     occupancy: Occupancy | None = None
     schedules: dict[str, Schedule] = {}
@@ -105,11 +107,17 @@ class System(Table):
                 raise ValueError(f"inputs: {one.name!r} comes from the weather, but there is no [weather] table")
             if isinstance(one, OccupancyInput) and self.occupancy is None:
                 raise ValueError(f"inputs: {one.name!r} comes from the occupancy, but there is no [occupancy] table")
+        known = {*self.output_names, *self.input_names}
         for k, source in enumerate(self.sources):
             before = [earlier.name for earlier in self.sources[:k]]
-            if fault := source.fault(self.input_names, self.parameter_names, before):
-                raise ValueError(fault)
-        known = {*self.output_names, *self.input_names}
+            if wrong := source.fault(self.input_names, self.parameter_names, before):
+                raise ValueError(wrong)
+        effects = {one.name for one in self.effects}
+        by_others = [(getattr(one, "parameters", {}), getattr(one, "constants", {})) for one in self.effects]
+        by_others += [(one.parameters, {}) for one in self.sources] + [(self.replay, {})]
+        taken = {name for tables in by_others for table in tables for name in table}
+        if wrong := fault(self.uncertain, {*self.parameter_names, *known, *effects}, self.parameter_names, taken):
+            raise ValueError(wrong)
         for channel in self.estimator.channels:
             if channel not in known:
                 raise ValueError(f"estimator.channels: {channel!r} is neither an output nor an input")
@@ -189,10 +197,11 @@ class System(Table):
     def hash(self) -> str:
         """sha256 of what is simulated: equal for equal systems, however long and for whom they are simulated.
 
-        ``experiment``, ``presets`` and ``estimator`` are defaults of commands and ``effects`` and ``sources`` are what
-        diagnosis tries: none of them changes a simulated system, and they are left out.
+        ``experiment``, ``presets`` and ``estimator`` are defaults of commands, ``effects`` and ``sources`` are what
+        diagnosis tries, and ``uncertain`` is what it does not trust: none of them changes a simulated system, and they
+        are left out.
         """
-        without = {"path", "experiment", "presets", "estimator", "sources"}
+        without = {"path", "experiment", "presets", "estimator", "sources", "uncertain"}
         content = self.model_dump(mode="json", exclude=without) | {"effects": []}
         return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 

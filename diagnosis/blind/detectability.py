@@ -54,6 +54,7 @@ def detectability(simulator: Simulator, recording: Path, answer: dict[str, Any],
         read_recording(recording, system),
         occupancy=answer["occupancy"],
         replay=answer["replay"],
+        uncertain=False,
     )
     low, high = problem.bounds
     z = np.clip(problem.unknowns(answer["parameters"]), INSIDE * low, INSIDE * high)

@@ -36,6 +36,16 @@ class Parameter(_Table):
     zero_shot: float | None = None
 
 
+class Constant(_Table):
+    """An uncertain constant: by what its FMU parameters are multiplied, with the 90 % credible interval."""
+
+    name: str
+    description: str
+    factor: float
+    low: float
+    high: float
+
+
 class Channel(Score):
     """One output.
 
@@ -65,10 +75,11 @@ class Calibration(_Table):
     """``calibration.json``.
 
     ``covariance`` (unknowns, unknowns) is that of the posterior in which the recording counts for 1 / ``widened``^2 of
-    what it is worth to the model: see :mod:`diagnosis.fitting.doubt`. Schema 2 added ``explained`` to the outputs.
+    what it is worth to the model: see :mod:`diagnosis.fitting.doubt`. Schema 2 added ``explained`` to the outputs,
+    schema 3 ``constants``, which are among the unknowns since.
     """
 
-    schema_version: int = 2
+    schema_version: int = 3
     system: str
     system_hash: str
     fmu_sha256: str
@@ -82,6 +93,7 @@ class Calibration(_Table):
     replayed: list[str]
     started_from: str
     parameters: list[Parameter]
+    constants: list[Constant] = []
     correlated: list[Pair]
     correlation: list[list[float]]
     outputs: dict[str, Channel]

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from diagnosis.calibrating.schema import Calibration, Channel, Pair, Parameter
+from diagnosis.calibrating.schema import Calibration, Channel, Constant, Pair, Parameter
 from diagnosis.fitting.doubt import DOUBT, doubted
 from diagnosis.fitting.fit import Fit
 from diagnosis.recording import HOUR
@@ -45,6 +45,17 @@ def summarise(found: Fit, zero_shot: dict[str, float], started_from: str) -> Cal
         )
         for k, one in enumerate(system.parameters)
     ]
+    first = count + len(problem.effects)
+    constants = [
+        Constant(
+            name=one.name,
+            description=one.description,
+            factor=float(value[k]),
+            low=float(low[k]),
+            high=float(high[k]),
+        )
+        for k, one in enumerate(system.uncertain, first)
+    ]
     correlation = covariance / np.outer(sd, sd)
     pairs = [
         Pair(first=problem.names[i], second=problem.names[j], correlation=float(correlation[i, j]))
@@ -65,6 +76,7 @@ def summarise(found: Fit, zero_shot: dict[str, float], started_from: str) -> Cal
         replayed=list(problem.drive.replayed),
         started_from=started_from,
         parameters=parameters,
+        constants=constants,
         correlated=sorted(pairs, key=lambda pair: -abs(pair.correlation)),
         correlation=correlation.tolist(),
         outputs=_channels(found),

@@ -1,15 +1,16 @@
 """How far a fit is believed: parameters also make up for what the model is not, and its own covariance knows no such.
 
-Rooms of two opened blind checks without any effect, whose walls alone are finer than the model's, told what that takes:
-of the 90 % intervals of ``diagnosis calibrate`` 70 % held the truth as the fit made them, 87 % with the doubt, and in
-rooms whose walls are the model's own 91 and 98 % (persons counted). docs/measurements.md has all conditions.
+What a model takes for granted is among the unknowns (:mod:`diagnosis.fitting.unknowns`), but not all of it: weather
+that was read with an error, noise that is slower than it looks. Rooms of an opened blind check without an effect, whose
+walls are finer than the model's, told what that takes: the fit's own standard deviations were too small by 1.6 where
+persons were counted, by 1.2 in replay. docs/measurements.md has all conditions.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-DOUBT = 2.0
+DOUBT = 1.5
 """A recording's information on the unknowns counts for 1 / DOUBT^2: its standard deviations are so much larger."""
 
 

@@ -19,14 +19,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import cho_factor
-from scipy.optimize import least_squares
 
-from diagnosis.fitting.determinant import Determinant, determinant
+from diagnosis.fitting.determinant import determinant
 from diagnosis.fitting.noise import NoiseModel, estimated
 from diagnosis.fitting.problem import Linearisation, Problem
 from diagnosis.fitting.pruning import pruned
 from diagnosis.fitting.renewing import renewed
 from diagnosis.fitting.settling import between, swung
+from diagnosis.fitting.solving import solved
 from diagnosis.fitting.stretching import stretched
 from shared.errors import SimulationError
 
@@ -39,8 +39,6 @@ LEAPING = 15.0
 """After a round that moved less than this the nuisance may leap: before, the unknowns are what is wrong."""
 REUSED = 1.0
 """The parabola of the log determinant is kept for moves up to this [posterior standard deviations]."""
-_HOPELESS = 1e3
-"""Standardised residual of a simulation that failed."""
 
 
 @dataclass(frozen=True)
@@ -156,7 +154,7 @@ def fit(
         before = z
         if near and (bent is None or _far(z, bent.z, information) > REUSED):
             bent = determinant(problem, around)
-        z, jacobian = _solve(problem, z, around, bent, 4 if near else 8)
+        z, jacobian = solved(problem, z, around, bent, 4 if near else 8)
         information = np.eye(problem.size) + jacobian.T @ jacobian
         moved = _far(z, before, information)
         history.append((problem.simulations - counted, moved))
@@ -199,7 +197,7 @@ def _best_start(problem: Problem, starts: list[np.ndarray], around: Linearisatio
         return starts[0]
     best: tuple[float, np.ndarray] | None = None
     for start in starts:
-        z, _ = _solve(problem, start, around, None, most=5)
+        z, _ = solved(problem, start, around, None, most=5)
         try:
             residual = problem.residuals(z, around)
         except SimulationError:
@@ -215,37 +213,6 @@ def _best_start(problem: Problem, starts: list[np.ndarray], around: Linearisatio
 def _far(z: np.ndarray, other: np.ndarray, information: np.ndarray) -> float:
     """Root mean square distance of two points [posterior standard deviations]."""
     return float(np.sqrt((z - other) @ information @ (z - other) / len(z)))
-
-
-def _solve(
-    problem: Problem, z: np.ndarray, around: Linearisation, bent: Determinant | None, most: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """The optimum with a given covariance, and the Jacobian of the residual there."""
-    low, high = problem.bounds
-    inner = np.clip(z, low + 1e-6 * (high - low), high - 1e-6 * (high - low)) if np.isfinite(high - low).all() else z
-    inner = np.where(np.isfinite(inner), inner, z)
-    size = problem.size
-    readings = int(problem.observed.sum())
-
-    centre = np.zeros(size) if bent is None else -bent.slope
-    rows = np.eye(size) if bent is None else np.vstack([np.eye(size), bent.root])
-
-    def rest(z: np.ndarray) -> list[np.ndarray]:
-        """Of the prior and the determinant: squares that add up to |z|^2 + log|S|, but for a constant."""
-        return [z - centre] if bent is None else [z - centre, bent.root @ (z - bent.z)]
-
-    def residual(z: np.ndarray) -> np.ndarray:
-        try:
-            found = problem.residuals(z, around)
-        except SimulationError:
-            found = np.full(readings, _HOPELESS)
-        return np.concatenate([found, *rest(z)])
-
-    def jacobian(z: np.ndarray) -> np.ndarray:
-        return np.vstack([problem.jacobian(z, around), rows])
-
-    found = least_squares(residual, inner, jacobian, bounds=(low, high), max_nfev=most, ftol=1e-4, xtol=1e-4, gtol=1e-4)
-    return found.x, found.jac[:readings]
 
 
 def _noise(problem: Problem, z: np.ndarray, around: Linearisation) -> NoiseModel:

@@ -2,13 +2,14 @@
 
 The unknowns ``z`` are the description's parameters, each by the probit of its place in its range (so that bounds hold
 and the uniform prior in the parameter's scale is N(0, 1) exactly), an amplitude for each effect in units of its scale
-(zero is the base model), and last the level of an unknown occupancy. Persons that were not counted and what came before
-the recording are nuisances, by which the simulation is linearised: see :mod:`diagnosis.fitting.nuisance`.
+(zero is the base model), a factor for each uncertain constant, and last the level of an unknown occupancy. Persons that
+were not counted and what came before the recording are nuisances, by which the simulation is linearised: see
+:mod:`diagnosis.fitting.nuisance`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from copy import copy
 
 import numpy as np
@@ -24,7 +25,7 @@ from diagnosis.fitting.nuisance import responses
 from diagnosis.fitting.remembered import Remembered
 from diagnosis.fitting.runs import Runs
 from diagnosis.fitting.side_by_side import InProcess, Outcome, Runner
-from diagnosis.fitting.unknowns import LIMIT, Unknowns
+from diagnosis.fitting.unknowns import LIMIT, Unknowns, constants
 from diagnosis.fitting.unmeasured import nuisance_of
 from diagnosis.recording import HOUR, Recording
 from shared.errors import RecordingError, SimulationError
@@ -52,6 +53,8 @@ class Problem:
         The recorded actuators replace the model's control loops; what was replayed is no evidence.
     warm_up
         The recording's first day is repeated so long before it [s].
+    uncertain
+        Whether the description's uncertain constants are unknowns; otherwise they have their values.
     history
         Whether what came before the recording is a nuisance; otherwise its first day stands in for it exactly.
     runner
@@ -73,6 +76,7 @@ class Problem:
         occupancy: str | None = None,
         replay: bool = False,
         warm_up: float = WARM_UP,
+        uncertain: bool = True,
         history: bool = True,
         runner: Runner | None = None,
     ) -> None:
@@ -81,6 +85,7 @@ class Problem:
         self.simulator, self.recording, self.replay = simulator, recording, replay
         self.system = system = simulator.system
         self.effects = tuple(effects)
+        self.constants = constants(system, simulator.fmu) if uncertain else ()
         self.runner: Runner = runner or InProcess(simulator)
         self._remembered, self.simulations = Remembered(), 0
         self.occupancy = crowd(system, recording, occupancy)
@@ -106,11 +111,11 @@ class Problem:
     @property
     def unknown(self) -> Unknowns:
         """The unknowns and the values that they stand for."""
-        return Unknowns(self.system, self.effects, self.nuisance.levels)
+        return Unknowns(self.system, self.effects, self.constants, self.nuisance.levels)
 
     @property
     def names(self) -> list[str]:
-        """Names of the unknowns: parameters, effects, levels of the nuisance."""
+        """Names of the unknowns: parameters, effects, uncertain constants, levels of the nuisance."""
         return self.unknown.names
 
     @property
@@ -124,7 +129,7 @@ class Problem:
         return self.unknown.bounds
 
     def values(self, z: np.ndarray) -> np.ndarray:
-        """Parameters, amplitudes and levels, shape (..., unknowns) [unit of each]."""
+        """Parameters, amplitudes, factors of constants, and levels, shape (..., unknowns) [unit of each]."""
         return self.unknown.values(z)
 
     def unknowns(self, values: Mapping[str, float]) -> np.ndarray:
@@ -204,10 +209,18 @@ class Problem:
         outputs = self.simulate(z, around.heights) + around.response @ (self.nuisance.mean - around.heights)
         return around.marginal.root(self.standardised(self.measured - outputs))
 
-    def jacobian(self, z: np.ndarray, around: Linearisation | None = None, *, central: bool = False) -> np.ndarray:
+    def jacobian(
+        self,
+        z: np.ndarray,
+        around: Linearisation | None = None,
+        *,
+        central: bool = False,
+        without: Collection[int] = (),
+    ) -> np.ndarray:
         """Derivative of :meth:`residuals`, shape (readings, unknowns), by differences of whole simulations.
 
-        A side that cannot be simulated is replaced by the other; a direction without either has no derivative.
+        A side that cannot be simulated is replaced by the other; a direction without either has no derivative, nor have
+        the places of unknowns in ``without``.
         """
         z = np.asarray(z, dtype=float)
         heights = self.nuisance.mean if around is None else around.heights
@@ -219,8 +232,10 @@ class Problem:
             down[k] = max(z[k] - STEP, low[k])
             if not central:
                 (down if up[k] > z[k] else up)[k] = z[k]
+            if k in without:
+                up[k] = down[k] = z[k]
             ends += [up, down]
-            widths.append(up[k] - down[k])
+            widths.append(up[k] - down[k] or 1.0)
         # z itself is an end of many differences, and simulated once or known already
         known: dict[bytes, Outcome]
         known = {} if around is None or not np.array_equal(z, around.z) else {z.tobytes(): around.outputs}

@@ -1,4 +1,9 @@
-"""The unknowns of a problem: standard normal numbers, and the values that they stand for."""
+"""The unknowns of a problem: standard normal numbers, and the values that they stand for.
+
+Uncertain constants are among them because a model is right to no better than what it takes for granted. The layers of
+a floor, known to a third, bend solar gain and U-value by several posterior standard deviations if they are held; as
+unknowns they cost the parameters a fifth of their certainty (docs/measurements.md).
+"""
 
 from __future__ import annotations
 
@@ -8,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr, ndtri
 
+from datagen.fmu import Fmu
 from diagnosis.effects.base import Effect
 from diagnosis.fitting.nuisance import Level
 from shared.system import System
@@ -20,26 +26,55 @@ EDGE = 0.01
 
 
 @dataclass(frozen=True)
+class Constant:
+    """An uncertain constant: FMU parameters by name [unit of each], all multiplied by exp(``relative`` * N(0, 1))."""
+
+    name: str
+    relative: float
+    parameters: dict[str, float]
+
+
+def constants(system: System, fmu: Fmu) -> tuple[Constant, ...]:
+    """The uncertain constants of a description that fits its FMU, with the values that they have."""
+    return tuple(
+        Constant(
+            one.name,
+            one.relative,
+            {name: float(system.fixed.get(name, fmu.variables[name].start)) for name in one.parameters},
+        )
+        for one in system.uncertain
+    )
+
+
+@dataclass(frozen=True)
 class Unknowns:
-    """Parameters by the probit of their place in their range, amplitudes in units of their scales, and levels.
+    """Parameters by the probit of their place in their range, amplitudes in units of their scales, constants, levels.
 
     So bounds hold, and the uniform prior in a parameter's scale is N(0, 1) exactly.
     """
 
     system: System
     effects: tuple[Effect, ...]
+    constants: tuple[Constant, ...]
     levels: tuple[Level, ...]
 
     @property
     def names(self) -> list[str]:
-        """Names: parameters, effects, levels of the nuisance."""
+        """Names: parameters, effects, uncertain constants, levels of the nuisance."""
         levels = [f"level of {self.system.input_names[one.column]}" for one in self.levels]
-        return [*self.system.parameter_names, *(one.name for one in self.effects), *levels]
+        effects = [one.name for one in self.effects]
+        return [*self.system.parameter_names, *effects, *(one.name for one in self.constants), *levels]
 
     @property
     def size(self) -> int:
         """Number of unknowns."""
-        return len(self.system.parameters) + len(self.effects) + len(self.levels)
+        return len(self.system.parameters) + len(self.effects) + len(self.constants) + len(self.levels)
+
+    @property
+    def places_of_constants(self) -> range:
+        """Where the constants are among the unknowns."""
+        first = len(self.system.parameters) + len(self.effects)
+        return range(first, first + len(self.constants))
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -47,17 +82,19 @@ class Unknowns:
         count = len(self.system.parameters)
         low = [-LIMIT] * count + [one.lower / one.scale for one in self.effects]
         high = [LIMIT] * count + [one.upper / one.scale for one in self.effects]
-        levels = [LIMIT] * len(self.levels)
-        return np.array([*low, *(-x for x in levels)], dtype=float), np.array([*high, *levels], dtype=float)
+        last = [LIMIT] * (len(self.constants) + len(self.levels))
+        return np.array([*low, *(-x for x in last)], dtype=float), np.array([*high, *last], dtype=float)
 
     def values(self, z: np.ndarray) -> np.ndarray:
-        """Parameters, amplitudes and levels, shape (..., unknowns) [unit of each]."""
+        """Parameters, amplitudes, factors of constants, and levels, shape (..., unknowns) [unit of each]."""
         z = np.asarray(z, dtype=float)
         made = np.empty_like(z)
         for k, one in enumerate(self.system.parameters):
             made[..., k] = one.from_unit(ndtr(z[..., k]))
         for k, effect in enumerate(self.effects, len(self.system.parameters)):
             made[..., k] = effect.scale * z[..., k]
+        for k, constant in enumerate(self.constants, len(self.system.parameters) + len(self.effects)):
+            made[..., k] = np.exp(constant.relative * z[..., k])
         for k, level in enumerate(self.levels, self.size - len(self.levels)):
             made[..., k] = np.exp(level.mean + level.sd * z[..., k])
         return made
@@ -76,8 +113,11 @@ class Unknowns:
         return z
 
     def parameters(self, z: np.ndarray) -> dict[str, float]:
-        """What the model is given: parameters, and those that effects set, by name [unit of each]."""
-        made = dict(zip(self.system.parameter_names, self.values(z).tolist(), strict=False))
+        """What the model is given: parameters, constants, and what effects set, by name [unit of each]."""
+        values = self.values(z).tolist()
+        made = dict(zip(self.system.parameter_names, values, strict=False))
+        for constant, factor in zip(self.constants, values[len(made) + len(self.effects) :], strict=False):
+            made |= {name: factor * value for name, value in constant.parameters.items()}
         for effect, amplitude in zip(self.effects, self.amplitudes(z), strict=True):
             made |= effect.parameters(amplitude)
         return made

@@ -156,8 +156,9 @@ def forecast(
         )  # fmt: skip
         if len(z) != problem.size:
             raise RecordingError(
-                f"{calibration}: was made with persons {report.occupancy}, which makes {len(z)} unknowns; the forecast"
-                f" has {problem.size}, with persons {problem.occupancy}: give both the same occupancy"
+                f"{calibration}: was made with persons {report.occupancy} and {len(report.constants)} uncertain"
+                f" constants, which makes {len(z)} unknowns; the forecast has {problem.size}, with persons"
+                f" {problem.occupancy} and {len(problem.constants)} constants: give both the same occupancy and system"
             )
         seen = np.zeros(problem.observed.shape, dtype=bool)
         seen[:, :split] = True

@@ -112,6 +112,8 @@ def linearised(
     for k in range(0 if by_unknown is not None else problem.size):
         up, down = z.copy(), z.copy()
         up[k], down[k] = min(z[k] + STEP, high[k]), max(z[k] - STEP, low[k])
+        if k in problem.unknown.places_of_constants:  # smooth, and only to be made up for: one side is enough
+            (up if z[k] > 0 else down)[k] = z[k]
         cases += [full(up, none), full(down, none)]
         widths.append(up[k] - down[k])
     for k, effect in enumerate(effects):

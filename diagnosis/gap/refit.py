@@ -46,6 +46,11 @@ class Refit:
         """Of the effects."""
         return tuple(one.name for one in self.lin.chosen)
 
+    @property
+    def at_bound(self) -> tuple[str, ...]:
+        """Names of unknowns that lie on their bounds."""
+        return self.lin.problem.unknown.at_bound(self.lin.z)
+
     def evidence_with(self, colours: dict[int, Colour]) -> float:
         """Log evidence with other colours; an amplitude of one sign has twice the prior density there."""
         grams = self.grams

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import ndtr
 
 from diagnosis.effects import Effect
 from diagnosis.fitting.doubt import doubted_sd
 from diagnosis.fitting.fit import Fit
-from diagnosis.fitting.unknowns import EDGE
 from diagnosis.gap.conditions import Otherwise, expected
 from diagnosis.gap.decision import Decision
 from diagnosis.gap.places import stretch
@@ -75,7 +73,10 @@ def reported(
         sources_unknown=unknown,
         shrinkage=[ShrinkageOf(**vars(one)) for one in shrinkage],
         chosen_apart=agreed,
-        parameters=_parameters(search),
+        parameters=_before_and_after(search, 0, [(one.name, one.unit) for one in problem.system.parameters]),
+        constants=_before_and_after(
+            search, len(problem.system.parameters), [(one.name, "1") for one in problem.constants]
+        ),
         detectability=_detectability(first),
         otherwise=[_otherwise(one, first, problem.floor) for one in otherwise],
         excluded=search.excluded,
@@ -171,29 +172,33 @@ def _places(where: Where, first: Stage, noise: dict[str, float]) -> list[Place]:
     return sorted(found, key=rank)
 
 
-def _parameters(search: Search) -> list[ParameterOf]:
-    """Before, and after if effects were chosen, with 90 % intervals [unit]."""
-    problem, one = search.base.lin.problem, search.base
-    before = _values(one)
-    after, edges = None, [_on_edge(search.base)] * 2
+def _before_and_after(search: Search, first: int, names: list[tuple[str, str]]) -> list[ParameterOf]:
+    """Before, and after if effects were chosen, with 90 % intervals [unit]; (name, unit) of unknowns from ``first`` on.
+
+    Amplitudes stand between parameters and constants, and only after.
+    """
+    one = search.base
+    before, bounds = _values(one), set(one.at_bound)
+    after, bounds_after, shift = None, set[str](), 0
     if search.chosen:
         one = search.refits[-1][0]
-        edges[1] = _on_edge(one)
-        after = _values(one)
+        after, bounds_after = _values(one), set(one.at_bound)
+        shift = len(search.chosen) if first else 0
     found = []
-    for k, parameter in enumerate(problem.system.parameters):
+    for k, (name, unit) in enumerate(names, first):
+        later = [None] * 3 if after is None else [float(values[k + shift]) for values in after]
         found.append(
             ParameterOf(
-                name=parameter.name,
-                unit=parameter.unit,
+                name=name,
+                unit=unit,
                 before_low=float(before[0][k]),
                 before=float(before[1][k]),
                 before_high=float(before[2][k]),
-                after_low=None if after is None else float(after[0][k]),
-                after=None if after is None else float(after[1][k]),
-                after_high=None if after is None else float(after[2][k]),
-                at_bound=bool(edges[0][k]),
-                at_bound_after=bool(edges[1][k]) and after is not None,
+                after_low=later[0],
+                after=later[1],
+                after_high=later[2],
+                at_bound=name in bounds,
+                at_bound_after=name in bounds_after,
             )
         )
     return found
@@ -202,12 +207,6 @@ def _parameters(search: Search) -> list[ParameterOf]:
 def _values(one: Refit) -> list[np.ndarray]:
     """Values and their 90 % intervals (low, value, high), each (unknowns,) [unit of each]."""
     return [one.lin.problem.values(one.lin.z + k * 1.645 * doubted_sd(one.sd)) for k in (-1, 0, 1)]
-
-
-def _on_edge(one: Refit) -> np.ndarray:
-    """Whether each parameter lies on an end of its range, shape (parameters,)."""
-    place = ndtr(one.lin.z[: len(one.lin.problem.system.parameters)])
-    return np.asarray((place < EDGE) | (place > 1 - EDGE))
 
 
 def _detectability(first: Stage) -> list[Detectability]:

@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from diagnosis.gap.decision import Verdict
 
-SCHEMA_VERSION = 5
+SCHEMA_VERSION = 6
 NOTICED = 0.02
 """Candidates of less probability are told together."""
 
@@ -182,6 +182,7 @@ class Report(_Table):
         description="whether the readings that were fitted for the shrinkage would alone have chosen the same effects"
     )
     parameters: list[ParameterOf]
+    constants: list[ParameterOf] = Field(description="factors of the description's uncertain constants")
     detectability: list[Detectability]
     otherwise: list[ConditionOf] = Field(description="what would be seen under better conditions")
     excluded: dict[str, str] = Field(description="candidates that could not be tried, and why")

@@ -48,7 +48,7 @@ def test_a_calibration_from_a_file_has_the_bands_of_one_that_was_just_made(house
     again = forecast(system, path, calibration=tmp_path / "calibration", **common)
     np.testing.assert_allclose(again.high - again.low, fresh.high - fresh.low, rtol=1e-3)
     assert again.report.outputs["room"].covered > 0.8
-    with pytest.raises(RecordingError, match=r"was made with persons measured, which makes 4 unknowns; .* has 5, with"):
+    with pytest.raises(RecordingError, match=r"persons measured and 0 uncertain .* 4 unknowns; .* has 5, with"):
         forecast(system, path, calibration=tmp_path / "calibration", occupancy="unknown", **common)
 
 

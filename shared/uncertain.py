@@ -1,0 +1,48 @@
+"""Constants that are not estimated, but not exactly known either, as the system description declares them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+from pydantic import Field
+
+from shared.signals import Table
+
+
+class Uncertain(Table):
+    """FMU parameters that nobody wants to know and nobody knows exactly: the layers of a floor, say.
+
+    All of them are multiplied by exp(``relative`` * N(0, 1)); their values are those of ``fixed``, or the FMU's own.
+    Simulated datasets keep the values as they are: only measurements come from a building.
+    """
+
+    name: str
+    description: str = ""
+    parameters: list[str] = Field(min_length=1, description="names of FMU parameters, each positive")
+    relative: float = Field(gt=0, le=1, description="standard deviation of the logarithm of their common factor")
+
+
+def fault(declared: Sequence[Uncertain], names: Collection[str], estimated: Collection[str], taken: set[str]) -> str:
+    """What is wrong with uncertain constants in a system, as a sentence; empty if nothing is.
+
+    Parameters
+    ----------
+    names
+        Of everything that has a name of its own already.
+    estimated
+        Names of the estimated parameters.
+    taken
+        FMU parameters that effects, sources and replay set.
+    """
+    names, taken = {*names}, {*taken}
+    for uncertain in declared:
+        if uncertain.name in names:
+            return f"uncertain: {uncertain.name!r} is the name of two things; expected one"
+        names.add(uncertain.name)
+        for one in uncertain.parameters:
+            if one in estimated:
+                return f"uncertain: {uncertain.name!r} holds {one!r}, which is an estimated parameter"
+            if one in taken:
+                return f"uncertain: {uncertain.name!r} holds {one!r}, which is set elsewhere as well"
+            taken.add(one)
+    return ""

@@ -1,0 +1,87 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from datagen import simulate
+from datagen.simulator import Simulator
+from diagnosis.blind.truth import default_truth, load_truth
+from diagnosis.effects.base import Nothing
+from diagnosis.fitting.problem import Problem
+from diagnosis.fitting.unknowns import Unknowns, constants
+from diagnosis.recording import read_recording
+from shared.errors import SystemDescriptionError
+from shared.system import load_system, system_from_canonical
+
+
+@pytest.fixture(scope="module")
+def room():
+    return load_system("fmus/MixedAirCO2").with_experiment(hours=168.0, start=(4300.0, 4300.0))
+
+
+@pytest.fixture(scope="module")
+def simulator(room):
+    return Simulator(room)
+
+
+def test_constants_are_multiplied_between_effects_and_levels(room, simulator):
+    known = constants(room, simulator.fmu)
+    unknown = Unknowns(room, (Nothing("idle", scale=2.0),), known, ())
+    first = len(room.parameters)
+    assert unknown.names[first:] == ["idle", *(one.name for one in room.uncertain)]
+    z = np.zeros(unknown.size)
+    z[first], z[first + 1] = 1.0, 2.0
+    assert unknown.values(z)[first:].tolist() == [2.0, pytest.approx(np.exp(0.6)), 1, 1, 1, 1, 1, 1]
+    given = unknown.parameters(z)
+    # floor.layer[1].C of the FMU is 18829.8 J/(m2.K)
+    assert given["floor.layer[1].C"] == pytest.approx(18829.8 * np.exp(0.6))
+    assert given["floor.layer[1].R"] == pytest.approx(0.126667)
+    assert all(low == -high for low, high in zip(*unknown.bounds, strict=True) if np.isfinite(high))
+
+
+def test_fixed_values_are_what_is_multiplied(room, simulator):
+    other = room.model_copy(update={"fixed": {"floor.layer[1].C": 100.0}})
+    assert constants(other, simulator.fmu)[0].parameters["floor.layer[1].C"] == 100.0
+
+
+def test_what_cannot_be_multiplied_is_told(room):
+    for wrong, says in (("floor.layer[3].C", "with value 0"), ("TRoo", "is a output"), ("nothing", "not a variable")):
+        raw = json.loads(room.canonical())
+        raw["uncertain"] = [{"name": "u", "parameters": [wrong], "relative": 0.1}]
+        with pytest.raises(SystemDescriptionError, match=says):
+            Simulator(system_from_canonical(json.dumps(raw), room.path))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("replay", [False, True])
+def test_finer_walls_do_not_bend_the_parameters(room, simulator, replay, tmp_path):
+    """With held constants, what coarse walls do wrong is taken for solar gain and U-value."""
+    path = tmp_path / "room.nc"
+    data = simulate(room, seed=4000, index=5, out=path)
+    record = read_recording(path, room)
+    walls = load_truth(default_truth(room), room).described(room).with_experiment(step=record.step, hours=168.0)
+    truth = Problem(Simulator(walls), record, occupancy="measured", replay=replay, uncertain=False)
+    values = {name: float(data[name]) for name in room.parameter_names}
+    finer = truth.simulate(truth.unknowns(values))
+    off = {}
+    for uncertain in (False, True):
+        problem = Problem(simulator, record, occupancy="measured", replay=replay, uncertain=uncertain)
+        z = problem.unknowns(values)
+        gap = problem.with_measured(np.where(problem.observed, finer, np.nan))
+        left, jacobian = gap.residuals(z), -gap.jacobian(z, central=True)
+        information = np.eye(problem.size) + jacobian.T @ jacobian
+        moved = np.linalg.solve(information, jacobian.T @ left)  # of the parameters, in prior standard deviations
+        off[uncertain] = (moved / np.sqrt(np.diag(np.linalg.inv(information))))[: len(room.parameters)]
+    assert np.abs(off[False]).max() > 2.0
+    assert np.abs(off[True]).max() < 1.0
+
+
+def test_a_problem_can_hold_them(room, simulator, tmp_path):
+    path = tmp_path / "room.nc"
+    simulate(room, seed=4000, index=1, out=path)
+    record = replace(read_recording(path, room))
+    held = Problem(simulator, record, occupancy="measured", uncertain=False)
+    free = Problem(simulator, record, occupancy="measured")
+    assert free.size - held.size == len(room.uncertain)
+    np.testing.assert_array_equal(free.simulate(np.zeros(free.size)), held.simulate(np.zeros(held.size)))
