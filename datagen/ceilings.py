@@ -15,7 +15,7 @@ where an occupancy input is among the channels: H is left out then.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
@@ -28,6 +28,7 @@ from scipy.linalg import cho_factor, cho_solve
 from datagen.inputs import build_inputs
 from datagen.occupancy import occupancy_prior
 from datagen.package import weather_hashes
+from datagen.pulses import responses
 from datagen.sampling import record_start, sample_parameters, stream
 from datagen.simulator import Simulator
 from datagen.tables import InputTable
@@ -246,13 +247,16 @@ def _window(system: System, context: float, seed: int, index: int) -> Window:
     by_pulse, covariance = np.empty(shape), np.empty((0, 0))
     crowd = [system.input_names.index(name) for name in crowd_inputs(system)]
     if crowd and system.occupancy is not None:
-        base, pulses = outputs(theta, start_states, fine), []
-        for a, b in pairwise(edges):
+        base = outputs(theta, start_states, fine)
+
+        def response(pulses: Sequence[tuple[float, float]]) -> np.ndarray:
             more = fine
             for column in crowd:
-                more = more.with_pulse(column, a, b, 1.0)
-            pulses.append(outputs(theta, start_states, more) - base)
-        by_pulse = np.stack(pulses, axis=-1)
+                for a, b in pulses:
+                    more = more.with_pulse(column, a, b, 1.0)
+            return outputs(theta, start_states, more) - base
+
+        by_pulse = responses(response, list(pairwise(edges)), begin + step * np.arange(1, shape[1] + 1))
         draws = occupancy_prior(system.occupancy, edges, PRIOR_DRAWS, seed)
         covariance = np.cov(draws, rowvar=False)
     return Window(
