@@ -162,6 +162,7 @@ def score(
     results: Path,
     *,
     out: Path,
+    first: int | None = None,
     seed: NotNegative = 0,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
 ) -> int:
@@ -177,6 +178,8 @@ def score(
         Folder that `blind run` wrote.
     out
         The page.
+    first
+        Only so many recordings, from the beginning of the set: of a run that was stopped.
     seed
         Of the bootstraps.
     as_json
@@ -185,7 +188,7 @@ def score(
     from diagnosis.blind.score_report import markdown
     from diagnosis.blind.scoring import score as score_
 
-    done = score_(set_, answers, results, out=out, seed=seed)
+    done = score_(set_, answers, results, out=out, first=first, seed=seed)
     if as_json:
         sys.stdout.write(done.model_dump_json(indent=1) + "\n")
         return OK

@@ -111,10 +111,16 @@ def _reference(done: Score) -> str:
     return "" if found is None else f"{found:.3g} by always saying how often it is right"
 
 
+def of_the_set(done: Score) -> str:
+    """How many recordings were scored."""
+    some = done.recordings < done.planned
+    return f"the first {done.recordings} of {done.planned} recordings" if some else f"{done.recordings} recordings"
+
+
 def markdown(done: Score) -> str:
     """The tables, with what it takes to make them again."""
     parts = [
-        f"{done.recordings} recordings of {done.hours:g} h, seed {done.seed}, {len(done.library)} candidates"
+        f"{of_the_set(done)} of {done.hours:g} h, seed {done.seed}, {len(done.library)} candidates"
         f"{' without ' + ', '.join(done.without) if done.without else ''}; {len(done.failures)} failed."
         " Intervals are 95 %.",
         _table(("figure", "value", "target"), headline(done)),
@@ -151,6 +157,7 @@ def page(done: Score) -> str:
     environment.filters["percent"] = percent
     environment.filters["number"] = number
     return environment.get_template("blind_score.html.j2").render(
+        of_the_set=of_the_set(done),
         score=done,
         headline=headline(done),
         further=further(done),

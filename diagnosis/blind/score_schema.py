@@ -54,9 +54,12 @@ class Where(_Table):
 
 
 class Score(_Table):
-    """All figures; the file's schema is ``schema_version``."""
+    """All figures; the file's schema is ``schema_version``.
 
-    schema_version: int = 5
+    ``recordings`` were scored, of ``planned`` in the set.
+    """
+
+    schema_version: int = 6
     commands: list[str]
     seed: int
     bootstrap_seed: int
@@ -66,6 +69,7 @@ class Score(_Table):
     version: str
     system: str
     recordings: int
+    planned: int = 0
     hours: float
     library: list[str]
     without: list[str]

@@ -23,7 +23,13 @@ from shared.store import sha256_of, write_atomically
 
 
 def score(
-    folder: Path | str, answers: Path | str, results: Path | str, *, out: Path | str | None = None, seed: int = 0
+    folder: Path | str,
+    answers: Path | str,
+    results: Path | str,
+    *,
+    out: Path | str | None = None,
+    first: int | None = None,
+    seed: int = 0,
 ) -> Score:
     """Score the verdicts of a run.
 
@@ -37,6 +43,9 @@ def score(
         What ``blind run`` wrote; of it only ``run.json`` and the verdict files are read.
     out
         The page (HTML); JSON and Markdown are written beside it.
+    first
+        How many recordings are scored, from the beginning of the set; all if not given. For a run that was stopped:
+        how far it comes has nothing to do with how right it is, and the score says that it is of so many.
     seed
         Of the bootstraps.
 
@@ -50,8 +59,13 @@ def score(
     published = read_manifest(folder)
     if run.answers_sha256 != published["answers_sha256"]:
         raise RecordingError(f"{results}: is a run of another set; expected one of {folder}")
-    said = digest(results, [one["file"] for one in published["recordings"]])  # before anything is opened
+    planned = len(published["recordings"])
+    count = planned if first is None else first
+    if not 1 <= count <= planned:
+        raise RecordingError(f"first is {count}; {folder} holds {planned} recordings; expected 1 to {planned}")
+    said = digest(results, [one["file"] for one in published["recordings"][:count]])  # before anything is opened
     opened = open_answers(folder, answers)
+    opened = {**opened, "recordings": opened["recordings"][:count]}
     rows = side_by_side(opened, results, run)
     _same_recordings(rows, folder)
     made = _scored(rows, left_out(rows, results), run, opened, _places(rows, folder, opened["step"]), seed)
@@ -59,7 +73,8 @@ def score(
         update={
             "answers_sha256": sha256_of(Path(answers)),
             "verdicts_sha256": said,
-            "commands": _commands(opened, run, folder, Path(answers), results, out, seed),
+            "planned": planned,
+            "commands": _commands(opened, run, folder, Path(answers), results, out, seed, planned),
         }
     )
     if out is not None:
@@ -217,15 +232,23 @@ def _places(rows: Sequence[Row], folder: Path, step: float) -> list[Hit]:
 
 
 def _commands(
-    opened: dict[str, Any], run: Run, folder: Path, answers: Path, results: Path, out: Path | str | None, seed: int
+    opened: dict[str, Any],
+    run: Run,
+    folder: Path,
+    answers: Path,
+    results: Path,
+    out: Path | str | None,
+    seed: int,
+    planned: int,
 ) -> list[str]:
     """The three commands that make, run and score this set again."""
     count, system = len(opened["recordings"]), f"{run.system_name}/system.toml"
-    make = ["make", folder, "--system", system, "--recordings", count, "--seed", opened["seed"]]
+    make = ["make", folder, "--system", system, "--recordings", planned, "--seed", opened["seed"]]
     made = ["run", system, folder, "--out", results, "--seed", run.settings.get("seed", 0)]
     made += ["--without", *run.without] if run.without else []
     made += ["--leave-one-out"] if (results / "without").exists() else []
     scored = ["score", folder, answers, results, "--out", out or "score.html", "--seed", seed]
+    scored += ["--first", count] if count < planned else []
     make += ["--hours", f"{opened['hours']:g}"]
     return [shlex.join(["diagnosis", "blind", *map(_short, one)]) for one in (make, made, scored)]
 

@@ -1,6 +1,7 @@
 """A second system: a house of two resistances and one capacity, as an FMU of both kinds, and its exact recursion."""
 
 import importlib.util
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -122,11 +123,11 @@ def exact_house(values, outside, sun, persons, heater, start=18.0, q=0.1, parts=
     return np.array(room)
 
 
-@pytest.fixture
-def house_recording(tmp_path):
-    """``house_recording(hours, persons, ...)``: path of a recording that the house's exact recursion made."""
+@pytest.fixture(scope="session")
+def house_recorded():
+    """``house_recorded(folder, hours, persons, ...)``: path of a recording that the house's exact recursion made."""
 
-    def make(hours=240, persons=None, noise=0.05, seed=0, values=None, count=True, before=240):
+    def make(folder, hours=240, persons=None, noise=0.05, seed=0, values=None, count=True, before=240):
         rng = np.random.default_rng(seed)
         outside, sun, heater = weather(rng, hours + before)
         outside[:before] = np.tile(outside[before : before + 24], before // 24)
@@ -141,8 +142,14 @@ def house_recording(tmp_path):
             columns["N"] = (crowd.reshape(-1, 2).mean(axis=1), "1")
         for name, (series, unit) in columns.items():
             data[name] = ("time", series[-hours:], {"units": unit})
-        path = tmp_path / f"house-{seed}.nc"
+        path = folder / f"house-{seed}.nc"
         data.to_netcdf(path)
         return path
 
     return make
+
+
+@pytest.fixture
+def house_recording(house_recorded, tmp_path):
+    """``house_recording(hours, persons, ...)``: such a recording in the test's own folder."""
+    return partial(house_recorded, tmp_path)

@@ -144,10 +144,10 @@ def test_a_recording_that_fails_has_an_outcome(blind_set, default_system, tmp_pa
 def test_processes_that_die_or_hang_lose_one_recording_each(default_system, tmp_path):
     folder, _ = hand_set(tmp_path / "set", default_system, [3.0, 0.0, 3.0, 0.0])
     judge = HandJudge(dies=("0001",), hangs=("0002",))
-    run(default_system, folder, tmp_path / "out", workers=2, judge=judge, limit=40.0, leave_one_out=True)
+    run(default_system, folder, tmp_path / "out", workers=2, judge=judge, limit=20.0, leave_one_out=True)
     assert answers_of(tmp_path / "out", 4) == ["effect", "failed", "failed", "no_gap"]
     assert read_outcome(tmp_path / "out", "recordings/0001.nc").failure == "its process ended with code 17"
-    assert "longer than 40 s" in read_outcome(tmp_path / "out", "recordings/0002.nc").failure
+    assert "longer than 20 s" in read_outcome(tmp_path / "out", "recordings/0002.nc").failure
     assert set(read_withheld(tmp_path / "out", "recordings/0000.nc").outcomes) == {"a", "b"}
     assert read_withheld(tmp_path / "out", "recordings/0001.nc").outcomes == {}
 

@@ -315,6 +315,24 @@ def test_verdicts_of_another_set_and_incomplete_ones_are_refused(scored, tmp_pat
         score(folder, answers, results)
 
 
+def test_a_run_that_was_stopped_is_scored_as_far_as_it_came(scored, tmp_path):
+    folder, answers = write_set(tmp_path / "set", cases())
+    results = write_results(tmp_path / "results", folder, cases())
+    for verdict in sorted((results / "verdicts").glob("*.json"))[5:]:
+        verdict.unlink()
+    done = score(folder, answers, results, first=5, out=tmp_path / "score.html")
+    assert (done.recordings, done.planned) == (5, 12)
+    assert counts(done.false_alarms) == (2, 3)
+    assert counts(done.right) == (2, 5)
+    text = (tmp_path / "score.md").read_text()
+    assert text.startswith("the first 5 of 12 recordings of 96 h, seed 7")
+    assert "score.html --seed 0 --first 5" in text
+    assert "the first 5 of 12 recordings" in (tmp_path / "score.html").read_text()
+    for wrong in (0, 13):
+        with pytest.raises(RecordingError, match=rf"first is {wrong}; .* holds 12 recordings; expected 1 to 12"):
+            score(folder, answers, results, first=wrong)
+
+
 OPENED = """
 import json, sys
 opened = []

@@ -142,7 +142,7 @@ def test_errors_are_as_large_as_the_posterior_says(house, house_recording):
     for seed in range(4):
         rng = np.random.default_rng(100 + seed)
         z = 0.7 * rng.standard_normal(4)
-        values = dict(zip(TRUTH, Unknowns(system, (), ()).values(z), strict=True))
+        values = dict(zip(TRUTH, Unknowns(system, (), (), ()).values(z), strict=True))
         persons = sample_occupancy(system.occupancy, rng, -240 * 3600.0, 144 * 3600.0)
         half_hours = -240 * 3600.0 + 1800 * np.arange(768)
         crowd = np.mean([persons.at(half_hours + 60 * k) for k in range(30)], axis=0)

@@ -47,7 +47,7 @@ def recorded(path, system, *, seed=11, hours=168.0, fmu=None, readings=None):
 def in_the_middle(system, path, *, hours):
     """The system by the hour, and what it does with the middle of the prior, written without noise to ``path``."""
     system = system.with_experiment(step=HOUR, hours=hours)
-    middle = Unknowns(system, (), ()).values(np.zeros(len(system.parameters)))
+    middle = Unknowns(system, (), (), ()).values(np.zeros(len(system.parameters)))
     truth = dict(zip((one.name for one in system.parameters), middle, strict=True))
     simulate(system, parameters=truth, hours=hours, seed=8, out=path)
     return system

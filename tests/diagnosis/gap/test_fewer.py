@@ -7,7 +7,7 @@ import pytest
 
 from diagnosis.gap import diagnose
 from diagnosis.gap.fewer import fewer
-from tests.diagnosis.gap.gap_cases import candidates, drifting
+from tests.diagnosis.gap.gap_cases import candidates
 
 SPENT = {"simulations", "seconds", "cpu_seconds"}
 
@@ -29,9 +29,8 @@ def alike(found, fresh, where=""):
 
 
 @pytest.mark.slow
-def test_without_a_candidate_is_what_a_fresh_diagnosis_without_it_says(house, house_recording):
-    system, path = house("me"), drifting(house_recording(hours=336, seed=3))
-    done = diagnose(system, path, effects=candidates(system))
+def test_without_a_candidate_is_what_a_fresh_diagnosis_without_it_says(house, drifted):
+    system, path, done = house("me"), drifted.path, drifted.done
     assert done.report.verdict == "effect"
     for name in ("drift", "gain"):  # the cause, and one that does not matter
         fewer_ = [one for one in candidates(system) if one.name != name]

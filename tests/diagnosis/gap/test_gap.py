@@ -7,15 +7,12 @@ import pytest
 
 from diagnosis.gap import Report, diagnose
 from diagnosis.gap.decision import LEAST, NOTHING, OUTSIDE
-from tests.diagnosis.gap.gap_cases import candidates, changed, drifting
+from tests.diagnosis.gap.gap_cases import candidates, changed
 
 
 @pytest.mark.slow
-def test_a_drifting_sensor_is_found_told_how_large_and_removed(house, house_recording, tmp_path):
-    system = house("me")
-    path = drifting(house_recording(hours=336, seed=3))
-    done = diagnose(system, path, effects=candidates(system), out=tmp_path / "out")
-    report = done.report
+def test_a_drifting_sensor_is_found_told_how_large_and_removed(drifted):
+    report, out = drifted.done.report, drifted.out
     assert report.verdict == "effect"
     assert [one.name for one in report.effects if one.named] == ["drift"]
     first = report.effects[0]
@@ -28,13 +25,13 @@ def test_a_drifting_sensor_is_found_told_how_large_and_removed(house, house_reco
     assert report.where and report.where[0].p_value <= 0.05
     total = report.none_of_these + report.no_gap + sum(one.probability for one in report.effects)
     assert total == pytest.approx(1.0, abs=1e-6)
-    again = Report.model_validate(json.loads((tmp_path / "out" / "report.json").read_text(encoding="utf-8")))
+    again = Report.model_validate(json.loads((out / "report.json").read_text(encoding="utf-8")))
     assert again == report
-    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    page = (out / "report.html").read_text(encoding="utf-8")
     assert page.count("data:image/png;base64,") >= 6
     assert "http://" not in page and "https://" not in page
     assert page.index(report.summary[0][:20]) < page.index("<img")
-    assert sorted(one.name for one in (tmp_path / "out").iterdir()) == ["report.html", "report.json"]
+    assert sorted(one.name for one in out.iterdir()) == ["report.html", "report.json"]
 
 
 @pytest.mark.slow

@@ -1,0 +1,17 @@
+"""A diagnosis that several tests look at."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from diagnosis.gap import diagnose
+from tests.diagnosis.gap.gap_cases import candidates, drifting
+
+
+@pytest.fixture(scope="session")
+def drifted(house, house_recorded, tmp_path_factory):
+    """A room sensor that drifts: recording, diagnosis, and folder of the report; made once, so leave it as it is."""
+    system, folder = house("me"), tmp_path_factory.mktemp("drifted")
+    path = drifting(house_recorded(folder, hours=336, seed=3))
+    out = folder / "out"
+    return SimpleNamespace(path=path, out=out, done=diagnose(system, path, effects=candidates(system), out=out))
