@@ -17,7 +17,8 @@ class Fitting:
     run: Annotated[
         Path | None,
         Parameter(
-            help="Folder of an estimator, whose estimate is the first start; without one, the middle of the prior."
+            help="Folder of an estimator, whose estimate is the first start; without one, the middle of the prior (for"
+            " `diagnosis run` the estimator beside the system description, if there is one)."
         ),
     ] = None
     replay: Annotated[bool, Parameter(help="The recorded actuators replace the model's control loops.")] = False

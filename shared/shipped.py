@@ -29,3 +29,9 @@ def resolved_estimator(path: Path | str) -> Path:
     path = Path(path)
     folder = resolved(path)
     return path if folder == path else folder / ESTIMATOR
+
+
+def estimator_beside(description: Path) -> Path | None:
+    """The estimator in a folder ``estimator`` beside a system description (TOML), if there is one."""
+    folder = description.parent / ESTIMATOR
+    return folder if (folder / "estimator.json").is_file() else None

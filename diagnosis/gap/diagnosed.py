@@ -10,14 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from datagen.simulator import Simulator
-from diagnosis.calibrating.calibration import estimate
 from diagnosis.calibrating.checks import check_recording
 from diagnosis.effects import Effect, library
-from diagnosis.fitting.fit import Fit, fit
+from diagnosis.fitting.fit import Fit
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.run import Run
 from diagnosis.fitting.side_by_side import InProcess, Outcome, Runner, side_by_side
-from diagnosis.gap.afresh import RESTLESS, ROUNDS
 from diagnosis.gap.apart import Apart, fitted_apart
 from diagnosis.gap.conditions import Otherwise, otherwise
 from diagnosis.gap.decision import Decision, decide, gap_found
@@ -27,11 +25,10 @@ from diagnosis.gap.places import place
 from diagnosis.gap.schema import Report
 from diagnosis.gap.search import Search, search
 from diagnosis.gap.shrinkage import Shrinkage, shrinkages
+from diagnosis.gap.starting import begun
 from diagnosis.recording import HOUR, Recording, read_recording
 from diagnosis.where import Operator, Where
 from shared.system import System, load_system
-
-STARTS = 1
 
 
 class _Held:
@@ -78,7 +75,8 @@ class Diagnosis:
         """
         left = [one for one in self.candidates if one.name not in names]
         clock = time.perf_counter(), time.process_time()
-        return _concluded(self.whole, self.base, left, self.scored, self.seed, clock, tell, self)
+        begun_at = self.report.started_from
+        return _concluded(self.whole, self.base, begun_at, left, self.scored, self.seed, clock, tell, self)
 
 
 def diagnose(
@@ -102,7 +100,8 @@ def diagnose(
     Parameters
     ----------
     run
-        Folder of an estimator, whose zero-shot estimate is the first start; without, the middle of the prior is.
+        Folder of an estimator, whose zero-shot estimate is the first start; without, the estimator beside the system
+        description is asked, if there is one that can read the recording. The middle of the prior is a further start.
     out
         Folder for ``report.json`` and the page ``report.html``, written when all is done.
     replay
@@ -149,9 +148,8 @@ def diagnose(
         )
         scored = kept_for_scoring(record)
         tell("fitting the base model")
-        starts = _starts(whole, run, record, described, seed)
-        base = fit(whole.with_effects(()), starts, rounds=ROUNDS, restless=RESTLESS)
-        done = _concluded(whole, base, candidates, scored, seed, (began, used), tell)
+        base, started_from = begun(whole, run, tell)
+        done = _concluded(whole, base, started_from, candidates, scored, seed, (began, used), tell)
     held.runner = InProcess(simulator)
     if out is not None:
         from diagnosis.gap.page import write_report
@@ -164,6 +162,7 @@ def diagnose(
 def _concluded(
     whole: Problem,
     base: Fit,
+    started_from: str,
     candidates: list[Effect],
     scored: np.ndarray,
     seed: int,
@@ -207,6 +206,7 @@ def _concluded(
         shrinkage = shrinkages(apart, first, found.last.colours, scored, whole.observed, seed=seed)
     report = reported(
         base=base,
+        started_from=started_from,
         search=found,
         decision=decision,
         where=where,
@@ -242,11 +242,3 @@ def _concluded(
         scored,
         seed,
     )
-
-
-def _starts(problem: Problem, run: Path | str | None, record: Recording, system: System, seed: int) -> list[np.ndarray]:
-    """An estimator's estimate; without one the middle of the prior, and draws from it."""
-    if run is not None:
-        return [problem.unknowns(estimate(run, record, system))]
-    others = np.random.default_rng(seed).standard_normal((STARTS - 1, problem.size))
-    return [np.zeros(problem.size), *others]

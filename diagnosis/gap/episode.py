@@ -25,6 +25,9 @@ from diagnosis.where.significance import rank_p
 
 LENGTHS = (1.0, 2.0, 4.0, 8.0, 16.0)
 """Lengths of stretches [h]; each begins half its length after the one before."""
+FEWEST = 2
+"""Readings of a stretch at least. One that is off alone says how the recording began, or that somebody came, or a limit
+was reached, within its step, which the model does at another minute. Twins, the model's own, show none of it."""
 _AT_ONCE = 256
 _LEAST = 0.05
 """Squared length, for an offset of one standard deviation, below which nobody can tell an episode."""
@@ -56,8 +59,6 @@ def largest_episode(grams: Grams, colours: Colours, twins: Twins) -> Episode | N
         Of the same linearised fit and colours.
     """
     left, inner = twins.left, grams.inner.size
-    # somebody who comes and goes within a step is not what the twins show of those who do
-    fewest = 2 if grams.lin.problem.nuisance.guessed.any() else 1
     scores = np.column_stack([twins.product.score[:inner], twins.scores[:inner]])
     most = np.zeros(twins.scores.shape[1])
     factors, found = [], (0.0, 0, slice(0, 1), 0.0)
@@ -66,7 +67,7 @@ def largest_episode(grams: Grams, colours: Colours, twins: Twins) -> Episode | N
         size = float(np.hypot(*colour[:2]))
         columns = grams.whitened_columns(k, colour)[:, :inner]
         rows = np.column_stack([grams.whitened(k, colour, grams.rows[k]), twins.rows[k]])
-        for stretches in _stretches(grams.lin.problem.time, fewest):
+        for stretches in _stretches(grams.lin.problem.time):
             offsets = np.zeros((len(grams.lin.problem.time), len(stretches)))
             for j, one in enumerate(stretches):
                 offsets[one, j] = size
@@ -103,9 +104,10 @@ def largest_episode(grams: Grams, colours: Colours, twins: Twins) -> Episode | N
     )
 
 
-def _stretches(time: np.ndarray, fewest: int) -> Iterator[list[slice]]:
-    """All stretches of so many readings, some at a time: readings may be by the minute."""
+def _stretches(time: np.ndarray) -> Iterator[list[slice]]:
+    """All stretches, some at a time: readings may be by the minute."""
     step, steps = float(time[1] - time[0]), len(time)
+    fewest = FEWEST if step < LENGTHS[-1] * HOUR else 1  # a day is no instant
     lengths = sorted({max(fewest, round(hours * HOUR / step)) for hours in LENGTHS})
     every = [
         slice(begin, begin + length)

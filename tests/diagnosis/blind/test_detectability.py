@@ -33,7 +33,7 @@ def made(simulator, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def problem(simulator, made):
-    return Problem(simulator, read_recording(made[0], simulator.system), occupancy="measured")
+    return Problem(simulator, read_recording(made[0], simulator.system), occupancy="measured", uncertain=False)
 
 
 def answered(answer, system, gap):

@@ -157,11 +157,11 @@ def test_scores_by_hand():
 
 
 def test_a_recording_counts_for_less_than_the_fit_believes_and_the_page_says_so(house, house_recording):
-    """Each parameter's information is divided by four; the prior's, which is one, is not."""
+    """Each parameter's information is divided by 1.5 squared; the prior's, which is one, is not."""
     done = calibrate(house("me"), house_recording(hours=48), starts=1)
-    assert done.report.widened == 2.0
+    assert done.report.widened == 1.5
     stated = np.array(done.report.covariance)
-    np.testing.assert_allclose(np.diag(stated), 1 / (1 + (done.fit.sd**-2 - 1) / 4), rtol=1e-6)
+    np.testing.assert_allclose(np.diag(stated), 1 / (1 + (done.fit.sd**-2 - 1) / 1.5**2), rtol=1e-6)
     np.linalg.cholesky(stated)
     low, high = (
         done.problem.unknowns({one.name: getattr(one, end) for one in done.report.parameters})
@@ -174,7 +174,7 @@ def test_a_recording_counts_for_less_than_the_fit_believes_and_the_page_says_so(
     problem.replay = True
     report = summarise(replace(done.fit, problem=problem), {}, "the middle of the prior")
     said = " ".join(sentences(report))
-    assert "Intervals are about 2 times as wide" in said and "Actuators were replayed" in said
+    assert "Intervals are about 1.5 times as wide" in said and "Actuators were replayed" in said
     said = " ".join(sentences(report.model_copy(update={"occupancy": "unknown"})))
     assert "Nobody counted the persons" in said and "Actuators were replayed" in said
 

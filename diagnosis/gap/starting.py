@@ -1,0 +1,70 @@
+"""The base model's fit, from where a diagnosis begins: an estimator's zero-shot estimate, and the middle of the prior.
+
+Two rounds from the middle of the prior end hundreds in log evidence below the optimum where the controllers are
+simulated, and what is left looks like a gap; from an estimate they reach it. But an estimate knows no gap, and a
+recording that has one may fit better from elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from diagnosis.calibrating.calibration import estimate
+from diagnosis.fitting.fit import Fit, fit
+from diagnosis.fitting.problem import Problem
+from diagnosis.gap.afresh import RESTLESS, ROUNDS
+from shared.errors import EstimatorError, RecordingError, SimulationError
+from shared.shipped import estimator_beside
+
+QUIET = 1.25
+"""Mean square of the standardised residual up to which a fit has nothing to gain from another start."""
+PRIOR = "prior"
+
+
+def begun(problem: Problem, run: Path | str | None, tell: Callable[[str], None]) -> tuple[Fit, str]:
+    """The most plausible fit of the base model, and where it began: the estimator, or ``prior``.
+
+    Parameters
+    ----------
+    problem
+        Before any fit, without effects.
+    run
+        Folder of an estimator; without, the one beside the system description, if it can read the recording.
+
+    Raises
+    ------
+    EstimatorError, RecordingError
+        If the estimator that was given cannot read the recording.
+    SimulationError
+        If the simulation fails at every start.
+    """
+    starts = [(PRIOR, np.zeros(problem.size))]
+    system, recording = problem.system, problem.recording
+    folder = run if run is not None else estimator_beside(system.path)
+    if folder is not None:
+        try:
+            starts.insert(0, (str(folder), problem.unknowns(estimate(folder, recording, system))))
+        except (EstimatorError, RecordingError) as error:
+            if run is not None:
+                raise
+            tell(f"without a zero-shot estimate: {error}")
+    best: tuple[Fit, str] | None = None
+    failure, spent = None, 0
+    for name, start in starts:
+        try:
+            found = fit(problem.with_effects(()), [start], rounds=ROUNDS, restless=RESTLESS)
+        except SimulationError as error:
+            failure = error
+            continue
+        spent += found.simulations
+        if best is None or found.log_evidence > best[0].log_evidence:
+            best = found, name
+        if 2 * best[0].cost < QUIET * len(best[0].residual):
+            break
+    if best is None:
+        raise failure or SimulationError("no start could be simulated; expected one")
+    return replace(best[0], simulations=spent), best[1]

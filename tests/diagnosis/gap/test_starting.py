@@ -1,0 +1,64 @@
+import numpy as np
+import pytest
+
+from datagen import simulate
+from datagen.simulator import Simulator
+from diagnosis.fitting.problem import Problem
+from diagnosis.gap.starting import begun
+from diagnosis.recording import read_recording
+from shared.errors import RecordingError
+from shared.shipped import estimator_beside
+from shared.system import load_system
+from tests.diagnosis.gap.room_cases import noisy
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def problem(tmp_path_factory):
+    """A counted week of a room whose parameters lie far from the middle of their prior."""
+    system = load_system("fmus/MixedAirCO2").with_experiment(hours=168.0, start=(500.0, 500.0))
+    path = tmp_path_factory.mktemp("starting") / "room.nc"
+    simulate(system, seed=4000, index=5, out=path)
+    record = noisy(read_recording(path, system), system, 5)
+    return Problem(Simulator(system.with_experiment(step=record.step)), record, occupancy="measured")
+
+
+def test_the_estimator_beside_the_description_is_asked_and_the_better_fit_is_kept(problem, monkeypatch):
+    told = []
+    found, name = begun(problem, None, told.append)
+    assert name.endswith("estimator") and not told
+    assert 2 * found.cost < 1.25 * len(found.residual)  # it explains the recording
+    monkeypatch.setattr("diagnosis.gap.starting.estimator_beside", lambda _: None)
+    plain, prior = begun(problem, None, told.append)
+    assert prior == "prior"
+    assert found.log_evidence > plain.log_evidence - 1.0
+
+
+def test_an_estimate_that_leads_nowhere_gives_way_to_the_prior(problem, monkeypatch):
+    far = dict(zip(problem.names, problem.values(3.5 * np.ones(problem.size)), strict=True))
+    monkeypatch.setattr("diagnosis.gap.starting.estimate", lambda *_: far)
+    monkeypatch.setattr("diagnosis.gap.starting.ROUNDS", 1)
+    monkeypatch.setattr("diagnosis.gap.starting.RESTLESS", 0)
+    both = begun(problem, None, lambda _: None)
+    monkeypatch.setattr("diagnosis.gap.starting.estimator_beside", lambda _: None)
+    alone = begun(problem, None, lambda _: None)
+    assert both[0].log_evidence >= alone[0].log_evidence
+    assert both[0].simulations >= alone[0].simulations
+
+
+def test_an_estimator_that_cannot_read_the_recording_is_told_or_refused(problem, monkeypatch):
+    def refuse(*_):
+        raise RecordingError("room.nc: has no channel 'TSet'")
+
+    monkeypatch.setattr("diagnosis.gap.starting.estimate", refuse)
+    told = []
+    _, name = begun(problem, None, told.append)
+    assert name == "prior" and told == ["without a zero-shot estimate: room.nc: has no channel 'TSet'"]
+    with pytest.raises(RecordingError, match="no channel"):
+        begun(problem, "somewhere", told.append)
+
+
+def test_a_folder_without_an_estimator_is_none(tmp_path):
+    (tmp_path / "estimator").mkdir()
+    assert estimator_beside(tmp_path / "system.toml") is None
