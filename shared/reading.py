@@ -139,6 +139,7 @@ def parse_toml(text: str, where: str, error: type[ZeroshotError]) -> dict[str, A
             raise ValueError("a key has 64 parts or more")
         found = tomllib.loads(text)
         _check_depth(found)
+        _check_integers(found)
     except (ValueError, RecursionError) as cause:
         raise error(f"{where}: not valid TOML: {why(cause)}") from None
     return found
@@ -169,6 +170,17 @@ def _check_depth(found: Any) -> None:
         if not level:
             return
     raise ValueError(f"nested more than {DEEPEST} levels deep")
+
+
+def _check_integers(found: Any) -> None:
+    """Refuse integers of more than the 64 bits that TOML has: hexadecimal ones may be too long to be said."""
+    left = [found]
+    while left:
+        one = left.pop()
+        if isinstance(one, dict | list):
+            left += one.values() if isinstance(one, dict) else one
+        elif isinstance(one, int) and one.bit_length() > 63:
+            raise ValueError(f"an integer has {one.bit_length()} bits; expected 63 at most and a sign")
 
 
 def check_columns(text: str, separator: str, where: str, error: type[ZeroshotError]) -> None:

@@ -94,6 +94,8 @@ def test_hostile_json_is_a_sentence(text):
         "a" + ".a" * 100_000 + " = 1",
         "[" + "'a' . " * 500 + "a]",
         "a = " + "9" * 5000,
+        "a = [0x" + "f" * 5000 + "]",
+        "a = 9223372036854775808",
         "a = 1979-13-45",
         "a = 1\na = 2",
         "\0",
@@ -113,7 +115,7 @@ def test_a_number_that_cannot_be_written_can_be_said():
     assert len(shown(deep)) < 300
 
 
-@pytest.mark.parametrize("value", ["nan", "inf", "-inf", "1e999", "0x" + "f" * 5000])
+@pytest.mark.parametrize("value", ["nan", "inf", "-inf", "1e999"])
 def test_numbers_of_a_description_are_finite(value):
     text = (cases_shared.ROOM / "system.toml").read_text(encoding="utf-8")
     line = next(one for one in text.splitlines() if one.startswith("tolerance = "))
