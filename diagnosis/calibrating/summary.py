@@ -54,7 +54,7 @@ def summarise(found: Fit, zero_shot: dict[str, float], started_from: str) -> Cal
             low=float(low[k]),
             high=float(high[k]),
         )
-        for k, one in enumerate(system.uncertain, first)
+        for k, one in enumerate(system.uncertain if problem.constants else (), first)
     ]
     correlation = covariance / np.outer(sd, sd)
     pairs = [

@@ -1,8 +1,8 @@
 """The unknowns of a problem: standard normal numbers, and the values that they stand for.
 
 Uncertain constants are among them because a model is right to no better than what it takes for granted. The layers of
-a floor, known to a third, bend solar gain and U-value by several posterior standard deviations if they are held; as
-unknowns they cost the parameters a fifth of their certainty (docs/measurements.md).
+a floor, known to a third, put parameters off by one to two posterior standard deviations if they are held; as unknowns
+they cost the parameters a fifth of their certainty (docs/measurements.md).
 """
 
 from __future__ import annotations

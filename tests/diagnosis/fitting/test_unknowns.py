@@ -1,5 +1,4 @@
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -80,7 +79,7 @@ def test_finer_walls_do_not_bend_the_parameters(room, simulator, replay, tmp_pat
 def test_a_problem_can_hold_them(room, simulator, tmp_path):
     path = tmp_path / "room.nc"
     simulate(room, seed=4000, index=1, out=path)
-    record = replace(read_recording(path, room))
+    record = read_recording(path, room)
     held = Problem(simulator, record, occupancy="measured", uncertain=False)
     free = Problem(simulator, record, occupancy="measured")
     assert free.size - held.size == len(room.uncertain)
