@@ -3,7 +3,8 @@
 A base model without its cause bends its parameters, and who was in the room, to make up for it. A refit that begins
 there goes along straight lines, and where the persons were not counted, or meters drive the model, it can stay far from
 the optimum: then another effect fits better that is not the cause, or none does. So a candidate that could be the cause
-is fitted from the middle of the prior as well, with the amplitude that the refit found.
+is also fitted from where the base model's fit began (:mod:`diagnosis.gap.starting`), with the amplitude that the refit
+found.
 """
 
 from __future__ import annotations
@@ -34,8 +35,10 @@ def bent(one: Refit, there: Refit) -> bool:
     return abs(there.evidence - one.evidence) > BENT
 
 
-def fitted_afresh(plain: Problem, one: Refit, observed: np.ndarray, colours: dict[int, Colour]) -> Refit | None:
-    """The effects of a refit, fitted from the middle of the prior and from the refit's amplitudes.
+def fitted_afresh(
+    plain: Problem, one: Refit, observed: np.ndarray, colours: dict[int, Colour], begin: np.ndarray | None = None
+) -> Refit | None:
+    """The effects of a refit, fitted from another start and from the refit's amplitudes.
 
     Parameters
     ----------
@@ -45,6 +48,8 @@ def fitted_afresh(plain: Problem, one: Refit, observed: np.ndarray, colours: dic
         Readings that count, shape (outputs, steps).
     colours
         By channel, of the stage at which the refit was made.
+    begin
+        Unknowns without effects, shape (unknowns,); the middle of the prior if not given.
 
     Returns
     -------
@@ -52,9 +57,10 @@ def fitted_afresh(plain: Problem, one: Refit, observed: np.ndarray, colours: dic
         Nothing where the simulation fails.
     """
     problem = plain.with_effects(one.lin.chosen)
-    start = np.zeros(problem.size)
     first = len(problem.system.parameters)
-    start[first : first + len(one.lin.chosen)] = one.lin.amplitudes
+    rest = problem.size - len(one.lin.chosen)
+    begin = np.zeros(rest) if begin is None else begin
+    start = np.concatenate([begin[:first], one.lin.amplitudes, begin[first:]])
     try:
         found = fit(problem.with_observed(observed), [start], rounds=ROUNDS, restless=RESTLESS)
         wider, around, _ = widened(found)

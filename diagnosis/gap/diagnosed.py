@@ -25,7 +25,7 @@ from diagnosis.gap.places import place
 from diagnosis.gap.schema import Report
 from diagnosis.gap.search import Search, search
 from diagnosis.gap.shrinkage import Shrinkage, shrinkages
-from diagnosis.gap.starting import begun
+from diagnosis.gap.starting import Begun, begun
 from diagnosis.recording import HOUR, Recording, read_recording
 from diagnosis.where import Operator, Where
 from shared.system import System, load_system
@@ -53,7 +53,7 @@ class Diagnosis:
 
     report: Report
     whole: Problem
-    base: Fit
+    origin: Begun
     candidates: list[Effect]
     search: Search
     decision: Decision
@@ -75,8 +75,12 @@ class Diagnosis:
         """
         left = [one for one in self.candidates if one.name not in names]
         clock = time.perf_counter(), time.process_time()
-        begun_at = self.report.started_from
-        return _concluded(self.whole, self.base, begun_at, left, self.scored, self.seed, clock, tell, self)
+        return _concluded(self.whole, self.origin, left, self.scored, self.seed, clock, tell, self)
+
+    @property
+    def base(self) -> Fit:
+        """The base model's fit."""
+        return self.origin.fit
 
 
 def diagnose(
@@ -148,8 +152,8 @@ def diagnose(
         )
         scored = kept_for_scoring(record)
         tell("fitting the base model")
-        base, started_from = begun(whole, run, tell)
-        done = _concluded(whole, base, started_from, candidates, scored, seed, (began, used), tell)
+        origin = begun(whole, run, tell)
+        done = _concluded(whole, origin, candidates, scored, seed, (began, used), tell)
     held.runner = InProcess(simulator)
     if out is not None:
         from diagnosis.gap.page import write_report
@@ -161,8 +165,7 @@ def diagnose(
 
 def _concluded(
     whole: Problem,
-    base: Fit,
-    started_from: str,
+    origin: Begun,
     candidates: list[Effect],
     scored: np.ndarray,
     seed: int,
@@ -173,11 +176,13 @@ def _concluded(
     """What follows from the base model's fit; ``clock`` is when the diagnosis began: wall and processor time [s]."""
     from diagnosis.gap.reporting import reported
 
+    base = origin.fit
     found = search(
         base,
         candidates,
         whole.observed,
         whole.floor,
+        begin=origin.start,
         seed=seed,
         tell=tell,
         known=None if known is None else known.search,
@@ -206,7 +211,7 @@ def _concluded(
         shrinkage = shrinkages(apart, first, found.last.colours, scored, whole.observed, seed=seed)
     report = reported(
         base=base,
-        started_from=started_from,
+        started_from=origin.name,
         search=found,
         decision=decision,
         where=where,
@@ -228,7 +233,7 @@ def _concluded(
     return Diagnosis(
         report,
         whole,
-        base,
+        origin,
         candidates,
         found,
         decision,

@@ -19,7 +19,7 @@ from scipy.special import logsumexp
 
 from diagnosis.fitting.noise import HOUR
 from diagnosis.gap.colours import SIZES, Colours
-from diagnosis.gap.grams import Grams
+from diagnosis.gap.grams import Colour, Grams
 from diagnosis.gap.twins import Twins
 from diagnosis.where.significance import rank_p
 
@@ -28,6 +28,8 @@ LENGTHS = (1.0, 2.0, 4.0, 8.0, 16.0)
 FEWEST = 2
 """Readings of a stretch at least. One that is off alone says how the recording began, or that somebody came, or a limit
 was reached, within its step, which the model does at another minute. Twins, the model's own, show none of it."""
+FEW = 4
+"""Of a stretch of so many readings none may explain more alone than all together: then it is that one that is off."""
 _AT_ONCE = 256
 _LEAST = 0.05
 """Squared length, for an offset of one standard deviation, below which nobody can tell an episode."""
@@ -58,29 +60,23 @@ def largest_episode(grams: Grams, colours: Colours, twins: Twins) -> Episode | N
     twins
         Of the same linearised fit and colours.
     """
-    left, inner = twins.left, grams.inner.size
-    scores = np.column_stack([twins.product.score[:inner], twins.scores[:inner]])
     most = np.zeros(twins.scores.shape[1])
     factors, found = [], (0.0, 0, slice(0, 1), 0.0)
     for k in grams.channels:
-        colour = colours.best[k]
-        size = float(np.hypot(*colour[:2]))
-        columns = grams.whitened_columns(k, colour)[:, :inner]
-        rows = np.column_stack([grams.whitened(k, colour, grams.rows[k]), twins.rows[k]])
+        channel = _Channel(grams, colours.best[k], twins, k)
+        alone = channel.alone() if channel.few else None
         for stretches in _stretches(grams.lin.problem.time):
-            offsets = np.zeros((len(grams.lin.problem.time), len(stretches)))
-            for j, one in enumerate(stretches):
-                offsets[one, j] = size
-            white = grams.whitened(k, colour, offsets)
-            across = columns.T @ white
-            imitated = cho_solve((left.root, True), across)
-            length = np.sum(white**2, axis=0) - np.sum(across * imitated, axis=0)
-            score = white.T @ rows - imitated.T @ scores
+            length, score = channel.asked(stretches)
             kept = length > _LEAST
             if not kept.any():
                 continue
-            length, score = length[kept], score[kept]
-            ratio = 0.5 * score**2 / length[:, None]
+            ratio = 0.5 * score**2 / np.maximum(length, _LEAST)[:, None]
+            if alone is not None:
+                for j in np.flatnonzero(kept):
+                    if stretches[j].stop - stretches[j].start <= FEW:
+                        beaten = alone[stretches[j]].max(axis=0) > ratio[j] * (1 + 1e-9)
+                        ratio[j, beaten] = score[j, beaten] = 0.0
+            length, score, ratio = length[kept], score[kept], ratio[kept]
             most = np.maximum(most, ratio[:, 1:].max(axis=0))
             for sd in SIZES:
                 precision = length + 1 / sd**2
@@ -88,7 +84,7 @@ def largest_episode(grams: Grams, colours: Colours, twins: Twins) -> Episode | N
             best = int(np.argmax(ratio[:, 0]))
             if ratio[best, 0] > found[0]:
                 stretch = stretches[int(np.flatnonzero(kept)[best])]
-                found = (float(ratio[best, 0]), k, stretch, float(score[best, 0] / length[best]) * size)
+                found = (float(ratio[best, 0]), k, stretch, float(score[best, 0] / length[best]) * channel.size)
     if not factors:
         return None
     ratio_, k, stretch, offset = found
@@ -102,6 +98,43 @@ def largest_episode(grams: Grams, colours: Colours, twins: Twins) -> Episode | N
         p_value=float(rank_p(np.array([ratio_]), most)[0]),
         gain=float(logsumexp(every) - np.log(len(every))),
     )
+
+
+class _Channel:
+    """One channel's whitened columns and readings, of the recording and of its twins."""
+
+    def __init__(self, grams: Grams, colour: Colour, twins: Twins, k: int) -> None:
+        self.grams, self.colour, self.left, inner = grams, colour, twins.left, grams.inner.size
+        self.size = float(np.hypot(*colour[:2]))
+        self.columns = grams.whitened_columns(k, colour)[:, :inner]
+        self.rows = np.column_stack([grams.whitened(k, colour, grams.rows[k]), twins.rows[k]])
+        self.scores = np.column_stack([twins.product.score[:inner], twins.scores[:inner]])
+        self.k, self.time = k, grams.lin.problem.time
+
+    @property
+    def few(self) -> bool:
+        """Whether the shortest stretches have few readings."""
+        return LENGTHS[0] * HOUR / float(self.time[1] - self.time[0]) <= FEW
+
+    def asked(self, stretches: list[slice]) -> tuple[np.ndarray, np.ndarray]:
+        """Squared lengths (stretches,) of offsets of one size, and their scores (stretches, 1 + twins)."""
+        offsets = np.zeros((len(self.time), len(stretches)))
+        for j, one in enumerate(stretches):
+            offsets[one, j] = self.size
+        white = self.grams.whitened(self.k, self.colour, offsets)
+        across = self.columns.T @ white
+        imitated = cho_solve((self.left.root, True), across)
+        length = np.sum(white**2, axis=0) - np.sum(across * imitated, axis=0)
+        return length, white.T @ self.rows - imitated.T @ self.scores
+
+    def alone(self) -> np.ndarray:
+        """Log-likelihood ratios of an offset of each reading alone, shape (steps, 1 + twins)."""
+        found = []
+        for begin in range(0, len(self.time), _AT_ONCE):
+            some = [slice(i, i + 1) for i in range(begin, min(begin + _AT_ONCE, len(self.time)))]
+            length, score = self.asked(some)
+            found.append(np.where(length[:, None] > _LEAST, 0.5 * score**2 / np.maximum(length, _LEAST)[:, None], 0.0))
+        return np.concatenate(found)
 
 
 def _stretches(time: np.ndarray) -> Iterator[list[slice]]:

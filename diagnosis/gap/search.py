@@ -51,13 +51,15 @@ class Search:
 
     ``tried``: at each stage all refits before some were fitted afresh.
     ``confirmed``: whether what the straight line found at first is there in a refit, or in the residual itself.
-    ``plain``: the base model's problem before its nuisances were widened.
+    ``plain``: the base model's problem before its nuisances were widened, ``begin`` (unknowns,) where its fit began:
+    the middle of the prior if None.
     ``simulations`` in all of the search; ``made``: refits and linearisations by the stages that led to them.
     """
 
     stages: list[Stage]
     base: Refit
     plain: Problem
+    begin: np.ndarray | None = None
     refits: list[list[Refit]] = field(default_factory=list)
     tried: list[list[Refit]] = field(default_factory=list)
     excluded: dict[str, str] = field(default_factory=dict)
@@ -99,6 +101,7 @@ def search(
     observed: np.ndarray,
     size: np.ndarray,
     *,
+    begin: np.ndarray | None = None,
     seed: int = 0,
     tell: Tell = print,
     known: Search | None = None,
@@ -113,6 +116,8 @@ def search(
         Readings that count, shape (outputs, steps).
     size
         Standard deviation of one reading's error, shape (outputs,) [unit of each].
+    begin
+        Unknowns where the fit began, shape (unknowns,); the middle of the prior if not given.
     known
         A search from the same fit among these candidates and others; what does not depend on the others is taken
         from it.
@@ -139,7 +144,7 @@ def search(
             one, lin = other, among(other, usable)
             stage = examine(lin, observed, size, seed=seed)
             count += lin.simulations
-    found = Search([stage], one, base.problem, excluded=why, simulations=count, made=made)
+    found = Search([stage], one, base.problem, begin, excluded=why, simulations=count, made=made)
     found.excluded |= dict.fromkeys(lin.failed, "its simulation fails")
     while len(found.chosen) < MOST_EFFECTS:
         stage = found.last
@@ -241,11 +246,11 @@ def contended(refits: list[Refit], stage: Stage, found: Search, tell: Tell) -> t
 
 
 def afresh(one: Refit, stage: Stage, found: Search, tell: Tell) -> Refit | None:
-    """A refit's effects fitted from the middle of the prior, once."""
+    """A refit's effects fitted from where the base model's fit began, once."""
     key = (found.path, one.names, "afresh")
     if key not in found.made:
         tell(f"fitting afresh with {one.names[-1]}")
-        made = found.made[key] = fitted_afresh(found.plain, one, stage.grams.observed, stage.colours.best)
+        made = found.made[key] = fitted_afresh(found.plain, one, stage.grams.observed, stage.colours.best, found.begin)
         found.simulations += made.simulations if made is not None else 0
     return found.made[key]
 

@@ -8,7 +8,7 @@ recording that has one may fit better from elsewhere.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,8 +25,17 @@ QUIET = 1.25
 PRIOR = "prior"
 
 
-def begun(problem: Problem, run: Path | str | None, tell: Callable[[str], None]) -> tuple[Fit, str]:
-    """The most plausible fit of the base model, and where it began: the estimator, or ``prior``.
+@dataclass(frozen=True)
+class Begun:
+    """The base model's fit, and where it began: ``name``, and unknowns ``start`` (unknowns of the fit,)."""
+
+    fit: Fit
+    name: str
+    start: np.ndarray
+
+
+def begun(problem: Problem, run: Path | str | None, tell: Callable[[str], None]) -> Begun:
+    """The most plausible fit of the base model, begun at the estimator's estimate or at the middle of the prior.
 
     Parameters
     ----------
@@ -52,7 +61,7 @@ def begun(problem: Problem, run: Path | str | None, tell: Callable[[str], None])
             if run is not None:
                 raise
             tell(f"without a zero-shot estimate: {error}")
-    best: tuple[Fit, str] | None = None
+    best: Begun | None = None
     failure, spent = None, 0
     for name, start in starts:
         try:
@@ -61,10 +70,10 @@ def begun(problem: Problem, run: Path | str | None, tell: Callable[[str], None])
             failure = error
             continue
         spent += found.simulations
-        if best is None or found.log_evidence > best[0].log_evidence:
-            best = found, name
-        if 2 * best[0].cost < QUIET * len(best[0].residual):
+        if best is None or found.log_evidence > best.fit.log_evidence:
+            best = Begun(found, name, start)
+        if 2 * best.fit.cost < QUIET * len(best.fit.residual):
             break
     if best is None:
         raise failure or SimulationError("no start could be simulated; expected one")
-    return replace(best[0], simulations=spent), best[1]
+    return replace(best, fit=replace(best.fit, simulations=spent))

@@ -98,9 +98,11 @@ def test_one_reading_of_an_hour_is_no_episode():
     lin.residual[1, 30:32] += 20.0
     both = found_in(lin, every)
     assert (both.first, both.last) == (30, 31)
+    assert both.gain > 20
     lin.residual[1, 31] -= 20.0
     one = found_in(lin, every)
-    assert one.last > one.first
+    assert not (one.channel == 1 and one.first <= 30 <= one.last <= one.first + 3)
+    assert one.gain < 5
     assert one.ratio < 0.5 * both.ratio
 
 

@@ -86,7 +86,7 @@ def contend(monkeypatch):
 
         monkeypatch.setattr(searching, "fitted_afresh", afresh)
         stage = SimpleNamespace(grams=SimpleNamespace(observed=None), colours=SimpleNamespace(best={}))
-        found = SimpleNamespace(path="here", made={}, simulations=0, chosen=chosen, plain=None)
+        found = SimpleNamespace(path="here", made={}, simulations=0, chosen=chosen, plain=None, begin=None)
         refits = [worth(name, value) for name, value in here.items()]
         left, best = searching.contended(refits, stage, found, lambda _: None)
         return [(one.names[0], one.evidence) for one in left], (best.names[0], best.evidence), found.simulations

@@ -26,13 +26,15 @@ def problem(tmp_path_factory):
 
 def test_the_estimator_beside_the_description_is_asked_and_the_better_fit_is_kept(problem, monkeypatch):
     told = []
-    found, name = begun(problem, None, told.append)
-    assert name.endswith("estimator") and not told
+    one = begun(problem, None, told.append)
+    found = one.fit
+    assert one.name.endswith("estimator") and not told
+    assert np.abs(one.start[:8]).max() > 0.1
     assert 2 * found.cost < 1.25 * len(found.residual)  # it explains the recording
     monkeypatch.setattr("diagnosis.gap.starting.estimator_beside", lambda _: None)
-    plain, prior = begun(problem, None, told.append)
-    assert prior == "prior"
-    assert found.log_evidence > plain.log_evidence - 1.0
+    plain = begun(problem, None, told.append)
+    assert plain.name == "prior" and not plain.start.any()
+    assert found.log_evidence > plain.fit.log_evidence - 1.0
 
 
 def test_an_estimate_that_leads_nowhere_gives_way_to_the_prior(problem, monkeypatch):
@@ -43,8 +45,8 @@ def test_an_estimate_that_leads_nowhere_gives_way_to_the_prior(problem, monkeypa
     both = begun(problem, None, lambda _: None)
     monkeypatch.setattr("diagnosis.gap.starting.estimator_beside", lambda _: None)
     alone = begun(problem, None, lambda _: None)
-    assert both[0].log_evidence >= alone[0].log_evidence
-    assert both[0].simulations >= alone[0].simulations
+    assert both.fit.log_evidence >= alone.fit.log_evidence
+    assert both.fit.simulations >= alone.fit.simulations
 
 
 def test_an_estimator_that_cannot_read_the_recording_is_told_or_refused(problem, monkeypatch):
@@ -53,8 +55,8 @@ def test_an_estimator_that_cannot_read_the_recording_is_told_or_refused(problem,
 
     monkeypatch.setattr("diagnosis.gap.starting.estimate", refuse)
     told = []
-    _, name = begun(problem, None, told.append)
-    assert name == "prior" and told == ["without a zero-shot estimate: room.nc: has no channel 'TSet'"]
+    assert begun(problem, None, told.append).name == "prior"
+    assert told == ["without a zero-shot estimate: room.nc: has no channel 'TSet'"]
     with pytest.raises(RecordingError, match="no channel"):
         begun(problem, "somewhere", told.append)
 
