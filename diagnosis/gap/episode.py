@@ -30,6 +30,10 @@ FEWEST = 2
 was reached, within its step, which the model does at another minute. Twins, the model's own, show none of it."""
 FEW = 4
 """Of a stretch of so many readings none may explain more alone than all together: then it is that one that is off."""
+BEGINNING = 6.0
+"""Hours at the beginning of a recording in which no stretch begins: a room whose days before were unlike the first one
+begins elsewhere than the model does, and a controller that is at its limit then makes more of it than the history's
+straight line."""
 _AT_ONCE = 256
 _LEAST = 0.05
 """Squared length, for an offset of one standard deviation, below which nobody can tell an episode."""
@@ -138,14 +142,16 @@ class _Channel:
 
 
 def _stretches(time: np.ndarray) -> Iterator[list[slice]]:
-    """All stretches, some at a time: readings may be by the minute."""
+    """All stretches but those of the beginning, some at a time: readings may be by the minute."""
     step, steps = float(time[1] - time[0]), len(time)
     fewest = FEWEST if step < LENGTHS[-1] * HOUR else 1  # a day is no instant
+    earliest = int(np.ceil(BEGINNING * HOUR / step))
     lengths = sorted({max(fewest, round(hours * HOUR / step)) for hours in LENGTHS})
     every = [
         slice(begin, begin + length)
         for length in lengths
         for begin in range(0, steps - length + 1, max(1, length // 2))
+        if begin >= earliest
     ]
     for begin in range(0, len(every), _AT_ONCE):
         yield every[begin : begin + _AT_ONCE]

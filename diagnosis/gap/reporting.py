@@ -275,6 +275,7 @@ def _stages(search: Search, where: Where, where_left: Where | None) -> list[Stag
                 effects=[one.name for one in stage.lin.chosen],
                 best=stage.scan.effects[best].name if best is not None else None,
                 ratio=float(stage.scan.ratio[best]) if best is not None else 0.0,
+                evidence=float(stage.scan.evidence.max(initial=0.0)),
                 p_value=stage.scan.p_value,
                 misfit_p=stage.scan.misfit_p,
                 where_p=p,

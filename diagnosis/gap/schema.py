@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from diagnosis.gap.decision import Verdict
 
-SCHEMA_VERSION = 6
+SCHEMA_VERSION = 7
 NOTICED = 0.02
 """Candidates of less probability are told together."""
 
@@ -133,7 +133,8 @@ class ConditionOf(_Table):
 class StageOf(_Table):
     """One stage of the search.
 
-    With which effects, and the best further candidate; p of the best candidate (family-wise), p of the residual's whole
+    With which effects, and the best further candidate; the largest log Bayes factor of a candidate on a straight line
+    (``evidence``), p of the best candidate (family-wise), p of the residual's whole
     square, p of where the residual lies, p of the stretch of one channel that reads off the most, and how much log
     evidence a discrepancy without a cause would still gain: slow or for a while (``left_over``), and for a while.
     """
@@ -141,6 +142,7 @@ class StageOf(_Table):
     effects: list[str]
     best: str | None
     ratio: float
+    evidence: float
     p_value: float
     misfit_p: float
     where_p: float | None

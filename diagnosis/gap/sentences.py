@@ -5,7 +5,7 @@ from __future__ import annotations
 from statistics import median
 
 from diagnosis.gap.schema import NamedEffect, Report
-from diagnosis.gap.stages import LEVEL
+from diagnosis.gap.stages import LEVEL, PLAIN
 
 CHECKED = (
     "In the last five blind checks, of versions close to this one and 920 one-week recordings of the default room, 268"
@@ -49,7 +49,7 @@ def _nowhere(report: Report) -> str:
     where_p = 1.0 if first.where_p is None else first.where_p
     chances = f"(p = {first.p_value:.2g} over all candidates, {where_p:.2g} over all places)"
     seemed = []
-    if first.p_value <= LEVEL:
+    if first.p_value <= LEVEL or first.evidence >= PLAIN:
         seemed.append(
             "a candidate stands out where the model is taken for a straight line, but fitted with the parameters none"
             " is strong evidence"

@@ -106,6 +106,21 @@ def test_one_reading_of_an_hour_is_no_episode():
     assert one.ratio < 0.5 * both.ratio
 
 
+def test_how_a_recording_begins_is_no_episode():
+    rng = np.random.default_rng(17)
+    lin = problem_of(rng)
+    every = np.ones(lin.residual.shape, dtype=bool)
+    noise = drawn(rng, lin, COLOURS)
+    gains = []
+    for first in (0, 3, 8):
+        lin.residual = noise.copy()
+        lin.residual[1, first : first + 3] += 20.0
+        one = found_in(lin, every)
+        assert one.first >= 6
+        gains.append(one.gain)
+    assert gains[0] < 5 and gains[1] < 5 < 20 < gains[2]
+
+
 @pytest.mark.parametrize("why", ["no stretch is as short", "parameters imitate all of them"])
 def test_nothing_to_see_is_none(why):
     rng = np.random.default_rng(15)
@@ -161,3 +176,11 @@ def test_an_episode_comes_after_cells_that_are_as_sure_and_by_its_size_among_oth
     listed = _places(SimpleNamespace(findings=found), stage, {"TRoo": 0.1})
     assert len(listed) == len(found) + 1
     assert listed[0].kind == first
+
+
+@pytest.mark.parametrize(
+    ("p_value", "evidence", "found"), [(0.02, 1.0, True), (0.021, 9.9, False), (0.021, 10.1, True), (1.0, None, False)]
+)
+def test_a_candidate_is_found_by_its_twins_or_by_plain_evidence(p_value, evidence, found):
+    scan = SimpleNamespace(p_value=p_value, evidence=np.array([] if evidence is None else [0.0, evidence]))
+    assert replace(stage_of(None), scan=scan).candidate_found is found

@@ -107,6 +107,7 @@ def stage(p_value, where_p, effects=()):
         effects=list(effects),
         best="fan",
         ratio=5.0,
+        evidence=2.0,
         p_value=p_value,
         misfit_p=0.9,
         where_p=where_p,
