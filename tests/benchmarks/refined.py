@@ -7,7 +7,8 @@ noise, with all outputs or without those of ``--without``. From each window ``tr
 ``diagnosis calibrate --starts 1`` goes on from there with persons unknown. Printed for each condition and parameter: R2
 over the rooms of both and of their mean, with 90 % intervals by room, and how alike their errors are: where two unlike
 methods err in the same rooms in the same way, it is the data that do not tell. Beside them belongs the
-limit of ``datagen identifiability`` (docs/estimators.md). Take a seed that nothing was developed on.
+limit of ``datagen identifiability`` (docs/estimators.md). With ``--truth`` the same fit also begins at the true
+parameters, as nobody can: what it then still misses, no start mends. Take a seed that nothing was developed on.
 """
 
 from __future__ import annotations
@@ -23,11 +24,14 @@ from intervals import QUANTILE, noisy
 from resumed import resumed
 
 from datagen import simulate
+from datagen.simulator import Simulator
 from diagnosis.calibrating.calibration import calibrate
-from diagnosis.recording import read_recording
+from diagnosis.fitting.fit import fit
+from diagnosis.fitting.problem import Problem
+from diagnosis.recording import HOUR, Recording, read_recording
 from shared.errors import ZeroshotError
 from shared.metrics import bootstrap_by_system, r2
-from shared.system import load_system
+from shared.system import System, load_system
 
 
 def made(case: dict[str, Any]) -> dict[str, Any]:
@@ -49,11 +53,12 @@ def made(case: dict[str, Any]) -> dict[str, Any]:
             system, record, run=case["run"], occupancy="unknown", noise=case["noise"], starts=1,
             estimate_noise=case["noise"] != "none",
         )  # fmt: skip
+        spent = time.process_time() - began
+        known = from_truth(system, record, truth, case["noise"]) if case["truth"] else {}
     except ZeroshotError as error:
         return {"error": str(error)}
     finally:
         path.unlink()
-    spent = time.process_time() - began
     told = {one.name: one for one in done.report.parameters}
     count = len(truth)
     off = done.fit.z[:count] - done.problem.unknowns(truth)[:count]
@@ -61,6 +66,7 @@ def made(case: dict[str, Any]) -> dict[str, Any]:
         "truth": truth,
         "zero-shot": {name: told[name].zero_shot for name in truth},
         "calibrated": {name: told[name].value for name in truth},
+        "from truth": known,
         "error": None,
         "off": (off / np.sqrt(np.diag(done.report.covariance))[:count]).tolist(),
         "converged": done.report.converged,
@@ -69,20 +75,32 @@ def made(case: dict[str, Any]) -> dict[str, Any]:
     }
 
 
+def from_truth(system: System, record: Recording, truth: dict[str, float], noise: str) -> dict[str, float]:
+    """Parameters that a fit ends at which begins at the true ones and knows the constants, as the limit does."""
+    simulator = Simulator(system.with_experiment(step=record.step, hours=len(record.time) * record.step / HOUR))
+    problem = Problem(simulator, record, noise=noise, occupancy="unknown", uncertain=False)
+    found = fit(problem, [problem.unknowns(truth)], estimate_noise=noise != "none")
+    values = problem.values(found.z).tolist()
+    return dict(zip(truth, values[: len(truth)], strict=True))
+
+
 def table(rows: list[dict[str, Any]], title: str) -> None:
     """Print R2 of both by parameter."""
     some = [row for row in rows if row["error"] is None]
+    extra = ["from truth"] if some and some[0].get("from truth") else []
     if len(some) < 2:
         print(f"\n{title}: {len(some)} of {len(rows)} could be calibrated")
         return
     names = list(some[0]["truth"])
-    truth, alone, refined = (
-        np.array([[row[key][name] for name in names] for row in some]) for key in ("truth", "zero-shot", "calibrated")
+    truth, alone, refined, *known = (
+        np.array([[row[key][name] for name in names] for row in some])
+        for key in ("truth", "zero-shot", "calibrated", *extra)
     )
 
     def scores(which: np.ndarray) -> np.ndarray:
-        each = [r2(truth[which], one[which]) for one in (alone, refined, 0.5 * (alone + refined))]
-        return np.array([[*one, one.mean()] for one in [*each, each[1] - each[0]]])
+        ones = (alone, refined, 0.5 * (alone + refined), *known)
+        each = [r2(truth[which], one[which]) for one in ones]
+        return np.array([[*one, one.mean()] for one in [*each[:3], each[1] - each[0], *each[3:]]])
 
     found = scores(np.arange(len(some)))
     low, high = bootstrap_by_system(np.arange(len(some)), scores)
@@ -93,12 +111,15 @@ def table(rows: list[dict[str, Any]], title: str) -> None:
         f" median {np.median([row['simulations'] for row in some]):.0f} simulations,"
         f" {np.median([row['seconds'] for row in some]):.0f} s\n\n"
         "| parameter | zero-shot | calibrated | mean of both | gained by calibrating | correlation of the errors "
-        "| 90 % intervals that hold |\n|---|---|---|---|---|---|---|"
+        f"| 90 % intervals that hold |{' begun at the truth |' * len(extra)}\n|{'---|' * (7 + len(extra))}"
     )
     alike = [np.corrcoef(alone[:, k] - truth[:, k], refined[:, k] - truth[:, k])[0, 1] for k in range(len(names))]
     for k, name in enumerate([*names, "mean"]):
         cells = [f"{found[m, k]:.2f} [{low[m, k]:.2f}, {high[m, k]:.2f}]" for m in range(4)]
-        print(f"| {name} | {' | '.join(cells)} | {[*alike, np.mean(alike)][k]:.2f} | {100 * held[k]:.0f}% |")
+        print(
+            f"| {name} | {' | '.join(cells)} | {[*alike, np.mean(alike)][k]:.2f} | {100 * held[k]:.0f}% |"
+            + "".join(f" {found[4, k]:.2f} [{low[4, k]:.2f}, {high[4, k]:.2f}] |" for _ in extra)
+        )
 
 
 def main() -> None:
@@ -111,11 +132,13 @@ def main() -> None:
     parser.add_argument("--seed", type=int, required=True, help="root seed; take one that nothing was developed on")
     parser.add_argument("--noise", nargs="+", default=["sensor", "none"])
     parser.add_argument("--without", nargs="*", default=[], help="outputs that were not measured, for a second set")
+    parser.add_argument("--truth", action="store_true", help="also fit from the true parameters")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("refined"))
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
-    common = {"system": str(options.system), "run": str(options.run), "hours": options.hours, "seed": options.seed}
+    common = {"system": str(options.system), "run": str(options.run), "hours": options.hours, "seed": options.seed,
+              "truth": options.truth}  # fmt: skip
     sets = [[], options.without] if options.without else [[]]
     conditions = [(noise, without) for noise in options.noise for without in sets]
     cases = [
