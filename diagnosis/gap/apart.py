@@ -48,7 +48,7 @@ def fitted_apart(found: Search, fitted: np.ndarray) -> Apart:
     """
     counts, made = [], []
     for until in (found.stages[:1], found.stages):
-        stage, key = until[-1], (replace(found, stages=until).path, "apart")
+        stage, key = until[-1], (replace(found, stages=until).path, "apart", fitted.tobytes())
         if key not in found.made:
             lin, size = stage.lin, stage.lin.problem.floor
             one = settled(

@@ -1,4 +1,4 @@
-"""The whole diagnosis of a week of the default room under every condition: what it says holds, and what limits it."""
+"""The whole diagnosis of four days of the default room under every condition: what it says holds, what limits it."""
 
 import json
 from functools import cache
@@ -11,6 +11,7 @@ from diagnosis.gap import Report, diagnose
 from tests.diagnosis.gap.room_cases import ROOM, recorded, room, some
 
 FEW = ("infiltration.constant", "bridge", "heater.derated", "sensor.CO2.gain", "sensor.temperature.drift", "mixing")
+HOURS = 96.0
 
 
 def held_together(report):
@@ -32,13 +33,13 @@ def held_together(report):
 
 @cache
 def drifting(folder):
-    """A room whose sensor of temperature drifts by three kelvin in the week."""
+    """A room whose sensor of temperature drifts by three kelvin in them."""
 
     def readings(outputs, time):
         outputs[0] += 3.0 * (time - time[0]) / (time[-1] - time[0])
         return outputs
 
-    return recorded(folder / "drifting.nc", room(), readings=readings)
+    return recorded(folder / "drifting.nc", room(), hours=HOURS, readings=readings)
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +91,7 @@ def test_an_effect_is_named_beside_one_that_a_parameter_imitates(folder):
         outputs[1] += 0.5 * (outputs[1] - 420.0)
         return outputs
 
-    record = recorded(folder / "two.nc", room(), fmu={"effect.heater.derate": 0.8}, readings=readings)
+    record = recorded(folder / "two.nc", room(), hours=HOURS, fmu={"effect.heater.derate": 0.8}, readings=readings)
     report = diagnose(room(), record, effects=some(room(), *FEW)).report
     assert "heater.derated" in held_together(report)
 
@@ -98,7 +99,7 @@ def test_an_effect_is_named_beside_one_that_a_parameter_imitates(folder):
 @pytest.mark.slow
 def test_the_command_begins_with_the_shipped_estimator(folder, capsys):
     path = folder / "command.nc"
-    recorded(path, room(), fmu={"effect.heater.derate": 0.7})
+    recorded(path, room(), hours=HOURS, fmu={"effect.heater.derate": 0.7})
     words = ["run", ROOM, str(path), "--out", str(folder / "out"), "--run", "MixedAirCO2", "--json"]
     assert app(words) == 0
     report = Report.model_validate_json(capsys.readouterr().out)
