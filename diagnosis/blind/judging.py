@@ -8,12 +8,10 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from functools import cached_property
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-import datagen
-import diagnosis
-import shared
 from diagnosis.blind.verdicts import Moved, Place, Shrunk, Sized, Verdict
 from shared.system import System
 
@@ -140,10 +138,13 @@ def verdict_of(report: Report) -> Verdict:
 def program() -> str:
     """The sha256 of all source that a verdict depends on, so that two programs' verdicts are not mixed."""
     whole = hashlib.sha256()
-    for package in (shared, datagen, diagnosis):
-        root = Path(str(package.__file__)).parent
+    for package in ("shared", "datagen", "trainer", "diagnosis"):
+        found = find_spec(package)
+        if found is None or found.origin is None:
+            continue
+        root = Path(found.origin).parent
         for path in sorted(root.rglob("*.py")):
             inside = path.relative_to(root).as_posix()
             if not inside.startswith("blind/"):
-                whole.update(f"{package.__name__}/{inside}\n".encode() + path.read_bytes())
+                whole.update(f"{package}/{inside}\n".encode() + path.read_bytes())
     return whole.hexdigest()

@@ -164,19 +164,16 @@ def brier_of_answers(rows: Sequence[Row], seed: int = 0) -> Figure:
     return figure(np.array(scores), seed=seed)
 
 
+def _ratio(totals: np.ndarray, over: int, under: int) -> np.ndarray:
+    """Ratio of two columns of sums (draws, columns); NaN where the second is zero."""
+    below = totals[:, under]
+    return np.where(below > 0, totals[:, over] / np.maximum(below, 1.0), np.nan)
+
+
 def _reliability(said: list[list[tuple[float, bool]]], seed: int) -> Reliability:
     """Bins of statements that come in groups, one for each recording; groups are drawn in the bootstrap."""
     flat = np.array([one for group in said for one in group], dtype=float).reshape(-1, 2)
     place = np.clip(np.digitize(flat[:, 0], CHANCES) - 1, 0, len(CHANCES) - 2)
-    bins = [
-        Bin(
-            low=CHANCES[k],
-            high=CHANCES[k + 1],
-            said=float(flat[place == k, 0].mean()) if (place == k).any() else None,
-            happened=share(flat[place == k, 1] > 0.5),
-        )
-        for k in range(len(CHANCES) - 1)
-    ]
     # per recording: by bin the number, the sum of what was said and of what happened; and the squared errors
     count = len(CHANCES) - 1
     sums = np.zeros((len(said), 3 * count + 1))
@@ -187,6 +184,24 @@ def _reliability(said: list[list[tuple[float, bool]]], seed: int) -> Reliability
             sums[i, [place[j], count + place[j], 2 * count + place[j]]] += [1.0, p, true]
             sums[i, -1] += (p - true) ** 2
         start += len(group)
+
+    def happened(k: int) -> Share:
+        """Of several statements of one recording the recordings are drawn, not the statements."""
+        found = share(flat[place == k, 1] > 0.5)
+        if not found.n or max(len(group) for group in said) <= 1:
+            return found
+        drawn = figure(sums, lambda rows: _ratio(rows.sum(axis=1), 2 * count + k, k), seed=seed)
+        return found.model_copy(update={"low": drawn.low, "high": drawn.high})
+
+    bins = [
+        Bin(
+            low=CHANCES[k],
+            high=CHANCES[k + 1],
+            said=float(flat[place == k, 0].mean()) if (place == k).any() else None,
+            happened=happened(k),
+        )
+        for k in range(count)
+    ]
 
     def brier(rows: np.ndarray) -> np.ndarray:
         return np.asarray(rows[:, :, -1].sum(axis=1) / np.maximum(rows[:, :, :count].sum(axis=(1, 2)), 1.0))

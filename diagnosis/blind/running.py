@@ -27,6 +27,7 @@ from shared import __version__
 from shared.errors import RecordingError, SystemDescriptionError
 from shared.interrupts import interrupts_held
 from shared.logs import fields, logger
+from shared.shipped import estimator_beside
 from shared.store import sha256_of
 from shared.system import System, load_system
 
@@ -108,7 +109,8 @@ def run(
             "estimator": None if estimator is None else str(estimator),
             "seed": seed,
             "chance": CHANCE,
-            "effects": _hash(described),
+            "declared": _hash(described),
+            "estimator_files": _files(estimator if estimator is not None else estimator_beside(described.path)),
         },
         version=__version__,
         program=program(),
@@ -205,9 +207,18 @@ def _begin(results: Path, asked: Run) -> None:
 
 
 def _hash(system: System) -> str:
-    """The sha256 of the declared effects, which are no part of the system's own hash."""
-    declared = [one.model_dump(mode="json") for one in system.effects]
+    """The sha256 of all that is declared for a diagnosis and is no part of the system's own hash."""
+    tables = (system.effects, system.uncertain, system.sources, system.outputs)
+    declared = [[one.model_dump(mode="json") for one in table] for table in tables]
     return hashlib.sha256(json.dumps(declared, sort_keys=True).encode()).hexdigest()
+
+
+def _files(folder: Path | str | None) -> str | None:
+    """The sha256 of an estimator's files; None without one."""
+    if folder is None:
+        return None
+    files = sorted(path for path in Path(folder).rglob("*") if path.is_file())
+    return hashlib.sha256("".join(sha256_of(path) for path in files).encode()).hexdigest()
 
 
 def _check(system: System, folder: Path, manifest: dict[str, Any]) -> None:

@@ -245,6 +245,7 @@ def _commands(
     count, system = len(opened["recordings"]), f"{run.system_name}/system.toml"
     make = ["make", folder, "--system", system, "--recordings", planned, "--seed", opened["seed"]]
     made = ["run", system, folder, "--out", results, "--seed", run.settings.get("seed", 0)]
+    made += ["--run", run.settings["estimator"]] if run.settings.get("estimator") else []
     made += ["--without", *run.without] if run.without else []
     made += ["--leave-one-out"] if (results / "without").exists() else []
     scored = ["score", folder, answers, results, "--out", out or "score.html", "--seed", seed]

@@ -66,7 +66,8 @@ def removed(rows: Sequence[Row], limits: Limits) -> tuple[list[Removed], list[Lo
     """Shares of recordings with causes of the library, in the channels where the gap can be seen; and those without.
 
     The oracle knows cause and amplitude and takes the whole sealed gap away, but for what recordings without any effect
-    have as well (the truth's finer walls; the median of those with the same actuators): 1 - structural^2 / gap^2.
+    have as well (the truth's finer walls; the median of those with the same actuators): 1 - structural^2 / gap^2. A
+    share above one, where what is left is below the noise that was assumed, is all of the gap and no more.
     """
     found, lost = [], []
     for row in rows:
@@ -79,7 +80,7 @@ def removed(rows: Sequence[Row], limits: Limits) -> tuple[list[Removed], list[Lo
             if share is None:
                 lost.append((row, channel))
             else:
-                found.append(Removed(row, channel, max(share, WORST), oracle))
+                found.append(Removed(row, channel, min(max(share, WORST), 1.0), oracle))
     return found, lost
 
 

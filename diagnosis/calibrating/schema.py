@@ -76,10 +76,10 @@ class Calibration(_Table):
 
     ``covariance`` (unknowns, unknowns) is that of the posterior in which the recording counts for 1 / ``widened``^2 of
     what it is worth to the model: see :mod:`diagnosis.fitting.doubt`. Schema 2 added ``explained`` to the outputs,
-    schema 3 ``constants``, which are among the unknowns since.
+    schema 3 ``constants``, which are among the unknowns since, and schema 4 the hash of the readings that were fitted.
     """
 
-    schema_version: int = 3
+    schema_version: int = 4
     system: str
     system_hash: str
     fmu_sha256: str
@@ -87,6 +87,7 @@ class Calibration(_Table):
     steps: int
     step: float
     start: float
+    readings_sha256: str = ""
     replay: bool
     occupancy: str
     assumed: dict[str, str]

@@ -9,7 +9,7 @@ import numpy as np
 from diagnosis.calibrating.schema import Calibration, Channel, Constant, Pair, Parameter
 from diagnosis.fitting.doubt import DOUBT, doubted
 from diagnosis.fitting.fit import Fit
-from diagnosis.recording import HOUR
+from diagnosis.recording import HOUR, readings_hash
 from diagnosis.scores import score
 
 TOLD = (0.5, 0.9)
@@ -70,6 +70,7 @@ def summarise(found: Fit, zero_shot: dict[str, float], started_from: str) -> Cal
         steps=len(problem.time),
         step=problem.recording.step,
         start=problem.recording.start,
+        readings_sha256=readings_hash(problem.recording, len(problem.time)),
         replay=problem.replay,
         occupancy=problem.occupancy,
         assumed=problem.drive.assumed,

@@ -162,7 +162,8 @@ def fit(
         stays, near = near and moved < MOVED, near or moved < NEAR
         if estimate_noise and (near or round_ == 1):
             noise = _noise(problem, z, around)
-            stays = stays and _same(noise, problem.noise)
+            same = _same(noise, problem.noise)
+            stays, bent = stays and same, bent if same else None
             problem = _go_on(problem, noise)
             around = replace(around, marginal=problem.marginal(around.response))
         if stays:
@@ -197,8 +198,8 @@ def _best_start(problem: Problem, starts: list[np.ndarray], around: Linearisatio
         return starts[0]
     best: tuple[float, np.ndarray] | None = None
     for start in starts:
-        z, _ = solved(problem, start, around, None, most=5)
         try:
+            z, _ = solved(problem, start, around, None, most=5)
             residual = problem.residuals(z, around)
         except SimulationError:
             continue

@@ -19,7 +19,7 @@ from diagnosis.fitting.noise import NoiseModel, errors_under
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.renewing import renewed
 from diagnosis.fitting.side_by_side import side_by_side
-from diagnosis.recording import DAY, HOUR, Recording, read_recording
+from diagnosis.recording import DAY, HOUR, Recording, read_recording, readings_hash
 from diagnosis.scores import Score, score
 from shared.errors import RecordingError, SimulationError
 from shared.system import System, load_system
@@ -160,6 +160,7 @@ def forecast(
                 f" constants, which makes {len(z)} unknowns; the forecast has {problem.size}, with persons"
                 f" {problem.occupancy} and {len(problem.constants)} constants: give both the same occupancy and system"
             )
+        _check_constants(report, problem, z)
         seen = np.zeros(problem.observed.shape, dtype=bool)
         seen[:, :split] = True
         centre, made = _ensemble(problem.with_observed(seen), z, covariance, draws, seed)
@@ -215,11 +216,25 @@ def _steps(record: Recording, hours: float) -> int:
 def _check_unseen(report: Calibration, record: Recording, context: float) -> None:
     """Refuse a calibration on what is to be forecast: scores would be those of a fit."""
     seen = (report.start + report.steps * report.step - record.start) / HOUR
-    if Path(report.recording).resolve() == record.path.resolve() and seen > context + 1e-6:
+    same = Path(report.recording).resolve() == record.path.resolve()
+    if report.start == record.start and report.step == record.step:  # a copy, or from another working directory
+        same = same or report.readings_sha256 == readings_hash(record, report.steps)
+    if same and seen > context + 1e-6:
         raise RecordingError(
             f"{record.path}: its first {seen:g} h are what the given calibration was made from; expected one that has"
             f" seen no more than the {context:g} h of the context, or none, to calibrate on the context"
         )
+
+
+def _check_constants(report: Calibration, problem: Problem, z: np.ndarray) -> None:
+    """Refuse a calibration whose uncertain constants are not the description's: they are no part of its hash."""
+    factors = problem.values(z)[problem.unknown.places_of_constants]
+    for told, one, factor in zip(report.constants, problem.constants, factors, strict=True):
+        if told.name != one.name or not np.isclose(told.factor, factor, rtol=1e-6):
+            raise RecordingError(
+                f"the calibration's uncertain constant {told.name!r} is {told.factor:.4g}; the description has"
+                f" {one.name!r} there, which makes it {float(factor):.4g}: expected the same uncertain constants"
+            )
 
 
 def _noise_of(report: Calibration, system: System, preset: str) -> NoiseModel:

@@ -63,7 +63,7 @@ def fitted_afresh(
     start = np.concatenate([begin[:first], one.lin.amplitudes, begin[first:]])
     try:
         found = fit(problem.with_observed(observed), [start], rounds=ROUNDS, restless=RESTLESS)
-        wider, around, _ = widened(found)
+        wider, around, _ = widened(found.problem, found.around)
         there = refit(Grams(linearised(wider, found.z, around), observed), colours, found.z, ())
         made = settled(wider, found.z, around, observed, wider.floor, colours, renewals=0)
     except SimulationError:

@@ -19,6 +19,7 @@ from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.pruning import pruned
 from diagnosis.gap.grams import Colour, Grams, projected
 from diagnosis.gap.linear import Linearised, applicable, felt_nuisance, linearised
+from diagnosis.gap.nuisances import widened
 from diagnosis.gap.stages import Stage
 from shared.errors import RecordingError, SimulationError
 
@@ -94,8 +95,9 @@ def _controlled(whole: Problem, z: np.ndarray, candidates: Sequence[Effect]) -> 
         warm_up=whole.drive.start - whole.drive.begin,
         runner=whole.runner,
     )
-    problem, around = pruned(problem, problem.linearise(z))
+    plain, around = pruned(problem, problem.linearise(z))
+    problem, around, count = widened(plain, around)  # as wide as the recording's own
     usable, _ = applicable(problem, candidates)
     lin = linearised(problem, z, around, usable)
-    whole.simulations += problem.simulations + lin.simulations
+    whole.simulations += plain.simulations + count + lin.simulations
     return problem, lin

@@ -193,14 +193,14 @@ def _concluded(
     counted = problem.simulations
     if known is None:
         sources, unknown = operators(problem, first.lin.z, first.lin.around.heights)
-        spent = base.simulations - whole.simulations
+        spent = -whole.simulations
         better = otherwise(first, whole, candidates)
         spent += whole.simulations
     else:
         sources, unknown, better, spent = known.sources, known.unknown, known.otherwise, 0
     where = place(first, whole.observed, sources)
     if found.chosen and not gap_found(first, where.p_value, found.confirmed):
-        found = replace(found, stages=[first], refits=[])
+        found = replace(found, stages=[first], refits=[], settled=[])
     where_left = place(found.last, whole.observed, []) if found.chosen else None
     decision = decide(found, where.p_value, where_left.p_value if where_left is not None else where.p_value)
     apart, shrinkage = None, []

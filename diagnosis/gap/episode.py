@@ -26,10 +26,11 @@ from diagnosis.where.significance import rank_p
 LENGTHS = (1.0, 2.0, 4.0, 8.0, 16.0)
 """Lengths of stretches [h]; each begins half its length after the one before."""
 FEWEST = 2
-"""Readings of a stretch at least. One that is off alone says how the recording began, or that somebody came, or a limit
-was reached, within its step, which the model does at another minute. Twins, the model's own, show none of it."""
+"""Readings of a stretch at least, lost ones not counted. One that is off alone says how the recording began, or that
+somebody came, or a limit was reached, within its step, which the model does at another minute. Twins, the model's own,
+show none of it."""
 FEW = 4
-"""Of a stretch of so many readings none may explain more alone than all together: then it is that one that is off."""
+"""Where an hour has so few readings, none of a stretch may explain more alone than all of it: then it is that one."""
 BEGINNING = 6.0
 """Hours at the beginning of a recording in which no stretch begins: a room whose days before were unlike the first one
 begins elsewhere than the model does, and a controller that is at its limit then makes more of it than the history's
@@ -66,20 +67,22 @@ def largest_episode(grams: Grams, colours: Colours, twins: Twins) -> Episode | N
     """
     most = np.zeros(twins.scores.shape[1])
     factors, found = [], (0.0, 0, slice(0, 1), 0.0)
+    step = float(grams.lin.problem.time[1] - grams.lin.problem.time[0])
     for k in grams.channels:
         channel = _Channel(grams, colours.best[k], twins, k)
         alone = channel.alone() if channel.few else None
+        readings = np.concatenate([[0], np.cumsum(grams.observed[k])])
         for stretches in _stretches(grams.lin.problem.time):
             length, score = channel.asked(stretches)
-            kept = length > _LEAST
+            count = np.array([readings[one.stop] - readings[one.start] for one in stretches])
+            kept = (length > _LEAST) & (count >= (fewest(step) if channel.few else FEW + 1))
             if not kept.any():
                 continue
             ratio = 0.5 * score**2 / np.maximum(length, _LEAST)[:, None]
             if alone is not None:
                 for j in np.flatnonzero(kept):
-                    if stretches[j].stop - stretches[j].start <= FEW:
-                        beaten = alone[stretches[j]].max(axis=0) > ratio[j] * (1 + 1e-9)
-                        ratio[j, beaten] = score[j, beaten] = 0.0
+                    beaten = alone[stretches[j]].max(axis=0) > ratio[j] * (1 + 1e-9)
+                    ratio[j, beaten] = score[j, beaten] = 0.0
             length, score, ratio = length[kept], score[kept], ratio[kept]
             most = np.maximum(most, ratio[:, 1:].max(axis=0))
             for sd in SIZES:
@@ -141,12 +144,16 @@ class _Channel:
         return np.concatenate(found)
 
 
+def fewest(step: float) -> int:
+    """Readings that a stretch has at least; a day is no instant."""
+    return FEWEST if step < LENGTHS[-1] * HOUR else 1
+
+
 def _stretches(time: np.ndarray) -> Iterator[list[slice]]:
     """All stretches but those of the beginning, some at a time: readings may be by the minute."""
     step, steps = float(time[1] - time[0]), len(time)
-    fewest = FEWEST if step < LENGTHS[-1] * HOUR else 1  # a day is no instant
     earliest = int(np.ceil(BEGINNING * HOUR / step))
-    lengths = sorted({max(fewest, round(hours * HOUR / step)) for hours in LENGTHS})
+    lengths = sorted({max(fewest(step), round(hours * HOUR / step)) for hours in LENGTHS})
     every = [
         slice(begin, begin + length)
         for length in lengths

@@ -108,7 +108,7 @@ def linearised(
 
     low, high = problem.bounds
     none = np.zeros(len(effects))
-    cases, widths = [full(z, none)], []
+    cases, widths, aheads = [full(z, none)], [], []
     for k in range(0 if by_unknown is not None else problem.size):
         up, down = z.copy(), z.copy()
         up[k], down[k] = min(z[k] + STEP, high[k]), max(z[k] - STEP, low[k])
@@ -121,6 +121,7 @@ def linearised(
         up[k], down[k] = min(WIDTH, effect.upper / effect.scale), max(-WIDTH, effect.lower / effect.scale)
         cases += [full(z, up), full(z, down)]
         widths.append(up[k] - down[k])
+        aheads.append(up[k])
     base, *made = _simulated(library, cases, around.heights)
     if base is None:
         raise SimulationError("the simulation fails at the fit itself; expected one that reaches its end")
@@ -130,7 +131,9 @@ def linearised(
         up_, down_ = made[2 * k], made[2 * k + 1]
         if up_ is not None and down_ is not None:
             both = k >= count and not (up_ is base or down_ is base)
-            columns.append(_secant(problem, base, up_, down_, width) if both else (up_ - down_) / width)
+            columns.append(
+                _secant(problem, base, up_, down_, aheads[k - count], width) if both else (up_ - down_) / width
+            )
             continue
         place = first + k - count if k >= count else k if k < first else k + len(effects)
         whole = full(z, none)
@@ -159,8 +162,12 @@ def linearised(
     )
 
 
-def _secant(problem: Problem, base: np.ndarray, up: np.ndarray, down: np.ndarray, width: float) -> np.ndarray:
+def _secant(
+    problem: Problem, base: np.ndarray, up: np.ndarray, down: np.ndarray, forward: float, width: float
+) -> np.ndarray:
     """Derivative by an amplitude of either sign, shape (outputs, steps) [unit of each].
+
+    ``forward``: how far ``up`` is from ``base`` [scales]; ``width``: from ``down``.
 
     What is late and what is early can move different readings (a timetable that switches on the hour). Where the two
     sides differ, the side whose signature the residual resembles more is the one that counts.
@@ -172,7 +179,7 @@ def _secant(problem: Problem, base: np.ndarray, up: np.ndarray, down: np.ndarray
     if ahead @ behind > ALIKE * np.sqrt(sizes.prod()):
         return np.asarray((up - down) / width)
     gains = np.array([max(left @ ahead, 0.0), max(-(left @ behind), 0.0)]) ** 2 / np.maximum(sizes, 1e-12)
-    return np.asarray((up - base if gains[0] >= gains[1] else base - down) / (0.5 * width))
+    return np.asarray((up - base) / forward if gains[0] >= gains[1] else (base - down) / (width - forward))
 
 
 def felt_nuisance(problem: Problem, around: Linearisation) -> tuple[np.ndarray, np.ndarray]:

@@ -13,7 +13,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.fitting.fit import Fit
 from diagnosis.fitting.linearisation import Linearisation
 from diagnosis.fitting.meters import Cleared
 from diagnosis.fitting.nuisance import FIELDS, Nuisance, responses
@@ -26,21 +25,22 @@ WITHIN = 2.0
 """By how much the prior of changes within a step is widened."""
 
 
-def widened(base: Fit) -> tuple[Problem, Linearisation, int]:
-    """A fit's problem and linearisation with nuisances as wide as they are, and the simulations that took."""
-    problem, around = base.problem.with_effects(base.problem.effects), base.around
+def widened(problem: Problem, around: Linearisation) -> tuple[Problem, Linearisation, int]:
+    """A problem and its linearisation with nuisances as wide as they are, and the simulations that took."""
+    problem = problem.with_effects(problem.effects)
     nuisance = problem.nuisance
     wider = np.where(nuisance.turns, WITHIN, 1.0)[:, None]
     problem.nuisance = replace(nuisance, factor=nuisance.factor * wider)
     columns = np.abs(nuisance.factor[nuisance.turns]).any(axis=0)  # they share none with other pulses
     around = replace(around, nuisance=np.where(columns, around.nuisance / WITHIN, around.nuisance))
     system, driven = problem.system, problem.drive
+    pulse = max(PULSE, problem.recording.step)
     for place, one in enumerate(system.inputs):
         if one.source == "occupancy" and (problem.nuisance.turns & (problem.nuisance.column == place)).any():
             problem, around = _joined(problem, around, _late(problem.nuisance, place), None)
     for place, one in enumerate(system.inputs):
         if one.name in driven.meters:
-            edges = np.append(np.arange(driven.start, driven.stop - 1.0, PULSE), driven.stop)
+            edges = np.append(np.arange(driven.start, driven.stop - 1.0, pulse), driven.stop)
             pulses = _meter(edges, place, driven.meters[one.name], problem.recording)
             problem, around = _joined(problem, around, pulses, FOLLOWED)
     return problem, around, problem.simulations

@@ -117,8 +117,8 @@ def _effects(search: Search, decision: Decision) -> list[NamedEffect]:
             name = one.names[-1]
             if name in told or name not in fitted:  # a candidate of an earlier set is told as what it was there
                 fitted[name] = _amplitude(one, name)
-    for name in search.refits[-1][0].names if search.refits else ():  # chosen together, fitted together
-        fitted[name] = _amplitude(search.refits[-1][0], name)
+    for name in search.settled[-1].names if search.settled else ():  # chosen together, fitted together
+        fitted[name] = _amplitude(search.settled[-1], name)
     found = []
     for effect in search.stages[0].lin.effects:
         known = fitted.get(effect.name)
@@ -183,7 +183,7 @@ def _before_and_after(search: Search, first: int, names: list[tuple[str, str]]) 
     before, bounds = _values(one), set(one.at_bound)
     after, bounds_after, shift = None, set[str](), 0
     if search.chosen:
-        one = search.refits[-1][0]
+        one = search.settled[-1]
         after, bounds_after = _values(one), set(one.at_bound)
         shift = len(search.chosen) if first else 0
     found = []

@@ -49,6 +49,7 @@ Tell = Callable[[str], None]
 class Search:
     """All stages, the base model's fit, the refits made at each stage (best first), and why candidates were not tried.
 
+    ``settled``: the best refit of each stage as the next stage has it, simulated anew where it came to.
     ``tried``: at each stage all refits before some were fitted afresh.
     ``confirmed``: whether what the straight line found at first is there in a refit, or in the residual itself.
     ``plain``: the base model's problem before its nuisances were widened, ``begin`` (unknowns,) where its fit began:
@@ -61,6 +62,7 @@ class Search:
     plain: Problem
     begin: np.ndarray | None = None
     refits: list[list[Refit]] = field(default_factory=list)
+    settled: list[Refit] = field(default_factory=list)
     tried: list[list[Refit]] = field(default_factory=list)
     excluded: dict[str, str] = field(default_factory=dict)
     confirmed: bool = True
@@ -165,6 +167,7 @@ def search(
             break
         found.stages.append(after)
         found.refits.append(refits)
+        found.settled.append(best)
         found.tried.append(tried)
     return found
 
@@ -181,7 +184,7 @@ def told(before: Stage, refits: list[Refit], after: Stage, tried: list[Refit]) -
 
 def settled_base(base: Fit, observed: np.ndarray, size: np.ndarray) -> Refit:
     """A fit with its nuisances as wide as they are, linearised where it then is."""
-    problem, around, count = widened(base)
+    problem, around, count = widened(base.problem, base.around)
     one = settled(problem, base.z, around, observed, size)
     return replace(one, simulations=one.simulations + count)
 

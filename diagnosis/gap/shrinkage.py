@@ -2,7 +2,8 @@
 
 The gap of a channel is the mean square of its residual beyond what noise alone leaves; the share that the effect
 removes is held against placebos: random smooth signatures of the same size and freedom, which mean nothing.
-Intervals are those of a moving-block bootstrap (Kuensch 1989) of whole days.
+Intervals are those of a moving-block bootstrap (Kuensch 1989) of whole days, or of shorter blocks where few days are
+scored: then they say how the share varied within those days, and not what other days would show.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from scipy.linalg import cho_solve
 
 from diagnosis.gap.apart import Apart
 from diagnosis.gap.colours import Colours
-from diagnosis.gap.grams import Grams, projected
+from diagnosis.gap.grams import AMPLITUDE, Grams, projected
 from diagnosis.gap.linear import Linearised
 from diagnosis.gap.stages import Stage
 from diagnosis.gap.twins import draw_errors
@@ -25,6 +26,10 @@ PLACEBOS = 12
 MEMORY = 12 * HOUR
 """Of a placebo's signature [s]."""
 FLOOR_DRAWS = 100
+BLOCKS = 8
+"""Blocks of the bootstrap at least."""
+TORN = 1.5
+"""A block's readings may be spread over so much more time than their number says: beyond, a fitted day lies between."""
 CLEAR = 3.0
 """A gap is a gap from so many standard errors of the noise's own mean square on."""
 
@@ -137,7 +142,10 @@ def _floor(
 def _placebos(
     apart: Apart, first: Stage, colours: Colours, observed: np.ndarray, rng: np.random.Generator
 ) -> list[np.ndarray]:
-    """Residuals (outputs, steps) with random signatures of the chosen effects' size, fitted where the effects were."""
+    """Residuals (outputs, steps) with random signatures of the chosen effects' size, fitted where the effects were.
+
+    Their amplitudes are as free: the prior is that of a fitted amplitude.
+    """
     lin = apart.before
     places = [k for k, one in enumerate(first.lin.effects) if one in apart.after.chosen]
     if not places:
@@ -147,7 +155,7 @@ def _placebos(
     for _ in range(PLACEBOS):
         moved = np.empty((*lin.residual.shape, len(places)))
         for k, j in np.ndindex(*sizes.shape):
-            colour = (0.0, float(sizes[k, j]), MEMORY)
+            colour = (0.0, AMPLITUDE * float(sizes[k, j]), MEMORY)
             moved[k, :, j] = draw_errors([(colour, 1.0)], lin.problem.time, 1, rng)[:, 0]
         grams = Grams(replace(lin, by_effect=moved), apart.fitted, like)
         product = grams.total(colours.best)
@@ -166,14 +174,16 @@ def _bootstrap(
     step: float,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Shares over resampled days, shape (draws,); ``floor``: mean square of noise, and the least gap above that.
+    """Shares over resampled days or parts of them, shape (draws,); ``floor``: mean square of noise, and the least gap.
 
     Days without a gap can be drawn alone: what is removed is then held against the least that counts as a gap.
     """
     places = np.flatnonzero(rows)
-    length = min(max(round(DAY / step), 1), len(places))
+    length = max(min(round(DAY / step), len(places) // BLOCKS), 1)
     count = -(-len(places) // length)
-    starts = rng.integers(0, len(places) - length + 1, (DRAWS, count))
+    first = np.arange(len(places) - length + 1)
+    whole = places[first + length - 1] - places[first] < max(TORN * length, 1)
+    starts = rng.choice(first[whole] if whole.any() else first, (DRAWS, count))
     drawn = places[(starts[..., None] + np.arange(length)).reshape(DRAWS, -1)[:, : len(places)]]
     a, b = old[drawn].mean(axis=1), new[drawn].mean(axis=1)
     return np.asarray((a - b) / np.maximum(a - floor[0], floor[1]))

@@ -11,6 +11,7 @@ from diagnosis.fitting.fit import LEAPING, fit
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.unknowns import Unknowns
 from diagnosis.recording import read_recording
+from shared.errors import SimulationError
 
 TRUTH = {"ro": 7.0, "ri": 0.6, "c": 4.0, "a": 2.5}
 
@@ -152,3 +153,29 @@ def test_errors_are_as_large_as_the_posterior_says(house, house_recording):
     errors = np.array(errors)
     assert 0.6 < np.sqrt(np.mean(errors**2)) < 1.5
     assert np.mean(np.abs(errors) < 1.645) > 0.7
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_a_start_that_cannot_be_simulated_is_left_for_another(house, house_recording, monkeypatch, first):
+    """Its derivatives cannot either: what a solver asks for before its first step."""
+    system = house("me")
+    problem = Problem(Simulator(system), read_recording(house_recording(hours=48), system), history=False)
+    place = problem.names.index("c")
+    bad = problem.unknowns(TRUTH)
+    bad[place] += 2.0
+    whole = Problem.simulate_each
+
+    def failing(self, cases, *rest, **named):
+        made = whole(self, cases, *rest, **named)
+        return [
+            SimulationError("the FMU fails here") if z[place] > bad[place] - 0.5 else one
+            for (z, _), one in zip(cases, made, strict=True)
+        ]
+
+    monkeypatch.setattr(Problem, "simulate_each", failing)
+    starts = [problem.unknowns(TRUTH)]
+    starts.insert(first, bad)
+    found = fit(problem, starts)
+    assert np.abs((found.z - found.problem.unknowns(TRUTH)) / found.sd).max() < 3.5
+    with pytest.raises(SimulationError):
+        fit(problem, [bad, bad])

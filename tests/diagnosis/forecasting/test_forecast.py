@@ -1,12 +1,14 @@
 """Forecasts of a second system."""
 
+import shutil
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from diagnosis.calibrating.calibration import calibrate
-from diagnosis.forecasting.forecast import band, forecast
+from diagnosis.forecasting.forecast import _check_constants, band, forecast
 from diagnosis.recording import read_recording
 from shared.errors import RecordingError
 
@@ -75,8 +77,32 @@ def test_a_fit_is_not_called_a_forecast_and_the_page_says_why_not_to_believe(hou
     common = {"context": 48, "ahead": 48, "draws": 5, "calibration": tmp_path / "all"}
     with pytest.raises(RecordingError, match="its first 96 h are what the given calibration was made from"):
         forecast(system, path, **common)
+    copy = tmp_path / "copy.nc"
+    shutil.copy(path, copy)
+    with pytest.raises(RecordingError, match="copy.nc: its first 96 h are what the given calibration was made from"):
+        forecast(system, copy, **common)
     other = house_recording(hours=72, seed=8)
     forecast(system, other, out=tmp_path / "ahead", **common | {"ahead": 24})
     page = " ".join((tmp_path / "ahead" / "forecast.html").read_text().split())
     assert f"Parameters from a calibration on 96 h of {path}" in page
     assert "Intervals are about 1.5 times as wide as the recording alone makes them" in page
+
+
+@pytest.mark.parametrize(
+    ("names", "relative", "said"),
+    [("ab", 0.3, None), ("ba", 0.3, "constant 'a'"), ("ab", 0.1, "'a' is 1.35; the description has 'a' there")],
+)
+def test_a_calibration_with_other_uncertain_constants_is_refused(names, relative, said):
+    """They are no part of the description's hash, and the unknowns stand for what the description says they are."""
+    z = np.array([1.0, -0.5])
+    told = [SimpleNamespace(name=name, factor=np.exp(0.3 * one)) for name, one in zip("ab", z, strict=True)]
+    problem = SimpleNamespace(
+        values=lambda z: np.exp(relative * z),
+        constants=[SimpleNamespace(name=name) for name in names],
+        unknown=SimpleNamespace(places_of_constants=range(2)),
+    )
+    if said is None:
+        _check_constants(SimpleNamespace(constants=told), problem, z)
+        return
+    with pytest.raises(RecordingError, match=said):
+        _check_constants(SimpleNamespace(constants=told), problem, z)

@@ -106,6 +106,20 @@ def test_one_reading_of_an_hour_is_no_episode():
     assert one.ratio < 0.5 * both.ratio
 
 
+def test_one_reading_beside_lost_ones_is_no_episode_either():
+    rng = np.random.default_rng(18)
+    lin = problem_of(rng)
+    lin.residual = drawn(rng, lin, COLOURS)
+    lin.residual[1, 30] += 40.0
+    every = np.ones(lin.residual.shape, dtype=bool)
+    for lost in ([], [31], [29], [31, 32], [28, 29, 31, 32, 33]):
+        seen = every.copy()
+        seen[1, lost] = False
+        assert found_in(lin, seen).gain < 5, lost
+    lin.residual[1, 31:36] += 40.0
+    assert found_in(lin, every).gain > 20
+
+
 def test_how_a_recording_begins_is_no_episode():
     rng = np.random.default_rng(17)
     lin = problem_of(rng)

@@ -9,6 +9,7 @@ from scipy.stats import multivariate_normal
 from diagnosis.effects.base import Nothing
 from diagnosis.gap.colours import Colours
 from diagnosis.gap.grams import AMPLITUDE, Grams, projected
+from diagnosis.gap.linear import _secant
 from diagnosis.gap.parts import kept_for_scoring
 from diagnosis.gap.reporting import _smallest
 from diagnosis.gap.scan import LEVEL, ratios, scan
@@ -214,3 +215,13 @@ def test_one_part_that_is_kept_is_the_farthest_out_whatever_the_sign_of_a_compon
     for sign in (1, -1):
         monkeypatch.setattr(np.linalg, "svd", lambda a, sign=sign, **k: [sign * one for one in svd(a, **k)])
         assert np.unique(np.flatnonzero(kept_for_scoring(record)) // 24).tolist() == [kept]
+
+
+@pytest.mark.parametrize(("sign", "slope"), [(1.0, [2.0, 0.0]), (-1.0, [0.0, 5.0])])
+def test_a_slope_is_over_the_way_that_was_gone_where_a_bound_cuts_one_side(sign, slope):
+    """Forth 0.3 scales and back 0.1, each felt in a reading of its own: the one that the residual is in counts."""
+    base = np.zeros((1, 2))
+    up, down = np.array([[0.3 * 2.0, 0.0]]), np.array([[0.0, -0.1 * 5.0]])
+    measured = np.array([[1.0, 0.0]]) if sign > 0 else np.array([[0.0, -1.0]])
+    problem = SimpleNamespace(observed=np.ones((1, 2), dtype=bool), measured=measured, floor=np.ones(1))
+    np.testing.assert_allclose(_secant(problem, base, up, down, 0.3, 0.4), [slope])

@@ -24,7 +24,7 @@ def before_and_after(name, folder):
     path = folder / "recording.nc"
     simulate(system, hours=HOURS, seed=1, index=0, out=path)
     base = fit(Problem(Simulator(system), read_recording(path, system), replay=True), rounds=0)
-    return base.problem, widened(base)[0]
+    return base.problem, widened(base.problem, base.around)[0]
 
 
 @pytest.mark.slow
