@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from cyclopts import App
@@ -83,19 +84,18 @@ def test_a_run_goes_on_where_it_stopped(blind_set, default_system, tmp_path):
 
 
 def test_the_program_is_what_a_verdict_depends_on_and_not_the_blind_check(tmp_path, monkeypatch):
-    import diagnosis
-    import shared
-
-    for name in ("diagnosis", "shared"):
+    for name in ("diagnosis", "shared", "datagen", "trainer"):
         (tmp_path / name / "blind").mkdir(parents=True)
         (tmp_path / name / "__init__.py").write_text("")
-    monkeypatch.setattr(diagnosis, "__file__", str(tmp_path / "diagnosis" / "__init__.py"))
-    monkeypatch.setattr(shared, "__file__", str(tmp_path / "shared" / "__init__.py"))
+    places = {name: SimpleNamespace(origin=str(tmp_path / name / "__init__.py")) for name in ("diagnosis", "trainer")}
+    monkeypatch.setattr(judging, "find_spec", places.get)  # the others are not installed
     before = judging.program()
     (tmp_path / "diagnosis" / "blind" / "scoring.py").write_text("pass")
     assert judging.program() == before
-    (tmp_path / "diagnosis" / "fit.py").write_text("pass")
-    assert judging.program() != before
+    for name in ("diagnosis", "trainer"):
+        (tmp_path / name / "fit.py").write_text("pass")
+        assert judging.program() != before
+        before = judging.program()
 
 
 def test_another_run_of_the_same_folder_is_refused(blind_set, default_system, tmp_path, monkeypatch):
@@ -108,8 +108,16 @@ def test_another_run_of_the_same_folder_is_refused(blind_set, default_system, tm
         run(default_system, blind_set, out, workers=0, judge=HandJudge(), seed=1)
     larger = default_system.effects[0].model_copy(update={"scale": 2 * default_system.effects[0].scale})
     other = default_system.model_copy(update={"effects": [larger, *default_system.effects[1:]]})
-    with pytest.raises(RecordingError, match=r"settings was .*effects"):
+    with pytest.raises(RecordingError, match=r"settings was .*declared"):
         run(other, blind_set, out, workers=0, judge=HandJudge())
+    wider = default_system.uncertain[0].model_copy(update={"relative": 0.5})
+    other = default_system.model_copy(update={"uncertain": [wider, *default_system.uncertain[1:]]})
+    with pytest.raises(RecordingError, match=r"settings was .*declared"):
+        run(other, blind_set, out, workers=0, judge=HandJudge())
+    monkeypatch.setattr(running, "estimator_beside", lambda _: tmp_path)
+    with pytest.raises(RecordingError, match=r"settings was .*estimator_files"):
+        run(default_system, blind_set, out, workers=0, judge=HandJudge())
+    monkeypatch.undo()
     monkeypatch.setattr(running, "program", lambda: "another")
     with pytest.raises(RecordingError, match="program was 'program'; expected 'another'"):
         run(default_system, blind_set, out, workers=0, judge=HandJudge())

@@ -79,7 +79,7 @@ def test_a_fit_is_not_called_a_forecast_and_the_page_says_why_not_to_believe(hou
         forecast(system, path, **common)
     copy = tmp_path / "copy.nc"
     shutil.copy(path, copy)
-    with pytest.raises(RecordingError, match="copy.nc: its first 96 h are what the given calibration was made from"):
+    with pytest.raises(RecordingError, match=r"copy\.nc: its first 96 h are what the given calibration was made from"):
         forecast(system, copy, **common)
     other = house_recording(hours=72, seed=8)
     forecast(system, other, out=tmp_path / "ahead", **common | {"ahead": 24})

@@ -22,10 +22,12 @@ def fitted(**amplitudes):
     return SimpleNamespace(names=tuple(amplitudes), lin=SimpleNamespace(problem=problem, z=z), sd=np.full(len(z), 0.1))
 
 
-def told(refits, sets, named):
+def told(refits, sets, named, settled=None):
     stage = SimpleNamespace(lin=SimpleNamespace(effects=tuple(EFFECTS.values())))
     decision = SimpleNamespace(probabilities={"one": 0.9, "two": 0.8}, named=named, sets=sets)
-    found = _effects(SimpleNamespace(refits=refits, stages=[stage]), decision)
+    found = _effects(
+        SimpleNamespace(refits=refits, settled=settled or [one[0] for one in refits], stages=[stage]), decision
+    )
     return {one.name: one for one in found}
 
 
@@ -37,6 +39,13 @@ def test_effects_that_act_together_have_the_amplitudes_of_the_fit_with_both():
     assert found["one"].low == pytest.approx(2.0 - 0.1 * WIDE_90)
     assert found["two"].high == pytest.approx(7.0 + 1.0 * WIDE_90)
     assert [found[name].named for name in NAMES] == [True, True, False]
+
+
+def test_what_is_told_of_the_chosen_effects_is_of_the_model_that_is_judged():
+    """Simulated anew at its optimum, which need not be where its straight line had ended."""
+    refits = [[fitted(one=5.0), fitted(two=3.0)]]
+    found = told(refits, (("one",),), ("one",), [fitted(one=4.0)])
+    assert (found["one"].amplitude, found["two"].amplitude) == (4.0, 30.0)
 
 
 def test_a_candidate_of_the_first_set_is_as_large_as_it_would_be_in_place_of_the_chosen_one():

@@ -1,0 +1,17 @@
+"""How often what was said with a probability was so, and how sure that is."""
+
+import pytest
+
+from diagnosis.blind.intervals import share
+from diagnosis.blind.rates import _reliability
+
+
+@pytest.mark.parametrize("times", [1, 10])
+def test_statements_about_one_recording_count_as_one_when_it_is_said_how_sure_a_frequency_is(times):
+    """Twenty recordings, of which each says the same thing once or ten times: nothing more is known."""
+    said = [[(0.3, k % 2 == 0)] * times for k in range(20)]
+    (found,) = (one.happened for one in _reliability(said, 0).bins if one.happened.n)
+    once = share([k % 2 == 0 for k in range(20)])
+    assert (found.n, found.value) == (20 * times, 0.5)
+    assert found.low == pytest.approx(once.low, abs=0.06)
+    assert found.high == pytest.approx(once.high, abs=0.06)
