@@ -36,6 +36,7 @@ from shared.ceiling import Ceiling, Origin
 from shared.errors import SystemDescriptionError
 from shared.interrupts import interrupts_held
 from shared.progress import progress_bar
+from shared.store import sha256_of
 from shared.system import System, load_system
 
 HOUR = 3600.0
@@ -198,7 +199,7 @@ _SIMULATORS: dict[str, Simulator] = {}
 
 def _window(system: System, context: float, seed: int, index: int) -> Window:
     """Sensitivities of a random window of a random system, from its record as the farm makes it."""
-    key = system.canonical()
+    key = f"{system.canonical()} {system.fmu_path} {sha256_of(system.fmu_path)}"
     if key not in _SIMULATORS:
         _SIMULATORS[key] = Simulator(system)
     simulator = _SIMULATORS[key]

@@ -17,12 +17,18 @@ BELOW, ABOVE = 1.0, 5.0
 Below zero it is one where nothing else is."""
 
 
+ABSURD = 5.0
+"""Where other readings are fewer than that, but at least two, a code is one that is so many times as large as any."""
+
+
 def coded(readings: np.ndarray) -> np.ndarray:
     """Which readings of one column (n,) [any unit] are codes, far from all that are none."""
     code = np.isin(readings.astype(np.float32), CODES.astype(np.float32))  # in whichever precision they were written
     others = np.unique(readings[~code & np.isfinite(readings)])
-    if not code.any() or len(others) < ENOUGH:
+    if not code.any() or len(others) < 2:
         return np.zeros(len(readings), dtype=bool)
+    if len(others) < ENOUGH:
+        return np.asarray(code & (np.abs(readings) > ABSURD * np.abs(others).max()))
     low, high = others[0], others[-1]
     floor = max(low - BELOW * (high - low), 0.0 if low >= 0 else -np.inf)
     far = (readings < floor) | (readings > high + ABOVE * (high - low))

@@ -73,6 +73,9 @@ def recorded_begins(path: Path, recording: xr.Dataset, count: int) -> np.ndarray
             raise RecordingError(f"{path}: has dates in time, and a start beside it; expected one of them")
     if starts.ndim > 1 or starts.size not in (1, count) or starts.dtype.kind not in "iufM":
         raise RecordingError(f"{path}: start has {starts.size} values; expected one number or date for each system")
+    unit = str(starts.attrs.get("units", "s"))
+    if starts.dtype.kind in "iuf" and unit not in ("s", "seconds"):
+        raise RecordingError(f"{path}: start is in {unit!r}; expected seconds since time zero, or a date")
     dated = np.issubdtype(starts.dtype, np.datetime64)  # before 2.1 of the schema it was a number
     seconds = _seconds(starts.values) if dated else starts.values.astype(np.float64)
     if not np.isfinite(seconds).all():

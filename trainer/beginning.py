@@ -35,6 +35,12 @@ def encoding_of(earlier: Run, own: Encoding) -> Encoding:
                 f"begin_with: {earlier.folder}: {field} is {found!r}; expected {expected!r}, as in this training:"
                 " give the same channels, contexts and options"
             )
+    moving = [name for name in earlier.card.encoding.constant if name in own.recorded and name not in own.constant]
+    if moving:
+        raise EstimatorError(
+            f"begin_with: {earlier.folder}: {', '.join(moving)} never varied in its training; expected a run in whose"
+            " training it did, as it does in this one's"
+        )
     return own.model_copy(update={field: getattr(earlier.card.encoding, field) for field in MEASURED})
 
 

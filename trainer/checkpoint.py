@@ -29,6 +29,8 @@ SCHEMA_VERSION = 3
 which never varied."""
 CARD = "estimator.json"
 WEIGHTS = "weights.safetensors"
+CALIBRATION = ("calibration.json", "calibration.md", "calibration.csv", "sbc.png", "coverage.png")
+"""What says how good a posterior is, beside it."""
 CHUNK = 256
 """Windows of one forward pass where many are estimated."""
 

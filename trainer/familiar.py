@@ -160,10 +160,11 @@ def stuck(values: np.ndarray, known: Familiar, encoding: Encoding) -> tuple[int,
     was never excited may well be constant.
     """
     found = looks(values)
-    longest = _longest(known)
-    for i, k in np.argwhere(found.still[:, : encoding.outputs] == values.shape[1]).tolist():
-        elsewhere = _elsewhere(known, encoding, k, found.still[i, k], found.level[i, k])
-        if encoding.recorded[k] not in encoding.optional and (found.still[i, k] > longest[k] or elsewhere):
+    longest, length = _longest(known), values.shape[1]
+    # a reading that was lost now and then does not make a dead sensor move
+    for i, k in np.argwhere((found.lowest == found.highest)[:, : encoding.outputs]).tolist():
+        elsewhere = _elsewhere(known, encoding, k, length, found.lowest[i, k])
+        if encoding.recorded[k] not in encoding.optional and (length > longest[k] or elsewhere):
             return i, k
     return None
 

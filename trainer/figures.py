@@ -28,14 +28,14 @@ def save_png(figure: Figure, path: Path) -> None:
     write_atomically(path, data.getvalue())
 
 
-def draw_loss_curve(rows: Sequence[tuple[int, float, float, float]], title: str, path: Path) -> None:
-    """Training and validation loss against steps; rows are (step, seconds, training, validation)."""
+def draw_loss_curve(rows: Sequence[tuple[int, float, float, float]], title: str, path: Path, kept: int) -> None:
+    """Training and validation loss against steps; rows are (step, seconds, training, validation), ``kept`` a step."""
     step, _, training, validation = np.array(rows).T
     figure = Figure(figsize=(6, 4), layout="constrained")
     axes = figure.subplots()
     axes.plot(step, training, color="#888888", label="training")
     axes.plot(step, validation, color=COLOURS["unseen"], label="validation systems")
-    best = int(np.nanargmin(validation))
+    best = int(np.argmin(np.abs(step - kept)))
     axes.plot(step[best], validation[best], "o", color=COLOURS["unseen"], label=f"kept: step {step[best]:g}")
     axes.axhline(1.0, color="black", linewidth=0.8, linestyle=":", label="predict the mean")
     axes.set(xlabel="step", ylabel="mean squared error of standardised log10", title=title, yscale="log")

@@ -18,6 +18,7 @@ from shared.logs import logger
 from shared.store import DatasetFolder
 from trainer.beginning import check_same_model, encoding_of, take_weights
 from trainer.checkpoint import (
+    CALIBRATION,
     CARD,
     WEIGHTS,
     Card,
@@ -52,10 +53,11 @@ WRITTEN = (
     *(CARD, WEIGHTS, "curve.csv", "curve.png"),
     *("evaluation.json", "evaluation.md", "evaluation.csv", "answers.csv", "scatter.png"),
     *("posterior.json", "posterior.safetensors"),
-    *(f"calibration.{kind}" for kind in ("json", "md", "csv")),
-    *("sbc.png", "coverage.png"),
+    *CALIBRATION,
 )
 """Files of a run folder."""
+OF_WEIGHTS = WRITTEN[4:]
+"""Of these what says something of one state of the weights."""
 
 
 def fit(
@@ -247,9 +249,10 @@ def fit(
             if done.training.stopped in ("steps", "minutes"):
                 check_settings(folder / CARD, settings_of(done, None if minutes else done.training.steps), settings)
                 return load_run(folder)
-        if not (resume and (folder / STATE).exists()):
-            for name in (*WRITTEN, STATE):  # an evaluation of what is replaced must not stand beside the new estimator
-                (folder / name).unlink(missing_ok=True)
+        goes_on = resume and (folder / STATE).exists()
+        # an evaluation of what is replaced must not stand beside the new estimator
+        for name in OF_WEIGHTS if goes_on else (*WRITTEN, STATE):
+            (folder / name).unlink(missing_ok=True)
         sampler = Sampler(source, training, seeds[3], length)
 
         def measure(kept: Estimator) -> list[Errors]:

@@ -250,7 +250,7 @@ class Loop:
         save_run(self.folder, self.card, self.network)
         write_atomically(self.folder / "curve.csv", self.curve.csv().encode())
         if len(self.curve.rows) > 1:
-            draw_loss_curve(self.curve.rows, self.card.model, self.folder / "curve.png")
+            draw_loss_curve(self.curve.rows, self.card.model, self.folder / "curve.png", self.card.training.best_step)
         if measured:
             self.card.validation_errors = self.measure(self.network)
             self.card.training.stopped = stopped

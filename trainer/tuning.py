@@ -27,6 +27,8 @@ from trainer.seeds import check_seed
 
 _log = logger(__name__)
 BEST, STUDY = "best.json", "study.db"
+AGAIN = "again"
+"""Of a trial that is tried again after it was cut short: the number that it had then."""
 Suggest = Callable[[Trial, str, Any], Any]
 
 
@@ -169,7 +171,8 @@ def tune(
         **identity_of(dataset, load_records(dataset, [])),
     }
     make_folder(folder)
-    study = _study(folder, settings, {name: default for name, (_, default) in space.items()}, seed)
+    defaults = {name: default for name, (_, default) in space.items()}
+    study = _study(folder, settings, defaults, seed)
 
     def objective(trial: Trial) -> float:
         chosen = {name: suggest(trial, name, default) for name, (suggest, default) in space.items()}
@@ -203,7 +206,7 @@ def tune(
         left = trials - len(_finished(study))
         if left > 0:
             study.optimize(objective, n_trials=left, callbacks=[say])
-    best = _best(study, model, settings)
+    best = _best(study, model, settings, defaults)
     write_atomically(folder / BEST, (best.model_dump_json(indent=1) + "\n").encode())
     return best
 
@@ -242,26 +245,30 @@ def _study(folder: Path, settings: dict[str, Any], defaults: dict[str, Any], see
     study.sampler = optuna.samplers.TPESampler(seed=own, n_startup_trials=8)
     for trial in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
         study.tell(trial.number, state=TrialState.FAIL)
-        if trial.params:
-            study.enqueue_trial(trial.params)
+    # whether it was killed or interrupted, when Optuna itself notes a failure
+    again = {trial.user_attrs.get(AGAIN) for trial in study.get_trials(deepcopy=False)}
+    for trial in study.get_trials(deepcopy=False, states=(TrialState.FAIL,)):
+        tried = trial.params or (defaults if trial.number == 0 else {})
+        if tried and trial.number not in again:
+            study.enqueue_trial(tried, user_attrs={AGAIN: trial.number})
     return study
 
 
-def _best(study: optuna.Study, model: str, settings: dict[str, Any]) -> Best:
+def _best(study: optuna.Study, model: str, settings: dict[str, Any], defaults: dict[str, Any]) -> Best:
     complete = study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
     losses = [(trial.value, trial) for trial in complete if trial.value is not None and math.isfinite(trial.value)]
     if not losses:
         raise EstimatorError("no trial came to an end; try a longer budget, or a lower learning rate by hand")
     loss, trial = min(losses, key=lambda pair: pair[0])
     options = dict(trial.params)
-    first = min(complete, key=lambda one: one.number)
+    usual = next((one for one in complete if one.params == defaults), None)
     return Best(
         model=model,
         batch_size=options.pop("batch_size"),
         lr=options.pop("lr"),
         options=options,
         validation_loss=loss,
-        default_loss=first.value,
+        default_loss=usual.value if usual is not None else None,
         trials=len(_finished(study)),
         settings=settings,
     )

@@ -161,11 +161,16 @@ class ChangedInput(_Kind):
         else:
             shape = shape_signal(self.spec.shape, inputs, recording, self.output_names)
             adds = self.spec.operation == "add"
-            new = joined(old, shape, (lambda x, y: x + size * y) if adds else (lambda x, y: x * (1.0 + size * y)))
+            new = joined(old, shape, (lambda x, y: x + size * y) if adds else (lambda x, y: _gained(x, size * y)))
         return {**inputs, self.spec.input: new}
 
     def _shapes(self) -> list[Shape]:
         return self.spec.shape
+
+
+def _gained(x: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """An input with a share of itself more, or less: no more can be taken of it than all."""
+    return np.asarray(x * np.maximum(1.0 + share, 0.0))
 
 
 @dataclass(frozen=True)

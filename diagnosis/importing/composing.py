@@ -121,7 +121,8 @@ class Composer:
         if source.compare is not None:
             meter = source.compare
             same = {name: getattr(source, name) for name in ("reading", "stamp", "interval", "max_gap")}
-            second = Source(column=meter.column, unit=meter.unit, scale=meter.scale, offset=meter.offset, **same)
+            own = {name: getattr(meter, name) for name in ("column", "unit", "scale", "offset", "persons")}
+            second = Source(**own, **same)
             other = self._signal(second, target.unit, f"{where}.compare", moving=False)
             made.second, _ = resample(other, self.edges, target.method, self.mapping.grid.coverage)
             made.second_name = meter.column
@@ -168,7 +169,9 @@ class Composer:
             self.notes.append(f"column {column}: declared in percent, but no reading is above 1; is it a fraction?")
         register = plausible.about_register(column, signal) if unit == "W" else None
         self.notes += [register] if register else []
-        hours = source.stuck_after if source.stuck_after is not None else (_STUCK_AFTER if moving else 0.0)
+        held = (source.reading or self.mapping.defaults.reading) == "hold"  # what is silent while nothing changes
+        usual = _STUCK_AFTER if moving and not held else 0.0
+        hours = source.stuck_after if source.stuck_after is not None else usual
         signal = mark_stuck(signal, hours, except_zero=unit == "W/m2")
         if not signal.used.any():
             raise RecordingError(f"{where}: no reading can be used: all are impossible or stuck for over {hours:g} h")

@@ -61,6 +61,15 @@ class Meter(Table):
     unit: str
     scale: float = 1.0
     offset: float = 0.0
+    persons: float | None = Field(None, gt=0, description="unit presence: how many persons a presence stands for")
+
+    @model_validator(mode="after")
+    def _usable(self) -> Meter:
+        if (self.unit == "presence") != (self.persons is not None):
+            raise ValueError("has one of unit 'presence' and persons; expected both or neither")
+        if self.scale == 0:
+            raise ValueError("scale is 0; expected another number")
+        return self
 
 
 class Source(Table):

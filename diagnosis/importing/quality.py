@@ -25,6 +25,8 @@ FLAGS = {
 MISSING, PARTLY, IMPOSSIBLE, STUCK, INTERPOLATED, ASSUMED, COMPUTED = FLAGS.values()
 
 _SLACK = 1e-9
+DARK = 10.0
+"""Irradiance [W/m2] that may stand still all night."""
 """Rounding that a limit forgives, as a share of its size."""
 
 
@@ -219,7 +221,7 @@ def mark_stuck(signal: Signal, hours: float, *, except_zero: bool) -> Signal:
     Parameters
     ----------
     except_zero
-        Whether a run of zeros is believed: irradiance at night.
+        Whether a run near zero is believed: irradiance at night, of a pyranometer with a small offset, too.
     """
     if hours <= 0 or len(signal.values) < 2:
         return signal
@@ -230,7 +232,7 @@ def mark_stuck(signal: Signal, hours: float, *, except_zero: bool) -> Signal:
     last = np.searchsorted(runs, np.arange(runs[-1] + 1), side="right") - 1
     long = signal.end[last] - signal.begin[first] > 3600.0 * hours
     if except_zero:
-        long &= signal.values[first] != 0.0
+        long &= np.abs(signal.values[first]) > DARK
     return replace(signal, flags=signal.flags | np.where(long[runs], STUCK, 0).astype(np.int8))
 
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import csv
 import io
 import warnings
+from collections import Counter
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +47,7 @@ class Measurements:
     decimal: str
     missing: set[str]
     repeated: int = 0
+    twice: frozenset[str] = frozenset()
     notes: list[str] = field(default_factory=list)
 
     def numbers(self, name: str, where: str) -> np.ndarray:
@@ -54,6 +58,8 @@ class Measurements:
         RecordingError
             If the file has no such column, or most of it is text or nothing.
         """
+        if name in self.twice:
+            raise RecordingError(f"{where}: {self.path} has several columns {name!r}; expected a name for each")
         if name not in self.columns:
             raise RecordingError(f"{where}: {self.path} has no column {name!r}; found {listed(self.columns.columns)}")
         text = self.columns[name].str.strip()
@@ -86,8 +92,11 @@ def read_measurements(path: Path, mapping: Mapping) -> Measurements:
     text = read_text(path, RecordingError, "measurements (CSV)", most=MOST, encoding=settings.encoding)
     check_columns(text, settings.separator, f"{path}", RecordingError)
     frame = _table(text, settings, path)
+    names = _names(text, settings)
     frame.columns = frame.columns.str.strip()
     name = mapping.time.column
+    if names[name] > 1:
+        raise RecordingError(f"{mapping.path}: time.column: {path} has several columns {name!r}; expected one")
     if name not in frame:
         raise RecordingError(
             f"{mapping.path}: time.column: {path} has no column {name!r}; found {listed(frame.columns)} "
@@ -113,8 +122,15 @@ def read_measurements(path: Path, mapping: Mapping) -> Measurements:
         decimal=settings.decimal,
         missing=set(settings.missing),
         repeated=int((~keep).sum()),
+        twice=frozenset(one for one, count in names.items() if count > 1),
         notes=notes,
     )
+
+
+def _names(text: str, settings: File) -> Counter[str]:
+    """How often each column is named; pandas would call the second of a name something else."""
+    header = next((line for line in islice(io.StringIO(text), settings.skip, None) if line.strip()), "")
+    return Counter(one.strip() for one in next(csv.reader([header], delimiter=settings.separator), []))
 
 
 def _table(text: str, settings: File, path: Path) -> pd.DataFrame:

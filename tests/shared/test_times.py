@@ -71,6 +71,13 @@ def test_a_start_that_is_not_one_for_each_system_is_refused(tmp_path):
         recorded_begins(tmp_path / "r.nc", recording, 3)
 
 
+def test_a_numeric_start_is_in_seconds(tmp_path):
+    """Hours, as a description gives them, would be read as a morning of January."""
+    recording = written(tmp_path / "one.nc", [60.0, 120.0], "s", [4344.0, 4344.0], "h")
+    with pytest.raises(RecordingError, match="start is in 'h'; expected seconds since time zero, or a date"):
+        recorded_begins(tmp_path / "r.nc", recording, 2)
+
+
 def with_bounds(folder, bounds):
     time = ("time", [3600.0, 7200.0], {"units": "seconds since 2022-02-01", "bounds": "time_bnds"})
     xr.Dataset({"time_bnds": (("time", "bnds"), bounds)}, {"time": time}).to_netcdf(folder / "b.nc")

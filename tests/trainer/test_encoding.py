@@ -10,6 +10,7 @@ from shared.errors import EstimatorError
 from shared.schema import methods_of
 from shared.store import Records
 from shared.system import load_system
+from trainer.beginning import encoding_of
 from trainer.checkpoint import load_run
 from trainer.encoding import LATER, Encoding, clock_columns, make_encoding, split_channels
 from trainer.fitting import fit
@@ -150,6 +151,16 @@ def test_a_run_of_an_earlier_version_is_begun_with_and_resumed(tanks, tmp_path):
     path.write_text(json.dumps(card))
     with pytest.raises(EstimatorError, match=r"run: methods is \['mean', 'point'\]; expected \['point', 'point'\]"):
         fit(tanks, tmp_path / "other", begin_with=tmp_path / "run", **settings)
+
+
+def test_a_run_in_whose_training_a_channel_never_varied_is_not_begun_with_where_it_does(tanks, tmp_path):
+    """Its standard deviation is of nothing, and the card would go on to say that it stands still."""
+    options = {"width": 16, "layers": 1, "heads": 2, "feedforward": 32}
+    run = fit(tanks, tmp_path / "run", options=options, channels=["level", "valve"], steps=2)
+    moving = run.card.encoding.model_copy(update={"constant": []})
+    with pytest.raises(EstimatorError, match=r"run: valve never varied in its training; expected a run"):
+        encoding_of(run, moving)
+    assert encoding_of(run, run.card.encoding).constant == ["valve"]
 
 
 def test_the_shipped_estimator_knows_its_means_from_its_instants():

@@ -85,6 +85,16 @@ def test_a_sensor_that_stands_still_throughout_is_refused(ridge_run, tanks, tmp_
         predict(ridge_run, tmp_path / "dead.nc")
 
 
+def test_a_lost_reading_now_and_then_does_not_make_a_dead_sensor_move(ridge_run):
+    (one,) = ridge_run.card.familiar
+    dead = np.full((1, 48, 1), 2.0)
+    dead[0, [0, 24, 25], 0] = np.nan
+    assert stuck(dead, one, ridge_run.card.encoding) == (0, 0)
+    dead[0, 30, 0] = 2.1
+    assert stuck(dead, one, ridge_run.card.encoding) is None
+    assert stuck(np.full((1, 48, 1), np.nan), one, ridge_run.card.encoding) is None
+
+
 def test_an_output_that_may_be_off_for_long_may_be_off(tanks, ridge_run):
     """A heater in summer."""
     (one,) = ridge_run.card.familiar

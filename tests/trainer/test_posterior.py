@@ -231,3 +231,17 @@ def test_without_a_posterior_there_are_no_samples(ridge_run, tanks, tmp_path):
 def test_the_scale_of_a_parameter_comes_from_the_description():
     both = Prior.of(parse_system(TANK.replace('scale = "log"', ""), tank_system().path))
     assert both.log.tolist() == [False, False]
+
+
+def test_records_of_another_step_or_too_short_are_refused(own, tmp_path):
+    """Lengths of windows are samples to a run: a day of it would be read off twelve hours."""
+    fine = make_dataset(tmp_path / "fine", systems=20, text=TANK.replace("step = 1800.0", "step = 900.0"))
+    with pytest.raises(EstimatorError, match="its step is 900 s; the run was trained on 1800 s"):
+        fit_posterior(load_run(own), fine, overwrite=True)
+
+
+def test_what_was_said_of_a_posterior_goes_with_it(own, many_tanks):
+    (own / "calibration.json").write_text("{}")
+    (own / "sbc.png").write_bytes(b"of another one")
+    fit_posterior(load_run(own), many_tanks, windows_per_system=2, epochs=1, overwrite=True)
+    assert not (own / "calibration.json").exists() and not (own / "sbc.png").exists()

@@ -102,6 +102,31 @@ def test_a_search_that_was_killed_tries_the_cut_trial_again(tanks, tmp_path, sma
     assert sorted(folder.name for folder in (tmp_path / "trials").iterdir()) == ["0000", "0002", "0003"]
 
 
+@pytest.mark.parametrize("cut", ["0000", "0001"])
+def test_a_search_that_was_interrupted_tries_the_cut_trial_again(tanks, tmp_path, no_training, monkeypatch, cut):
+    """Optuna itself notes the failure then; what the defaults reach is said of the defaults only."""
+    from trainer import tuning
+
+    fit = tuning.fit
+
+    def interrupted(*arguments, **settings):
+        if arguments[1].name == cut:
+            raise KeyboardInterrupt
+        return fit(*arguments, **settings)
+
+    monkeypatch.setattr(tuning, "fit", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        tune(tanks, tmp_path, trials=3, **SETTINGS)
+    monkeypatch.setattr(tuning, "fit", fit)
+    best = tune(tanks, tmp_path, trials=3, **SETTINGS)
+    assert best.trials == 3
+    assert best.default_loss == 1e-3  # the loss is the learning rate
+    study = optuna.load_study(study_name="tune", storage=f"sqlite:///{tmp_path / 'study.db'}")
+    failed, again = (study.trials[int(cut)], study.trials[int(cut) + 1])
+    assert failed.state.name == "FAIL" and again.params == failed.params
+    assert tune(tanks, tmp_path, trials=3, **SETTINGS) == best and len(study.trials) == 4
+
+
 def _no_failures():
     from optuna.storages import RDBStorage
     from optuna.trial import TrialState

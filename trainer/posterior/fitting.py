@@ -24,9 +24,9 @@ from shared.errors import EstimatorError
 from shared.logs import fields, logger
 from shared.progress import tracked
 from shared.store import DatasetFolder
-from trainer.checkpoint import Run, Systems, load_run
+from trainer.checkpoint import CALIBRATION, Run, Systems, load_run
 from trainer.data import load_records, rows_of
-from trainer.evaluation import check_same_system
+from trainer.evaluation import check_records, check_same_system
 from trainer.posterior.checkpoint import CARD, PosteriorCard, load_posterior, save_posterior
 from trainer.posterior.conditions import Contexts, draw_contexts, source_of
 from trainer.posterior.flow import PosteriorFlow
@@ -112,6 +112,7 @@ def fit_posterior(
     dataset = DatasetFolder(dataset_dir)
     check_same_system(run.card, dataset)
     index = load_records(dataset, [])
+    check_records(run.card, index, dataset.folder, max(run.card.encoding.lengths))
     prior = Prior.of(dataset.system)
     seeds = [int(s) for s in np.random.SeedSequence(seed).generate_state(5)]
     fitting, calibration = _halves(rows_of(index, "validation", dataset.folder), systems, seeds[0])
@@ -155,6 +156,8 @@ def fit_posterior(
         },
         **facts,
     )
+    for name in CALIBRATION:  # of the posterior that is replaced
+        (run.folder / name).unlink(missing_ok=True)
     save_posterior(run.folder, card, flow)
     done = load_posterior(run)
     assert done is not None

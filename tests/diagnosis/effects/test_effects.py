@@ -8,7 +8,7 @@ import pytest
 
 from datagen.tables import Piecewise
 from diagnosis.effects import Combination, Effect, Nothing, build, clash, library
-from diagnosis.effects.kinds import lagged
+from diagnosis.effects.kinds import _gained, lagged
 from diagnosis.effects.shapes import joined, ramped, shape_signal, timetable
 from diagnosis.recording import DAY, HOUR, Recording
 from shared.effects import InputEffect, PresenceShape, SensorEffect, ShapedEffect, ThresholdShape, TimetableShape
@@ -282,3 +282,7 @@ def test_packages_add_their_own(default_system, monkeypatch):
     made[:] = ["no effect"]
     with pytest.raises(SystemDescriptionError, match=r"package:effects.*gives a str; expected effects"):
         library(default_system)
+
+
+def test_of_an_input_no_more_than_all_is_taken():
+    np.testing.assert_allclose(_gained(np.array([10.0, 10.0, 10.0]), np.array([0.5, -0.5, -1.6])), [15.0, 5.0, 0.0])

@@ -17,6 +17,17 @@ from tests.diagnosis.importing.house_cases import MAPPING, measured
         (lambda d: d.iloc[:100], MAPPING, "spans 16.5 h; expected at least a day"),
         (lambda d: d.iloc[::-1], MAPPING, "runs backwards from row 1"),
         (lambda d: d.drop(columns="room"), MAPPING, "has no column 'room'; found room 2"),
+        (
+            lambda d: d.assign(other=d["room"] + 5.0).rename(columns={"other": "room"}),
+            MAPPING,
+            "variables.warmth: .* has several columns 'room'; expected a name for each",
+        ),
+        (
+            lambda d: d.assign(other=d["room"] + 5.0).rename(columns={"other": " room"}),
+            MAPPING,
+            "variables.warmth: .* has several columns 'room'; expected a name for each",
+        ),
+        (lambda d: d.assign(other=d["when"]).rename(columns={"other": "when"}), MAPPING, "several columns 'when'"),
         (lambda d: d.drop(columns="when"), MAPPING, "time.column: .*has no column 'when'"),
         (lambda d: d.assign(room="warm"), MAPPING, "holds text such as 'warm'"),
         (lambda d: d.assign(room=np.nan), MAPPING, "column 'room' of .* is empty"),
