@@ -9,8 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis.blind.intervals import figure, share
-from diagnosis.blind.places import steps_of
 from diagnosis.blind.rates import statements
 from diagnosis.blind.score_report import markdown
 from diagnosis.blind.score_schema import read_score
@@ -65,18 +63,6 @@ def scored(tmp_path_factory):
 
 def counts(one):
     return (one.hits, one.n)
-
-
-def test_intervals_are_wilsons_and_the_bootstraps():
-    one = share([True, False])
-    # by hand: n = 2, p = 1/2, z = 1.959964
-    z2 = 1.959964**2
-    half = 1.959964 * np.sqrt(0.25 / 2 + z2 / 16) / (1 + z2 / 2)
-    assert (one.low, one.high) == pytest.approx((0.5 - half, 0.5 + half), abs=1e-6)
-    assert one.low == pytest.approx(0.0945, abs=1e-4)
-    assert share([]).value is None
-    found = figure(np.random.default_rng(0).standard_normal(400), seed=1)
-    assert found.high - found.low == pytest.approx(2 * 1.96 / 20, rel=0.1)
 
 
 def test_false_alarms_recall_and_coverage_are_those_worked_out(scored):
@@ -177,16 +163,6 @@ def test_places_are_held_against_the_sealed_gap(scored):
     assert done.where.lift.value == pytest.approx(12.0)  # two hours of twenty-four
     # two-hour cells overlap the gap's when shifted by 0, 1 or 23 h modulo a day: 3 + 4 + 4 of 95 shifts
     assert done.where.chance.value == pytest.approx(11 / 95)
-
-
-def test_cells_are_read_as_they_are_written():
-    series = {"x": np.arange(48.0)}
-    cell = {"hours": "06:00-12:00", "day_type": "weekend", "regime": "x high", "rule": "x > 33.5 W/m2"}
-    start = 5 * 86400.0 - 86400.0  # Friday, then Saturday
-    assert np.flatnonzero(steps_of(cell, start, 3600.0, 48, series)).tolist() == [34, 35]
-    assert steps_of({"rule": "y > 3"}, 0.0, 3600.0, 48, series) is None
-    assert steps_of({"rule": "x = 0"}, 0.0, 3600.0, 48, series).sum() == 1
-    assert steps_of({"hours": "any", "day_type": "any", "rule": "always"}, 0.0, 3600.0, 48, series).all()
 
 
 def test_shrinkage_is_held_against_the_oracle(scored):
