@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import datagen.ceilings as ceilings
 from datagen.ceilings import HOUR, SPIN_UP_HOURS, Window, _window, ceilings_of, identifiability, posterior_variance
 from datagen.cli import app
 from datagen.package import weather_hashes
@@ -238,3 +239,23 @@ def test_counted_persons_are_known(house):
     condition = {"context_hours": 24.0, "step": 3600.0, "noise": "sensor"}
     assert kept.find(**condition, channels=["N", "room"]) == [found[2]]
     assert kept.find(**condition, channels=["room"]) == [found[3]]
+
+
+def test_another_fmu_of_the_same_description_is_loaded_anew(default_system, monkeypatch):
+    """One that was built again in its place, within the same program."""
+
+    class Enough(Exception):
+        pass
+
+    def stop(*_):
+        raise Enough
+
+    loaded = []
+    monkeypatch.setattr(ceilings, "_SIMULATORS", {})
+    monkeypatch.setattr(ceilings, "Simulator", lambda system: loaded.append(system) or system)
+    monkeypatch.setattr(ceilings, "record_start", stop)
+    for build, count in (("a", 1), ("a", 1), ("b", 2)):
+        monkeypatch.setattr(ceilings, "sha256_of", lambda _, build=build: build)
+        with pytest.raises(Enough):
+            ceilings._window(default_system, 24.0, 1, 0)
+        assert len(loaded) == count
