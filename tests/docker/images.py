@@ -1,7 +1,8 @@
 """Dockerfiles without an engine: what they say, and their steps run in a folder that stands for the root.
 
 Every ``COPY`` and ``RUN`` is carried out, the ``ENV`` holds for what is run afterwards. What is changed on the way:
-absolute paths of the Dockerfile point into the folder, ``python`` and ``pip`` are this machine's, no account is made.
+absolute paths of the Dockerfile point into the folder, ``python`` and ``pip`` are this machine's, no account is made. What ``pip``
+installs into the image, ``uv`` installs: it takes the same words, and has unpacked most of it for other tests.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from pathlib import Path
 
 import dockerfile
 import pathspec
+
+from tests.packaging.wheels import uv, uv_settings
 
 ROOT = Path(__file__).resolve().parents[2]
 _FOLDERS = ("opt", "source", "wheels", "systems", "data", "runs", "tmp")
@@ -141,7 +144,8 @@ def build(described: Dockerfile, root: Path, python: str) -> Built:
     for name in (*_FOLDERS, "tools"):
         (root / name).mkdir(parents=True, exist_ok=True)
     _tool(tools / "python", f'exec "{python}" "$@"')
-    _tool(tools / "pip", f'exec "{sys.executable}" -m pip "$@"')
+    into = f'[ "$1 $3" = "--python install" ] && {{ it="$2"; shift 3; exec "{uv()}" pip install --python "$it" "$@"; }}'
+    _tool(tools / "pip", f'{into}\nexec "{sys.executable}" -m pip "$@"')
     _tool(tools / "groupadd", f'echo "group $@" >> "{root}/accounts"')
     _tool(tools / "useradd", f'echo "user $@" >> "{root}/accounts"')
     _tool(tools / "install", 'for w; do case "$w" in --*) ;; *) mkdir -p "$w" ;; esac; done')
@@ -153,6 +157,7 @@ def build(described: Dockerfile, root: Path, python: str) -> Built:
     for stage in described.stages:
         environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
         environment |= {n: _moved(v, root) for n, v in stage.environment.items() if n not in ("PATH", "HOME")}
+        environment |= uv_settings()
         environment.pop("PIP_NO_CACHE_DIR", None)  # what this saves is in the image only; here it would cost downloads
         environment["PATH"] = f"{tools}{os.pathsep}{os.environ['PATH']}"
         here = root

@@ -120,15 +120,18 @@ def index_answers() -> bool:
     return subprocess.run(asked, capture_output=True, timeout=600).returncode == 0
 
 
+def uv() -> str:
+    """Path of the program."""
+    return str(Path(sys.executable).parent / "uv")
+
+
 def _uv(*words: str) -> None:
-    done = subprocess.run(
-        [str(Path(sys.executable).parent / "uv"), *words], env=_settings(), capture_output=True, text=True, check=False
-    )
+    done = subprocess.run([uv(), *words], env=os.environ | uv_settings(), capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"uv {' '.join(words)}\n{done.stderr[-4000:]}"
 
 
-def _settings() -> dict[str, str]:
-    """This environment, with pip's settings handed on: uv has its own, but a machine is set up for pip."""
+def uv_settings() -> dict[str, str]:
+    """Variables that hand pip's settings on: uv has its own, but a machine is set up for pip."""
     listed = subprocess.run(
         [sys.executable, "-m", "pip", "config", "list"], capture_output=True, text=True, check=True
     ).stdout
@@ -136,7 +139,7 @@ def _settings() -> dict[str, str]:
         line.partition("=")[0].rpartition(".")[2]: line.partition("=")[2].strip("'") for line in listed.splitlines()
     }
     handed = {"UV_FIND_LINKS": said.get("find-links"), "UV_DEFAULT_INDEX": said.get("index-url")}
-    return {name: value.replace(" ", ",") for name, value in handed.items() if value} | os.environ
+    return {name: value.replace(" ", ",") for name, value in handed.items() if value and name not in os.environ}
 
 
 def recording(folder: Path) -> Path:
