@@ -160,6 +160,8 @@ class Composer:
             density=density,
             where=where,
         )
+        held = plausible.about_hold(column, signal) if source.max_gap is None else None
+        self.notes += [held] if held else []
         if is_constant(signal):
             if moving:
                 raise RecordingError(f"{where}: every reading is {signal.values[0]:g} {unit}; expected one that varies")
@@ -169,8 +171,8 @@ class Composer:
             self.notes.append(f"column {column}: declared in percent, but no reading is above 1; is it a fraction?")
         register = plausible.about_register(column, signal) if unit == "W" else None
         self.notes += [register] if register else []
-        held = (source.reading or self.mapping.defaults.reading) == "hold"  # what is silent while nothing changes
-        usual = _STUCK_AFTER if moving and not held else 0.0
+        # a state is silent while nothing changes
+        usual = _STUCK_AFTER if moving and kind != "hold" else 0.0
         hours = source.stuck_after if source.stuck_after is not None else usual
         signal = mark_stuck(signal, hours, except_zero=unit == "W/m2")
         if not signal.used.any():

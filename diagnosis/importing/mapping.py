@@ -87,7 +87,9 @@ class Source(Table):
     stamp: Literal["start", "end"] | None = Field(None, description="which end of its interval a mean is stamped with")
     shift: float = Field(0.0, description="added to the column's stamps, whose clock is known to be wrong [s]")
     interval: float | None = Field(None, gt=0, description="interval of a mean [s]; the usual spacing if not given")
-    max_gap: float | None = Field(None, gt=0, description="readings further apart leave a gap [h]")
+    max_gap: float | None = Field(
+        None, gt=0, description="readings further apart leave a gap, and a state holds no longer [h]"
+    )
     valid: tuple[float, float] | None = Field(None, description="possible values, in ``unit``")
     stuck_after: float | None = Field(None, ge=0, description="equal readings for longer are not believed [h]; 0: off")
     fill: Literal["none", "interpolate"] | float | None = Field(

@@ -6,7 +6,8 @@ import numpy as np
 
 from diagnosis.importing.clock import Clock
 from diagnosis.importing.mapping import Place
-from diagnosis.importing.quality import Signal, usual_interval
+from diagnosis.importing.quality import Signal
+from diagnosis.importing.spacing import DAY, usual_interval
 from diagnosis.importing.weather import sun_position
 
 SPARSE, LONG, IRREGULAR = 3.0, 3600.0, 0.3
@@ -43,6 +44,23 @@ def about_changes(column: str, kind: str, usual: float) -> str:
     return (
         f"column {column}: read every {usual / 3600:.3g} h only, and taken for reading = {kind!r}; is it logged when it"
         " changes (reading = 'hold')?"
+    )
+
+
+def about_hold(column: str, signal: Signal) -> str | None:
+    """What is said of a state for which nothing says how long it holds."""
+    clean = signal.clean()
+    if signal.kind != "hold" or len(clean.values) < 2:
+        return None
+    open_for = clean.begin[1:] - clean.end[:-1]
+    gaps = open_for > 1.0
+    left = f", {int(gaps.sum())} gaps of {open_for[gaps].sum() / 3600:.3g} h in all are left" if gaps.any() else ""
+    if signal.holds >= DAY:
+        longest = float((clean.end - clean.begin).max()) / 3600
+        return f"column {column}: taken for logged when it changes: readings hold for up to {longest:.3g} h{left}"
+    return (
+        f"column {column}: taken for read all the time: a reading holds for {signal.holds / 3600:.3g} h at most{left}"
+        f"{'; max_gap says otherwise' if left else ''}"
     )
 
 

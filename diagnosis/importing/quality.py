@@ -9,6 +9,7 @@ import numpy as np
 
 from diagnosis.importing import units
 from diagnosis.importing.mapping import Source
+from diagnosis.importing.spacing import usual_gap, usual_hold, usual_interval
 from shared.codes import coded
 from shared.errors import RecordingError
 
@@ -25,9 +26,9 @@ FLAGS = {
 MISSING, PARTLY, IMPOSSIBLE, STUCK, INTERPOLATED, ASSUMED, COMPUTED = FLAGS.values()
 
 _SLACK = 1e-9
+"""Rounding that a limit forgives, as a share of its size."""
 DARK = 10.0
 """Irradiance [W/m2] that may stand still all night."""
-"""Rounding that a limit forgives, as a share of its size."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +47,8 @@ class Signal:
         ``point``: instants joined by straight lines; ``mean``: means of the intervals; ``hold``: states that hold.
     max_gap
         Readings further apart leave a gap [s].
+    holds
+        A state holds no longer than this [s].
     """
 
     begin: np.ndarray
@@ -55,6 +58,7 @@ class Signal:
     kind: Literal["point", "mean", "hold"]
     max_gap: float
     unit: str
+    holds: float = np.inf
 
     @property
     def middle(self) -> np.ndarray:
@@ -70,15 +74,6 @@ class Signal:
         """The readings that may be used."""
         k = self.used
         return replace(self, begin=self.begin[k], end=self.end[k], values=self.values[k], flags=self.flags[k])
-
-
-def usual_gap(usual: float) -> float:
-    """How far apart readings may be by default [s] that are usually so far apart [s].
-
-    One lost reading of a close series is bridged, and stamps may be late. But a straight line over more than an hour
-    invents a reading: of an hourly series a lost one is lost.
-    """
-    return min(2.5 * usual, max(1.5 * usual, 3600.0))
 
 
 def make_signal(
@@ -111,7 +106,10 @@ def make_signal(
     values = to_target(readings[there], source, target, density=density, where=where)
     usual = usual_interval(time, there)
     max_gap = 3600.0 * source.max_gap if source.max_gap is not None else usual_gap(usual)
+    # where the mapping says what is possible, it knows better
+    nines = coded(readings[there]) if source.valid is None else np.zeros(len(t), dtype=bool)
     begin = end = t
+    holds = np.inf
     if kind == "mean":
         length = source.interval if source.interval is not None else usual
         if stamp == "end":
@@ -119,20 +117,12 @@ def make_signal(
         else:
             end = np.minimum(t + length, np.concatenate([t[1:], [np.inf]]))
     elif kind == "hold":
-        # a state is logged when it changes: by default it holds for a day at most; one that is read all the time holds
-        # no longer than any other reading
-        holds = max_gap if source.max_gap is not None or regular(t) else 86400.0
+        seen = readings.copy()
+        seen[there] = np.where(nines, np.nan, readings[there])
+        holds = max_gap if source.max_gap is not None else usual_hold(time, seen)
         end = np.minimum(t + holds, np.concatenate([t[1:], [t[-1] + usual]])) if t.size else t
-    # where the mapping says what is possible, it knows better
-    nines = coded(readings[there]) if source.valid is None else np.zeros(len(t), dtype=bool)
     flags = np.where(nines, IMPOSSIBLE, 0).astype(np.int8)
-    return Signal(begin, end, values, flags, kind, max_gap, target)
-
-
-def regular(time: np.ndarray) -> bool:
-    """Whether readings (n,) [s] come at one spacing, but for lost ones."""
-    spacing = np.diff(time)
-    return len(spacing) > 1 and float(np.mean(np.abs(spacing - np.median(spacing)) <= 0.1 * np.median(spacing))) > 0.9
+    return Signal(begin, end, values, flags, kind, max_gap, target, holds)
 
 
 def to_target(readings: np.ndarray, source: Source, target: str, *, density: float, where: str) -> np.ndarray:
@@ -141,12 +131,6 @@ def to_target(readings: np.ndarray, source: Source, target: str, *, density: flo
     if source.persons is not None:
         values = values * source.persons
     return units.convert(values, source.unit, target, density=density, where=where)
-
-
-def usual_interval(time: np.ndarray, there: np.ndarray) -> float:
-    """The median spacing of readings [s]; of the file's rows where there are fewer than two readings."""
-    spacing = np.diff(time[there]) if there.sum() > 1 else np.diff(time)
-    return float(np.median(spacing))
 
 
 def _possible(source: Source, unit: str, *, density: float, where: str) -> tuple[float, float, bool, float]:

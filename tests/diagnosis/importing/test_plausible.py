@@ -114,16 +114,6 @@ def test_an_offset_without_colons_is_a_sentence(house):
         house(frame)
 
 
-def test_a_dropout_of_a_state_that_is_always_read_is_a_gap(house):
-    """Persons of a day are not those of the night after, because the counter fell silent."""
-    frame, hours = measured()
-    lost = (hours > 60) & (hours < 80)
-    mapping = MAPPING.replace('persons = 2.0\nreading = "mean"', 'persons = 2.0\nreading = "hold"\nfill = 0.0')
-    frame["presence"] = frame["presence"].where(~lost).astype("Int64").astype("string").fillna("")
-    (people,) = [one for one in house(frame, mapping).variables if one.name == "people"]
-    assert people.assumed >= 18
-
-
 def test_outputs_between_readings_hours_apart_are_told(house):
     frame, hours = measured()
     seldom = frame.assign(room=frame["room"].where(hours % 4 == 0))
