@@ -8,9 +8,10 @@ noise, with all outputs or without those of ``--without``. From each window ``tr
 told that there is none, a fit makes parameters of persons who came within the half hours that it knows of. Printed for
 each condition and parameter: R2 over the rooms of both and of their mean, with 90 % intervals by room, and how alike
 their errors are: where two unlike methods err in the same rooms in the same way, it is the data that do not tell.
-Beside them belongs the limit of ``datagen identifiability`` (docs/estimators.md). With ``--truth`` the same fit also
-begins at the true parameters, as nobody can: what it then still misses, no start mends. Take a seed that nothing was
-developed on.
+Beside them belongs the limit of ``datagen identifiability`` (docs/estimators.md). The command also fits the uncertain
+constants of the description, which these rooms have as declared; ``--known`` fits without them too, as the limit and the
+estimator know them: once from the estimate, and once from the true parameters, as nobody can: what that still misses,
+no start mends. Take a seed that nothing was developed on.
 """
 
 from __future__ import annotations
@@ -55,19 +56,21 @@ def made(case: dict[str, Any]) -> dict[str, Any]:
             system, record, run=case["run"], occupancy="unknown", noise=case["believed"], starts=1
         )  # fmt: skip
         spent = time.process_time() - began
-        known = from_truth(system, record, truth, case["believed"]) if case["truth"] else {}
+        told = {one.name: one for one in done.report.parameters}
+        alone = {name: told[name].zero_shot for name in truth}
+        begun = {"from the estimate": alone, "from the truth": truth} if case["known"] else {}
+        known = {how: known_constants(system, record, at, case["believed"]) for how, at in begun.items()}
     except ZeroshotError as error:
         return {"error": str(error)}
     finally:
         path.unlink()
-    told = {one.name: one for one in done.report.parameters}
     count = len(truth)
     off = done.fit.z[:count] - done.problem.unknowns(truth)[:count]
     return {
         "truth": truth,
-        "zero-shot": {name: told[name].zero_shot for name in truth},
+        "zero-shot": alone,
         "calibrated": {name: told[name].value for name in truth},
-        "from truth": known,
+        **known,
         "error": None,
         "off": (off / np.sqrt(np.diag(done.report.covariance))[:count]).tolist(),
         "converged": done.report.converged,
@@ -76,19 +79,18 @@ def made(case: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def from_truth(system: System, record: Recording, truth: dict[str, float], noise: str) -> dict[str, float]:
-    """Parameters that a fit ends at which begins at the true ones and knows the constants, as the limit does."""
+def known_constants(system: System, record: Recording, begin: dict[str, float], noise: str) -> dict[str, float]:
+    """Parameters that a fit ends at which begins at these and knows the constants."""
     simulator = Simulator(system.with_experiment(step=record.step, hours=len(record.time) * record.step / HOUR))
     problem = Problem(simulator, record, noise=noise, occupancy="unknown", uncertain=False)
-    found = fit(problem, [problem.unknowns(truth)], estimate_noise=True)
-    values = problem.values(found.z).tolist()
-    return dict(zip(truth, values[: len(truth)], strict=True))
+    values = problem.values(fit(problem, [problem.unknowns(begin)]).z).tolist()
+    return dict(zip(begin, values[: len(begin)], strict=True))
 
 
 def table(rows: list[dict[str, Any]], title: str) -> None:
     """Print R2 of both by parameter."""
     some = [row for row in rows if row["error"] is None]
-    extra = ["from truth"] if some and some[0].get("from truth") else []
+    extra = [one for one in ("from the estimate", "from the truth") if some and one in some[0]]
     if len(some) < 2:
         print(f"\n{title}: {len(some)} of {len(rows)} could be calibrated")
         return
@@ -112,14 +114,14 @@ def table(rows: list[dict[str, Any]], title: str) -> None:
         f" median {np.median([row['simulations'] for row in some]):.0f} simulations,"
         f" {np.median([row['seconds'] for row in some]):.0f} s\n\n"
         "| parameter | zero-shot | calibrated | mean of both | gained by calibrating | correlation of the errors "
-        f"| 90 % intervals that hold |{' begun at the truth |' * len(extra)}\n|{'---|' * (7 + len(extra))}"
+        f"| 90 % intervals that hold |{''.join(f' known constants, {one} |' for one in extra)}\n|{'---|' * (7 + len(extra))}"
     )
     alike = [np.corrcoef(alone[:, k] - truth[:, k], refined[:, k] - truth[:, k])[0, 1] for k in range(len(names))]
     for k, name in enumerate([*names, "mean"]):
         cells = [f"{found[m, k]:.2f} [{low[m, k]:.2f}, {high[m, k]:.2f}]" for m in range(4)]
         print(
             f"| {name} | {' | '.join(cells)} | {[*alike, np.mean(alike)][k]:.2f} | {100 * held[k]:.0f}% |"
-            + "".join(f" {found[4, k]:.2f} [{low[4, k]:.2f}, {high[4, k]:.2f}] |" for _ in extra)
+            + "".join(f" {found[m, k]:.2f} [{low[m, k]:.2f}, {high[m, k]:.2f}] |" for m in range(4, 4 + len(extra)))
         )
 
 
@@ -134,13 +136,15 @@ def main() -> None:
     parser.add_argument("--noise", nargs="+", default=["sensor", "none"])
     parser.add_argument("--believed", default="sensor", help="preset that every fit begins with, as the commands do")
     parser.add_argument("--without", nargs="*", default=[], help="outputs that were not measured, for a second set")
-    parser.add_argument("--truth", action="store_true", help="also fit from the true parameters")
+    parser.add_argument(
+        "--known", action="store_true", help="also fit with known constants, and from the true parameters"
+    )
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("refined"))
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     common = {"system": str(options.system), "run": str(options.run), "hours": options.hours, "seed": options.seed,
-              "truth": options.truth, "believed": options.believed}  # fmt: skip
+              "known": options.known, "believed": options.believed}  # fmt: skip
     sets = [[], options.without] if options.without else [[]]
     conditions = [(noise, without) for noise in options.noise for without in sets]
     cases = [
