@@ -1,8 +1,9 @@
 """Dockerfiles without an engine: what they say, and their steps run in a folder that stands for the root.
 
 Every ``COPY`` and ``RUN`` is carried out, the ``ENV`` holds for what is run afterwards. What is changed on the way:
-absolute paths of the Dockerfile point into the folder, ``python`` and ``pip`` are this machine's, no account is made. What ``pip``
-installs into the image, ``uv`` installs: it takes the same words, and has unpacked most of it for other tests.
+absolute paths of the Dockerfile point into the folder, ``python`` and ``pip`` are this machine's, no account is made.
+What ``pip`` installs into the image, ``uv`` installs: it takes the same words, and has unpacked most of it for other
+tests.
 """
 
 from __future__ import annotations
