@@ -9,9 +9,9 @@ told that there is none, a fit makes parameters of persons who came within the h
 each condition and parameter: R2 over the rooms of both and of their mean, with 90 % intervals by room, and how alike
 their errors are: where two unlike methods err in the same rooms in the same way, it is the data that do not tell.
 Beside them belongs the limit of ``datagen identifiability`` (docs/estimators.md). The command also fits the uncertain
-constants of the description, which these rooms have as declared; ``--known`` fits without them too, as the limit and the
-estimator know them: once from the estimate, and once from the true parameters, as nobody can: what that still misses,
-no start mends. Take a seed that nothing was developed on.
+constants of the description, which these rooms have as declared. ``--known`` fits without them too, as the limit and
+the estimator know them: once from the estimate, and once from the true parameters, as nobody can: what that still
+misses, no start mends. Take a seed that nothing was developed on.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def known_constants(system: System, record: Recording, begin: dict[str, float], 
     """Parameters that a fit ends at which begins at these and knows the constants."""
     simulator = Simulator(system.with_experiment(step=record.step, hours=len(record.time) * record.step / HOUR))
     problem = Problem(simulator, record, noise=noise, occupancy="unknown", uncertain=False)
-    values = problem.values(fit(problem, [problem.unknowns(begin)]).z).tolist()
+    values = problem.values(fit(problem, [problem.unknowns(begin)], estimate_noise=True).z).tolist()
     return dict(zip(begin, values[: len(begin)], strict=True))
 
 
@@ -114,7 +114,8 @@ def table(rows: list[dict[str, Any]], title: str) -> None:
         f" median {np.median([row['simulations'] for row in some]):.0f} simulations,"
         f" {np.median([row['seconds'] for row in some]):.0f} s\n\n"
         "| parameter | zero-shot | calibrated | mean of both | gained by calibrating | correlation of the errors "
-        f"| 90 % intervals that hold |{''.join(f' known constants, {one} |' for one in extra)}\n|{'---|' * (7 + len(extra))}"
+        f"| 90 % intervals that hold |{''.join(f' known constants, {one} |' for one in extra)}\n"
+        f"|{'---|' * (7 + len(extra))}"
     )
     alike = [np.corrcoef(alone[:, k] - truth[:, k], refined[:, k] - truth[:, k])[0, 1] for k in range(len(names))]
     for k, name in enumerate([*names, "mean"]):
