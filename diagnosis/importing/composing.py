@@ -167,6 +167,8 @@ class Composer:
                 raise RecordingError(f"{where}: every reading is {signal.values[0]:g} {unit}; expected one that varies")
             self.notes.append(f"column {column}: every reading is {signal.values[0]:g} {unit}")
         signal = mark_impossible(signal, source, density=density, where=where)
+        noise = plausible.about_noise(column, signal)
+        self.notes += [noise] if noise else []
         if source.unit in ("percent", "%") and source.scale == 1 and 0 < float(np.nanmax(readings)) <= 1.0:
             self.notes.append(f"column {column}: declared in percent, but no reading is above 1; is it a fraction?")
         register = plausible.about_register(column, signal) if unit == "W" else None
@@ -184,6 +186,15 @@ class Composer:
         values, flags = resample(signal, self.edges, target.method, self.mapping.grid.coverage)
         if target.role == "input" and target.method == "point":
             values = around(signal, self.edges)
+        # an output may be below by its noise, which whoever fits it counts; what drives a simulation may not
+        low = np.isfinite(values) & (values < signal.floor)
+        if target.role == "input" and low.any():
+            raised = np.where(low, signal.floor, values)
+            told = plausible.about_floor(
+                target.name, low, float(np.nanmean(values)), float(np.nanmean(raised)), target.unit
+            )
+            self.notes.append(told)
+            values = raised
         flags |= np.bitwise_and.reduce(signal.flags) & np.int8(COMPUTED)
         if target.role == "input":
             fill = source.fill if source.fill is not None else self._usual_fill(source)

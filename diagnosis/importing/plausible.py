@@ -64,6 +64,26 @@ def about_hold(column: str, signal: Signal) -> str | None:
     )
 
 
+def about_noise(column: str, signal: Signal) -> str | None:
+    """A sentence if readings below what is possible were kept as noise."""
+    values = signal.clean().values
+    low = values[values < signal.floor]
+    if not low.size:
+        return None
+    return (
+        f"column {column}: {low.size} readings below {signal.floor:g} {signal.unit}, down to {low.min():.3g}, are taken"
+        " for the meter's noise and kept in its means"
+    )
+
+
+def about_floor(name: str, low: np.ndarray, mean: float, raised: float, unit: str) -> str:
+    """What is said of an input that noise takes to impossible values in some steps ``low``, which were raised."""
+    return (
+        f"{name}: {int(low.sum())} of {len(low)} steps are below what is possible by noise, and raised to it: the mean"
+        f" of all is {raised:.4g} {unit}, and was {mean:.4g}"
+    )
+
+
 def about_register(column: str, signal: Signal) -> str | None:
     """A sentence if a power never falls: it may be a meter's register."""
     clean = signal.clean()

@@ -9,6 +9,7 @@ import numpy as np
 
 from diagnosis.importing import units
 from diagnosis.importing.mapping import Source
+from diagnosis.importing.noise import reach_of_noise
 from diagnosis.importing.spacing import usual_gap, usual_hold, usual_interval
 from shared.codes import coded
 from shared.errors import RecordingError
@@ -49,6 +50,8 @@ class Signal:
         Readings further apart leave a gap [s].
     holds
         A state holds no longer than this [s].
+    floor
+        What is measured is not below this, though readings may be, by their noise [``unit``].
     """
 
     begin: np.ndarray
@@ -59,6 +62,7 @@ class Signal:
     max_gap: float
     unit: str
     holds: float = np.inf
+    floor: float = -np.inf
 
     @property
     def middle(self) -> np.ndarray:
@@ -133,19 +137,19 @@ def to_target(readings: np.ndarray, source: Source, target: str, *, density: flo
     return units.convert(values, source.unit, target, density=density, where=where)
 
 
-def _possible(source: Source, unit: str, *, density: float, where: str) -> tuple[float, float, bool, float]:
-    """Lowest and highest possible value [unit], whether below zero means zero, and how far beyond is still rounding."""
-    low, high, zero = units.limits(source.unit, unit)
+def _possible(source: Source, unit: str, *, density: float, where: str) -> tuple[float, float, units.Below, float]:
+    """Lowest and highest possible value [unit], what is below zero, and how far beyond a limit is still rounding."""
+    low, high, below = units.limits(source.unit, unit)
     if source.persons is not None:
         low, high = low * source.persons, high * source.persons
     if source.valid is not None:
         ends = units.convert(np.array(source.valid), source.unit, unit, density=density, where=where)
         ends = ends * (source.persons or 1.0)
-        low, high, zero = float(ends.min()), float(ends.max()), False
+        low, high, below = float(ends.min()), float(ends.max()), "impossible"
     elif (source.scale, source.offset) != (1.0, 0.0) and source.unit in units.WORD_LIMITS:
         low, high = -np.inf, np.inf  # the word's limits hold for what was read, not for what was made of it
     sizes = [abs(one) for one in (low, high) if np.isfinite(one)]
-    return low, high, zero, _SLACK * max(sizes, default=0.0)
+    return low, high, below, _SLACK * max(sizes, default=0.0)
 
 
 def check_possible(value: float, source: Source, unit: str, *, density: float, where: str) -> None:
@@ -168,14 +172,20 @@ def check_possible(value: float, source: Source, unit: str, *, density: float, w
 
 
 def mark_impossible(signal: Signal, source: Source, *, density: float, where: str) -> Signal:
-    """Mark readings outside the possible values; small negative values of quantities that have none become zero.
+    """Mark readings outside the possible values.
+
+    Of quantities that are never negative, small negative readings become zero if they are an offset or rounding. If
+    they are a meter's noise they stay, as far down as its noise reaches: without them means would be too large. The
+    signal then has a ``floor``.
 
     Raises
     ------
     RecordingError
         If more than half of the readings are impossible: then it is the unit, not the sensor.
     """
-    low, high, zero, slack = _possible(source, signal.unit, density=density, where=where)
+    low, high, below, slack = _possible(source, signal.unit, density=density, where=where)
+    if below == "noise":
+        low = min(low, -reach_of_noise(signal.values[signal.used]))
     bad = (signal.values < low - slack) | (signal.values > high + slack)
     if bad.sum() > 0.5 * len(bad):
         middle = float(np.median(signal.values))
@@ -187,11 +197,11 @@ def mark_impossible(signal: Signal, source: Source, *, density: float, where: st
             f"{where}: declared in {source.unit!r}, its median {raw:.4g} is {middle:.4g} {signal.unit}, and "
             f"{int(bad.sum())} of {len(bad)} readings lie outside {low:g} to {high:g} {signal.unit}{hint}"
         )
-    values = np.where((signal.values < 0) & ~bad, 0.0, signal.values) if zero else signal.values
-    if zero is False and low == 0.0:
+    values = signal.values
+    if below == "zero" or (below == "impossible" and low == 0.0):  # the latter is rounding
         values = np.where((values < 0) & ~bad, 0.0, values)
     flags = signal.flags | np.where(bad, IMPOSSIBLE, 0).astype(np.int8)
-    return replace(signal, values=values, flags=flags)
+    return replace(signal, values=values, flags=flags, floor=0.0 if below == "noise" else -np.inf)
 
 
 def source_value(value: float, source: Source, unit: str, *, density: float, where: str) -> float:

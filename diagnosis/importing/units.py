@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from functools import lru_cache
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -104,14 +104,16 @@ def alternatives(value: float, target: str, low: float, high: float, *, density:
     return found
 
 
-# Possible values of quantities that buildings and their weather have, by the system's unit, and whether what is a
-# little below the lower limit is zero (the offset of pyranometers at night, the rounding of anemometers).
-_LIMITS: tuple[tuple[str, float, float, bool], ...] = (
-    ("K", 223.15, 333.15, False),
-    ("ppm", 300.0, 10000.0, False),
-    ("W/m2", -20.0, 1500.0, True),
-    ("m/s", -0.1, 75.0, True),
-    ("kg/s", -1e-3, np.inf, True),
+Below = Literal["impossible", "zero", "noise"]
+"""What a reading below zero is: impossible, if beyond the lower limit; zero, the offset of pyranometers at night or the
+rounding of anemometers; or noise, of flow meters, which means need as it is."""
+# Possible values of quantities that buildings and their weather have, by the system's unit.
+_LIMITS: tuple[tuple[str, float, float, Below], ...] = (
+    ("K", 223.15, 333.15, "impossible"),
+    ("ppm", 300.0, 10000.0, "impossible"),
+    ("W/m2", -20.0, 1500.0, "zero"),
+    ("m/s", -0.1, 75.0, "zero"),
+    ("kg/s", -1e-3, np.inf, "noise"),
 )
 WORD_LIMITS = {
     "presence": (0.0, 1.0),
@@ -124,13 +126,13 @@ WORD_LIMITS = {
 _COUNTS = ("person", "persons", "count", "counts")
 
 
-def limits(unit: str, target: str) -> tuple[float, float, bool]:
-    """Lowest and highest possible value [target], and whether negative values within them count as zero."""
+def limits(unit: str, target: str) -> tuple[float, float, Below]:
+    """Lowest and highest possible value [target], and what readings below zero are."""
     if target == "1" and unit in WORD_LIMITS:
-        return *WORD_LIMITS[unit], False
+        return *WORD_LIMITS[unit], "impossible"
     if target == "1" and unit in _COUNTS:
-        return 0.0, np.inf, False
-    for spelled, low, high, zero in _LIMITS:
+        return 0.0, np.inf, "impossible"
+    for spelled, low, high, below in _LIMITS:
         if spelled == target:
-            return low, high, zero
-    return -np.inf, np.inf, False
+            return low, high, below
+    return -np.inf, np.inf, "impossible"
