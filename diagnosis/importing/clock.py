@@ -18,6 +18,7 @@ import numpy as np
 import pandas as pd
 
 from diagnosis.importing.mapping import Time
+from diagnosis.importing.wall_clock import Sensors, of_wall_clock, seconds_of
 from shared.errors import RecordingError
 from shared.reading import shown, why
 
@@ -122,16 +123,25 @@ def make_clock(name: str, zone: tzinfo, first: float) -> Clock:
     return Clock(name, offset, time_zero(local.date()))
 
 
-def read_stamps(texts: pd.Series, settings: Time, where: str) -> tuple[np.ndarray, list[str]]:
+def read_stamps(
+    texts: pd.Series, settings: Time, where: str, sensors: Sensors | None = None
+) -> tuple[np.ndarray, list[str]]:
     """Time stamps to UTC [s since 1970], shape (rows,), and sentences on how they were understood.
 
     Stamps with an offset or a Z mean what they say. Stamps without are of the zone's wall clock; the hour that the end
     of daylight saving repeats is its first pass until the clock goes back, and its second from there on.
 
+    Parameters
+    ----------
+    sensors
+        Which sensors each row holds a reading of: rows of one stamp may be of several sensors or of two passes. One
+        sensor that is in every row if not given.
+
     Raises
     ------
     RecordingError
-        If stamps cannot be read, lie in the hour that daylight saving skips, or run backwards.
+        If stamps cannot be read, lie in the hour that daylight saving skips, run backwards, or do not tell which pass
+        of the repeated hour they are of.
     """
     name = settings.stamps or settings.zone
     zone = find_zone(name, where)
@@ -164,9 +174,9 @@ def read_stamps(texts: pd.Series, settings: Time, where: str) -> tuple[np.ndarra
             parsed = pd.to_datetime(texts, format=settings.format, errors="coerce", utc=aware)
             _all_read(parsed.isna().to_numpy(), texts, settings, where)
             if aware:
-                utc = _seconds(pd.DatetimeIndex(parsed))
+                utc = seconds_of(pd.DatetimeIndex(parsed))
             else:
-                utc, notes = _of_wall_clock(pd.DatetimeIndex(parsed), zone, name, where)
+                utc, notes = of_wall_clock(pd.DatetimeIndex(parsed), zone, name, where, sensors)
         except TypeError:
             raise RecordingError(
                 f"{where}: offsets from UTC cannot be read; expected ISO 8601 with colons, 2022-10-30 02:15:00+01:00,"
@@ -188,12 +198,6 @@ def read_stamps(texts: pd.Series, settings: Time, where: str) -> tuple[np.ndarra
     return utc, notes
 
 
-def _seconds(index: pd.DatetimeIndex) -> np.ndarray:
-    """Aware or naive stamps as they read [s since 1970]."""
-    naive = index.tz_convert("UTC").tz_localize(None) if index.tz is not None else index
-    return np.asarray((naive - pd.Timestamp(0)) / pd.Timedelta(seconds=1), dtype=np.float64)
-
-
 def _all_read(bad: np.ndarray, texts: pd.Series, settings: Time, where: str) -> None:
     if bad.any():
         k = int(np.flatnonzero(bad)[0])
@@ -201,38 +205,3 @@ def _all_read(bad: np.ndarray, texts: pd.Series, settings: Time, where: str) -> 
             f"{where}: row {k + 1} ({shown(texts.iloc[k])}) is not a time of format {settings.format!r}; expected "
             "ISO 8601 as 2022-10-30 02:15:00+01:00, or time.format set to 'unix' or for example '%d/%m/%Y %H:%M'"
         )
-
-
-def _of_wall_clock(stamps: pd.DatetimeIndex, zone: tzinfo, name: str, where: str) -> tuple[np.ndarray, list[str]]:
-    first = stamps.tz_localize(zone, ambiguous=np.ones(len(stamps), dtype=bool), nonexistent="NaT")
-    second = stamps.tz_localize(zone, ambiguous=np.zeros(len(stamps), dtype=bool), nonexistent="NaT")
-    lost = np.flatnonzero(first.isna())
-    if lost.size:
-        raise RecordingError(
-            f"{where}: {stamps[lost[0]]} does not exist in {name}, where daylight saving skips it; if the logger keeps "
-            "standard time all year, expected zone as an offset such as '+01:00'"
-        )
-    early, late, wall = _seconds(first), _seconds(second), _seconds(stamps)
-    repeated = early != late
-    utc = early.copy()
-    starts = np.flatnonzero(repeated & ~np.concatenate([[False], repeated[:-1]]))
-    for start in starts:
-        stop = start + int(np.argmin(np.concatenate([repeated[start:], [False]])))
-        step = np.diff(wall[start:stop])
-        # where the clock goes back; of hourly stamps it shows the same hour twice, which else are rows that repeat one
-        back = np.flatnonzero(step < 0 if (step < 0).any() else step == 0)
-        if back.size:
-            utc[start + 1 + back[0] : stop] = late[start + 1 + back[0] : stop]
-    notes = []
-    if repeated.any():
-        again = int((utc != early).sum())
-        if not again and not repeated[-1]:
-            notes.append(
-                "the hour that the end of daylight saving repeats is there once only: if the logger keeps standard time"
-                " all year, write time.stamps as an offset such as '+01:00'"
-            )
-        notes.append(
-            f"{int(repeated.sum())} stamps fall in the hour that the end of daylight saving repeats: "
-            f"{again} of them, from where the clock goes back, are of its second pass"
-        )
-    return utc, notes

@@ -7,6 +7,7 @@ import io
 import warnings
 from collections import Counter
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -104,7 +105,8 @@ def read_measurements(path: Path, mapping: Mapping) -> Measurements:
         )
     if len(frame) < 2:
         raise RecordingError(f"{path}: has {len(frame)} rows; expected at least a day of measurements")
-    utc, notes = read_stamps(frame[name].fillna(""), mapping.time, f"{path}: column {name!r}")
+    where = f"{path}: column {name!r}"
+    utc, notes = read_stamps(frame[name].fillna(""), mapping.time, where, partial(_read, frame, mapping))
     keep = np.concatenate([[True], np.diff(utc) > 0])
     if not keep.all():
         notes.append(
@@ -125,6 +127,15 @@ def read_measurements(path: Path, mapping: Mapping) -> Measurements:
         twice=frozenset(one for one, count in names.items() if count > 1),
         notes=notes,
     )
+
+
+def _read(frame: pd.DataFrame, mapping: Mapping) -> np.ndarray:
+    """Which of the mapped columns hold something in each row, shape (rows, columns)."""
+    sources = [*mapping.variables.values(), *mapping.weather.values()]
+    mapped = {one.column for one in sources} | {one.compare.column for one in sources if one.compare is not None}
+    names = [one for one in frame.columns if one in mapped]
+    there = [~frame[one].fillna("").str.strip().isin(mapping.file.missing).to_numpy() for one in names]
+    return np.stack(there, axis=1) if there else np.empty((len(frame), 0), dtype=bool)
 
 
 def _names(text: str, settings: File) -> Counter[str]:
