@@ -133,8 +133,8 @@ def _read(frame: pd.DataFrame, mapping: Mapping) -> np.ndarray:
     """Which of the mapped columns hold something in each row, shape (rows, columns)."""
     sources = [*mapping.variables.values(), *mapping.weather.values()]
     mapped = {one.column for one in sources} | {one.compare.column for one in sources if one.compare is not None}
-    names = [one for one in frame.columns if one in mapped]
-    there = [~frame[one].fillna("").str.strip().isin(mapping.file.missing).to_numpy() for one in names]
+    columns = [frame.iloc[:, k] for k, one in enumerate(frame.columns) if one in mapped]  # a name may occur twice
+    there = [~one.fillna("").str.strip().isin(mapping.file.missing).to_numpy() for one in columns]
     return np.stack(there, axis=1) if there else np.empty((len(frame), 0), dtype=bool)
 
 
