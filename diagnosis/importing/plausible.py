@@ -23,6 +23,8 @@ RESETS = 0.01
 """Share of a register's steps that may fall: it is reset, or a reading is lost as zero."""
 DARK, BRIGHT = 0.3, 1.4
 """Shares of a clear sky's highest irradiance that the highest of some days does not stay below, nor pass."""
+CLOSES = 0.15
+"""Share by which direct and diffuse irradiance together may differ from the global one: three instruments' errors."""
 
 
 def sparse(time: np.ndarray, readings: np.ndarray) -> float | None:
@@ -139,6 +141,18 @@ def about_zone(clock: Clock, place: Place | None) -> str | None:
     return (
         f"standard time of {clock.zone} is {abs(off):.1f} h {'ahead of' if off > 0 else 'behind'} the sun at longitude"
         f" {place.longitude:g}: check time.zone and place"
+    )
+
+
+def about_closure(ghi: Signal, parts: Signal) -> str | None:
+    """A sentence if direct and diffuse irradiance do not make the global one, of the readings that have all three."""
+    both = np.isin(ghi.begin, parts.begin) & ghi.used
+    measured, together = float(ghi.values[both].sum()), float(parts.values[np.isin(parts.begin, ghi.begin[both])].sum())
+    if measured <= 0 or abs(together / measured - 1) <= CLOSES:
+        return None
+    return (
+        f"direct and diffuse irradiance together are {together / measured:.3g} of the global one: check their units,"
+        " stamps, and place"
     )
 
 

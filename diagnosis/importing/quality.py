@@ -43,7 +43,7 @@ class Signal:
     values
         Shape (n,) [``unit``].
     flags
-        Bits of :data:`FLAGS` of each reading, shape (n,); readings with any but ``COMPUTED`` are not used.
+        Bits of :data:`FLAGS` of each reading, shape (n,); those that are impossible or stuck are not used.
     kind
         ``point``: instants joined by straight lines; ``mean``: means of the intervals; ``hold``: states that hold.
     max_gap

@@ -98,6 +98,18 @@ def instants_of(signal: Signal, times: np.ndarray) -> np.ndarray:
     return np.where(close | exact, np.interp(times, t, clean.values), np.nan)
 
 
+def values_at(signal: Signal, other: Signal) -> np.ndarray:
+    """Values of a signal over the readings of another, NaN where it has none, shape (readings of the other,)."""
+    if np.array_equal(signal.begin, other.begin) and np.array_equal(signal.end, other.end):
+        return np.where(signal.used, signal.values, np.nan)
+    if not (other.end > other.begin).all():
+        return instants_of(signal, other.middle)
+    edges = np.unique(np.concatenate([other.begin, other.end]))
+    means, share = means_of(signal, edges)
+    k = np.searchsorted(edges, other.begin)  # the readings do not overlap: each is one piece between two edges
+    return np.where(share[k] >= NEARLY, means[k], np.nan)
+
+
 def around(signal: Signal, edges: np.ndarray) -> np.ndarray:
     """Means over a step about each step's end (n,): what straight lines through them keep of closer readings.
 

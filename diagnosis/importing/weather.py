@@ -13,6 +13,7 @@ from diagnosis.importing.clock import Clock
 from diagnosis.importing.mapping import Place
 from diagnosis.importing.quality import COMPUTED, Signal
 from diagnosis.importing.resampling import instants_of
+from diagnosis.importing.splitting import Sun, closed, split
 from shared.signals import Weather
 
 _FINEST = 300.0
@@ -31,51 +32,74 @@ def sun_position(utc: np.ndarray, place: Place) -> tuple[np.ndarray, np.ndarray]
     return found["apparent_zenith"].to_numpy().reshape(shape), found["azimuth"].to_numpy().reshape(shape)
 
 
-def on_the_plane(ghi: Signal, clock: Clock, place: Place, plane: Weather) -> Signal:
+def on_the_plane(
+    ghi: Signal,
+    clock: Clock,
+    place: Place,
+    plane: Weather,
+    *,
+    dni: np.ndarray | None = None,
+    dhi: np.ndarray | None = None,
+) -> Signal:
     """Global horizontal irradiance to a tilted plane [W/m2].
 
-    Split into direct and diffuse by Erbs et al. (1982), carried to the plane by the description's transposition model,
-    both as pvlib has them; the direct part is at most what a clear sky lets through (Meinel and Meinel 1976). A mean is
-    spread over its interval in proportion to the sine of the sun's height first, so that sunrise, sunset and long
-    intervals get the sun's real direction. Erbs' correlation is of hourly means: at shorter steps it is used as it
-    stands, and passing clouds make it worse.
+    Split into direct and diffuse by what was measured of them, else by Erbs et al. (1982;
+    :mod:`diagnosis.importing.splitting`), carried to the plane by the description's transposition model, both as pvlib
+    has them. A mean is spread over its interval in proportion to the sine of the sun's height first, so that sunrise,
+    sunset and long intervals get the sun's real direction. Erbs' correlation is of hourly means: at shorter steps it is
+    used as it stands, and passing clouds make it worse.
+
+    Parameters
+    ----------
+    dni, dhi
+        Measured direct normal and diffuse horizontal irradiance of the same readings, NaN where there is none, (n,).
     """
-    longest = float((ghi.end - ghi.begin).max(initial=0.0))
-    parts = max(1, int(np.ceil(longest / _FINEST - 1e-9)))
-    share = (np.arange(parts) + 0.5) / parts
-    utc = clock.utc(ghi.begin[:, None] + share * (ghi.end - ghi.begin)[:, None])
-    zenith, azimuth = sun_position(utc, place)
-    height = np.maximum(np.cos(np.radians(zenith)), 0.0)
-    mean_height = height.mean(axis=1, keepdims=True)
-    values = np.where(np.isfinite(ghi.values), np.maximum(ghi.values, 0.0), 0.0)[:, None]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        spread = np.where(mean_height > 1e-3, height / mean_height, 1.0)
-    flat = pd.Series((values * spread).ravel())
-    day = pd.to_datetime(utc.ravel(), unit="s").day_of_year.to_numpy()
-    z, a = zenith.ravel(), azimuth.ravel()
-    extra, airmass = pvlib.irradiance.get_extra_radiation(day), pvlib.atmosphere.get_relative_airmass(z)
-    direct = np.asarray(pvlib.irradiance.erbs(flat.to_numpy(), z, day)["dni"])
-    # no more than a clear sky lets through: a reading that is late or early at a low sun would become a beam
-    direct = np.minimum(direct, np.where(np.isfinite(airmass), extra * 0.7 ** (np.nan_to_num(airmass) ** 0.678), 0.0))
-    total = pvlib.irradiance.get_total_irradiance(
+    sun, azimuth = _sun_within(ghi, clock, place)
+    values = np.where(np.isfinite(ghi.values), np.maximum(ghi.values, 0.0), 0.0)
+    total, direct, diffuse = split(values, sun, dni, dhi)
+    z = sun.zenith.ravel()
+    carried = pvlib.irradiance.get_total_irradiance(
         plane.surface_tilt,
         plane.surface_azimuth,
         z,
-        a,
-        direct,
-        flat.to_numpy(),
-        flat.to_numpy() - direct * np.maximum(np.cos(np.radians(z)), 0.0),
-        dni_extra=extra,
-        airmass=airmass,
+        azimuth.ravel(),
+        direct.ravel(),
+        total.ravel(),
+        diffuse.ravel(),
+        dni_extra=pvlib.irradiance.get_extra_radiation(sun.day.ravel()),
+        airmass=pvlib.atmosphere.get_relative_airmass(z),
         albedo=plane.albedo,
         model=plane.transposition,
     )["poa_global"]
     # below the horizon what little light there is comes evenly from the sky
     tilt = np.radians(plane.surface_tilt)
-    dusk = flat.to_numpy() * ((1 + np.cos(tilt)) / 2 + plane.albedo * (1 - np.cos(tilt)) / 2)
-    total = np.where(np.isfinite(total) & (z < 90.0), total, dusk)
-    poa = np.maximum(total, 0.0).reshape(zenith.shape).mean(axis=1)
+    dusk = total.ravel() * ((1 + np.cos(tilt)) / 2 + plane.albedo * (1 - np.cos(tilt)) / 2)
+    carried = np.where(np.isfinite(carried) & (z < 90.0), carried, dusk)
+    poa = np.maximum(carried, 0.0).reshape(sun.zenith.shape).mean(axis=1)
     return replace(ghi, values=poa, flags=ghi.flags | np.int8(COMPUTED))
+
+
+def global_of(readings: Signal, dni: np.ndarray, dhi: np.ndarray, clock: Clock, place: Place) -> Signal:
+    """Global horizontal irradiance [W/m2] of direct normal and diffuse horizontal irradiance, where both are.
+
+    ``dni`` and ``dhi`` (n,) are of the intervals or instants of ``readings``, NaN where there is none.
+    """
+    there = np.isfinite(dni) & np.isfinite(dhi)
+    begin, end = readings.begin[there], readings.end[there]
+    base = replace(readings, begin=begin, end=end, values=dhi[there], flags=np.full(there.sum(), COMPUTED, np.int8))
+    sun, _ = _sun_within(base, clock, place)
+    return replace(base, values=closed(np.maximum(dni[there], 0.0), np.maximum(dhi[there], 0.0), sun))
+
+
+def _sun_within(signal: Signal, clock: Clock, place: Place) -> tuple[Sun, np.ndarray]:
+    """Where the sun stands in equal parts of each reading's interval, and its azimuth [degree], (n, parts)."""
+    longest = float((signal.end - signal.begin).max(initial=0.0))
+    parts = max(1, int(np.ceil(longest / _FINEST - 1e-9)))
+    share = (np.arange(parts) + 0.5) / parts
+    utc = clock.utc(signal.begin[:, None] + share * (signal.end - signal.begin)[:, None])
+    zenith, azimuth = sun_position(utc, place)
+    day = pd.to_datetime(utc.ravel(), unit="s").day_of_year.to_numpy().reshape(utc.shape)
+    return Sun(zenith, day), azimuth
 
 
 def cloud_cover(ghi: Signal, clock: Clock, place: Place) -> tuple[np.ndarray, np.ndarray]:

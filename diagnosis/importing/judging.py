@@ -1,0 +1,175 @@
+"""Columns of the measurements as judged signals, and signals on the grid with their gaps filled as the mapping says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from diagnosis.importing import plausible
+from diagnosis.importing.clock import Clock
+from diagnosis.importing.filling import fill_constant, interpolate_short
+from diagnosis.importing.mapping import Mapping, Source
+from diagnosis.importing.quality import (
+    ASSUMED,
+    COMPUTED,
+    Signal,
+    check_possible,
+    is_constant,
+    make_signal,
+    mark_impossible,
+    mark_stuck,
+    to_target,
+)
+from diagnosis.importing.reading import Measurements
+from diagnosis.importing.resampling import around, resample
+from diagnosis.importing.series import Series, Target
+from shared.errors import RecordingError
+
+_STATES = ("presence", "bool", "person", "persons", "count", "counts")
+"""Units of what jumps from one reading to the next."""
+MOVING = ("K", "degC", "ppm", "W/m2", "m/s")
+"""Units of quantities that never stand still: a sensor of one that does is stuck."""
+_STUCK_AFTER = 12.0
+"""How long such a sensor may show one value [h]; irradiance may be zero for as long as it likes."""
+
+
+@dataclass
+class Judge:
+    """Reads the measurements as the mapping says.
+
+    ``edges`` of the grid, shape (steps + 1,) [s of the clock]; ``notes`` are sentences on what was done, ``used`` the
+    columns that were read.
+    """
+
+    mapping: Mapping
+    data: Measurements
+    clock: Clock
+    edges: np.ndarray
+    notes: list[str] = field(default_factory=list)
+    used: set[str] = field(default_factory=set)
+
+    @property
+    def step(self) -> float:
+        """Step of the grid [s]."""
+        return float(self.edges[1] - self.edges[0])
+
+    def tell(self, sentence: str | None) -> None:
+        """Note a sentence, if there is one."""
+        self.notes += [sentence] if sentence else []
+
+    def assumed(self, target: Target, value: float | np.ndarray, origin: str) -> Series:
+        """What nobody measured: one value, or one for each step [unit of the target]."""
+        values = np.broadcast_to(np.asarray(value, dtype=np.float64), (len(self.edges) - 1,)).copy()
+        return Series(target, origin, values, np.full(len(values), ASSUMED, dtype=np.int8))
+
+    def mapped(self, target: Target, source: Source, key: str) -> Series:
+        """A target from its column or constant, which stand in the mapping under ``key``.
+
+        Raises
+        ------
+        RecordingError
+            If the column cannot be used, or the constant is impossible.
+        """
+        where = f"{self.mapping.path}: {key}"
+        if source.constant is not None:
+            value = self.converted(source.constant, source, target.unit, where)
+            return self.assumed(target, value, f"constant of the mapping: {value:.6g}")
+        moving = target.unit in MOVING and target.role == "output"
+        signal = self.signal(source, target.unit, where, moving=moving)
+        made = self.gridded(target, signal, source, f"{source.column} [{source.unit}]", where)
+        if target.role == "output" and source.max_gap is None:
+            self.tell(plausible.about_lines(str(source.column), signal, self.step))
+        if source.compare is not None:
+            meter = source.compare
+            same = {name: getattr(source, name) for name in ("reading", "stamp", "interval", "max_gap")}
+            own = {name: getattr(meter, name) for name in ("column", "unit", "scale", "offset", "persons")}
+            second = Source(**own, **same)
+            other = self.signal(second, target.unit, f"{where}.compare", moving=False)
+            made.second, _ = resample(other, self.edges, target.method, self.mapping.grid.coverage)
+            made.second_name = meter.column
+        return made
+
+    def converted(self, value: float, source: Source, unit: str, where: str) -> float:
+        """A number of the mapping, as written in the source's unit, in ``unit``; refused if readings of it would be."""
+        density = self.mapping.air_density
+        made = float(to_target(np.array(value), source, unit, density=density, where=where))
+        check_possible(made, source, unit, density=density, where=where)
+        return made
+
+    def signal(self, source: Source, unit: str, where: str, *, moving: bool) -> Signal:
+        """A column as a judged signal; ``moving`` says that it never stands still.
+
+        Raises
+        ------
+        RecordingError
+            If there is no such column, or no reading of it can be used.
+        """
+        column = str(source.column)
+        where = f"{where}: column {column!r}"
+        self.used.add(column)
+        readings = self.data.numbers(column, where)
+        density = self.mapping.air_density
+        kind = source.reading or self.mapping.defaults.reading
+        usual = plausible.sparse(self.data.utc, readings) if kind != "hold" and source.max_gap is None else None
+        if usual is not None and kind == "point" and source.reading is None and source.unit in _STATES:
+            raise RecordingError(
+                f"{where}: is read every {usual / 3600:.3g} h only, and {source.unit} is no straight line between;"
+                " expected reading = 'hold' if it is logged when it changes, or reading = 'point' to join its readings"
+            )
+        if usual is not None:
+            self.notes.append(plausible.about_changes(column, kind, usual))
+        signal = make_signal(
+            self.clock.seconds(self.data.utc),
+            readings,
+            source,
+            unit,
+            kind=kind,
+            stamp=source.stamp or self.mapping.defaults.stamp,
+            density=density,
+            where=where,
+        )
+        self.tell(plausible.about_hold(column, signal) if source.max_gap is None else None)
+        if is_constant(signal):
+            if moving:
+                raise RecordingError(f"{where}: every reading is {signal.values[0]:g} {unit}; expected one that varies")
+            self.notes.append(f"column {column}: every reading is {signal.values[0]:g} {unit}")
+        signal = mark_impossible(signal, source, density=density, where=where)
+        self.tell(plausible.about_noise(column, signal))
+        if source.unit in ("percent", "%") and source.scale == 1 and 0 < float(np.nanmax(readings)) <= 1.0:
+            self.notes.append(f"column {column}: declared in percent, but no reading is above 1; is it a fraction?")
+        self.tell(plausible.about_register(column, signal) if unit == "W" else None)
+        # a state is silent while nothing changes
+        usual = _STUCK_AFTER if moving and kind != "hold" else 0.0
+        hours = source.stuck_after if source.stuck_after is not None else usual
+        signal = mark_stuck(signal, hours, except_zero=unit == "W/m2")
+        if not signal.used.any():
+            raise RecordingError(f"{where}: no reading can be used: all are impossible or stuck for over {hours:g} h")
+        return signal
+
+    def gridded(self, target: Target, signal: Signal, source: Source, origin: str, where: str) -> Series:
+        """A signal on the grid, an input's gaps filled as its mapping says: weather by short lines unless told."""
+        values, flags = resample(signal, self.edges, target.method, self.mapping.grid.coverage)
+        if target.role == "input" and target.method == "point":
+            values = around(signal, self.edges)
+        # an output may be below by its noise, which whoever fits it counts; what drives a simulation may not
+        low = np.isfinite(values) & (values < signal.floor)
+        if target.role == "input" and low.any():
+            raised = np.where(low, signal.floor, values)
+            told = plausible.about_floor(
+                target.name, low, float(np.nanmean(values)), float(np.nanmean(raised)), target.unit
+            )
+            self.notes.append(told)
+            values = raised
+        flags |= np.bitwise_and.reduce(signal.flags) & np.int8(COMPUTED | ASSUMED)
+        if target.role == "input":
+            fill = source.fill if source.fill is not None else self._usual_fill(source)
+            if fill == "interpolate":
+                values, flags = interpolate_short(values, flags, round(source.fill_up_to * 3600.0 / self.step))
+            elif isinstance(fill, float):
+                plain = Source(constant=fill, unit=source.unit, persons=source.persons)
+                values, flags = fill_constant(values, flags, self.converted(fill, plain, target.unit, where))
+        return Series(target, origin, values, flags, signal=signal)
+
+    def _usual_fill(self, source: Source) -> str:
+        return "interpolate" if any(one is source for one in self.mapping.weather.values()) else "none"
