@@ -11,16 +11,16 @@ from diagnosis.fitting.fit import fit
 from diagnosis.fitting.meters import SLOW
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.nuisances import widened
-from diagnosis.recording import read_recording
+from diagnosis.recording import HOUR, read_recording
 from shared.system import load_system
 
 ROOT = Path(__file__).parents[3]
 HOURS = 30.0
 
 
-def before_and_after(name, folder):
+def before_and_after(name, folder, **experiment):
     """A problem in replay, and the same as wide as it is."""
-    system = load_system(ROOT / "fmus" / "MixedAirCO2" / name).with_experiment(hours=HOURS)
+    system = load_system(ROOT / "fmus" / "MixedAirCO2" / name).with_experiment(hours=HOURS, **experiment)
     path = folder / "recording.nc"
     simulate(system, hours=HOURS, seed=1, index=0, out=path)
     base = fit(Problem(Simulator(system), read_recording(path, system), replay=True), rounds=0)
@@ -28,14 +28,17 @@ def before_and_after(name, folder):
 
 
 @pytest.mark.slow
-def test_a_meter_s_error_drives_the_model(tmp_path):
-    before, after = before_and_after("system.toml", tmp_path)
+@pytest.mark.parametrize(("step", "count"), [(HOUR, 10), (6 * HOUR, 5)])
+def test_a_meter_s_error_drives_the_model(tmp_path, step, count):
+    """In pulses of three hours, or of one step where steps are longer."""
+    before, after = before_and_after("system.toml", tmp_path, step=step)
     system = after.system
     for name in after.drive.replayed:
         place = next(k for k, one in enumerate(system.inputs) if one.source == "measured" and one.column == name)
         own = after.nuisance.recorded & ~after.nuisance.turns & (after.nuisance.column == place)
-        assert own.sum() == HOURS / 3  # in three hours each
-        means = np.kron(np.eye(int(HOURS) // 3), np.full(3, 1 / 3))
+        assert own.sum() == count
+        steps = len(after.recording.time) // count
+        means = np.kron(np.eye(count), np.full(steps, 1 / steps))
         meter = after.drive.meters[system.inputs[place].name]
         np.testing.assert_allclose(after.nuisance.sd[own] ** 2, np.diag(meter.covariance(means)), rtol=1e-6)
         # what drives the model is what is expected, not what was read
@@ -44,7 +47,8 @@ def test_a_meter_s_error_drives_the_model(tmp_path):
         assert not np.array_equal(meter.values, after.recording.outputs[system.output_names.index(name)])
         # what is known of a reading's neighbours makes it surer than the meter is
         sd = system.outputs[system.output_names.index(name)].noise["sensor"].sd
-        assert (after.nuisance.sd[own] < sd * np.sqrt(SLOW + (1 - SLOW) / 3)).all()
+        if step == HOUR:  # neighbours six hours away tell nothing
+            assert (after.nuisance.sd[own] < sd * np.sqrt(SLOW + (1 - SLOW) / steps)).all()
     assert after.nuisance.size > before.nuisance.size
 
 
