@@ -9,9 +9,9 @@ told that there is none, a fit makes parameters of persons who came within the h
 each condition and parameter: R2 over the rooms of both and of their mean, with 90 % intervals by room, and how alike
 their errors are: where two unlike methods err in the same rooms in the same way, it is the data that do not tell.
 Beside them belongs the limit of ``datagen identifiability`` (docs/estimators.md). The command also fits the uncertain
-constants of the description, which these rooms have as declared. ``--known`` fits without them too, as the limit and
-the estimator know them: once from the estimate, and once from the true parameters, as nobody can: what that still
-misses, no start mends. Take a seed that nothing was developed on.
+constants of the description, which these rooms have as declared, or, with ``--drawn``, as uncertain as they are said to
+be. ``--known`` fits without them too, as the limit and the estimator know them: once from the estimate, and once from
+the true parameters, as nobody can: what that still misses, no start mends. Take a seed that nothing was developed on.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from datagen.simulator import Simulator
 from diagnosis.calibrating.calibration import calibrate
 from diagnosis.fitting.fit import fit
 from diagnosis.fitting.problem import Problem
+from diagnosis.fitting.unknowns import constants
 from diagnosis.recording import HOUR, Recording, read_recording
 from shared.errors import ZeroshotError
 from shared.metrics import bootstrap_by_system, r2
@@ -42,7 +43,8 @@ def made(case: dict[str, Any]) -> dict[str, Any]:
     hours, seed, index = case["hours"], case["seed"], case["index"]
     system = load_system(case["system"]).with_experiment(hours=hours, start=(0.0, 8760.0 - hours))
     path = Path(case["folder"]) / f"room-{seed}-{index}-{case['noise']}-{len(case['without'])}.nc"
-    data = simulate(system, seed=seed, index=index, out=path)
+    set_ = drawn(system, np.random.default_rng([seed, index, 1])) if case["drawn"] else {}
+    data = simulate(system, parameters=set_, seed=seed, index=index, out=path)
     record = read_recording(path, system)
     if case["noise"] != "none":
         record = noisy(record, system, np.random.default_rng([seed, index]), case["noise"])
@@ -77,6 +79,15 @@ def made(case: dict[str, Any]) -> dict[str, Any]:
         "simulations": done.report.simulations,
         "seconds": spent,
     }
+
+
+def drawn(system: System, rng: np.random.Generator) -> dict[str, float]:
+    """FMU parameters [unit of each] of uncertain constants drawn from what the description says of them."""
+    found = {}
+    for one in constants(system, Simulator(system).fmu):
+        factor = np.exp(one.relative * rng.standard_normal())
+        found |= {name: value * factor for name, value in one.parameters.items()}
+    return found
 
 
 def known_constants(system: System, record: Recording, begin: dict[str, float], noise: str) -> dict[str, float]:
@@ -140,12 +151,13 @@ def main() -> None:
     parser.add_argument(
         "--known", action="store_true", help="also fit with known constants, and from the true parameters"
     )
+    parser.add_argument("--drawn", action="store_true", help="rooms with uncertain constants drawn")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("refined"))
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     common = {"system": str(options.system), "run": str(options.run), "hours": options.hours, "seed": options.seed,
-              "known": options.known, "believed": options.believed}  # fmt: skip
+              "known": options.known, "drawn": options.drawn, "believed": options.believed}  # fmt: skip
     sets = [[], options.without] if options.without else [[]]
     conditions = [(noise, without) for noise in options.noise for without in sets]
     cases = [
