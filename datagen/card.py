@@ -6,6 +6,7 @@ from pathlib import Path
 
 from jinja2 import Environment, StrictUndefined
 
+from datagen.versions import in_words
 from shared.schema import EPOCH, SPLITS, split_of
 from shared.store import Manifest, write_atomically
 from shared.system import System
@@ -57,6 +58,11 @@ date = np.datetime64("{{ epoch[:10] }}") + (data["start"] + data["time"]).astype
 
 {% if manifest.sources %}The dataset was merged: a system is known by its shard's `root_seed` and its index.
 
+{% endif %}{% if manifest.other_versions %}Several versions made it, whose systems agree within the solver's tolerance,
+not bit for bit:
+
+{% for one in versions %}- {{ one }}
+{% endfor %}
 {% endif %}`manifest.json` lists every shard with its hashes; `datagen verify` holds the files against it.
 System {{ manifest.system_hash[:16] }}, FMU {{ manifest.fmu_sha256[:16] }}, schema {{ manifest.schema_version }}.
 """
@@ -79,6 +85,7 @@ def write_card(folder: Path, manifest: Manifest, system: System) -> None:
             step=f"{system.experiment.step:g}",
             epoch=EPOCH,
             roams=system.experiment.start[1] > 0,
+            versions=in_words(manifest),
             splits=[(name, splits.count(k)) for k, name in enumerate(SPLITS)],
         )
     )

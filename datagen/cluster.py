@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from importlib.metadata import version
 from typing import Any
 
 import dask
@@ -18,11 +17,11 @@ from distributed.comm import CommClosedError
 from datagen.dask_settings import SETTINGS
 from datagen.dispatch import PATIENCE
 from datagen.slurm import slurm
+from datagen.versions import DECIDING, deciding_here, difference
 from shared.errors import ClusterError
 from shared.interrupts import interrupts_held
 from shared.logs import fields, logger
 
-_PACKAGE = "zeroshot-fmu"
 LOOPBACK = "127.0.0.1"
 _log = logger(__name__)
 QUEUES = {"slurm": slurm}
@@ -69,7 +68,7 @@ def connect(
     options: Mapping[str, str] | None = None,
     host: str | None = None,
 ) -> Iterator[Client]:
-    """A Dask client with workers behind it, all of this version.
+    """A Dask client with workers behind it, all with the versions of here.
 
     Parameters
     ----------
@@ -88,7 +87,7 @@ def connect(
     ------
     ClusterError
         If what is asked for cannot be started, the scheduler does not answer or is lost, a worker has another version
-        of this package, or a package is missing.
+        of what decides a simulation's numbers, or a package is missing.
     """
     check_places(workers=workers, scheduler=scheduler, cluster=cluster, options=options, host=host)
     if scheduler:
@@ -201,11 +200,11 @@ def _count(client: Client) -> int:
 
 
 def _check_versions(client: Client) -> None:
-    """Refuse workers with another version of this package; one that joins later is refused by its first shard."""
-    ours = version(_PACKAGE)
-    versions: Any = client.get_versions(packages=[_PACKAGE])
-    for address, found in versions["workers"].items():
-        theirs = found["packages"].get(_PACKAGE)
-        if theirs != ours:
-            has = f"{_PACKAGE} {theirs}" if theirs else f"no {_PACKAGE}"
-            raise ClusterError(f"worker {address} has {has}, this run {ours}; expected the same version everywhere")
+    """Refuse workers whose numbers would not be ours; one that joins later is refused by its first shard."""
+    found: Any = client.get_versions(packages=DECIDING)
+    for address, one in found["workers"].items():
+        other = difference(one["packages"], deciding_here())
+        if other is not None:
+            raise ClusterError(
+                f"worker {address} has {other[0]}, this run {other[1]}; expected the same version everywhere"
+            )

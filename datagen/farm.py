@@ -7,10 +7,8 @@ data.
 from __future__ import annotations
 
 import json
-import platform
 import threading
 from collections.abc import Mapping
-from importlib.metadata import version
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -18,6 +16,7 @@ from typing import Any
 from datagen.card import write_card
 from datagen.cluster import QUEUES, check_places, connect
 from datagen.collection import FAILURE_BUDGET, Collection
+from datagen.dask_worker import RECYCLE
 from datagen.dispatch import PATIENCE
 from datagen.failures import FILE_NAME as FAILURES_FILE
 from datagen.failures import Failures
@@ -29,7 +28,8 @@ from datagen.lock import FolderLock
 from datagen.package import package_hash, weather_hashes
 from datagen.plan import adopt, missing
 from datagen.simulator import Simulator
-from datagen.worker import RECYCLE, TIMEOUT, Job
+from datagen.versions import all_here, note
+from datagen.worker import TIMEOUT, Job
 from shared.ceiling import FILE_NAME as CEILING_FILE
 from shared.ceiling import Origin, fitting, read_ceilings
 from shared.errors import DatasetError, SimulationError, ZeroshotError
@@ -145,7 +145,7 @@ def run(
         systems=systems,
         shard_size=shard_size,
         settings=settings,
-        versions=_versions(),
+        versions=all_here(),
     )
     folder = Path(out)
     where = str(described.path.resolve())
@@ -180,6 +180,8 @@ def run(
             first = next(pieces, None)
             if first is not None:
                 with connect(**places) as client:
+                    note(manifest, all_here(), folder, "this run")  # before a shard is there that they made
+                    collection.store()
                     patience = float("inf") if cluster in QUEUES else PATIENCE  # jobs may be queued for days
                     again = collection.withdrawn(chain([first], pieces))
                     collection.collect(client, again, quiet=quiet, patience=patience)
@@ -218,6 +220,12 @@ def _open_or_start(folder: Path, wanted: Manifest, extend: bool) -> Manifest:
     where = folder / "manifest.json"
     if found.sources:
         raise DatasetError(f"{where}: merged from other datasets; extend or resume one of those, and merge again")
+    ours, theirs = (one.schema_version for one in (wanted, found))
+    if ours.partition(".")[0] != theirs.partition(".")[0]:  # minor versions have the same values
+        raise DatasetError(
+            f"{where}: schema_version is {theirs}, this run has {ours}; a dataset can only be resumed or extended with "
+            "its own schema: simulate a new one"
+        )
     for field in _FIXED:
         if getattr(found, field) != getattr(wanted, field):
             raise DatasetError(
@@ -233,11 +241,6 @@ def _open_or_start(folder: Path, wanted: Manifest, extend: bool) -> Manifest:
         )
     stages = [*(found.stages or [found.systems]), wanted.systems]
     return found.model_copy(update={"systems": wanted.systems, "stages": stages})
-
-
-def _versions() -> dict[str, str]:
-    packages = ("zeroshot-fmu", "fmpy", "dask", "numpy", "netCDF4", "xarray", "pvlib", "numba")
-    return {"python": platform.python_version(), **{name: version(name) for name in packages}}
 
 
 def _probe(system: System) -> None:

@@ -56,6 +56,7 @@ def info(folder: Path | str) -> dict[str, Any]:
         "outputs": dataset.system.output_names,
         "inputs": dataset.system.input_names,
         "versions": manifest.versions,
+        "other_versions": manifest.other_versions,
     }
 
 

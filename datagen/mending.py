@@ -16,6 +16,7 @@ from datagen.inspection import find_faults
 from datagen.lock import FolderLock, read_holder
 from datagen.package import package_hash, weather_hashes
 from datagen.plan import Piece
+from datagen.versions import in_words
 from datagen.worker import Job, ShardResult
 from shared.errors import DatasetError
 from shared.store import DatasetFolder
@@ -30,7 +31,7 @@ class _Repair(Collection):
         if result.entry is None or result.entry.content_hash != old.content_hash:
             raise DatasetError(
                 f"{self.folder / 'shards' / piece.file}: simulated again, its content differs from the manifest's; it "
-                f"was left as it is. Made with {self.manifest.versions}; expected the same versions here"
+                f"was left as it is. Made with {' or '.join(in_words(self.manifest))}; expected the same versions here"
             )
         seed = old.root_seed
         entry = result.entry.model_copy(update={"root_seed": seed})

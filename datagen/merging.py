@@ -10,6 +10,7 @@ from pathlib import Path
 from datagen.card import write_card
 from datagen.failures import Failures
 from datagen.lock import FolderLock
+from datagen.versions import note
 from shared.ceiling import FILE_NAME as CEILING_FILE
 from shared.errors import DatasetError
 from shared.store import DatasetFolder, Manifest, ShardEntry, Source, sha256_of, temporary_name, write_manifest
@@ -44,6 +45,9 @@ def merge(folders: Sequence[Path | str], out: Path | str) -> Manifest:
                 shutil.copyfile(ceilings, target / CEILING_FILE)
             changes = {"shards": entries, "sources": sources, "stages": []}
             merged = first.model_copy(update={**changes, "systems": sum(one.systems for one in sources)})
+            for dataset in datasets[1:]:
+                for versions in dataset.manifest.all_versions():
+                    note(merged, versions, datasets[0].folder, str(dataset.folder))
             write_card(target, merged, datasets[0].system)
             write_manifest(target, merged)
     except OSError as error:

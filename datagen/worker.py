@@ -20,14 +20,14 @@ from typing import Any
 import dask
 import numpy as np
 import psutil
-from distributed import get_worker
 
-from datagen.fmu import SCRATCH
+from datagen.dask_worker import RECYCLE, address, recycle, this_worker, unpack_in_scratch
 from datagen.guard import guarded as in_children
 from datagen.inputs import build_inputs
 from datagen.package import locate, sees_folder
 from datagen.sampling import is_calm, record_start, sample_parameters
 from datagen.simulator import Simulator, Trajectory
+from datagen.versions import PACKAGE, deciding_here, difference
 from shared import __version__
 from shared.errors import DatasetError, SimulationError
 from shared.schema import build_shard
@@ -39,8 +39,6 @@ RETRY_TOLERANCES = (1.0, 0.1, 0.01)
 """A system that fails is tried again with the tolerance times these, in this order, then given up."""
 TIMEOUT = 600.0
 """Seconds that one system may take by default before its process is killed."""
-RECYCLE = 512 * 2**20
-"""Bytes that a worker may grow by after its first shard before it is replaced by a fresh one."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +59,7 @@ class Job:
     package: str = ""
     token: str = ""
     version: str = __version__
+    versions: dict[str, str] = field(default_factory=deciding_here)
     timeout: float = TIMEOUT
     recycle: float = RECYCLE
 
@@ -182,23 +181,28 @@ def simulate_shard(job: Job, file: str, indices: Sequence[int], guarded: bool = 
     Raises
     ------
     DatasetError
-        If this worker is of another version than the client, or has nowhere to write a file.
+        If this worker has other versions than the client, or has nowhere to write a file.
     """
-    if job.version != __version__:
-        raise DatasetError(
-            f"a worker has zeroshot-fmu {__version__}, this run {job.version}; expected the same version everywhere"
-        )
+    _check_versions(job)
     with _ONE_AT_A_TIME:
-        _unpack_in_scratch()
+        unpack_in_scratch()
         began = time.perf_counter()
         if simulator_for(job.system, job.system_path, job.package) is None:
             simulator_for.cache_clear()
-            return ShardResult(lacks_package=True, worker=_address())
+            return ShardResult(lacks_package=True, worker=address())
         outcomes = _under_guard(job, indices) if guarded else [_outcome(job, index) for index in indices]
         result = _deliver(job, file, indices, outcomes)
         rss = psutil.Process().memory_info().rss
-        _recycle(job, rss)
-        return ShardResult(**result, worker=_address(), pid=os.getpid(), rss=rss, seconds=time.perf_counter() - began)
+        recycle(job.recycle, rss)
+        return ShardResult(**result, worker=address(), pid=os.getpid(), rss=rss, seconds=time.perf_counter() - began)
+
+
+def _check_versions(job: Job) -> None:
+    ours = deciding_here()
+    # the package first: the job of another one may lack the rest
+    other = difference(ours, ours | {PACKAGE: job.version}) or difference(ours, job.versions)
+    if other is not None:
+        raise DatasetError(f"a worker has {other[0]}, this run {other[1]}; expected the same version everywhere")
 
 
 def _outcome(job: Job, index: int) -> Trajectory | SimulationError:
@@ -211,7 +215,7 @@ def _outcome(job: Job, index: int) -> Trajectory | SimulationError:
 
 def _under_guard(job: Job, indices: Sequence[int]) -> list[Any]:
     limit = psutil.virtual_memory().total / 2
-    worker = _worker()
+    worker = this_worker()
     if worker is not None and worker.memory_manager.memory_limit:
         limit = worker.memory_manager.memory_limit
     return in_children(attempt, [(job, index) for index in indices], timeout=job.timeout, memory_limit=limit)
@@ -271,36 +275,3 @@ def _write_here(path: Path, shard: Any, done: list[int]) -> ShardEntry:
     # inside a Dask worker xarray would ask the scheduler for a lock on the file, which is nobody else's anyway
     with dask.config.set(scheduler="synchronous"):
         return write_shard(path, shard, done)
-
-
-def _worker() -> Any:
-    try:
-        return get_worker()
-    except ValueError:
-        return None
-
-
-def _unpack_in_scratch() -> None:
-    """Have FMUs unpacked where this worker's nanny clears up, even when the worker was killed."""
-    worker = _worker()
-    if worker is not None and worker.nanny is not None:
-        os.environ[SCRATCH] = worker.local_directory
-
-
-def _address() -> str:
-    worker = _worker()
-    return worker.address if worker is not None else ""
-
-
-_BASE: list[int] = []
-
-
-def _recycle(job: Job, rss: int) -> None:
-    """Replace this worker process by a fresh one when it has grown too much: some FMUs leak."""
-    worker = _worker()
-    if not _BASE:
-        _BASE.append(rss)
-    if worker is None or worker.nanny is None or rss < _BASE[0] + job.recycle:
-        return
-    # a little later, so that the client has fetched this shard by then
-    worker.loop.add_callback(worker.loop.call_later, 0.5, worker.close_gracefully, restart=True)

@@ -34,7 +34,8 @@ class Manifest(BaseModel):
     """What a dataset is, and which shards it has.
 
     ``stages`` are the numbers of systems asked for one after another, if the dataset was extended; ``sources`` the
-    datasets it was merged from, if it was.
+    datasets it was merged from, if it was. ``versions`` are those that the dataset was begun with, ``other_versions``
+    those of later runs and of merged datasets, where other ones took part in its numbers.
     """
 
     schema_version: str = SCHEMA_VERSION
@@ -47,9 +48,14 @@ class Manifest(BaseModel):
     shard_size: int = Field(gt=0, lt=2**63)
     settings: dict[str, Any] = {}
     versions: dict[str, str] = {}
+    other_versions: list[dict[str, str]] = []
     stages: list[int] = []
     sources: list[Source] = []
     shards: list[ShardEntry] = []
+
+    def all_versions(self) -> list[dict[str, str]]:
+        """Every set of versions that took part in the numbers; the first is that which the dataset was begun with."""
+        return [self.versions, *self.other_versions]
 
     def seed_of(self, entry: ShardEntry) -> int:
         """Root seed of a shard's systems."""

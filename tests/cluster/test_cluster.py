@@ -89,7 +89,7 @@ def test_a_worker_of_another_version_is_refused(tanks, tmp_path):
 def test_a_worker_that_joins_later_checks_the_version_itself(tanks):
     system = load_system(faulty.describe(tanks))
     job = Job(system.canonical(), str(system.path), "0" * 64, 1, True, "")
-    with pytest.raises(DatasetError, match=r"this run 9\.9; expected the same version"):
+    with pytest.raises(DatasetError, match=r"this run zeroshot-fmu 9\.9; expected the same version"):
         simulate_shard(replace(job, version="9.9"), "shard-000000.nc", [0])
 
 
