@@ -8,6 +8,7 @@
     ├── ClusterError              workers cannot be had
     ├── DatasetError              a dataset, shard or manifest cannot be used
     ├── EstimatorError            a training run or a checkpoint cannot be used
+    │   └── OptionsError          a training with these options has no result; with others it may have one
     ├── RecordingError            a recording cannot be used
     └── IncompleteError           all is done but for a part that failed
 
@@ -45,6 +46,10 @@ class DatasetError(ZeroshotError):
 
 class EstimatorError(ZeroshotError):
     """A training run or a checkpoint cannot be used."""
+
+
+class OptionsError(EstimatorError):
+    """A training with these options of its estimator has no result, but may have one with others."""
 
 
 class RecordingError(ZeroshotError):

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from shared.errors import EstimatorError
+from shared.errors import EstimatorError, OptionsError
 from shared.logs import fields, logger
 from shared.progress import progress_bar
 from shared.reading import why
@@ -103,7 +103,7 @@ class Loop:
 
         Raises
         ------
-        EstimatorError
+        OptionsError
             If the loss stops being a finite number; the best estimator until then is written all the same.
         """
         recipe, network = self.recipe, self.network
@@ -125,7 +125,7 @@ class Loop:
         if stopped == "not a number":
             kept = self.card.training
             where = f"the estimator of step {kept.best_step} is kept in {self.folder}" if self.best else "none is kept"
-            raise EstimatorError(
+            raise OptionsError(
                 f"the loss is not a finite number at step {step}; {where};"
                 f" try a learning rate below {recipe.lr:g}, or another seed"
             )

@@ -14,7 +14,7 @@ import optuna
 from optuna.trial import FrozenTrial, Trial, TrialState
 from pydantic import BaseModel, ConfigDict
 
-from shared.errors import EstimatorError
+from shared.errors import EstimatorError, OptionsError
 from shared.logs import fields, logger
 from shared.progress import progress_bar
 from shared.reading import read_json, validated
@@ -29,6 +29,8 @@ _log = logger(__name__)
 BEST, STUDY = "best.json", "study.db"
 AGAIN = "again"
 """Of a trial that is tried again after it was cut short: the number that it had then."""
+ERROR = "error"
+"""Of a trial whose options have no result: the sentence."""
 Suggest = Callable[[Trial, str, Any], Any]
 
 
@@ -148,7 +150,8 @@ def tune(
     Raises
     ------
     EstimatorError
-        If an argument is wrong, or ``out`` holds a search with other settings.
+        If an argument is wrong, ``out`` holds a search with other settings, or no trial came to an end. Options that do
+        not go together, or a loss that is not a number, end their own trial only.
     DatasetError
         If the dataset cannot be used.
     """
@@ -194,11 +197,9 @@ def tune(
                 seed=seed,
                 overwrite=True,
             )
-        except EstimatorError as error:
-            # options that do not go together, or a loss that was not a number: the search learns to stay away
-            if trial.number == 0:
-                raise
-            trial.set_user_attr("error", str(error))
+        except OptionsError as error:
+            # the search learns to stay away; any other error would meet the next trials as well
+            trial.set_user_attr(ERROR, str(error))
             raise optuna.TrialPruned(str(error)) from None
         return run.card.training.validation_loss
 
@@ -258,7 +259,11 @@ def _best(study: optuna.Study, model: str, settings: dict[str, Any], defaults: d
     complete = study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
     losses = [(trial.value, trial) for trial in complete if trial.value is not None and math.isfinite(trial.value)]
     if not losses:
-        raise EstimatorError("no trial came to an end; try a longer budget, or a lower learning rate by hand")
+        why = [f"{one.user_attrs[ERROR]}" for one in study.get_trials(deepcopy=False) if ERROR in one.user_attrs]
+        raise EstimatorError(
+            "no trial came to an end; try a longer budget, or a lower learning rate by hand"
+            + (f". The last one: {why[-1]}" if why else "")
+        )
     loss, trial = min(losses, key=lambda pair: pair[0])
     options = dict(trial.params)
     usual = next((one for one in complete if one.params == defaults), None)

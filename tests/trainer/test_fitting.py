@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from shared.errors import DatasetError, EstimatorError
+from shared.errors import DatasetError, EstimatorError, OptionsError
 from shared.store import DatasetFolder
 from trainer.checkpoint import load_run
 from trainer.evaluation import evaluate
@@ -111,7 +111,7 @@ def poison(monkeypatch, after):
 
 def test_a_loss_that_is_not_a_number_stops_and_keeps_the_last_good_estimator(tanks, tmp_path, monkeypatch):
     poison(monkeypatch, 25)
-    with pytest.raises(EstimatorError, match=r"not a finite number at step 26; the estimator of step \d+ is kept"):
+    with pytest.raises(OptionsError, match=r"not a finite number at step 26; the estimator of step \d+ is kept"):
         fit(tanks, tmp_path / "run", options=SMALL, steps=40)
     run = load_run(tmp_path / "run")
     assert run.card.training.stopped == "not a number"

@@ -6,9 +6,10 @@ from types import SimpleNamespace
 import optuna
 import pytest
 
-from shared.errors import EstimatorError
+from shared.errors import DatasetError, EstimatorError, OptionsError
 from shared.store import DatasetFolder
 from trainer.checkpoint import load_run, read_card
+from trainer.fitting import fit
 from trainer.models import ESTIMATORS, estimator_class
 from trainer.tuning import BEST, read_options, space_of, tune
 from trainer.windows import WindowSource
@@ -151,6 +152,67 @@ def no_training(monkeypatch):
         return SimpleNamespace(card=SimpleNamespace(training=SimpleNamespace(validation_loss=lr)))
 
     monkeypatch.setattr(tuning, "fit", fit)
+
+
+def failing(monkeypatch, error, *names):
+    """Trials with these numbers fail, and all if none is named."""
+    from trainer import tuning
+
+    fit = tuning.fit
+
+    def fails(*arguments, **settings):
+        if not names or arguments[1].name in names:
+            raise error
+        return fit(*arguments, **settings)
+
+    monkeypatch.setattr(tuning, "fit", fails)
+    return lambda: monkeypatch.setattr(tuning, "fit", fit)
+
+
+@pytest.mark.parametrize("error", [DatasetError("001.nc: damaged"), EstimatorError("trials/0001: no space left")])
+def test_an_error_that_is_not_of_the_options_ends_the_search(tanks, tmp_path, no_training, monkeypatch, error):
+    mend = failing(monkeypatch, error, "0001")
+    with pytest.raises(type(error), match=str(error)):
+        tune(tanks, tmp_path, trials=3, **SETTINGS)
+    assert not (tmp_path / BEST).exists()
+    mend()
+    assert tune(tanks, tmp_path, trials=3, **SETTINGS).trials == 3
+    study = optuna.load_study(study_name="tune", storage=f"sqlite:///{tmp_path / 'study.db'}")
+    assert [trial.state.name for trial in study.trials] == ["COMPLETE", "FAIL", "COMPLETE", "COMPLETE"]
+
+
+def test_a_wrong_argument_is_named_however_often(tanks, tmp_path):
+    """The second time the defaults are tried again, under another number."""
+    for _ in range(2):
+        with pytest.raises(EstimatorError, match="noise: 'hail' is not a preset of Tank"):
+            tune(tanks, tmp_path, trials=3, **SETTINGS | {"noise": "hail"})
+
+
+def test_options_without_a_result_end_their_trial_only(tanks, tmp_path, no_training, monkeypatch):
+    failing(monkeypatch, OptionsError("patch is 24 samples"), "0000", "0002")
+    best = tune(tanks, tmp_path, trials=4, **SETTINGS)
+    assert (best.trials, best.default_loss) == (4, None)
+    failing(monkeypatch, OptionsError("the loss is not a finite number"))
+    with pytest.raises(
+        EstimatorError, match=r"no trial came to an end.* The last one: the loss is not a finite number"
+    ):
+        tune(tanks, tmp_path / "none", trials=2, **SETTINGS)
+
+
+@pytest.mark.parametrize(
+    ("model", "options"),
+    [
+        ("patch-transformer", {"patch": 13}),
+        ("patch-transformer", {"width": 30, "heads": 4}),
+        ("multiscale-transformer", {"patch": 13}),
+        ("multiscale-transformer", {"width": 30, "heads": 4}),
+        ("regression-transformer", {"patch": 4, "views": 6}),
+        ("tcn", {"dropout": 1.5}),
+    ],
+)
+def test_options_that_do_not_go_together_are_told_from_other_errors(tanks, tmp_path, model, options):
+    with pytest.raises(OptionsError):
+        fit(tanks, tmp_path / "run", model=model, context_hours=6.0, options=options, steps=1)
 
 
 def test_a_search_that_goes_on_tries_something_new(tanks, tmp_path, no_training):

@@ -10,7 +10,7 @@ import math
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from shared.errors import EstimatorError
+from shared.errors import EstimatorError, OptionsError
 
 if TYPE_CHECKING:
     from trainer.models.base import Estimator, Shape
@@ -54,19 +54,21 @@ def build(name: str, shape: Shape, options: dict[str, Any]) -> tuple[Estimator, 
     Raises
     ------
     EstimatorError
-        If the name or an option is unknown, an option has the wrong type, or does not fit the context.
+        If the name is unknown.
+    OptionsError
+        If an option is unknown, has the wrong type, or does not fit the context.
     """
     known = option_defaults(name)
     for key, value in options.items():
         if key not in known:
-            raise EstimatorError(f"{name}: no option {key!r}; found {', '.join(known) or 'none'}")
+            raise OptionsError(f"{name}: no option {key!r}; found {', '.join(known) or 'none'}")
         number = isinstance(value, int | float) and math.isfinite(value)
         if isinstance(known[key], float) and not number:
-            raise EstimatorError(f"{name}: option {key!r} is {value!r}; expected a number")
+            raise OptionsError(f"{name}: option {key!r} is {value!r}; expected a number")
         if isinstance(known[key], int) and (not number or value != int(value) or value < 1):
-            raise EstimatorError(f"{name}: option {key!r} is {value!r}; expected a whole number of at least 1")
+            raise OptionsError(f"{name}: option {key!r} is {value!r}; expected a whole number of at least 1")
     merged = {key: type(default)(options.get(key, default)) for key, default in known.items()}
     try:
         return estimator_class(name)(shape, **merged), merged
     except ValueError as error:  # torch's own, of a dropout that is no share
-        raise EstimatorError(f"{name}: {error}") from None
+        raise OptionsError(f"{name}: {error}") from None

@@ -14,7 +14,7 @@ import torch
 from torch import nn
 from torch.nn.attention import SDPBackend, sdpa_kernel
 
-from shared.errors import EstimatorError
+from shared.errors import EstimatorError, OptionsError
 from trainer.models.base import Estimator, Recipe, Shape
 
 LEVEL_SCALES = (1e-3, 1e-2, 1e-1)
@@ -48,11 +48,11 @@ class MultiscaleTransformer(Estimator):
     ) -> None:
         super().__init__()
         if patch > shape.length:
-            raise EstimatorError(f"patch is {patch} samples; expected no more than the {shape.length} of the context")
+            raise OptionsError(f"patch is {patch} samples; expected no more than the {shape.length} of the context")
         if width % heads:
-            raise EstimatorError(f"width is {width}; expected a multiple of the {heads} attention heads")
+            raise OptionsError(f"width is {width}; expected a multiple of the {heads} attention heads")
         if views > patch:
-            raise EstimatorError(f"views is {views}; expected no more than the {patch} samples of a patch")
+            raise OptionsError(f"views is {views}; expected no more than the {patch} samples of a patch")
         self.outputs, self.patch, self.tokens = shape.outputs, patch, shape.length // patch
         self.shifts = [patch * k // views for k in range(views)]
         self.column_count = shape.columns + shape.outputs * (2 + len(LEVEL_SCALES) + len(STEP_SCALES))

@@ -7,7 +7,7 @@ import math
 import torch
 from torch import nn
 
-from shared.errors import EstimatorError
+from shared.errors import OptionsError
 from trainer.models.base import SLOPE, Estimator, Shape, initialise, regression_head
 
 
@@ -40,9 +40,9 @@ class PatchTransformer(Estimator):
     ) -> None:
         super().__init__()
         if patch > shape.length:
-            raise EstimatorError(f"patch is {patch} samples; expected no more than the {shape.length} of the context")
+            raise OptionsError(f"patch is {patch} samples; expected no more than the {shape.length} of the context")
         if width % heads:
-            raise EstimatorError(f"width is {width}; expected a multiple of the {heads} attention heads")
+            raise OptionsError(f"width is {width}; expected a multiple of the {heads} attention heads")
         self.tokens = shape.length // patch
         self.used = self.tokens * patch
         self.embedding = nn.Conv1d(shape.columns, width, kernel_size=patch, stride=patch)
