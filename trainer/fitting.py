@@ -40,7 +40,7 @@ from trainer.models import build, estimator_class, option_defaults
 from trainer.models.base import Estimator, Recipe
 from trainer.noise import Sensors
 from trainer.rounding import slowdown
-from trainer.seeds import check_seed, torch_state
+from trainer.seeds import check_seed, noise_seed, torch_state
 from trainer.state import STATE, check_settings
 from trainer.training import Loop
 from trainer.validation import measured_errors
@@ -185,7 +185,7 @@ def fit(
         encoding = encoding_of(first, encoding)
     gaps = Missing(recorded, encoding.outputs, optional or []) if kind.reads_missing else None
     seeds = [int(s) for s in np.random.SeedSequence(seed).generate_state(6)]
-    source = WindowSource(records, encoding, sensors, torch.Generator().manual_seed(seeds[0]), gaps)
+    source = WindowSource(records, encoding, sensors, torch.Generator().manual_seed(noise_seed(seed)), gaps)
     records = replace(records, values=np.empty((0, 0, 0), np.float32))  # the source has its own copy
     where, starts = disjoint_windows(
         validation, len(records.time), length, VALIDATION_WINDOWS, np.random.default_rng(seeds[1])

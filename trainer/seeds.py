@@ -5,9 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import numpy as np
 import torch
 
 from shared.errors import EstimatorError
+
+_NOISE = 0x4015E
+"""Tells the stream of a fit's noise from those that the seed itself gives."""
 
 
 def check_seed(seed: int) -> None:
@@ -20,6 +24,15 @@ def check_seed(seed: int) -> None:
     """
     if seed < 0:
         raise EstimatorError(f"seed: is {seed}; expected a whole number of at least 0")
+
+
+def noise_seed(seed: int) -> int:
+    """Seed of a fit's sensor noise and gaps.
+
+    An evaluation takes the first number of the seed's own sequence for its noise. Were this the same one, an evaluation
+    with the fit's seed would begin with the very noise that the weights were trained under and chosen by.
+    """
+    return int(np.random.SeedSequence(seed, spawn_key=(_NOISE,)).generate_state(1)[0])
 
 
 @contextmanager

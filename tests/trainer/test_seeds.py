@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 import torch
 
+import trainer
 from shared.errors import EstimatorError
+from trainer.noise import Sensors
 from trainer.posterior import fit_posterior
 from trainer.posterior.inference import Posterior
 from trainer.seeds import check_seed, torch_state
@@ -41,6 +43,23 @@ def test_other_seeds_are_taken():
     for seed in (0, 2**70):
         check_seed(seed)
         np.random.default_rng(seed)
+
+
+def test_a_fit_and_an_evaluation_with_one_seed_have_noise_of_their_own(tanks, tmp_path, monkeypatch):
+    seeds = set()
+    call = Sensors.__call__
+
+    def spy(self, values, generator):
+        seeds.add(generator.initial_seed())
+        return call(self, values, generator)
+
+    monkeypatch.setattr(Sensors, "__call__", spy)
+    trainer.fit(tanks, tmp_path / "run", model="mean", noise="gauge", seed=0)
+    fitted = set(seeds)
+    seeds.clear()
+    trainer.evaluate(tmp_path / "run", tanks, windows=20, seed=0)
+    assert len(fitted) == 3 and len(seeds) == 1  # of windows, of what is familiar, of validation errors
+    assert not fitted & seeds
 
 
 def test_torchs_state_is_put_back():
