@@ -97,7 +97,11 @@ def identity_of(dataset: DatasetFolder, index: Records) -> dict[str, Any]:
 
 def fingerprint(dataset: DatasetFolder) -> str:
     """sha256 of a dataset's identity."""
-    identity = identity_of(dataset, load_records(dataset, []))
+    return digest_of(identity_of(dataset, load_records(dataset, [])))
+
+
+def digest_of(identity: dict[str, Any]) -> str:
+    """sha256 of what :func:`identity_of` gave."""
     return hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
 
 

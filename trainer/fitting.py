@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import platform
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
@@ -12,7 +11,6 @@ from typing import Any, get_args
 import numpy as np
 import torch
 
-import shared
 from shared.errors import EstimatorError
 from shared.logs import logger
 from shared.store import DatasetFolder
@@ -44,6 +42,7 @@ from trainer.seeds import check_seed, noise_seed, torch_state
 from trainer.state import STATE, check_settings
 from trainer.training import Loop
 from trainer.validation import measured_errors
+from trainer.versions import versions_here
 from trainer.windows import Sampler, WindowSource, context_length, disjoint_windows
 
 _log = logger(__name__)
@@ -232,12 +231,7 @@ def fit(
                 coarse=coarse,
                 data=None if first is None else fingerprint(dataset),
             ),
-            versions={
-                "zeroshot-fmu": shared.__version__,
-                "python": platform.python_version(),
-                "torch": torch.__version__,
-                "numpy": np.__version__,
-            },
+            versions=versions_here(),
         )
         if first is not None:
             card.training_systems = card.training_systems.with_those(first.card.training_systems)

@@ -18,6 +18,7 @@ from trainer.checkpoint import Card
 from trainer.tables import Row, markdown_table
 from trainer.tables import terminal_table as plain_table
 
+EVALUATION = "evaluation.json"
 ANSWERS = "answers.csv"
 """Every window's true and estimated parameters."""
 MOST_ANSWERS = 512 * MIB
@@ -204,6 +205,6 @@ def _parsed(rows: list[list[str]]) -> dict[str, Answers]:
 
 def write_report(evaluation: Evaluation, card: Card, folder: Path) -> None:
     """Write evaluation.json, evaluation.md and evaluation.csv."""
-    write_atomically(folder / "evaluation.json", (evaluation.model_dump_json(indent=1) + "\n").encode())
+    write_atomically(folder / EVALUATION, (evaluation.model_dump_json(indent=1) + "\n").encode())
     write_atomically(folder / "evaluation.md", markdown(evaluation, card).encode())
     write_atomically(folder / "evaluation.csv", as_csv(evaluation).encode())

@@ -12,11 +12,11 @@ from shared.metrics import bootstrap_by_system, r2, relative_accuracy
 from shared.reading import read_json, validated
 from shared.store import DatasetFolder
 from trainer.benchmarking.conditions import Condition
-from trainer.benchmarking.job import FAILED, is_done, read_done
+from trainer.benchmarking.job import FAILED, read_done
 from trainer.benchmarking.planning import Plan
 from trainer.checkpoint import Training, read_card
 from trainer.evaluation import LEVEL, find_ceiling
-from trainer.report import Answers, CeilingFigures, Evaluation, read_answers
+from trainer.report import EVALUATION, Answers, CeilingFigures, Evaluation, read_answers
 
 DRAWS = 300
 """Resamples of systems for an interval."""
@@ -78,14 +78,14 @@ class Finding:
 
 def read_evaluation(folder: Path) -> Evaluation:
     """``evaluation.json`` of a run folder."""
-    path, expected = folder / "evaluation.json", "a file of `trainer evaluate`"
+    path, expected = folder / EVALUATION, "a file of `trainer evaluate`"
     return validated(Evaluation, read_json(path, EstimatorError, expected), f"{path}", EstimatorError, expected)
 
 
 def gather(plan: Plan, condition: Condition) -> Finding | None:
     """The finding of a condition over the seeds that are finished; None where none is."""
     fits = [plan.fit_of(condition, seed) for seed in range(plan.seeds)]
-    folders = [plan.folder(fit) for fit in fits if is_done(plan.folder(fit), fit)]
+    folders = [plan.folder(fit) for fit in fits if plan.is_done(fit)]
     if not folders:
         return None
     cards = [read_card(folder) for folder in folders]

@@ -16,13 +16,17 @@ from pydantic import BaseModel, ConfigDict
 
 from shared.errors import EstimatorError, ZeroshotError
 from shared.reading import M, read_json, validated
-from shared.store import write_atomically
+from shared.store import DatasetFolder, sha256_of, write_atomically
 from trainer.benchmarking.conditions import Fit
 from trainer.checkpoint import CARD, load_run, make_folder
+from trainer.data import fingerprint
 from trainer.evaluation import evaluate
 from trainer.fitting import fit as run_fit
+from trainer.report import ANSWERS, EVALUATION
 
 SPEC, DONE, FAILED = "fit.json", "done.json", "failed.txt"
+TABULATED = (CARD, EVALUATION, ANSWERS)
+"""Files of a run folder that the tables are made of. `trainer evaluate` by hand writes over some of them."""
 
 
 class Done(BaseModel):
@@ -30,17 +34,26 @@ class Done(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
     fit: Fit
+    data: str = ""
+    """fingerprint of the dataset; earlier versions did not note it, nor the files"""
+    files: dict[str, str] = {}
+    """sha256 of what the tables are made of, as this fit left it"""
     seconds: float
     """all of it: reading, training and scoring, of the process that finished it"""
     warning: str = ""
 
 
-def is_done(folder: Path, fit: Fit) -> bool:
-    """Whether a run folder holds this fit, finished and scored."""
+def is_done(folder: Path, fit: Fit, data: str) -> bool:
+    """Whether a run folder holds this fit to the dataset of a fingerprint, finished, and its own scores."""
     try:
-        return read_done(folder).fit == fit
+        done = read_done(folder)
     except EstimatorError:
         return False
+    return (done.fit, done.data) == (fit, data) and done.files == _hashes(folder)
+
+
+def _hashes(folder: Path) -> dict[str, str]:
+    return {name: sha256_of(folder / name) for name in TABULATED if (folder / name).exists()}
 
 
 def read_done(folder: Path) -> Done:
@@ -76,6 +89,7 @@ def do(dataset: Path, folder: Path, fit: Fit, ceiling: Path | None) -> None:
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
+        data = fingerprint(DatasetFolder(dataset))
         try:
             run = run_fit(
                 dataset,
@@ -102,7 +116,8 @@ def do(dataset: Path, folder: Path, fit: Fit, ceiling: Path | None) -> None:
         raise
     finally:
         torch.set_num_threads(before)
-    done = Done(fit=fit, seconds=round(time.monotonic() - begin, 2), warning=warning)
+    seconds = round(time.monotonic() - begin, 2)
+    done = Done(fit=fit, data=data, files=_hashes(folder), seconds=seconds, warning=warning)
     write_atomically(folder / DONE, (done.model_dump_json(indent=1) + "\n").encode())
 
 

@@ -12,8 +12,10 @@ from shared.store import DatasetFolder
 from trainer.benchmarking.conditions import Budget, Condition, Fit
 from trainer.benchmarking.job import is_done, read_done
 from trainer.benchmarking.parts import Ground, Part, make_parts
-from trainer.data import difference, identity_of, load_records, rows_of
+from trainer.checkpoint import CARD, read_card
+from trainer.data import difference, digest_of, identity_of, load_records, rows_of
 from trainer.models import estimator_class
+from trainer.versions import DECIDING, versions_here
 
 OURS = ("multiscale-transformer",)
 """Estimators that stand beside the paper's, unless the user names others."""
@@ -34,6 +36,8 @@ class Plan:
     ceiling: Path | None
     identity: dict[str, Any]
     """which dataset this is"""
+    data: str
+    """its fingerprint"""
     training: int
     fits: list[Fit] = field(default_factory=list)
 
@@ -45,16 +49,20 @@ class Plan:
         """The fit of a condition with a seed."""
         return Fit(condition=condition, seed=seed, budget=self.budget, windows=self.windows)
 
+    def is_done(self, fit: Fit) -> bool:
+        """Whether a fit is finished, and what its folder holds is its own."""
+        return is_done(self.folder(fit), fit, self.data)
+
     def left(self) -> list[Fit]:
         """Fits that are not finished."""
-        return [fit for fit in self.fits if not is_done(self.folder(fit), fit)]
+        return [fit for fit in self.fits if not self.is_done(fit)]
 
     def overheads(self) -> list[float]:
         """What finished fits took beside their budget [s]: reading, solving, scoring."""
         budget = 60 * (self.budget.minutes or 0)
         found = []
         for fit in self.fits:
-            if is_done(self.folder(fit), fit):
+            if self.is_done(fit):
                 done = read_done(self.folder(fit))
                 iterates = estimator_class(fit.condition.model).iterates
                 found.append(max(0.0, done.seconds - (budget if iterates else 0)))
@@ -89,7 +97,7 @@ def make_plan(
     Raises
     ------
     EstimatorError
-        If an argument is wrong, or ``out`` belongs to another dataset.
+        If an argument is wrong, or ``out`` belongs to another dataset or has fits of other versions.
     DatasetError
         If the dataset cannot be used.
     """
@@ -108,7 +116,7 @@ def make_plan(
     step = float(index.time[1] - index.time[0]) if len(index.time) > 1 else dataset.system.experiment.step
     ground = Ground(dataset.system, len(index.time) * step / 3600, step, training, tuple(ours or OURS))
     budget = Budget(minutes=3.0 if minutes is None and steps is None else minutes, steps=steps)
-    identity = identity_of(dataset, index) | {"hours": ground.hours, "step": step}
+    identity = identity_of(dataset, index)
     plan = Plan(
         dataset=Path(dataset_dir),
         out=Path(out),
@@ -118,13 +126,16 @@ def make_plan(
         windows=windows,
         workers=workers,
         ceiling=ceiling,
-        identity=identity,
+        identity=identity | {"hours": ground.hours, "step": step},
+        data=digest_of(identity),
         training=training,
     )
     conditions = list(dict.fromkeys(row.condition for part in plan.parts for row in part.rows))
     # one seed of everything first: a benchmark that is stopped early has whole tables
     plan.fits = [plan.fit_of(condition, seed) for seed in range(seeds) for condition in conditions]
     _check_identity(plan)
+    for fit in plan.fits:
+        _check_versions(plan.folder(fit) / CARD)
     return plan
 
 
@@ -140,3 +151,17 @@ def _check_identity(plan: Plan) -> None:
         raise EstimatorError(
             f"{plan.out}: does not hold a benchmark of this very dataset: {other}; choose another folder"
         )
+
+
+def _check_versions(path: Path) -> None:
+    """Refuse a fit of other versions: beside those of this one it would be compared with them in one table."""
+    try:
+        found = read_card(path.parent).versions
+    except EstimatorError:  # none is there; of one that is damaged its fit says so
+        return
+    for name, ours in versions_here().items():
+        if name in DECIDING and found.get(name) != ours:
+            raise EstimatorError(
+                f"{path}: versions: {name} is {found.get(name)}; expected {ours}, as here: choose another folder, go on"
+                " with the versions that began this one, or remove what they fitted"
+            )

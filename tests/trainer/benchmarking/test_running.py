@@ -12,10 +12,13 @@ import pytest
 
 import trainer
 from shared.errors import EstimatorError, IncompleteError
+from shared.store import DatasetFolder
 from trainer.benchmarking import running
 from trainer.benchmarking.conditions import Budget, Condition, Fit
 from trainer.benchmarking.job import DONE, SPEC, do, is_done
 from trainer.benchmarking.planning import make_plan
+from trainer.checkpoint import CARD, WEIGHTS
+from trainer.data import fingerprint
 from trainer.report import read_answers
 
 from ..test_cli import run as command
@@ -39,6 +42,56 @@ def test_what_is_finished_is_not_done_again(finished, short, monkeypatch):
     assert {path: path.stat().st_mtime_ns for path in (finished / "fits").rglob("*")} == before
     assert not make_plan(short, finished, **QUICK).left()
     assert len(make_plan(short, finished, **QUICK | {"windows": 61}).left()) == 12
+
+
+@pytest.mark.parametrize("other", ["options", "dataset"])
+def test_an_evaluation_by_hand_is_not_tabulated(finished, short, other_tanks, other):
+    table = (finished / "channels.csv").read_bytes()
+    plan = make_plan(short, finished, **QUICK)
+    fit = plan.fits[-1]
+    folder = plan.folder(fit)
+    weights = (folder / WEIGHTS).stat().st_mtime_ns
+    trainer.evaluate(folder, short, windows=QUICK["windows"], seed=0)  # the benchmark's own, once more
+    assert not plan.left()
+    if other == "options":
+        trainer.evaluate(folder, short, windows=20, seed=3, noise="gauge")
+    else:
+        trainer.evaluate(folder, other_tanks, windows=QUICK["windows"], seed=0)
+    assert plan.left() == [fit]
+    trainer.benchmark(short, finished, **QUICK)
+    assert (finished / "channels.csv").read_bytes() == table
+    assert (folder / WEIGHTS).stat().st_mtime_ns == weights
+
+
+def test_an_estimator_that_was_fitted_by_hand_is_not_tabulated(finished, short):
+    plan = make_plan(short, finished, **QUICK)
+    fit = plan.fits[-1]
+    settings = {"model": fit.condition.model, "channels": list(fit.condition.channels), "context_hours": 48.0}
+    trainer.fit(short, plan.folder(fit), **settings, systems=40, seed=fit.seed, overwrite=True)
+    trainer.evaluate(plan.folder(fit), short, windows=QUICK["windows"], seed=0)
+    with pytest.raises(IncompleteError, match=r"1 of 12 fits failed; .* training systems was 40 and is 80 now"):
+        trainer.benchmark(short, finished, **QUICK)
+    assert "11 of 12 fits are finished" in (finished / "results.md").read_text()
+
+
+@pytest.mark.parametrize("package", ["torch", "zeroshot-fmu"])
+def test_fits_of_other_versions_are_refused(finished, short, package):
+    plan = make_plan(short, finished, **QUICK)
+    path = plan.folder(plan.fits[3]) / CARD
+    card = json.loads(path.read_text())
+    card["versions"][package] = "0.0.1"
+    path.write_text(json.dumps(card))
+    with pytest.raises(EstimatorError, match=rf"estimator\.json: versions: {package} is 0\.0\.1; expected .*as here"):
+        trainer.benchmark(short, finished, **QUICK)
+
+
+def test_what_an_earlier_version_finished_is_scored_anew(finished, short):
+    """It noted neither the dataset nor the files that it left."""
+    plan = make_plan(short, finished, **QUICK)
+    path = plan.folder(plan.fits[0]) / DONE
+    done = json.loads(path.read_text())
+    path.write_text(json.dumps({name: done[name] for name in ("fit", "seconds", "warning")}))
+    assert plan.left() == [plan.fits[0]]
 
 
 def test_an_interrupted_benchmark_writes_what_it_has_and_goes_on(short, tmp_path, monkeypatch):
@@ -97,8 +150,10 @@ def test_a_loss_that_is_not_a_number_is_scored_with_a_warning(short, tmp_path, m
     poison(monkeypatch, 25)
     do(short, tmp_path / "run", fit, None)
     assert "not a finite number at step 26" in json.loads((tmp_path / "run" / DONE).read_text())["warning"]
-    assert is_done(tmp_path / "run", fit)
-    assert not is_done(tmp_path / "run", fit.model_copy(update={"seed": 1}))
+    data = fingerprint(DatasetFolder(short))
+    assert is_done(tmp_path / "run", fit, data)
+    assert not is_done(tmp_path / "run", fit.model_copy(update={"seed": 1}), data)
+    assert not is_done(tmp_path / "run", fit, "of other data")
 
 
 def test_results_of_another_dataset_are_left_alone(finished, other_tanks):

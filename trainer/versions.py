@@ -1,0 +1,23 @@
+"""Versions of what trains and evaluates."""
+
+from __future__ import annotations
+
+import platform
+
+import numpy as np
+import torch
+
+import shared
+
+DECIDING = ("zeroshot-fmu", "torch")
+"""What another training or other scores may come from, though settings and data are the same."""
+
+
+def versions_here() -> dict[str, str]:
+    """Versions of Python and of the packages that a training runs on, by name."""
+    return {
+        "zeroshot-fmu": shared.__version__,
+        "python": platform.python_version(),
+        "torch": torch.__version__,
+        "numpy": np.__version__,
+    }
