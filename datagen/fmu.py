@@ -86,7 +86,8 @@ class Fmu:
     """An FMU of FMI 2.0 or 3.0, loaded into this process: Model Exchange if it has that, else Co-Simulation.
 
     ``variables`` maps names to the model description's variables; ``interface`` calls its functions; ``cosimulation``
-    tells the kind, and ``n_states`` is 0 then, for such an FMU keeps its states to itself.
+    tells the kind, and ``n_states`` is 0 then, for such an FMU keeps its states to itself. ``told_each_step``: the
+    integrator's steps are its business too, for it keeps a history of them (a delay, a plug flow).
 
     Raises
     ------
@@ -108,6 +109,8 @@ class Fmu:
         self.cosimulation = self.interface.cosimulation
         self.n_states = 0 if self.cosimulation else self.description.numberOfContinuousStates
         self.n_indicators = 0 if self.cosimulation else self.description.numberOfEventIndicators
+        me = self.description.modelExchange
+        self.told_each_step = not self.cosimulation and bool(me.needsCompletedIntegratorStep)
         self.seconds_to_instantiate = 0.0
 
     def instantiate(self, *, reuse: bool = False) -> None:

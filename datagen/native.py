@@ -26,6 +26,7 @@ from datagen.calls import (
     CV_SET_STOP,
     CVODE,
     DONE,
+    EACH_STEP,
     ENDLESS_EVENT,
     ENTER_CONTINUOUS,
     ENTER_EVENT,
@@ -69,7 +70,7 @@ from datagen.foreign import foreign
 
 MAX_EVENTS_AT_ONCE = 1000
 _ROOT_RETURN = 2
-_NORMAL = 1
+_NORMAL, _ONE_STEP = 1, 2
 
 _c_p = foreign("i:p")
 _c_pd = foreign("i:pd")
@@ -240,7 +241,13 @@ def drive(
             target = max(min(target, next_event[0]), t)
             flag = 0
             if target - t > 1e-12 * max(abs(t), abs(target), 1.0):
-                flag = _c_cvode(plan[CVODE], plan[CV_MEMORY], target, plan[STATE_VECTOR], t_return.ctypes.data, _NORMAL)
+                task = _NORMAL
+                if plan[EACH_STEP] != 0:
+                    task = _ONE_STEP  # which ends at an output only if it must
+                    code = _c_pd(plan[CV_SET_STOP], plan[CV_MEMORY], target)
+                    if code < 0:
+                        return code
+                flag = _c_cvode(plan[CVODE], plan[CV_MEMORY], target, plan[STATE_VECTOR], t_return.ctypes.data, task)
                 if flag < 0:
                     reached[0] = t_return[0]
                     return flag

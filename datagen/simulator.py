@@ -273,6 +273,7 @@ class Simulator:
         for place, array in arrays.items():
             plan[place] = array.ctypes.data
         plan[calls.FMI] = self.fmu.interface.version
+        plan[calls.EACH_STEP] = self.fmu.told_each_step
         plan[calls.N_STATES] = self.fmu.n_states
         plan[calls.N_INDICATORS] = self.fmu.n_indicators
         plan[calls.N_INPUTS] = len(self._vr_inputs)

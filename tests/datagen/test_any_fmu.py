@@ -1,5 +1,6 @@
 """FMUs of both versions and kinds against analytic results."""
 
+import math
 import zipfile
 
 import fmpy
@@ -69,6 +70,19 @@ def test_a_ball_bounces_when_it_should(small_system, flavour):
     assert np.abs(run.outputs[0] - height_at(run.time, 1.0, 9.81, 0.8)).max() < good
     expected = np.searchsorted(bounces(1.0, 9.81, 0.8, 60), run.time)
     assert (run.outputs[1] != expected).mean() < (1e-9 if kind == "me" else 0.02)
+
+
+def echo(t, count=12):
+    """x' = -x(t - 1), x = 1 before: a sum of powers, one more in each second (method of steps)."""
+    return sum((-1) ** k * np.maximum(t - (k - 1), 0.0) ** k / math.factorial(k) for k in range(count))
+
+
+@pytest.mark.parametrize("step", [0.125, 1.0, 5.0])
+def test_an_fmu_that_keeps_a_history_is_told_of_every_step(small_system, fmi, step):
+    """However far outputs lie apart; it joins what it remembers by straight lines."""
+    system = small_system("echo", fmi, outputs={"x": "point"}, parameters=("k",), step=step)
+    run = Simulator(system).run({"k": 1.0}, no_inputs(10.0), start=0.0, stop=10.0)
+    np.testing.assert_allclose(run.outputs[0], echo(run.time), atol=0.01)
 
 
 def test_bounce_times_are_found_by_state_events(small_system, fmi):

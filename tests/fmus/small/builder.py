@@ -29,11 +29,13 @@ class Variable(NamedTuple):
 
 
 class Model(NamedTuple):
-    """One C file of this folder: its variables and the length of its internal Co-Simulation step [s]."""
+    """One C file of this folder: its variables, the length of its internal Co-Simulation step [s], and whether it is to
+    be told of every completed step."""
 
     variables: tuple[Variable, ...]
     indicators: int = 0
     internal: float = 0.01
+    history: bool = False
 
 
 def _parameter(name: str, start: float) -> Variable:
@@ -70,6 +72,7 @@ MODELS = {
         ),
         internal=1e-3,
     ),
+    "echo": Model((Variable("x", "output", 1.0, rate=True), _parameter("k", 1.0)), history=True),
     "house": Model(
         (
             Variable("T", "local", 18.0, rate=True, unit="degC"),
@@ -180,8 +183,11 @@ def _header(model: Model) -> str:
 
 def _description(name: str, fmi: int, kinds: tuple[str, ...], attributes: str) -> str:
     model = MODELS[name]
+    steps = 'completedIntegratorStepNotNeeded="true"' if fmi == 2 else ""
+    if model.history:
+        steps = "" if fmi == 2 else 'needsCompletedIntegratorStep="true"'
     elements = {
-        "me": f'<ModelExchange modelIdentifier="{name}"/>',
+        "me": f'<ModelExchange modelIdentifier="{name}" {steps}/>',
         "cs": f'<CoSimulation modelIdentifier="{name}" {attributes}/>',
     }
     units = "".join(f'<Unit name="{u}"/>' for u in sorted({v.unit for v in model.variables} - {""}))
