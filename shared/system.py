@@ -33,6 +33,9 @@ from shared.variables import (
     WeatherInput,
 )
 
+WHOLE = 1e-6
+"""By so many steps a length may differ from a whole number of them."""
+
 
 class Experiment(Table):
     """How long and how finely a system is simulated."""
@@ -126,7 +129,8 @@ class System(Table):
         ]:
             if not 0 <= span[0] <= span[1]:
                 raise ValueError(f"{where}: start is {span[0]:g} to {span[1]:g} h; expected 0 <= first <= last")
-        if self.experiment.hours * 3600 % self.experiment.step:
+        steps = self.experiment.hours * 3600 / self.experiment.step  # hours of whole steps are rounded: 385 / 12
+        if round(steps) < 1 or abs(steps - round(steps)) > WHOLE:
             raise ValueError(f"experiment: step {self.experiment.step:g} s does not divide {self.experiment.hours:g} h")
         return self
 
