@@ -81,14 +81,14 @@ def calibrate(
     starts
         Starts in all; further ones are drawn from the prior.
     warm_up
-        The recording's first day is repeated this long before its start [h].
+        The recording's first day is repeated this long before its start [h], at least a step.
     workers, scheduler
         Processes on this machine, or the address of a Dask scheduler, for the simulations.
 
     Raises
     ------
     RecordingError
-        If the recording is shorter than a day, has a constant output, or does not fit the system.
+        If the recording is shorter than a day, has a constant output, or does not fit the system; if there is no warm-up.
     SystemDescriptionError, FmuError, SimulationError, EstimatorError
         If the system, its FMU or the estimator cannot be used.
     """

@@ -52,7 +52,8 @@ class Problem:
     replay
         The recorded actuators replace the model's control loops; what was replayed is no evidence.
     warm_up
-        The recording's first day is repeated so long before it [s].
+        The recording's first day is repeated so long before it [s]; without it the FMU's start values would count as
+        known, and what they get wrong as a gap.
     uncertain
         Whether the description's uncertain constants are unknowns; otherwise they have their values.
     history
@@ -63,7 +64,7 @@ class Problem:
     Raises
     ------
     RecordingError
-        If the recording lacks an input, or has nothing to fit, or the warm-up is negative.
+        If the recording lacks an input, or has nothing to fit, or the warm-up is shorter than one of its steps.
     """
 
     def __init__(
@@ -80,8 +81,11 @@ class Problem:
         history: bool = True,
         runner: Runner | None = None,
     ) -> None:
-        if not 0 <= warm_up < np.inf:
-            raise RecordingError(f"warm_up is {warm_up / HOUR:g} h; expected at least 0")
+        if not recording.step <= warm_up < np.inf:
+            raise RecordingError(
+                f"warm_up is {warm_up / HOUR:g} h; expected at least a step of the recording,"
+                f" {recording.step / HOUR:g} h: without it the FMU's start values would count as known"
+            )
         self.simulator, self.recording, self.replay = simulator, recording, replay
         self.system = system = simulator.system
         self.effects = tuple(effects)

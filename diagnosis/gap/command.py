@@ -43,7 +43,7 @@ def run(
     out
         Folder for the results.
     warm_up
-        The recording's first day is repeated this long before its start [h].
+        The recording's first day is repeated this long before its start [h], at least a step.
     seed
         Of twins, placebos and bootstraps.
     as_json

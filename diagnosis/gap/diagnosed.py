@@ -117,7 +117,7 @@ def diagnose(
     effects
         Candidates; those of the description and of installed packages if not given.
     warm_up
-        The recording's first day is repeated this long before its start [h].
+        The recording's first day is repeated this long before its start [h], at least a step.
     seed
         Of twins, placebos and bootstraps.
     workers, scheduler
@@ -128,7 +128,7 @@ def diagnose(
     Raises
     ------
     RecordingError
-        If the recording is shorter than a day or does not fit the system.
+        If the recording is shorter than a day or does not fit the system; if there is no warm-up.
     SystemDescriptionError, FmuError, SimulationError, EstimatorError
         If the system, its effects, its FMU or the estimator cannot be used.
     """

@@ -61,7 +61,9 @@ def test_a_calibration_from_a_file_has_the_bands_of_one_that_was_just_made(house
         ({"context": 48, "ahead": -24}, "ahead is -24 h; expected more than 0"),
         ({"context": 48, "ahead": 0}, "ahead is 0 h; expected more than 0"),
         ({"context": 48, "ahead": 0.1}, "which do not divide 48.1 h"),
-        ({"context": 48, "ahead": 24, "warm_up": -5.0}, "warm_up is -5 h; expected at least 0"),
+        ({"context": 48, "ahead": 24, "warm_up": -5.0}, "warm_up is -5 h; expected at least a step of the recording, 1 h"),
+        ({"context": 48, "ahead": 24, "warm_up": 0.0}, "warm_up is 0 h; expected at least a step of the recording, 1 h"),
+        ({"context": 48, "ahead": 24, "warm_up": 0.4}, "warm_up is 0.4 h; .* the FMU's start values would count as known"),
         ({"context": 48, "ahead": 24, "starts": 0}, "starts is 0; expected at least 1"),
     ],
 )
@@ -73,7 +75,7 @@ def test_hours_that_are_none_are_told(house, house_recording, options, said):
 @pytest.mark.slow
 def test_a_fit_is_not_called_a_forecast_and_the_page_says_why_not_to_believe(house, house_recording, tmp_path):
     system, path = house("me"), house_recording(hours=96)
-    calibrate(system, path, starts=1, warm_up=0.0, out=tmp_path / "all")
+    calibrate(system, path, starts=1, warm_up=24.0, out=tmp_path / "all")
     common = {"context": 48, "ahead": 48, "draws": 5, "calibration": tmp_path / "all"}
     with pytest.raises(RecordingError, match="its first 96 h are what the given calibration was made from"):
         forecast(system, path, **common)
