@@ -88,7 +88,8 @@ def calibrate(
     Raises
     ------
     RecordingError
-        If the recording is shorter than a day, has a constant output, or does not fit the system; if there is no warm-up.
+        If the recording is shorter than a day, has a constant output, or does not fit the system; if there is
+        no warm-up.
     SystemDescriptionError, FmuError, SimulationError, EstimatorError
         If the system, its FMU or the estimator cannot be used.
     """

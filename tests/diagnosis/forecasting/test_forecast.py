@@ -61,9 +61,18 @@ def test_a_calibration_from_a_file_has_the_bands_of_one_that_was_just_made(house
         ({"context": 48, "ahead": -24}, "ahead is -24 h; expected more than 0"),
         ({"context": 48, "ahead": 0}, "ahead is 0 h; expected more than 0"),
         ({"context": 48, "ahead": 0.1}, "which do not divide 48.1 h"),
-        ({"context": 48, "ahead": 24, "warm_up": -5.0}, "warm_up is -5 h; expected at least a step of the recording, 1 h"),
-        ({"context": 48, "ahead": 24, "warm_up": 0.0}, "warm_up is 0 h; expected at least a step of the recording, 1 h"),
-        ({"context": 48, "ahead": 24, "warm_up": 0.4}, "warm_up is 0.4 h; .* the FMU's start values would count as known"),
+        (
+            {"context": 48, "ahead": 24, "warm_up": -5.0},
+            "warm_up is -5 h; expected at least a step of the recording, 1 h",
+        ),
+        (
+            {"context": 48, "ahead": 24, "warm_up": 0.0},
+            "warm_up is 0 h; expected at least a step of the recording, 1 h",
+        ),
+        (
+            {"context": 48, "ahead": 24, "warm_up": 0.4},
+            "warm_up is 0.4 h; .* the FMU's start values would count as known",
+        ),
         ({"context": 48, "ahead": 24, "starts": 0}, "starts is 0; expected at least 1"),
     ],
 )
