@@ -109,7 +109,7 @@ class ParameterEffect(_Effect):
 
     kind: Literal["parameter"]
     parameters: dict[str, float] = Field(min_length=1, description="change for an amplitude of 1")
-    base: dict[str, float] = Field({}, description="values of the base model that are not 0")
+    base: dict[str, float] = Field({}, description="values of the base model that are not 0, held against it")
     constants: dict[str, float] = {}
 
     @model_validator(mode="after")
@@ -121,7 +121,7 @@ class ParameterEffect(_Effect):
 
 
 class ShapedEffect(_Effect):
-    """FMU parameters as in ``parameter``, and an FMU input that says when: the product of shapes."""
+    """FMU parameters that are 0 in the base model, and an FMU input that says when: the product of shapes."""
 
     kind: Literal["shaped"]
     parameters: dict[str, float] = Field(min_length=1, description="change for an amplitude of 1")

@@ -12,6 +12,7 @@ import numpy as np
 from datagen.simulator import Simulator
 from diagnosis.calibrating.checks import check_recording
 from diagnosis.effects import Effect, library
+from diagnosis.effects.baselines import check_baselines
 from diagnosis.fitting.fit import Fit
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.run import Run
@@ -139,6 +140,7 @@ def diagnose(
     described = described.with_experiment(step=record.step, hours=len(record.time) * record.step / HOUR)
     candidates = list(effects) if effects is not None else library(described)
     simulator = Simulator(described)
+    check_baselines(candidates, described, simulator.fmu, replay=replay)
     with side_by_side(simulator, workers=workers, scheduler=scheduler) as runner:
         held = _Held(runner)
         whole = Problem(
