@@ -1,0 +1,151 @@
+"""Effects see what drives the model: persons whom nobody counted act as those do who were counted."""
+
+import numpy as np
+import pytest
+
+from datagen import simulate
+from datagen.simulator import Simulator
+from diagnosis.effects import build, library
+from diagnosis.fitting.problem import Problem
+from diagnosis.recording import read_recording
+from shared.effects import InputEffect
+from shared.system import load_system
+
+HALF_HOUR = 1800.0
+FORGOTTEN = 48 * 3600.0
+"""After so long the room has forgotten who was there before the recording, to two per cent of any effect [s]."""
+MOVED = np.array([0.05, 2.0])
+"""What any of the effects moves at least, root mean square [K, ppm]: far above the integrator's error."""
+
+
+@pytest.fixture(scope="module")
+def warm(tmp_path_factory):
+    """Four warm days of the default room by the half hour: simulator and recording."""
+    system = load_system("fmus/MixedAirCO2")
+    system = system.with_experiment(step=HALF_HOUR, hours=96.0, start=(3500.0, 3500.0))
+    path = tmp_path_factory.mktemp("warm") / "room.nc"
+    simulate(system, hours=96.0, seed=11, out=path)
+    return Simulator(system), read_recording(path, system)
+
+
+def on_persons(system, operation, factor=1.0, shape=()):
+    """A user's effect on the persons."""
+    spec = InputEffect(
+        name="persons",
+        kind="input",
+        unit="1",
+        input="nPer",
+        operation=operation,
+        factor=factor,
+        shape=list(shape),
+        scale=0.5,
+        lower=-0.9,
+        upper=4.0,
+    )
+    return build(spec, system)
+
+
+def effects(system):
+    """Effects that follow persons, or change them, or neither."""
+    named = {one.name: one for one in library(system)}
+    presence = {"form": "presence", "series": "nPer", "half": 2.0}
+    return {
+        "window.warm": named["window.warm"],
+        "window.airing": named["window.airing"],
+        "gain": on_persons(system, "gain"),
+        "shift": on_persons(system, "shift", HALF_HOUR),
+        "add": on_persons(system, "add", 5.0, [presence]),
+    }
+
+
+def as_counted(problem, recording, level):
+    """Unknowns with a level, and heights (pulses,) with which the pulses are the persons who were counted.
+
+    Before the recording they are the description's usual ones.
+    """
+    z = np.zeros(problem.size)
+    one = problem.nuisance.levels[0]
+    z[-1] = (np.log(level) - one.mean) / one.sd
+    place = problem.system.input_names[one.column]
+    middle = 0.5 * (problem.nuisance.begin + problem.nuisance.end)
+    persons = recording.inputs[place][np.searchsorted(recording.time, middle)]
+    persons = np.where(problem.nuisance.guessed, persons, 0.0)
+    assert persons.sum() == pytest.approx(recording.inputs[place].sum())  # nobody came when nobody may
+    return z, persons / level
+
+
+def moved(problem, effect, z, heights):
+    """What two scales of an effect move, shape (outputs, steps) [unit of each]."""
+    place = len(problem.system.parameters)
+    other = problem.with_effects([effect])
+    return other.simulate(np.insert(z, place, 2.0), heights) - problem.simulate(z, heights)
+
+
+@pytest.mark.parametrize("name", ["window.warm", "window.airing", "gain", "shift", "add"])
+def test_who_was_not_counted_acts_as_if_counted(warm, name):
+    simulator, recording = warm
+    effect = effects(simulator.system)[name]
+    known = Problem(simulator, recording, occupancy="measured", uncertain=False, warm_up=HALF_HOUR)
+    unknown = Problem(simulator, recording, occupancy="unknown", uncertain=False, warm_up=HALF_HOUR)
+    late = recording.time > recording.start + FORGOTTEN
+    wanted = moved(known, effect, np.zeros(known.size), known.nuisance.mean)[:2, late]
+    found = moved(unknown, effect, *as_counted(unknown, recording, 7.0))[:2, late]
+    assert (np.sqrt((wanted**2).mean(axis=1)) > MOVED).all()
+    assert (np.abs(found - wanted).max(axis=1) < 0.02 * np.abs(wanted).max(axis=1)).all()
+
+
+def test_an_effect_follows_the_persons_and_their_level_of_its_own_run(warm):
+    """With nobody there a window stays closed, after runs with persons too; a fuller room opens it further."""
+    simulator, recording = warm
+    effect = effects(simulator.system)["window.warm"]
+    problem = Problem(simulator, recording, occupancy="unknown", uncertain=False, warm_up=HALF_HOUR)
+    z, heights = as_counted(problem, recording, 7.0)
+    some = moved(problem, effect, z, heights)
+    nobody = moved(problem, effect, z, np.zeros_like(heights))
+    np.testing.assert_allclose(nobody[:2], 0.0, atol=0.02 * np.abs(some[:2]).max())
+    table = problem.with_effects([effect])
+    opened = []
+    for level in (2.0, 7.0):
+        z, _ = as_counted(problem, recording, level)
+        run = table._runs.run(table.unknown, table.nuisance, np.insert(z, len(table.system.parameters), 2.0), heights)
+        opened.append(run.inputs.left[:, run.inputs.names.index("yWin")])
+    assert (opened[0] <= opened[1] + 1e-12).all()
+    assert opened[0].sum() < 0.8 * opened[1].sum()
+    np.testing.assert_array_equal(moved(problem, effect, *as_counted(problem, recording, 7.0)), some)
+
+
+def test_a_warm_up_is_shared_where_persons_differ_in_the_recording_only(warm):
+    """An effect that follows persons changes the warm-up by those before the recording, and by no others."""
+    simulator, recording = warm
+    effect = effects(simulator.system)["window.warm"]
+    problem = Problem(simulator, recording, occupancy="unknown", uncertain=False, effects=[effect])
+    z = np.insert(np.zeros(problem.size - 1), len(problem.system.parameters), 2.0)
+    nuisance = problem.nuisance
+    persons = nuisance.column == nuisance.levels[0].column
+
+    def before(pulses):
+        run = problem._runs.run(problem.unknown, nuisance, z, nuisance.mean + 0.5 * pulses)
+        return run.inputs.restricted(run.start, run.record_from).left[:, run.inputs.names.index("yWin")]
+
+    plain = before(np.zeros(nuisance.size))
+    np.testing.assert_array_equal(before(persons & nuisance.recorded), plain)
+    assert np.abs(before(persons & ~nuisance.recorded) - plain).max() > 0.01
+
+
+def test_pulses_of_persons_answer_with_the_effect_that_follows_them(warm):
+    """At an amplitude that is not zero, what one more person does is what both runs with the window say."""
+    simulator, recording = warm
+    effect = effects(simulator.system)["window.warm"]
+    problem = Problem(simulator, recording, occupancy="unknown", uncertain=False, warm_up=HALF_HOUR, effects=[effect])
+    z, heights = as_counted(problem.with_effects([]), recording, 7.0)
+    z = np.insert(z, len(problem.system.parameters), 2.0)
+    problem.nuisance = problem.nuisance.only(problem.nuisance.begin < recording.start + 86400.0)
+    heights = heights[: problem.nuisance.size]
+    standard = np.linalg.lstsq(problem.nuisance.factor, heights - problem.nuisance.mean, rcond=None)[0]
+    around = problem.linearise(z, standard)
+    k = int(np.argmax(around.heights))
+    one = 0.5 * problem.nuisance.sd[k] * (np.arange(len(heights)) == k)
+    alone = problem.simulate(z, around.heights + one) - around.outputs
+    rows = problem.time <= problem.nuisance.begin[k] + 86400.0
+    said = around.response[..., k] * one[k]
+    np.testing.assert_allclose(said[:2, rows], alone[:2, rows], atol=0.02 * np.abs(alone[1]).max())
