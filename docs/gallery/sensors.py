@@ -2,7 +2,7 @@
 
     python docs/gallery/sensors.py --out DIRECTORY
 
-For four sets of sensors: the limit of R2 that no estimator can pass, from the model's sensitivities; and R2 of the
+For four sets of sensors: the linearised limit of R2, from the model's sensitivities; and R2 of the
 estimator that comes with the package, on rooms that it has never seen. Sensors are as good as the description's preset
 says. What raises the limit is worth buying; what raises the limit alone waits for a better estimator.
 """
