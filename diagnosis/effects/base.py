@@ -91,7 +91,9 @@ class Effect(Protocol):
     def inputs(self, amplitude: float, inputs: dict[str, Piecewise], recording: Recording) -> dict[str, Piecewise]:
         """All inputs with the changed and additional ones replaced; ``inputs`` itself, unchanged, at zero.
 
-        ``inputs`` may begin before the recording (warm-up); what they return spans at least the same time.
+        ``inputs`` may begin before the recording (warm-up); what they return spans at least the same time. Persons whom
+        nobody counted are in them as they drive the model in this simulation: half-hourly means that need not be whole
+        numbers, before the recording not even positive. What follows them had better be smooth.
         """
         ...
 

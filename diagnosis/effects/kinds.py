@@ -69,6 +69,11 @@ class _Kind:
         return self.owns
 
     @property
+    def moves_in_time(self) -> frozenset[str]:
+        """Inputs that the effect lets come earlier or later."""
+        return frozenset()
+
+    @property
     def follows(self) -> frozenset[str]:
         """Measured outputs that the effect's shapes follow: without them it has no meaning."""
         shapes = [shape for shape in self._shapes() if not isinstance(shape, TimetableShape | DiurnalShape)]
@@ -150,6 +155,11 @@ class ChangedInput(_Kind):
     def changes(self) -> frozenset[str]:
         """Its input."""
         return frozenset({self.spec.input})
+
+    @property
+    def moves_in_time(self) -> frozenset[str]:
+        """Its input where the operation is a shift."""
+        return self.changes if self.spec.operation == "shift" else frozenset()
 
     def inputs(self, amplitude: float, inputs: dict[str, Piecewise], recording: Recording) -> dict[str, Piecewise]:
         """The inputs with the changed one in its place."""

@@ -75,7 +75,12 @@ def expected(one: Otherwise, colours: dict[int, Colour], size: np.ndarray) -> di
 
 
 def _counted(lin: Linearised) -> Linearised:
-    """The same without persons as a nuisance, and without their level."""
+    """The same without persons as a nuisance, and without their level.
+
+    Derivatives by effects stay as they are: they were simulated with the persons who are most likely, which an effect
+    that follows or changes persons sees (:mod:`diagnosis.fitting.runs`), and the most likely ones are who is taken to
+    have been counted.
+    """
     nuisance = lin.problem.nuisance
     keep = ~np.isin(nuisance.column, [level.column for level in nuisance.levels])
     problem = lin.problem.with_effects(lin.problem.effects)

@@ -66,10 +66,14 @@ def applicable(problem: Problem, effects: Sequence[Effect]) -> tuple[list[Effect
     """Effects that can be tried on a recording beside those that a problem has, and why the others cannot."""
     usable, why = [], {}
     names = {one.name for one in problem.effects}
+    uncounted = {problem.system.input_names[level.column] for level in problem.nuisance.levels}
     for effect in effects:
         if effect.name in names:
             continue
         reason = effect.obstacle(problem.recording, replay=problem.replay) or clash([*problem.effects, effect])
+        # pulses are followed from where they begin on, and may come at any time anyway
+        if uncounted & getattr(effect, "moves_in_time", frozenset()):
+            reason = reason or "it moves persons in time, and nobody counted when they were there"
         if reason:
             why[effect.name] = reason
         else:

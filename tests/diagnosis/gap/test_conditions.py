@@ -1,13 +1,19 @@
 """The whole diagnosis of four days of the default room under every condition: what it says holds, what limits it."""
 
 import json
+from dataclasses import replace
 from functools import cache
 
+import numpy as np
 import pytest
 from jsonschema import validate
 
 from diagnosis.cli import app
+from diagnosis.fitting.problem import Problem
 from diagnosis.gap import Report, diagnose
+from diagnosis.gap.conditions import _counted
+from diagnosis.gap.linear import applicable, linearised
+from tests.diagnosis.fitting.crowd_cases import HALF_HOUR, as_counted, on_persons, warm_room
 from tests.diagnosis.gap.room_cases import ROOM, recorded, room, some
 
 FEW = ("infiltration.constant", "heater.derated", "sensor.CO2.gain", "sensor.temperature.drift")
@@ -45,6 +51,44 @@ def drifting(folder):
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("rooms")
+
+
+@pytest.fixture(scope="module")
+def warm(tmp_path_factory):
+    """Simulator and recording of a room that is warm enough for its persons to open a window."""
+    return warm_room(tmp_path_factory.mktemp("warm") / "room.nc")
+
+
+def test_had_persons_been_counted_they_would_open_the_window(warm):
+    """Of the persons who are most likely, here those who were there."""
+    simulator, recording = warm
+    window = some(simulator.system, "window.warm")
+    known = Problem(simulator, recording, occupancy="measured", uncertain=False, warm_up=HALF_HOUR)
+    unknown = Problem(simulator, recording, occupancy="unknown", uncertain=False, warm_up=HALF_HOUR)
+    z = np.zeros(known.size)
+    wanted = linearised(known, z, known.linearise(z), window)
+    z, heights = as_counted(unknown, recording, 7.0)
+    nuisance = unknown.nuisance
+    standard = np.linalg.lstsq(nuisance.factor, heights - nuisance.mean, rcond=None)[0]
+    around = replace(unknown.linearise(z, standard), heights=heights)
+    found = _counted(linearised(unknown, z, around, window))
+    late = recording.time > recording.start + 48 * 3600.0
+    for output in range(2):
+        series, other = wanted.by_effect[output, late, 0], found.by_effect[output, late, 0]
+        np.testing.assert_allclose(other, series, atol=0.03 * np.abs(series).max())
+        assert np.abs(series).max() > 0.05
+    assert found.by_unknown.shape[-1] == known.size
+
+
+def test_persons_whom_nobody_counted_are_not_moved_in_time(warm):
+    simulator, recording = warm
+    moved = [on_persons(simulator.system, one) for one in ("shift", "gain")]
+    usable, why = applicable(Problem(simulator, recording, occupancy="measured"), moved[:1])
+    assert (usable, why) == (moved[:1], {})
+    problem = Problem(simulator, recording, occupancy="unknown")
+    usable, why = applicable(problem, moved[:1])
+    assert (usable, why) == ([], {"persons": "it moves persons in time, and nobody counted when they were there"})
+    assert applicable(problem, moved[1:]) == (moved[1:], {})
 
 
 @pytest.mark.slow
