@@ -21,8 +21,7 @@ from datagen.dispatch import PATIENCE
 from datagen.failures import FILE_NAME as FAILURES_FILE
 from datagen.failures import Failures
 from datagen.fmu import fmu_sha256
-from datagen.guard import guarded
-from datagen.liveness import check_live
+from datagen.liveness import check_live_apart
 from datagen.lock import FILE_NAME as LOCK_FILE
 from datagen.lock import FolderLock
 from datagen.package import package_hash, weather_hashes
@@ -32,7 +31,7 @@ from datagen.versions import all_here, note
 from datagen.worker import TIMEOUT, Job
 from shared.ceiling import FILE_NAME as CEILING_FILE
 from shared.ceiling import Origin, fitting, read_ceilings
-from shared.errors import DatasetError, SimulationError, ZeroshotError
+from shared.errors import DatasetError
 from shared.logs import logger
 from shared.store import Manifest, read_manifest, write_atomically, write_manifest
 from shared.system import System, load_system
@@ -151,7 +150,7 @@ def run(
     where = str(described.path.resolve())
     _check_folder(folder)
     if not (folder / "manifest.json").exists():
-        _check_live(described, timeout)
+        check_live_apart(described, timeout)
     try:
         (folder / "shards").mkdir(parents=True, exist_ok=True)
         with FolderLock(folder, where) as lock:
@@ -241,19 +240,6 @@ def _open_or_start(folder: Path, wanted: Manifest, extend: bool) -> Manifest:
         )
     stages = [*(found.stages or [found.systems]), wanted.systems]
     return found.model_copy(update={"systems": wanted.systems, "stages": stages})
-
-
-def _probe(system: System) -> None:
-    check_live(Simulator(system))
-
-
-def _check_live(system: System, timeout: float) -> None:
-    """Refuse dead parameters. The FMU is looked at in a process apart: it may crash at the ends of its ranges."""
-    found = guarded(_probe, [system], timeout=timeout, tries=1)[0]
-    if isinstance(found, SimulationError):
-        _log.warning("could not check that all parameters are alive: %s", found)
-    elif isinstance(found, ZeroshotError):
-        raise found
 
 
 def _clear(folder: Path) -> None:

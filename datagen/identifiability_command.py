@@ -32,7 +32,8 @@ def identifiability(
 ) -> int:
     """The limit of R2 that any estimator can reach, per parameter, from the FMU's sensitivities.
 
-    The result is kept beside the system description, from where `datagen run` copies it into datasets.
+    The result is kept beside the system description, from where `datagen run` copies it into datasets. A parameter
+    that the FMU accepts but ignores is refused.
 
     Parameters
     ----------
@@ -60,6 +61,7 @@ def identifiability(
     """
     from datagen.ceilings import ceilings_of, crowd_inputs
     from datagen.fmu import fmu_sha256
+    from datagen.liveness import check_live_apart
     from shared.ceiling import FILE_NAME, Ceilings, read_ceilings, write_ceilings
     from shared.system import load_system
 
@@ -67,6 +69,7 @@ def identifiability(
     if preset is not None:
         chosen = described.preset(preset)
         described = described.with_experiment(hours=chosen.hours, step=chosen.step, start=chosen.start)
+    check_live_apart(described)  # the limit of a parameter that the FMU ignores is 0 for any recording
     sets = [one.split(",") for one in channels] if channels else [described.estimator.channels]
     found = ceilings_of(
         described,

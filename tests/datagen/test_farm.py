@@ -181,7 +181,7 @@ def test_systems_that_fail_are_quarantined_with_their_cause(default_system, tmp_
 
 
 def nothing_simulated(monkeypatch):
-    monkeypatch.setattr("datagen.farm._check_live", lambda *_: None)
+    monkeypatch.setattr("datagen.farm.check_live_apart", lambda *_: None)
     monkeypatch.setattr("datagen.farm.missing", lambda *_, **__: iter(()))
 
 

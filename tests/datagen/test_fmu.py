@@ -4,11 +4,15 @@ from pathlib import Path
 
 import pytest
 
+from datagen.cli import app as datagen_app
 from datagen.fmu import Fmu, check_system
-from datagen.liveness import check_live, responses
+from datagen.liveness import check_live, check_live_apart, responses
+from datagen.recording import simulate
 from datagen.simulator import Simulator
+from diagnosis.cli import app as diagnosis_app
 from shared.errors import FmuError, SystemDescriptionError
 from shared.system import parse_system
+from tests.datagen.faults import faulty
 
 
 @pytest.fixture(scope="module")
@@ -60,8 +64,80 @@ def test_every_parameter_of_the_default_moves_an_output(default_system):
     assert min(found.values()) > 10  # ten times the accuracy of an output
 
 
+IGNORED = '[[parameters]]\nname = "effect.adjacent.T"\nunit = "K"\nmin = 280.0\nmax = 300.0\n\n'
+
+
 def test_a_parameter_that_the_fmu_ignores_is_refused(toml):
-    dead = '[[parameters]]\nname = "effect.adjacent.T"\nunit = "K"\nmin = 280.0\nmax = 300.0\n\n[[parameters]]\n'
-    system = parse_system(toml.replace("[[parameters]]\n", dead, 1), Path("mine.toml"))
+    system = parse_system(toml.replace("[[parameters]]\n", f"{IGNORED}[[parameters]]\n", 1), Path("mine.toml"))
+    for check in (lambda: check_live(Simulator(system)), lambda: check_live_apart(system)):
+        with pytest.raises(SystemDescriptionError, match=r"accepts 'effect\.adjacent\.T' and ignores it"):
+            check()
+
+
+def test_an_end_that_fails_hides_neither_others_nor_itself(toml):
+    """With so much absorbed the window takes more than all the sun, which the FMU refuses; the middle still works."""
+    text = toml.replace("min = 0.3\nmax = 0.7", "min = 0.3\nmax = 0.99")
+    found = responses(Simulator(parse_system(text, Path("mine.toml"))), ["glaSys.absSolFra", "roo.V"])
+    assert found["glaSys.absSolFra"] > 1
+    assert found["roo.V"] > 1
+    system = parse_system(text.replace("[[parameters]]\n", f"{IGNORED}[[parameters]]\n", 1), Path("mine.toml"))
     with pytest.raises(SystemDescriptionError, match=r"accepts 'effect\.adjacent\.T' and ignores it"):
         check_live(Simulator(system))
+
+
+def test_what_cannot_be_judged_is_told_and_not_refused(toml, caplog):
+    text = toml.replace("min = 0.3\nmax = 0.7", "min = 0.7\nmax = 1.2")
+    with caplog.at_level("WARNING", "zeroshot"):
+        found = check_live(Simulator(parse_system(text, Path("mine.toml"))))
+    assert found == {}  # the middle itself is refused, from which all are looked at
+    assert "could not check that parameter 'roo.V' is alive" in caplog.text
+    assert "absSolFra" in caplog.text
+
+
+def test_an_fmu_that_dies_at_an_end_hides_no_dead_parameter(tmp_path, caplog):
+    faulty.build(tmp_path)
+    text = faulty.describe(tmp_path, fault=1, above=2e-4).read_text().replace("leak = 0.0\n", "")
+    assert text.count("[[parameters]]") == 1
+    ranges = (("k", "1/s", 1e-5, 3e-4), ("leak", "1", 1.0, 8.0))
+    both = "".join(
+        f'[[parameters]]\nname = "{name}"\nunit = "{unit}"\nmin = {low}\nmax = {high}\n\n'
+        for name, unit, low, high in ranges
+    )
+    start, end = text.index("[[parameters]]"), text.index("[[inputs]]")
+    system = parse_system(text[:start] + both + text[end:], tmp_path / "mine.toml")
+    with (
+        caplog.at_level("WARNING", "zeroshot"),
+        pytest.raises(SystemDescriptionError, match=r"accepts 'leak' and ignores"),
+    ):
+        check_live_apart(system, 60.0)
+    assert "could not check that parameter 'k' is alive: the FMU took its process down (SIGSEGV)" in caplog.text
+
+
+def test_what_acts_in_summer_alone_is_not_ignored(toml, monkeypatch):
+    """A look at winter days finds nothing of a parameter that the summer's outputs follow."""
+    simulator = Simulator(parse_system(toml, Path("mine.toml")))
+    real = simulator.run
+
+    def run(parameters, inputs, *, start, **words):
+        return real({**parameters, "roo.V": 200.0} if start == 0 else parameters, inputs, start=start, **words)
+
+    monkeypatch.setattr(simulator, "run", run)
+    assert responses(simulator, ["roo.V"])["roo.V"] > 1
+
+
+@pytest.mark.parametrize("command", ["identifiability", "calibrate"])
+def test_commands_refuse_what_the_fmu_ignores(toml, tmp_path, command):
+    path = tmp_path / "mine.toml"
+    path.write_text(toml.replace("[[parameters]]\n", f"{IGNORED}[[parameters]]\n", 1))
+    recording, out = tmp_path / "room.nc", tmp_path / "out"
+    if command == "calibrate":
+        simulate(path, out=recording, hours=48.0)
+        words, app = ["calibrate", path, recording, "--out", out], diagnosis_app
+    else:
+        words, app = (
+            ["identifiability", path, "--context", 6, "--systems", 1, "--workers", 1, "--out", out],
+            datagen_app,
+        )
+    with pytest.raises(SystemDescriptionError, match=r"accepts 'effect\.adjacent\.T' and ignores it"):
+        app([str(word) for word in words])
+    assert not out.exists()

@@ -49,7 +49,7 @@ failing.real = worker.attempt
 @pytest.fixture(autouse=True)
 def in_this_process(monkeypatch):
     monkeypatch.setattr("datagen.farm.connect", lambda **_: nullcontext())
-    monkeypatch.setattr("datagen.farm._check_live", lambda *_: None)
+    monkeypatch.setattr("datagen.farm.check_live_apart", lambda *_: None)
     monkeypatch.setattr("datagen.collection.Dispatcher", InThisProcess)
 
 
