@@ -84,24 +84,34 @@ def decide(search: Search, where_p: float, where_left_p: float) -> Decision:
         Family-wise p of where the residual lies, of the base model and with the chosen effects.
     """
     first, last = search.stages[0], search.last
+    tried = [one.name for one in first.lin.effects if one.name not in search.excluded]  # others are no candidates here
     if not gap_found(first, where_p, search.confirmed):
         p_value = first.scan.p_value if search.confirmed else max(first.scan.p_value, LEVEL)
         odds = min(p_value, first.scan.misfit_p) / LEVEL
         nothing = float(NOTHING * odds / (1 + odds))
-        chance = softmax(dict(zip((one.name for one in first.lin.effects), first.scan.evidence.tolist(), strict=True)))
-        likely = {name: (1 - nothing) * (1 - UNSEEN_OUTSIDE) * p for name, p in chance.items()}
-        return Decision("no_gap", likely, UNSEEN_OUTSIDE * (1 - nothing), nothing, 0.0, (), (), False)
+        evidence = dict(zip((one.name for one in first.lin.effects), first.scan.evidence.tolist(), strict=True))
+        outside = UNSEEN_OUTSIDE if tried else 1.0
+        chance = softmax({name: evidence[name] for name in tried})
+        likely = {name: (1 - nothing) * (1 - outside) * p for name, p in chance.items()}
+        return Decision("no_gap", likely, outside * (1 - nothing), nothing, 0.0, (), (), False)
     rejected = gap_found(last, where_left_p)
     share = search.share_left
     mistaken = mistaken_by(share, rejected) if search.chosen else 1.0
-    none, nothing = OUTSIDE * mistaken, AFTER_ALL * mistaken
-    tried = [one.name for one in first.lin.effects if one.name not in search.excluded]  # others are no candidates here
+    nothing = AFTER_ALL * mistaken
+    none = OUTSIDE * mistaken if tried else mistaken - nothing  # where nothing was tried, no candidate can be the cause
     even = (mistaken - none - nothing) / max(len(tried), 1)
     probabilities = dict.fromkeys(tried, even)
     sets = []
     for k, refits in enumerate(search.refits):
         later = [ones[0].names[-1] for ones in search.refits[k + 1 :]]
-        chance = weighed(search.stages[k], refits, search.stages[k + 1], tried=search.tried[k], later=later)
+        chance = weighed(
+            search.stages[k],
+            refits,
+            search.stages[k + 1],
+            tried=search.tried[k],
+            later=later,
+            excluded=search.excluded,
+        )
         sets.append(named(chance, refits[0].names[-1]))
         for name, p in chance.items():
             own = (1 - mistaken) * p + (even if name in tried else 0.0)

@@ -26,7 +26,13 @@ out what makes the truth most likely."""
 
 
 def weighed(
-    stage: Stage, refits: list[Refit], after: Stage, *, tried: Sequence[Refit] = (), later: Collection[str] = ()
+    stage: Stage,
+    refits: list[Refit],
+    after: Stage,
+    *,
+    tried: Sequence[Refit] = (),
+    later: Collection[str] = (),
+    excluded: Collection[str] = (),
 ) -> dict[str, float]:
     """Probabilities of a stage's candidates, given that one of them is the cause.
 
@@ -43,6 +49,8 @@ def weighed(
         All that were refitted, if only some of them were fitted afresh.
     later
         Effects that were found beside it: they are no alternatives to it.
+    excluded
+        What could not be tried, beside what failed at this stage: only if it was refitted is it an alternative.
     """
     value = {one.names[-1]: one.evidence_with(after.discrepant) for one in refits}
     linear = dict(zip((one.name for one in stage.lin.effects), stage.scan.evidence.tolist(), strict=True))
@@ -51,7 +59,8 @@ def weighed(
         if gains:
             gain, last = float(np.median(gains)), min(value.values())
             value = {name: min(one + gain, last) for name, one in known.items()} | value
-    return softmax({name: one for name, one in value.items() if name not in later})
+    unknown = {*excluded, *stage.lin.failed} - {one.names[-1] for one in refits}
+    return softmax({name: one for name, one in value.items() if name not in {*later, *unknown}})
 
 
 def softmax(values: dict[str, float]) -> dict[str, float]:

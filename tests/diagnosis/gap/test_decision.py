@@ -31,7 +31,7 @@ def stage(
         discrepancy=left_over > 3 or episodic,
         left_over=left_over,
         discrepant={},
-        lin=SimpleNamespace(effects=effects, chosen=chosen, problem=SimpleNamespace(replay=replay)),
+        lin=SimpleNamespace(effects=effects, failed=(), chosen=chosen, problem=SimpleNamespace(replay=replay)),
         scan=SimpleNamespace(evidence=np.array(evidence[: len(effects)]), p_value=p, misfit_p=p),
     )
 
@@ -132,6 +132,33 @@ def test_a_candidate_that_could_not_be_tried_has_no_share_of_a_mistake():
     assert done.probabilities.get("three", 0.0) == 0.0
     assert done.probabilities["one"] == done.probabilities["two"] > 0
     whole(done)
+
+
+def test_a_candidate_that_could_not_be_tried_is_neither_probable_nor_in_a_set():
+    only = stage(found=False, misfits=False, left_over=1.0, p=0.5, evidence=(0.0, 0.0, 9.0))
+    quiet = searched([only], [])
+    after = stage(found=False, misfits=False, left_over=0.0, chosen=("one",))
+    loud = searched([stage(evidence=(50.0, 30.0, 50.0)), after], [refits(one=0.0, two=-20.0)])
+    for search, p in ((quiet, 0.5), (loud, 0.002)):
+        search.excluded["three"] = "its simulation fails"
+        done = decide(search, p, 0.5)
+        assert done.probabilities.get("three", 0.0) == 0.0
+        assert "three" not in done.named
+        assert done.nothing + done.none + sum(done.probabilities.values()) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("excluded", [False, True])
+@pytest.mark.parametrize(("misfits", "verdict"), [(False, "no_gap"), (True, "none_of_these")])
+def test_without_candidates_the_cause_is_none_of_them_or_there_is_no_gap(monkeypatch, excluded, misfits, verdict):
+    if not excluded:
+        monkeypatch.setitem(globals(), "EFFECTS", ())
+    only = stage(found=False, misfits=misfits, left_over=1.0, p=0.5, evidence=(0.0, 0.0, 0.0))
+    search = searched([only], [])
+    search.excluded |= dict.fromkeys(EFFECTS if excluded else (), "its simulation fails")
+    done = decide(search, 0.5, 0.5)
+    assert done.verdict == verdict
+    assert sum(done.probabilities.values()) == 0.0
+    assert done.nothing + done.none == pytest.approx(1.0)
 
 
 def test_where_no_candidate_was_good_for_anything_all_are_alike():

@@ -11,10 +11,12 @@ from diagnosis.gap.weighing import COVER, SURE, TEMPER, named, softmax, weighed
 EFFECTS = ("one", "two", "three")
 
 
-def stage(*evidence):
+def stage(*evidence, failed=()):
     effects = [SimpleNamespace(name=f"{j}") for j in range(len(evidence))]
     return SimpleNamespace(
-        lin=SimpleNamespace(effects=effects), scan=SimpleNamespace(evidence=np.array(evidence)), discrepant={}
+        lin=SimpleNamespace(effects=effects, failed=failed),
+        scan=SimpleNamespace(evidence=np.array(evidence)),
+        discrepant={},
     )
 
 
@@ -51,6 +53,16 @@ def test_what_was_found_beside_a_candidate_is_no_alternative_to_it():
     found = weighed(stage(9.0, 8.0, 6.5), refits(_0=-3.0, _1=1.0), stage(), later=["1"])
     weight = np.exp(np.array([-3.0, -3.0]) / TEMPER)  # 6.5 - 9.5 is just what the last has
     assert found == pytest.approx(dict(zip(("0", "2"), weight / weight.sum(), strict=True)))
+
+
+@pytest.mark.parametrize("how", ["excluded", "failed"])
+def test_what_could_not_be_tried_is_no_alternative(how):
+    """A signature that was not simulated has no evidence against it, and would stand before what was found wrong."""
+    before = stage(9.0, 8.0, 9.0, failed=("2",) if how == "failed" else ())
+    found = weighed(before, refits(_0=-3.0, _1=-5.0), stage(), excluded={"2": "why"} if how == "excluded" else ())
+    weight = np.exp(np.array([-3.0, -5.0]) / TEMPER)
+    assert found == pytest.approx(dict(zip(("0", "1"), weight / weight.sum(), strict=True)))
+    assert set(weighed(before, refits(_0=-3.0, _2=-5.0), stage(), excluded=["2"])) == {"0", "1", "2"}
 
 
 @pytest.mark.parametrize(
