@@ -9,6 +9,7 @@ system and returns effects (:class:`diagnosis.effects.base.Effect`)::
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from importlib.metadata import EntryPoint, entry_points
 
@@ -27,7 +28,8 @@ def library(system: System, *, names: Sequence[str] | None = None) -> list[Effec
     Raises
     ------
     SystemDescriptionError
-        If an effect names what the system does not have, two have one name, or a package's effect is none.
+        If an effect names what the system does not have, two have one name, or a package's effect is none or
+        has a scale or bounds that none can have.
     """
     found = [build(spec, system) for spec in system.effects]
     for entry in entry_points(group=ENTRY_POINTS):
@@ -91,4 +93,22 @@ def _loaded(entry: EntryPoint, system: System) -> list[Effect]:
     for effect in effects:
         if not isinstance(effect, Effect):
             raise SystemDescriptionError(f"{where}: gives a {type(effect).__name__}; expected effects")
+        if flaw := _flaw(effect):
+            raise SystemDescriptionError(f"{where}: {effect.name!r} {flaw}")
     return effects
+
+
+def _flaw(effect: Effect) -> str:
+    """What is wrong with an effect's scale and bounds; empty if nothing is. A declaration's are checked as it is read.
+
+    Bounds may be infinite.
+    """
+    try:
+        scale, low, high = float(effect.scale), float(effect.lower), float(effect.upper)
+    except (TypeError, ValueError):
+        return f"has scale {effect.scale!r}, from {effect.lower!r} to {effect.upper!r}; expected numbers"
+    if not (math.isfinite(scale) and scale > 0):
+        return f"has the scale {scale:g}; expected a finite number above 0"
+    if not low <= 0 <= high or low == high:
+        return f"goes from {low:g} to {high:g}; expected a range with 0, the base model"
+    return ""

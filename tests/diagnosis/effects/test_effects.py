@@ -284,5 +284,28 @@ def test_packages_add_their_own(default_system, monkeypatch):
         library(default_system)
 
 
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ({"scale": 0.0}, "scale 0; expected a finite number above 0"),
+        ({"scale": -1.0}, "scale -1;"),
+        ({"scale": np.nan}, "scale nan;"),
+        ({"scale": np.inf}, "scale inf;"),
+        ({"lower": 1.0, "upper": 2.0}, "goes from 1 to 2; expected a range with 0, the base model"),
+        ({"lower": 2.0, "upper": -2.0}, "goes from 2 to -2;"),
+        ({"lower": 0.0, "upper": 0.0}, "goes from 0 to 0;"),
+        ({"upper": np.nan}, "goes from -inf to nan;"),
+        ({"scale": "1 K"}, "expected numbers"),
+        ({"lower": None}, "expected numbers"),
+    ],
+)
+def test_a_package_gives_no_effect_without_a_scale_and_a_range_about_zero(default_system, monkeypatch, given, expected):
+    monkeypatch.setattr(EntryPoint, "load", lambda self: lambda system: [Nothing("mine", **given)])
+    entry = EntryPoint("mine", "package:effects", "zeroshot_fmu.effects")
+    monkeypatch.setattr(import_module("diagnosis.effects.library"), "entry_points", lambda group: [entry])
+    with pytest.raises(SystemDescriptionError, match="'mine'.*package:effects.*'mine' .*" + expected):
+        library(default_system)
+
+
 def test_of_an_input_no_more_than_all_is_taken():
     np.testing.assert_allclose(_gained(np.array([10.0, 10.0, 10.0]), np.array([0.5, -0.5, -1.6])), [15.0, 5.0, 0.0])
