@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from diagnosis.effects import Effect
 from diagnosis.fitting.doubt import doubted_sd
 from diagnosis.fitting.fit import Fit
-from diagnosis.gap.conditions import Otherwise, expected
+from diagnosis.gap.conditions import Otherwise
 from diagnosis.gap.decision import Decision
 from diagnosis.gap.places import stretch
 from diagnosis.gap.refit import Refit
-from diagnosis.gap.scan import NEGLIGIBLE
 from diagnosis.gap.schema import (
-    ConditionOf,
-    Detectability,
     NamedEffect,
     NoiseOf,
     ParameterOf,
@@ -25,6 +21,7 @@ from diagnosis.gap.schema import (
     StageOf,
 )
 from diagnosis.gap.search import Search
+from diagnosis.gap.seen import detectability, otherwise_seen
 from diagnosis.gap.sentences import limits, summary
 from diagnosis.gap.shrinkage import Shrinkage
 from diagnosis.gap.stages import Stage
@@ -35,8 +32,6 @@ from diagnosis.where import Where
 WIDE_90 = 1.1 * 1.645
 """Half-width of a 90 % interval, in standard deviations: a tenth wider than the recording alone makes it, as a model's
 own slow error of the noise's size would. Without that, three of six intervals of a sensor's drift missed it."""
-TYPICAL = 2.0
-"""Size, in scales, at which it is said what a candidate would be mistaken for."""
 
 
 def reported(
@@ -78,8 +73,8 @@ def reported(
         constants=_before_and_after(
             search, len(problem.system.parameters), [(one.name, "1") for one in problem.constants]
         ),
-        detectability=_detectability(first),
-        otherwise=[_otherwise(one, first, problem.floor) for one in otherwise],
+        detectability=detectability(first),
+        otherwise=[otherwise_seen(one, first, problem.floor) for one in otherwise],
         excluded=search.excluded,
         stages=_stages(search, where, where_left),
         noise=_noise(first),
@@ -143,7 +138,10 @@ def _amplitude(one: Refit, name: str) -> tuple[float, float, bool]:
     place = len(one.lin.problem.system.parameters) + one.names.index(name)
     z, sd = float(one.lin.z[place]), float(one.sd[place])
     low, high = (bound[place] for bound in one.lin.problem.bounds)
-    return z, sd, bool(z > high - 0.01 * (high - low) or (low < 0 and z < low + 0.01 * high))
+    # zero is the base model and no bound; of a range that is open on one side the other end counts
+    ends = [end for end in (low, high) if np.isfinite(end) and end != 0]
+    near = 0.01 * (high - low if np.isfinite(high - low) else max(map(abs, ends), default=0.0))
+    return z, sd, any(abs(z - end) <= near for end in ends)
 
 
 def _places(where: Where, first: Stage, noise: dict[str, float]) -> list[Place]:
@@ -209,41 +207,6 @@ def _before_and_after(search: Search, first: int, names: list[tuple[str, str]]) 
 def _values(one: Refit) -> list[np.ndarray]:
     """Values and their 90 % intervals (low, value, high), each (unknowns,) [unit of each]."""
     return [one.lin.problem.values(one.lin.z + k * 1.645 * doubted_sd(one.sd)) for k in (-1, 0, 1)]
-
-
-def _detectability(first: Stage) -> list[Detectability]:
-    found, scan = [], first.scan
-    for j, effect in enumerate(scan.effects):
-        found.append(
-            Detectability(
-                name=effect.name,
-                share=float(scan.share[j]),
-                expected=float(scan.expected[j]),
-                smallest=_smallest(effect, float(scan.expected[j]), float(scan.threshold[j])),
-                confusable=[scan.effects[i].name for i in scan.alike(j, TYPICAL)],
-                ratio=float(scan.ratio[j]),
-                p_value=float(scan.adjusted[j]),
-            )
-        )
-    return found
-
-
-def _smallest(effect: Effect, reached: float, threshold: float) -> float | None:
-    """The amplitude [unit] from which an effect is seen that reaches a ratio at one scale; None if none allowed is.
-
-    What the best amplitude that does not matter explains is no evidence (:mod:`diagnosis.gap.scan`).
-    """
-    needed = (NEGLIGIBLE + float(np.sqrt(threshold / reached))) * effect.scale if reached > 1e-9 else np.inf
-    return needed if needed <= max(effect.upper, -effect.lower) else None
-
-
-def _otherwise(one: Otherwise, first: Stage, size: np.ndarray) -> ConditionOf:
-    reached = expected(one, first.colours.best, size)
-    seen = zip(first.lin.effects, first.scan.threshold.tolist(), strict=True)
-    return ConditionOf(
-        condition=one.condition,
-        smallest={one.name: _smallest(one, reached[one.name], least) for one, least in seen if one.name in reached},
-    )
 
 
 def _sources(where: Where) -> list[SourceOf]:

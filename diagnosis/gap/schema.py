@@ -84,8 +84,9 @@ class Detectability(_Table):
     """Of a candidate, before anything is ranked.
 
     ``share`` of its signature that nuisance and parameters cannot imitate; ``expected`` log-likelihood ratio at one
-    scale; ``smallest`` amplitude [unit] that would be seen; ``confusable``: what a gap of that kind, at twice its
-    scale, would be mistaken for; then what was found.
+    scale; ``smallest`` amplitude [unit] that would be seen in nine of ten such recordings; ``confusable``: what a gap
+    of that kind, at twice its scale, would be mistaken for, each with an amplitude that it may have; then what was
+    found.
     """
 
     name: str
@@ -122,8 +123,8 @@ class SourceOf(_Table):
 class ConditionOf(_Table):
     """What would be seen if the recording were better: persons ``counted``, or the control loops simulated.
 
-    ``smallest`` by candidate: the amplitude [unit of the effect] from which it would be seen then, null for none that
-    is allowed.
+    ``smallest`` by candidate: the amplitude [unit of the effect] from which it would be seen then in nine of ten cases,
+    null for none that is allowed.
     """
 
     condition: str

@@ -4,9 +4,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
-from diagnosis.gap.reporting import WIDE_90, _effects, _smallest, _values
+from diagnosis.gap.reporting import WIDE_90, _amplitude, _effects, _values
 from diagnosis.gap.scan import NEGLIGIBLE
+from diagnosis.gap.seen import OFTEN, smallest
 
 NAMES = ("one", "two", "three")
 EFFECTS = {
@@ -54,14 +56,38 @@ def test_a_candidate_of_the_first_set_is_as_large_as_it_would_be_in_place_of_the
     assert told(refits, (("one",), ("two", "three")), NAMES)["three"].amplitude == 1.0
 
 
+@pytest.mark.parametrize(
+    ("bounds", "at", "told"),
+    [
+        ((-8.0, 0.5), -7.7, False),  # a hundredth of the upper bound is no measure of the way from the lower one
+        ((-8.0, 0.5), -7.96, True),
+        ((-8.0, 8.0), 7.9, True),
+        ((0.0, 8.0), 0.05, False),
+        ((-8.0, 0.0), -0.05, False),
+        ((-8.0, 0.0), -7.95, True),
+        ((-8.0, np.inf), -7.5, False),
+        ((-8.0, np.inf), -7.95, True),
+        ((-np.inf, 8.0), 7.95, True),
+        ((-np.inf, 8.0), -100.0, False),
+        ((-np.inf, np.inf), 3.0, False),
+    ],
+)
+def test_an_amplitude_is_on_a_bound_within_a_hundredth_of_its_range(bounds, at, told):
+    one = fitted(one=at)
+    low, high = (np.array([-9.0, -9.0, bounds[0]]), np.array([9.0, 9.0, bounds[1]]))
+    one.lin.problem.bounds = (low, high)
+    assert _amplitude(one, "one")[2] is told
+
+
 def test_what_would_be_seen_lies_beyond_what_does_not_matter():
-    """A ratio grows with the square of what an amplitude is beyond the negligible one."""
+    """A ratio grows with the square of what an estimate is beyond the negligible one, in nine of ten cases so far."""
     size, threshold = 40.0, 8.0
-    amplitude = _smallest(EFFECTS["two"], size / 2, threshold) / EFFECTS["two"].scale
-    ratio = 0.5 * size * amplitude**2  # of data that are the effect and nothing else
-    negligible = NEGLIGIBLE * amplitude * size - 0.5 * NEGLIGIBLE**2 * size
+    amplitude = smallest(EFFECTS["two"], size / 2, threshold) / EFFECTS["two"].scale
+    least = norm(amplitude, 1 / np.sqrt(size)).ppf(1 - OFTEN)  # of the estimates
+    ratio = 0.5 * size * least**2
+    negligible = NEGLIGIBLE * least * size - 0.5 * NEGLIGIBLE**2 * size
     assert ratio - negligible == pytest.approx(threshold)
-    assert _smallest(EFFECTS["one"], 1e-4, threshold) is None
+    assert smallest(EFFECTS["one"], 1e-4, threshold) is None
 
 
 def test_an_interval_of_a_parameter_is_wider_than_the_recording_says_but_no_wider_than_the_prior():
