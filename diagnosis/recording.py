@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -151,11 +150,6 @@ def _zero(begin: float, units: str) -> np.datetime64:
         if monday and np.timedelta64(0, "s") <= first - counted <= YEAR:
             return counted
     return np.datetime64(time_zero(first.astype("M8[D]").item()).isoformat(), "s")
-
-
-def readings_hash(recording: Recording, steps: int) -> str:
-    """The sha256 of what the outputs read in the first ``steps`` steps, by which a copy of a recording is known."""
-    return hashlib.sha256(np.ascontiguousarray(recording.outputs[:, :steps]).tobytes()).hexdigest()
 
 
 def recorded_inputs(system: System, recording: Recording, warm_up: float) -> InputTable:

@@ -8,7 +8,9 @@ from pydantic import BaseModel, ConfigDict
 
 from diagnosis.scores import Score
 from shared.errors import RecordingError
-from shared.reading import read_json, validated
+from shared.reading import read_json, shown, validated
+
+SCHEMA_VERSION = 5
 
 
 class _Table(BaseModel):
@@ -71,15 +73,24 @@ class Pair(_Table):
     correlation: float
 
 
+class Day(_Table):
+    """A day's readings that were fitted: begin of the first step by the recording's clock, steps, hash of readings."""
+
+    begin: str
+    steps: int
+    sha256: str
+
+
 class Calibration(_Table):
     """``calibration.json``.
 
     ``covariance`` (unknowns, unknowns) is that of the posterior in which the recording counts for 1 / ``widened``^2 of
     what it is worth to the model: see :mod:`diagnosis.fitting.doubt`. Schema 2 added ``explained`` to the outputs,
-    schema 3 ``constants``, which are among the unknowns since, and schema 4 the hash of the readings that were fitted.
+    schema 3 ``constants``, which are among the unknowns since, and schema 5 the ``days`` that were fitted, and of
+    outputs whose sensor has no declared noise as how exact they were taken (``undeclared``).
     """
 
-    schema_version: int = 4
+    schema_version: int = SCHEMA_VERSION
     system: str
     system_hash: str
     fmu_sha256: str
@@ -87,7 +98,7 @@ class Calibration(_Table):
     steps: int
     step: float
     start: float
-    readings_sha256: str = ""
+    days: list[Day]
     replay: bool
     occupancy: str
     assumed: dict[str, str]
@@ -98,6 +109,7 @@ class Calibration(_Table):
     correlated: list[Pair]
     correlation: list[list[float]]
     outputs: dict[str, Channel]
+    undeclared: dict[str, str] = {}
     z: list[float]
     covariance: list[list[float]]
     widened: float
@@ -118,9 +130,16 @@ def read_calibration(path: Path | str) -> Calibration:
     Raises
     ------
     RecordingError
-        If it is missing or not such a file.
+        If it is missing, not such a file, or of a version that does not say which days it has seen.
     """
     path = Path(path)
     path = path / "calibration.json" if path.is_dir() else path
     expected = "a file of `diagnosis calibrate`"
-    return validated(Calibration, read_json(path, RecordingError, expected), f"{path}", RecordingError, expected)
+    raw = read_json(path, RecordingError, expected)
+    version = raw.get("schema_version") if isinstance(raw, dict) else None
+    if isinstance(version, int) and version < SCHEMA_VERSION:
+        raise RecordingError(
+            f"{path}: schema_version is {shown(version)}, which does not say which days the calibration has seen;"
+            f" expected {SCHEMA_VERSION}, {expected} of this version: calibrate again"
+        )
+    return validated(Calibration, raw, f"{path}", RecordingError, expected)

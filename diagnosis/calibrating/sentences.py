@@ -64,6 +64,13 @@ def _meant(report: Calibration) -> list[str]:
         said.append(
             f"What is left of {', '.join(slow)} is slow and larger than its sensor's noise: the model lacks something."
         )
+    if report.undeclared:
+        taken = ", ".join(f"{name} (to {size})" for name, size in report.undeclared.items())
+        said.append(
+            f"No noise is declared for the sensor of {taken}: readings were taken to be as exact as the model's"
+            " numbers, but for what the fit itself told of their noise. Declare it in the description's [[outputs]] as"
+            " noise.sensor, or under the preset that --noise names."
+        )
     if report.occupancy == "unknown":
         said.append(
             "Nobody counted the persons: how many there were was inferred along with the parameters, with the"

@@ -7,9 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from diagnosis.calibrating.schema import Calibration, Channel, Constant, Pair, Parameter
+from diagnosis.calibrating.seen import days_of
 from diagnosis.fitting.doubt import DOUBT, doubted
 from diagnosis.fitting.fit import Fit
-from diagnosis.recording import HOUR, readings_hash
+from diagnosis.recording import HOUR
 from diagnosis.scores import score
 
 TOLD = (0.5, 0.9)
@@ -70,7 +71,7 @@ def summarise(found: Fit, zero_shot: dict[str, float], started_from: str) -> Cal
         steps=len(problem.time),
         step=problem.recording.step,
         start=problem.recording.start,
-        readings_sha256=readings_hash(problem.recording, len(problem.time)),
+        days=days_of(problem.recording),
         replay=problem.replay,
         occupancy=problem.occupancy,
         assumed=problem.drive.assumed,
@@ -81,6 +82,7 @@ def summarise(found: Fit, zero_shot: dict[str, float], started_from: str) -> Cal
         correlated=sorted(pairs, key=lambda pair: -abs(pair.correlation)),
         correlation=correlation.tolist(),
         outputs=_channels(found),
+        undeclared=problem.undeclared,
         z=found.z.tolist(),
         covariance=covariance.tolist(),
         widened=DOUBT,

@@ -31,6 +31,20 @@ def errors_under(system: System, preset: str) -> np.ndarray:
     return system.noise_sd("none" if plain else preset)
 
 
+def undeclared(system: System, preset: str, readings: np.ndarray) -> dict[str, str]:
+    """Outputs with readings (outputs, steps) that have no noise under a preset, and as how exact they are taken [unit].
+
+    None under ``none``: who asks for that knows it.
+    """
+    if preset == "none":
+        return {}
+    return {
+        output.name: f"{output.accuracy:g} {output.unit}"
+        for output, seen in zip(system.outputs, np.isfinite(readings).any(axis=1), strict=True)
+        if seen and preset not in output.noise
+    }
+
+
 @dataclass(frozen=True)
 class NoiseModel:
     """Error of each output.

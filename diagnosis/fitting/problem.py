@@ -20,7 +20,7 @@ from diagnosis.fitting.differences import one_sided
 from diagnosis.fitting.drive import crowd, drive
 from diagnosis.fitting.linearisation import Linearisation
 from diagnosis.fitting.marginal import Marginal
-from diagnosis.fitting.noise import NoiseModel, errors_under
+from diagnosis.fitting.noise import NoiseModel, errors_under, undeclared
 from diagnosis.fitting.nuisance import responses
 from diagnosis.fitting.remembered import Remembered
 from diagnosis.fitting.runs import Runs
@@ -93,6 +93,7 @@ class Problem:
         self.runner: Runner = runner or InProcess(simulator)
         self._remembered, self.simulations = Remembered(), 0
         self.occupancy = crowd(system, recording, occupancy)
+        self.undeclared = undeclared(system, noise, recording.outputs) if isinstance(noise, str) else {}
         if isinstance(noise, str):
             noise = errors_under(system, noise)
         self.noise = noise if isinstance(noise, NoiseModel) else NoiseModel.white_only(noise)

@@ -15,11 +15,12 @@ from datagen.simulator import Simulator
 from diagnosis.calibrating.calibration import calibrate
 from diagnosis.calibrating.checks import check_recording
 from diagnosis.calibrating.schema import Calibration, read_calibration
+from diagnosis.calibrating.seen import check_unseen
 from diagnosis.fitting.noise import NoiseModel, errors_under
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.renewing import renewed
 from diagnosis.fitting.side_by_side import side_by_side
-from diagnosis.recording import DAY, HOUR, Recording, read_recording, readings_hash
+from diagnosis.recording import DAY, HOUR, Recording, read_recording
 from diagnosis.scores import Score, score
 from shared.errors import RecordingError, SimulationError
 from shared.system import System, load_system
@@ -145,7 +146,7 @@ def forecast(
         report = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
         if report.system_hash != described.hash():
             raise RecordingError(f"{calibration}: is a calibration of {report.system}; expected one of this system")
-        _check_unseen(report, record, context)
+        check_unseen(report, record, split, end)
         noise_model = _noise_of(report, described, noise)
     z, covariance = np.array(report.z), np.array(report.covariance)
     simulator = Simulator(described)
@@ -211,19 +212,6 @@ def _steps(record: Recording, hours: float) -> int:
             " a context and a time ahead of whole steps"
         )
     return round(steps)
-
-
-def _check_unseen(report: Calibration, record: Recording, context: float) -> None:
-    """Refuse a calibration on what is to be forecast: scores would be those of a fit."""
-    seen = (report.start + report.steps * report.step - record.start) / HOUR
-    same = Path(report.recording).resolve() == record.path.resolve()
-    if report.start == record.start and report.step == record.step:  # a copy, or from another working directory
-        same = same or report.readings_sha256 == readings_hash(record, report.steps)
-    if same and seen > context + 1e-6:
-        raise RecordingError(
-            f"{record.path}: its first {seen:g} h are what the given calibration was made from; expected one that has"
-            f" seen no more than the {context:g} h of the context, or none, to calibrate on the context"
-        )
 
 
 def _check_constants(report: Calibration, problem: Problem, z: np.ndarray) -> None:

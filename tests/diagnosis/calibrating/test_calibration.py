@@ -14,6 +14,7 @@ from diagnosis.calibrating.schema import read_calibration
 from diagnosis.calibrating.sentences import sentences
 from diagnosis.calibrating.summary import _explained, summarise
 from diagnosis.cli import app
+from diagnosis.fitting.noise import undeclared
 from diagnosis.recording import read_recording
 from diagnosis.scores import score
 from shared.console import FAULT, OK, start
@@ -117,6 +118,9 @@ def test_a_file_that_is_no_calibration_is_told(tmp_path):
     (tmp_path / "calibration.json").write_text('{"z": [1.0]}')
     with pytest.raises(RecordingError, match="expected a file of `diagnosis calibrate`"):
         read_calibration(tmp_path)
+    (tmp_path / "calibration.json").write_text('{"schema_version": 4, "readings_sha256": "0"}')
+    with pytest.raises(RecordingError, match=r"schema_version is 4, .* which days .*; expected 5, .*: calibrate again"):
+        read_calibration(tmp_path)
 
 
 @pytest.mark.slow
@@ -177,6 +181,21 @@ def test_a_recording_counts_for_less_than_the_fit_believes_and_the_page_says_so(
     assert "Intervals are about 1.5 times as wide" in said and "Actuators were replayed" in said
     said = " ".join(sentences(report.model_copy(update={"occupancy": "unknown"})))
     assert "Nobody counted the persons" in said and "Actuators were replayed" in said
+    assert report.undeclared == {} and "No noise is declared" not in said
+    said = " ".join(sentences(report.model_copy(update={"undeclared": {"room": "0.01 degC"}})))
+    assert "No noise is declared for the sensor of room (to 0.01 degC): " in said and "as noise.sensor, or" in said
+
+
+def test_an_output_without_declared_noise_is_named(house, house_recording):
+    """Its readings are taken to be as exact as the model's numbers: real ones are not."""
+    output = house("me").outputs[0].model_copy(update={"noise": {}})
+    system = house("me").model_copy(update={"outputs": [output]})
+    path = house_recording(hours=48)
+    report = calibrate(system, path, starts=1).report
+    assert report.undeclared == {"room": "0.01 degC"}
+    record = read_recording(path, system)
+    assert undeclared(system, "none", record.outputs) == {}
+    assert undeclared(system, "sensor", np.full_like(record.outputs, np.nan)) == {}
 
 
 @pytest.mark.parametrize("units", ["hours since 2022-02-01 00:00:00", "seconds since 2022-01-05", "s"])

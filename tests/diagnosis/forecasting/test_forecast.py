@@ -86,11 +86,11 @@ def test_a_fit_is_not_called_a_forecast_and_the_page_says_why_not_to_believe(hou
     system, path = house("me"), house_recording(hours=96)
     calibrate(system, path, starts=1, warm_up=24.0, out=tmp_path / "all")
     common = {"context": 48, "ahead": 48, "draws": 5, "calibration": tmp_path / "all"}
-    with pytest.raises(RecordingError, match="its first 96 h are what the given calibration was made from"):
+    with pytest.raises(RecordingError, match="2001-01-03 00:00 and what follows is to be forecast, but is among"):
         forecast(system, path, **common)
     copy = tmp_path / "copy.nc"
     shutil.copy(path, copy)
-    with pytest.raises(RecordingError, match=r"copy\.nc: its first 96 h are what the given calibration was made from"):
+    with pytest.raises(RecordingError, match=r"copy\.nc: 2001-01-03 00:00 and what follows is to be forecast"):
         forecast(system, copy, **common)
     other = house_recording(hours=72, seed=8)
     forecast(system, other, out=tmp_path / "ahead", **common | {"ahead": 24})

@@ -1,0 +1,186 @@
+"""Candidates whose amplitudes have bounds: their evidence, by brute force as well, and what they look like."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.integrate import quad, trapezoid
+from scipy.special import log_ndtr, logsumexp
+from scipy.stats import multivariate_normal, norm
+
+from diagnosis.effects.base import Nothing
+from diagnosis.gap.colours import Colours
+from diagnosis.gap.grams import AMPLITUDE, Grams
+from diagnosis.gap.pictures import draw_angles
+from diagnosis.gap.refit import Refit
+from diagnosis.gap.scan import LEVEL, PRIORS, mass, scan
+from diagnosis.gap.seen import smallest
+from diagnosis.gap.stages import PLAIN
+from diagnosis.gap.twins import draw_twins
+from tests.diagnosis.gap.test_linear import HOUR, covariance_of, problem_of, seen
+
+WHITE = (1.0, 0.0, HOUR)
+SURE = Colours({0: WHITE, 1: WHITE}, {k: [(WHITE, 1.0)] for k in (0, 1)}, 0.0)
+BOUNDS = [(0.0, np.inf), (-np.inf, np.inf), (-5.0, 0.0), (-0.3, 0.3), (-0.5, 4.0), (0.0, 2.0), (-3.0, 0.2)]
+
+
+def scanned(lin, twins=None):
+    """The scan of a linear recording, and its twins."""
+    grams = Grams(lin, np.ones(lin.residual.shape, dtype=bool))
+    fresh = draw_twins(grams, SURE, 399 if twins is None else 2)
+    twins = fresh if twins is None else replace(twins, left=fresh.left)
+    return scan(twins, lin.effects, twins.left.square), twins
+
+
+def with_bounds(lin, *bounds):
+    lin.effects = tuple(Nothing(f"effect {k}", lower=low, upper=high) for k, (low, high) in enumerate(bounds))
+    return lin
+
+
+@pytest.mark.parametrize(
+    "bounds", [(-1.0, 2.0), (1.0, 2.0), (-2.0, -1.0), (-np.inf, 0.3), (0.3, np.inf), (-1e-9, 1e-9)]
+)
+def test_what_a_normal_holds_between_bounds(bounds):
+    expected = np.log(quad(norm.pdf, *bounds, epsabs=0)[0])
+    assert float(mass(*map(np.array, bounds))) == pytest.approx(expected, abs=1e-7)
+
+
+@pytest.mark.parametrize("bounds", [(40.0, 41.0), (-41.0, -40.0), (900.0, np.inf)])
+def test_far_out_as_well(bounds):
+    """Mills' ratio: a tail is its density over the distance, less a share of one over its square."""
+    near = min(map(abs, bounds))
+    found = float(mass(*map(np.array, bounds)))
+    assert found == pytest.approx(norm.logpdf(near) - np.log(near) - 1 / near**2, abs=1e-5)
+
+
+@pytest.mark.parametrize("bounds", BOUNDS)
+@pytest.mark.parametrize("truth", [-0.6, 0.0, 1.0])
+def test_the_evidence_of_a_candidate_is_over_the_amplitudes_that_it_may_have(bounds, truth):
+    rng = np.random.default_rng(21)
+    lin = with_bounds(problem_of(rng, effects=1), bounds)
+    lin.residual = rng.standard_normal(lin.residual.shape) + truth * lin.by_effect[..., 0]
+    found, twins = scanned(lin)
+    size, score = float(twins.left.information[0, 0]), float(twins.left.score[0])
+    reach = np.clip(np.array([-30.0, 30.0]), *bounds)
+    a = np.linspace(*reach, 400_001)
+    parts = []
+    for sd in PRIORS:
+        inside = norm(0, sd).cdf(bounds[1]) - norm(0, sd).cdf(bounds[0])
+        values = norm(0, sd).logpdf(a) - np.log(inside) + a * score - 0.5 * a**2 * size
+        parts.append(np.log(trapezoid(np.exp(values - values.max()), a)) + values.max())
+    assert found.evidence[0] == pytest.approx(logsumexp(parts) - np.log(len(PRIORS)), abs=1e-5)
+
+
+def test_of_one_sign_without_further_bound_it_is_that_of_a_half_normal():
+    """What constants were chosen with."""
+    rng = np.random.default_rng(22)
+    lin = with_bounds(problem_of(rng, effects=2), (0.0, np.inf), (-np.inf, np.inf))
+    lin.residual = rng.standard_normal(lin.residual.shape) + 0.2 * lin.by_effect[..., 0]
+    found, twins = scanned(lin)
+    size, score = np.diag(twins.left.information), twins.left.score
+    either = np.array([-0.5 * np.log(1 + size * s**2) + 0.5 * score**2 / (size + s**-2) for s in PRIORS])
+    half = np.log(2) + np.array([log_ndtr(score[0] / np.sqrt(size[0] + s**-2)) for s in PRIORS])
+    expected = logsumexp(either + np.column_stack([half, 0 * half]), axis=0) - np.log(len(PRIORS))
+    np.testing.assert_allclose(found.evidence, expected, rtol=1e-12)
+
+
+def test_a_candidate_is_no_gap_by_amplitudes_that_it_may_not_have():
+    rng = np.random.default_rng(3)
+    lin = with_bounds(problem_of(rng), (0.0, 5.0), (-5.0, 0.0), (-0.3, 0.3))
+    lin.by_effect[..., 1] = 0.7 * lin.by_effect[..., 0] + 0.3 * lin.by_effect[..., 1]
+    lin.by_effect[..., 2] = lin.by_effect[..., 1]
+    lin.residual = rng.standard_normal(lin.residual.shape) + lin.by_effect[..., 0]
+    found, _ = scanned(lin)
+    assert found.evidence[0] > 2 * PLAIN
+    assert found.ratio[1] == 0
+    assert found.evidence[1] <= 0
+    assert found.evidence[2] < found.ratio[2]
+    assert found.order == [0, 2, 1]
+
+
+@pytest.mark.parametrize("bounds", [*BOUNDS, (-5.0, 0.05)])
+@pytest.mark.parametrize("scale", [1.0, 0.1])
+def test_the_evidence_of_a_refit_is_over_the_amplitudes_that_it_may_have(bounds, scale):
+    rng = np.random.default_rng(23)
+    lin = problem_of(rng, effects=0, chosen=1)
+    lin.chosen = (Nothing("chosen", scale=scale, lower=bounds[0] * scale, upper=bounds[1] * scale),)
+    lin.residual = rng.standard_normal(lin.residual.shape) - lin.by_unknown @ lin.z + 0.3 * lin.by_unknown[..., 2]
+    observed = seen(lin)
+    grams = Grams(lin, observed)
+    colours = {0: (1.0, 0.5, 5 * HOUR), 1: WHITE}
+    found = Refit(lin, grams, 0.0, np.ones(3), True, 0).evidence_with(colours)
+    # the amplitude by brute force, all others integrated out
+    inner = np.concatenate([lin.by_nuisance, lin.by_unknown[..., :2]], axis=2)
+    reach = np.linspace(*np.clip([-8.0, 8.0], *bounds), 4001)
+    noise = [covariance_of(colours[k], lin.problem.time[observed[k]]) for k in range(2)]
+    columns = np.concatenate([inner[k, observed[k]] for k in range(2)])
+    spread = columns @ columns.T
+    first = len(noise[0])
+    spread[:first, :first] += noise[0]
+    spread[first:, first:] += noise[1]
+    rows = np.concatenate([(lin.residual + lin.by_unknown @ lin.z)[k, observed[k]] for k in range(2)])
+    along = np.concatenate([lin.by_unknown[k, observed[k], 2] for k in range(2)])
+    values = multivariate_normal(np.zeros(len(rows)), spread).logpdf(rows - reach[:, None] * along)
+    prior = norm(0, AMPLITUDE)
+    values = values + prior.logpdf(reach) - np.log(prior.cdf(bounds[1]) - prior.cdf(bounds[0]))
+    expected = np.log(trapezoid(np.exp(values - values.max()), reach)) + values.max()
+    assert found == pytest.approx(expected, abs=1e-4)
+
+
+def opposed(first, second, cosine=-0.99):
+    """The scan of two candidates of opposite signatures, and a third that is like neither."""
+    rng = np.random.default_rng(24)
+    lin = problem_of(rng)
+    one, other = lin.by_effect[..., 0], lin.by_effect[..., 1]
+    lin.by_effect[..., 1] = cosine * one + np.sqrt(1 - cosine**2) * 0.1 * other
+    lin.residual = rng.standard_normal(lin.residual.shape)
+    return scanned(with_bounds(lin, first, second, (0.0, 5.0)))[0]
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "expected"),
+    [
+        ((0.0, 5.0), (0.0, 5.0), (False, False)),  # each would have to go below zero
+        ((-5.0, 5.0), (0.0, 5.0), (True, True)),
+        ((0.0, 5.0), (-5.0, 0.0), (True, True)),
+        ((0.0, 5.0), (-0.1, 5.0), (False, False)),  # a tenth is not enough to look like two
+        ((-0.1, 5.0), (0.0, 5.0), (False, False)),  # and less than two is not what is asked
+        ((-1.5, 1.5), (0.0, 1.4), (True, True)),  # neither may be two: as large as it may be
+        ((-0.1, 1.5), (0.0, 1.4), (False, False)),
+    ],
+)
+def test_what_a_gap_would_be_mistaken_for_may_look_like_it(first, second, expected):
+    found = opposed(first, second)
+    assert abs(found.cosines[0, 1]) > 0.99
+    assert [1 in found.alike(0, 2.0), 0 in found.alike(1, 2.0)] == [*expected]
+    assert 2 not in found.alike(0, 2.0)
+
+
+def test_angles_are_between_what_amplitudes_may_make():
+    found = opposed((0.0, 5.0), (0.0, 5.0))
+    assert found.nearest[0, 1] == 0.0
+    np.testing.assert_allclose(np.diag(found.nearest), 1.0)
+    either = opposed((0.0, 5.0), (-5.0, 5.0))
+    np.testing.assert_allclose(either.nearest[0, 1], -either.cosines[0, 1])
+    np.testing.assert_allclose(opposed((-5.0, 0.0), (-5.0, 0.0), 0.99).nearest[0, 1], either.nearest[0, 1], rtol=1e-2)
+    stage = SimpleNamespace(scan=found)
+    axes = draw_angles(SimpleNamespace(search=SimpleNamespace(stages=[stage]))).axes[0]
+    names = [one.get_text() for one in axes.get_xticklabels()]
+    shown = axes.images[0].get_array()
+    assert shown[names.index("effect 0"), names.index("effect 1")] == pytest.approx(90.0)
+
+
+def test_nine_of_ten_effects_of_the_size_that_is_said_to_be_seen_are_seen():
+    rng = np.random.default_rng(25)
+    lin = problem_of(rng)
+    lin.residual = np.zeros(lin.residual.shape)
+    quiet, twins = scanned(lin)
+    amplitude = smallest(lin.effects[1], float(quiet.expected[1]), float(quiet.threshold[1]))
+    fixed = amplitude * lin.by_effect[..., 1] - lin.by_unknown @ lin.z
+    count, hits = 400, 0
+    for _ in range(count):
+        made = lin.by_nuisance @ rng.standard_normal(4) + lin.by_unknown @ rng.standard_normal(2)
+        lin.residual = fixed + made + rng.standard_normal(fixed.shape)
+        hits += scanned(lin, twins)[0].adjusted[1] <= LEVEL
+    assert hits / count == pytest.approx(0.9, abs=0.045)  # three standard errors
