@@ -25,6 +25,7 @@ from diagnosis.gap.parts import kept_for_scoring
 from diagnosis.gap.places import place
 from diagnosis.gap.schema import Report
 from diagnosis.gap.search import Search, search
+from diagnosis.gap.sentences import noiseless
 from diagnosis.gap.shrinkage import Shrinkage, shrinkages
 from diagnosis.gap.starting import Begun, begun
 from diagnosis.recording import HOUR, Recording, read_recording
@@ -232,6 +233,7 @@ def _concluded(
         seconds=time.perf_counter() - clock[0],
         cpu_seconds=time.process_time() - clock[1],
     )
+    report = report.model_copy(update={"limits": [*report.limits, *noiseless(whole.undeclared)]})
     return Diagnosis(
         report,
         whole,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from statistics import median
 
 from diagnosis.gap.schema import NamedEffect, Report
@@ -220,3 +221,15 @@ def limits(report: Report) -> list[str]:
     if report.assumed:
         found.append("Not measured: " + "; ".join(f"{name}: {what}" for name, what in report.assumed.items()) + ".")
     return found
+
+
+def noiseless(undeclared: Mapping[str, str]) -> list[str]:
+    """That outputs, by name, were taken to be as exact as the model's numbers [unit of each]; nothing of none."""
+    if not undeclared:
+        return []
+    taken = ", ".join(f"{name} (to {size})" for name, size in undeclared.items())
+    return [
+        f"No noise is declared for the sensor of {taken}: readings were taken to be as exact as the model's numbers, so"
+        " that what real sensors get wrong passes for a gap. Declare it in the description's [[outputs]] as"
+        " noise.sensor, or under the preset that --noise names, and diagnose again."
+    ]

@@ -10,7 +10,7 @@ from diagnosis.gap.schema import (
     SourceOf,
     StageOf,
 )
-from diagnosis.gap.sentences import limits, summary
+from diagnosis.gap.sentences import limits, noiseless, summary
 
 
 def seen(**smallest):
@@ -217,3 +217,10 @@ def test_of_a_set_of_many_the_foremost_are_said():
 def test_a_missing_source_that_could_not_be_worked_out_is_said():
     (said,) = [one for one in limits(report(sources_unknown={"heat": "its simulation fails"})) if "Missing" in one]
     assert said == "Missing sources that could not be worked out: heat (its simulation fails)."
+
+
+def test_sensors_without_declared_noise_are_named():
+    assert noiseless({}) == []
+    (said,) = noiseless({"room": "0.01 K", "CO2": "1 ppm"})
+    assert said.startswith("No noise is declared for the sensor of room (to 0.01 K), CO2 (to 1 ppm): ")
+    assert "in the description's [[outputs]] as noise.sensor" in said
