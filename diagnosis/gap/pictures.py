@@ -42,10 +42,10 @@ def draw_candidates(done: Diagnosis) -> Figure:
 
 
 def draw_angles(done: Diagnosis) -> Figure:
-    """Angles between what the parameters cannot imitate of the candidates' signatures."""
+    """Angles between what the parameters cannot imitate of the candidates' signatures, in signs that they may have."""
     scan = done.search.stages[0].scan
     order = [j for j in np.argsort(-scan.ratio, kind="stable") if scan.expected[j] > SHOWN][:_MOST]
-    angle = np.degrees(np.arccos(np.clip(np.abs(scan.cosines[np.ix_(order, order)]), 0, 1)))
+    angle = np.degrees(np.arccos(scan.nearest[np.ix_(order, order)]))
     made = Figure(figsize=(8.6, 0.36 * len(order) + 2.2), layout="constrained")
     axes = made.subplots()
     image = axes.imshow(angle, cmap="magma", vmin=0, vmax=90)

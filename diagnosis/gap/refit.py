@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.optimize import lsq_linear
-from scipy.special import log_ndtr
 
 from diagnosis.effects import Effect
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.grams import AMPLITUDE, Colour, Grams, projected
 from diagnosis.gap.linear import Linearised, linearised
+from diagnosis.gap.scan import mass
 from shared.errors import SimulationError
 
 STEPS = 8
@@ -52,7 +52,11 @@ class Refit:
         return self.lin.problem.unknown.at_bound(self.lin.z)
 
     def evidence_with(self, colours: dict[int, Colour]) -> float:
-        """Log evidence with other colours; an amplitude of one sign has twice the prior density there."""
+        """Log evidence with other colours, of amplitudes within their bounds.
+
+        A prior that is cut off is denser where it is left, and what the readings allow counts only there; of two
+        amplitudes each by itself.
+        """
         grams = self.grams
         product = grams.total(colours)
         root = cholesky(np.eye(grams.inner.size) + product.gram, lower=True)
@@ -60,11 +64,13 @@ class Refit:
         first = grams.n_nuisance + len(self.lin.problem.system.parameters)
         value = grams.evidence(colours)
         for k, effect in enumerate(self.lin.chosen):
-            if effect.lower >= 0:
-                unit = np.zeros(len(mean))
-                unit[first + k] = 1.0
-                sd = float(np.linalg.norm(solve_triangular(root, unit, lower=True)))
-                value += float(np.log(2) + log_ndtr(mean[first + k] / sd))
+            unit = np.zeros(len(mean))
+            unit[first + k] = 1.0
+            sd = float(np.linalg.norm(solve_triangular(root, unit, lower=True)))
+            # in units of the prior's spread, as the columns are
+            bounds = np.array([effect.lower, effect.upper]) / effect.scale / grams.spread[first - grams.n_nuisance + k]
+            around = (bounds - mean[first + k]) / sd
+            value += float(mass(around[0], around[1]) - mass(bounds[0], bounds[1]))
         return value
 
 

@@ -67,18 +67,47 @@ class Scan:
         """Candidates, the most plausible first."""
         return [int(j) for j in np.argsort(-self.evidence, kind="stable")]
 
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Least and greatest amplitudes [scales], each (effects,)."""
+        return _bounds(self.effects)
+
+    @property
+    def nearest(self) -> np.ndarray:
+        """Cosines between what the candidates may look like, in amplitudes of either sign if allowed, 0 at least."""
+        low, high = self.bounds
+        signs = [(-1.0, low < 0), (1.0, high > 0)]
+        found = np.zeros(self.cosines.shape)
+        for sign, own in signs:
+            for other, its in signs:
+                found = np.maximum(found, np.where(np.outer(own, its), sign * other * self.cosines, 0.0))
+        return found
+
     def alike(self, j: int, size: float) -> list[int]:
-        """Candidates that a gap of candidate ``j`` and ``size`` [scales] would be mistaken for."""
-        ratio = size**2 * self.expected[j] * (1 - self.cosines[j] ** 2)
-        seen = self.expected > 0.5 * SEEN
-        return [i for i in np.flatnonzero((ratio < APART) & seen).tolist() if i != j]
+        """Candidates that a gap of candidate ``j`` would be mistaken for, each with the best amplitude it may have.
+
+        Parameters
+        ----------
+        size
+            Of the gap [scales], of each sign that ``j`` may have at that size; the largest that it may have, if less.
+        """
+        low, high = self.bounds
+        size = min(size, max(high[j], -low[j]))
+        length = np.sqrt(np.maximum(2 * self.expected, 1e-12))
+        found = np.zeros(len(self.effects), dtype=bool)
+        for one in (one for one in (-size, size) if low[j] <= one <= high[j]):
+            score = one * length[j] * length * self.cosines[j]
+            other = np.clip(score / length**2, low, high)
+            short = one**2 * self.expected[j] - (other * score - 0.5 * (other * length) ** 2)
+            found |= short < APART
+        found &= self.expected > 0.5 * SEEN
+        return [i for i in np.flatnonzero(found).tolist() if i != j]
 
 
 def scan(twins: Twins, effects: tuple[Effect, ...], misfit: float) -> Scan:
     """Test all candidates; ``misfit`` is the recording's square after estimation."""
     left = twins.left
-    low = np.array([one.lower / one.scale for one in effects])
-    high = np.array([one.upper / one.scale for one in effects])
+    low, high = _bounds(effects)
     size = np.diag(left.information) if len(effects) else np.empty(0)
     kept = size > SEEN
     amplitude, ratio = ratios(left, left.score[:, None], low, high)
@@ -99,7 +128,7 @@ def scan(twins: Twins, effects: tuple[Effect, ...], misfit: float) -> Scan:
         expected=0.5 * size,
         amplitude=amplitude[:, 0],
         ratio=found,
-        evidence=np.where(kept, _factors(left, low), 0.0),
+        evidence=np.where(kept, _factors(left, low, high), 0.0),
         adjusted=rank_p(beyond, most),
         foremost=int(np.argmax(beyond)) if largest > 0 else None,
         cosines=np.clip(left.information / np.outer(length, length), -1, 1),
@@ -110,6 +139,11 @@ def scan(twins: Twins, effects: tuple[Effect, ...], misfit: float) -> Scan:
     )
 
 
+def _bounds(effects: tuple[Effect, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Least and greatest amplitudes [scales], each (effects,)."""
+    return np.array([one.lower / one.scale for one in effects]), np.array([one.upper / one.scale for one in effects])
+
+
 def ratios(left: Projected, score: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Best amplitudes within bounds (effects,) [scales] and their log-likelihood ratios, both (effects, n)."""
     size = np.maximum(np.diag(left.information), 1e-12)[:, None]
@@ -117,12 +151,25 @@ def ratios(left: Projected, score: np.ndarray, low: np.ndarray, high: np.ndarray
     return amplitude, amplitude * score - 0.5 * amplitude**2 * size
 
 
-def _factors(left: Projected, low: np.ndarray) -> np.ndarray:
-    """Log Bayes factors of an amplitude that is (half-)normal with any of the prior widths, shape (effects,)."""
+def mass(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Log of what a standard normal holds between two bounds, low < high, of one shape; exact far out as well."""
+    # the tail that is asked for is the lower one: there the logarithm loses no digits
+    upper = low > 0
+    low, high = np.where(upper, -high, low), np.where(upper, -low, high)
+    most = log_ndtr(high)
+    return np.asarray(most + np.log(-np.expm1(log_ndtr(low) - most)))
+
+
+def _factors(left: Projected, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Log Bayes factors of an amplitude that is normal within its bounds with any of the prior widths (effects,).
+
+    Where no amplitude that is allowed explains anything, every one of them fits worse than none: they are not above 0.
+    """
     size, score = np.diag(left.information), left.score
     found = []
     for sd in PRIORS:
         precision = size + 1 / sd**2
+        mean, root = score / precision, np.sqrt(precision)
         one = -0.5 * np.log(precision * sd**2) + 0.5 * score**2 / precision
-        found.append(one + np.where(low >= 0, np.log(2) + log_ndtr(score / np.sqrt(precision)), 0.0))
+        found.append(one + mass((low - mean) * root, (high - mean) * root) - mass(low / sd, high / sd))
     return np.asarray(np.logaddexp.reduce(np.array(found), axis=0) - np.log(len(PRIORS)))
