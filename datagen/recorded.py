@@ -19,8 +19,9 @@
     Q_heater = { column = "Q", method = "mean" }                # mean since the row before; "point": an instant
     [recorded.fixed]                     # parameters of the FMU that are not estimated but known of these rooms
     "wall.C" = 3e4
-    [recorded.sun]                       # an irradiance input from what weather files hold
+    [recorded.sun]                       # an irradiance input from direct, diffuse and global irradiance
     input = "sun_on_facade"
+    method = "mean"                      # since the row before, as weather files have it; "point" (default): an instant
     dni = "dni_W_m2"
     dhi = "dhi_W_m2"
     ghi = "ghi_W_m2"
@@ -46,8 +47,8 @@ import pandas as pd
 from pydantic import Field
 
 from datagen.inputs import build_inputs
+from datagen.recorded_sun import Sun
 from datagen.tables import InputTable, Piecewise
-from datagen.transposition import irradiance_on_plane
 from shared.errors import RecordingError
 from shared.reading import MIB, check_columns, listed, read_bytes, read_toml, shown, validated, why
 from shared.signals import Table
@@ -73,20 +74,6 @@ class RecordedOutput(Table):
     factor: float = 1.0
     add: float = 0.0
     method: Literal["point", "mean"] = "point"
-
-
-class Sun(Table):
-    """Irradiance on the description's plane from direct normal, diffuse and global horizontal irradiance [W/m2]."""
-
-    input: str
-    dni: str
-    dhi: str
-    ghi: str
-    latitude: float = Field(ge=-90, le=90)
-    longitude: float = Field(ge=-180, le=180)
-    altitude: float = 0.0
-    utc_offset: float = Field(ge=-14, le=14)
-    step: float = Field(900.0, gt=0, description="between the times at which the sun's position is taken [s]")
 
 
 class Recorded(Table):
@@ -151,26 +138,25 @@ def series_of(spec: Recorded, case: Case, system: System) -> tuple[np.ndarray, d
     Raises
     ------
     RecordingError
-        If a file or a column is missing, or times are not evenly spaced.
+        If a file or a column is missing, times are not evenly spaced, or the sun's columns are of the other method.
     """
     path = spec.folder / spec.series.replace("{name}", case.name)
     own, time = _series(path, spec.time)
     shared = (spec.folder / spec.shared, *_series(spec.folder / spec.shared, spec.time)) if spec.shared else None
 
-    def find(column: str) -> tuple[np.ndarray, np.ndarray]:
+    def find(column: str) -> tuple[Path, np.ndarray, np.ndarray]:
         if shared is not None and column not in own and column in shared[1]:
-            return shared[2], _column(shared[1], column, shared[0])
-        return time, _column(own, column, path)
+            return shared[0], shared[2], _column(shared[1], column, shared[0])
+        return path, time, _column(own, column, path)
 
     signals = {}
     for name, one in spec.inputs.items():
-        at, values = find(one.column)
+        _, at, values = find(one.column)
         _covers(path, name, at, time)
         signals[name] = Piecewise(at, values * one.factor + one.add, one.interpolation)
     if spec.sun is not None:
-        at = find(spec.sun.dni)[0]
-        _covers(path, spec.sun.input, at, time)
-        signals[spec.sun.input] = _sun_signal(spec.sun, system, at, [find(getattr(spec.sun, n))[1] for n in _SUN])
+        columns = [find(column) for column in (spec.sun.dni, spec.sun.dhi, spec.sun.ghi)]
+        signals[spec.sun.input] = _sun_signal(spec.sun, system, path, time, columns)
     outputs = {n: _column(own, o.column, path) * o.factor + o.add for n, o in spec.outputs.items()}
     table = build_inputs(
         system,
@@ -184,18 +170,22 @@ def series_of(spec: Recorded, case: Case, system: System) -> tuple[np.ndarray, d
     return time, outputs, table
 
 
-_SUN = ("dni", "dhi", "ghi")
-
-
-def _sun_signal(sun: Sun, system: System, at: np.ndarray, columns: list[np.ndarray]) -> Piecewise:
+def _sun_signal(
+    sun: Sun, system: System, path: Path, time: np.ndarray, columns: list[tuple[Path, np.ndarray, np.ndarray]]
+) -> Piecewise:
+    """The plane's irradiance over ``time`` [s], from columns each with its file and its times."""
     assert system.weather is not None  # held by _check
-    # the sun moves within the hours between which the irradiances are interpolated
-    times = np.unique(np.concatenate([np.arange(at[0], at[-1], sun.step), at]))
-    dni, dhi, ghi = (np.interp(times, at, values) for values in columns)
-    place = {"latitude": sun.latitude, "longitude": sun.longitude, "altitude": sun.altitude}
-    return Piecewise(
-        times, irradiance_on_plane(system.weather, times, dni, dhi, ghi, **place, utc_offset=sun.utc_offset)
-    )
+    where, at = columns[0][:2]
+    if others := {name for name, _, _ in columns} - {where}:
+        raise RecordingError(
+            f"{where}: has the column {sun.dni!r} of recorded.sun, others are in {', '.join(map(str, others))}; "
+            "expected all three in one file"
+        )
+    _covers(path, sun.input, at, time)
+    try:
+        return sun.signal(system.weather, at, *(values for _, _, values in columns))
+    except RecordingError as error:
+        raise RecordingError(f"{where}: {error}") from None
 
 
 def _check(mapping: Path, spec: Recorded, system: System) -> None:

@@ -1,7 +1,7 @@
 """Irradiance on a plane, from the direct normal, diffuse and global horizontal irradiance and where the sun stands.
 
-For hourly means of weather files :mod:`datagen.weather` says where it stands; :func:`irradiance_on_plane` is for
-signals that are instants.
+For hourly means of weather files :mod:`datagen.weather` says where it stands; :func:`irradiance_on_plane` is for the
+sun of the very times that are given.
 """
 
 from __future__ import annotations
@@ -37,9 +37,7 @@ def irradiance_on_plane(
     utc_offset
         Of local standard time [h].
     """
-    seconds = pd.to_timedelta(np.asarray(time, dtype=np.float64) - 3600.0 * utc_offset, unit="s")
-    times = pd.DatetimeIndex(pd.Timestamp(EPOCH, tz="UTC") + seconds)
-    sun = pvlib.solarposition.get_solarposition(times, latitude, longitude, altitude=altitude)
+    times, sun = sun_at(time, latitude=latitude, longitude=longitude, altitude=altitude, utc_offset=utc_offset)
     return transposed(
         times,
         sun,
@@ -49,6 +47,33 @@ def irradiance_on_plane(
         albedo=plane.albedo,
         model=plane.transposition,
     )
+
+
+def sun_at(
+    time: np.ndarray, *, latitude: float, longitude: float, altitude: float, utc_offset: float
+) -> tuple[pd.DatetimeIndex, pd.DataFrame]:
+    """Times (n,) [s since time zero, local standard time] as dates, and where the sun then stands [degree], n rows."""
+    seconds = pd.to_timedelta(np.asarray(time, dtype=np.float64) - 3600.0 * utc_offset, unit="s")
+    times = pd.DatetimeIndex(pd.Timestamp(EPOCH, tz="UTC") + seconds)
+    return times, pvlib.solarposition.get_solarposition(times, latitude, longitude, altitude=altitude)
+
+
+def sunlit_middle(height: np.ndarray) -> np.ndarray:
+    """Where in each of n spans the middle of its sunlit part is, shape (n,), as a share of the span.
+
+    One half where the sun is up all the time, or never.
+
+    Parameters
+    ----------
+    height
+        Of the sun above the horizon at the spans' edges, shape (n + 1,) [degree].
+    """
+    before, after = height[:-1], height[1:]
+    rising, setting = (before <= 0) & (after > 0), (before > 0) & (after <= 0)
+    # share at which the sun crosses the horizon; its height is nearly a straight line over an hour
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = np.where(rising | setting, before / (before - after), 0.0)
+    return np.where(rising, 0.5 * (1 + crossing), np.where(setting, 0.5 * crossing, 0.5))
 
 
 def transposed(

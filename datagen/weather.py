@@ -18,7 +18,7 @@ import pandas as pd
 import pvlib
 
 from datagen.tables import Piecewise
-from datagen.transposition import transposed
+from datagen.transposition import sunlit_middle, transposed
 from datagen.weather_files import HOURS, YEAR, HourlyRecord, read_hourly
 from shared.errors import WeatherError
 from shared.signals import Weather
@@ -211,13 +211,7 @@ def _sunlit_middles(record: HourlyRecord) -> pd.DatetimeIndex:
     zone = pd.Timedelta(hours=record.utc_offset).to_pytimedelta()
     edges = pd.date_range(f"{YEAR}-01-01", periods=HOURS + 1, freq="h") - zone
     edges = edges.tz_localize("UTC")
-    up = 90.0 - _sun(edges, record)["apparent_zenith"].to_numpy()
-    before, after = up[:-1], up[1:]
-    rising, setting = (before <= 0) & (after > 0), (before > 0) & (after <= 0)
-    # share of the hour at which the sun crosses the horizon; its height is nearly a straight line over an hour
-    with np.errstate(divide="ignore", invalid="ignore"):
-        crossing = np.where(rising | setting, before / (before - after), 0.0)
-    middle = np.where(rising, 0.5 * (1 + crossing), np.where(setting, 0.5 * crossing, 0.5))
+    middle = sunlit_middle(90.0 - _sun(edges, record)["apparent_zenith"].to_numpy())
     return edges[:-1] + pd.to_timedelta(middle, unit="h")
 
 

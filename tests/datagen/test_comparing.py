@@ -13,11 +13,14 @@ import pytest
 from datagen.comparing import Comparison, _for, compare
 from datagen.comparison_report import NUMBERS, PICTURE, TABLE, write_report
 from datagen.inputs import build_inputs
-from datagen.recorded import load_recorded
+from datagen.recorded import load_recorded, series_of
+from datagen.recorded_sun import Sun
 from datagen.regimes import months, regimes
 from datagen.simulator import Simulator
 from datagen.tables import InputTable, Piecewise
 from datagen.transposition import irradiance_on_plane
+from datagen.weather import read_weather, weather_path
+from datagen.weather_files import read_hourly
 from shared.errors import RecordingError, SystemDescriptionError
 from shared.signals import Weather
 from shared.system import load_system, parse_system
@@ -265,6 +268,75 @@ def test_irradiance_at_instants_follows_the_geometry():
     cosine = np.where(height > 0, np.maximum(np.cos(height) * np.cos(azimuth - np.pi), 0), 0)
     np.testing.assert_allclose(found, 800.0 * cosine, atol=0.5)
     assert found.argmax() == 12
+
+
+GREENSBORO = "pvlib:723170TYA.CSV"
+
+
+@pytest.fixture(scope="module")
+def file_rows():
+    """A weather file's own columns at their stamps, the ends of its hours: times [s], irradiances, and its place."""
+    record = read_hourly(weather_path(GREENSBORO, Path()))
+    place = {name: getattr(record, name) for name in ("latitude", "longitude", "altitude", "utc_offset")}
+    return 3600.0 * np.arange(1, 8761), [record.columns[name] for name in ("dni", "dhi", "ghi")], place
+
+
+def sun_of(place, method):
+    return Sun(input="HFac", dni="dni", dhi="dhi", ghi="ghi", method=method, **place)
+
+
+@pytest.mark.parametrize("azimuth", [90.0, 180.0, 270.0])
+def test_columns_of_a_weather_file_give_the_weathers_own_irradiance(file_rows, azimuth):
+    time, columns, place = file_rows
+    plane = Weather(files=[GREENSBORO], surface_azimuth=azimuth)
+    wanted = read_weather(plane, GREENSBORO, Path()).values("poa_global")[1:]
+    found = sun_of(place, "mean").signal(plane, time, *columns)
+    assert np.array_equal(found.times, time)
+    np.testing.assert_allclose(found.values[:-1], wanted[:-1], atol=0.01)  # less the row that the next year follows
+
+
+def test_means_and_instants_are_not_taken_for_each_other(file_rows):
+    time, means, place = file_rows
+    instants = [0.5 * (one + np.roll(one, -1)) for one in means]  # as weather readers interpolate a file's means
+    plane = Weather(files=[GREENSBORO])
+    sun_of(place, "mean").signal(plane, time, *means)
+    sun_of(place, "point").signal(plane, time, *instants)
+    with pytest.raises(
+        RecordingError, match=r"'point', but .* are means since the row before.* expected method = 'mean'"
+    ):
+        sun_of(place, "point").signal(plane, time, *means)
+    with pytest.raises(RecordingError, match=r"'mean', but .* are instants.* expected method = 'point'"):
+        sun_of(place, "mean").signal(plane, time, *instants)
+    still = [np.zeros_like(time)] * 3  # a night says nothing
+    assert not sun_of(place, "point").signal(plane, time, *still).values.any()
+
+
+def test_a_mapping_reads_the_sun_of_a_weather_file(default, recording, file_rows, tmp_path):
+    for path in recording.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    time, columns, place = file_rows
+    weather = pd.read_csv(tmp_path / "weather.csv")
+    rows = slice(0, len(weather) - 1)
+    for name, values in zip(("dni", "dhi", "ghi"), columns, strict=True):
+        weather[name] = np.append(0.0, values[rows])  # time zero is the end of the year's last night
+    weather.to_csv(tmp_path / "weather.csv", index=False)
+    mapping = tmp_path / "mapping.toml"
+    text = mapping.read_text().replace('HFac = { column = "sun" }\n', "")
+    sun = '[recorded.sun]\ninput = "HFac"\nmethod = "mean"\n' + "".join(f'{k} = "{k}"\n' for k in ("dni", "dhi", "ghi"))
+    mapping.write_text(text + sun + "".join(f"{name} = {value}\n" for name, value in place.items()))
+    spec, cases = load_recorded(mapping, default)
+    table = series_of(spec, cases[0], default)[2]
+    at = time[: 24 * (DAYS - 1)]
+    found = table.at(at)[:, table.names.index("HFac")]
+    wanted = read_weather(default.weather, GREENSBORO, default.path.parent).values("poa_global")[1 : len(at) + 1]
+    np.testing.assert_allclose(found, wanted, atol=0.01)
+    mapping.write_text(mapping.read_text().replace('"mean"', '"point"'))
+    with pytest.raises(RecordingError, match=r"weather.csv: recorded.sun: method is 'point'"):
+        series_of(load_recorded(mapping, default)[0], cases[0], default)
+    room = pd.read_csv(tmp_path / "room1.csv")
+    room.assign(ghi=0.0).to_csv(tmp_path / "room1.csv", index=False)
+    with pytest.raises(RecordingError, match=r"has the column 'dni' of recorded.sun, others are in .*room1.csv"):
+        series_of(load_recorded(mapping, default)[0], cases[0], default)
 
 
 # ---------------------------------------------------------------- report
