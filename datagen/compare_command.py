@@ -35,7 +35,8 @@ def compare(
     """How far two models of one system are apart: by the time of year, by regime, by system.
 
     The second model is another description, with another FMU, or `--recorded` trajectories of another tool. Both get
-    the same parameters, weather and occupancy. Differences are second minus first.
+    the same parameters, weather and occupancy, as far as both have them: what only one has, a warning and the report
+    name. Differences are second minus first.
 
     Parameters
     ----------

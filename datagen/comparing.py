@@ -1,28 +1,31 @@
 """``compare``: how far two models of one system are apart, over the time of year and by regime.
 
 The second model is another system description (another FMU), or the recorded trajectories of another tool
-(:mod:`datagen.recorded`). Both get the same parameters, weather and occupancy, to the last bit of the input table.
+(:mod:`datagen.recorded`). Both get the same parameters, weather and occupancy, to the last bit of the input table, as
+far as both have them; what only one has is told.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from datagen.inputs import build_inputs
+from datagen.matching import inputs_for, matched, unmatched
 from datagen.recorded import load_recorded, series_of
 from datagen.regimes import months, regimes
 from datagen.sampling import record_start, sample_parameters
 from datagen.simulator import Simulator
-from datagen.tables import InputTable
 from shared.errors import SystemDescriptionError
+from shared.logs import logger
 from shared.progress import tracked
 from shared.system import System, load_system
-from shared.variables import ConstantInput, MeasuredInput, Output
+from shared.variables import Output
+
+_log = logger(__name__)
 
 HOUR = 3600.0
 AFTER = 1e-3
@@ -73,6 +76,8 @@ class Comparison:
         Shape (systems, outputs, steps) [unit of each].
     cells
         Masks (systems, steps) by (group, cell); the groups are ``month`` and ``regime``.
+    notes
+        Sentences on parameters and inputs that only one of the models has.
     """
 
     names: tuple[str, str]
@@ -82,6 +87,7 @@ class Comparison:
     first: np.ndarray
     second: np.ndarray
     cells: dict[tuple[str, str], np.ndarray]
+    notes: tuple[str, ...] = ()
 
     @property
     def differences(self) -> np.ndarray:
@@ -167,8 +173,11 @@ def compare(
 
 
 def _with_system(system: System, other: System, count: int, seed: int, excitation: bool, quiet: bool) -> Comparison:
-    outputs, other = _matched(system, other)
+    outputs, other = matched(system, other)
     simulators = Simulator(system), Simulator(other)
+    notes = tuple(unmatched(system, other, simulators[1].fmu))
+    for note in notes:
+        _log.warning("%s", note)
     experiment = system.experiment
     places = [system.output_names.index(one.name) for one in outputs]
     runs = []
@@ -179,10 +188,11 @@ def _with_system(system: System, other: System, count: int, seed: int, excitatio
         table = build_inputs(system, root_seed=seed, index=index, start=start, stop=stop, excitation=excitation)
         span: dict[str, Any] = {"start": start, "stop": stop, "record_from": begin, "step": experiment.step}
         a = simulators[0].run(values, table, **span, tolerance=experiment.tolerance)
-        b = simulators[1].run(values, _for(other, table), **span, tolerance=experiment.tolerance)
+        b = simulators[1].run(values, inputs_for(other, table), **span, tolerance=experiment.tolerance)
         edges = np.append(begin, a.time)
         runs.append(_Run(a.time, a.outputs[places], b.outputs, regimes(system, table, edges, a.outputs)))
-    return _assembled((system.fmu_path.name, other.fmu_path.name), outputs, list(map(str, range(count))), runs)
+    names = system.fmu_path.name, other.fmu_path.name
+    return replace(_assembled(names, outputs, list(map(str, range(count))), runs), notes=notes)
 
 
 def _with_recorded(system: System, mapping: Path, data: Path | str | None, count: int, quiet: bool) -> Comparison:
@@ -222,62 +232,3 @@ def _assembled(names: tuple[str, str], outputs: list[Output], labels: list[str],
             cells["regime", label] = mask
     first, second = np.stack([one.first for one in runs]), np.stack([one.second for one in runs])
     return Comparison(names, outputs, labels, time, first, second, cells)
-
-
-def _matched(system: System, other: System) -> tuple[list[Output], System]:
-    """The outputs that both have, and the other description with them, recorded as the first one does.
-
-    Raises
-    ------
-    SystemDescriptionError
-        If parameters or inputs of the other are not those of the first, or no output is.
-    """
-    for name in system.parameter_names:
-        if name not in other.parameter_names and name not in other.fixed:
-            raise SystemDescriptionError(
-                f"{other.path}: has no parameter {name!r}, which {system.path} draws; "
-                f"found {', '.join(other.parameter_names)}"
-            )
-    _same_units(system, other)
-    theirs = {one.name: one for one in other.outputs}
-    outputs = [one for one in system.outputs if one.name in theirs]
-    if not outputs:
-        raise SystemDescriptionError(
-            f"{other.path}: outputs are {', '.join(theirs)}; expected some of {', '.join(system.output_names)}"
-        )
-    recorded = [one.model_copy(update={"variable": theirs[one.name].fmu_variable}) for one in outputs]
-    return outputs, other.model_copy(update={"outputs": recorded})
-
-
-def _same_units(system: System, other: System) -> None:
-    for kind in ("parameters", "inputs", "outputs"):
-        ours: Mapping[str, str] = {one.name: one.unit for one in getattr(system, kind)}
-        for one in getattr(other, kind):
-            if ours.get(one.name, one.unit) != one.unit:
-                raise SystemDescriptionError(
-                    f"{other.path}: {kind} {one.name!r} has unit {one.unit!r}; expected {ours[one.name]!r}, "
-                    f"as in {system.path}"
-                )
-
-
-def _for(other: System, table: InputTable) -> InputTable:
-    """The same inputs in the other description's order; one that the first lacks rests at its declared value.
-
-    Raises
-    ------
-    SystemDescriptionError
-        If an input that the first lacks is neither constant nor measured.
-    """
-    columns = {name: k for k, name in enumerate(table.names)}
-    left, right = (np.empty((len(table.time) - 1, len(other.inputs))) for _ in range(2))
-    for k, one in enumerate(other.inputs):
-        if one.name in columns:
-            left[:, k], right[:, k] = table.left[:, columns[one.name]], table.right[:, columns[one.name]]
-        elif isinstance(one, ConstantInput | MeasuredInput):
-            left[:, k] = right[:, k] = one.value
-        else:
-            raise SystemDescriptionError(
-                f"{other.path}: input {one.name!r} comes from {one.source}, but the first description has no such "
-                f"input; found {', '.join(table.names)}"
-            )
-    return InputTable(tuple(other.input_names), table.time, left, right, table.jump)

@@ -39,12 +39,17 @@ def write_report(comparison: Comparison, folder: Path) -> list[Path]:
 
 
 def markdown(comparison: Comparison) -> str:
-    """The table as Markdown: bias and rms of each output over everything, months, regimes and systems."""
+    """The table as Markdown: bias and rms of each output over everything, months, regimes and systems.
+
+    Above it stands what only one of the models has.
+    """
     heads = [f"{one.name} [{one.unit}] bias, rms, largest" for one in comparison.outputs]
     first, second = comparison.names
     lines = [
         f"`{second}` minus `{first}`, {len(comparison.systems)} systems",
         "",
+        *(f"- {note}" for note in comparison.notes),
+        *[""] * bool(comparison.notes),
         f"| | | steps | {' | '.join(heads)} |",
         f"|---|---|---:|{'---:|' * len(heads)}",
     ]

@@ -62,8 +62,8 @@ class Sun(Table):
             return Piecewise(at, 0.5 * (means + np.append(means[1:], means[-1])))  # what follows the end is not known
         # the sun moves within the hours between which the irradiances are interpolated
         times = np.unique(np.concatenate([np.arange(at[0], at[-1], self.step), at]))
-        parts = (np.interp(times, at, values) for values in (dni, dhi, ghi))
-        return Piecewise(times, irradiance_on_plane(plane, times, *parts, **self._place))
+        dni, dhi, ghi = (np.interp(times, at, values) for values in (dni, dhi, ghi))
+        return Piecewise(times, irradiance_on_plane(plane, times, dni, dhi, ghi, **self._place))
 
     @property
     def _place(self) -> dict[str, float]:

@@ -3,16 +3,20 @@
 import json
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
 import pvlib
 import pytest
 
-from datagen.comparing import Comparison, _for, compare
+from datagen.comparing import Comparison, compare
 from datagen.comparison_report import NUMBERS, PICTURE, TABLE, write_report
+from datagen.fmu import Fmu
 from datagen.inputs import build_inputs
+from datagen.matching import inputs_for, unmatched
 from datagen.recorded import load_recorded, series_of
 from datagen.recorded_sun import Sun
 from datagen.regimes import months, regimes
@@ -90,12 +94,42 @@ def test_what_does_not_fit_is_refused(default):
         ("TSky",), np.array([0.0, 1.0]), np.full((1, 1), 280.0), np.full((1, 1), 281.0), np.zeros(2, bool)
     )
     some = default.model_copy(update={"inputs": [one for one in default.inputs if one.name in ("CO2Out", "TSky")]})
-    made = _for(some, table)
+    made = inputs_for(some, table)
     assert dict(zip(made.names, made.left[0], strict=True)) == {"TSky": 280.0, "CO2Out": 420.0}
     with pytest.raises(SystemDescriptionError, match="'TDryBul' comes from weather"):
-        _for(default, table)
+        inputs_for(default, table)
     with pytest.raises(SystemDescriptionError, match="compared with nothing"):
         compare(default)
+
+
+def test_what_only_one_has_is_told(default, tmp_path, caplog):
+    """The second estimates one parameter more, which the FMU was made with at a value of its own."""
+    fewer = [one for one in default.parameters if one.name != "roo.V"]
+    first = default.model_copy(update={"parameters": fewer})
+    with zipfile.ZipFile(default.fmu_path) as archive:
+        tree = ElementTree.fromstring(archive.read("modelDescription.xml"))
+    start = tree.find(".//ScalarVariable[@name='roo.V']/Real").get("start")
+    with caplog.at_level("WARNING", "zeroshot"):
+        found = compare(first, default, systems=1, hours=24)
+    said = "parameters of MixedAirCO2.fmu that MixedAirCO2.fmu does not draw are held at its own values: "
+    said += f"roo.V ({start} m3)"
+    assert found.notes == (said,)
+    assert said in caplog.text
+    write_report(found, tmp_path)
+    assert f"\n- {said}\n\n| |" in (tmp_path / TABLE).read_text()
+    fixed = default.model_copy(update={"parameters": fewer, "fixed": {**default.fixed, "roo.V": float(start)}})
+    assert np.array_equal(compare(fixed, fixed, systems=1, hours=24).first, found.second)
+
+
+def test_inputs_that_only_one_has_are_told(default):
+    names = ("CO2Out", "nPer")
+    some = default.model_copy(update={"inputs": [one for one in default.inputs if one.name not in names]})
+    fmu = Fmu(default.fmu_path)
+    assert unmatched(default, some, fmu) == ["inputs of MixedAirCO2.fmu are not used by MixedAirCO2.fmu: CO2Out, nPer"]
+    constant = default.model_copy(update={"inputs": [one for one in default.inputs if one.name != "CO2Out"]})
+    (said,) = unmatched(constant, default, fmu)
+    assert said.endswith("does not have rest at their declared values: CO2Out (420 ppm)")
+    assert compare(default, default, systems=1, hours=24).notes == ()
 
 
 # ---------------------------------------------------------------- regimes
