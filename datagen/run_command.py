@@ -51,7 +51,8 @@ def run(
     systems
         How many systems.
     preset
-        Take systems, hours and step from this preset of the description, where they are not given here.
+        Take systems, hours and step from this preset of the description, where they are not given here, and when in
+        the year records begin.
     hours
         Length of each record [h]; by default the description's.
     step
