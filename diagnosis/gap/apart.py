@@ -13,19 +13,23 @@ import numpy as np
 
 from diagnosis.gap.grams import Grams
 from diagnosis.gap.linear import Linearised
-from diagnosis.gap.renewal import settled
+from diagnosis.gap.renewal import fitted_anew, relinearised
 from diagnosis.gap.search import Search
+from shared.errors import SimulationError
 
 
 @dataclass(frozen=True)
 class Apart:
     """Fits to a part: ``before`` without effects, ``after`` with those chosen; ``fitted`` (outputs, steps) of both.
 
-    ``agreed``: whether the fitted readings alone put the same effects first. ``simulations`` that were made.
+    Both are linearised where all readings say that the nuisance was, at unknowns that have their optimum on ``lines``,
+    which are drawn where the fitted readings say that it was. ``agreed``: whether the fitted readings alone put the
+    same effects first. ``simulations`` that were made.
     """
 
     before: Linearised
     after: Linearised
+    lines: tuple[Linearised, Linearised]
     fitted: np.ndarray
     agreed: bool
     simulations: int
@@ -39,7 +43,8 @@ def fitted_apart(found: Search, fitted: np.ndarray) -> Apart:
     found
         A search that chose effects.
     fitted
-        Readings that are fitted, shape (outputs, steps). Who was there at any time is told by all readings.
+        Readings that are fitted, shape (outputs, steps). They alone move the unknowns. Who was there at any other time
+        is told by all readings, and so is the colour of the noise, as the search has it.
 
     Raises
     ------
@@ -50,14 +55,17 @@ def fitted_apart(found: Search, fitted: np.ndarray) -> Apart:
     for until in (found.stages[:1], found.stages):
         stage, key = until[-1], (replace(found, stages=until).path, "apart", fitted.tobytes())
         if key not in found.made:
-            lin, size = stage.lin, stage.lin.problem.floor
-            one = settled(
-                lin.problem, lin.z, lin.around, fitted, size, stage.colours.best, renewals=1, every=stage.grams.observed
-            )
-            found.made[key] = one.lin
+            one = fitted_anew(stage.lin, fitted, stage.colours.best)
+            try:
+                lin = relinearised(one.grams, stage.colours.best, one.lin.z, stage.grams.observed)
+                counts.append(lin.simulations)
+            except SimulationError:  # what is likely on the straight line may be nothing that can be run
+                lin = one.lin
+            found.made[key] = lin, one.lin
             counts.append(one.simulations)
         made.append(found.made[key])
-    return Apart(made[0], made[1], fitted, _agreed(found, fitted), sum(counts))
+    (before, first), (after, last) = made
+    return Apart(before, after, (first, last), fitted, _agreed(found, fitted), sum(counts))
 
 
 def _agreed(found: Search, fitted: np.ndarray) -> bool:

@@ -24,6 +24,8 @@ from shared.errors import SimulationError
 STEPS = 8
 SETTLED = 0.05
 """A step that promises less gain in log likelihood than this ends the search."""
+REST = 5e-4
+"""The same, where the optimum itself is asked for: within a thirtieth of a standard deviation."""
 
 
 @dataclass(frozen=True)
@@ -121,6 +123,41 @@ def refit(
     covariance = np.linalg.inv(np.eye(grams.n_unknown) + left.information)
     found = Refit(here, grams, 0.0, np.sqrt(np.diag(covariance)) * grams.spread, settled, count)
     return replace(found, evidence=found.evidence_with(colours))
+
+
+def at_rest(one: Refit, colours: dict[int, Colour], *, steps: int = STEPS) -> Refit:
+    """The same where the search left off, gone on with until nothing is to be gained: it ends within a share of a sd.
+
+    ``evidence`` and ``sd`` are those of where it began.
+    """
+    here, exact, count, cost = one.lin, True, 0, _cost(one.lin, one.grams, colours)
+    for _ in range(steps):
+        step, promised = _step(here, one.grams, colours)
+        moved = None
+        for share in (1.0, 0.4, 0.15) if promised > REST else ():
+            try:
+                there = _at(here.problem, here.z + share * step, here)
+            except SimulationError:
+                continue
+            count += there.simulations
+            value = _cost(there, one.grams, colours)
+            if value < cost:
+                moved = (there, value)
+                break
+        if moved is not None:
+            here, exact, cost = moved[0], False, moved[1]
+            continue
+        if exact:
+            break
+        here, exact = _at(here.problem, here.z, here, derivatives=True), True
+        count += here.simulations
+    grams = one.grams if here is one.lin else Grams(here, one.grams.observed, one.grams)
+    return replace(one, lin=here, grams=grams, simulations=one.simulations + count)
+
+
+def misfit(grams: Grams, colours: dict[int, Colour]) -> float:
+    """What a refit makes smallest, at the point where the line was drawn."""
+    return _cost(grams.lin, grams, colours)
 
 
 def _inner(problem: Problem) -> tuple[np.ndarray, np.ndarray]:

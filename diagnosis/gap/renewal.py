@@ -18,7 +18,7 @@ from diagnosis.fitting.problem import Problem
 from diagnosis.gap.colours import estimated_colours
 from diagnosis.gap.grams import Colour, Grams, projected
 from diagnosis.gap.linear import Linearised, linearised
-from diagnosis.gap.refit import Refit, refit
+from diagnosis.gap.refit import Refit, at_rest, misfit, refit
 from shared.errors import SimulationError
 
 RENEWALS = 3
@@ -26,6 +26,8 @@ WORTH = 1.0
 """A renewal that gains less log evidence than this is the last."""
 SHARES = (1.0, 0.4)
 """Of a move to where the straight line sees the optimum."""
+NEAR = 0.5
+"""Standard deviations of an unknown within which a line drawn elsewhere is as good."""
 
 
 def settled(
@@ -86,6 +88,57 @@ def settled(
             break
     done = refit(grams, used, grams.lin.z, (), steps=0)
     return replace(done, simulations=count + done.simulations)
+
+
+def fitted_anew(drawn: Linearised, observed: np.ndarray, colours: dict[int, Colour], renewals: int = RENEWALS) -> Refit:
+    """The optimum of the unknowns given some of the readings, from a fit to all of them.
+
+    The evidence, by which :func:`settled` judges a move, has the unknowns integrated out and hardly depends on where
+    the line was drawn: by it the fit to all readings would stay where it is. So a move counts here by the misfit to the
+    readings that are fitted, and whatever comes of the line, the misfit on it is made smallest. The line is drawn where
+    these readings alone say that the nuisance was: the others would move the unknowns by it.
+
+    Parameters
+    ----------
+    drawn
+        Where the fit to all readings is; candidates that it has are left aside.
+    observed
+        Readings that are fitted, shape (outputs, steps).
+    colours
+        By channel.
+    renewals
+        The line is drawn anew so often at most.
+
+    Raises
+    ------
+    SimulationError
+        If the simulation fails where the fit to all readings is.
+    """
+    here = Grams(replace(drawn, by_effect=drawn.by_effect[..., :0], effects=(), simulations=0), observed)
+    moved = refit(here, colours, here.lin.z, ())
+    count = moved.simulations
+    for k in range(renewals):
+        way, before = moved.lin.z - here.lin.z, misfit(here, colours)
+        if k > 0 and np.all(np.abs(way) < NEAR * moved.sd):
+            break
+        found = None
+        for share in SHARES:
+            try:
+                lin = relinearised(moved.grams if share == 1.0 else here, colours, here.lin.z + share * way, observed)
+            except SimulationError:
+                continue
+            count += lin.simulations
+            found = Grams(lin, observed)
+            if k == 0 or misfit(found, colours) < before:  # the first line was drawn for other readings: no measure
+                break
+            found = None
+        if found is None:
+            break
+        here = found
+        moved = refit(here, colours, here.lin.z, ())
+        count += moved.simulations
+    done = at_rest(moved, colours)
+    return replace(done, simulations=count - moved.simulations + done.simulations)
 
 
 def relinearised(grams: Grams, colours: dict[int, Colour], z: np.ndarray, every: np.ndarray) -> Linearised:

@@ -11,7 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import cho_solve
+from scipy.linalg import cho_solve, cholesky, solve_triangular
+from scipy.optimize import lsq_linear
 
 from diagnosis.gap.apart import Apart
 from diagnosis.gap.colours import Colours
@@ -144,25 +145,31 @@ def _placebos(
 ) -> list[np.ndarray]:
     """Residuals (outputs, steps) with random signatures of the chosen effects' size, fitted where the effects were.
 
-    Their amplitudes are as free: the prior is that of a fitted amplitude.
+    Their amplitudes are as free: the prior is that of a fitted amplitude. All else is fitted as it was without them, on
+    the same line with the same colours and bounds, so that signatures of no size leave what the base model does.
     """
-    lin = apart.before
+    lin, line = apart.before, apart.lines[0]
     places = [k for k, one in enumerate(first.lin.effects) if one in apart.after.chosen]
     if not places:
         return []
     sizes = np.sqrt(np.mean(first.lin.by_effect[..., places] ** 2, axis=1))
-    like, made = Grams(lin, apart.fitted), []
+    like, made = Grams(line, apart.fitted), []
+    low, high = (
+        np.concatenate([bound / like.spread, np.full(len(places), end)])
+        for bound, end in zip(line.problem.bounds, (-np.inf, np.inf), strict=True)
+    )
     for _ in range(PLACEBOS):
-        moved = np.empty((*lin.residual.shape, len(places)))
+        drawn = np.empty((*lin.residual.shape, len(places)))
         for k, j in np.ndindex(*sizes.shape):
             colour = (0.0, AMPLITUDE * float(sizes[k, j]), MEMORY)
-            moved[k, :, j] = draw_errors([(colour, 1.0)], lin.problem.time, 1, rng)[:, 0]
-        grams = Grams(replace(lin, by_effect=moved), apart.fitted, like)
-        product = grams.total(colours.best)
-        mean = np.linalg.solve(np.eye(len(product.score)) + product.gram, product.score)[grams.n_nuisance :]
-        mean[: grams.n_unknown] -= lin.z / grams.spread
-        there = replace(lin, residual=lin.residual - grams.free @ mean)
-        made.append(left_by(there, colours, observed))
+            drawn[k, :, j] = draw_errors([(colour, 1.0)], lin.problem.time, 1, rng)[:, 0]
+        grams = Grams(replace(line, by_effect=drawn), apart.fitted, like)
+        left = projected(grams.total(first.colours.best), grams.n_nuisance)
+        root = cholesky(np.eye(len(left.score)) + left.information, lower=True)
+        x = lsq_linear(root.T, solve_triangular(root, left.score, lower=True), (low, high)).x
+        way = x[: grams.n_unknown] * grams.spread - line.z
+        moved = lin.by_unknown @ way + drawn @ x[grams.n_unknown :]
+        made.append(left_by(replace(lin, residual=lin.residual - moved), colours, observed))
     return made
 
 

@@ -6,18 +6,41 @@ import numpy as np
 import pytest
 
 from diagnosis.gap.apart import fitted_apart
-from diagnosis.gap.shrinkage import shrinkages
+from diagnosis.gap.grams import Grams
+from diagnosis.gap.refit import at_rest, refit
+from diagnosis.gap.shrinkage import _placebos, left_by, shrinkages
 
 pytestmark = pytest.mark.slow
 
 
-def test_fits_to_all_readings_are_those_of_the_search(drifted, monkeypatch):
+def both(done, apart):
+    """Lines of the fits to a part, with the stage that each is of and standard deviations of its unknowns."""
+    search = done.search
+    sds = search.base.sd, search.settled[-1].sd
+    return tuple(zip(apart.lines, (search.stages[0], search.last), sds, strict=True))
+
+
+def test_fits_to_all_readings_are_those_of_the_search_brought_to_rest(drifted, monkeypatch):
     drifted = drifted.done
     monkeypatch.setattr(drifted.search, "made", {})  # there are the fits to a part, which the diagnosis made
     found = fitted_apart(drifted.search, drifted.whole.observed)
     assert found.agreed
-    for one, stage in ((found.before, drifted.search.stages[0]), (found.after, drifted.search.last)):
-        np.testing.assert_allclose(one.z, stage.lin.z, atol=0.02)
+    for one, stage, sd in both(drifted, found):
+        colours = stage.colours.best
+        there = at_rest(refit(stage.grams, colours, stage.lin.z, ()), colours)
+        np.testing.assert_allclose((one.z - there.lin.z) / sd, 0.0, atol=0.5)  # on a line that was drawn elsewhere
+
+
+def test_fits_to_a_part_are_where_that_part_has_its_optimum(drifted):
+    """Not where all readings together have theirs, which for these is some standard deviations away."""
+    drifted = drifted.done
+    for one, stage, sd in both(drifted, drifted.apart):
+        colours, grams = stage.colours.best, Grams(one, drifted.apart.fitted)
+        assert np.abs((one.z - stage.lin.z) / sd).max() > 1.0
+        assert any(np.array_equal(one.z, used.z) for used in (drifted.apart.before, drifted.apart.after))
+        np.testing.assert_allclose((refit(grams, colours, one.z, ()).lin.z - one.z) / sd, 0.0, atol=0.05)
+        away = at_rest(refit(grams, colours, one.z + 0.7 * sd, ()), colours)
+        np.testing.assert_allclose((away.lin.z - one.z) / sd, 0.0, atol=0.05)
 
 
 def test_the_other_part_has_no_say_in_the_fit(drifted, monkeypatch):
@@ -32,14 +55,44 @@ def test_the_other_part_has_no_say_in_the_fit(drifted, monkeypatch):
 
     before = fitted_apart(search, fitted)
     assert share(before) == drifted.report.shrinkage[0].share > 0.8
-    monkeypatch.setattr(search, "made", {})
-    spoilt = np.where(drifted.scored, drifted.whole.measured + 50.0, drifted.whole.measured)
-    for stage in (search.stages[0], search.last):
-        monkeypatch.setattr(stage.lin.problem, "measured", spoilt)
-    after = fitted_apart(search, fitted)
+    after = fitted_apart(spoilt(drifted, 50.0, monkeypatch), fitted)
     np.testing.assert_allclose(after.before.z, before.before.z, atol=1e-6)
     np.testing.assert_allclose(after.after.z, before.after.z, atol=1e-6)
     assert abs(share(after)) < 0.1
+
+
+def spoilt(done, by, monkeypatch):
+    """The search with other readings [K] on the part that is kept, at the unknowns where it was."""
+    change, stages = np.where(done.scored, by, 0.0), []
+    for stage in (done.search.stages[0], done.search.last):
+        monkeypatch.setattr(stage.lin.problem, "measured", done.whole.measured + change)
+        stages.append(replace(stage, lin=replace(stage.lin, residual=stage.lin.residual + change)))
+    return replace(done.search, stages=stages, made={})
+
+
+def test_the_other_part_has_no_say_by_where_the_fit_begins(drifted, monkeypatch):
+    """The fit to all readings, from which it begins, is made with the other readings too, and goes elsewhere."""
+    drifted = drifted.done
+    fitted = drifted.whole.observed & ~drifted.scored
+    other, stages = spoilt(drifted, 1.0, monkeypatch), []
+    for stage, (_, was, sd) in zip(other.stages, both(drifted, drifted.apart), strict=True):
+        lin = refit(Grams(stage.lin, drifted.whole.observed), stage.colours.best, stage.lin.z, ()).lin
+        assert np.abs((lin.z - was.lin.z) / sd).max() > 2.0
+        stages.append(replace(stage, lin=lin))
+    after = fitted_apart(replace(other, stages=stages), fitted)
+    for one, (now, _, sd) in zip(after.lines, both(drifted, drifted.apart), strict=True):
+        np.testing.assert_allclose((one.z - now.z) / sd, 0.0, atol=0.1)
+
+
+def test_placebos_of_no_size_leave_what_the_base_model_does(drifted):
+    """They are fitted as it was: else what the fit alone gains would count as theirs."""
+    drifted = drifted.done
+    first, colours, every = drifted.search.stages[0], drifted.search.last.colours, drifted.whole.observed
+    none = replace(first, lin=replace(first.lin, by_effect=0.0 * first.lin.by_effect))
+    made = _placebos(drifted.apart, none, colours, every, np.random.default_rng(1))
+    left = left_by(drifted.apart.before, colours, every)
+    for one in made:
+        np.testing.assert_allclose(one[every], left[every], atol=0.02 * np.std(left[every]))
 
 
 def test_whether_the_fitted_readings_alone_make_the_same_choice_is_told(drifted):
