@@ -8,9 +8,11 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from diagnosis.gap.decision import Verdict
 
-SCHEMA_VERSION = 7
+SCHEMA_VERSION = 8
 NOTICED = 0.02
 """Candidates of less probability are told together."""
+FEWEST = 12
+"""Of fewer scored readings of a channel no share of the gap is given."""
 
 
 class _Table(BaseModel):
@@ -50,11 +52,12 @@ class ShrinkageOf(_Table):
     """Of one channel, on the days that took no part in the fit that this is of.
 
     Root mean squares [unit], and the share of the gap above the noise that the chosen effects remove. Shares are
-    null where there is no gap above the noise.
+    null where there is no gap above the noise, or too few ``readings`` on those days to tell.
     """
 
     channel: str
     unit: str
+    readings: int
     before: float
     after: float
     floor: float
@@ -63,6 +66,11 @@ class ShrinkageOf(_Table):
     high: float | None
     placebo: float | None
     placebo_best: float | None
+
+    @property
+    def few(self) -> bool:
+        """Whether there are too few readings to tell."""
+        return self.readings < FEWEST
 
 
 class ParameterOf(_Table):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from statistics import median
 
-from diagnosis.gap.schema import NamedEffect, Report
+from diagnosis.gap.schema import FEWEST, NamedEffect, Report
 from diagnosis.gap.stages import LEVEL, PLAIN
 
 CHECKED = (
@@ -135,10 +135,17 @@ def _how_far(report: Report) -> str:
             "How far: no candidate explains enough of the gap to be fitted, so nothing is known that would shrink it."
         )
     shares = [one for one in report.shrinkage if one.share is not None]
+    few = [one.channel for one in report.shrinkage if one.few]
+    if len(few) == len(report.shrinkage):
+        return (
+            f"How far: the part that is kept from a fit for that has fewer than {FEWEST} readings of any channel, too"
+            " few to say how far the gap shrinks; a longer recording would tell."
+        )
     if not shares:
+        untold = f" Of {', '.join(few)} there are too few readings on them to tell." if few else ""
         return (
             "How far: on the days that are kept from a fit for that, no channel's gap stands out from the noise, so no"
-            " share of it can be given."
+            f" share of it can be given.{untold}"
         )
     said = ", ".join(
         f"{_share(one.share)} in {one.channel} (90 % interval {_share(one.low)} to {_share(one.high)})"

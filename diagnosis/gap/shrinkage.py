@@ -18,6 +18,7 @@ from diagnosis.gap.apart import Apart
 from diagnosis.gap.colours import Colours
 from diagnosis.gap.grams import AMPLITUDE, Grams, projected
 from diagnosis.gap.linear import Linearised
+from diagnosis.gap.schema import FEWEST
 from diagnosis.gap.stages import Stage
 from diagnosis.gap.twins import draw_errors
 from diagnosis.recording import DAY, HOUR
@@ -39,13 +40,14 @@ CLEAR = 3.0
 class Shrinkage:
     """One channel.
 
-    Root mean squares [unit] on the scored part, ``floor`` of noise alone; ``share`` of the gap that the
-    effect removes with its 90 % interval, None where there is no gap above the floor; ``placebo`` the mean share of
-    placebos and ``placebo_best`` the largest.
+    Root mean squares [unit] on the ``readings`` of the scored part, ``floor`` of noise alone; ``share`` of the gap that
+    the effect removes with its 90 % interval, None where there is no gap above the floor or too few readings to tell;
+    ``placebo`` the mean share of placebos and ``placebo_best`` the largest.
     """
 
     channel: str
     unit: str
+    readings: int
     before: float
     after: float
     floor: float
@@ -59,7 +61,7 @@ class Shrinkage:
 def shrinkages(
     apart: Apart, first: Stage, colours: Colours, scored: np.ndarray, observed: np.ndarray, *, seed: int = 0
 ) -> list[Shrinkage]:
-    """Shares of the gap that the chosen effects remove.
+    """Shares of the gap that the chosen effects remove, of channels with readings on the scored part.
 
     Parameters
     ----------
@@ -81,11 +83,11 @@ def shrinkages(
     system, found = apart.before.problem.system, []
     for k, output in enumerate(system.outputs):
         rows = observed[k] & scored
-        if rows.sum() < 12:
+        if not rows.any():
             continue
         old, new = before[k] ** 2, after[k] ** 2
         gap = float(old[rows].mean() - floors[k])
-        some = gap > CLEAR * errors[k]
+        some = rows.sum() >= FEWEST and gap > CLEAR * errors[k]
         step = apart.before.problem.recording.step
         shares = _bootstrap(old, new, rows, (floors[k], CLEAR * errors[k]), step, rng) if some else None
         placebo = [float((old - one[k] ** 2)[rows].mean() / gap) for one in shifted] if some else []
@@ -93,6 +95,7 @@ def shrinkages(
             Shrinkage(
                 channel=output.name,
                 unit=output.unit,
+                readings=int(rows.sum()),
                 before=float(np.sqrt(old[rows].mean())),
                 after=float(np.sqrt(new[rows].mean())),
                 floor=float(np.sqrt(floors[k])),

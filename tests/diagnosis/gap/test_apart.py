@@ -7,7 +7,10 @@ import pytest
 
 from diagnosis.gap.apart import fitted_apart
 from diagnosis.gap.grams import Grams
+from diagnosis.gap.page import render
 from diagnosis.gap.refit import at_rest, refit
+from diagnosis.gap.schema import ShrinkageOf
+from diagnosis.gap.sentences import summary
 from diagnosis.gap.shrinkage import _placebos, left_by, shrinkages
 
 pytestmark = pytest.mark.slow
@@ -93,6 +96,21 @@ def test_placebos_of_no_size_leave_what_the_base_model_does(drifted):
     left = left_by(drifted.apart.before, colours, every)
     for one in made:
         np.testing.assert_allclose(one[every], left[every], atol=0.02 * np.std(left[every]))
+
+
+def test_few_scored_readings_are_told_and_give_no_share(drifted):
+    drifted = drifted.done
+    scored = drifted.scored & (np.cumsum(drifted.scored) <= 6)
+    (room,) = shrinkages(
+        drifted.apart, drifted.search.stages[0], drifted.search.last.colours, scored, drifted.whole.observed
+    )
+    assert room.readings == np.sum(drifted.whole.observed[0] & scored) <= 6
+    assert room.share is None and room.placebo is None
+    report = drifted.report.model_copy(update={"shrinkage": [ShrinkageOf(**vars(room))]})
+    page = render(replace(drifted, report=report.model_copy(update={"summary": summary(report)})))
+    assert "too few readings" in page and "fewer than 12 readings of any channel" in page
+    page = render(replace(drifted, report=report.model_copy(update={"shrinkage": []})))
+    assert "Nothing was added" not in page and "cannot be told" in page
 
 
 def test_whether_the_fitted_readings_alone_make_the_same_choice_is_told(drifted):

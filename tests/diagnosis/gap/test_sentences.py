@@ -133,6 +133,7 @@ def test_the_answer_says_what_where_and_how_far_in_words():
     gone = ShrinkageOf(
         channel="room",
         unit="K",
+        readings=24,
         before=1.0,
         after=0.1,
         floor=0.1,
@@ -169,6 +170,7 @@ def test_what_no_candidate_explains_is_said_of_the_nearest_only():
     gone = ShrinkageOf(
         channel="room",
         unit="K",
+        readings=24,
         before=1.0,
         after=0.9,
         floor=0.1,
@@ -192,6 +194,23 @@ def test_what_no_candidate_explains_is_said_of_the_nearest_only():
     assert far == (
         "How far: no candidate explains enough of the gap to be fitted, so nothing is known that would shrink it."
     )
+
+
+def test_too_few_readings_to_tell_how_far_are_not_called_a_gap_that_does_not_stand_out():
+    """Of two days of six-hour steps, or one of hours, few are kept from the fit."""
+    none = dict.fromkeys(("share", "low", "high", "placebo", "placebo_best"))
+    few, quiet = (
+        ShrinkageOf(channel=name, unit="K", readings=count, before=1.0, after=0.1, floor=0.1, **none)
+        for name, count in (("room", 6), ("air", 24))
+    )
+    fitted = [stage(0.01, 0.01), stage(0.5, 0.5, ["valve"])]
+    for shrinkage in ([], [few]):
+        far = summary(report(effects=[named("valve")], shrinkage=shrinkage, stages=fitted))[2]
+        assert "fewer than 12 readings of any channel, too few to say" in far and "stands out" not in far
+    far = summary(report(effects=[named("valve")], shrinkage=[few, quiet], stages=fitted))[2]
+    assert "no channel's gap stands out" in far and far.endswith("Of room there are too few readings on them to tell.")
+    far = summary(report(effects=[named("valve")], shrinkage=[quiet], stages=fitted))[2]
+    assert "no channel's gap stands out" in far and "too few" not in far
 
 
 def test_parameters_of_an_unexplained_gap_are_not_to_be_believed():
