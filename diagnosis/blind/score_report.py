@@ -8,9 +8,12 @@ from diagnosis.blind import score_pictures as pictures
 from diagnosis.blind.intervals import Figure, Share
 from diagnosis.blind.rates import LeftOutScore
 from diagnosis.blind.score_schema import Score
+from diagnosis.blind.shrinking import Shrinkage
 from diagnosis.pages import page_environment
 
 Lines = list[tuple[str, str, str]]
+LEAST = "the same, where effects were named without a figure counted as nothing removed"
+UNKNOWN = "named, but no gap above the noise on the scored part"
 OWN_FORM = "as the candidate has it; declared after parameters have compensated"
 
 
@@ -26,6 +29,22 @@ def number(one: Figure) -> str:
     if one.value is None:
         return "–"
     return f"{one.value:.3g} ({one.low:.3g} to {one.high:.3g}; n = {one.n})"
+
+
+def against_oracle(one: Shrinkage) -> str:
+    """The ratio to what an oracle removes, with how many recordings it is of, and why of no more."""
+    if one.share.n == one.asked:
+        return number(one.ratio)
+    unseen = f", {one.unseen} with a gap that no channel shows" if one.unseen else ""
+    return (
+        f"{number(one.ratio)}; {one.share.n} of {one.asked} have a figure, {one.unknown} named effects but saw no gap"
+        f" on the scored part{unseen}"
+    )
+
+
+def bound(one: Shrinkage) -> str:
+    """The ratio if nothing was removed where no share is known."""
+    return "–" if one.least is None else number(one.least)
 
 
 def headline(done: Score) -> Lines:
@@ -54,7 +73,8 @@ def headline(done: Score) -> Lines:
             "at least 80 %",
         ),
         ("the same, or only effects declared confusable with it", percent(done.left_out_unlike.none_or_alike), "–"),
-        ("shrinkage against the oracle's, detectable gaps", number(done.shrinkage_detectable.ratio), "at least 0.9"),
+        ("shrinkage against the oracle's, detectable gaps", against_oracle(done.shrinkage_detectable), "at least 0.9"),
+        (LEAST, bound(done.shrinkage_detectable), "–"),
         ("visible library effects, detectable or not: top-1", percent(seen.top), "–"),
         ("set coverage, the same", percent(seen.covered), "–"),
         ("visible effects in another form: top-1", percent(other.top), "–"),
@@ -62,7 +82,8 @@ def headline(done: Score) -> Lines:
         ("visible causes outside the library: none of these", percent(done.none_of_these_visible), "–"),
         ("leave-one-out, visible: none of these", percent(done.left_out_visible.none), "–"),
         ("the same, or only effects declared confusable with it", percent(done.left_out_visible.none_or_alike), "–"),
-        ("shrinkage against the oracle's, visible gaps", number(done.shrinkage[-1].ratio), "–"),
+        ("shrinkage against the oracle's, visible gaps", against_oracle(done.shrinkage[-1]), "–"),
+        (LEAST, bound(done.shrinkage[-1]), "–"),
     ]
 
 
@@ -127,8 +148,11 @@ def markdown(done: Score) -> str:
         _table(("further", "value", ""), further(done)),
         _table(("stratum", *done.strata.columns), _matrix(done)),
         _table(
-            ("channel", "share removed", "oracle", "ratio", "median ratio"),
-            [(c.channel, number(c.share), number(c.oracle), number(c.ratio), number(c.median)) for c in done.shrinkage],
+            ("channel", "share removed", "oracle", "ratio", "median ratio", UNKNOWN, "ratio if they removed nothing"),
+            [
+                (c.channel, *map(number, (c.share, c.oracle, c.ratio, c.median)), str(c.unknown), bound(c))
+                for c in done.shrinkage
+            ],
         ),
         _table(
             ("parameter", "error before", "error after", "change"),
@@ -156,12 +180,14 @@ def page(done: Score) -> str:
     environment = page_environment()
     environment.filters["percent"] = percent
     environment.filters["number"] = number
+    environment.filters["bound"] = bound
     return environment.get_template("blind_score.html.j2").render(
         of_the_set=of_the_set(done),
         score=done,
         headline=headline(done),
         further=further(done),
         held=held(done),
+        unknown=UNKNOWN,
         strata_picture=pictures.confusion(done.strata, "stratum", "verdict"),
         confusion_picture=pictures.confusion(done.confusion, "true effect", "named first"),
         power_picture=pictures.power(done.power_by_size, done.power_by_gap, done.power_by_length),

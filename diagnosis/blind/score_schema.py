@@ -59,7 +59,7 @@ class Score(_Table):
     ``recordings`` were scored, of ``planned`` in the set.
     """
 
-    schema_version: int = 6
+    schema_version: int = 7
     commands: list[str]
     seed: int
     bootstrap_seed: int

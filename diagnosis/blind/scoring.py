@@ -155,10 +155,11 @@ def _scored(
             chance=figure(np.array([chance for _, chance in lifts]), seed=seed),
             lift=_median([lift for lift, _ in lifts], seed),
         ),
-        shrinkage=[*by_channel(found, lost, seed), where_largest(found, lost, seed)],
+        shrinkage=[*by_channel(found, lost, seed), where_largest(found, lost, seed=seed)],
         shrinkage_detectable=where_largest(
             [one for one in found if expected.detectable(one.row)],
-            [one for one in lost if expected.detectable(one[0])],
+            [one for one in lost if expected.detectable(one.row)],
+            beyond,
             seed,
         ),
         parameters=errors(named, run.parameters, seed),

@@ -25,7 +25,9 @@ class Shrinkage(_Table):
 
     ``share``: mean of what was removed (nothing where no effect was named); ``oracle``: of what an oracle would have;
     ``ratio``: mean of the first over mean of the second; ``median``: median of the recordings' own ratios. ``unknown``:
-    recordings without a figure, because the diagnosis saw no gap above the noise on the part that it scored.
+    recordings without a figure, because the diagnosis named effects but saw no gap above the noise on the part that it
+    scored; ``least``: the ratio if nothing had been removed from any of these. ``unseen``: further recordings that were
+    asked about whose gap can be seen in no channel.
     """
 
     channel: str
@@ -34,6 +36,13 @@ class Shrinkage(_Table):
     ratio: Figure
     median: Figure
     unknown: int
+    least: Figure | None = None
+    unseen: int = 0
+
+    @property
+    def asked(self) -> int:
+        """How many recordings there are, with a figure or without."""
+        return self.share.n + self.unknown + self.unseen
 
 
 class Error(_Table):
@@ -58,12 +67,10 @@ class Removed:
     oracle: float
 
 
-Lost = tuple[Row, str]
-"""A recording and a channel of which the diagnosis has no share."""
-
-
-def removed(rows: Sequence[Row], limits: Limits) -> tuple[list[Removed], list[Lost]]:
+def removed(rows: Sequence[Row], limits: Limits) -> tuple[list[Removed], list[Removed]]:
     """Shares of recordings with causes of the library, in the channels where the gap can be seen; and those without.
+
+    Of the latter the diagnosis has no share: it stands as nothing.
 
     The oracle knows cause and amplitude and takes the whole sealed gap away, but for what recordings without any effect
     have as well (the truth's finer walls; the median of those with the same actuators): 1 - structural^2 / gap^2. A
@@ -78,7 +85,7 @@ def removed(rows: Sequence[Row], limits: Limits) -> tuple[list[Removed], list[Lo
             oracle = 1.0 - min(left / row.gap[channel], 1.0) ** 2
             share = _share(row.outcome.verdict, channel) if row.named else 0.0
             if share is None:
-                lost.append((row, channel))
+                lost.append(Removed(row, channel, 0.0, oracle))
             else:
                 found.append(Removed(row, channel, min(max(share, WORST), 1.0), oracle))
     return found, lost
@@ -89,39 +96,56 @@ def _share(verdict: Verdict | None, channel: str) -> float | None:
     return None if one is None else one.share
 
 
-def by_channel(found: Sequence[Removed], lost: Sequence[Lost], seed: int = 0) -> list[Shrinkage]:
+def by_channel(found: Sequence[Removed], lost: Sequence[Removed], seed: int = 0) -> list[Shrinkage]:
     """Shrinkage channel by channel; channels in which no gap can be seen are left out."""
-    rows = [one.row for one in found] + [row for row, _ in lost]
-    scored = []
-    for channel in rows[0].gap if rows else ():
-        ones = [one for one in found if one.channel == channel]
-        unknown = sum(one == channel for _, one in lost)
+    every, scored = [*found, *lost], []
+    for channel in every[0].row.gap if every else ():
+        ones, unknown = ([one for one in some if one.channel == channel] for some in (found, lost))
         if ones or unknown:
             scored.append(_scored(channel, ones, unknown, seed))
     return scored
 
 
-def where_largest(found: Sequence[Removed], lost: Sequence[Lost], seed: int = 0) -> Shrinkage:
-    """The same, of each recording only the channel where its sealed gap over noise is largest."""
-    ones = [one for one in found if one.channel == _largest(one.row)]
-    unknown = sum(channel == _largest(row) for row, channel in lost)
-    return _scored("where the gap is largest", ones, unknown, seed)
+def where_largest(
+    found: Sequence[Removed], lost: Sequence[Removed], rows: Sequence[Row] = (), seed: int = 0
+) -> Shrinkage:
+    """The same, of each recording only the channel where its sealed gap over noise is largest.
+
+    Parameters
+    ----------
+    rows
+        The recordings that are asked about; those without a cause of the library do not count.
+    """
+    ones, unknown = ([one for one in some if one.channel == _largest(one.row)] for some in (found, lost))
+    unseen = sum(row.truth == "effect" and not row.visible for row in rows)
+    return _scored("where the gap is largest", ones, unknown, seed, unseen)
 
 
 def _largest(row: Row) -> str:
     return max(row.visible, key=lambda channel: row.gap[channel])
 
 
-def _scored(channel: str, ones: Sequence[Removed], unknown: int, seed: int) -> Shrinkage:
-    both = np.array([[one.share, one.oracle] for one in ones]).reshape(-1, 2)
+def _scored(channel: str, ones: Sequence[Removed], unknown: Sequence[Removed], seed: int, unseen: int = 0) -> Shrinkage:
+    both = _pairs(ones)
     return Shrinkage(
         channel=channel,
         share=figure(both[:, 0], seed=seed),
         oracle=figure(both[:, 1], seed=seed),
-        ratio=figure(both, lambda rows: rows[..., 0].mean(axis=1) / rows[..., 1].mean(axis=1), seed=seed),
+        ratio=figure(both, _ratio, seed=seed),
         median=figure(both, lambda rows: median(rows[..., 0] / rows[..., 1]), seed=seed),
-        unknown=unknown,
+        unknown=len(unknown),
+        least=figure(_pairs([*ones, *unknown]), _ratio, seed=seed),
+        unseen=unseen,
     )
+
+
+def _pairs(ones: Sequence[Removed]) -> np.ndarray:
+    """Shares and the oracle's, shape (recordings, 2)."""
+    return np.array([[one.share, one.oracle] for one in ones]).reshape(-1, 2)
+
+
+def _ratio(rows: np.ndarray) -> np.ndarray:
+    return np.asarray(rows[..., 0].mean(axis=1) / rows[..., 1].mean(axis=1))
 
 
 def errors(rows: Sequence[Row], parameters: Sequence[Parameter], seed: int = 0) -> list[Error]:

@@ -4,7 +4,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from diagnosis.blind.shrinking import WORST, removed
+from diagnosis.blind.score_report import against_oracle, bound, number
+from diagnosis.blind.shrinking import WORST, removed, where_largest
 
 
 @pytest.mark.parametrize(("share", "counted"), [(0.6, 0.6), (1.33, 1.0), (-9.0, WORST)])
@@ -16,3 +17,29 @@ def test_a_share_above_one_is_all_of_the_gap_and_makes_up_for_no_other(share, co
     )  # fmt: skip
     (found,), lost = removed([row], {(False, "room"): 1.0})
     assert found.share == counted and found.oracle == pytest.approx(0.75) and not lost
+
+
+def test_recordings_without_a_figure_are_told_and_what_they_could_make_of_it():
+    """Named without a share, named nothing (which counts as nothing removed), and a gap that no channel shows."""
+    given = SimpleNamespace(shrinkage={"room": SimpleNamespace(share=0.6)})
+    silent = SimpleNamespace(shrinkage={"room": SimpleNamespace(share=None)})
+    common = {"truth": "effect", "visible": ["room"], "gap": {"room": 2.0}, "answer": {"replay": False}}
+    rows = [
+        SimpleNamespace(**common | {"named": named, "outcome": SimpleNamespace(verdict=verdict)} | more)
+        for named, verdict, more in (
+            (("one",), given, {}),
+            ((), silent, {}),
+            (("one",), silent, {}),
+            (("one",), given, {"visible": []}),
+            (("one",), given, {"truth": "none_of_these", "visible": []}),
+        )
+    ]
+    done = where_largest(*removed(rows, {(False, "room"): 1.0}), rows)
+    assert (done.share.n, done.unknown, done.unseen, done.asked) == (2, 1, 1, 4)
+    assert done.ratio.value == pytest.approx(0.3 / 0.75)
+    assert done.least.n == 3 and done.least.value == pytest.approx(0.2 / 0.75)
+    said = against_oracle(done)
+    assert said.startswith(f"{number(done.ratio)}; 2 of 4 have a figure, 1 named effects but saw no gap on the scored")
+    assert said.endswith("1 with a gap that no channel shows") and bound(done) == number(done.least)
+    whole = where_largest(*removed(rows[:2], {(False, "room"): 1.0}), rows[:2])
+    assert against_oracle(whole) == number(whole.ratio)
