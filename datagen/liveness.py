@@ -104,9 +104,11 @@ def _judged(system: System, found: Mapping[str, float | SimulationError]) -> dic
             known[name] = change
     dead = [name for name, change in known.items() if change < 1.0]
     if dead:
+        still = [repr(one.name) for one in system.inputs if one.source == "measured"]
+        hint = f" (with {', '.join(still)}, which a recording would drive, at rest)" if still else ""
         raise SystemDescriptionError(
             f"{system.path}: {system.fmu_path.name} accepts {', '.join(map(repr, dead))} and ignores it: "
-            "no output moves between the ends of its range; expected parameters that are tunable at run time"
+            f"no output moves between the ends of its range{hint}; expected parameters that are tunable at run time"
         )
     return known
 

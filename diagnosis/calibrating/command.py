@@ -33,7 +33,7 @@ def calibrate(
     """Estimate a system's parameters from a recording by simulation, from a zero-shot estimate (--run) or the prior.
 
     Writes calibration.json and calibration.html: parameters with their uncertainty, what the recording tells and what
-    not, the fit, and what is left. A parameter that the FMU accepts but ignores is refused.
+    not, the fit, and what is left.
 
     Parameters
     ----------
@@ -52,16 +52,12 @@ def calibrate(
     as_json
         Print JSON.
     """
-    from datagen.liveness import check_live_apart
     from diagnosis.calibrating.calibration import calibrate as calibrate_
     from diagnosis.calibrating.sentences import sentences
-    from shared.system import load_system
 
-    described = load_system(system)
-    check_live_apart(described)  # else a parameter that the FMU ignores would merely be one that is hardly told
     with stages("simulating", shown=not report.quiet):
         done = calibrate_(
-            described,
+            system,
             recording,
             out=out,
             **fitting.given,

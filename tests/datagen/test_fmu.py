@@ -7,9 +7,7 @@ import pytest
 from datagen.cli import app as datagen_app
 from datagen.fmu import Fmu, check_system
 from datagen.liveness import check_live, check_live_apart, responses
-from datagen.recording import simulate
 from datagen.simulator import Simulator
-from diagnosis.cli import app as diagnosis_app
 from shared.errors import FmuError, SystemDescriptionError
 from shared.system import parse_system
 from tests.datagen.faults import faulty
@@ -125,19 +123,11 @@ def test_what_acts_in_summer_alone_is_not_ignored(toml, monkeypatch):
     assert responses(simulator, ["roo.V"])["roo.V"] > 1
 
 
-@pytest.mark.parametrize("command", ["identifiability", "calibrate"])
-def test_commands_refuse_what_the_fmu_ignores(toml, tmp_path, command):
+def test_the_limit_is_refused_for_what_the_fmu_ignores(toml, tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(toml.replace("[[parameters]]\n", f"{IGNORED}[[parameters]]\n", 1))
-    recording, out = tmp_path / "room.nc", tmp_path / "out"
-    if command == "calibrate":
-        simulate(path, out=recording, hours=48.0)
-        words, app = ["calibrate", path, recording, "--out", out], diagnosis_app
-    else:
-        words, app = (
-            ["identifiability", path, "--context", 6, "--systems", 1, "--workers", 1, "--out", out],
-            datagen_app,
-        )
+    out = tmp_path / "out"
+    words = ["identifiability", path, "--context", 6, "--systems", 1, "--workers", 1, "--out", out]
     with pytest.raises(SystemDescriptionError, match=r"accepts 'effect\.adjacent\.T' and ignores it"):
-        app([str(word) for word in words])
+        datagen_app([str(word) for word in words])
     assert not out.exists()
