@@ -61,7 +61,7 @@ def identifiability(
     """
     from datagen.ceilings import ceilings_of, crowd_inputs
     from datagen.fmu import fmu_sha256
-    from datagen.liveness import check_live_apart
+    from datagen.liveness import HARDLY, check_live_apart
     from shared.ceiling import FILE_NAME, Ceilings, read_ceilings, write_ceilings
     from shared.system import load_system
 
@@ -69,7 +69,7 @@ def identifiability(
     if preset is not None:
         chosen = described.preset(preset)
         described = described.with_experiment(hours=chosen.hours, step=chosen.step, start=chosen.start)
-    check_live_apart(described)  # the limit of a parameter that the FMU ignores is 0 for any recording
+    check_live_apart(described, least=HARDLY)  # how little a weak one is told is what is asked
     sets = [one.split(",") for one in channels] if channels else [described.estimator.channels]
     found = ceilings_of(
         described,

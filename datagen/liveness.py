@@ -24,6 +24,8 @@ PROBE_HOURS = 96.0
 PROBE_SEED = 0
 SEASONS = (0.0, 182.0 * 86400.0)
 """When a look may begin [s]: what only shades or cools in summer is not ignored."""
+HARDLY = 1e-3
+"""Of an output's accuracy: a parameter that moves outputs by less is ignored; one that moves them by more is weak."""
 PATIENCE = 600.0
 """How long a look in a process apart may take, by default [s]."""
 
@@ -65,7 +67,7 @@ def check_live(simulator: Simulator) -> dict[str, float]:
     return _judged(simulator.system, responses(simulator))
 
 
-def check_live_apart(system: System, timeout: float = PATIENCE) -> dict[str, float]:
+def check_live_apart(system: System, timeout: float = PATIENCE, least: float = 1.0) -> dict[str, float]:
     """:func:`check_live` in a process apart: the FMU may crash or hang at the ends of its ranges.
 
     Where it does, the parameters are looked at one by one, so that those at fault do not hide what others are.
@@ -74,6 +76,8 @@ def check_live_apart(system: System, timeout: float = PATIENCE) -> dict[str, flo
     ----------
     timeout
         How long one look at all parameters, or at one, may take [s].
+    least
+        Change of an output, in units of its accuracy, below which a parameter is refused.
 
     Raises
     ------
@@ -91,10 +95,10 @@ def check_live_apart(system: System, timeout: float = PATIENCE) -> dict[str, flo
         alone = guarded(_probe, [(system, (name,)) for name in all_names], timeout=timeout, tries=1)
         for name, one in zip(all_names, alone, strict=True):
             found |= {name: one} if isinstance(one, SimulationError) else _found(one)
-    return _judged(system, found)
+    return _judged(system, found, least)
 
 
-def _judged(system: System, found: Mapping[str, float | SimulationError]) -> dict[str, float]:
+def _judged(system: System, found: Mapping[str, float | SimulationError], least: float = 1.0) -> dict[str, float]:
     """The changes that are known; tells which are not, and refuses dead parameters."""
     known: dict[str, float] = {}
     for name, change in found.items():
@@ -102,7 +106,7 @@ def _judged(system: System, found: Mapping[str, float | SimulationError]) -> dic
             _log.warning("%s: could not check that parameter %r is alive: %s", system.path, name, change)
         else:
             known[name] = change
-    dead = [name for name, change in known.items() if change < 1.0]
+    dead = [name for name, change in known.items() if change < least]
     if dead:
         still = [repr(one.name) for one in system.inputs if one.source == "measured"]
         hint = f" (with {', '.join(still)}, which a recording would drive, at rest)" if still else ""

@@ -6,7 +6,7 @@ import pytest
 
 from datagen.cli import app as datagen_app
 from datagen.fmu import Fmu, check_system
-from datagen.liveness import check_live, check_live_apart, responses
+from datagen.liveness import HARDLY, _judged, check_live, check_live_apart, responses
 from datagen.simulator import Simulator
 from shared.errors import FmuError, SystemDescriptionError
 from shared.system import parse_system
@@ -121,6 +121,14 @@ def test_what_acts_in_summer_alone_is_not_ignored(toml, monkeypatch):
 
     monkeypatch.setattr(simulator, "run", run)
     assert responses(simulator, ["roo.V"])["roo.V"] > 1
+
+
+def test_what_is_weak_is_refused_for_a_dataset_and_not_for_its_limit(default_system):
+    assert _judged(default_system, {"roo.V": 0.5}, HARDLY) == {"roo.V": 0.5}
+    with pytest.raises(SystemDescriptionError, match=r"accepts 'roo\.V' and ignores it"):
+        _judged(default_system, {"roo.V": 0.5})
+    with pytest.raises(SystemDescriptionError, match=r"accepts 'roo\.V' and ignores it"):
+        _judged(default_system, {"roo.V": 0.0}, HARDLY)
 
 
 def test_the_limit_is_refused_for_what_the_fmu_ignores(toml, tmp_path):
