@@ -30,7 +30,7 @@ def identifiability(
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
     report: Reporting = USUAL,
 ) -> int:
-    """The limit of R2 that any estimator can reach, per parameter, from the FMU's sensitivities.
+    """The linearised limit of R2 for each parameter, from the FMU's sensitivities.
 
     The result is kept beside the system description, from where `datagen run` copies it into datasets. A parameter
     that the FMU accepts but ignores is refused.
@@ -98,7 +98,7 @@ def identifiability(
     if as_json:
         sys.stdout.write(json.dumps([one.model_dump() for one in found], indent=1) + "\n")
         return OK
-    console.print(f"Limit of R2 of any estimator, mean of {systems} systems", markup=False)
+    console.print(f"Linearised limit of R2, mean of {systems} systems", markup=False)
     for first in range(0, len(found), 3):  # three conditions side by side fit a terminal
         some = found[first : first + 3]
         heads = [f"{one.context_hours:g} h, {one.noise}\n{' '.join(one.channels)}" for one in some]
