@@ -3,11 +3,15 @@
 import importlib.util
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from datagen.weather import weather_path
+from datagen.weather_files import read_hourly
 from shared.system import parse_system
 
 _BUILDER = Path(__file__).resolve().parents[1] / "fmus" / "small" / "builder.py"
+GREENSBORO = "pvlib:723170TYA.CSV"
 _BLANK = 'schema_version = 1\nname = "{name}"\nfmu = "{fmu}"\n[estimator]\nchannels = ["{channel}"]\n'
 
 
@@ -55,3 +59,11 @@ def small_system(small_fmu):
         return parse_system(text, fmu.parent / f"{name}.toml")
 
     return make
+
+
+@pytest.fixture(scope="session")
+def file_rows():
+    """A weather file's own columns at their stamps, the ends of its hours: times [s], irradiances, and its place."""
+    record = read_hourly(weather_path(GREENSBORO, Path()))
+    place = {name: getattr(record, name) for name in ("latitude", "longitude", "altitude", "utc_offset")}
+    return 3600.0 * np.arange(1, 8761), [record.columns[name] for name in ("dni", "dhi", "ghi")], place
