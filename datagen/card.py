@@ -24,6 +24,8 @@ _CARD = """\
 {%- if not manifest.settings.excitation %} Excitation was switched off.{% endif %}
 {%- if 'calm' in manifest.settings %} A share of
 {{ manifest.settings.calm }} of the systems, drawn by chance, had no excitation.{% endif %}
+{%- if 'uncertain' in manifest.settings %} The uncertain
+constants of the description were drawn for each system.{% endif %}
 
 | split | systems |
 |---|---|
@@ -33,6 +35,9 @@ _CARD = """\
 |---|---|---|---|
 {% for p in system.parameters %}| `{{ p.name }}` | parameter | {{ p.unit }} | {{ p.description }}, \
 {{ p.scale }} from {{ p.min }} to {{ p.max }} |
+{% endfor -%}
+{% for c in system.uncertain if 'uncertain' in manifest.settings %}| `{{ c.name }}` | constant | 1 |\
+ {{ c.description }}, as a multiple of its value: exp({{ c.relative }} N(0, 1)) |
 {% endfor -%}
 {% for o in system.outputs %}| `{{ o.name }}` | output | {{ o.unit }} | {{ o.long_name }} ({{ o.method }}) |
 {% endfor -%}

@@ -5,72 +5,33 @@ and on the unknown occupancy. Linearised about the truth, and with Gaussian prio
 the real ones, the posterior of the parameters is Gaussian, and no estimator of any kind has a smaller mean square
 error. With parameters standardised by their prior,
 
-    S = H C H' + X P X' + R,   posterior covariance = (I + J' S^-1 J)^-1,   R2 <= 1 - posterior variance,
+    S = H C H' + X P X' + K K' + R,   posterior covariance = (I + J' S^-1 J)^-1,   R2 <= 1 - posterior variance,
 
 J: outputs by parameters, X: by initial states (prior P), H: by occupancy (prior covariance C of its means over
-:data:`PULSE`, from the sampler), R: sensor noise with the numerical floor. All derivatives are central differences of
-whole simulations, so saturation and events are in them. Weather, schedules and excitation are taken as known. Where an
-occupancy input is among the channels persons are known as means over the steps, as they are recorded, and C is what
-that leaves: when within a step they came.
+:data:`datagen.sensitivities.PULSE`, from the sampler), K: by the logarithms of the uncertain constants' factors, per
+prior standard deviation of each, R: sensor noise with the numerical floor. Weather, schedules and excitation are taken
+as known, and so are the constants, as declared, unless they are asked for as uncertain: then each system has its own,
+as the farm draws them. Where an occupancy input is among the channels persons are known as means over the steps, as
+they are recorded, and C is what that leaves: when within a step they came.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
-from itertools import pairwise
 from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from datagen.inputs import build_inputs
-from datagen.occupancy import occupancy_prior
 from datagen.package import weather_hashes
-from datagen.pulses import responses
-from datagen.sampling import record_start, sample_parameters, stream
-from datagen.simulator import Simulator
-from datagen.tables import InputTable
-from shared.ceiling import Ceiling, Origin
+from datagen.sensitivities import Window, crowd_inputs, random_window
+from shared.ceiling import Ceiling, Origin, Unknown, unknown_constants
 from shared.errors import SystemDescriptionError
 from shared.interrupts import interrupts_held
 from shared.progress import progress_bar
-from shared.store import sha256_of
 from shared.system import System, load_system
-
-HOUR = 3600.0
-PULSE = 600.0
-"""Length of an occupancy pulse at most [s]: people come and go within the hour, and nobody knows when. Half-hours
-would pass for known within: with 1800 here a day of clean readings has a mean R2 of 0.80, with 600 of 0.75, with 300 of
-0.74 (the default system, two sensors, three rooms, seed 1)."""
-SPIN_UP_HOURS = 240.0
-PARAMETER_STEP = 0.02
-"""Half-width of a parameter's difference, in prior standard deviations."""
-STATE_STEP = 0.02
-PRIOR_DRAWS, DRAWS_EACH = 4000, 5
-"""Of the occupancy: at least, and for each pulse, lest its covariance lack directions that nobody happened to take."""
-TOLERANCE = 1e-8
-"""Tighter than the farm's: differences of simulations are small."""
-
-
-@dataclass(frozen=True)
-class Window:
-    """Sensitivities of one random window.
-
-    ``parameters`` (outputs, steps, parameters) per prior standard deviation; ``states`` (outputs, steps, states)
-    [unit of output per unit of state]; ``occupancy`` (outputs, steps, pulses) per person; ``occupancy_covariance``
-    (pulses, pulses) [persons^2]; ``occupancy_steps`` (pulses,), the step that each pulse lies in; ``visited`` (steps,
-    states), states met on the way, for the prior of the start.
-    """
-
-    parameters: np.ndarray
-    states: np.ndarray
-    occupancy: np.ndarray
-    occupancy_covariance: np.ndarray
-    occupancy_steps: np.ndarray
-    visited: np.ndarray
 
 
 def identifiability(
@@ -82,13 +43,21 @@ def identifiability(
     systems: int = 10,
     seed: int = 1,
     workers: int = 1,
+    uncertain: bool = False,
 ) -> Ceiling:
     """The ceiling of R2 for one context length [h], noise preset and set of channels, over random systems.
 
-    Windows are of records as the description's experiment has them: of its start and hours.
+    Windows are of records as the description's experiment has them: of its start and hours. Where ``uncertain`` is set
+    the description's uncertain constants are drawn for each system, and nobody knows them.
     """
     return ceilings_of(
-        system, contexts=[context], conditions=[(noise, channels)], systems=systems, seed=seed, workers=workers
+        system,
+        contexts=[context],
+        conditions=[(noise, channels)],
+        systems=systems,
+        seed=seed,
+        workers=workers,
+        uncertain=uncertain,
     )[0]
 
 
@@ -100,6 +69,7 @@ def ceilings_of(
     systems: int = 10,
     seed: int = 1,
     workers: int = 1,
+    uncertain: bool = False,
     quiet: bool = True,
 ) -> list[Ceiling]:
     """Ceilings for several contexts [h] and several (noise, channels) at little more than the cost of one.
@@ -107,11 +77,16 @@ def ceilings_of(
     Raises
     ------
     SystemDescriptionError
-        For an unknown noise preset, an unknown channel, or channels without any output.
+        For an unknown noise preset, an unknown channel, channels without any output, or constants that are to be
+        uncertain where the description declares none.
     WeatherError
         If a weather file cannot be read.
     """
     described = system if isinstance(system, System) else load_system(system)
+    if uncertain and not described.uncertain:
+        raise SystemDescriptionError(
+            f"uncertain is set; expected an [[uncertain]] table in {described.path}, which has none"
+        )
     wanted = [(noise, channels or described.estimator.channels) for noise, channels in conditions]
     for noise, channels in wanted:
         described.noise_sd(noise)
@@ -123,10 +98,11 @@ def ceilings_of(
         if not set(channels) & set(described.output_names):
             raise SystemDescriptionError(f"{described.path}: channels {channels} hold no output; nothing to learn from")
     results, lengths, weather = [], list(contexts), weather_hashes(described)
+    constants = unknown_constants(described.uncertain if uncertain else [])
     with progress_bar("windows", systems * len(lengths), shown=not quiet) as bar:
         for count, context in enumerate(lengths):
             windows = []
-            for window in _windows(described, context, systems, seed, workers):
+            for window in _windows(described, context, systems, seed, workers, uncertain):
                 windows.append(window)
                 bar.update(count * systems + len(windows), note=f"{context:g} h")
             visited = np.concatenate([w.visited for w in windows])
@@ -136,7 +112,7 @@ def ceilings_of(
             origin = Origin(start=experiment.start, hours=max(experiment.hours, context), weather=weather)
             for noise, channels in wanted:
                 variances = np.array([posterior_variance(described, w, start, noise, channels) for w in windows])
-                results.append(_summarise(described, variances, context, noise, channels, seed, origin))
+                results.append(_summarise(described, variances, context, noise, channels, seed, origin, constants))
     return results
 
 
@@ -152,11 +128,13 @@ def posterior_variance(
     sd = system.noise_sd(noise)[rows]
 
     def flat(sensitivity: np.ndarray) -> np.ndarray:
-        return (sensitivity[rows] / sd[:, None, None]).reshape(-1, sensitivity.shape[2])
+        _, steps, unknowns = sensitivity.shape  # there may be none: -1 would not do
+        return (sensitivity[rows] / sd[:, None, None]).reshape(len(rows) * steps, unknowns)
 
     by_parameter = flat(window.parameters)
     by_state = flat(window.states)
-    covariance = np.eye(len(by_parameter)) + by_state @ state_covariance @ by_state.T
+    by_constant = flat(window.constants)
+    covariance = np.eye(len(by_parameter)) + by_state @ state_covariance @ by_state.T + by_constant @ by_constant.T
     if window.occupancy.shape[2]:
         persons = window.occupancy_covariance
         if set(channels) & set(crowd_inputs(system)):
@@ -180,13 +158,15 @@ def given_means(covariance: np.ndarray, steps: np.ndarray) -> np.ndarray:
     return np.asarray(covariance - across @ np.linalg.pinv(means @ across, rcond=1e-10, hermitian=True) @ across.T)
 
 
-def crowd_inputs(system: System) -> list[str]:
-    """Names of the inputs that are the number of persons: one crowd, however many read it."""
-    return [one.name for one in system.inputs if one.source == "occupancy"]
-
-
 def _summarise(
-    system: System, variances: np.ndarray, context: float, noise: str, channels: list[str], seed: int, origin: Origin
+    system: System,
+    variances: np.ndarray,
+    context: float,
+    noise: str,
+    channels: list[str],
+    seed: int,
+    origin: Origin,
+    constants: dict[str, Unknown],
 ) -> Ceiling:
     r2 = 1 - variances.mean(axis=0)
     rng = np.random.default_rng(0)
@@ -204,94 +184,18 @@ def _summarise(
         systems=len(variances),
         seed=seed,
         origin=origin,
+        constants=constants,
     )
 
 
-def _windows(system: System, context: float, systems: int, seed: int, workers: int) -> Iterator[Window]:
-    jobs = [(system, context, seed, index) for index in range(systems)]
+def _windows(
+    system: System, context: float, systems: int, seed: int, workers: int, uncertain: bool
+) -> Iterator[Window]:
+    jobs = [(system, context, seed, index, uncertain) for index in range(systems)]
     if workers <= 1:
-        yield from (_window(*job) for job in jobs)
+        yield from (random_window(*job) for job in jobs)
         return
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         with interrupts_held():
-            found = pool.map(_window, *zip(*jobs, strict=True))
+            found = pool.map(random_window, *zip(*jobs, strict=True))
         yield from found
-
-
-_SIMULATORS: dict[str, Simulator] = {}
-
-
-def _window(system: System, context: float, seed: int, index: int) -> Window:
-    """Sensitivities of a random window of a random system, from its record as the farm makes it."""
-    key = f"{system.canonical()} {system.fmu_path} {sha256_of(system.fmu_path)}"
-    if key not in _SIMULATORS:
-        _SIMULATORS[key] = Simulator(system)
-    simulator = _SIMULATORS[key]
-    step = system.experiment.step
-    span = context * HOUR
-    latest = max(int((system.experiment.hours * HOUR - span) // step), 0)
-    begin = record_start(system, seed, index) + step * int(stream(seed, index, "window").integers(latest + 1))
-    theta = sample_parameters(system, seed, index)
-    scale = np.array([float(np.std(p.from_unit(np.linspace(0, 1, 2001)))) for p in system.parameters])
-    spin_up = SPIN_UP_HOURS * HOUR
-    table = build_inputs(system, root_seed=seed, index=index, start=begin - spin_up, stop=begin + span)
-    names = system.parameter_names
-    warm = simulator.run(
-        dict(zip(names, theta.tolist(), strict=True)), table, start=begin - spin_up, stop=begin, record_states=True
-    )
-    start_states = warm.states[-1]
-    spread = warm.states.std(axis=0)
-    each = int(np.ceil(step / PULSE - 1e-9))
-    edges = begin + step / each * np.arange(round(span / step) * each + 1)
-    fine = table.restricted(begin, begin + span).refined(edges)
-
-    def outputs(values: np.ndarray, states: np.ndarray, inputs: InputTable) -> np.ndarray:
-        return simulator.run(
-            dict(zip(names, values.tolist(), strict=True)),
-            inputs,
-            start=begin,
-            stop=begin + span,
-            tolerance=TOLERANCE,
-            initial_states=states,
-        ).outputs
-
-    def difference(up: np.ndarray, down: np.ndarray, width: float) -> np.ndarray:
-        return (up - down) / width
-
-    by_parameter, by_state = [], []
-    for k in range(len(theta)):
-        move = np.zeros_like(theta)
-        move[k] = PARAMETER_STEP * scale[k]
-        pair = [outputs(theta + sign * move, start_states, fine) for sign in (1, -1)]
-        by_parameter.append(difference(pair[0], pair[1], 2 * PARAMETER_STEP))
-    for k in range(len(start_states)):
-        move = np.zeros_like(start_states)
-        move[k] = max(STATE_STEP * spread[k], 1e-9 * abs(start_states[k]), 1e-12)
-        pair = [outputs(theta, start_states + sign * move, fine) for sign in (1, -1)]
-        by_state.append(difference(pair[0], pair[1], 2 * move[k]))
-    shape = (len(system.outputs), round(span / step), 0)
-    by_pulse, covariance, within = np.empty(shape), np.empty((0, 0)), np.empty(0, dtype=int)
-    crowd = [system.input_names.index(name) for name in crowd_inputs(system)]
-    if crowd and system.occupancy is not None:
-        base = outputs(theta, start_states, fine)
-
-        def response(pulses: Sequence[tuple[float, float]]) -> np.ndarray:
-            more = fine
-            for column in crowd:
-                for a, b in pulses:
-                    more = more.with_pulse(column, a, b, 1.0)
-            return outputs(theta, start_states, more) - base
-
-        draws = occupancy_prior(system.occupancy, edges, max(PRIOR_DRAWS, DRAWS_EACH * (len(edges) - 1)), seed)
-        some = np.flatnonzero(np.ptp(draws, axis=0) > 0)  # nobody comes at night
-        covariance, within = np.atleast_2d(np.cov(draws[:, some], rowvar=False)), some // each
-        pulses = list(pairwise(edges))
-        by_pulse = responses(response, [pulses[k] for k in some], begin + step * np.arange(1, shape[1] + 1))
-    return Window(
-        parameters=np.stack(by_parameter, axis=-1),
-        states=np.stack(by_state, axis=-1) if by_state else np.empty(shape),
-        occupancy=by_pulse,
-        occupancy_covariance=covariance,
-        occupancy_steps=within,
-        visited=warm.states,
-    )

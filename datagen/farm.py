@@ -30,7 +30,7 @@ from datagen.simulator import Simulator
 from datagen.versions import all_here, note
 from datagen.worker import TIMEOUT, Job
 from shared.ceiling import FILE_NAME as CEILING_FILE
-from shared.ceiling import Origin, fitting, read_ceilings
+from shared.ceiling import Origin, fitting, read_ceilings, unknown_constants
 from shared.errors import DatasetError
 from shared.logs import logger
 from shared.store import Manifest, read_manifest, write_atomically, write_manifest
@@ -59,6 +59,7 @@ def run(
     shard_size: int = 10,
     excitation: bool = True,
     calm: float = 0.0,
+    uncertain: bool = False,
     extend: bool = False,
     retry_failures: bool = False,
     failure_budget: float = FAILURE_BUDGET,
@@ -84,6 +85,8 @@ def run(
         Whether inputs of source ``excitation`` act.
     calm
         Share of the systems, drawn by chance, in which they do not.
+    uncertain
+        Draw the description's uncertain constants for each system, in place of their values.
     extend
         Allow more systems than the dataset was started with; the shards that are there stay as they are.
     retry_failures
@@ -122,6 +125,8 @@ def run(
         )
     if calm and not any(one.source == "excitation" for one in described.inputs):
         raise DatasetError(f"calm is {calm:g}; expected 0: {described.path} has no input of source 'excitation'")
+    if uncertain and not described.uncertain:
+        raise DatasetError(f"uncertain is set; expected an [[uncertain]] table in {described.path}, which has none")
     if seed < 0:
         raise DatasetError(f"seed is {seed}; expected at least 0")
     if not _SHORTEST <= timeout <= threading.TIMEOUT_MAX:
@@ -135,6 +140,8 @@ def run(
     settings = {**described.experiment.model_dump(mode="json"), "excitation": excitation, "weather": weather}
     if calm:  # earlier datasets do not know it
         settings["calm"] = calm
+    if uncertain:
+        settings["uncertain"] = [one.model_dump(mode="json") for one in described.uncertain]
     wanted = Manifest(
         system_name=described.name,
         system_hash=described.hash(),
@@ -166,6 +173,7 @@ def run(
                 root_seed=seed,
                 excitation=excitation,
                 calm=calm,
+                uncertain=uncertain,
                 folder=str(folder.resolve()),
                 settings=text,
                 package=package_hash(fmu_hash, weather),
@@ -186,7 +194,7 @@ def run(
                     collection.collect(client, again, quiet=quiet, patience=patience)
             if not (folder / FAILURES_FILE).exists():
                 failures.write(folder)
-            _copy_ceilings(described, folder, excitation=excitation and not calm)
+            _copy_ceilings(described, folder, excitation=excitation and not calm, uncertain=uncertain)
             write_card(folder, manifest, described)
     except OSError as error:
         raise DatasetError(
@@ -248,8 +256,11 @@ def _clear(folder: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def _copy_ceilings(system: System, folder: Path, *, excitation: bool) -> None:
-    """Put the ceilings beside the description into the dataset, if any is of this very system, FMU, season, weather."""
+def _copy_ceilings(system: System, folder: Path, *, excitation: bool, uncertain: bool) -> None:
+    """Put the ceilings beside the description into the dataset, if any is for this very dataset.
+
+    That is, of its system, FMU, season, weather, and of constants that are drawn or as declared, as its own are.
+    """
     beside = system.path.parent / CEILING_FILE
     if not beside.exists():
         return
@@ -260,7 +271,7 @@ def _copy_ceilings(system: System, folder: Path, *, excitation: bool) -> None:
             return
         experiment = system.experiment
         origin = Origin(start=experiment.start, hours=experiment.hours, weather=weather_hashes(system))
-        limit, reason = fitting(ceilings.ceilings, origin)
+        limit, reason = fitting(ceilings.ceilings, origin, unknown_constants(system.uncertain if uncertain else []))
         if limit is None:
             _log.info("%s: not copied: %s", beside, reason)  # nothing is wrong with the dataset
             return

@@ -26,6 +26,7 @@ def identifiability(
     systems: Positive = 10,
     seed: NotNegative = 1,
     workers: Positive = 2,
+    uncertain: Annotated[bool, Parameter(negative=())] = False,
     out: Path | None = None,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
     report: Reporting = USUAL,
@@ -54,15 +55,19 @@ def identifiability(
         Root seed of these systems.
     workers
         Processes.
+    uncertain
+        Draw the constants that the description says are uncertain, anew for each system, and take them as unknown: the
+        limit for datasets of `datagen run --uncertain`, and kept beside that for constants as declared.
     out
         File to keep the result in, in place of `identifiability.json` beside the description.
     as_json
         Print JSON.
     """
-    from datagen.ceilings import ceilings_of, crowd_inputs
+    from datagen.ceilings import ceilings_of
     from datagen.fmu import fmu_sha256
     from datagen.liveness import HARDLY, check_live_apart
-    from shared.ceiling import FILE_NAME, Ceilings, read_ceilings, write_ceilings
+    from datagen.sensitivities import crowd_inputs
+    from shared.ceiling import FILE_NAME, Ceilings, in_words, read_ceilings, write_ceilings
     from shared.system import load_system
 
     described = load_system(system)
@@ -78,6 +83,7 @@ def identifiability(
         systems=systems,
         seed=seed,
         workers=workers,
+        uncertain=uncertain,
         quiet=report.quiet,
     )
     path = out or described.path.parent / FILE_NAME
@@ -98,7 +104,8 @@ def identifiability(
     if as_json:
         sys.stdout.write(json.dumps([one.model_dump() for one in found], indent=1) + "\n")
         return OK
-    console.print(f"Linearised limit of R2, mean of {systems} systems", markup=False)
+    how = f", {in_words(found[0].constants)}" if uncertain else ""
+    console.print(f"Linearised limit of R2, mean of {systems} systems{how}", markup=False)
     for first in range(0, len(found), 3):  # three conditions side by side fit a terminal
         some = found[first : first + 3]
         heads = [f"{one.context_hours:g} h, {one.noise}\n{' '.join(one.channels)}" for one in some]

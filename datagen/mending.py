@@ -65,6 +65,7 @@ def repair(folder: Path | str, system: Path | str | None = None, *, workers: int
             root_seed=manifest.root_seed,
             excitation=bool(manifest.settings.get("excitation", True)),
             calm=float(manifest.settings.get("calm", 0.0)),
+            uncertain="uncertain" in manifest.settings,
             folder=str(dataset.folder.resolve()),
             settings=settings_text(manifest),
             package=package_hash(manifest.fmu_sha256, weather),
@@ -109,5 +110,5 @@ def _find_system(dataset: DatasetFolder, system: Path | str | None) -> System:
     weather = manifest.settings.get("weather")
     if weather is not None and weather != weather_hashes(described):
         raise DatasetError(f"{described.path}: its weather files are not those that {dataset.folder} was made with")
-    experiment = dataset.system.experiment
-    return described.model_copy(update={"experiment": experiment})
+    # neither is part of the hash that was compared
+    return described.model_copy(update={"experiment": dataset.system.experiment, "uncertain": dataset.system.uncertain})

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from datagen.constants import sample_factors
 from datagen.sampling import record_start, sample_parameters
 from datagen.simulator import Simulator
 from datagen.worker import simulate_system
@@ -27,6 +28,7 @@ def simulate(
     seed: int = 0,
     index: int = 0,
     excitation: bool = True,
+    uncertain: bool = False,
 ) -> xr.Dataset:
     """Simulate one system and return its outputs and inputs, dimensions (time); write them to ``out`` if given.
 
@@ -34,11 +36,13 @@ def simulate(
     ----------
     parameters
         Values by name [unit of the description]; the others are drawn as the farm would for (``seed``, ``index``).
+    uncertain
+        Draw the description's uncertain constants, too.
 
     Raises
     ------
     SystemDescriptionError
-        If a parameter is unknown to the description and the FMU.
+        If a parameter is unknown to the description and the FMU, or a constant is given that shall be drawn.
     SimulationError
         If the end was not reached.
     """
@@ -53,7 +57,14 @@ def simulate(
                 f"{described.path}: {name!r} is not a parameter of {simulator.fmu.path.name}; "
                 f"estimated ones are {', '.join(described.parameter_names)}"
             )
-    trajectory = simulate_system(simulator, root_seed=seed, index=index, parameters=given, excitation=excitation)
+    twice = [name for one in described.uncertain for name in one.parameters if uncertain and name in given]
+    if twice:
+        raise SystemDescriptionError(
+            f"{described.path}: {twice[0]!r} is set, and uncertain constants are to be drawn; expected one of both"
+        )
+    trajectory = simulate_system(
+        simulator, root_seed=seed, index=index, parameters=given, excitation=excitation, uncertain=uncertain
+    )
     drawn = sample_parameters(described, seed, index)
     values = np.array([given.get(n, v) for n, v in zip(described.parameter_names, drawn, strict=True)])
     others = {k: v for k, v in given.items() if k not in described.parameter_names}
@@ -65,6 +76,7 @@ def simulate(
         outputs=trajectory.outputs[None],
         inputs=trajectory.inputs[None],
         starts=np.array([record_start(described, seed, index)]),
+        factors=sample_factors(described, seed, index)[None] if uncertain else None,
         attributes={
             "fmu_sha256": simulator.fmu.sha256,
             "root_seed": str(seed),

@@ -32,6 +32,7 @@ def run(
     shard_size: int = 10,
     excitation: bool = True,
     calm: float = 0.0,
+    uncertain: Annotated[bool, Parameter(negative=())] = False,
     extend: Annotated[bool, Parameter(negative=())] = False,
     retry_failures: Annotated[bool, Parameter(negative=())] = False,
     failure_budget: float = 0.05,
@@ -78,6 +79,9 @@ def run(
     calm
         Share of the systems, drawn by chance, that get none of them: an estimator that shall read both kinds must have
         seen both.
+    uncertain
+        Draw the constants that the description says are uncertain, anew for each system: an estimator that shall read
+        buildings must have seen others than the declared ones. `datagen inspect` lists them.
     extend
         Add systems to a dataset that has fewer; the shards that are there stay as they are.
     retry_failures
@@ -106,6 +110,7 @@ def run(
         shard_size=shard_size,
         excitation=excitation,
         calm=calm,
+        uncertain=uncertain,
         extend=extend,
         retry_failures=retry_failures,
         failure_budget=failure_budget,

@@ -24,6 +24,7 @@ def simulate(
     seed: NotNegative = 0,
     index: NotNegative = 0,
     excitation: bool = True,
+    uncertain: Annotated[bool, Parameter(negative=())] = False,
 ) -> int:
     """Simulate one system into one NetCDF file, the shape in which recordings come.
 
@@ -45,6 +46,8 @@ def simulate(
         System index of what is drawn.
     excitation
         Add the description's small sinusoids to the control actions.
+    uncertain
+        Draw the constants that the description says are uncertain, too.
     """
     from datagen import simulate as simulate_
 
@@ -57,10 +60,11 @@ def simulate(
         seed=seed,
         index=index,
         excitation=excitation,
+        uncertain=uncertain,
     )
     table = Table("variable", "unit", "minimum", "mean", "maximum", box=None)
     for name, values in record.data_vars.items():
-        if values.attrs.get("role") == "parameter":
+        if values.attrs.get("role") in ("parameter", "constant"):
             table.add_row(str(name), values.attrs["units"], "", f"{float(values):.5g}", "")
         elif values.attrs.get("role") == "output":
             low, mean, high = (f"{float(f()):.5g}" for f in (values.min, values.mean, values.max))

@@ -21,6 +21,7 @@ import dask
 import numpy as np
 import psutil
 
+from datagen.constants import constants, sample_factors, values_of
 from datagen.dask_worker import RECYCLE, address, recycle, this_worker, unpack_in_scratch
 from datagen.guard import guarded as in_children
 from datagen.inputs import build_inputs
@@ -55,6 +56,7 @@ class Job:
     excitation: bool
     folder: str
     calm: float = 0.0
+    uncertain: bool = False
     settings: str = ""
     package: str = ""
     token: str = ""
@@ -97,6 +99,7 @@ def simulate_system(
     index: int,
     parameters: dict[str, float] | None = None,
     excitation: bool = True,
+    uncertain: bool = False,
     replay: bool = False,
     tolerance: float | None = None,
 ) -> Trajectory:
@@ -106,6 +109,8 @@ def simulate_system(
     ----------
     parameters
         By name, in place of the sampled ones.
+    uncertain
+        Draw the description's uncertain constants, too, in place of their values.
 
     Raises
     ------
@@ -116,6 +121,8 @@ def simulate_system(
     experiment = system.experiment
     begin = record_start(system, root_seed, index)
     sampled = dict(zip(system.parameter_names, sample_parameters(system, root_seed, index).tolist(), strict=True))
+    if uncertain:
+        sampled |= values_of(constants(system, simulator.fmu), sample_factors(system, root_seed, index))
     start, stop = begin - experiment.warm_up_hours * HOUR, begin + experiment.hours * HOUR
     inputs = build_inputs(system, root_seed=root_seed, index=index, start=start, stop=stop, excitation=excitation)
     return simulator.run(
@@ -148,6 +155,7 @@ def attempt(work: tuple[Job, int]) -> Trajectory:
                 root_seed=job.root_seed,
                 index=index,
                 excitation=job.excitation and not is_calm(job.root_seed, index, job.calm),
+                uncertain=job.uncertain,
                 tolerance=simulator.system.experiment.tolerance * factor,
             )
         except SimulationError as error:
@@ -250,6 +258,7 @@ def _deliver(job: Job, file: str, indices: Sequence[int], outcomes: list[Any]) -
         outputs=np.stack([one.outputs for one in good]),
         inputs=np.stack([one.inputs for one in good]),
         starts=np.array([record_start(system, job.root_seed, index) for index in done]),
+        factors=np.stack([sample_factors(system, job.root_seed, index) for index in done]) if job.uncertain else None,
         attributes={"fmu_sha256": job.fmu_sha256, "root_seed": str(job.root_seed), "settings": job.settings},
     )
     entry, data = _write(job, file, shard, done)

@@ -1,12 +1,14 @@
 """Ceilings: the linearised Bayesian limit of R2; ``datagen identifiability`` writes it, ``trainer evaluate`` reads it.
 
-A ceiling belongs to a system, a context length, a noise preset, a set of channels and a season: weeks in January and in
-July do not tell the same. The file lies beside the system description and is copied into every dataset made from it
-that has the season and the weather of one of its ceilings.
+A ceiling belongs to a system, a context length, a noise preset, a set of channels, a season and what is known of the
+constants: weeks in January and in July do not tell the same, and neither do a floor as declared and one of nobody
+knows what weight. The file lies beside the system description and is copied into every dataset made from it that has
+the season, the weather and the constants of one of its ceilings.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -14,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from shared.errors import ZeroshotError
 from shared.reading import read_json, validated
 from shared.store import write_atomically
+from shared.uncertain import Uncertain
 
 FILE_NAME = "identifiability.json"
 YEAR = 8760.0
@@ -61,10 +64,30 @@ _OLD = Origin(start=(0.0, 0.0), hours=YEAR)
 """Of ceilings that do not say it: nearly all were made over a year."""
 
 
+class Unknown(BaseModel):
+    """A constant that was drawn, and that nobody knows: FMU parameters, all times exp(``relative`` * N(0, 1))."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+    parameters: list[str]
+    relative: float = Field(gt=0)
+
+
+def unknown_constants(drawn: Iterable[Uncertain]) -> dict[str, Unknown]:
+    """By name, uncertain constants that are drawn for each system; those that are not are as declared, and known."""
+    return {one.name: Unknown(parameters=sorted(one.parameters), relative=one.relative) for one in drawn}
+
+
+def in_words(constants: Mapping[str, Unknown]) -> str:
+    """What is known of constants, in words."""
+    drawn = ", ".join(f"{name} {one.relative:g}" for name, one in constants.items())
+    return f"constants drawn ({drawn})" if drawn else "constants as declared"
+
+
 class Ceiling(BaseModel):
     """Limit of R2 per parameter under one condition, averaged over ``systems`` random systems and windows.
 
-    ``origin`` says what the windows were of; older files lack it, and are taken to be of the whole year.
+    ``origin`` says what the windows were of; older files lack it, and are taken to be of the whole year. ``constants``
+    are those that the limit took as unknown; all others are as declared.
     """
 
     model_config = ConfigDict(extra="forbid")
@@ -79,6 +102,7 @@ class Ceiling(BaseModel):
     systems: int
     seed: int
     origin: Origin | None = None
+    constants: dict[str, Unknown] = {}
 
     def known_origin(self) -> Origin:
         """What the windows were of, also of an older file."""
@@ -97,14 +121,16 @@ class Ceilings(BaseModel):
     nuisances: list[str] = []
     ceilings: list[Ceiling] = []
 
-    def find(self, *, context_hours: float, step: float, noise: str, channels: list[str]) -> list[Ceiling]:
+    def find(
+        self, *, context_hours: float, step: float, noise: str, channels: list[str], constants: Mapping[str, Unknown]
+    ) -> list[Ceiling]:
         """The ceilings of a condition, one for each season that it was computed for.
 
         Of the channels, outputs count, and whether any is among the ``nuisances``: one that is measured is known. Other
         inputs are taken as known anyway. Ceilings without an origin were computed as though no nuisance could be
         measured: where they name one they are too low, and not found.
         """
-        wanted = (context_hours, step, noise, *self._told(channels))
+        wanted = (context_hours, step, noise, constants, *self._told(channels))
         return [one for one in self.ceilings if self._condition(one) == wanted and not self._too_low(one)]
 
     def put(self, ceiling: Ceiling) -> None:
@@ -120,16 +146,19 @@ class Ceilings(BaseModel):
         return sorted(set(channels) & set(self.outputs)), bool(set(channels) & set(self.nuisances))
 
     def _condition(self, one: Ceiling) -> tuple[object, ...]:
-        return (one.context_hours, one.step, one.noise, *self._told(one.channels))
+        return (one.context_hours, one.step, one.noise, one.constants, *self._told(one.channels))
 
     def _too_low(self, one: Ceiling) -> bool:
         return one.origin is None and self._told(one.channels)[1]
 
 
-def fitting(ceilings: list[Ceiling], dataset: Origin) -> tuple[Ceiling | None, str]:
-    """The first of some ceilings that holds for a dataset; where there is none, None and why."""
+def fitting(ceilings: list[Ceiling], dataset: Origin, constants: Mapping[str, Unknown]) -> tuple[Ceiling | None, str]:
+    """The first of some ceilings that holds for a dataset with such constants; where there is none, None and why."""
+    same = [one for one in ceilings if one.constants == constants]
+    if ceilings and not same:
+        return None, f"it has none with {in_words(constants)}"
     # of the dataset's own season first: why that one does not hold says most
-    ordered = sorted(ceilings, key=lambda one: one.known_origin().season() != dataset.season())
+    ordered = sorted(same, key=lambda one: one.known_origin().season() != dataset.season())
     reasons = [one.known_origin().unlike(dataset) for one in ordered]
     if "" in reasons:
         return ordered[reasons.index("")], ""

@@ -1,10 +1,10 @@
 """The schema of a shard: what a file of simulated systems holds, and how it is held to that.
 
 A shard has dimensions (system, time). Outputs and inputs are float32, parameters float64, one value a system.
-Every variable says its role (``parameter``, ``output``, ``input``), its units and, for series, its CF cell method:
-``time: point`` is an instant, ``time: mean`` the mean over the step that ends there (see ``time_bnds``). Time runs
-from the beginning of each system's own record, which is ``start``. Where all records begin at time zero it is a date;
-where they begin on days of their own it is an elapsed time, which no reader can take for one.
+Every variable says its role (``parameter``, ``constant``, ``output``, ``input``), its units and, for series, its CF
+cell method: ``time: point`` is an instant, ``time: mean`` the mean over the step that ends there (see ``time_bnds``).
+Time runs from the beginning of each system's own record, which is ``start``. Where all records begin at time zero it is
+a date; where they begin on days of their own it is an elapsed time, which no reader can take for one.
 """
 
 from __future__ import annotations
@@ -21,9 +21,10 @@ from shared.errors import DatasetError
 from shared.reading import shown
 from shared.system import System
 
-SCHEMA_VERSION = "2.1"
+SCHEMA_VERSION = "2.2"
 """2.0 added ``start``: a reader of 1.0 would take every record to begin at time zero. 2.1: where records begin on days
-of their own, ``start`` is a date and ``time`` is none; the values are the same."""
+of their own, ``start`` is a date and ``time`` is none; the values are the same. 2.2: where uncertain constants were
+drawn, a variable each says by what theirs were multiplied."""
 EPOCH = "2001-01-01 00:00:00"
 """Time zero of every simulated year: 1 January of a common year that began on a Monday, local standard time."""
 CLOCK = {
@@ -87,6 +88,7 @@ def build_shard(
     inputs: np.ndarray,
     attributes: dict[str, str],
     starts: np.ndarray | None = None,
+    factors: np.ndarray | None = None,
 ) -> xr.Dataset:
     """Put simulated systems into a dataset that follows the schema.
 
@@ -102,6 +104,9 @@ def build_shard(
         Further global attributes, for example hashes and versions.
     starts
         When each system's record begins, shape (systems,) [s since time zero]; zero if not given.
+    factors
+        By what each system's uncertain constants were multiplied, shape (systems, constants), in the order of the
+        description [1]; none if they have their values.
     """
     step = system.experiment.step
     count = outputs.shape[2]
@@ -129,6 +134,11 @@ def build_shard(
         about = {"long_name": parameter.description or parameter.name, "units": parameter.unit, "role": "parameter"}
         span = {"valid_min": parameter.min, "valid_max": parameter.max}
         variables[parameter.name] = (("system",), parameters[:, k].astype(np.float64), about | span)
+    for k, constant in enumerate(system.uncertain if factors is not None else ()):
+        assert factors is not None
+        what = constant.description or constant.name
+        about = {"long_name": f"{what}, as a multiple of its value", "units": "1", "role": "constant"}
+        variables[constant.name] = (("system",), factors[:, k].astype(np.float64), about)
     for k, output in enumerate(system.outputs):
         attrs = {"long_name": output.long_name or output.name, "units": output.unit, "role": "output"}
         attrs["cell_methods"] = f"time: {methods[output.name]}"

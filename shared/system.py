@@ -202,8 +202,9 @@ class System(Table):
         """sha256 of what is simulated: equal for equal systems, however long and for whom they are simulated.
 
         ``experiment``, ``presets`` and ``estimator`` are defaults of commands, ``effects`` and ``sources`` are what
-        diagnosis tries, and ``uncertain`` is what it does not trust: none of them changes a simulated system, and they
-        are left out.
+        diagnosis tries, and ``uncertain`` is what is not trusted: none of them changes a system that is simulated as
+        described, and they are left out. So systems whose constants were drawn count as the same to an estimator that
+        must not have seen them: that errs on the safe side, and datasets of both kinds differ in their settings.
         """
         without = {"path", "experiment", "presets", "estimator", "sources", "uncertain"}
         content = self.model_dump(mode="json", exclude=without) | {"effects": []}

@@ -13,7 +13,7 @@ class Uncertain(Table):
     """FMU parameters that nobody wants to know and nobody knows exactly: the layers of a floor, say.
 
     All of them are multiplied by exp(``relative`` * N(0, 1)); their values are those of ``fixed``, or the FMU's own.
-    Simulated datasets keep the values as they are: only measurements come from a building.
+    Fits to measurements let them vary, and so do datasets that are to be like buildings (``datagen run --uncertain``).
     """
 
     name: str

@@ -155,6 +155,9 @@ class Card(_Table):
     """The same condition by condition; none in a card of the first version, or of a training that was interrupted."""
     familiar: list[Familiar] = []
     """What windows of the training look like, length by length; none in cards of earlier versions."""
+    held: list[str] | None = None
+    """Uncertain constants of the description that all systems of the training had as declared; None where it is not
+    known, in cards of earlier versions."""
     training: Training
     versions: dict[str, str]
     weights_sha256: str = ""

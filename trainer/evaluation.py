@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from shared.ceiling import FILE_NAME, Origin, fitting, read_ceilings
+from shared.ceiling import FILE_NAME, Origin, Unknown, fitting, in_words, read_ceilings, unknown_constants
 from shared.errors import EstimatorError
 from shared.metrics import bootstrap_by_system, r2, relative_accuracy
 from shared.store import DatasetFolder, Records
@@ -206,7 +206,8 @@ def find_ceiling(
     """The ceiling of a condition, or None; and a sentence that says which, or why there is none.
 
     Channels from the clock and inputs are no part of the condition, but for counted persons: the ceiling takes them for
-    known. A dataset without excitation has none: ceilings are computed with it.
+    known. A dataset without excitation has none: ceilings are computed with it. Where a dataset's uncertain constants
+    were drawn the ceiling is one that took just these for unknown; where they are as declared, one that knew them.
 
     Raises
     ------
@@ -226,11 +227,16 @@ def find_ceiling(
     if not excited and any(i.source == "excitation" for i in dataset.system.inputs):
         return None, f"no ceiling: {where} holds with excitation; this dataset is not all with it"
     read = [name for name in card.encoding.recorded if name in channels]
-    limits = ceilings.find(context_hours=hours, step=card.encoding.step, noise=noise, channels=read)
+    constants = constants_of(dataset)
+    limits = ceilings.find(
+        context_hours=hours, step=card.encoding.step, noise=noise, channels=read, constants=constants
+    )
     condition = f"{hours:g} h, step {card.encoding.step:g} s, noise {noise}, channels {' '.join(read)}"
+    if constants or any(one.constants for one in ceilings.ceilings):
+        condition += f", {in_words(constants)}"
     if not limits:
         return None, f"no ceiling: {where} has none for {condition}"
-    limit, reason = fitting(limits, origin_of(dataset))
+    limit, reason = fitting(limits, origin_of(dataset), constants)
     if limit is None:
         return None, f"no ceiling: {where}: {reason}"
     return CeilingFigures(r2=limit.r2, r2_mean=limit.r2_mean), f"ceiling for {condition}, over {limit.systems} systems"
@@ -241,6 +247,11 @@ def origin_of(dataset: DatasetFolder) -> Origin:
     experiment, weather = dataset.system.experiment, dataset.manifest.settings.get("weather")
     known = {str(k): str(v) for k, v in weather.items()} if isinstance(weather, dict) else {}
     return Origin(start=experiment.start, hours=experiment.hours, weather=known)
+
+
+def constants_of(dataset: DatasetFolder) -> dict[str, Unknown]:
+    """The constants that were drawn for each system of a dataset."""
+    return unknown_constants(dataset.system.uncertain if dataset.manifest.settings.get("uncertain") else [])
 
 
 def check_same_system(card: Card, dataset: DatasetFolder) -> None:

@@ -215,6 +215,7 @@ def fit(
             validation_systems=Systems.of(records, validation),
             validation_rmse={},
             familiar=familiar(source, training, seeds[5]),
+            held=held(dataset),
             training=Training(
                 seed=seed,
                 batch_size=recipe.batch_size,
@@ -254,6 +255,12 @@ def fit(
 
         Loop(folder, card, network, sampler, held_out, recipe, minutes, settings, measure).run(progress)
     return load_run(folder)
+
+
+def held(dataset: DatasetFolder) -> list[str]:
+    """Names of the uncertain constants that a dataset's systems all have as declared."""
+    drawn = "uncertain" in dataset.manifest.settings
+    return [] if drawn else [one.name for one in dataset.system.uncertain]
 
 
 def settings_of(card: Card, steps: int | None) -> dict[str, Any]:

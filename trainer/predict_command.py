@@ -68,6 +68,12 @@ def predict(
             for note in one.unlike:
                 console.print(f"- {note}", markup=False)
     console.print(result.rmse_note, markup=False)
+    if result.held:
+        console.print(
+            f"The run was trained on systems that have {', '.join(result.held)} as declared. Where a building has"
+            " others, errors are larger than is said; `datagen run --uncertain` simulates such systems.",
+            markup=False,
+        )
     for path in (out, corner):
         if path is not None:
             console.print(f"written to {path}", markup=False)

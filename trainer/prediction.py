@@ -61,13 +61,16 @@ class Prediction(_Table):
 class Predictions(_Table):
     """What ``trainer predict`` prints."""
 
-    schema_version: int = 3
+    schema_version: int = 4
     file: str
     model: str
     context_hours: float
     noise: str
     absent: list[str] = []
     """Channels that the run can do without, and that the recording lacks."""
+    held: list[str] | None = None
+    """uncertain constants of the description that the run has seen as declared only: where a building's are others,
+    errors are larger than is said; None where the run does not remember it"""
     rmse_note: str
     """What ``rmse`` is over, or why it is null."""
     predictions: list[Prediction]
@@ -178,6 +181,7 @@ def predict(
         context_hours=len(window.stamps) * encoding.step / 3600,
         noise=run.card.noise,
         absent=window.absent,
+        held=run.card.held,
         rmse_note=_rmse_note(typical, window, encoding, posterior is not None),
         predictions=predictions,
     )

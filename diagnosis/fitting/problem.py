@@ -14,6 +14,7 @@ from copy import copy
 
 import numpy as np
 
+from datagen.constants import constants
 from datagen.simulator import Simulator
 from diagnosis.effects.base import Effect
 from diagnosis.fitting.differences import one_sided
@@ -25,7 +26,7 @@ from diagnosis.fitting.nuisance import responses
 from diagnosis.fitting.remembered import Remembered
 from diagnosis.fitting.runs import Runs
 from diagnosis.fitting.side_by_side import InProcess, Outcome, Runner
-from diagnosis.fitting.unknowns import LIMIT, Unknowns, constants
+from diagnosis.fitting.unknowns import LIMIT, Unknowns
 from diagnosis.fitting.unmeasured import nuisance_of
 from diagnosis.recording import HOUR, Recording
 from shared.errors import RecordingError, SimulationError

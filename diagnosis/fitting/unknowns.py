@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from datagen.fmu import Fmu
+from datagen.constants import Constant
 from diagnosis.effects.base import Effect
 from diagnosis.fitting.nuisance import Level
 from shared.system import System
@@ -23,27 +23,6 @@ LIMIT = 3.7
 
 EDGE = 0.01
 """A parameter this close to an end of its range, as a share of the range, lies on its bound."""
-
-
-@dataclass(frozen=True)
-class Constant:
-    """An uncertain constant: FMU parameters by name [unit of each], all multiplied by exp(``relative`` * N(0, 1))."""
-
-    name: str
-    relative: float
-    parameters: dict[str, float]
-
-
-def constants(system: System, fmu: Fmu) -> tuple[Constant, ...]:
-    """The uncertain constants of a description that fits its FMU, with the values that they have."""
-    return tuple(
-        Constant(
-            one.name,
-            one.relative,
-            {name: float(system.fixed.get(name, fmu.variables[name].start)) for name in one.parameters},
-        )
-        for one in system.uncertain
-    )
 
 
 @dataclass(frozen=True)

@@ -27,11 +27,11 @@ from intervals import QUANTILE, noisy
 from resumed import resumed
 
 from datagen import simulate
+from datagen.constants import constants, values_of
 from datagen.simulator import Simulator
 from diagnosis.calibrating.calibration import calibrate
 from diagnosis.fitting.fit import fit
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.unknowns import constants
 from diagnosis.recording import HOUR, Recording, read_recording
 from shared.errors import ZeroshotError
 from shared.metrics import bootstrap_by_system, r2
@@ -83,11 +83,8 @@ def made(case: dict[str, Any]) -> dict[str, Any]:
 
 def drawn(system: System, rng: np.random.Generator) -> dict[str, float]:
     """FMU parameters [unit of each] of uncertain constants drawn from what the description says of them."""
-    found = {}
-    for one in constants(system, Simulator(system).fmu):
-        factor = np.exp(one.relative * rng.standard_normal())
-        found |= {name: value * factor for name, value in one.parameters.items()}
-    return found
+    known = constants(system, Simulator(system).fmu)
+    return values_of(known, np.exp([one.relative * rng.standard_normal() for one in known]))
 
 
 def known_constants(system: System, record: Recording, begin: dict[str, float], noise: str) -> dict[str, float]:

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import datagen.ceilings as ceilings
-from datagen.ceilings import HOUR, SPIN_UP_HOURS, Window, _window, ceilings_of, identifiability, posterior_variance
+import datagen.sensitivities as sensitivities
+from datagen.ceilings import ceilings_of, identifiability, posterior_variance
 from datagen.cli import app
 from datagen.package import weather_hashes
 from datagen.sampling import record_start
+from datagen.sensitivities import HOUR, SPIN_UP_HOURS, Window, random_window
 from shared.ceiling import Ceilings, read_ceilings
 from shared.errors import SystemDescriptionError
 from shared.system import parse_system
@@ -84,12 +85,13 @@ def limits(found):
     return np.array(list(found.r2.values()))
 
 
-def random_window(system, rng, steps=12, states=3, pulses=5):
+def made_up_window(system, rng, steps=12, states=3, constants=2, pulses=5):
     outputs = len(system.outputs)
     root = rng.normal(size=(pulses, pulses))
     return Window(
         parameters=rng.normal(size=(outputs, steps, len(system.parameters))),
         states=rng.normal(size=(outputs, steps, states)),
+        constants=rng.normal(size=(outputs, steps, constants)),
         occupancy=rng.normal(size=(outputs, steps, pulses)),
         occupancy_covariance=root @ root.T,
         occupancy_steps=np.array([2, 2, 2, 7, 8])[:pulses],
@@ -104,39 +106,56 @@ def test_posterior_equals_conditioning_the_joint_gaussian(default_system, counte
     Persons who were counted are data: the means of three pulses in one step, and of the others in one each.
     """
     rng = np.random.default_rng(0)
-    window = random_window(default_system, rng)
+    window = made_up_window(default_system, rng)
     start = np.array([[0.25, 0.3, 0.0], [0.3, 4.0, -1.0], [0.0, -1.0, 1.0]])
     channels = ["TRoo", "CO2", "TDryBul", *(["nPer"] if counted else [])]
     found = posterior_variance(default_system, window, start, "sensor", channels)
     rows = [0, 1]
     noise = np.repeat(default_system.noise_sd("sensor")[rows] ** 2, 12)
     design = np.concatenate(
-        [m[rows].reshape(24, -1) for m in (window.parameters, window.states, window.occupancy)], axis=1
+        [m[rows].reshape(24, -1) for m in (window.parameters, window.constants, window.states, window.occupancy)],
+        axis=1,
     )
     n = len(default_system.parameters)
+    own = n + 2  # standardised: parameters and constants
     if counted:
-        means = np.zeros((3, n + 3 + 5))
-        means[0, n + 3 : n + 6], means[1, n + 6], means[2, n + 7] = 1 / 3, 1.0, 1.0
+        means = np.zeros((3, own + 3 + 5))
+        means[0, own + 3 : own + 6], means[1, own + 6], means[2, own + 7] = 1 / 3, 1.0, 1.0
         design, noise = np.concatenate([design, means]), np.append(noise, np.full(3, 1e-9))
-    prior = np.zeros((n + 3 + 5, n + 3 + 5))
-    prior[:n, :n] = np.eye(n)
-    prior[n : n + 3, n : n + 3] = start
-    prior[n + 3 :, n + 3 :] = window.occupancy_covariance
+    prior = np.zeros((own + 3 + 5, own + 3 + 5))
+    prior[:own, :own] = np.eye(own)
+    prior[own : own + 3, own : own + 3] = start
+    prior[own + 3 :, own + 3 :] = window.occupancy_covariance
     data = design @ prior @ design.T + np.diag(noise)
     cross = prior @ design.T
     posterior = prior - cross @ np.linalg.solve(data, cross.T)
     np.testing.assert_allclose(found, np.diag(posterior)[:n], rtol=1e-6)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_who_knows_less_of_the_constants_can_tell_less_of_the_parameters(default_system, seed):
+    """And with constants that the outputs do not feel just as much."""
+    window = made_up_window(default_system, np.random.default_rng(seed))
+    start, channels = np.diag([0.25, 4.0, 1.0]), ["TRoo", "CO2"]
+
+    def variance(constants):
+        return posterior_variance(default_system, replace(window, constants=constants), start, "sensor", channels)
+
+    none, one, both = (variance(window.constants[:, :, :count]) for count in range(3))
+    assert (one >= none - 1e-12).all() and (both >= one - 1e-12).all()
+    assert (both > one).any() and (one > none).any()
+    np.testing.assert_allclose(variance(np.zeros_like(window.constants)), none, rtol=1e-12)
+
+
 @pytest.fixture(scope="module")
 def window(default_system):
-    return _window(default_system, 24.0, 3, 0)
+    return random_window(default_system, 24.0, 3, 0)
 
 
 @pytest.mark.slow
 def test_sensitivities_predict_a_finite_change(window, default_system):
     """Two parameters moved by a tenth of their spread: the outputs move as the sensitivities say, within curvature."""
-    other = _window(default_system, 24.0, 3, 0)
+    other = random_window(default_system, 24.0, 3, 0)
     np.testing.assert_allclose(other.parameters, window.parameters)  # deterministic
     assert window.parameters.shape == (4, 24, 8)
     pulses = len(window.occupancy_steps)
@@ -182,10 +201,10 @@ def test_windows_lie_in_the_records_that_the_farm_makes(default_system, monkeypa
         spans.append((start + SPIN_UP_HOURS * HOUR, stop))
         raise InterruptedError
 
-    monkeypatch.setattr("datagen.ceilings.build_inputs", stopped)
+    monkeypatch.setattr("datagen.sensitivities.build_inputs", stopped)
     for index in range(30):
         with pytest.raises(InterruptedError):
-            _window(july, 24.0, 3, index)
+            random_window(july, 24.0, 3, index)
     first = np.array([record_start(july, 3, index) for index in range(30)])
     begin, end = np.array(spans).T
     assert first.min() >= 4344 * HOUR
@@ -199,7 +218,7 @@ def test_it_is_written_down_what_the_windows_were_of(house, default_system, monk
     assert (found.start, found.hours, found.weather) == ((4344.0, 4700.0), 48.0, {})
     longer = identifiability(house("N"), **{**SHORT, "context": 72.0, "systems": 1}).origin
     assert longer.hours == 72.0
-    window = random_window(default_system, np.random.default_rng(0))
+    window = made_up_window(default_system, np.random.default_rng(0))
     monkeypatch.setattr("datagen.ceilings._windows", lambda *_: iter([window]))
     assert identifiability(default_system).origin.weather == weather_hashes(default_system)
 
@@ -224,8 +243,8 @@ def test_one_crowd_however_many_inputs_read_it(house):
     """Persons come into all of the inputs at once: the order of the inputs says nothing, and neither does one alone."""
     both, swapped = (identifiability(house(*names), **SHORT) for names in (("N", "P"), ("P", "N")))
     np.testing.assert_allclose(limits(both), limits(swapped), rtol=1e-9)
-    window = _window(house("N", "P"), 24.0, 1, 0)
-    alone = _window(house("N"), 24.0, 1, 0)
+    window = random_window(house("N", "P"), 24.0, 1, 0)
+    alone = random_window(house("N"), 24.0, 1, 0)
     # q = 0.1 kW a person by way of N, and 1 kW by way of P; the house is linear in them
     np.testing.assert_allclose(window.occupancy, 11 * alone.occupancy, rtol=1e-3, atol=1e-6)
 
@@ -239,9 +258,9 @@ def test_counted_persons_are_known_as_means_of_steps(house, monkeypatch):
     np.testing.assert_array_equal(other, counted)
     np.testing.assert_array_equal(constant, unknown)
     # when within the hour they came is not; it is where a pulse is as long as a step
-    for length in (ceilings.PULSE, 3600.0):
-        monkeypatch.setattr(ceilings, "PULSE", length)
-        window = _window(system, 24.0, 1, 0)
+    for length in (sensitivities.PULSE, 3600.0):
+        monkeypatch.setattr(sensitivities, "PULSE", length)
+        window = random_window(system, 24.0, 1, 0)
         bare = replace(window, occupancy=window.occupancy[:, :, :0])
         start = np.atleast_2d(np.var(window.visited, axis=0))
         known = posterior_variance(system, window, start, "sensor", ["room", "N"])
@@ -252,7 +271,7 @@ def test_counted_persons_are_known_as_means_of_steps(house, monkeypatch):
     for one in [*found, *found]:
         kept.put(one)
     assert kept.ceilings == [found[2], found[3]]  # the others are the same conditions by other names
-    condition = {"context_hours": 24.0, "step": 3600.0, "noise": "sensor"}
+    condition = {"context_hours": 24.0, "step": 3600.0, "noise": "sensor", "constants": {}}
     assert kept.find(**condition, channels=["N", "room"]) == [found[2]]
     assert kept.find(**condition, channels=["room"]) == [found[3]]
 
@@ -267,11 +286,11 @@ def test_another_fmu_of_the_same_description_is_loaded_anew(default_system, monk
         raise Enough
 
     loaded = []
-    monkeypatch.setattr(ceilings, "_SIMULATORS", {})
-    monkeypatch.setattr(ceilings, "Simulator", lambda system: loaded.append(system) or system)
-    monkeypatch.setattr(ceilings, "record_start", stop)
+    monkeypatch.setattr(sensitivities, "_SIMULATORS", {})
+    monkeypatch.setattr(sensitivities, "Simulator", lambda system: loaded.append(system) or system)
+    monkeypatch.setattr(sensitivities, "record_start", stop)
     for build, count in (("a", 1), ("a", 1), ("b", 2)):
-        monkeypatch.setattr(ceilings, "sha256_of", lambda _, build=build: build)
+        monkeypatch.setattr(sensitivities, "sha256_of", lambda _, build=build: build)
         with pytest.raises(Enough):
-            ceilings._window(default_system, 24.0, 1, 0)
+            random_window(default_system, 24.0, 1, 0)
         assert len(loaded) == count

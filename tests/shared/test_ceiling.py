@@ -1,9 +1,12 @@
-"""Ceilings are found for their own condition only, and hold for their own season and weather."""
+"""Ceilings are found for their own condition only, and hold for their own season, weather and constants."""
+
+import json
 
 import pytest
 
-from shared.ceiling import Ceiling, Ceilings, Origin, fitting, read_ceilings, write_ceilings
+from shared.ceiling import Ceiling, Ceilings, Origin, fitting, read_ceilings, unknown_constants, write_ceilings
 from shared.errors import ZeroshotError
+from shared.uncertain import Uncertain
 
 
 def ceiling(**changes):
@@ -31,7 +34,12 @@ def ceilings():
 
 JULY = Origin(start=(4344.0, 4344.0), hours=720.0, weather={"a.csv": "1" * 64})
 YEAR = Origin(start=(0.0, 0.0), hours=8760.0)
-CONDITION = {"context_hours": 168.0, "step": 3600.0, "noise": "none", "channels": ["C", "T"]}
+CONDITION = {"context_hours": 168.0, "step": 3600.0, "noise": "none", "channels": ["C", "T"], "constants": {}}
+
+
+def pipe(relative=0.3, **changes):
+    """What is drawn where the walls of a pipe are uncertain."""
+    return unknown_constants([Uncertain(name="pipe", parameters=["w", "v"], relative=relative, **changes)])
 
 
 def test_found_whatever_the_order_and_the_known_inputs(ceilings):
@@ -76,12 +84,12 @@ def test_seasons_stand_beside_each_other(ceilings):
     for origin, value in ((JULY, 0.6), (YEAR, 0.8), (JULY, 0.7)):
         ceilings.put(ceiling(origin=origin, r2_mean=value))
     assert [c.r2_mean for c in ceilings.find(**CONDITION)] == [0.8, 0.7]  # of the year, also in place of the old one
-    assert fitting(ceilings.ceilings, JULY)[0].r2_mean == 0.7
-    assert fitting(ceilings.ceilings, YEAR)[0].r2_mean == 0.8
+    assert fitting(ceilings.ceilings, JULY, {})[0].r2_mean == 0.7
+    assert fitting(ceilings.ceilings, YEAR, {})[0].r2_mean == 0.8
     other = JULY.model_copy(update={"weather": {"a.csv": "2" * 64}})
     said = "it is of weather a.csv with sha256 111111111111; this dataset's has 222222222222"
-    assert fitting(ceilings.ceilings, other) == (None, said)
-    assert fitting([], YEAR) == (None, "it has none")
+    assert fitting(ceilings.ceilings, other, {}) == (None, said)
+    assert fitting([], YEAR, {}) == (None, "it has none")
 
 
 @pytest.mark.parametrize(
@@ -91,18 +99,59 @@ def test_seasons_stand_beside_each_other(ceilings):
 def test_a_whole_year_is_one_season_however_it_is_recorded(start, hours):
     whole = Origin(start=start, hours=hours)
     assert whole.season() is None
-    assert fitting([ceiling()], whole)[1] == ""  # an older file, which does not say
+    assert fitting([ceiling()], whole, {})[1] == ""  # an older file, which does not say
 
 
 def test_another_season_is_a_sentence():
     january, later = (Origin(start=(first, first), hours=336.0) for first in (0.0, 8760.0))
     assert january.season() == later.season() == (0.0, 336.0)
-    reason = fitting([ceiling()], january)[1]
+    reason = fitting([ceiling()], january, {})[1]
     assert reason == "it is of the whole year; this dataset is of hours 0 to 336 of the year"
     turn = Origin(start=(8424.0, 8592.0), hours=336.0)
     assert (
         turn.unlike(january) == "it is of hours 8424 to 8928 of the year; this dataset is of hours 0 to 336 of the year"
     )
+
+
+def test_constants_that_were_drawn_are_a_condition_of_their_own(ceilings):
+    for constants, value in ((pipe(), 0.6), (pipe(0.2), 0.7), (pipe(), 0.5)):
+        ceilings.put(ceiling(constants=constants, r2_mean=value, origin=YEAR))
+    found = {
+        name: [one.r2_mean for one in ceilings.find(**{**CONDITION, "constants": constants})]
+        for name, constants in {
+            "declared": {},
+            "drawn": pipe(description="its walls"),
+            "less": pipe(0.2),
+            "more": pipe(0.4),
+            "another": {"tube": pipe()["pipe"]},
+            "two": {**pipe(), "tube": pipe()["pipe"]},
+            "of other parameters": unknown_constants([Uncertain(name="pipe", parameters=["w"], relative=0.3)]),
+        }.items()
+    }
+    assert found == {
+        **{"declared": [0.9], "drawn": [0.5], "less": [0.7]},
+        **{"more": [], "another": [], "two": [], "of other parameters": []},
+    }
+
+
+def test_a_ceiling_holds_for_its_own_constants(ceilings):
+    ceilings.put(ceiling(constants=pipe(), r2_mean=0.5, origin=YEAR))
+    assert fitting(ceilings.ceilings, YEAR, {})[0].r2_mean == 0.9
+    assert fitting(ceilings.ceilings, YEAR, pipe())[0].r2_mean == 0.5
+    assert fitting(ceilings.ceilings, YEAR, pipe(0.4)) == (None, "it has none with constants drawn (pipe 0.4)")
+    assert fitting(ceilings.ceilings[1:], YEAR, {}) == (None, "it has none with constants as declared")
+    # of those with the dataset's constants it is told why they do not hold
+    assert fitting(ceilings.ceilings, JULY, pipe())[1].startswith("it is of the whole year; ")
+
+
+def test_files_that_say_nothing_of_constants_are_of_declared_ones(ceilings, tmp_path):
+    text = json.loads(ceilings.model_dump_json())
+    assert text["ceilings"][0].pop("constants") == {}
+    (tmp_path / "c.json").write_text(json.dumps(text))
+    assert read_ceilings(tmp_path / "c.json") == ceilings
+    ceilings.put(ceiling(constants=pipe()))
+    write_ceilings(tmp_path / "c.json", ceilings)
+    assert read_ceilings(tmp_path / "c.json") == ceilings
 
 
 def test_files_that_are_none(tmp_path):

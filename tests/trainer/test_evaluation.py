@@ -5,9 +5,10 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from shared.ceiling import Ceiling, Ceilings, Origin, write_ceilings
+from shared.ceiling import Ceiling, Ceilings, Origin, unknown_constants, write_ceilings
 from shared.errors import DatasetError, EstimatorError, ZeroshotError
 from shared.store import DatasetFolder
+from shared.uncertain import Uncertain
 from trainer.checkpoint import Run, Systems
 from trainer.evaluation import evaluate, figures_of_merit, unseen_rows
 from trainer.fitting import fit
@@ -193,6 +194,37 @@ def test_the_ceiling_of_another_season_or_weather_is_not_shown(tmp_path, changes
     found = evaluate(run, january, windows=20, ceiling=path, out=tmp_path)
     assert (found.ceiling is None) == (said is not None)
     assert found.ceiling_note.startswith(f"no ceiling: {path}: {said}" if said else "ceiling for 24 h")
+
+
+PIPE = Uncertain(name="pipe", parameters=["tank.pipe"], relative=0.3)
+WIDER = PIPE.model_copy(update={"relative": 0.5})
+ELSE = "no ceiling: {} has none for 24 h, step 1800 s, noise none, channels level, constants "
+
+
+@pytest.mark.parametrize(
+    ("drawn", "taken", "said"),
+    [
+        (
+            True,
+            [PIPE],
+            "ceiling for 24 h, step 1800 s, noise none, channels level, constants drawn (pipe 0.3), over 10",
+        ),
+        (True, [], f"{ELSE}drawn (pipe 0.3)"),
+        (True, [WIDER], f"{ELSE}drawn (pipe 0.3)"),
+        (False, [PIPE], f"{ELSE}as declared"),
+        (False, [], "ceiling for 24 h, step 1800 s, noise none, channels level, over 10"),
+    ],
+)
+def test_drawn_constants_have_a_ceiling_of_their_own(tmp_path, drawn, taken, said):
+    text = f'{TANK}\n[[uncertain]]\nname = "pipe"\nparameters = ["tank.pipe"]\nrelative = 0.3\n'
+    settings = {"uncertain": [PIPE.model_dump(mode="json")]} if drawn else {}
+    made = make_dataset(tmp_path / "ds", text=text, systems=20, settings=settings)
+    run = fit(made, tmp_path / "run", model="mean")
+    path = tmp_path / "limits.json"
+    write_ceilings(path, ceilings_for(run, constants=unknown_constants(taken)))
+    found = evaluate(run, made, windows=20, ceiling=path, out=tmp_path)
+    assert found.ceiling_note.startswith(said.format(path))
+    assert (found.ceiling is not None) == said.startswith("ceiling")
 
 
 def test_the_ceiling_of_another_fmu_is_not_shown(ridge_run, tanks, tmp_path):

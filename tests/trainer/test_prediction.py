@@ -1,3 +1,5 @@
+import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -6,6 +8,7 @@ import xarray as xr
 
 from shared.errors import RecordingError
 from shared.store import DatasetFolder, Records
+from trainer.cli import app
 from trainer.encoding import Encoding, make_encoding
 from trainer.fitting import fit
 from trainer.prediction import predict
@@ -42,6 +45,22 @@ def test_a_shard_is_estimated_system_by_system(ridge_run, tanks):
     errors = expected[:, 1] - records.parameters[:50, 1]
     rmse = found.predictions[0].parameters["tank.fill"].rmse
     assert 1 / 3 < rmse / np.sqrt(np.mean(errors**2)) < 3
+
+
+@pytest.mark.parametrize("drawn", [False, True])
+def test_constants_that_a_training_had_as_declared_are_told(tanks, recording, tmp_path, capsys, drawn):
+    own = shutil.copytree(tanks, tmp_path / "own")
+    manifest = json.loads((own / "manifest.json").read_text())
+    uncertain = [{"name": "wall", "description": "", "parameters": ["wall.C"], "relative": 0.2}]
+    manifest["system"] = json.dumps(json.loads(manifest["system"]) | {"uncertain": uncertain})
+    manifest["settings"] |= {"uncertain": uncertain} if drawn else {}
+    (own / "manifest.json").write_text(json.dumps(manifest))
+    path = write(recording, tmp_path / "r.nc")
+    assert fit(own, tmp_path / "run", model="ridge").card.held == ([] if drawn else ["wall"])
+    assert predict(tmp_path / "run", path).held == ([] if drawn else ["wall"])
+    assert app(["predict", str(tmp_path / "run"), str(path)], result_action="return_value") in (None, 0)
+    said = "The run was trained on systems that have wall as declared."
+    assert (said in " ".join(capsys.readouterr().out.split())) == (not drawn)
 
 
 def test_one_recording_uses_its_last_window(ridge_run, recording, tmp_path, tanks):

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from datagen import simulate
+from datagen.constants import constants
 from datagen.simulator import Simulator
 from diagnosis.blind.truth import default_truth, load_truth
 from diagnosis.effects.base import Nothing
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.unknowns import Unknowns, constants
+from diagnosis.fitting.unknowns import Unknowns
 from diagnosis.recording import read_recording
 from shared.errors import SystemDescriptionError
 from shared.system import load_system, system_from_canonical
@@ -37,11 +38,6 @@ def test_constants_are_multiplied_between_effects_and_levels(room, simulator):
     assert given["floor.layer[1].C"] == pytest.approx(18829.8 * np.exp(0.6))
     assert given["floor.layer[1].R"] == pytest.approx(0.126667)
     assert all(low == -high for low, high in zip(*unknown.bounds, strict=True) if np.isfinite(high))
-
-
-def test_fixed_values_are_what_is_multiplied(room, simulator):
-    other = room.model_copy(update={"fixed": {"floor.layer[1].C": 100.0}})
-    assert constants(other, simulator.fmu)[0].parameters["floor.layer[1].C"] == 100.0
 
 
 def test_what_cannot_be_multiplied_is_told(room):
