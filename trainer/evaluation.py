@@ -106,14 +106,17 @@ def evaluate(
         torch.Generator().manual_seed(int(seeds[0])),
         lambda values, _: values.masked_fill(absent, torch.nan),
     )
-    protocols, clouds, answers = {}, {}, {}
+    protocols: dict[str, Protocol] = {}
+    answers: dict[str, Answers] = {}
     for name, (where, starts) in drawn.items():
+        if name == "unseen" and np.array_equal(drawn["paper"], drawn["unseen"]):  # of a dataset that is all unseen
+            protocols[name], answers[name] = protocols["paper"], answers["paper"]
+            continue
         place = torch.from_numpy(np.searchsorted(needed, where))
         batch = source.gather(place, torch.from_numpy(starts), length)
         truth = index.parameters[where]
         estimate = card.encoding.estimates(run.answers(batch.windows, batch.time))
         protocols[name] = figures_of_merit(card.encoding.parameters, truth, estimate, where, seen)
-        clouds[name] = (truth, estimate, r2(truth, estimate))
         answers[name] = Answers(index.seeds[where], index.systems[where], batch.time.numpy(), truth, estimate)
     hours = length * card.encoding.step / 3600
     channels = [name for name in card.encoding.channels if name not in (without or [])]
@@ -136,6 +139,7 @@ def evaluate(
         write_report(result, card, folder)
         write_answers(answers, card.encoding.parameters, folder)
         title = f"{card.model}, {hours:g} h, noise {preset}"
+        clouds = {name: (one.truth, one.estimate, r2(one.truth, one.estimate)) for name, one in answers.items()}
         draw_scatter(clouds, card.encoding.parameters, card.encoding.parameter_units, title, folder / "scatter.png")
     return result
 
