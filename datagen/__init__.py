@@ -9,14 +9,14 @@ from __future__ import annotations
 from shared.lazy import lazily
 
 _HOMES = {
-    "run": "datagen.farm",
-    "simulate": "datagen.recording",
-    "info": "datagen.inspection",
-    "verify": "datagen.inspection",
-    "merge": "datagen.merging",
-    "repair": "datagen.mending",
-    "compare": "datagen.comparing",
-    "identifiability": "datagen.ceilings",
+    "run": "datagen.farming.farm",
+    "simulate": "datagen.simulating.recording",
+    "info": "datagen.datasets.inspection",
+    "verify": "datagen.datasets.inspection",
+    "merge": "datagen.datasets.merging",
+    "repair": "datagen.datasets.mending",
+    "compare": "datagen.comparing.comparison",
+    "identifiability": "datagen.limits.ceilings",
 }
 
 __getattr__ = lazily(__name__, _HOMES)

@@ -6,11 +6,11 @@ docstring make the help. To add one, write it and name it here.
 
 from __future__ import annotations
 
-from datagen.compare_command import compare
-from datagen.dataset_commands import info, merge, verify
-from datagen.identifiability_command import identifiability
-from datagen.run_command import run
-from datagen.simulate_command import simulate
+from datagen.commands.compare import compare
+from datagen.commands.datasets import info, merge, verify
+from datagen.commands.identifiability import identifiability
+from datagen.commands.run import run
+from datagen.commands.simulate import simulate
 from shared.console import new_app, start
 
 COMMANDS = (run, simulate, info, verify, merge, identifiability, compare)

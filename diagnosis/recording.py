@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from datagen.tables import InputTable, Piecewise, merge
+from datagen.driving.tables import InputTable, Piecewise, merge
 from diagnosis.importing.clock import time_zero
 from diagnosis.importing.quality import ASSUMED
 from shared.errors import RecordingError

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from datagen.simulator import Simulator
+from datagen.simulating.simulator import Simulator
 from diagnosis.recording import HOUR, read_recording, recorded_inputs
 from shared.errors import RecordingError, SystemDescriptionError
 from shared.system import System, load_system

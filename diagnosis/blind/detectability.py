@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from datagen.simulator import Simulator
+from datagen.simulating.simulator import Simulator
 from diagnosis.effects import Effect
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.grams import AMPLITUDE, Colour, Grams, Projected, projected

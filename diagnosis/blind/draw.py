@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from datagen.sampling import stream
+from datagen.driving.sampling import stream
 from diagnosis.blind.truth import Form, Truth
 from diagnosis.effects import Effect, clash
 from shared.system import System

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from datagen.tables import Piecewise
+from datagen.driving.tables import Piecewise
 from diagnosis.blind.processes import autoregressive
 from diagnosis.blind.truth import Fault
 from diagnosis.effects.kinds import lagged

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from datagen.inputs import build_inputs, system_weather
-from datagen.sampling import record_start, sample_parameters
-from datagen.simulator import Simulator
-from datagen.tables import InputTable, Piecewise, merge
+from datagen.driving.inputs import build_inputs, system_weather
+from datagen.driving.sampling import record_start, sample_parameters
+from datagen.driving.tables import InputTable, Piecewise, merge
+from datagen.simulating.simulator import Simulator
 from diagnosis.blind.draw import Case, Cause, draw_case
 from diagnosis.blind.faults import erring, wander_path
 from diagnosis.blind.processes import Window, drive

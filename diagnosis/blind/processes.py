@@ -11,7 +11,7 @@ import numpy as np
 from scipy.signal import lfilter
 from scipy.special import expit
 
-from datagen.tables import SNAP, Piecewise
+from datagen.driving.tables import SNAP, Piecewise
 from diagnosis.blind.truth import Daily, Damped, Driven, Episodes, Glare, Hump, Occupant, Process, Spans, Wander
 from diagnosis.effects.shapes import joined
 from diagnosis.recording import DAY, HOUR

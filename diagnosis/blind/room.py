@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from datagen.simulator import Simulator
-from datagen.tables import InputTable, Piecewise, merge
+from datagen.driving.tables import InputTable, Piecewise, merge
+from datagen.simulating.simulator import Simulator
 from diagnosis.blind.processes import Window
 from diagnosis.recording import HOUR
 

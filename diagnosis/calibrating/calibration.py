@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from datagen.simulator import Simulator
+from datagen.simulating.simulator import Simulator
 from diagnosis.calibrating.checks import check_recording
 from diagnosis.calibrating.schema import Calibration, read_calibration
 from diagnosis.calibrating.summary import summarise

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from datagen.tables import Piecewise
+from datagen.driving.tables import Piecewise
 from diagnosis.calibrating.calibration import Calibrated
 from diagnosis.calibrating.sentences import sentences
 from diagnosis.calibrating.summary import CORRELATED

@@ -12,7 +12,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from datagen.tables import Piecewise
+from datagen.driving.tables import Piecewise
 from diagnosis.recording import Recording
 from shared.errors import SystemDescriptionError
 

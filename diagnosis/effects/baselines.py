@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from datagen.fmu import Fmu
+from datagen.fmi.fmu import Fmu
 from diagnosis.effects.base import Effect
 from diagnosis.effects.kinds import FmuParameters
 from shared.effects import ParameterEffect

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
-from datagen.tables import Piecewise
+from datagen.driving.tables import Piecewise
 from diagnosis.effects.shapes import joined, shape_signal
 from diagnosis.recording import DAY, Recording
 from shared.effects import DiurnalShape, InputEffect, ParameterEffect, SensorEffect, Shape, ShapedEffect, TimetableShape

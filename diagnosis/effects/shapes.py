@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.special import expit
 
-from datagen.tables import SNAP, Piecewise
+from datagen.driving.tables import SNAP, Piecewise
 from diagnosis.recording import DAY, HOUR, Recording
 from shared.effects import DiurnalShape, PresenceShape, SeriesShape, Shape, ThresholdShape, TimetableShape
 from shared.errors import RecordingError

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from datagen.inputs import schedule_signal
-from datagen.tables import Piecewise
+from datagen.driving.inputs import schedule_signal
+from datagen.driving.tables import Piecewise
 from diagnosis.fitting.meters import Cleared, cleared
 from diagnosis.recording import DAY, HOUR, Recording
 from shared.errors import RecordingError

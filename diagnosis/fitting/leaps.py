@@ -13,7 +13,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from datagen.tables import SNAP
+from datagen.driving.tables import SNAP
 from diagnosis.fitting.nuisance import SPACING, Nuisance
 from diagnosis.fitting.problem import Problem
 from diagnosis.recording import HOUR

@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from datagen.tables import SNAP, InputTable
+from datagen.driving.tables import SNAP, InputTable
 from diagnosis.fitting.differences import either_way
 from diagnosis.recording import DAY
 

@@ -14,8 +14,8 @@ from copy import copy
 
 import numpy as np
 
-from datagen.constants import constants
-from datagen.simulator import Simulator
+from datagen.simulating.constants import constants
+from datagen.simulating.simulator import Simulator
 from diagnosis.effects.base import Effect
 from diagnosis.fitting.differences import one_sided
 from diagnosis.fitting.drive import crowd, drive

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from datagen.tables import InputTable
+from datagen.driving.tables import InputTable
 
 
 @dataclass(frozen=True)

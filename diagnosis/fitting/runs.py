@@ -13,7 +13,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from datagen.tables import InputTable, Piecewise, merge
+from datagen.driving.tables import InputTable, Piecewise, merge
 from diagnosis.effects.base import Effect
 from diagnosis.fitting.drive import Drive
 from diagnosis.fitting.nuisance import Nuisance

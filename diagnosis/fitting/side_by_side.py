@@ -14,8 +14,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from datagen.simulator import Simulator
-from datagen.worker import simulator_for
+from datagen.farming.worker import simulator_for
+from datagen.simulating.simulator import Simulator
 from diagnosis.fitting.run import Run
 from diagnosis.fitting.warmed import warmed
 from shared.errors import SimulationError
@@ -88,7 +88,7 @@ def side_by_side(simulator: Simulator, *, workers: int = 1, scheduler: str | Non
         If the scheduler does not answer.
     """
     if scheduler is not None:
-        from datagen.cluster import connect
+        from datagen.farming.cluster import connect
 
         with connect(scheduler=scheduler) as client:
             yield Cluster(simulator.system, client)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from datagen.constants import Constant
+from datagen.simulating.constants import Constant
 from diagnosis.effects.base import Effect
 from diagnosis.fitting.nuisance import Level
 from shared.system import System

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.linalg import eigh
 
-from datagen.occupancy import occupancy_prior
-from datagen.tables import SNAP, Piecewise
+from datagen.driving.occupancy import occupancy_prior
+from datagen.driving.tables import SNAP, Piecewise
 from diagnosis.fitting.drive import Drive
 from diagnosis.fitting.nuisance import FIELDS, Level, Nuisance, no_nuisance
 from diagnosis.fitting.within_steps import counted, replayed

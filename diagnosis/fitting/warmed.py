@@ -17,8 +17,8 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from datagen.simulator import Simulator, Trajectory
-from datagen.tables import InputTable
+from datagen.driving.tables import InputTable
+from datagen.simulating.simulator import Simulator, Trajectory
 from diagnosis.fitting.run import Run
 from shared.errors import SimulationError
 

@@ -14,8 +14,8 @@ from functools import lru_cache
 import numpy as np
 from scipy.spatial import cKDTree
 
-from datagen.occupancy import occupancy_prior
-from datagen.tables import SNAP, Piecewise
+from datagen.driving.occupancy import occupancy_prior
+from datagen.driving.tables import SNAP, Piecewise
 from diagnosis.fitting.nuisance import Nuisance, no_nuisance
 from diagnosis.recording import DAY, Recording
 from shared.signals import Occupancy

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from datagen.simulator import Simulator
+from datagen.simulating.simulator import Simulator
 from diagnosis.calibrating.calibration import calibrate
 from diagnosis.calibrating.checks import check_recording
 from diagnosis.calibrating.schema import Calibration, read_calibration

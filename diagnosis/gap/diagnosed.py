@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from datagen.simulator import Simulator
+from datagen.simulating.simulator import Simulator
 from diagnosis.calibrating.checks import check_recording
 from diagnosis.effects import Effect, library
 from diagnosis.effects.baselines import check_baselines

@@ -7,8 +7,8 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from datagen.inputs import schedule_signal
-from datagen.tables import merge
+from datagen.driving.inputs import schedule_signal
+from datagen.driving.tables import merge
 from diagnosis.importing.clock import Clock, find_zone
 from diagnosis.importing.judging import Judge
 from diagnosis.importing.mapping import Mapping

@@ -11,7 +11,7 @@ from typing import Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from datagen.weather import UNITS as WEATHER_UNITS
+from datagen.driving.weather import UNITS as WEATHER_UNITS
 from shared.errors import RecordingError
 from shared.reading import read_toml, short, shown
 from shared.signals import Table

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pvlib
 
-from datagen.weather import sky_temperature
+from datagen.driving.weather import sky_temperature
 from diagnosis.importing.clock import Clock
 from diagnosis.importing.mapping import Place
 from diagnosis.importing.quality import COMPUTED, Signal

@@ -23,8 +23,8 @@ from made import table, write
 
 import datagen
 import trainer
-from datagen.simulator import Simulator
-from datagen.worker import simulate_system
+from datagen.simulating.drawn import simulate_system
+from datagen.simulating.simulator import Simulator
 from shared.system import load_system
 
 SYSTEM = "MixedAirCO2"

@@ -25,7 +25,7 @@ from scipy.signal import cont2discrete
 
 import datagen
 import trainer
-from datagen.inputs import build_inputs
+from datagen.driving.inputs import build_inputs
 from diagnosis.gap import Report, diagnose
 from fmus.build import write_zip
 from fmus.toolchain import BINARIES, compile_binary, native_platform

@@ -22,7 +22,7 @@ from made import table, write
 
 import datagen
 import trainer
-from datagen.ceilings import ceilings_of
+from datagen.limits.ceilings import ceilings_of
 
 SYSTEM = "MixedAirCO2"
 CONTEXT, NOISE = 72.0, "sensor"

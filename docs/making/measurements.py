@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 import datagen
-from datagen.inputs import system_weather
+from datagen.driving.inputs import system_weather
 from shared.system import load_system
 
 SEED, HOURS = 12, 504

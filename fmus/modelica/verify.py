@@ -19,9 +19,9 @@ import fmpy
 import numpy as np
 import pandas as pd
 
-from datagen.liveness import check_live
-from datagen.simulator import Simulator
-from datagen.tables import InputTable, Piecewise, merge
+from datagen.driving.tables import InputTable, Piecewise, merge
+from datagen.simulating.liveness import check_live
+from datagen.simulating.simulator import Simulator
 from shared.errors import FmuError, SystemDescriptionError, ZeroshotError
 from shared.system import System, load_system, parse_system
 

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from datagen.ceilings import ceilings_of
-from datagen.simulator import Simulator
-from datagen.worker import simulate_system
+from datagen.limits.ceilings import ceilings_of
+from datagen.simulating.drawn import simulate_system
+from datagen.simulating.simulator import Simulator
 from shared.system import System, load_system
 
 HERE = Path(__file__).resolve().parents[2]

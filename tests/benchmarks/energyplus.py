@@ -26,9 +26,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from datagen.inputs import build_inputs
-from datagen.simulator import Simulator
-from datagen.tables import Piecewise
+from datagen.driving.inputs import build_inputs
+from datagen.driving.tables import Piecewise
+from datagen.simulating.simulator import Simulator
 from shared.system import System, load_system
 
 ROOT = Path(__file__).resolve().parents[2]

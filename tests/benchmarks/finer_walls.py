@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from datagen import simulate
-from datagen.simulator import Simulator
+from datagen.simulating.simulator import Simulator
 from diagnosis.blind.truth import default_truth, load_truth
 from diagnosis.fitting.problem import Problem
 from diagnosis.recording import read_recording

@@ -19,11 +19,11 @@ from typing import Any
 import numpy as np
 from resumed import resumed
 
-from datagen.inputs import build_inputs
-from datagen.recording import on_the_clock
-from datagen.sampling import sample_parameters
-from datagen.simulator import Simulator
-from datagen.tables import Piecewise
+from datagen.driving.inputs import build_inputs
+from datagen.driving.sampling import sample_parameters
+from datagen.driving.tables import Piecewise
+from datagen.simulating.recording import on_the_clock
+from datagen.simulating.simulator import Simulator
 from diagnosis.forecasting.forecast import forecast
 from diagnosis.recording import HOUR, Recording
 from shared.errors import ZeroshotError

@@ -6,10 +6,10 @@ import argparse
 import tempfile
 from pathlib import Path
 
-import datagen.collection
+import datagen.farming.collection
 from datagen import run
-from datagen.plan import Piece
-from datagen.worker import ShardResult
+from datagen.farming.plan import Piece
+from datagen.farming.worker import ShardResult
 
 HERE = Path(__file__).resolve().parents[2]
 
@@ -21,13 +21,13 @@ def main() -> None:
     parser.add_argument("--system", type=Path, default=HERE / "fmus" / "MixedAirCO2")
     options = parser.parse_args()
     seen: list[tuple[int, int, int]] = []
-    take = datagen.collection.Collection.take
+    take = datagen.farming.collection.Collection.take
 
-    def watching(self: datagen.collection.Collection, piece: Piece, result: ShardResult) -> None:
+    def watching(self: datagen.farming.collection.Collection, piece: Piece, result: ShardResult) -> None:
         seen.append((len(piece.systems), result.pid, result.rss))
         take(self, piece, result)
 
-    datagen.collection.Collection.take = watching  # type: ignore[method-assign]
+    datagen.farming.collection.Collection.take = watching  # type: ignore[method-assign]
     with tempfile.TemporaryDirectory() as folder:
         run(
             options.system,

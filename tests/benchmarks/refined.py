@@ -27,8 +27,8 @@ from intervals import QUANTILE, noisy
 from resumed import resumed
 
 from datagen import simulate
-from datagen.constants import constants, values_of
-from datagen.simulator import Simulator
+from datagen.simulating.constants import constants, values_of
+from datagen.simulating.simulator import Simulator
 from diagnosis.calibrating.calibration import calibrate
 from diagnosis.fitting.fit import fit
 from diagnosis.fitting.problem import Problem

@@ -14,11 +14,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import datagen.collection
-import datagen.farm
+import datagen.farming.collection
+import datagen.farming.farm
 from datagen import run
-from datagen.cluster import connect
-from datagen.dispatch import Dispatcher
+from datagen.farming.cluster import connect
+from datagen.farming.dispatch import Dispatcher
 from shared.store import Manifest, ShardEntry, write_manifest
 
 HERE = Path(__file__).resolve().parents[2]
@@ -43,7 +43,7 @@ class Course:
 def course(workers: int, systems: int, hours: float) -> Course:
     """Run a farm with one system a shard and look on."""
     found = Course()
-    take, enter = datagen.collection.Collection.take, datagen.farm.connect
+    take, enter = datagen.farming.collection.Collection.take, datagen.farming.farm.connect
 
     def watching(self, piece, result):
         take(self, piece, result)
@@ -57,7 +57,7 @@ def course(workers: int, systems: int, hours: float) -> Course:
             found.connected = time.perf_counter()
             yield client
 
-    datagen.collection.Collection.take, datagen.farm.connect = watching, timed
+    datagen.farming.collection.Collection.take, datagen.farming.farm.connect = watching, timed
     try:
         with tempfile.TemporaryDirectory() as folder:
             size = {"systems": systems, "shard_size": 1, "hours": hours, "workers": workers}
@@ -65,7 +65,7 @@ def course(workers: int, systems: int, hours: float) -> Course:
             run(HERE / "fmus" / "MixedAirCO2", Path(folder) / "ds", **size, quiet=True)
             found.ended = time.perf_counter()
     finally:
-        datagen.collection.Collection.take, datagen.farm.connect = take, enter
+        datagen.farming.collection.Collection.take, datagen.farming.farm.connect = take, enter
     return found
 
 

@@ -20,11 +20,11 @@ import fmpy
 import numpy as np
 from numba import njit
 
-from datagen.foreign import foreign
-from datagen.inputs import build_inputs
-from datagen.sampling import sample_parameters
-from datagen.simulator import Simulator
-from datagen.tables import Piecewise, merge
+from datagen.driving.inputs import build_inputs
+from datagen.driving.sampling import sample_parameters
+from datagen.driving.tables import Piecewise, merge
+from datagen.fmi.foreign import foreign
+from datagen.simulating.simulator import Simulator
 from shared.system import load_system
 
 HERE = Path(__file__).resolve().parents[2]

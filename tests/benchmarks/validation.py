@@ -20,8 +20,8 @@ from fmpy.fmi2 import FMU2Model
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from datagen.simulator import Simulator  # noqa: E402
-from datagen.tables import Piecewise, merge  # noqa: E402
+from datagen.driving.tables import Piecewise, merge  # noqa: E402
+from datagen.simulating.simulator import Simulator  # noqa: E402
 from fmus.build import build  # noqa: E402
 from fmus.toolchain import native_platform  # noqa: E402
 from shared.system import System, load_system  # noqa: E402

@@ -38,7 +38,7 @@ from optimisers import Counted, Spent, Trace, evolution, genetic, local
 from resumed import resumed
 
 from datagen import simulate
-from datagen.simulator import Simulator
+from datagen.simulating.simulator import Simulator
 from diagnosis.calibrating.calibration import calibrate, estimate
 from diagnosis.fitting.problem import WARM_UP, Problem
 from diagnosis.recording import Recording, read_recording, recorded_inputs

@@ -15,8 +15,8 @@ import pytest
 from dask.distributed import Client
 
 from datagen import run, verify
-from datagen.cluster import ClusterError
-from datagen.worker import Job, simulate_shard
+from datagen.farming.cluster import ClusterError
+from datagen.farming.worker import Job, simulate_shard
 from shared.errors import DatasetError
 from shared.system import load_system
 from tests.datagen.faults import faulty, hashes, wait_for

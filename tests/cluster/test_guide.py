@@ -10,8 +10,8 @@ import dask
 import pytest
 
 from datagen.cli import app
-from datagen.cluster import _CONFIG, check_places
-from datagen.run_command import _options
+from datagen.commands.run import _options
+from datagen.farming.cluster import _CONFIG, check_places
 from tests.test_readme import DOCUMENTS
 
 ROOT = Path(__file__).resolve().parents[2]

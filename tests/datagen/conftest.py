@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from datagen.weather import weather_path
-from datagen.weather_files import read_hourly
+from datagen.driving.weather import weather_path
+from datagen.driving.weather_files import read_hourly
 from shared.system import parse_system
 
 _BUILDER = Path(__file__).resolve().parents[1] / "fmus" / "small" / "builder.py"

@@ -53,7 +53,7 @@ def test_a_dataset_without_some_systems_has_an_exit_code_of_its_own(default_syst
         **{"system_name": "x", "system_hash": "x", "system": "x", "fmu_sha256": "x", "root_seed": 0, "shard_size": 10},
         **{"systems": 3, "settings": {}, "versions": {}},
     )
-    monkeypatch.setattr("datagen.farm.run", lambda *_, **__: manifest)
+    monkeypatch.setattr("datagen.farming.farm.run", lambda *_, **__: manifest)
     assert run("run", default_system.path, "--out", tmp_path / "ds") == PARTLY
     assert "3 failed: see" in capsys.readouterr().out
 

@@ -13,7 +13,7 @@ from jsonschema import Draft202012Validator
 from jsonschema.validators import validator_for
 
 from datagen.cli import app as datagen
-from datagen.cluster import _CONFIG
+from datagen.farming.cluster import _CONFIG
 from tests.docker.compose import FOLDER, image_of, load, words_of
 from trainer.cli import app as trainer
 

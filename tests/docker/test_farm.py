@@ -180,7 +180,7 @@ def test_certificates_last_as_asked_and_serve_only_their_purpose(guarded):
 
 CONNECT = """
 import sys
-from datagen.cluster import ClusterError, connect
+from datagen.farming.cluster import ClusterError, connect
 try:
     with connect(scheduler=sys.argv[1]):
         print("in")

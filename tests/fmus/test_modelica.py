@@ -13,7 +13,7 @@ import fmpy
 import numpy as np
 import pytest
 
-from datagen.recorded import load_recorded
+from datagen.comparing.recorded import load_recorded
 from fmus.modelica import verify
 from shared.errors import RecordingError
 from shared.system import load_system

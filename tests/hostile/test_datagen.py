@@ -12,14 +12,14 @@ from pathlib import Path
 import fmpy
 import pytest
 
-from datagen.failures import Failures
-from datagen.fmu import Fmu, unpack
-from datagen.guard import guarded
-from datagen.inspection import verify
-from datagen.lock import FILE_NAME, FolderLock
-from datagen.mending import _last_system
-from datagen.recorded import load_recorded
-from datagen.weather_files import read_hourly
+from datagen.comparing.recorded import load_recorded
+from datagen.datasets.inspection import verify
+from datagen.datasets.mending import _last_system
+from datagen.driving.weather_files import read_hourly
+from datagen.farming.failures import Failures
+from datagen.farming.lock import FILE_NAME, FolderLock
+from datagen.fmi.fmu import Fmu, unpack
+from datagen.fmi.guard import guarded
 from shared.errors import DatasetError, FmuError, RecordingError, WeatherError
 from shared.system import parse_system
 from tests.hostile import cases_datagen
@@ -110,7 +110,7 @@ def test_a_file_that_is_larger_than_it_says_is_not_unpacked(tmp_path):
 
 
 def test_more_files_than_any_fmu_has_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("datagen.unpacking.MOST_FILES", 5)
+    monkeypatch.setattr("datagen.fmi.unpacking.MOST_FILES", 5)
     refused(
         archive(tmp_path / "a.fmu", [(f"r/{k}", "") for k in range(5)]), "holds 6 files; expected an FMU, of at most 5"
     )
@@ -173,7 +173,7 @@ def test_a_description_of_how_to_build_is_held_to_the_same(tmp_path):
 
 
 def test_a_description_beyond_its_limit_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("datagen.unpacking.MOST_DESCRIPTION", 1000)
+    monkeypatch.setattr("datagen.fmi.unpacking.MOST_DESCRIPTION", 1000)
     (tmp_path / "a.fmu").write_bytes(repacked(description()))
     refused(tmp_path / "a.fmu", "is no file of at most 0 MiB")
 
@@ -291,7 +291,7 @@ def test_weather_without_end_is_refused(tmp_path):
 def test_a_packed_table_is_unpacked_to_its_limit_only(tmp_path, monkeypatch):
     import gzip
 
-    monkeypatch.setattr("datagen.recorded.MOST_CSV", 1 << 16)
+    monkeypatch.setattr("datagen.comparing.recorded.MOST_CSV", 1 << 16)
     (tmp_path / "mapping.toml").write_text(cases_datagen.MAPPING.replace("rooms.csv", "rooms.csv.gz"))
     out = io.BytesIO()
     with gzip.open(out, "w") as file:

@@ -3,7 +3,7 @@
 import psutil
 import pytest
 
-from datagen.cluster import connect
+from datagen.farming.cluster import connect
 
 
 def listening():

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from datagen import simulate
-from datagen.sampling import sample_parameters
-from datagen.simulator import Simulator
+from datagen.driving.sampling import sample_parameters
+from datagen.simulating.simulator import Simulator
 from diagnosis.blind.detectability import INSIDE, detectability
 from diagnosis.effects import library
 from diagnosis.fitting.problem import Problem

@@ -256,8 +256,8 @@ def test_numbers_of_the_seasons(generator, default_system, truth):
 
 
 def test_signals_of_a_table_are_its_columns(generator):
-    from datagen.inputs import build_inputs
-    from datagen.tables import merge
+    from datagen.driving.inputs import build_inputs
+    from datagen.driving.tables import merge
 
     table = build_inputs(generator.system, root_seed=1, index=0, start=0.0, stop=96 * HOUR)
     again = merge(signals_of(table), 0.0, 96 * HOUR)

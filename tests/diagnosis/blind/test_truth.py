@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
 
-from datagen.inputs import build_inputs
-from datagen.sampling import sample_parameters
-from datagen.simulator import Simulator
-from datagen.tables import Piecewise, merge
+from datagen.driving.inputs import build_inputs
+from datagen.driving.sampling import sample_parameters
+from datagen.driving.tables import Piecewise, merge
+from datagen.simulating.simulator import Simulator
 from diagnosis.blind.faults import erring
 from diagnosis.blind.processes import Window, autoregressive, process_signal
 from diagnosis.blind.room import coarse, live

@@ -2,7 +2,7 @@
 
 import pytest
 
-from datagen.simulator import Simulator
+from datagen.simulating.simulator import Simulator
 from diagnosis.effects import Nothing, build, library
 from diagnosis.effects.baselines import check_baselines
 from diagnosis.gap import diagnose

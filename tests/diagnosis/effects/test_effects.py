@@ -6,7 +6,7 @@ from importlib.metadata import EntryPoint
 import numpy as np
 import pytest
 
-from datagen.tables import Piecewise
+from datagen.driving.tables import Piecewise
 from diagnosis.effects import Combination, Effect, Nothing, build, clash, library
 from diagnosis.effects.kinds import _gained, lagged
 from diagnosis.effects.shapes import joined, ramped, shape_signal, timetable

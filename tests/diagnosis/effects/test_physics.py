@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from datagen.inputs import build_inputs
-from datagen.sampling import sample_parameters
-from datagen.simulator import Simulator
-from datagen.tables import Piecewise, merge
+from datagen.driving.inputs import build_inputs
+from datagen.driving.sampling import sample_parameters
+from datagen.driving.tables import Piecewise, merge
+from datagen.simulating.simulator import Simulator
 from diagnosis.blind.generator import signals_of
 from diagnosis.effects import library
 from diagnosis.recording import DAY, HOUR, Recording

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from datagen import simulate
-from datagen.simulator import Simulator
+from datagen.simulating.simulator import Simulator
 from diagnosis.effects import build
 from diagnosis.recording import read_recording
 from shared.effects import InputEffect

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from datagen.simulator import Simulator
+from datagen.simulating.simulator import Simulator
 from diagnosis.fitting.determinant import determinant
 from diagnosis.fitting.problem import Problem
 from diagnosis.recording import read_recording

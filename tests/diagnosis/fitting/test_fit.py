@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from datagen.occupancy import sample_occupancy
-from datagen.simulator import Simulator
+from datagen.driving.occupancy import sample_occupancy
+from datagen.simulating.simulator import Simulator
 from diagnosis.effects.base import Nothing
 from diagnosis.fitting.fit import LEAPING, fit
 from diagnosis.fitting.problem import Problem

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from datagen import simulate
-from datagen.simulator import Simulator
+from datagen.simulating.simulator import Simulator
 from diagnosis.fitting.leaps import FAR, joint_cost, leapt, unknowns_of
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.renewing import renewed

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from datagen.simulator import Simulator
-from datagen.tables import Piecewise, merge
+from datagen.driving.tables import Piecewise, merge
+from datagen.simulating.simulator import Simulator
 from diagnosis.fitting.marginal import Marginal
 from diagnosis.fitting.nuisance import Level, Nuisance, responses
 from diagnosis.fitting.problem import Problem
@@ -82,7 +82,7 @@ def test_pulses_that_share_a_simulation_answer_as_alone(house, house_recording):
 
 def test_the_usual_day_and_its_level_are_those_of_the_sampler(house, house_recording):
     """Pulses drawn from the prior, times levels drawn from theirs, have the mean and spread of the sampler."""
-    from datagen.occupancy import occupancy_prior
+    from datagen.driving.occupancy import occupancy_prior
 
     system = house("me")
     record = read_recording(house_recording(hours=72, count=False), system)

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from datagen.simulator import Simulator
-from datagen.tables import Piecewise, merge
+from datagen.driving.tables import Piecewise, merge
+from datagen.simulating.simulator import Simulator
 from diagnosis.fitting.fit import fit
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.remembered import KEPT, Remembered

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from datagen.simulator import Simulator
+from datagen.simulating.simulator import Simulator
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.side_by_side import Cluster, side_by_side
 from diagnosis.recording import read_recording

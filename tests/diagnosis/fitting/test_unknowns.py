@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from datagen import simulate
-from datagen.constants import constants
-from datagen.simulator import Simulator
+from datagen.simulating.constants import constants
+from datagen.simulating.simulator import Simulator
 from diagnosis.blind.truth import default_truth, load_truth
 from diagnosis.effects.base import Nothing
 from diagnosis.fitting.problem import Problem

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from datagen.simulator import Simulator, Trajectory
-from datagen.tables import Piecewise, merge
+from datagen.driving.tables import Piecewise, merge
+from datagen.simulating.simulator import Simulator, Trajectory
 from diagnosis.fitting.run import Run
 from diagnosis.fitting.warmed import Warmed
 from diagnosis.recording import HOUR

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from datagen.occupancy import occupancy_prior
-from datagen.tables import Piecewise
+from datagen.driving.occupancy import occupancy_prior
+from datagen.driving.tables import Piecewise
 from diagnosis.fitting.within_steps import HAAR, counted, replayed
 from diagnosis.recording import DAY, HOUR, Recording
 

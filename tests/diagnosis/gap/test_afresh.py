@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from datagen.simulator import Simulator
+from datagen.simulating.simulator import Simulator
 from diagnosis.effects import library
 from diagnosis.fitting.fit import fit
 from diagnosis.fitting.problem import Problem

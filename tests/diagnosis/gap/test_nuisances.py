@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from datagen import simulate
-from datagen.simulator import Simulator
+from datagen.simulating.simulator import Simulator
 from diagnosis.fitting.fit import fit
 from diagnosis.fitting.meters import SLOW
 from diagnosis.fitting.problem import Problem

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from datagen.simulator import Simulator
+from datagen.simulating.simulator import Simulator
 from diagnosis.fitting.fit import fit
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap import renewal

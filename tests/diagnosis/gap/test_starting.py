@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from datagen import simulate
-from datagen.simulator import Simulator
+from datagen.simulating.simulator import Simulator
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.starting import begun
 from diagnosis.recording import read_recording

@@ -1,0 +1,93 @@
+"""The command ``datagen compare``: a thin shell over :func:`datagen.comparing.comparison.compare`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+from rich.table import Table
+
+from shared.console import OK, NotNegative, Positive, new_console
+from shared.logs import USUAL, Reporting
+
+console = new_console()
+
+
+def compare(
+    first: Path,
+    second: Path | None = None,
+    /,
+    *,
+    recorded: Path | None = None,
+    data: Path | None = None,
+    systems: Positive = 5,
+    seed: NotNegative = 0,
+    hours: float | None = None,
+    step: float | None = None,
+    excitation: bool = True,
+    out: Path | None = None,
+    as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
+    report: Reporting = USUAL,
+) -> int:
+    """How far two models of one system are apart: by the time of year, by regime, by system.
+
+    The second model is another description, with another FMU, or `--recorded` trajectories of another tool. Both get
+    the same parameters, weather and occupancy, as far as both have them: what only one has, a warning and the report
+    name. Differences are second minus first.
+
+    Parameters
+    ----------
+    first
+        System description (TOML), or its folder: it says what is simulated.
+    second
+        Description of the other model.
+    recorded
+        In place of it: a TOML that maps the columns of CSV files to the description's variables.
+    data
+        Folder of those CSV files; by default the TOML's.
+    systems
+        How many random systems; of recorded ones, at most so many.
+    seed
+        Root seed of what is drawn.
+    hours
+        Length of each record [h]; by default the first description's.
+    step
+        Output step [s]; by default the first description's.
+    excitation
+        Add the description's small sinusoids to the control actions.
+    out
+        Folder for the table (Markdown, CSV) and the picture.
+    as_json
+        Print JSON.
+    """
+    from datagen.comparing.comparison import compare as compare_
+    from datagen.comparing.report import records, write_report
+
+    found = compare_(
+        first,
+        second,
+        recorded=recorded,
+        data=data,
+        systems=systems,
+        seed=seed,
+        hours=hours,
+        step=step,
+        excitation=excitation,
+        quiet=report.quiet,
+    )
+    written = write_report(found, out) if out is not None else []
+    if as_json:
+        sys.stdout.write(json.dumps(records(found), indent=1) + "\n")
+        return OK
+    console.print(f"{found.names[1]} minus {found.names[0]}: rms (bias)", markup=False)
+    table = Table("", "", "steps", *(f"{one.name} [{one.unit}]" for one in found.outputs), box=None)
+    for row in found.rows():
+        figures = (f"{rms:.3g} ({bias:+.2g})" for rms, bias in zip(row.rms, row.bias, strict=True))
+        table.add_row(row.group, row.cell, str(row.steps), *figures)
+    console.print(table)
+    for path in written:
+        console.print(f"written: {path}", markup=False)
+    return OK

@@ -1,0 +1,119 @@
+"""The command ``datagen identifiability``."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+from rich.table import Table
+
+from shared.console import OK, NotNegative, Positive, new_console
+from shared.logs import USUAL, Reporting
+
+console = new_console()
+
+
+def identifiability(
+    system: Path,
+    *,
+    context: Annotated[list[float] | None, Parameter(consume_multiple=True, negative=())] = None,
+    noise: Annotated[list[str] | None, Parameter(consume_multiple=True, negative=())] = None,
+    channels: Annotated[list[str] | None, Parameter(consume_multiple=True, negative=())] = None,
+    preset: str | None = None,
+    systems: Positive = 10,
+    seed: NotNegative = 1,
+    workers: Positive = 2,
+    uncertain: Annotated[bool, Parameter(negative=())] = False,
+    out: Path | None = None,
+    as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
+    report: Reporting = USUAL,
+) -> int:
+    """The linearised limit of R2 for each parameter, from the FMU's sensitivities.
+
+    The result is kept beside the system description, from where `datagen run` copies it into datasets. A parameter
+    that the FMU accepts but ignores is refused.
+
+    Parameters
+    ----------
+    system
+        System description (TOML), or its folder.
+    context
+        Lengths of the recording [h]; by default the estimator's.
+    noise
+        Noise presets of the description; `none` is the numerical floor.
+    channels
+        Outputs that are measured, separated by commas; several sets one after another. With an occupancy input among
+        them, persons are counted. By default the estimator's.
+    preset
+        Windows of records as this preset of the description has them: its season, length and step.
+    systems
+        Random systems and windows to average over.
+    seed
+        Root seed of these systems.
+    workers
+        Processes.
+    uncertain
+        Draw the constants that the description says are uncertain, anew for each system, and take them as unknown: the
+        limit for datasets of `datagen run --uncertain`, and kept beside that for constants as declared.
+    out
+        File to keep the result in, in place of `identifiability.json` beside the description.
+    as_json
+        Print JSON.
+    """
+    from datagen.fmi.fmu import fmu_sha256
+    from datagen.limits.ceilings import ceilings_of
+    from datagen.limits.sensitivities import crowd_inputs
+    from datagen.simulating.liveness import HARDLY, check_live_apart
+    from shared.ceiling import FILE_NAME, Ceilings, in_words, read_ceilings, write_ceilings
+    from shared.system import load_system
+
+    described = load_system(system)
+    if preset is not None:
+        chosen = described.preset(preset)
+        described = described.with_experiment(hours=chosen.hours, step=chosen.step, start=chosen.start)
+    check_live_apart(described, least=HARDLY)  # how little a weak one is told is what is asked
+    sets = [one.split(",") for one in channels] if channels else [described.estimator.channels]
+    found = ceilings_of(
+        described,
+        contexts=context or [described.estimator.context_hours],
+        conditions=[(preset, names) for names in sets for preset in noise or ["none"]],
+        systems=systems,
+        seed=seed,
+        workers=workers,
+        uncertain=uncertain,
+        quiet=report.quiet,
+    )
+    path = out or described.path.parent / FILE_NAME
+    kept = Ceilings(
+        system_name=described.name,
+        system_hash=described.hash(),
+        fmu_sha256=fmu_sha256(described.fmu_path),
+        outputs=described.output_names,
+        nuisances=crowd_inputs(described),
+    )
+    if path.exists():
+        before = read_ceilings(path)
+        if (before.system_hash, before.fmu_sha256) == (kept.system_hash, kept.fmu_sha256):
+            kept = before
+    for one in found:
+        kept.put(one)
+    write_ceilings(path, kept)
+    if as_json:
+        sys.stdout.write(json.dumps([one.model_dump() for one in found], indent=1) + "\n")
+        return OK
+    how = f", {in_words(found[0].constants)}" if uncertain else ""
+    console.print(f"Linearised limit of R2, mean of {systems} systems{how}", markup=False)
+    for first in range(0, len(found), 3):  # three conditions side by side fit a terminal
+        some = found[first : first + 3]
+        heads = [f"{one.context_hours:g} h, {one.noise}\n{' '.join(one.channels)}" for one in some]
+        table = Table("parameter", *heads, box=None)
+        for name in described.parameter_names:
+            table.add_row(name, *(f"{one.r2[name]:.3f}" for one in some))
+        means = (f"{one.r2_mean:.3f} [{one.r2_mean_low:.3f}, {one.r2_mean_high:.3f}]" for one in some)
+        table.add_row("mean", *means)
+        console.print(table)
+    console.print(f"kept in {path}", markup=False)
+    return OK

@@ -1,0 +1,1 @@
+"""Two models of one system held against each other, or one against recorded series."""

@@ -1,0 +1,100 @@
+"""How two system descriptions fit each other, so that the same systems can be simulated with both."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from datagen.driving.tables import InputTable
+from datagen.fmi.fmu import Fmu
+from shared.errors import SystemDescriptionError
+from shared.system import System
+from shared.variables import ConstantInput, MeasuredInput, Output
+
+
+def matched(system: System, other: System) -> tuple[list[Output], System]:
+    """The outputs that both have, and the other description with them, recorded as the first one does.
+
+    Raises
+    ------
+    SystemDescriptionError
+        If parameters or inputs of the other are not those of the first, or no output is.
+    """
+    for name in system.parameter_names:
+        if name not in other.parameter_names and name not in other.fixed:
+            raise SystemDescriptionError(
+                f"{other.path}: has no parameter {name!r}, which {system.path} draws; "
+                f"found {', '.join(other.parameter_names)}"
+            )
+    _same_units(system, other)
+    theirs = {one.name: one for one in other.outputs}
+    outputs = [one for one in system.outputs if one.name in theirs]
+    if not outputs:
+        raise SystemDescriptionError(
+            f"{other.path}: outputs are {', '.join(theirs)}; expected some of {', '.join(system.output_names)}"
+        )
+    recorded = [one.model_copy(update={"variable": theirs[one.name].fmu_variable}) for one in outputs]
+    return outputs, other.model_copy(update={"outputs": recorded})
+
+
+def unmatched(system: System, other: System, fmu: Fmu) -> list[str]:
+    """In a sentence each, what one of the two has and the other has not, so that they differ in it by themselves.
+
+    Parameters
+    ----------
+    fmu
+        The other's, which holds a parameter that nobody sets at the value that it was made with.
+    """
+    ours, theirs = system.fmu_path.name, other.fmu_path.name
+    held = [
+        f"{p.name} ({fmu.variables[p.name].start} {p.unit})"
+        for p in other.parameters
+        if p.name not in system.parameter_names and p.name not in other.fixed
+    ]
+    unused = [name for name in system.input_names if name not in other.input_names]
+    resting = [
+        f"{one.name} ({one.value:g} {one.unit})"
+        for one in other.inputs
+        if one.name not in system.input_names and isinstance(one, ConstantInput | MeasuredInput)
+    ]
+    found = (
+        (held, "parameters of {theirs} that {ours} does not draw are held at its own values: {names}"),
+        (unused, "inputs of {ours} are not used by {theirs}: {names}"),
+        (resting, "inputs of {theirs} that {ours} does not have rest at their declared values: {names}"),
+    )
+    return [words.format(ours=ours, theirs=theirs, names=", ".join(names)) for names, words in found if names]
+
+
+def _same_units(system: System, other: System) -> None:
+    for kind in ("parameters", "inputs", "outputs"):
+        ours: Mapping[str, str] = {one.name: one.unit for one in getattr(system, kind)}
+        for one in getattr(other, kind):
+            if ours.get(one.name, one.unit) != one.unit:
+                raise SystemDescriptionError(
+                    f"{other.path}: {kind} {one.name!r} has unit {one.unit!r}; expected {ours[one.name]!r}, "
+                    f"as in {system.path}"
+                )
+
+
+def inputs_for(other: System, table: InputTable) -> InputTable:
+    """The same inputs in the other description's order; one that the first lacks rests at its declared value.
+
+    Raises
+    ------
+    SystemDescriptionError
+        If an input that the first lacks is neither constant nor measured.
+    """
+    columns = {name: k for k, name in enumerate(table.names)}
+    left, right = (np.empty((len(table.time) - 1, len(other.inputs))) for _ in range(2))
+    for k, one in enumerate(other.inputs):
+        if one.name in columns:
+            left[:, k], right[:, k] = table.left[:, columns[one.name]], table.right[:, columns[one.name]]
+        elif isinstance(one, ConstantInput | MeasuredInput):
+            left[:, k] = right[:, k] = one.value
+        else:
+            raise SystemDescriptionError(
+                f"{other.path}: input {one.name!r} comes from {one.source}, but the first description has no such "
+                f"input; found {', '.join(table.names)}"
+            )
+    return InputTable(tuple(other.input_names), table.time, left, right, table.jump)

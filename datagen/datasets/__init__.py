@@ -1,0 +1,1 @@
+"""Datasets that are there: told, verified, mended, merged."""

@@ -1,0 +1,99 @@
+"""``merge``: several datasets of one system, made from different root seeds, become one."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+
+from datagen.farming.card import write_card
+from datagen.farming.failures import Failures
+from datagen.farming.lock import FolderLock
+from datagen.farming.versions import note
+from shared.ceiling import FILE_NAME as CEILING_FILE
+from shared.errors import DatasetError
+from shared.store import DatasetFolder, Manifest, ShardEntry, Source, sha256_of, temporary_name, write_manifest
+
+_SAME = ("system_hash", "fmu_sha256", "settings")
+
+
+def merge(folders: Sequence[Path | str], out: Path | str) -> Manifest:
+    """Copy the shards of ``folders`` into the new dataset ``out``; every system keeps its seed, index and split.
+
+    Raises
+    ------
+    DatasetError
+        If two have a root seed in common, differ in system, FMU, schema or settings, or if a shard is damaged.
+    """
+    datasets = [DatasetFolder(folder) for folder in folders]
+    if len(datasets) < 2:
+        raise DatasetError(f"{len(datasets)} dataset to merge; expected at least two")
+    sources = _check(datasets)
+    target = Path(out)
+    if target.exists() and (not target.is_dir() or any(target.iterdir())):
+        raise DatasetError(f"{target}: already there; expected a new folder")
+    first = datasets[0].manifest
+    try:
+        (target / "shards").mkdir(parents=True, exist_ok=True)
+        with FolderLock(target):
+            entries = [_copy(dataset, entry, target) for dataset in datasets for entry in dataset.manifest.shards]
+            failures = Failures(one for dataset in datasets for one in Failures.read(dataset.folder))
+            failures.write(target)
+            ceilings = datasets[0].folder / CEILING_FILE
+            if ceilings.exists():
+                shutil.copyfile(ceilings, target / CEILING_FILE)
+            changes = {"shards": entries, "sources": sources, "stages": []}
+            merged = first.model_copy(update={**changes, "systems": sum(one.systems for one in sources)})
+            for dataset in datasets[1:]:
+                for versions in dataset.manifest.all_versions():
+                    note(merged, versions, datasets[0].folder, str(dataset.folder))
+            write_card(target, merged, datasets[0].system)
+            write_manifest(target, merged)
+    except OSError as error:
+        raise DatasetError(f"{error.filename or target}: cannot be written: {error.strerror or error}") from None
+    return merged
+
+
+def _check(datasets: Sequence[DatasetFolder]) -> list[Source]:
+    """Refuse datasets that do not belong together; returns what the merged one consists of."""
+    first = datasets[0]
+    owners: dict[int, Path] = {}
+    sources: list[Source] = []
+    for dataset in datasets:
+        manifest = dataset.manifest
+        facts = [{field: getattr(one, field) for field in _SAME} for one in (first.manifest, manifest)]
+        for one, fact in zip((first.manifest, manifest), facts, strict=True):
+            fact["schema"] = one.schema_version.partition(".")[0]  # minor versions have the same values
+        for field in facts[0]:
+            ours, theirs = facts[0][field], facts[1][field]
+            if ours != theirs:
+                raise DatasetError(
+                    f"{dataset.folder}: {field} is {theirs}, {first.folder} has {ours}; only datasets of one system, "
+                    "FMU, schema and experiment can be merged"
+                )
+        for source in manifest.sources or [Source(root_seed=manifest.root_seed, systems=manifest.systems)]:
+            if source.root_seed in owners:
+                raise DatasetError(
+                    f"{dataset.folder}: its root seed {source.root_seed} is also that of {owners[source.root_seed]}, "
+                    "so they hold the same systems; expected different root seeds"
+                )
+            owners[source.root_seed] = dataset.folder
+            sources.append(source)
+    return sources
+
+
+def _copy(dataset: DatasetFolder, entry: ShardEntry, target: Path) -> ShardEntry:
+    seed = dataset.manifest.seed_of(entry)
+    plain = re.sub(r"^seed-\d+-", "", entry.file)
+    name = f"seed-{seed}-{plain}"
+    origin, goal = dataset.shard_path(entry), target / "shards" / name
+    if not origin.exists():
+        raise DatasetError(f"{origin}: the manifest lists this shard, but it is missing")
+    temporary = temporary_name(goal)
+    shutil.copyfile(origin, temporary)
+    if sha256_of(temporary) != entry.sha256:
+        temporary.unlink()
+        raise DatasetError(f"{origin}: not what its manifest says; `datagen verify --repair` first")
+    temporary.replace(goal)
+    return entry.model_copy(update={"file": name, "root_seed": seed})

@@ -1,0 +1,1 @@
+"""A dataset from many workers: planned, dispatched, collected, resumed."""

@@ -1,0 +1,210 @@
+"""Workers: on this machine, behind a scheduler that runs already, or as jobs of a queue.
+
+Whatever listens, listens on loopback unless told otherwise: a scheduler runs any code that reaches it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from typing import Any
+
+import dask
+from dask.distributed import Client, LocalCluster
+from dask.utils import parse_timedelta
+from distributed.comm import CommClosedError
+
+from datagen.farming.dask_settings import SETTINGS
+from datagen.farming.dispatch import PATIENCE
+from datagen.farming.slurm import slurm
+from datagen.farming.versions import DECIDING, deciding_here, difference
+from shared.errors import ClusterError
+from shared.interrupts import interrupts_held
+from shared.logs import fields, logger
+
+LOOPBACK = "127.0.0.1"
+_log = logger(__name__)
+QUEUES = {"slurm": slurm}
+"""Kinds of cluster whose workers are jobs of a queue: each makes one of so many jobs, from the users' options and the
+scheduler's own."""
+_CONFIG = SETTINGS
+ANSWER = 20.0
+"""A scheduler that runs already answers within so long [s]."""
+
+
+def check_places(
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    cluster: str = "local",
+    options: Mapping[str, str] | None = None,
+    host: str | None = None,
+) -> None:
+    """Refuse what :func:`connect` could not start, or would wait for in vain; the parameters are its own.
+
+    Raises
+    ------
+    ClusterError
+        If the kind of cluster is unknown, there would be no worker, or jobs on other nodes would not reach us.
+    """
+    if cluster not in ("local", *QUEUES):
+        raise ClusterError(f"cluster is {cluster!r}; expected {' or '.join(['local', *QUEUES])}")
+    if workers is not None and workers < 1:
+        raise ClusterError(f"workers is {workers}; expected at least 1")
+    if cluster in QUEUES and not scheduler and host is None and "interface" not in (options or {}):
+        raise ClusterError(
+            f"cluster {cluster}: neither an interface nor a host is given, and jobs on other nodes do not reach "
+            f"{LOOPBACK}; expected --cluster-option interface=NAME or --host ADDRESS of this machine in the nodes' "
+            f"network, or --host {LOOPBACK} where all jobs run on this machine"
+        )
+
+
+@contextmanager
+def connect(
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    cluster: str = "local",
+    options: Mapping[str, str] | None = None,
+    host: str | None = None,
+) -> Iterator[Client]:
+    """A Dask client with workers behind it, all with the versions of here.
+
+    Parameters
+    ----------
+    workers
+        Processes of a local cluster (by default one a core), or jobs of a queue.
+    scheduler
+        Address of a scheduler that runs already, in place of a cluster of our own.
+    cluster
+        ``local``, or one of :data:`QUEUES`.
+    options
+        Of a job: ``queue``, ``account``, ``walltime``, ``memory``, ``cores``, ``interface``, ...
+    host
+        Address that our own scheduler listens on; loopback by default, but for a queue to be given.
+
+    Raises
+    ------
+    ClusterError
+        If what is asked for cannot be started, the scheduler does not answer or is lost, a worker has another version
+        of what decides a simulation's numbers, or a package is missing.
+    """
+    check_places(workers=workers, scheduler=scheduler, cluster=cluster, options=options, host=host)
+    if scheduler:
+        try:
+            client = _client(scheduler, timeout=_patience())
+        except (OSError, ValueError, TypeError, RuntimeError) as error:  # the last two: TLS on one side only
+            raise ClusterError(
+                f"{scheduler}: no Dask scheduler answers: {error}; expected tcp://HOST:PORT, or tls://HOST:PORT with"
+                " certificates set"
+            ) from None
+        with client, _held(scheduler):
+            if not _count(client):
+                _log.info("waiting for a worker at %s", scheduler)
+                _wait(client, scheduler)
+            _check_versions(client)
+            _say(_count(client), client.dashboard_link)
+            yield client
+        return
+    listening = {"host": host or LOOPBACK, "dashboard_address": f"{LOOPBACK}:0"}
+    failure: BaseException | None = None
+    try:
+        with dask.config.set(_CONFIG), ExitStack() as stack:
+            try:
+                with _starting(cluster, host):
+                    if cluster in QUEUES:
+                        running = QUEUES[cluster](workers or 1, dict(options or {}), listening)
+                    else:
+                        running = _local(workers, listening)
+                    client = stack.enter_context(_client(stack.enter_context(running)))
+                with _held(f"cluster {cluster}"):
+                    if cluster in QUEUES:
+                        _log.info(
+                            "waiting for the first worker of %s; scheduler at %s, dashboard at %s",
+                            *(cluster, running.scheduler_address, running.dashboard_link),
+                        )
+                        client.wait_for_workers(1)
+                        _check_versions(client)
+                    else:
+                        _say(len(running.workers), running.dashboard_link)
+                    yield client
+            except BaseException as error:
+                failure = error
+                raise
+    except TimeoutError:
+        if failure is not None:  # that is what is to be said, not what came of it
+            raise failure from None
+        # all that was asked for is there; on a busy machine Dask gives up waiting for its own processes
+        _log.warning("the workers had not ended when Dask stopped waiting for them")
+
+
+def _local(workers: int | None, listening: dict[str, str]) -> LocalCluster:
+    with interrupts_held():
+        return LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, silence_logs=50, **listening)
+
+
+@contextmanager
+def _starting(cluster: str, host: str | None) -> Iterator[None]:
+    """Say in a sentence why a cluster of our own does not start."""
+    try:
+        yield
+    except (OSError, RuntimeError) as error:
+        cause: BaseException = error
+        while cause.__cause__ is not None:  # Dask's own words tell but that something has failed
+            cause = cause.__cause__
+        hint = f"host is {host!r}; expected an address of this machine" if host else "run again to go on"
+        raise ClusterError(f"cluster {cluster} did not start: {_words(cause)}; {hint}") from None
+
+
+@contextmanager
+def _held(what: str) -> Iterator[None]:
+    """Say in a sentence that the connection is lost: to Dask that is an OSError, as if a file could not be written."""
+    try:
+        yield
+    except (TimeoutError, CommClosedError) as error:
+        if error.errno is not None:  # a file system's
+            raise
+        raise ClusterError(
+            f"{what}: the connection to the scheduler was lost: {_words(error)}; what was finished is kept, run again "
+            "to go on"
+        ) from None
+
+
+def _words(error: BaseException) -> str:
+    return str(error) or type(error).__name__
+
+
+def _patience() -> float:
+    """How long we wait for a scheduler that runs already [s]: Dask's own setting, where it is shorter."""
+    return min(ANSWER, float(parse_timedelta(dask.config.get("distributed.comm.timeouts.connect"))))
+
+
+def _client(where: Any, **options: Any) -> Client:
+    """A client that is nobody's default: one whose scheduler is gone would stay what Dask and xarray ask for locks."""
+    return Client(where, set_as_default=False, **options)
+
+
+def _say(workers: int, dashboard: str) -> None:
+    _log.info("%d workers; dashboard at %s", workers, dashboard, extra=fields(workers=workers, dashboard=dashboard))
+
+
+def _wait(client: Client, scheduler: str) -> None:
+    try:
+        client.wait_for_workers(1, timeout=PATIENCE)
+    except TimeoutError:
+        raise ClusterError(f"{scheduler}: no worker came within {PATIENCE:g} s; start some and run again") from None
+
+
+def _count(client: Client) -> int:
+    return len(client.scheduler_info(n_workers=-1)["workers"])
+
+
+def _check_versions(client: Client) -> None:
+    """Refuse workers whose numbers would not be ours; one that joins later is refused by its first shard."""
+    found: Any = client.get_versions(packages=DECIDING)
+    for address, one in found["workers"].items():
+        other = difference(one["packages"], deciding_here())
+        if other is not None:
+            raise ClusterError(
+                f"worker {address} has {other[0]}, this run {other[1]}; expected the same version everywhere"
+            )

@@ -1,0 +1,278 @@
+"""The farm: fans the shards of a dataset out over workers and keeps the manifest.
+
+A run may be stopped at any time and in any way: the next one on the same folder goes on where it ended, with the same
+data.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Mapping
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+from datagen.farming.card import write_card
+from datagen.farming.cluster import QUEUES, check_places, connect
+from datagen.farming.collection import FAILURE_BUDGET, Collection
+from datagen.farming.dask_worker import RECYCLE
+from datagen.farming.dispatch import PATIENCE
+from datagen.farming.failures import FILE_NAME as FAILURES_FILE
+from datagen.farming.failures import Failures
+from datagen.farming.lock import FILE_NAME as LOCK_FILE
+from datagen.farming.lock import FolderLock
+from datagen.farming.package import package_hash, weather_hashes
+from datagen.farming.plan import adopt, missing
+from datagen.farming.versions import all_here, note
+from datagen.farming.worker import TIMEOUT, Job
+from datagen.fmi.fmu import fmu_sha256
+from datagen.simulating.liveness import check_live_apart
+from datagen.simulating.simulator import Simulator
+from shared.ceiling import FILE_NAME as CEILING_FILE
+from shared.ceiling import Origin, fitting, read_ceilings, unknown_constants
+from shared.errors import DatasetError
+from shared.logs import logger
+from shared.store import Manifest, read_manifest, write_atomically, write_manifest
+from shared.system import System, load_system
+
+_log = logger(__name__)
+_SHORTEST = 0.001
+"""Of a system's timeout [s]; faulthandler, which watches over it, counts in microseconds."""
+_FIXED = ("system_hash", "fmu_sha256", "root_seed", "shard_size", "settings")
+
+
+def run(
+    system: Path | str | System,
+    out: Path | str,
+    *,
+    systems: int | None = None,
+    preset: str | None = None,
+    hours: float | None = None,
+    step: float | None = None,
+    seed: int = 0,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    cluster: str = "local",
+    cluster_options: Mapping[str, str] | None = None,
+    host: str | None = None,
+    shard_size: int = 10,
+    excitation: bool = True,
+    calm: float = 0.0,
+    uncertain: bool = False,
+    extend: bool = False,
+    retry_failures: bool = False,
+    failure_budget: float = FAILURE_BUDGET,
+    timeout: float = TIMEOUT,
+    recycle: float = RECYCLE,
+    quiet: bool = False,
+) -> Manifest:
+    """Simulate ``systems`` random systems into the dataset folder ``out``; an unfinished dataset is resumed.
+
+    Parameters
+    ----------
+    system
+        A system description or its path.
+    preset
+        One of the description's: gives ``start``, and ``systems``, ``hours``, ``step`` where they are not given here.
+    hours, step
+        Length [h] and output step [s], by default the description's.
+    workers, scheduler, cluster, cluster_options, host
+        Where the work is done; see :func:`datagen.farming.cluster.connect`.
+    shard_size
+        Systems per shard.
+    excitation
+        Whether inputs of source ``excitation`` act.
+    calm
+        Share of the systems, drawn by chance, in which they do not.
+    uncertain
+        Draw the description's uncertain constants for each system, in place of their values.
+    extend
+        Allow more systems than the dataset was started with; the shards that are there stay as they are.
+    retry_failures
+        Simulate the systems in ``failures.jsonl`` once more.
+    failure_budget
+        Share of the systems that may fail before the run is stopped.
+    timeout
+        Seconds that one system may take.
+    recycle
+        Bytes by which a worker process may grow before a fresh one takes its place.
+
+    Raises
+    ------
+    DatasetError
+        If ``out`` holds another dataset, cannot be written to, or another run is at it.
+    ClusterError
+        If the workers that are asked for cannot be had.
+    SimulationError
+        If more systems fail than the failure budget allows.
+    """
+    described = load_system(system) if not isinstance(system, System) else system
+    if preset is not None:
+        chosen = described.preset(preset)
+        systems, hours, step = systems or chosen.systems, hours or chosen.hours, step or chosen.step
+        described = described.with_experiment(start=chosen.start)
+    if systems is None:
+        raise DatasetError("systems is missing; expected a number of systems, or a preset")
+    if systems < 1:
+        raise DatasetError(f"systems is {systems}; expected at least 1")
+    if shard_size < 1:
+        raise DatasetError(f"shard_size is {shard_size}; expected at least 1")
+    if not 0 <= calm < 1 or (calm and not excitation):
+        raise DatasetError(
+            f"calm is {calm:g}{'' if excitation else ' and excitation is off'}; expected a share from 0 to less than 1"
+            " of the systems, of which the others are excited"
+        )
+    if calm and not any(one.source == "excitation" for one in described.inputs):
+        raise DatasetError(f"calm is {calm:g}; expected 0: {described.path} has no input of source 'excitation'")
+    if uncertain and not described.uncertain:
+        raise DatasetError(f"uncertain is set; expected an [[uncertain]] table in {described.path}, which has none")
+    if seed < 0:
+        raise DatasetError(f"seed is {seed}; expected at least 0")
+    if not _SHORTEST <= timeout <= threading.TIMEOUT_MAX:
+        raise DatasetError(f"timeout is {timeout:g} s; expected {_SHORTEST:g} to {threading.TIMEOUT_MAX:g} s")
+    places: dict[str, Any] = {"workers": workers, "scheduler": scheduler, "cluster": cluster, "host": host}
+    places["options"] = cluster_options
+    check_places(**places)
+    described = described.with_experiment(hours=hours, step=step)
+    fmu_hash = Simulator(described).fmu.sha256
+    weather = weather_hashes(described)
+    settings = {**described.experiment.model_dump(mode="json"), "excitation": excitation, "weather": weather}
+    if calm:  # earlier datasets do not know it
+        settings["calm"] = calm
+    if uncertain:
+        settings["uncertain"] = [one.model_dump(mode="json") for one in described.uncertain]
+    wanted = Manifest(
+        system_name=described.name,
+        system_hash=described.hash(),
+        system=described.canonical(),
+        fmu_sha256=fmu_hash,
+        root_seed=seed,
+        systems=systems,
+        shard_size=shard_size,
+        settings=settings,
+        versions=all_here(),
+    )
+    folder = Path(out)
+    where = str(described.path.resolve())
+    _check_folder(folder)
+    if not (folder / "manifest.json").exists():
+        check_live_apart(described, timeout)
+    try:
+        (folder / "shards").mkdir(parents=True, exist_ok=True)
+        with FolderLock(folder, where) as lock:
+            manifest = _open_or_start(folder, wanted, extend)
+            failures = Failures.read(folder)
+            text = settings_text(manifest)
+            _clear(folder)
+            manifest.shards += adopt(folder, manifest, failures, text)
+            job = Job(
+                system=described.canonical(),
+                system_path=where,
+                fmu_sha256=fmu_hash,
+                root_seed=seed,
+                excitation=excitation,
+                calm=calm,
+                uncertain=uncertain,
+                folder=str(folder.resolve()),
+                settings=text,
+                package=package_hash(fmu_hash, weather),
+                token=lock.token,
+                timeout=timeout,
+                recycle=recycle,
+            )
+            collection = Collection(folder, manifest, failures, job, described, budget=failure_budget)
+            collection.store()
+            pieces = missing(manifest, failures, retry=retry_failures)
+            first = next(pieces, None)
+            if first is not None:
+                with connect(**places) as client:
+                    note(manifest, all_here(), folder, "this run")  # before a shard is there that they made
+                    collection.store()
+                    patience = float("inf") if cluster in QUEUES else PATIENCE  # jobs may be queued for days
+                    again = collection.withdrawn(chain([first], pieces))
+                    collection.collect(client, again, quiet=quiet, patience=patience)
+            if not (folder / FAILURES_FILE).exists():
+                failures.write(folder)
+            _copy_ceilings(described, folder, excitation=excitation and not calm, uncertain=uncertain)
+            write_card(folder, manifest, described)
+    except OSError as error:
+        raise DatasetError(
+            f"{error.filename or folder}: cannot be written: {error.strerror or error}; "
+            "what was finished is kept, the same command goes on from there"
+        ) from None
+    return manifest
+
+
+def settings_text(manifest: Manifest) -> str:
+    """A dataset's settings as each of its shards carries them."""
+    return json.dumps(manifest.settings, sort_keys=True)
+
+
+def _check_folder(folder: Path) -> None:
+    if folder.exists() and not folder.is_dir():
+        raise DatasetError(f"{folder}: a file; expected a new folder or a dataset")
+    if not folder.exists() or (folder / "manifest.json").exists():
+        return
+    ours = {LOCK_FILE, "shards"}  # of a run that was stopped before it had written a manifest
+    if any(path.name not in ours and not path.name.endswith(".tmp") for path in folder.iterdir()):
+        raise DatasetError(f"{folder}: not empty and without a manifest; expected a new folder or a dataset")
+
+
+def _open_or_start(folder: Path, wanted: Manifest, extend: bool) -> Manifest:
+    if not (folder / "manifest.json").exists():
+        write_manifest(folder, wanted)
+        return wanted
+    found = read_manifest(folder)
+    where = folder / "manifest.json"
+    if found.sources:
+        raise DatasetError(f"{where}: merged from other datasets; extend or resume one of those, and merge again")
+    ours, theirs = (one.schema_version for one in (wanted, found))
+    if ours.partition(".")[0] != theirs.partition(".")[0]:  # minor versions have the same values
+        raise DatasetError(
+            f"{where}: schema_version is {theirs}, this run has {ours}; a dataset can only be resumed or extended with "
+            "its own schema: simulate a new one"
+        )
+    for field in _FIXED:
+        if getattr(found, field) != getattr(wanted, field):
+            raise DatasetError(
+                f"{where}: {field} is {getattr(found, field)}, this run has {getattr(wanted, field)}; "
+                "a dataset can only be resumed with its own settings"
+            )
+    if wanted.systems == found.systems:
+        return found
+    if wanted.systems < found.systems or not extend:
+        raise DatasetError(
+            f"{where}: systems is {found.systems}, this run has {wanted.systems}; a dataset can only be resumed with "
+            "its own settings, or given more systems with --extend"
+        )
+    stages = [*(found.stages or [found.systems]), wanted.systems]
+    return found.model_copy(update={"systems": wanted.systems, "stages": stages})
+
+
+def _clear(folder: Path) -> None:
+    """Remove what writers left unfinished."""
+    for path in [*folder.glob(".*.tmp"), *(folder / "shards").glob(".*.tmp")]:
+        path.unlink(missing_ok=True)
+
+
+def _copy_ceilings(system: System, folder: Path, *, excitation: bool, uncertain: bool) -> None:
+    """Put the ceilings beside the description into the dataset, if any is for this very dataset.
+
+    That is, of its system, FMU, season, weather, and of constants that are drawn or as declared, as its own are.
+    """
+    beside = system.path.parent / CEILING_FILE
+    if not beside.exists():
+        return
+    ceilings = read_ceilings(beside)
+    if ceilings.system_hash == system.hash() and ceilings.fmu_sha256 == fmu_sha256(system.fmu_path):
+        if not excitation and any(one.source == "excitation" for one in system.inputs):
+            _log.warning("%s: not copied: its ceilings hold with excitation, this dataset is not all with it", beside)
+            return
+        experiment = system.experiment
+        origin = Origin(start=experiment.start, hours=experiment.hours, weather=weather_hashes(system))
+        limit, reason = fitting(ceilings.ceilings, origin, unknown_constants(system.uncertain if uncertain else []))
+        if limit is None:
+            _log.info("%s: not copied: %s", beside, reason)  # nothing is wrong with the dataset
+            return
+        write_atomically(folder / CEILING_FILE, beside.read_bytes())

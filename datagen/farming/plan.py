@@ -1,0 +1,85 @@
+"""Which systems go into which shard, and which shards a dataset still lacks.
+
+The plan follows from the manifest alone. Systems that were added later (``--extend``) start a new shard, so that a
+shard, once written, never changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from datagen.farming.failures import Failures
+from shared.errors import DatasetError
+from shared.schema import CONTENT_HASH, split_of
+from shared.store import DatasetFolder, Manifest, ShardEntry, sha256_of
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One shard of the plan: its file, its systems, their root seed."""
+
+    file: str
+    systems: range | tuple[int, ...]
+    root_seed: int
+
+
+def shard_name(number: int) -> str:
+    """File name of a shard."""
+    return f"shard-{number:06d}.nc"
+
+
+def pieces(manifest: Manifest) -> Iterator[Piece]:
+    """All shards of a dataset, written or not."""
+    number, first = 0, 0
+    for stop in manifest.stages or [manifest.systems]:
+        for start in range(first, stop, manifest.shard_size):
+            systems = range(start, min(start + manifest.shard_size, stop))
+            yield Piece(shard_name(number), systems, manifest.root_seed)
+            number += 1
+        first = stop
+
+
+def missing(manifest: Manifest, failures: Failures, *, retry: bool = False) -> Iterator[Piece]:
+    """Shards still to be simulated; with ``retry`` also those in which a system failed."""
+    have = {entry.file for entry in manifest.shards}
+    for piece in pieces(manifest):
+        failed = sum((piece.root_seed, index) in failures for index in piece.systems) if len(failures) else 0
+        given_up = failed == len(piece.systems)
+        if (retry and failed) or (piece.file not in have and not given_up):
+            yield piece
+
+
+def adopt(folder: Path, manifest: Manifest, failures: Failures, settings: str) -> list[ShardEntry]:
+    """Entries for shards that were written whole, but not yet recorded, when a run was stopped.
+
+    Such a file must be of this very dataset and agree with the content hash that it carries; any other is left where
+    it is, and the run writes over it.
+    """
+    have = {entry.file for entry in manifest.shards}
+    present = {path.name for path in (folder / "shards").glob("*.nc")} - have
+    if not present:
+        return []
+    dataset = DatasetFolder(folder)
+    found = []
+    for piece in pieces(manifest):
+        if piece.file in present:
+            wanted = [i for i in piece.systems if (piece.root_seed, i) not in failures]
+            entry = ShardEntry(file=piece.file, systems=wanted, sha256="", content_hash="")
+            try:
+                digest, facts = dataset.shard_facts(entry)
+            except DatasetError:
+                continue
+            expected = {
+                CONTENT_HASH: digest,
+                "fmu_sha256": manifest.fmu_sha256,
+                "root_seed": str(manifest.root_seed),
+                "settings": settings,
+                "systems": wanted,
+                "splits": [split_of(manifest.root_seed, i) for i in wanted],
+            }
+            if all(facts.get(name) == value for name, value in expected.items()):
+                sha256 = sha256_of(dataset.shard_path(entry))
+                found.append(entry.model_copy(update={"sha256": sha256, "content_hash": digest}))
+    return found

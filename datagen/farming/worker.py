@@ -1,0 +1,241 @@
+"""What a worker does: simulate the systems of one shard and write it.
+
+A system's data depend on the root seed and its index alone, so it does not matter which worker does it, or when.
+"""
+
+from __future__ import annotations
+
+import faulthandler
+import os
+import tempfile
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import dask
+import numpy as np
+import psutil
+
+from datagen.driving.sampling import is_calm, record_start, sample_parameters
+from datagen.farming.dask_worker import RECYCLE, address, recycle, this_worker, unpack_in_scratch
+from datagen.farming.package import locate, sees_folder
+from datagen.farming.versions import PACKAGE, deciding_here, difference
+from datagen.fmi.guard import guarded as in_children
+from datagen.simulating.constants import sample_factors
+from datagen.simulating.drawn import simulate_system
+from datagen.simulating.simulator import Simulator, Trajectory
+from shared import __version__
+from shared.errors import DatasetError, SimulationError
+from shared.schema import build_shard
+from shared.store import ShardEntry, write_shard
+from shared.system import System, system_from_canonical
+
+RETRY_TOLERANCES = (1.0, 0.1, 0.01)
+"""A system that fails is tried again with the tolerance times these, in this order, then given up."""
+TIMEOUT = 600.0
+"""Seconds that one system may take by default before its process is killed."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """Everything that decides a dataset's content, the same for all its shards, and how its workers behave.
+
+    ``token`` tells a worker whether it sees the dataset's folder; ``package`` names the files that it needs.
+    """
+
+    system: str
+    system_path: str
+    fmu_sha256: str
+    root_seed: int
+    excitation: bool
+    folder: str
+    calm: float = 0.0
+    uncertain: bool = False
+    settings: str = ""
+    package: str = ""
+    token: str = ""
+    version: str = __version__
+    versions: dict[str, str] = field(default_factory=deciding_here)
+    timeout: float = TIMEOUT
+    recycle: float = RECYCLE
+
+
+@dataclass(frozen=True)
+class ShardResult:
+    """What came of one shard: its entry (None if every system failed), and the systems that failed.
+
+    ``data`` is the file itself, where the worker does not see the dataset's folder. ``lacks_package`` asks for the FMU
+    to be sent: nothing was simulated. ``pid`` and ``rss`` [bytes] are the worker's.
+    """
+
+    entry: ShardEntry | None = None
+    failures: list[dict[str, Any]] = field(default_factory=list)
+    statistics: dict[str, int] = field(default_factory=dict)
+    data: bytes | None = None
+    lacks_package: bool = False
+    worker: str = ""
+    pid: int = 0
+    rss: int = 0
+    seconds: float = 0.0
+
+
+@lru_cache(maxsize=4)
+def simulator_for(system: str, system_path: str, package: str = "") -> Simulator | None:
+    """The simulator of a system, loaded once per worker process; None if its files are not on this machine."""
+    here = locate(system, system_path, package)
+    return Simulator(here) if here is not None else None
+
+
+def attempt(work: tuple[Job, int]) -> Trajectory:
+    """Simulate one system of a job, again with tighter tolerances if it fails.
+
+    Raises
+    ------
+    SimulationError
+        If it failed with every tolerance.
+    """
+    job, index = work
+    simulator = simulator_for(job.system, job.system_path, job.package)
+    assert simulator is not None
+    last = SimulationError("")
+    for factor in RETRY_TOLERANCES:
+        try:
+            return simulate_system(
+                simulator,
+                root_seed=job.root_seed,
+                index=index,
+                excitation=job.excitation and not is_calm(job.root_seed, index, job.calm),
+                uncertain=job.uncertain,
+                tolerance=simulator.system.experiment.tolerance * factor,
+            )
+        except SimulationError as error:
+            last = error
+    raise last
+
+
+_ONE_AT_A_TIME = threading.Lock()
+"""NetCDF and the watch over a simulation are one per process, however many threads a foreign cluster gives it."""
+
+
+@contextmanager
+def _watch(timeout: float) -> Iterator[None]:
+    """End this process if the body takes longer: an FMU that hangs holds the interpreter, so no thread could."""
+    with open(os.devnull, "w") as nowhere:
+        faulthandler.dump_traceback_later(timeout, exit=True, file=nowhere)
+        try:
+            yield
+        finally:
+            faulthandler.cancel_dump_traceback_later()
+
+
+def simulate_shard(job: Job, file: str, indices: Sequence[int], guarded: bool = False) -> ShardResult:
+    """Simulate the systems of a shard and write it whole.
+
+    Parameters
+    ----------
+    guarded
+        Simulate in child processes: for a shard whose worker died.
+
+    Raises
+    ------
+    DatasetError
+        If this worker has other versions than the client, or has nowhere to write a file.
+    """
+    _check_versions(job)
+    with _ONE_AT_A_TIME:
+        unpack_in_scratch()
+        began = time.perf_counter()
+        if simulator_for(job.system, job.system_path, job.package) is None:
+            simulator_for.cache_clear()
+            return ShardResult(lacks_package=True, worker=address())
+        outcomes = _under_guard(job, indices) if guarded else [_outcome(job, index) for index in indices]
+        result = _deliver(job, file, indices, outcomes)
+        rss = psutil.Process().memory_info().rss
+        recycle(job.recycle, rss)
+        return ShardResult(**result, worker=address(), pid=os.getpid(), rss=rss, seconds=time.perf_counter() - began)
+
+
+def _check_versions(job: Job) -> None:
+    ours = deciding_here()
+    # the package first: the job of another one may lack the rest
+    other = difference(ours, ours | {PACKAGE: job.version}) or difference(ours, job.versions)
+    if other is not None:
+        raise DatasetError(f"a worker has {other[0]}, this run {other[1]}; expected the same version everywhere")
+
+
+def _outcome(job: Job, index: int) -> Trajectory | SimulationError:
+    with _watch(job.timeout):
+        try:
+            return attempt((job, index))
+        except SimulationError as error:
+            return error
+
+
+def _under_guard(job: Job, indices: Sequence[int]) -> list[Any]:
+    limit = psutil.virtual_memory().total / 2
+    worker = this_worker()
+    if worker is not None and worker.memory_manager.memory_limit:
+        limit = worker.memory_manager.memory_limit
+    return in_children(attempt, [(job, index) for index in indices], timeout=job.timeout, memory_limit=limit)
+
+
+def _deliver(job: Job, file: str, indices: Sequence[int], outcomes: list[Any]) -> dict[str, Any]:
+    system: System = system_from_canonical(job.system, Path(job.system_path))
+    drawn = {index: sample_parameters(system, job.root_seed, index) for index in indices}
+    done = [index for index, one in zip(indices, outcomes, strict=True) if isinstance(one, Trajectory)]
+    good = [one for one in outcomes if isinstance(one, Trajectory)]
+    failures = [
+        {
+            "system": index,
+            "root_seed": job.root_seed,
+            "parameters": dict(zip(system.parameter_names, drawn[index].tolist(), strict=True)),
+            "cause": str(one),
+        }
+        for index, one in zip(indices, outcomes, strict=True)
+        if not isinstance(one, Trajectory)
+    ]
+    statistics: dict[str, int] = {}
+    for one in good:
+        for name, count in one.statistics.items():
+            statistics[name] = statistics.get(name, 0) + count
+    if not done:
+        return {"failures": failures, "statistics": statistics}
+    shard = build_shard(
+        system,
+        indices=np.array(done),
+        root_seed=job.root_seed,
+        parameters=np.stack([drawn[index] for index in done]),
+        outputs=np.stack([one.outputs for one in good]),
+        inputs=np.stack([one.inputs for one in good]),
+        starts=np.array([record_start(system, job.root_seed, index) for index in done]),
+        factors=np.stack([sample_factors(system, job.root_seed, index) for index in done]) if job.uncertain else None,
+        attributes={"fmu_sha256": job.fmu_sha256, "root_seed": str(job.root_seed), "settings": job.settings},
+    )
+    entry, data = _write(job, file, shard, done)
+    return {"entry": entry, "failures": failures, "statistics": statistics, "data": data}
+
+
+def _write(job: Job, file: str, shard: Any, done: list[int]) -> tuple[ShardEntry, bytes | None]:
+    """Write a shard into the dataset's folder if this worker sees it, else hand it back as bytes."""
+    if sees_folder(job.folder, job.token):
+        try:
+            return _write_here(Path(job.folder) / "shards" / file, shard, done), None
+        except (OSError, RuntimeError):  # read-only here, or full: then the client says so
+            pass
+    try:
+        with tempfile.TemporaryDirectory(prefix="zeroshot-shard-") as folder:
+            path = Path(folder) / file
+            return _write_here(path, shard, done), path.read_bytes()
+    except (OSError, RuntimeError) as error:
+        raise DatasetError(f"a worker cannot write to {tempfile.gettempdir()}: {error}; expected free space") from None
+
+
+def _write_here(path: Path, shard: Any, done: list[int]) -> ShardEntry:
+    # inside a Dask worker xarray would ask the scheduler for a lock on the file, which is nobody else's anyway
+    with dask.config.set(scheduler="synchronous"):
+        return write_shard(path, shard, done)

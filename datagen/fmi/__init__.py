@@ -1,0 +1,1 @@
+"""What an FMU is to this package: unpacked, described, and called through its own C functions."""

@@ -1,0 +1,247 @@
+"""FMUs: unpacking, loading, and holding a system description against what the FMU really has."""
+
+from __future__ import annotations
+
+import atexit
+import os
+import shutil
+import tempfile
+import time
+from functools import lru_cache
+from pathlib import Path
+
+import fmpy
+from fmpy.fmi1 import FMICallException
+from fmpy.model_description import ModelDescription, ScalarVariable
+
+from datagen.fmi.fmi2 import Fmi2
+from datagen.fmi.fmi3 import Fmi3
+from datagen.fmi.interface import Interface
+from datagen.fmi.unpacking import check_descriptions, check_identifier, unpack_archive
+from shared.errors import FmuError, SystemDescriptionError
+from shared.reading import shown, size_of, why
+from shared.store import sha256_of
+from shared.system import System
+
+_UNITLESS = {"", "1", "-"}
+SCRATCH = "ZEROSHOT_FMU_SCRATCH"
+"""Environment variable of a process that may be killed: a folder that another process clears away afterwards."""
+MOST_INDICATORS = 1_000_000
+"""More than any model has, and few enough to make room for."""
+
+
+@lru_cache(maxsize=8)
+def unpack(path: Path, sha256: str) -> tuple[Path, ModelDescription]:
+    """Unpack an FMU once per process into a folder of our own, removed at exit.
+
+    Raises
+    ------
+    FmuError
+        If the file is missing or is not an FMU.
+    """
+    size_of(path, FmuError, "an FMU")
+    scratch = os.environ.get(SCRATCH)
+    folder = Path(tempfile.mkdtemp(prefix="zeroshot-fmu-", dir=scratch if scratch and Path(scratch).is_dir() else None))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    unpack_archive(path, folder)
+    try:
+        check_descriptions(path, folder)
+        return folder, _description(path, folder)
+    except FmuError:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+
+
+def _description(path: Path, folder: Path) -> ModelDescription:
+    try:
+        found = fmpy.read_model_description(str(folder), validate=False)
+    except Exception as error:  # fmpy raises whatever it meets in a description that is not one
+        raise FmuError(f"{path}: not a readable FMU: {why(error)}") from None
+    for kind in (found.modelExchange, found.coSimulation):
+        if kind is not None:
+            check_identifier(path, kind.modelIdentifier)
+    if not 0 <= found.numberOfEventIndicators <= MOST_INDICATORS:
+        raise FmuError(
+            f"{path}: has {shown(found.numberOfEventIndicators)} event indicators; expected 0 to {MOST_INDICATORS}"
+        )
+    return found
+
+
+def fmu_sha256(path: Path) -> str:
+    """sha256 of an FMU file.
+
+    Raises
+    ------
+    FmuError
+        If it cannot be read.
+    """
+    try:
+        size_of(path, FmuError, "an FMU")
+        return sha256_of(path)
+    except OSError as error:
+        raise FmuError(f"{path}: cannot be read: {error}") from None
+
+
+class Fmu:
+    """An FMU of FMI 2.0 or 3.0, loaded into this process: Model Exchange if it has that, else Co-Simulation.
+
+    ``variables`` maps names to the model description's variables; ``interface`` calls its functions; ``cosimulation``
+    tells the kind, and ``n_states`` is 0 then, for such an FMU keeps its states to itself. ``told_each_step``: the
+    integrator's steps are its business too, for it keeps a history of them (a delay, a plug flow).
+
+    Raises
+    ------
+    FmuError
+        If it is of another version or kind, or has no binary for this platform.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.sha256 = fmu_sha256(path)
+        folder, self.description = unpack(path, self.sha256)
+        version = str(self.description.fmiVersion)
+        if version != "2.0" and not version.startswith("3."):
+            raise FmuError(f"{path}: FMI {version}; expected FMI 2.0 or 3.0")
+        if self.description.modelExchange is None and self.description.coSimulation is None:
+            raise FmuError(f"{path}: FMI {version} without Model Exchange or Co-Simulation; expected one of the two")
+        self.variables: dict[str, ScalarVariable] = {v.name: v for v in self.description.modelVariables}
+        self.interface: Interface = (Fmi2 if version == "2.0" else Fmi3)(path, folder, self.description)
+        self.cosimulation = self.interface.cosimulation
+        self.n_states = 0 if self.cosimulation else self.description.numberOfContinuousStates
+        self.n_indicators = 0 if self.cosimulation else self.description.numberOfEventIndicators
+        me = self.description.modelExchange
+        self.told_each_step = not self.cosimulation and bool(me.needsCompletedIntegratorStep)
+        self.seconds_to_instantiate = 0.0
+
+    def instantiate(self, *, reuse: bool = False) -> None:
+        """Make a fresh instance in place of the last one, or reset that one.
+
+        Parameters
+        ----------
+        reuse
+            Reset the living instance, if there is one; see :mod:`datagen.simulating.canary`.
+        """
+        if reuse and self.interface.instance:
+            try:
+                self.interface.binary.reset()
+                self.interface.log.clear()
+                return
+            except FMICallException:  # it failed before and does not come back: start afresh
+                pass
+        self.release()
+        self.interface.log.clear()
+        began = time.perf_counter()
+        try:
+            self.interface.instantiate()
+        except Exception as error:
+            raise FmuError(f"{self.path}: cannot be instantiated: {error}{self.last_words()}") from None
+        self.seconds_to_instantiate = time.perf_counter() - began
+
+    def release(self) -> None:
+        """Free the instance, if there is one."""
+        if self.interface.instance:
+            self.interface.free()
+
+    def last_words(self) -> str:
+        """The FMU's own last messages, for an error's text."""
+        log = self.interface.log
+        return f"; the FMU says: {' | '.join(log[-3:])}" if log else ""
+
+    def set_value(self, name: str, value: float | bool) -> None:
+        """Set a number or a boolean by name."""
+        variable = self.variables[name]
+        if not self.interface.set_value(variable, value):
+            what = f"an array of {variable.type}" if variable.shape else f"a {variable.type}"
+            raise SystemDescriptionError(f"{self.path}: {name!r} is {what}; expected a number or a boolean")
+
+    def is_float(self, name: str) -> bool:
+        """Whether a variable is a scalar double."""
+        variable = self.variables[name]
+        return variable.type in ("Real", "Float64") and not variable.shape
+
+
+def _type(variable: ScalarVariable) -> str:
+    return f"array of {variable.type}" if variable.shape else str(variable.type)
+
+
+def _unit(variable: ScalarVariable) -> str:
+    unit = variable.unit or getattr(variable.declaredType, "unit", None) or ""
+    return "1" if unit in _UNITLESS else unit
+
+
+def check_system(system: System, fmu: Fmu) -> None:
+    """Hold a system description against its FMU.
+
+    Raises
+    ------
+    SystemDescriptionError
+        For the first variable that the FMU lacks, or that has another causality, type or unit there.
+    """
+    where = f"{system.path}"
+    real = "Real" if fmu.interface.version == 2 else "Float64"
+
+    def variable(kind: str, name: str) -> ScalarVariable:
+        if name not in fmu.variables:
+            raise SystemDescriptionError(
+                f"{where}: {kind} {name!r} is not a variable of {fmu.path.name}{_similar(name, list(fmu.variables))}"
+            )
+        return fmu.variables[name]
+
+    def unit(kind: str, name: str, declared: str) -> None:
+        found = _unit(variable(kind, name))
+        if found != ("1" if declared in _UNITLESS else declared):
+            raise SystemDescriptionError(f"{where}: {kind} {name!r} is declared in {declared!r}; the FMU has {found!r}")
+
+    for parameter in system.parameters:
+        unit("parameter", parameter.name, parameter.unit)
+        found = variable("parameter", parameter.name)
+        if found.causality not in ("parameter", "input") or not fmu.is_float(parameter.name):
+            raise SystemDescriptionError(
+                f"{where}: parameter {parameter.name!r} is a {found.causality} {_type(found)} in "
+                f"{fmu.path.name}; expected a {real} parameter that can be set"
+            )
+    for one in system.inputs:
+        unit("input", one.name, one.unit)
+        found = variable("input", one.name)
+        if found.causality != "input" or not fmu.is_float(one.name):
+            raise SystemDescriptionError(
+                f"{where}: input {one.name!r} is a {found.causality} {_type(found)} in {fmu.path.name}; "
+                f"expected a {real} input"
+            )
+        if found.variability == "discrete" and one.interpolation == "linear" and one.source != "constant":
+            raise SystemDescriptionError(
+                f'{where}: input {one.name!r} is discrete in {fmu.path.name}; expected interpolation = "previous"'
+            )
+    declared = set(system.input_names) | set(system.parameter_names)
+    for name, found in fmu.variables.items():
+        if found.causality == "input" and name not in declared:
+            raise SystemDescriptionError(
+                f"{where}: {fmu.path.name} has an input {name!r} that no [[inputs]] table names; expected one"
+            )
+    for output in system.outputs:
+        unit("output", output.fmu_variable, output.unit)
+        if not fmu.is_float(output.fmu_variable):
+            kind = _type(fmu.variables[output.fmu_variable])
+            raise SystemDescriptionError(
+                f"{where}: output {output.name!r} is not a {real} but a {kind} in {fmu.path.name}"
+            )
+    for table, values in (("fixed", system.fixed), ("replay", system.replay)):
+        for name in values:
+            if variable(table, name).causality not in ("parameter", "input"):
+                raise SystemDescriptionError(f"{where}: {table} {name!r} cannot be set in {fmu.path.name}")
+    for uncertain in system.uncertain:
+        for name in uncertain.parameters:
+            found = variable(f"uncertain {uncertain.name!r}:", name)
+            value = system.fixed.get(name, found.start if fmu.is_float(name) else None)
+            if found.causality not in ("parameter", "input") or value is None or not float(value) > 0:
+                raise SystemDescriptionError(
+                    f"{where}: uncertain {uncertain.name!r}: {name!r} is a {found.causality} {_type(found)} with value"
+                    f" {value} in {fmu.path.name}; expected a positive {real} parameter that can be set"
+                )
+
+
+def _similar(name: str, names: list[str]) -> str:
+    import difflib
+
+    close = difflib.get_close_matches(name, names, n=1)
+    return f"; did you mean {close[0]!r}?" if close else f"; it has {len(names)} others"

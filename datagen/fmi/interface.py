@@ -1,0 +1,129 @@
+"""The interface that FMI 2.0 and FMI 3.0 both implement: what is called before and after a simulation.
+
+What is called during one, from compiled code, is in :mod:`datagen.fmi.calls`.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import numpy as np
+from fmpy.model_description import ModelDescription, ScalarVariable
+
+from shared.errors import FmuError
+
+_NUMBERS = count(1)
+DOUBLE_P = ctypes.POINTER(ctypes.c_double)
+
+
+class Interface(ABC):
+    """One FMU's shared library in this process, with at most one instance.
+
+    Attributes
+    ----------
+    functions
+        Names of the C functions by their places in the plan of :mod:`datagen.fmi.calls`.
+    log
+        What the FMU has said since it was instantiated.
+
+    Raises
+    ------
+    FmuError
+        If there is no binary for this platform.
+    """
+
+    version: int
+    functions: dict[int, str]
+
+    def __init__(self, path: Path, folder: Path, description: ModelDescription) -> None:
+        self.path = path
+        self.cosimulation = description.modelExchange is None
+        kind = description.coSimulation if self.cosimulation else description.modelExchange
+        self.log: list[str] = []
+        self.name = f"instance-{next(_NUMBERS)}"
+        before = os.getcwd()
+        try:
+            self.binary: Any = self.load(
+                guid=description.guid,
+                unzipDirectory=str(folder),
+                modelIdentifier=kind.modelIdentifier,
+                instanceName=self.name,
+                libraryPath=str(library(folder, kind.modelIdentifier)),
+            )
+        except Exception as error:
+            raise FmuError(f"{path}: no usable binary for {fmpy.platform_tuple}: {error}") from None
+        finally:
+            os.chdir(before)  # fmpy's constructor changes the working directory
+
+    def address(self, function: str) -> int:
+        """Address of one of the FMU's C functions, for example ``fmi2GetReal``."""
+        return ctypes.cast(getattr(self.binary.dll, function), ctypes.c_void_p).value or 0
+
+    @property
+    def instance(self) -> int:
+        """Address of the instance, 0 without one."""
+        return ctypes.c_void_p(getattr(self.binary, "component", None)).value or 0
+
+    @abstractmethod
+    def load(self, **arguments: str) -> Any:
+        """Load the shared library through fmpy."""
+
+    @abstractmethod
+    def instantiate(self) -> None:
+        """Make an instance; raises any exception if that fails."""
+
+    @abstractmethod
+    def free(self) -> None:
+        """Free the instance."""
+
+    @abstractmethod
+    def set_up(self, start: float, stop: float, tolerance: float) -> None:
+        """Announce the simulation, before parameters and inputs are set."""
+
+    @abstractmethod
+    def enter_initialisation(self) -> None:
+        """Enter initialisation mode; parameters and inputs have been set."""
+
+    @abstractmethod
+    def set_floats(self, references: Sequence[int], values: Sequence[float]) -> None:
+        """Set variables of doubles."""
+
+    @abstractmethod
+    def set_value(self, variable: ScalarVariable, value: float | bool) -> bool:
+        """Set a number or a boolean; false if the variable is neither."""
+
+    @abstractmethod
+    def new_discrete_states(self) -> tuple[bool, bool, bool, bool, bool, float]:
+        """One iteration of event mode; see ``datagen.fmi.calls.new_discrete`` for the flags."""
+
+    @abstractmethod
+    def states(self, n: int) -> tuple[np.ndarray, np.ndarray]:
+        """Continuous states and their nominal values, shape (n,) each."""
+
+    @abstractmethod
+    def set_states(self, x: np.ndarray) -> None:
+        """Set the continuous states."""
+
+    def why_discarded(self) -> str:
+        """More about a communication step that was refused, if the FMU can tell."""
+        return ""
+
+
+def library(folder: Path, identifier: str) -> Path:
+    """The shared library for this machine.
+
+    FMI 2.0 has no folder name for Linux on ARM, so that FMUs use that of FMI 3.0 there: it is looked into first.
+    """
+    names = [folder / "binaries" / one / f"{identifier}{fmpy.sharedLibraryExtension}" for one in _folders()]
+    return next((name for name in names if name.is_file()), names[-1])
+
+
+def _folders() -> tuple[str, str]:
+    return fmpy.platform_tuple, fmpy.platform

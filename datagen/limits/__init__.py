@@ -1,0 +1,1 @@
+"""What a recording can tell at all: sensitivities, and the limit of R2 that follows."""

@@ -1,0 +1,1 @@
+"""One simulation: instances, integrators, events, and a system as it is drawn."""

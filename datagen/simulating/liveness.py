@@ -1,0 +1,179 @@
+"""Whether the parameters are alive.
+
+Some tools evaluate a parameter when they compile the FMU, accept new values for it without a word, and ignore them.
+Such a parameter would be "estimated" from nothing, so it is refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+
+import numpy as np
+
+from datagen.driving.inputs import build_inputs
+from datagen.driving.tables import InputTable
+from datagen.fmi.guard import guarded
+from datagen.simulating.simulator import Simulator
+from shared.errors import SimulationError, SystemDescriptionError, ZeroshotError
+from shared.logs import logger
+from shared.system import System
+
+_log = logger(__name__)
+
+PROBE_HOURS = 96.0
+PROBE_SEED = 0
+SEASONS = (0.0, 182.0 * 86400.0)
+"""When a look may begin [s]: what only shades or cools in summer is not ignored."""
+HARDLY = 1e-3
+"""Of an output's accuracy: a parameter that moves outputs by less is ignored; one that moves them by more is weak."""
+PATIENCE = 600.0
+"""How long a look in a process apart may take, by default [s]."""
+
+
+def responses(simulator: Simulator, names: Collection[str] | None = None) -> dict[str, float | SimulationError]:
+    """Largest change of any output over each parameter's range, in units of the output's accuracy.
+
+    Simulates a few winter days from the middle of the ranges, once at each end of each parameter, and summer days too
+    where the outputs do not move. For an end that cannot be simulated the middle stands in; if only one of the three
+    can be, the cause stands in place of the change, and other parameters are looked at all the same.
+
+    Parameters
+    ----------
+    names
+        Of the parameters to look at; by default all.
+
+    Raises
+    ------
+    SystemDescriptionError, WeatherError
+        If the inputs cannot be made.
+    """
+    look = _Look(simulator)
+    wanted = [p.name for p in simulator.system.parameters if names is None or p.name in names]
+    return {name: look.response(name) for name in wanted}
+
+
+def check_live(simulator: Simulator) -> dict[str, float]:
+    """Refuse parameters that do not move any output by more than its accuracy; returns :func:`responses`.
+
+    One that cannot be judged, because the FMU fails at its values, is told, left out of the result and not refused.
+
+    Raises
+    ------
+    SystemDescriptionError
+        Naming the dead parameters; or if the inputs cannot be made.
+    WeatherError
+        If a weather file cannot be used.
+    """
+    return _judged(simulator.system, responses(simulator))
+
+
+def check_live_apart(system: System, timeout: float = PATIENCE, least: float = 1.0) -> dict[str, float]:
+    """:func:`check_live` in a process apart: the FMU may crash or hang at the ends of its ranges.
+
+    Where it does, the parameters are looked at one by one, so that those at fault do not hide what others are.
+
+    Parameters
+    ----------
+    timeout
+        How long one look at all parameters, or at one, may take [s].
+    least
+        Change of an output, in units of its accuracy, below which a parameter is refused.
+
+    Raises
+    ------
+    SystemDescriptionError, FmuError, WeatherError
+        As :func:`check_live`, and if the FMU does not fit the description.
+    """
+    all_names = tuple(system.parameter_names)
+    at_once = guarded(_probe, [(system, all_names)], timeout=timeout, tries=1)[0]
+    found: dict[str, float | SimulationError] = {}
+    if not isinstance(at_once, SimulationError):
+        found = _found(at_once)
+    elif len(all_names) == 1 or isinstance(guarded(_middle, [system], timeout=timeout, tries=1)[0], ZeroshotError):
+        found = dict.fromkeys(all_names, at_once)  # the middle of the ranges is no better: one by one neither
+    else:
+        alone = guarded(_probe, [(system, (name,)) for name in all_names], timeout=timeout, tries=1)
+        for name, one in zip(all_names, alone, strict=True):
+            found |= {name: one} if isinstance(one, SimulationError) else _found(one)
+    return _judged(system, found, least)
+
+
+def _judged(system: System, found: Mapping[str, float | SimulationError], least: float = 1.0) -> dict[str, float]:
+    """The changes that are known; tells which are not, and refuses dead parameters."""
+    known: dict[str, float] = {}
+    for name, change in found.items():
+        if isinstance(change, SimulationError):
+            _log.warning("%s: could not check that parameter %r is alive: %s", system.path, name, change)
+        else:
+            known[name] = change
+    dead = [name for name, change in known.items() if change < least]
+    if dead:
+        still = [repr(one.name) for one in system.inputs if one.source == "measured"]
+        hint = f" (with {', '.join(still)}, which a recording would drive, at rest)" if still else ""
+        raise SystemDescriptionError(
+            f"{system.path}: {system.fmu_path.name} accepts {', '.join(map(repr, dead))} and ignores it: "
+            f"no output moves between the ends of its range{hint}; expected parameters that are tunable at run time"
+        )
+    return known
+
+
+class _Look:
+    """Simulations of a few days, from the middle of the ranges."""
+
+    def __init__(self, simulator: Simulator) -> None:
+        self.simulator, system = simulator, simulator.system
+        span = min(PROBE_HOURS, system.experiment.hours) * 3600.0
+        self.span = max(system.experiment.step, span - span % system.experiment.step)
+        self.middle = {p.name: float(p.from_unit(0.5)) for p in system.parameters}
+        self.ends = {p.name: (p.max, p.min) for p in system.parameters}
+        self.accuracy = np.array([[o.accuracy] for o in system.outputs])
+        self._inputs: dict[float, InputTable] = {}
+
+    def response(self, name: str) -> float | SimulationError:
+        """The largest change that a parameter makes, or why it cannot be had."""
+        largest = 0.0
+        for start in SEASONS:
+            change = self._change(name, start)
+            if isinstance(change, SimulationError):
+                return change
+            largest = max(largest, change)
+            if largest >= 1.0:
+                break
+        return largest
+
+    def outputs(self, start: float, values: Mapping[str, float]) -> np.ndarray:
+        """Outputs from ``start`` [s] on, with some parameters elsewhere than in the middle."""
+        if start not in self._inputs:
+            self._inputs[start] = build_inputs(
+                self.simulator.system, root_seed=PROBE_SEED, index=0, start=start, stop=start + self.span
+            )
+        parameters = {**self.middle, **values}
+        return self.simulator.run(parameters, self._inputs[start], start=start, stop=start + self.span).outputs
+
+    def _change(self, name: str, start: float) -> float | SimulationError:
+        found: list[np.ndarray] = []
+        cause = SimulationError("")
+        for value in (*self.ends[name], self.middle[name]):
+            try:
+                found.append(self.outputs(start, {name: value}))
+            except SimulationError as error:
+                cause = error
+            if len(found) == 2:
+                return float(np.max(np.abs(found[0] - found[1]) / self.accuracy))
+        return cause
+
+
+def _probe(work: tuple[System, tuple[str, ...]]) -> dict[str, float | SimulationError]:
+    system, names = work
+    return responses(Simulator(system), names)
+
+
+def _middle(system: System) -> None:
+    """Raises if the middle of the ranges cannot be simulated either."""
+    _Look(Simulator(system)).outputs(SEASONS[0], {})
+
+
+def _found(result: dict[str, float | SimulationError] | ZeroshotError) -> dict[str, float | SimulationError]:
+    if isinstance(result, ZeroshotError):  # of the description or its FMU, not of a simulation
+        raise result
+    return result

@@ -1,0 +1,100 @@
+"""``simulate`` one system into one NetCDF file, the shape in which measurements come too."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from datagen.driving.sampling import record_start, sample_parameters
+from datagen.simulating.constants import sample_factors
+from datagen.simulating.drawn import simulate_system
+from datagen.simulating.simulator import Simulator
+from shared.errors import SystemDescriptionError
+from shared.schema import CLOCK, STEP_END, build_shard
+from shared.store import write_shard
+from shared.system import System, load_system
+
+
+def simulate(
+    system: Path | str | System,
+    *,
+    parameters: Mapping[str, float] | None = None,
+    out: Path | str | None = None,
+    hours: float | None = None,
+    step: float | None = None,
+    seed: int = 0,
+    index: int = 0,
+    excitation: bool = True,
+    uncertain: bool = False,
+) -> xr.Dataset:
+    """Simulate one system and return its outputs and inputs, dimensions (time); write them to ``out`` if given.
+
+    Parameters
+    ----------
+    parameters
+        Values by name [unit of the description]; the others are drawn as the farm would for (``seed``, ``index``).
+    uncertain
+        Draw the description's uncertain constants, too.
+
+    Raises
+    ------
+    SystemDescriptionError
+        If a parameter is unknown to the description and the FMU, or a constant is given that shall be drawn.
+    SimulationError
+        If the end was not reached.
+    """
+    described = system if isinstance(system, System) else load_system(system)
+    described = described.with_experiment(hours=hours, step=step)
+    simulator = Simulator(described)
+    given = dict(parameters or {})
+    for name in given:
+        variable = simulator.fmu.variables.get(name)
+        if variable is None or variable.causality != "parameter":
+            raise SystemDescriptionError(
+                f"{described.path}: {name!r} is not a parameter of {simulator.fmu.path.name}; "
+                f"estimated ones are {', '.join(described.parameter_names)}"
+            )
+    twice = [name for one in described.uncertain for name in one.parameters if uncertain and name in given]
+    if twice:
+        raise SystemDescriptionError(
+            f"{described.path}: {twice[0]!r} is set, and uncertain constants are to be drawn; expected one of both"
+        )
+    trajectory = simulate_system(
+        simulator, root_seed=seed, index=index, parameters=given, excitation=excitation, uncertain=uncertain
+    )
+    drawn = sample_parameters(described, seed, index)
+    values = np.array([given.get(n, v) for n, v in zip(described.parameter_names, drawn, strict=True)])
+    others = {k: v for k, v in given.items() if k not in described.parameter_names}
+    shard = build_shard(
+        described,
+        indices=np.array([index]),
+        root_seed=seed,
+        parameters=values[None],
+        outputs=trajectory.outputs[None],
+        inputs=trajectory.inputs[None],
+        starts=np.array([record_start(described, seed, index)]),
+        factors=sample_factors(described, seed, index)[None] if uncertain else None,
+        attributes={
+            "fmu_sha256": simulator.fmu.sha256,
+            "root_seed": str(seed),
+            **({"other_parameters": ", ".join(f"{k}={v:g}" for k, v in others.items())} if others else {}),
+        },
+    )
+    record = on_the_clock(shard.isel(system=0))
+    if out is not None:
+        path = Path(out)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_shard(path, record, [index])
+    return record
+
+
+def on_the_clock(record: xr.Dataset) -> xr.Dataset:
+    """The record of one system with its beginning in its time, as measurements have it."""
+    begin = float(record["start"])
+    bounds = record["time_bnds"].variable + begin  # a variable: its own times would not match those that it is put to
+    moved = record.drop_vars(["start", "time_bnds"])
+    moved = moved.assign_coords(time=("time", record["time"].values + begin, STEP_END | CLOCK))
+    return moved.assign(time_bnds=bounds)

@@ -1,0 +1,115 @@
+"""Datasets between teams: merged, verified, accepted by a CF checker, and readable for good."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from datagen import info, merge, run, verify
+from datagen.datasets import mending
+from shared.errors import DatasetError, SystemDescriptionError
+from shared.store import DatasetFolder, read_manifest, write_manifest
+from shared.system import load_system
+from tests.datagen.cf_checks import cf_faults
+from tests.datagen.faults import faulty
+
+STORED = Path(__file__).resolve().parents[2] / "data" / "schema-1.0"
+RECORDED = [0.286494, 0.274189]
+SIZE = {"systems": 4, "shard_size": 2, "workers": 1, "quiet": True}
+
+
+@pytest.fixture(scope="module")
+def teams(tmp_path_factory):
+    """The same system simulated by two teams with different seeds, and by one with other settings."""
+    folder = tmp_path_factory.mktemp("teams")
+    faulty.build(folder)
+    toml = faulty.describe(folder)
+    run(toml, folder / "a", seed=1, **SIZE)
+    run(toml, folder / "b", seed=2, **SIZE)
+    run(toml, folder / "short", seed=4, hours=12.0, **SIZE)
+    return folder
+
+
+@pytest.mark.slow
+def test_merged_systems_keep_seed_split_and_data(teams, tmp_path):
+    merge([teams / "a", teams / "b"], tmp_path / "c")
+    a, b, c = (DatasetFolder(folder).load() for folder in (teams / "a", teams / "b", tmp_path / "c"))
+    assert len(c.systems) == 8
+    for part, seed in ((a, 1), (b, 2)):
+        rows = c.seeds == seed
+        assert (c.values[rows] == part.values).all()
+        assert (c.splits[rows] == part.splits).all()
+    assert verify(tmp_path / "c") == []
+    found = info(tmp_path / "c")
+    assert (found["root_seeds"], found["systems_done"], found["complete"]) == ([1, 2], 8, True)
+    assert "root seed\n1, 2" in (tmp_path / "c" / "README.md").read_text()
+    json.dumps(found)
+    # and it can be mended, each shard from its own seed
+    victim = tmp_path / "c" / "shards" / "seed-2-shard-000001.nc"
+    victim.unlink()
+    assert mending.repair(tmp_path / "c", teams / "system.toml") == [victim.name]
+    assert verify(tmp_path / "c") == []
+    with pytest.raises(DatasetError, match="merged from other datasets"):
+        run(teams / "system.toml", tmp_path / "c", seed=1, **SIZE)
+
+
+@pytest.mark.slow
+def test_what_does_not_belong_together_is_refused(teams, tmp_path):
+    with pytest.raises(DatasetError, match="root seed 1 is also that of"):
+        merge([teams / "a", teams / "a"], tmp_path / "c")
+    with pytest.raises(DatasetError, match=r"settings is .*only datasets of one system"):
+        merge([teams / "a", teams / "short"], tmp_path / "c")
+    other = shutil.copytree(teams / "b", tmp_path / "other")
+    write_manifest(other, read_manifest(other).model_copy(update={"fmu_sha256": "0" * 64}))
+    with pytest.raises(DatasetError, match="fmu_sha256 is 0000"):
+        merge([teams / "a", other], tmp_path / "c")
+    assert any("fmu_sha256 is" in fault for fault in verify(other))
+    with pytest.raises(DatasetError, match="at least two"):
+        merge([teams / "a"], tmp_path / "c")
+    with pytest.raises(DatasetError, match="already there"):
+        merge([teams / "a", teams / "b"], teams / "short")
+    spoilt = shutil.copytree(teams / "b", tmp_path / "spoilt")
+    (spoilt / "shards" / "shard-000000.nc").write_bytes(b"rubbish")
+    with pytest.raises(DatasetError, match=r"shard-000000\.nc: not what its manifest says"):
+        merge([teams / "a", spoilt], tmp_path / "c")
+
+
+@pytest.mark.slow
+def test_a_preset_gives_what_is_not_given(teams, tmp_path):
+    manifest = run(teams / "system.toml", tmp_path / "ds", preset="short", systems=2, workers=1, quiet=True)
+    assert (manifest.systems, manifest.settings["hours"], manifest.settings["step"]) == (2, 6.0, 1800.0)
+    with pytest.raises(SystemDescriptionError, match="no preset 'long'; found short"):
+        run(teams / "system.toml", tmp_path / "other", preset="long")
+
+
+def test_the_papers_presets_do_not_change_the_system(default_system):
+    week = default_system.preset("paper-week")
+    assert (week.systems, week.hours, week.step) == (2000, 168.0, 300.0)
+    bare = default_system.model_copy(update={"presets": {}})
+    assert bare.hash() == default_system.hash()
+
+
+def test_a_dataset_of_the_first_schema_stays_readable():
+    dataset = DatasetFolder(STORED)
+    assert dataset.manifest.schema_version == "1.0"
+    records = dataset.load()
+    assert records.systems.tolist() == [0, 1]
+    assert records.values.shape == (2, 1, 6)
+    assert [round(float(v), 6) for v in records.values[:, 0, -1]] == RECORDED
+    assert verify(STORED) == []
+    assert load_system(STORED / "system.toml").hash() == dataset.manifest.system_hash
+
+
+def test_a_cf_checker_accepts_a_shard():
+    assert cf_faults(STORED / "shards" / "shard-000000.nc") == set()
+
+
+@pytest.mark.slow
+def test_datasets_of_one_major_schema_can_be_merged_and_others_cannot(teams, tmp_path):
+    older = shutil.copytree(teams / "b", tmp_path / "older")
+    write_manifest(older, read_manifest(older).model_copy(update={"schema_version": "2.0"}))
+    assert len(merge([teams / "a", older], tmp_path / "c").shards) == 4
+    write_manifest(older, read_manifest(older).model_copy(update={"schema_version": "1.0"}))
+    with pytest.raises(DatasetError, match="schema is 1, "):
+        merge([teams / "a", older], tmp_path / "d")

@@ -1,0 +1,152 @@
+"""The merged input table: reproduces each signal, means are integrals, jumps are where signals jump."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from datagen.driving.tables import Piecewise, merge
+
+START, STOP = -4.0, 12.0
+CELL = 1 / 8
+"""Knots fall on quarters, so that the midpoint rule on eighths is exact."""
+
+
+@st.composite
+def signals(draw):
+    kind = draw(st.sampled_from(["linear", "previous"]))
+    quarters = draw(st.lists(st.integers(-40, 80), min_size=1, max_size=12, unique=True))
+    values = draw(st.lists(st.integers(-5, 5), min_size=len(quarters), max_size=len(quarters)))
+    return Piecewise(np.sort(quarters) / 4.0, np.array(values, float), kind)
+
+
+@st.composite
+def tables(draw):
+    made = draw(st.lists(signals(), max_size=4))
+    return {f"s{k}": signal for k, signal in enumerate(made)}
+
+
+@given(tables())
+@settings(max_examples=100, deadline=None)
+def test_table_reproduces_each_signal(made):
+    table = merge(made, START, STOP)
+    t = np.concatenate([np.arange(START, STOP, CELL), np.random.default_rng(0).uniform(START, STOP, 200)])
+    got = table.at(t)
+    assert got.shape == (len(t), len(made))
+    for k, signal in enumerate(made.values()):
+        np.testing.assert_allclose(got[:, k], signal.at(t), rtol=0, atol=1e-12)
+
+
+@given(tables())
+@settings(max_examples=100, deadline=None)
+def test_means_are_integrals(made):
+    table = merge(made, START, STOP)
+    edges = np.array([START, START + 0.25, 0.0, 0.5, 3.0, 9.75, STOP])
+    got = table.means(edges)
+    middles = np.arange(START + CELL / 2, STOP, CELL)
+    fine = table.at(middles)
+    for j in range(len(edges) - 1):
+        inside = (middles > edges[j]) & (middles < edges[j + 1])
+        np.testing.assert_allclose(got[j], fine[inside].mean(axis=0), rtol=0, atol=1e-12)
+
+
+@given(tables())
+@settings(max_examples=100, deadline=None)
+def test_grid_and_jumps(made):
+    table = merge(made, START, STOP)
+    assert table.time[0] == START
+    assert table.time[-1] == STOP
+    assert (np.diff(table.time) > 1e-6).all()
+    assert table.left.flags.c_contiguous
+    assert table.right.flags.c_contiguous
+    assert table.left.shape == table.right.shape == (len(table.time) - 1, len(made))
+    broken = (table.right[:-1] != table.left[1:]).any(axis=1)
+    np.testing.assert_array_equal(table.jump, np.concatenate([[False], broken, [False]]))
+    changes = {
+        float(t)
+        for s in made.values()
+        if s.kind == "previous"
+        for t, step in zip(s.times[1:], np.diff(s.values), strict=True)
+        if step != 0 and START < t < STOP
+    }
+    assert set(table.time[table.jump]) == changes
+
+
+@given(tables(), st.integers(-16, 46), st.integers(1, 40))
+@settings(max_examples=100, deadline=None)
+def test_restricted_and_refined_keep_the_signal(made, first, length):
+    table = merge(made, START, STOP)
+    begin, end = first / 4 + 0.1, min(first / 4 + length / 4, STOP)
+    part = table.restricted(begin, end)
+    assert (part.start, part.stop) == (begin, end)
+    t = np.random.default_rng(1).uniform(begin, end, 100)
+    np.testing.assert_allclose(part.at(t), table.at(t), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(part.means([begin, end]), table.means([begin, end]), rtol=0, atol=1e-12)
+    finer = part.refined(np.arange(-5, 13, 0.3))
+    np.testing.assert_allclose(finer.at(t), table.at(t), rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(finer.time[finer.jump], part.time[part.jump])
+
+
+def test_values_by_hand():
+    ramp = Piecewise([0, 10], [1, 2])
+    step = Piecewise([0, 4, 8], [5, 7, 7], "previous")
+    table = merge({"ramp": ramp, "step": step}, 0, 10)
+    assert table.names == ("ramp", "step")
+    # at 8 the step keeps its value: no knot
+    np.testing.assert_array_equal(table.time, [0, 4, 10])
+    np.testing.assert_allclose(table.left, [[1, 5], [1.4, 7]])
+    np.testing.assert_allclose(table.right, [[1.4, 5], [2, 7]])
+    np.testing.assert_array_equal(table.jump, [False, True, False])
+    np.testing.assert_allclose(table.at([-1, 4, 5, 99]), [[1, 5], [1.4, 7], [1.5, 7], [2, 7]])
+    np.testing.assert_allclose(table.means([2, 6]), [[1.4, 6]])
+
+
+def test_points_that_nearly_coincide_are_one_knot():
+    early = Piecewise([0, 3600.0 - 4e-7, 7200], [0, 1, 2], "previous")
+    late = Piecewise([0, 3600.0 + 4e-7, 7200], [0, 1, 2], "previous")
+    table = merge({"line": Piecewise([0, 3600, 7200], [0, 1, 0]), "early": early, "late": late}, 0, 7200)
+    assert len(table.time) == 3
+    np.testing.assert_allclose(table.left, [[0, 0, 0], [1, 1, 1]], atol=1e-9)
+    np.testing.assert_allclose(table.right, [[1, 0, 0], [0, 1, 1]], atol=1e-9)
+
+
+def test_changes_at_the_ends_of_the_span():
+    step = Piecewise([0, 5, 10], [1, 2, 3], "previous")
+    table = merge({"step": step}, 5, 10)
+    # the change at the start has happened; the one at the end has not
+    np.testing.assert_array_equal(table.left, [[2]])
+    np.testing.assert_array_equal(table.at([5, 10]), [[2], [2]])
+    np.testing.assert_array_equal(table.jump, [False, False])
+
+
+def test_constants_stay_exact_in_means_over_a_year():
+    steps = Piecewise(np.arange(0, 8760) * 3600.0 + 17.3, np.arange(8760) % 3, "previous")
+    table = merge({"c": Piecewise.constant(420.0), "s": steps}, 0, 8760 * 3600)
+    assert (table.means(np.arange(0, 8761) * 3600.0)[:, 0] == 420.0).all()
+
+
+def test_no_inputs():
+    table = merge({}, 0, 10)
+    assert table.at([1, 2]).shape == (2, 0)
+    assert table.means([0, 5, 10]).shape == (2, 0)
+
+
+@pytest.mark.parametrize(
+    ("make", "text"),
+    [
+        (lambda: Piecewise([0, 0], [1, 2]), "strictly increase"),
+        (lambda: Piecewise([0, 1], [1, np.nan]), "not finite"),
+        (lambda: Piecewise([0, 1], [1]), "equal lengths"),
+        (lambda: Piecewise([], []), "at least 1"),
+        (lambda: Piecewise([0], [1], "cubic"), "expected 'linear' or 'previous'"),
+        (lambda: merge({}, 3, 3), "expected start < stop"),
+        (lambda: merge({}, 0, np.inf), "expected start < stop"),
+        (lambda: merge({}, 0, 10).means([0, 11]), "not within the inputs"),
+        (lambda: merge({}, 0, 10).means([5, 5]), "strictly increase"),
+        (lambda: merge({}, 0, 10).restricted(-1, 4), "not within the inputs"),
+        (lambda: merge({}, 0, 10).restricted(4, 4), "expected start < stop"),
+    ],
+)
+def test_misuse_is_refused(make, text):
+    with pytest.raises(ValueError, match=text):
+        make()

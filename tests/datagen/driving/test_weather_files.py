@@ -1,0 +1,263 @@
+"""The three forms of weather files, written here from numbers of our own, and what is said about bad ones."""
+
+import os
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from datagen.driving.weather import read_weather
+from datagen.driving.weather_files import read_hourly
+from shared.errors import WeatherError
+from shared.signals import Weather
+
+HOURS = np.arange(1, 8761)
+PLACE = (52.25, 13.5, 1.0, 40.0)
+"""Latitude, longitude, time zone [h], altitude [m]."""
+
+
+def year():
+    """A synthetic year, rounded as files round: readings at the hours' ends, radiation of the hours before."""
+    sun = np.maximum(np.sin(2 * np.pi * (HOURS - 0.5 - 6) / 24), 0) * (1 + 0.4 * np.sin(2 * np.pi * HOURS / 8760))
+    temp = 9 + 10 * np.sin(2 * np.pi * (HOURS / 8760 - 0.3)) + 4 * np.sin(2 * np.pi * (HOURS - 9) / 24)
+    return {
+        "temp": np.round(temp, 1),
+        "dew": np.round(temp - 4, 1),
+        "humidity": np.full(8760, 75),
+        "pressure": 101000 + 100 * (HOURS % 7),
+        "infrared": np.round(300 + temp, 0),
+        "ghi": np.round(500 * sun),
+        "dni": np.round(400 * sun),
+        "dhi": np.round(200 * sun),
+        "direction": (HOURS * 10) % 360,
+        "speed": np.round(3 + np.sin(HOURS / 5), 1),
+        "cover": HOURS % 11,
+    }
+
+
+def columns(data, *names):
+    return np.stack([np.broadcast_to(data[n] if isinstance(n, str) else n, 8760) for n in names], axis=1)
+
+
+def write_epw(path: Path, data, rows=8760):
+    lines = [f"LOCATION,Nowhere,-,XXX,made,0,{PLACE[0]},{PLACE[1]},{PLACE[2]},{PLACE[3]}"]
+    lines += ["DESIGN CONDITIONS,0", "TYPICAL/EXTREME PERIODS,0", "GROUND TEMPERATURES,0"]
+    lines += ["HOLIDAYS/DAYLIGHT SAVINGS,No,0,0,0", "COMMENTS 1,made", "COMMENTS 2,made"]
+    lines += ["DATA PERIODS,1,1,Data,Monday,1/1,12/31"]
+    body = columns(data, "temp", "dew", "humidity", "pressure", 0, 0, "infrared", "ghi", "dni", "dhi", 0, 0, 0, 0)
+    tail = columns(
+        data, "direction", "speed", "cover", "cover", 20, 9999, 9, 999999999, 10, 0.1, 0, 88, 0.2, 0, 1
+    ).tolist()
+    body, day = body.tolist(), datetime(2001, 1, 1)
+    for k in range(rows):
+        at = day + timedelta(hours=k % 8760)
+        left = ",".join(map(str, body[k % 8760]))
+        right = ",".join(map(str, tail[k % 8760]))
+        lines.append(f"2001,{at.month},{at.day},{at.hour + 1},60,?9,{left},{right}")
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def write_mos(path: Path, data, form="start"):
+    """``start``: time 0 repeats 3600 s and the year's last row is dropped; ``full``: time 0 to the year's end."""
+    body = columns(data, "temp", "dew", "humidity", "pressure", 0, 0, "infrared", "ghi", "dni", "dhi", 0, 0, 0, 0)
+    tail = columns(data, "direction", "speed", "cover", "cover", 20, 2000, 9, 99, 10, 0.1, 0, 88, 0.2, 0, 1)
+    table = np.concatenate([HOURS[:, None] * 3600.0, body, tail], axis=1)
+    first = np.concatenate([[0.0], table[0, 1:]])[None]
+    table = np.concatenate([first, table])[:8760] if form == "start" else np.concatenate([first, table])
+    head = ["#1", f"double tab1({len(table)},{table.shape[1]})"]
+    head += [f"#LOCATION,Nowhere,-,XXX,made,0,{PLACE[0]},{PLACE[1]},{PLACE[2]},{PLACE[3]}", "#DESIGN CONDITIONS,0"]
+    head += ["#C1 Time in seconds. Beginning of a year is 0s."]
+    path.write_text("\n".join(head + ["\t".join(map(str, row)) for row in table.tolist()]))
+    return path
+
+
+TMY3_COLUMNS = (
+    "Date (MM/DD/YYYY),Time (HH:MM),GHI (W/m^2),DNI (W/m^2),DHI (W/m^2),OpqCld (tenths),Dry-bulb (C),"
+    "Dew-point (C),RHum (%),Pressure (mbar),Wdir (degrees),Wspd (m/s)"
+)
+
+
+def write_tmy3(path: Path, data, header=TMY3_COLUMNS, first_year=1988):
+    body = columns(data, "ghi", "dni", "dhi", "cover", "temp", "dew", "humidity", data["pressure"] / 100)
+    body, tail = body.tolist(), columns(data, "direction", "speed").tolist()
+    lines = [f'0,"NOWHERE",XX,{PLACE[2]},{PLACE[0]},{PLACE[1]},{PLACE[3]}', header]
+    for k in range(8760):
+        at = datetime(2001, 1, 1) + timedelta(hours=k)
+        values = ",".join(map(str, body[k] + tail[k]))
+        # each month of a typical year comes from a year of its own
+        lines.append(f"{at.month:02}/{at.day:02}/{first_year + at.month % 5},{at.hour + 1:02}:00,{values}")
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+WRITERS = {
+    "tmy3": (write_tmy3, "w.csv"),
+    "epw": (write_epw, "w.epw"),
+    "mos": (write_mos, "w.mos"),
+    "full mos": (lambda path, data: write_mos(path, data, "full"), "w.mos"),
+}
+
+
+@pytest.mark.parametrize("form", WRITERS)
+def test_every_form_gives_the_numbers_written(tmp_path, form):
+    data = year()
+    write, name = WRITERS[form]
+    record = read_hourly(write(tmp_path / name, data))
+    # a .mos that drops the year's end has the first hour there
+    rows = slice(0, 8759) if form == "mos" else slice(None)
+    got = record.columns
+    np.testing.assert_allclose(got["temp_air"][rows], data["temp"][rows] + 273.15)
+    np.testing.assert_allclose(got["temp_dew"][rows], data["dew"][rows] + 273.15)
+    np.testing.assert_allclose(got["pressure"][rows], data["pressure"][rows])
+    for ours, theirs in (("ghi", "ghi"), ("dni", "dni"), ("dhi", "dhi"), ("wind_speed", "speed")):
+        np.testing.assert_allclose(got[ours][rows], data[theirs][rows])
+    np.testing.assert_allclose(got["wind_direction"][rows], data["direction"][rows])
+    np.testing.assert_allclose(got["opaque_cover"][rows], data["cover"][rows])
+    if form == "tmy3":
+        assert record.absent == {"infrared": "horizontal infrared radiation is not there"}
+    else:
+        np.testing.assert_allclose(got["infrared"][rows], data["infrared"][rows])
+    if form == "mos":
+        assert got["temp_air"][-1] == got["temp_air"][0]
+    assert (record.latitude, record.longitude, record.utc_offset, record.altitude) == PLACE
+
+
+def test_the_forms_agree_on_the_facade(tmp_path):
+    data = year()
+    spec = Weather(files=["x"], surface_azimuth=135.0)
+    tables = [read_weather(spec, write(tmp_path / name, data).name, tmp_path) for write, name in WRITERS.values()]
+    assert tables[0].columns["poa_global"].max() > 300
+    for table in tables[1:]:
+        for name in ("poa_global", "temp_air", "ghi", "wind_speed"):
+            np.testing.assert_allclose(
+                table.columns[name][1:8759], tables[0].columns[name][1:8759], rtol=1e-6, atol=1e-6
+            )
+
+
+def test_sky_temperature_is_the_same_from_infrared_and_from_sky_cover(tmp_path):
+    data = year()
+    n, dew, air = data["cover"], data["dew"] + 273.15, data["temp"] + 273.15
+    emissivity = (0.787 + 0.764 * np.log(dew / 273)) * (1 + 0.0224 * n - 0.0035 * n**2 + 0.00028 * n**3)
+    data["infrared"] = np.round(np.minimum(emissivity, 1) * 5.67e-8 * air**4, 3)
+    spec = Weather(files=["x"])
+    from_cover = read_weather(spec, write_tmy3(tmp_path / "a.csv", data).name, tmp_path)
+    from_infrared = read_weather(spec, write_epw(tmp_path / "a.epw", data).name, tmp_path)
+    difference = from_cover.values("temp_sky") - from_infrared.values("temp_sky")
+    assert np.abs(difference).max() < 0.05
+
+
+def test_a_file_that_changed_is_read_again(tmp_path):
+    data = year()
+    spec = Weather(files=["x"])
+    path = write_mos(tmp_path / "w.mos", data)
+    before = read_weather(spec, "w.mos", tmp_path)
+    assert read_weather(spec, "w.mos", tmp_path) is before
+    data["temp"] = data["temp"] + 5
+    write_mos(path, data)
+    stat = path.stat()
+    os.utime(path, ns=(stat.st_atime_ns, stat.st_mtime_ns + 1_000_000_000))
+    after = read_weather(spec, "w.mos", tmp_path)
+    np.testing.assert_allclose(after.values("temp_air"), before.values("temp_air") + 5)
+
+
+def test_optional_columns_may_be_missing(tmp_path):
+    data = year()
+    data["direction"] = np.where(HOURS == 100, 999, data["direction"])
+    data["infrared"] = np.full(8760, 9999)
+    table = read_weather(Weather(files=["x"]), write_epw(tmp_path / "w.epw", data).name, tmp_path)
+    assert "temp_sky" in table.columns  # from the sky cover
+    assert "wind_direction" not in table.units
+    with pytest.raises(WeatherError, match=r"w\.epw: offers no wind_direction: wind direction is missing or out of"):
+        table.signal("wind_direction", 0, 3600)
+    data["cover"] = np.full(8760, 99)
+    table = read_weather(Weather(files=["x"]), write_epw(tmp_path / "v.epw", data).name, tmp_path)
+    with pytest.raises(
+        WeatherError, match=r"offers no temp_sky: .*infrared.*; opaque sky cover .*expected infrared, or"
+    ):
+        table.values("temp_sky")
+
+
+def _edit(path, number, text):
+    lines = path.read_text().splitlines()
+    lines[number] = text if text is not None else ""
+    path.write_text("\n".join(line for line in lines if line))
+    return path
+
+
+def _replaced(name, hour, value):
+    data = year()
+    data[name] = np.where(hour == HOURS, value, data[name])
+    return data
+
+
+BAD = {
+    "no such file": (lambda d: d / "none.epw", r"none\.epw: no such weather file; expected TMY3 \(\.csv\), EPW"),
+    "unknown ending": (lambda d: d / "w.wea", r"w\.wea: ending is '\.wea'; expected \.csv \(TMY3\), \.epw or \.mos"),
+    "leap year": (
+        lambda d: write_epw(d / "w.epw", year(), 8784),
+        r"w\.epw: found 8784 hourly rows \(a leap year: drop 29 February\); expected 8760, one common year",
+    ),
+    "half a year": (lambda d: write_epw(d / "w.epw", year(), 4000), r"found 4000 hourly rows; expected 8760"),
+    "missing code": (
+        lambda d: write_epw(d / "w.epw", _replaced("temp", 7, 99.9)),
+        r"dry-bulb temperature is missing or out of range in 1 of 8760 hours, first in hour 7 "
+        r"\(373\.05, expected 190 to 340 in SI\); expected a value in every hour",
+    ),
+    "not a number": (
+        lambda d: write_tmy3(d / "w.csv", _replaced("speed", 8, np.nan)),
+        r"wind speed is missing or out of range in 1 of 8760 hours, first in hour 8 \(nan",
+    ),
+    "column missing": (
+        lambda d: write_tmy3(d / "w.csv", year(), TMY3_COLUMNS.replace("DNI (W/m^2)", "Beam")),
+        r"w\.csv: direct normal radiation is not there; expected a value in every hour",
+    ),
+    "another csv": (
+        lambda d: (d / "w.csv").write_text("a,b\n1,2\n") and d / "w.csv",
+        r"w\.csv: not a readable TMY3 file \(",
+    ),
+    "empty epw": (lambda d: (d / "w.epw").write_text("\n") and d / "w.epw", r"w\.epw: not a readable EPW file \("),
+    "no location": (
+        lambda d: (d / "w.mos").write_text("#1\ndouble tab1(2,30)\n") and d / "w.mos",
+        r"w\.mos: has no #LOCATION line; expected a Modelica weather file",
+    ),
+    "bad location": (
+        lambda d: _edit(write_mos(d / "w.mos", year()), 2, "#LOCATION,a,b,c,d,e,north,1,2,3"),
+        r"w\.mos: #LOCATION line is '#LOCATION,a,b,c,d,e,north,1,2,3'; expected latitude, longitude, time zone",
+    ),
+    "place off the earth": (
+        lambda d: _edit(write_mos(d / "w.mos", year()), 2, "#LOCATION,a,b,c,d,e,100,1,2,3"),
+        r"place is latitude 100, longitude 1, time zone 2 h; expected degrees north",
+    ),
+    "row cut short": (
+        lambda d: _edit(write_mos(d / "w.mos", year()), 50, "3600 1 2 3"),
+        r"w\.mos: rows have 4, 30 columns; expected 30 in every row",
+    ),
+    "hour missing": (
+        lambda d: _edit(write_mos(d / "w.mos", year()), 50, None),
+        r"w\.mos: found 8759 rows from 0 to 3\.15324e\+07 s; expected hourly rows over one common year, 0 to 31536000",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_files_are_refused_in_one_sentence(tmp_path, case):
+    make, text = BAD[case]
+    with pytest.raises(WeatherError, match=text) as caught:
+        read_hourly(make(tmp_path))
+    assert "\n" not in str(caught.value)
+
+
+def test_rows_out_of_order(tmp_path):
+    path = write_epw(tmp_path / "w.epw", year())
+    lines = path.read_text().splitlines()
+    lines[20], lines[21] = lines[21], lines[20]
+    path.write_text("\n".join(lines))
+    with pytest.raises(WeatherError, match=r"row 13 is of 1/1 13:00; expected 1/1 12:00, the hours of one year"):
+        read_hourly(path)
+
+
+def test_pvlib_file_that_is_not_there():
+    with pytest.raises(WeatherError, match=r"NOTHING\.CSV: no such weather file"):
+        read_weather(Weather(files=["x"]), "pvlib:NOTHING.CSV", Path())

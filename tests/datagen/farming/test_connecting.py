@@ -1,0 +1,89 @@
+"""Workers that cannot be had, or are lost: a sentence about the workers, never one about the dataset's folder."""
+
+import errno
+
+import pytest
+from distributed.comm import CommClosedError
+
+from datagen.farming.cluster import connect
+from shared.errors import ClusterError, SimulationError
+
+
+class Cluster:
+    """In place of Dask's: may fail when it starts, and when it ends."""
+
+    starts: BaseException | None = None
+    ends: BaseException | None = None
+    workers = ()
+    dashboard_link = ""
+
+    def __init__(self, **_):
+        if self.starts is not None:
+            raise self.starts
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        if self.ends is not None:
+            raise self.ends
+
+
+@pytest.fixture
+def cluster(monkeypatch):
+    class Mine(Cluster):
+        pass
+
+    monkeypatch.setattr("datagen.farming.cluster.LocalCluster", Mine)
+    monkeypatch.setattr("datagen.farming.cluster.Client", lambda *_, **__: Cluster())
+    return Mine
+
+
+@pytest.mark.parametrize("host", ["WRONG", "203.0.113.7"])
+def test_a_host_that_is_not_of_this_machine(host):
+    with (
+        pytest.raises(ClusterError, match=rf"cluster local did not start: \[Errno.*host is '{host}'; expected an add"),
+        connect(workers=1, host=host),
+    ):
+        pass
+
+
+@pytest.mark.parametrize("error", [TimeoutError(), CommClosedError("in a hurry"), RuntimeError("failed to start")])
+def test_a_cluster_that_does_not_start(cluster, error):
+    cluster.starts = error
+    words = str(error) or "TimeoutError"
+    with pytest.raises(ClusterError, match=f"cluster local did not start: {words}"), connect(workers=1):
+        pass
+
+
+@pytest.mark.usefixtures("cluster")
+@pytest.mark.parametrize("error", [TimeoutError("too slow"), CommClosedError("in the middle")])
+def test_a_connection_that_is_lost(error):
+    with (
+        pytest.raises(ClusterError, match=f"connection to the scheduler was lost: {error}; what was finished is kept"),
+        connect(workers=1),
+    ):
+        raise error
+
+
+@pytest.mark.usefixtures("cluster")
+@pytest.mark.parametrize("error", [TimeoutError(errno.ETIMEDOUT, "slow", "a file"), RuntimeError("of ours")])
+def test_what_is_not_dasks_stays_what_it_is(error):
+    with pytest.raises(type(error)) as caught, connect(workers=1):
+        raise error
+    assert caught.value is error
+
+
+def test_workers_that_do_not_end_in_time_hide_no_other_fault(cluster, caplog):
+    cluster.ends = TimeoutError("on the way out")
+    with pytest.raises(SimulationError, match="too many"), connect(workers=1):
+        raise SimulationError("too many")
+    with connect(workers=1):
+        pass
+    assert "had not ended when Dask stopped waiting" in caplog.text
+
+
+@pytest.mark.usefixtures("cluster")
+def test_no_workers_are_not_waited_for():
+    with pytest.raises(ClusterError, match="workers is 0; expected at least 1"), connect(workers=0):
+        pass

@@ -1,0 +1,268 @@
+"""The farm: the same data whoever computes them, resumed where it stopped, and every fault named."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from datagen import info, run, simulate, verify
+from datagen.datasets.mending import repair
+from datagen.driving.sampling import is_calm, sample_parameters
+from datagen.farming.worker import Job, simulate_shard
+from diagnosis.recording import read_recording
+from shared.ceiling import Origin, read_ceilings, write_ceilings
+from shared.errors import DatasetError, SystemDescriptionError
+from shared.store import DatasetFolder, read_manifest, write_manifest
+from shared.system import parse_system
+from tests.datagen.cf_checks import cf_faults
+
+SIZE = {"systems": 6, "hours": 96.0, "seed": 5, "shard_size": 2, "quiet": True}
+
+
+@pytest.fixture(scope="module")
+def made(default_system, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("farm") / "two-workers"
+    run(default_system, folder, workers=2, **SIZE)
+    return folder
+
+
+def hashes(folder):
+    return {entry.file: entry.content_hash for entry in read_manifest(folder).shards}
+
+
+@pytest.mark.slow
+def test_one_worker_or_two_the_same_data(made, default_system, tmp_path):
+    run(default_system, tmp_path / "one", workers=1, **SIZE)
+    assert hashes(tmp_path / "one") == hashes(made)
+    assert len(hashes(made)) == 3
+
+
+def test_the_dataset_is_what_was_asked_for(made, default_system):
+    records = DatasetFolder(made).load()
+    assert records.values.shape == (6, 2, 96)
+    assert np.isfinite(records.values).all()
+    for row, index in enumerate(records.systems):
+        np.testing.assert_array_equal(records.parameters[row], sample_parameters(default_system, 5, int(index)))
+    found = info(made)
+    assert (found["systems_done"], found["complete"], found["root_seed"]) == (6, True, 5)
+    assert verify(made) == []
+    assert "Read it with plain xarray" in (made / "README.md").read_text()
+    assert (made / "failures.jsonl").read_text() == ""
+
+
+def test_the_cards_lines_read_the_dataset(made, monkeypatch):
+    code = (made / "README.md").read_text().split("```python\n")[1].split("```")[0]
+    monkeypatch.chdir(made)
+    scope = {}
+    exec(code, scope)
+    assert scope["data"].sizes == {"system": 6, "time": 96, "bnds": 2}
+    assert scope["train"].sizes["system"] == int((scope["data"]["split"] == 0).sum())
+
+
+@pytest.fixture(scope="module")
+def roaming(default_system, tmp_path_factory):
+    """A dataset whose records begin on days of their own."""
+    folder = tmp_path_factory.mktemp("farm") / "roaming"
+    run(default_system, folder, preset="many-rooms", hours=24.0, systems=3, seed=5, shard_size=3, quiet=True)
+    return folder
+
+
+def test_no_reader_takes_elapsed_time_for_dates(roaming, default_system, tmp_path, monkeypatch):
+    shard = xr.load_dataset(roaming / "shards" / "shard-000000.nc")
+    assert shard["time"].dtype.kind == "f"
+    anywhere = default_system.with_experiment(start=(0.0, 8760.0))
+    alone = simulate(anywhere, hours=24.0, seed=5, index=2, out=tmp_path / "alone.nc")
+    dates = xr.decode_cf(alone)["time"].values
+    assert dates[0] != np.datetime64("2001-01-01T01")
+    np.testing.assert_array_equal(alone["time_bnds"].values[:, 1], alone["time"].values)
+    np.testing.assert_array_equal(alone["time_bnds"].values[:, 0], alone["time"].values - 3600.0)
+    assert shard["start"].sel(system=2).values + np.timedelta64(1, "h") == dates[0]
+    code = (roaming / "README.md").read_text().split("```python\n")[1].split("```")[0]
+    monkeypatch.chdir(roaming)
+    scope = {}
+    exec(code, scope)
+    np.testing.assert_array_equal(scope["date"].sel(system=2).values, dates)
+    # what the checker has left to say goes by names: of the FMU's variables, and of a time that is not a date
+    faults = cf_faults(roaming / "shards" / "shard-000000.nc")
+    known = ("should begin with a letter and be composed of", "Coordinate variable 'time' should have standard_name")
+    assert {one for one in faults if not any(part in one for part in known)} == set()
+    # one system of it is read as the recording that it is
+    raw = xr.load_dataset(roaming / "shards" / "shard-000000.nc", decode_times=False)
+    raw.sel(system=2).to_netcdf(tmp_path / "one.nc")
+    one, same = (read_recording(tmp_path / name, default_system) for name in ("one.nc", "alone.nc"))
+    np.testing.assert_array_equal(one.time, same.time)
+    assert one.zero == same.zero
+
+
+def test_a_single_simulation_is_the_farms(made, default_system):
+    record = simulate(default_system, hours=96.0, seed=5, index=3)
+    row = DatasetFolder(made).load().values[3]
+    np.testing.assert_array_equal(record["TRoo"].values, row[0])
+    np.testing.assert_array_equal(record["CO2"].values, row[1])
+
+
+def test_a_shorter_record_is_the_beginning_of_a_longer_one(default_system, made):
+    short = simulate(default_system, hours=48.0, seed=5, index=1)["TRoo"].values
+    np.testing.assert_allclose(short, DatasetFolder(made).load().values[1, 0, :48], atol=5e-3)
+
+
+@pytest.mark.slow
+def test_an_unfinished_run_is_resumed_to_the_same_data(made, default_system, tmp_path):
+    manifest = read_manifest(made)
+    (tmp_path / "shards").mkdir()
+    kept = manifest.shards[1]
+    (tmp_path / "shards" / kept.file).write_bytes((made / "shards" / kept.file).read_bytes())
+    write_manifest(tmp_path, manifest.model_copy(update={"shards": [kept]}))
+    before = (tmp_path / "shards" / kept.file).stat().st_mtime_ns
+    run(default_system, tmp_path, workers=1, **SIZE)
+    assert hashes(tmp_path) == hashes(made)
+    assert (tmp_path / "shards" / kept.file).stat().st_mtime_ns == before
+
+
+@pytest.mark.parametrize(
+    ("change", "field"), [({"seed": 6}, "root_seed"), ({"hours": 48.0}, "settings"), ({"systems": 7}, "systems")]
+)
+def test_other_settings_are_refused(made, default_system, change, field):
+    before = (made / "manifest.json").read_bytes()
+    with pytest.raises(DatasetError, match=rf"{field} is .*own settings"):
+        run(default_system, made, workers=1, **{**SIZE, **change})
+    assert (made / "manifest.json").read_bytes() == before
+
+
+def test_a_folder_with_other_things_is_left_alone(default_system, tmp_path):
+    (tmp_path / "thesis.txt").write_text("two years of work")
+    with pytest.raises(DatasetError, match="not empty"):
+        run(default_system, tmp_path, workers=1, **SIZE)
+    assert [p.name for p in tmp_path.iterdir()] == ["thesis.txt"]
+
+
+@pytest.mark.parametrize("damage", ["flip", "cut", "remove", "add"])
+def test_verify_names_the_damaged_file(made, tmp_path, damage):
+    (tmp_path / "shards").mkdir()
+    for name in ("manifest.json", "README.md", *(f"shards/{file}" for file in hashes(made))):
+        (tmp_path / name).write_bytes((made / name).read_bytes())
+    victim = tmp_path / "shards" / "shard-000001.nc"
+    data = bytearray(victim.read_bytes())
+    if damage == "flip":
+        data[len(data) // 2] ^= 0x10
+        victim.write_bytes(bytes(data))
+    elif damage == "cut":
+        victim.write_bytes(bytes(data[: len(data) // 2]))
+    elif damage == "remove":
+        victim.unlink()
+    else:
+        victim = tmp_path / "shards" / "shard-000009.nc"
+        victim.write_bytes(bytes(data))
+    faults = verify(tmp_path)
+    assert len(faults) == 1
+    assert victim.name in faults[0]
+
+
+def test_systems_that_fail_are_quarantined_with_their_cause(default_system, tmp_path):
+    """Half of this range makes the window absorb and reflect more than all the sun: the FMU refuses those."""
+    text = default_system.path.read_text().replace("../MixedAirCO2.fmu", str(default_system.fmu_path))
+    text = text.replace("min = 0.3\nmax = 0.7", "min = 0.70\nmax = 0.99")
+    system = parse_system(text, Path("mine.toml")).with_experiment(hours=24.0)
+    job = Job(system.canonical(), str(system.path), "0" * 64, 1, True, str(tmp_path))
+    (tmp_path / "shards").mkdir()
+    result = simulate_shard(job, "shard-000000.nc", list(range(8)))
+    absorptance = [sample_parameters(system, 1, i)[6] for i in range(8)]
+    refused = [i for i in range(8) if absorptance[i] > 0.85]
+    assert 0 < len(refused) < 8
+    assert [f["system"] for f in result.failures] == refused
+    assert result.entry is not None
+    assert result.entry.systems == [i for i in range(8) if i not in refused]
+    failure = result.failures[0]
+    assert "absSolFra" in failure["cause"]
+    assert failure["parameters"]["glaSys.absSolFra"] > 0.85
+    json.dumps(failure)
+
+
+def nothing_simulated(monkeypatch):
+    monkeypatch.setattr("datagen.farming.farm.check_live_apart", lambda *_: None)
+    monkeypatch.setattr("datagen.farming.farm.missing", lambda *_, **__: iter(()))
+
+
+def test_a_share_of_the_systems_is_calm_and_stays_so_when_it_is_mended(made, default_system, tmp_path):
+    run(default_system, tmp_path / "some", workers=2, calm=0.5, **SIZE)
+    run(default_system, tmp_path / "all", workers=2, excitation=False, **SIZE)
+    names = [one.name for one in default_system.inputs if one.source == "excitation"]
+    some, none, every = (DatasetFolder(folder) for folder in (tmp_path / "some", tmp_path / "all", made))
+    loaded = [one.load([*names, *default_system.output_names]) for one in (some, none, every)]
+    calm = [is_calm(5, int(index), 0.5) for index in loaded[0].systems]
+    assert 0 < sum(calm) < len(calm)
+    for row, still in enumerate(calm):
+        assert (not loaded[0].values[row, : len(names)].any()) == still
+        assert np.array_equal(loaded[0].values[row], loaded[1 if still else 2].values[row])
+    assert some.manifest.settings["calm"] == 0.5
+    assert "calm" not in every.manifest.settings
+    assert (
+        "A share of\n0.5 of the systems, drawn by chance, had no excitation"
+        in (tmp_path / "some/README.md").read_text()
+    )
+    assert not (tmp_path / "some" / "identifiability.json").exists()
+    before = hashes(tmp_path / "some")
+    damaged = tmp_path / "some" / "shards" / some.manifest.shards[1].file  # has calm systems
+    damaged.write_bytes(damaged.read_bytes()[:-100])
+    repair(tmp_path / "some", default_system.path)
+    assert hashes(tmp_path / "some") == before
+
+
+def test_a_share_that_is_none_is_refused(default_system, tmp_path):
+    for share, excitation in ((-0.1, True), (1.0, True), (float("nan"), True), (0.5, False)):
+        with pytest.raises(DatasetError, match="expected a share from 0 to less than 1 of the systems"):
+            run(default_system, tmp_path / "ds", calm=share, excitation=excitation, **SIZE)
+    assert not (tmp_path / "ds").exists()
+
+
+@pytest.mark.parametrize("excitation", [True, False])
+def test_ceilings_with_excitation_are_not_put_beside_data_without(
+    default_system, tmp_path, monkeypatch, caplog, excitation
+):
+    nothing_simulated(monkeypatch)
+    run(default_system, tmp_path, excitation=excitation, preset="many-rooms", **{**SIZE, "hours": None})
+    assert (tmp_path / "identifiability.json").exists() == excitation
+    said = f"{default_system.path.parent / 'identifiability.json'}: not copied: its ceilings hold with excitation"
+    assert (said in caplog.text) != excitation
+
+
+@pytest.mark.parametrize(
+    ("size", "season"),
+    [
+        ({"hours": 336.0}, "hours 0 to 336 of the year"),
+        ({"preset": "paper-week"}, "hours 0 to 168 of the year"),
+        ({"preset": "many-rooms"}, None),
+        ({"preset": "paper-year"}, None),
+        ({}, None),
+    ],
+)
+def test_ceilings_of_another_season_are_not_put_beside_data(
+    default_system, tmp_path, monkeypatch, caplog, size, season
+):
+    nothing_simulated(monkeypatch)
+    caplog.set_level("INFO", "zeroshot")
+    run(default_system, tmp_path, systems=6, quiet=True, **size)
+    assert (tmp_path / "identifiability.json").exists() == (season is None)
+    assert (f"not copied: it is of the whole year; this dataset is of {season}" in caplog.text) == (season is not None)
+
+
+def test_ceilings_of_other_weather_are_not_put_beside_data(default_system, tmp_path, monkeypatch, caplog):
+    nothing_simulated(monkeypatch)
+    caplog.set_level("INFO", "zeroshot")
+    (file,) = default_system.weather.files
+    beside = default_system.model_copy(update={"path": tmp_path / "system.toml", "fmu": str(default_system.fmu_path)})
+    known = read_ceilings(default_system.path.parent / "identifiability.json")
+    origin = Origin(start=(0.0, 0.0), hours=8760.0, weather={file: "f" * 64})
+    known.system_hash = beside.hash()
+    known.ceilings = [one.model_copy(update={"origin": origin}) for one in known.ceilings]
+    write_ceilings(tmp_path / "identifiability.json", known)
+    run(beside, tmp_path / "ds", systems=6, quiet=True)
+    assert not (tmp_path / "ds" / "identifiability.json").exists()
+    assert f"not copied: it is of weather {file} with sha256 ffffffffffff; this dataset's has " in caplog.text
+
+
+def test_unknown_parameter_is_a_sentence(default_system):
+    with pytest.raises(SystemDescriptionError, match=r"'roo\.W' is not a parameter"):
+        simulate(default_system, parameters={"roo.W": 1.0}, hours=24.0)

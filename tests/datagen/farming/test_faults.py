@@ -1,0 +1,313 @@
+"""What may happen to a farm, done to it: killed, interrupted, out of disk, FMUs that crash, hang and leak."""
+
+import json
+import os
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from datagen import run, verify
+from datagen.datasets import mending
+from datagen.farming.collection import Collection
+from datagen.farming.lock import FolderLock
+from shared.console import ENDED, STOPPED
+from shared.errors import DatasetError, SimulationError
+from shared.store import DatasetFolder, read_manifest, write_manifest
+from tests.datagen.faults import alive, family_of, farm, faulty, finish, hashes, kill, shards_in, wait_for, workers_of
+
+pytestmark = pytest.mark.slow
+SIZE = {"systems": 12, "seed": 3, "shard_size": 2, "workers": 2, "quiet": True}
+MANY = 120
+"""Shards of the runs that are disturbed: enough that the disturbance comes while there is work left."""
+WORDS = ["--systems", MANY, "--seed", 3, "--shard-size", 1, "--workers", 2, "--hours", 8760]
+
+
+@pytest.fixture(scope="module")
+def tanks(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("faulty")
+    faulty.build(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def good(tanks):
+    return faulty.describe(tanks)
+
+
+@pytest.fixture(scope="module")
+def whole(good, tmp_path_factory):
+    """Many short shards, undisturbed: what every disturbed run must come to."""
+    folder = tmp_path_factory.mktemp("whole") / "ds"
+    code, said = finish(farm(good, "--out", folder, *WORDS))
+    assert code == 0, said
+    return folder
+
+
+@pytest.fixture(scope="module")
+def dozen(good, tmp_path_factory):
+    """A small dataset, undisturbed; tests take copies of it."""
+    folder = tmp_path_factory.mktemp("dozen") / "ds"
+    run(good, folder, **SIZE)
+    return folder
+
+
+@pytest.fixture
+def made(dozen, tmp_path):
+    """A copy of the small dataset, to do something to."""
+    return shutil.copytree(dozen, tmp_path / "ds")
+
+
+def test_killed_and_run_again_it_is_the_same(good, whole, tmp_path):
+    """In one way after the other: each run goes on from what the one before it, killed, has left."""
+    out = tmp_path / "ds"
+    for victim in ("client", "interrupt", "terminate"):
+        process, family = disturbed(good, out)
+        if victim == "client":
+            kill(process.pid)
+            finish(process)
+        else:  # a terminal interrupts all processes, a queue ends the one it knows
+            os.killpg(process.pid, signal.SIGINT) if victim == "interrupt" else os.kill(process.pid, signal.SIGTERM)
+            code, said = finish(process)
+            assert code == {"interrupt": STOPPED, "terminate": ENDED}[victim], said
+            again = shlex.join(["datagen", "run", *map(str, [good, "--out", out, *WORDS])])
+            assert f"what was finished is kept, and this goes on from there:\n  {again}\n" in said, said
+            assert "Traceback" not in said, said
+        assert len(hashes(out)) < MANY, victim
+        assert hashes(out).items() <= hashes(whole).items(), victim
+        wait_for(lambda family=family: not alive(family))
+    process, _ = disturbed(good, out)
+    kill(workers_of(process.pid)[0])
+    assert finish(process)[0] == 0
+    assert hashes(out) == hashes(whole)
+    assert verify(out) == []
+    assert (out / "failures.jsonl").read_text() == ""
+
+
+def disturbed(system, out):
+    """A run that has written some shards more than there were, with work left; and its processes."""
+    before = len(shards_in(out))
+    process = farm(system, "--out", out, *WORDS)
+    wait_for(lambda: len(shards_in(out)) >= before + 3 or process.poll() is not None)
+    assert process.poll() is None and len(shards_in(out)) < MANY
+    return process, family_of(process.pid)
+
+
+FEW = ["--systems", 4, *WORDS[2:]]
+MOMENTS = {
+    "folder": lambda out, pid: (out / "manifest.json").exists() or len(family_of(pid)) > 1,
+    "manifest": lambda out, pid: (out / "manifest.json").exists(),
+    "workers": lambda out, pid: workers_of(pid),
+    "all workers": lambda out, pid: len(workers_of(pid)) == 2,
+}
+
+
+@pytest.mark.parametrize(
+    "stops",
+    [
+        [("folder", signal.SIGINT), ("workers", signal.SIGINT), ("all workers", signal.SIGINT)],
+        [("manifest", signal.SIGKILL), ("workers", signal.SIGKILL)],
+    ],
+    ids=["interrupted", "killed"],
+)
+def test_stopped_before_its_first_shard_it_leaves_nothing_behind(good, whole, tmp_path, stops):
+    """Not even if it is stopped again and again, ever later."""
+    out = tmp_path / "ds"
+    for moment, how in stops:
+        process = farm(good, "--out", out, *FEW)
+        reached = MOMENTS[moment]
+        wait_for(lambda process=process, reached=reached: reached(out, process.pid) or process.poll() is not None)
+        family = family_of(process.pid)
+        assert process.poll() is None
+        assert shards_in(out) == []
+        if how == signal.SIGKILL:
+            kill(process.pid)
+        else:
+            os.killpg(process.pid, signal.SIGINT)
+        code, said = finish(process)
+        assert code == (-signal.SIGKILL if how == signal.SIGKILL else 130), said
+        if how != signal.SIGKILL:  # processes that a killed one was just starting may say that they lost it
+            assert "Traceback" not in said, said
+        wait_for(lambda family=family: not alive(family))
+    code, said = finish(farm(good, "--out", out, *FEW))
+    assert code == 0, said
+    first = dict(sorted(hashes(whole).items())[:4])
+    assert hashes(out) == first
+    assert verify(out) == []
+    assert sorted(path.name for path in out.iterdir()) == sorted(path.name for path in whole.iterdir())
+    assert sorted(path.name for path in (out / "shards").iterdir()) == sorted(first)
+
+
+def test_a_second_run_on_one_folder_is_refused(good, made):
+    before = hashes(made)
+    with FolderLock(made), pytest.raises(DatasetError, match=rf"another run is at it \(process {os.getpid()}"):
+        run(good, made, **SIZE)
+    run(good, made, **SIZE)
+    assert hashes(made) == before
+
+
+def test_the_lock_of_a_killed_run_is_free(tmp_path):
+    code = "import sys, time; from pathlib import Path; from datagen.farming.lock import FolderLock\n"
+    code += "lock = FolderLock(Path(sys.argv[1])); lock.__enter__(); print('held', flush=True); time.sleep(60)"
+    holder = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], stdout=subprocess.PIPE, text=True)
+    assert holder.stdout.readline() == "held\n"
+    with pytest.raises(DatasetError, match=f"process {holder.pid} on"), FolderLock(tmp_path):
+        pass
+    holder.kill()
+    holder.wait()
+    with FolderLock(tmp_path):
+        pass
+
+
+SPOILT = {**SIZE, "shard_size": 6, "timeout": 6.0, "failure_budget": 0.5}
+
+
+@pytest.fixture(scope="module")
+def spoilt(request, tanks, tmp_path_factory):
+    """A dataset with systems that take their process down: description, folder, scratch, exit code, what was said."""
+    bad = faulty.describe(tanks, fault=request.param, above=9e-5)
+    folder = tmp_path_factory.mktemp("spoilt")
+    (folder / "scratch").mkdir()
+    options = {name.replace("_", "-"): value for name, value in SPOILT.items() if name != "quiet"}
+    words = [word for name, value in options.items() for word in (f"--{name}", value)]
+    process = farm(bad, "--out", folder / "ds", *words, env={**os.environ, "TMPDIR": str(folder / "scratch")})
+    return bad, folder / "ds", folder / "scratch", *finish(process)
+
+
+@pytest.mark.parametrize(
+    ("spoilt", "cause"), [(1, "SIGSEGV"), (2, "did not end within 6 s"), (3, "exit code 7")], indirect=["spoilt"]
+)
+def test_only_the_guilty_systems_are_quarantined_and_no_unpacked_fmu_is_left(spoilt, dozen, cause):
+    _, out, scratch, code, said = spoilt
+    assert code != 0, said
+    failures = [json.loads(line) for line in (out / "failures.jsonl").read_text().splitlines()]
+    innocent = DatasetFolder(dozen).load()
+    guilty = [int(i) for i, (k,) in zip(innocent.systems, innocent.parameters, strict=True) if k > 9e-5]
+    assert 0 < len(guilty) < 6
+    assert f"{len(guilty)} failed" in said, said
+    assert [one["system"] for one in failures] == guilty
+    assert all(cause in one["cause"] and one["parameters"]["k"] > 9e-5 and one["root_seed"] == 3 for one in failures)
+    assert len(read_manifest(out).done()) == 12 - len(guilty)
+    records = DatasetFolder(out).load()
+    keep = [i not in guilty for i in innocent.systems]
+    assert (records.values == innocent.values[keep]).all()
+    assert verify(out) == []
+    assert list(scratch.rglob("modelDescription.xml")) == []
+
+
+@pytest.mark.parametrize("spoilt", [3], indirect=True)
+def test_failures_are_tried_again_only_when_asked(spoilt, tmp_path):
+    bad, made, *_ = spoilt
+    shutil.copytree(made, tmp_path, dirs_exist_ok=True)
+    manifest = read_manifest(tmp_path)
+    failures = (tmp_path / "failures.jsonl").read_text()
+    before = {path.name: path.stat().st_mtime_ns for path in shards_in(tmp_path)}
+    run(bad, tmp_path, **SPOILT)
+    assert {path.name: path.stat().st_mtime_ns for path in shards_in(tmp_path)} == before
+    again = run(bad, tmp_path, retry_failures=True, **SPOILT)
+    assert (tmp_path / "failures.jsonl").read_text() == failures
+    assert [e.content_hash for e in again.shards] == [e.content_hash for e in manifest.shards]
+    assert {path.name: path.stat().st_mtime_ns for path in shards_in(tmp_path)} != before
+
+
+def test_the_failure_budget_stops_a_run_that_goes_wrong(tanks, tmp_path):
+    bad = faulty.describe(tanks, fault=3, above=2e-5)
+    with pytest.raises(SimulationError, match=r"more than the failure budget of 5% of 12.*exit code 7"):
+        run(bad, tmp_path, **{**SIZE, "shard_size": 1, "workers": 1})
+
+
+def test_a_leaking_fmu_gets_fresh_workers(tanks, tmp_path, monkeypatch):
+    """Twenty years of a tank, each of which loses sixty megabytes: no worker sees many of them."""
+    leaky = faulty.describe(tanks, leak=60e6)
+    seen, take = [], Collection.take
+    monkeypatch.setattr(
+        Collection,
+        "take",
+        lambda self, piece, result: seen.append((result.pid, result.rss)) or take(self, piece, result),
+    )
+    size = {**SIZE, "systems": 20, "shard_size": 1, "workers": 1, "hours": 8760.0}
+    manifest = run(leaky, tmp_path / "leaky", recycle=100e6, **size)
+    assert len(manifest.done()) == len(seen) == 20
+    assert (tmp_path / "leaky" / "failures.jsonl").read_text() == ""
+    assert len({pid for pid, _ in seen}) >= 2
+    assert max(rss for _, rss in seen) - min(rss for _, rss in seen) < 15 * 60e6
+
+
+def test_more_systems_by_extension_leave_the_old_shards_alone(good, dozen, tmp_path):
+    run(good, tmp_path / "grown", **{**SIZE, "systems": 5})
+    before = {path.name: path.stat().st_mtime_ns for path in shards_in(tmp_path / "grown")}
+    with pytest.raises(DatasetError, match="--extend"):
+        run(good, tmp_path / "grown", **{**SIZE, "systems": 8})
+    run(good, tmp_path / "grown", extend=True, **{**SIZE, "systems": 8})
+    run(good, tmp_path / "grown", **{**SIZE, "systems": 8})
+    after = {path.name: path.stat().st_mtime_ns for path in shards_in(tmp_path / "grown")}
+    assert {name: after[name] for name in before} == before
+    grown, once = DatasetFolder(tmp_path / "grown").load(), DatasetFolder(dozen).load()
+    assert grown.systems.tolist() == list(range(8))
+    assert (grown.values == once.values[:8]).all()
+    assert (grown.splits == once.splits[:8]).all()
+    with pytest.raises(DatasetError, match="systems is 8, this run has 5"):
+        run(good, tmp_path / "grown", extend=True, **{**SIZE, "systems": 5})
+
+
+def test_a_shard_that_was_written_but_not_recorded_is_adopted(good, made):
+    manifest = read_manifest(made)
+    write_manifest(made, manifest.model_copy(update={"shards": manifest.shards[:2]}))
+    spoilt = made / "shards" / manifest.shards[-1].file
+    spoilt.write_bytes(spoilt.read_bytes()[:5000])
+    before = {path.name: path.stat().st_mtime_ns for path in shards_in(made)}
+    run(good, made, **SIZE)
+    after = {path.name: path.stat().st_mtime_ns for path in shards_in(made)}
+    assert [name for name in after if after[name] != before[name]] == [spoilt.name]
+    assert read_manifest(made).shards == manifest.shards
+
+
+def test_repair_mends_the_damaged_shards_and_no_other(made):
+    whole = {path.name: path.read_bytes() for path in shards_in(made)}
+    times = {path.name: path.stat().st_mtime_ns for path in shards_in(made)}
+    flipped, cut, removed = victims = [made / "shards" / f"shard-{number:06d}.nc" for number in (1, 2, 4)]
+    data = bytearray(flipped.read_bytes())
+    data[len(data) // 2] ^= 0x10
+    flipped.write_bytes(data)
+    data = cut.read_bytes()
+    cut.write_bytes(data[: len(data) // 2])
+    removed.unlink()
+    names = [path.name for path in victims]
+    assert [[name in fault for name in names] for fault in verify(made)] == np.eye(3, dtype=bool).tolist()
+    assert mending.repair(made) == names
+    assert {path.name: path.read_bytes() for path in shards_in(made)} == whole
+    stamps = {path.name: path.stat().st_mtime_ns for path in shards_in(made)}
+    assert {name for name in stamps if stamps[name] == times[name]} == {*whole} - {*names}
+    assert verify(made) == []
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """A file system of its own, a megabyte large."""
+    where = tmp_path / "disk"
+    where.mkdir()
+    made = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=512k", "tmpfs", where], capture_output=True)
+    if made.returncode:
+        pytest.skip("a file system can only be mounted by root")
+    yield where
+    subprocess.run(["umount", "-l", where], check=True)
+
+
+def test_a_full_disk_is_a_sentence_and_loses_nothing(good, whole, small_disk):
+    size = {**SIZE, "hours": 8760.0, "systems": 24, "shard_size": 1}
+    with pytest.raises(DatasetError, match=r"No space left.*same command goes on"):
+        run(good, small_disk / "ds", **size)
+    subprocess.run(["mount", "-o", "remount,size=64m", small_disk], check=True)
+    assert all("not in the manifest" in one or "README.md: missing" in one for one in verify(small_disk / "ds"))
+    run(good, small_disk / "ds", **size)
+    assert hashes(small_disk / "ds") == dict(sorted(hashes(whole).items())[:24])
+
+
+def test_a_read_only_folder_is_a_sentence(good, small_disk):
+    subprocess.run(["mount", "-o", "remount,ro", small_disk], check=True)
+    with pytest.raises(DatasetError, match=r"cannot be written: Read-only file system"):
+        run(good, small_disk / "ds", **SIZE)

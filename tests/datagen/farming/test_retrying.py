@@ -1,0 +1,142 @@
+"""``--retry-failures``, killed before each of its writes: what was there is still there, what failed is still known."""
+
+import json
+import os
+import shutil
+from contextlib import nullcontext, suppress
+
+import pytest
+
+from datagen import run, verify
+from datagen.farming import worker
+from shared.errors import SimulationError
+from shared.store import DatasetFolder, read_manifest
+from tests.datagen.faults import faulty, hashes, shards_in
+
+SIZE = {"systems": 6, "seed": 3, "shard_size": 3, "hours": 1.0, "failure_budget": 1.0, "quiet": True}
+BAD = 4
+"""The system that fails at first; it is in the second shard."""
+
+
+class Killed(BaseException):
+    """In place of ``kill -9``."""
+
+
+class InThisProcess:
+    """A dispatcher without workers."""
+
+    def __init__(self, client, function, arguments, source, **_):
+        self.work = ((task, function, arguments) for task in source)
+
+    def __iter__(self):
+        return ((task, function(*arguments(task))) for task, function, arguments in self.work)
+
+
+def failing(monkeypatch, *systems):
+    """Let these systems fail from now on, and no others."""
+    real = failing.real
+
+    def attempt(work):
+        if work[1] in systems:
+            raise SimulationError(f"system {work[1]} does not want to")
+        return real(work)
+
+    monkeypatch.setattr(worker, "attempt", attempt)
+
+
+failing.real = worker.attempt
+
+
+@pytest.fixture(autouse=True)
+def in_this_process(monkeypatch):
+    monkeypatch.setattr("datagen.farming.farm.connect", lambda **_: nullcontext())
+    monkeypatch.setattr("datagen.farming.farm.check_live_apart", lambda *_: None)
+    monkeypatch.setattr("datagen.farming.collection.Dispatcher", InThisProcess)
+
+
+@pytest.fixture(scope="module")
+def system(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("faulty")
+    faulty.build(folder)
+    return faulty.describe(folder)
+
+
+@pytest.fixture
+def dataset(system, tmp_path, monkeypatch):
+    """A dataset whose system BAD has failed."""
+    failing(monkeypatch, BAD)
+    run(system, tmp_path / "ds", **SIZE)
+    failing(monkeypatch)
+    assert [one["system"] for one in failures(tmp_path / "ds")] == [BAD]
+    return tmp_path / "ds"
+
+
+def failures(folder):
+    return [json.loads(line) for line in (folder / "failures.jsonl").read_text().splitlines()]
+
+
+def retry_killed(monkeypatch, system, folder, last):
+    """Retry what failed, killed before the write after the ``last`` one; returns how many writes there were."""
+    real, count = os.replace, 0
+
+    def replace(*names):
+        nonlocal count
+        if count >= last:
+            raise Killed
+        count += 1
+        real(*names)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", replace)
+        with suppress(Killed):
+            run(system, folder, retry_failures=True, **SIZE)
+    return count
+
+
+@pytest.mark.parametrize("shared", [True, False], ids=["in place", "sent back"])
+def test_killed_before_any_write_it_loses_nothing(system, dataset, tmp_path, monkeypatch, shared):
+    if not shared:
+        monkeypatch.setattr(worker, "sees_folder", lambda *_: False)
+    run(system, tmp_path / "whole", **SIZE)
+    whole, untouched = hashes(tmp_path / "whole"), (dataset / "shards" / "shard-000000.nc").stat().st_mtime_ns
+    writes = retry_killed(monkeypatch, system, shutil.copytree(dataset, tmp_path / "calm"), 1000)
+    assert writes >= 6
+    assert hashes(tmp_path / "calm") == whole
+    for last in range(writes):
+        folder = shutil.copytree(dataset, tmp_path / f"{last}")
+        assert retry_killed(monkeypatch, system, folder, last) == last
+        run(system, folder, **SIZE)  # a plain run goes on, and what it leaves is in order
+        assert verify(folder) == []
+        known = {*DatasetFolder(folder).load().systems.tolist(), *(one["system"] for one in failures(folder))}
+        assert known == set(range(6))
+        run(system, folder, retry_failures=True, **SIZE)
+        assert hashes(folder) == whole
+        assert (folder / "failures.jsonl").read_text() == ""
+        assert (folder / "shards" / "shard-000000.nc").stat().st_mtime_ns == untouched
+
+
+def test_a_shard_of_which_nothing_came_this_time_is_kept(system, dataset, monkeypatch):
+    before = (read_manifest(dataset).shards, [path.read_bytes() for path in shards_in(dataset)])
+    failing(monkeypatch, *range(6))
+    run(system, dataset, retry_failures=True, **SIZE)
+    assert (read_manifest(dataset).shards, [path.read_bytes() for path in shards_in(dataset)]) == before
+    assert [one["system"] for one in failures(dataset)] == [BAD]
+    assert verify(dataset) == []
+
+
+def test_stopped_in_order_only_what_a_worker_was_asked_for_is_out(system, tmp_path, monkeypatch, caplog):
+    folder = tmp_path / "ds"
+    failing(monkeypatch, 0, 3)
+    run(system, folder, **SIZE)
+    failing(monkeypatch)
+
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr("datagen.farming.collection.simulate_shard", stopped)
+        run(system, folder, retry_failures=True, **SIZE)
+    assert list(hashes(folder)) == ["shard-000001.nc"]
+    assert "out of the manifest until the next run: 1" in caplog.text
+    run(system, folder, **SIZE)
+    assert list(hashes(folder)) == ["shard-000000.nc", "shard-000001.nc"]

@@ -1,0 +1,164 @@
+"""What Slurm's cluster is asked for, with dask-jobqueue's class in place of a queue."""
+
+import shutil
+import sys
+from types import SimpleNamespace
+
+import dask
+import dask_jobqueue
+import pytest
+
+from datagen.commands.run import _options
+from datagen.farming.cluster import _CONFIG, QUEUES, connect
+from datagen.farming.slurm import slurm
+from shared.errors import ClusterError
+
+LISTENING = {"host": "10.0.0.1", "dashboard_address": "127.0.0.1:0"}
+
+
+class Queue:
+    """Remembers what it was made with; knows no option ``nonsense``."""
+
+    def __init__(self, **options):
+        if "nonsense" in options:
+            raise TypeError("nonsense is not known")
+        self.options = options
+
+    def adapt(self, **limits):
+        self.limits = limits
+
+
+@pytest.fixture(autouse=True)
+def submitting(monkeypatch, tmp_path):
+    """A machine where jobs can be submitted, and a home of nobody's."""
+    monkeypatch.setattr(shutil, "which", lambda name: f"/usr/bin/{name}")
+    monkeypatch.setenv("HOME", str(tmp_path))
+
+
+@pytest.fixture
+def queue(monkeypatch):
+    monkeypatch.setitem(sys.modules, "dask_jobqueue", SimpleNamespace(SLURMCluster=Queue))
+
+
+@pytest.mark.usefixtures("queue")
+def test_jobs_are_replaced_and_options_reach_the_queue():
+    made = slurm(7, {"cores": "4", "memory": "9GiB", "account": "heat"}, LISTENING)
+    assert (made.limits["minimum_jobs"], made.limits["maximum_jobs"]) == (7, 7)
+    asked = made.options
+    assert (asked["cores"], asked["processes"], asked["interface"]) == (4, 4, None)
+    assert (asked["memory"], asked["account"], asked["walltime"]) == ("9GiB", "heat", "24:00:00")
+    assert asked["scheduler_options"] == LISTENING
+
+
+@pytest.mark.usefixtures("queue")
+def test_an_interface_takes_the_place_of_the_host():
+    asked = slurm(1, {"interface": "ib0"}, LISTENING).options
+    assert asked["interface"] == "ib0"
+    assert asked["scheduler_options"] == {"dashboard_address": "127.0.0.1:0"}
+
+
+@pytest.mark.usefixtures("queue")
+def test_an_option_that_is_not_known_is_a_sentence():
+    with pytest.raises(ClusterError, match="cluster options: nonsense is not known; expected those of"):
+        slurm(1, {"nonsense": "1"}, LISTENING)
+
+
+@pytest.mark.usefixtures("queue")
+def test_jobs_write_into_a_home_or_where_they_are_told(tmp_path, monkeypatch):
+    assert slurm(1, {}, LISTENING).options["log_directory"] == str(tmp_path / ".zeroshot-fmu" / "slurm")
+    assert slurm(1, {"log_directory": "~/logs"}, LISTENING).options["log_directory"] == str(tmp_path / "logs")
+    with dask.config.set({"jobqueue.slurm.log-directory": "/scratch/logs"}):
+        assert slurm(1, {}, LISTENING).options["log_directory"] == "/scratch/logs"
+    (tmp_path / "file").touch()
+    monkeypatch.undo()  # the real class makes the folder
+    monkeypatch.setattr(shutil, "which", lambda name: f"/usr/bin/{name}")
+    with pytest.raises(ClusterError, match=r"log_directory is .*file/logs, which cannot be written: Not a directory"):
+        slurm(1, {"log_directory": str(tmp_path / "file" / "logs")}, LISTENING)
+
+
+@pytest.mark.usefixtures("queue")
+@pytest.mark.parametrize(("cores", "memory"), [("1", "2GiB"), ("8", "16GiB")])
+def test_each_core_has_memory_for_a_worker(cores, memory):
+    assert slurm(1, {"cores": cores}, LISTENING).options["memory"] == memory
+
+
+def test_the_job_script_has_a_workers_settings_and_each_directive_whole(monkeypatch, tmp_path):
+    monkeypatch.setattr(dask_jobqueue.SLURMCluster, "adapt", lambda *_, **__: None)  # submits nothing
+    words = ["job_extra_directives=--exclusive", "job_extra_directives=--qos=long run", "job_cpu=3"]
+    words += ["job_script_prologue=module load python", "worker_extra_args=--resources a=1"]
+    listening = {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"}
+    with slurm(1, _options(words), listening) as cluster:
+        lines = cluster.job_script().splitlines()
+    directives = [line.removeprefix("#SBATCH ") for line in lines if line.startswith("#SBATCH")]
+    assert directives[-2:] == ["--exclusive", "--qos=long run"]
+    assert "--cpus-per-task=3" in directives
+    assert f"-o {tmp_path}/.zeroshot-fmu/slurm/dask-worker-%J.out" in directives
+    exports = dict(line.removeprefix("export ").split("=") for line in lines if line.startswith("export "))
+    workers = {name: value for name, value in _CONFIG.items() if name.startswith("distributed.worker.")}
+    assert len(workers) == 4
+    with dask.config.set(dask.config.collect_env(exports)):
+        assert {name: dask.config.get(name) for name in workers} == workers
+    assert lines.index("module load python") > max(k for k, line in enumerate(lines) if line.startswith("export "))
+    assert lines[-1].endswith(" --resources a=1")
+
+
+@pytest.mark.usefixtures("queue")
+def test_a_sites_own_lines_stay_in_the_job_script():
+    with dask.config.set({"jobqueue.slurm.job-script-prologue": ["module load python"]}):
+        assert slurm(1, {}, LISTENING).options["job_script_prologue"][-1] == "module load python"
+        assert slurm(1, {"env_extra": "a\nb"}, LISTENING).options["job_script_prologue"][-2:] == ["a", "b"]
+
+
+@pytest.mark.usefixtures("queue")
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["cores=two"], "cores is 'two'; expected a whole number of at least 1"),
+        (["cores=0"], "cores is '0'; expected a whole number of at least 1"),
+        (["job_cpu=some"], "job_cpu is 'some'; expected a whole number"),
+        (["queue=a", "queue=b"], "queue is a and b; expected one value"),
+    ],
+)
+def test_a_value_that_cannot_be_used_is_a_sentence(words, said):
+    with pytest.raises(ClusterError, match=said):
+        slurm(1, _options(words), LISTENING)
+
+
+def test_where_no_job_can_be_submitted_it_is_said(monkeypatch):
+    monkeypatch.setattr(shutil, "which", lambda _: None)
+    with pytest.raises(ClusterError, match="no sbatch on the PATH"):
+        slurm(1, {}, LISTENING)
+
+
+@pytest.mark.usefixtures("queue")
+def test_jobs_that_could_not_reach_the_scheduler_are_not_waited_for():
+    with (
+        pytest.raises(ClusterError, match=r"reach 127\.0\.0\.1; expected .*interface=NAME or --host"),
+        connect(cluster="slurm", options={"queue": "short"}),
+    ):
+        pass
+
+
+def test_without_dask_jobqueue_it_is_said_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "dask_jobqueue", None)
+    with pytest.raises(ClusterError, match=r"install zeroshot-fmu\[cluster\]"):
+        slurm(1, {}, LISTENING)
+
+
+def test_a_kind_is_one_line_and_listens_on_loopback(monkeypatch):
+    asked = []
+
+    def made(*what):
+        asked.append(what)
+        raise ClusterError("asked")
+
+    monkeypatch.setitem(QUEUES, "mine", made)
+    place = {"workers": 3, "host": "127.0.0.1"}  # all jobs on this machine
+    with pytest.raises(ClusterError, match="asked"), connect(cluster="mine", options={"queue": "night"}, **place):
+        pass
+    assert asked == [(3, {"queue": "night"}, {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"})]
+    with pytest.raises(ClusterError, match="asked"), connect(cluster="mine", options={"interface": "ib0"}):
+        pass
+    assert asked[1] == (1, {"interface": "ib0"}, {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"})
+    with pytest.raises(ClusterError, match="expected local or slurm or mine"), connect(cluster="yours"):
+        pass

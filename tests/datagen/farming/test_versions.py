@@ -1,0 +1,112 @@
+"""Other versions of what decides the numbers: told and noted in a dataset, refused of a worker."""
+
+import shutil
+from dataclasses import replace
+
+import pytest
+
+from datagen import info, merge, run, verify
+from datagen.farming.cluster import _check_versions
+from datagen.farming.versions import all_here, deciding_here
+from datagen.farming.worker import Job, simulate_shard
+from shared.errors import ClusterError, DatasetError
+from shared.store import read_manifest, write_manifest
+from shared.system import load_system
+from tests.datagen.faults import faulty, hashes
+
+SIZE = {"shard_size": 2, "workers": 1, "quiet": True}
+OLDER = all_here() | {"pvlib": "0.0.1", "dask": "1.0"}
+OURS = f"pvlib {all_here()['pvlib']}"
+
+
+@pytest.fixture(scope="module")
+def tanks(tmp_path_factory):
+    """Two datasets of tanks, with different seeds."""
+    folder = tmp_path_factory.mktemp("versions")
+    faulty.build(folder)
+    for seed in (1, 2):
+        run(faulty.describe(folder), folder / f"seed-{seed}", systems=2, seed=seed, **SIZE)
+    return folder
+
+
+@pytest.fixture
+def told(caplog):
+    """Warnings of ours so far."""
+    return lambda: [one.getMessage() for one in caplog.records if one.name.startswith("zeroshot.")]
+
+
+@pytest.fixture
+def older(tanks, tmp_path):
+    """One of them, as if another pvlib and another Dask had made it."""
+    folder = shutil.copytree(tanks / "seed-1", tmp_path / "older")
+    write_manifest(folder, read_manifest(folder).model_copy(update={"versions": OLDER}))
+    return folder
+
+
+@pytest.mark.slow
+def test_a_dataset_that_is_extended_by_other_versions_names_all(tanks, older, told):
+    before = hashes(older)
+    run(tanks / "system.toml", older, systems=2, seed=1, **SIZE)
+    assert read_manifest(older).all_versions() == [OLDER] and not told()  # nothing was simulated
+    run(tanks / "system.toml", older, systems=4, seed=1, extend=True, **SIZE)
+    (sentence,) = told()
+    assert sentence.startswith(f"{older}: made with pvlib 0.0.1, this run with {OURS}; their systems agree within")
+    assert read_manifest(older).all_versions() == [OLDER, all_here()]
+    assert info(older)["other_versions"] == [all_here()]
+    card = (older / "README.md").read_text()
+    assert "Several versions made it" in card and "pvlib 0.0.1" in card and OURS in card
+    assert before.items() <= hashes(older).items()
+    assert verify(older) == []
+    run(tanks / "system.toml", older, systems=6, seed=1, extend=True, **SIZE)
+    assert read_manifest(older).all_versions() == [OLDER, all_here()] and told() == [sentence]  # known already
+
+
+def test_a_shard_that_other_versions_simulate_again_is_told(tanks, older, told):
+    (older / "shards" / "shard-000000.nc").unlink()
+    write_manifest(older, read_manifest(older).model_copy(update={"shards": []}))
+    run(tanks / "system.toml", older, systems=2, seed=1, **SIZE)
+    assert "made with pvlib 0.0.1" in told()[0]
+    assert read_manifest(older).all_versions() == [OLDER, all_here()]
+
+
+def test_a_dataset_merged_of_other_versions_names_all(tanks, older, tmp_path, told):
+    merge([tanks / "seed-2", older], tmp_path / "both")
+    (sentence,) = told()
+    assert sentence.startswith(f"{tanks / 'seed-2'}: made with {OURS}, {older} with pvlib 0.0.1; their systems agree")
+    assert read_manifest(tmp_path / "both").all_versions() == [all_here(), OLDER]
+    assert "Several versions made it" in (tmp_path / "both" / "README.md").read_text()
+    merge([tanks / "seed-1", tanks / "seed-2"], tmp_path / "same")
+    assert read_manifest(tmp_path / "same").all_versions() == [all_here()] and len(told()) == 1
+    assert "Several versions" not in (tmp_path / "same" / "README.md").read_text()
+
+
+def test_another_major_schema_is_not_extended(tanks, older):
+    write_manifest(older, read_manifest(older).model_copy(update={"schema_version": "1.0"}))
+    with pytest.raises(DatasetError, match=r"schema_version is 1\.0, this run has 2\.\d+; a dataset can only be"):
+        run(tanks / "system.toml", older, systems=4, seed=1, extend=True, **SIZE)
+
+
+class _Client:
+    """Tells the versions of one worker, as Dask's client does."""
+
+    def __init__(self, found):
+        self.found = found
+
+    def get_versions(self, packages):
+        return {"workers": {"tcp://far:1": {"packages": {name: self.found.get(name) for name in packages}}}}
+
+
+def test_a_worker_with_other_versions_is_refused():
+    _check_versions(_Client(deciding_here()))
+    with pytest.raises(ClusterError, match=rf"tcp://far:1 has pvlib 0\.0\.1, this run {OURS}; expected the same"):
+        _check_versions(_Client(OLDER))
+    with pytest.raises(ClusterError, match=r"has no numba, this run numba "):
+        _check_versions(_Client(deciding_here() | {"numba": None}))
+
+
+def test_a_worker_that_joins_later_checks_all_versions_itself(tanks):
+    system = load_system(tanks / "system.toml")
+    job = Job(system.canonical(), str(system.path), "0" * 64, 1, True, "")
+    later = replace(job, versions=deciding_here() | {"fmpy": "9.9"})
+    with pytest.raises(DatasetError, match=r"a worker has fmpy .*, this run fmpy 9\.9; expected the same version"):
+        simulate_shard(later, "shard-000000.nc", [0])

@@ -1,0 +1,141 @@
+"""A description that does not fit its FMU is refused, by name."""
+
+from pathlib import Path
+
+import pytest
+
+from datagen.cli import app as datagen_app
+from datagen.fmi.fmu import Fmu, check_system
+from datagen.simulating.liveness import HARDLY, _judged, check_live, check_live_apart, responses
+from datagen.simulating.simulator import Simulator
+from shared.errors import FmuError, SystemDescriptionError
+from shared.system import parse_system
+from tests.datagen.faults import faulty
+
+
+@pytest.fixture(scope="module")
+def toml(default_system):
+    return default_system.path.read_text().replace('fmu = "../MixedAirCO2.fmu"', f'fmu = "{default_system.fmu_path}"')
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('name = "roo.V"', 'name = "roo.Volume"', ["'roo.Volume'", "not a variable", "'roo.V'"]),
+        ('name = "roo.V"', 'name = "TMRT"', ["'TMRT'"]),
+        ('unit = "m3"', 'unit = "litre"', ["'roo.V'", "'litre'", "'m3'"]),
+        ('name = "TDryBul"', 'name = "TOutdoor"', ["'TOutdoor'", "not a variable"]),
+        ('[[outputs]]\nname = "TRoo"', '[[outputs]]\nname = "TRoo"\nvariable = "TAir"', ["'TAir'"]),
+        ("[fixed]", '[fixed]\n"conHea.kk" = 1.0', ["fixed", "'conHea.kk'", "conHea.k"]),
+        ('name = "excOut"', 'name = "fraWin"', ["input 'fraWin'"]),
+    ],
+)
+def test_each_misfit_is_one_sentence(toml, default_system, old, new, words):
+    assert old in toml
+    text = toml.replace(old, new, 1)
+    system = parse_system(text, Path("mine.toml"))
+    with pytest.raises(SystemDescriptionError) as caught:
+        check_system(system, Fmu(system.fmu_path))
+    for word in ["mine.toml", *words]:
+        assert word in str(caught.value)
+
+
+def test_an_input_that_nobody_declares_is_refused(toml):
+    start = toml.index('[[inputs]]\nname = "winSpe"')
+    end = toml.index("[[inputs]]", start + 5)
+    system = parse_system(toml[:start] + toml[end:], Path("mine.toml"))
+    with pytest.raises(SystemDescriptionError, match="'winSpe'"):
+        check_system(system, Fmu(system.fmu_path))
+
+
+def test_files_that_are_no_fmu(tmp_path):
+    with pytest.raises(FmuError, match="no such file"):
+        Fmu(tmp_path / "nothing.fmu")
+    (tmp_path / "text.fmu").write_text("this is not a zip")
+    with pytest.raises(FmuError, match="not a readable FMU"):
+        Fmu(tmp_path / "text.fmu")
+
+
+def test_every_parameter_of_the_default_moves_an_output(default_system):
+    found = responses(Simulator(default_system))
+    assert set(found) == set(default_system.parameter_names)
+    assert min(found.values()) > 10  # ten times the accuracy of an output
+
+
+IGNORED = '[[parameters]]\nname = "effect.adjacent.T"\nunit = "K"\nmin = 280.0\nmax = 300.0\n\n'
+
+
+def test_a_parameter_that_the_fmu_ignores_is_refused(toml):
+    system = parse_system(toml.replace("[[parameters]]\n", f"{IGNORED}[[parameters]]\n", 1), Path("mine.toml"))
+    for check in (lambda: check_live(Simulator(system)), lambda: check_live_apart(system)):
+        with pytest.raises(SystemDescriptionError, match=r"accepts 'effect\.adjacent\.T' and ignores it"):
+            check()
+
+
+def test_an_end_that_fails_hides_neither_others_nor_itself(toml):
+    """With so much absorbed the window takes more than all the sun, which the FMU refuses; the middle still works."""
+    text = toml.replace("min = 0.3\nmax = 0.7", "min = 0.3\nmax = 0.99")
+    found = responses(Simulator(parse_system(text, Path("mine.toml"))), ["glaSys.absSolFra", "roo.V"])
+    assert found["glaSys.absSolFra"] > 1
+    assert found["roo.V"] > 1
+    system = parse_system(text.replace("[[parameters]]\n", f"{IGNORED}[[parameters]]\n", 1), Path("mine.toml"))
+    with pytest.raises(SystemDescriptionError, match=r"accepts 'effect\.adjacent\.T' and ignores it"):
+        check_live(Simulator(system))
+
+
+def test_what_cannot_be_judged_is_told_and_not_refused(toml, caplog):
+    text = toml.replace("min = 0.3\nmax = 0.7", "min = 0.7\nmax = 1.2")
+    with caplog.at_level("WARNING", "zeroshot"):
+        found = check_live(Simulator(parse_system(text, Path("mine.toml"))))
+    assert found == {}  # the middle itself is refused, from which all are looked at
+    assert "could not check that parameter 'roo.V' is alive" in caplog.text
+    assert "absSolFra" in caplog.text
+
+
+def test_an_fmu_that_dies_at_an_end_hides_no_dead_parameter(tmp_path, caplog):
+    faulty.build(tmp_path)
+    text = faulty.describe(tmp_path, fault=1, above=2e-4).read_text().replace("leak = 0.0\n", "")
+    assert text.count("[[parameters]]") == 1
+    ranges = (("k", "1/s", 1e-5, 3e-4), ("leak", "1", 1.0, 8.0))
+    both = "".join(
+        f'[[parameters]]\nname = "{name}"\nunit = "{unit}"\nmin = {low}\nmax = {high}\n\n'
+        for name, unit, low, high in ranges
+    )
+    start, end = text.index("[[parameters]]"), text.index("[[inputs]]")
+    system = parse_system(text[:start] + both + text[end:], tmp_path / "mine.toml")
+    with (
+        caplog.at_level("WARNING", "zeroshot"),
+        pytest.raises(SystemDescriptionError, match=r"accepts 'leak' and ignores"),
+    ):
+        check_live_apart(system, 60.0)
+    assert "could not check that parameter 'k' is alive: the FMU took its process down (SIGSEGV)" in caplog.text
+
+
+def test_what_acts_in_summer_alone_is_not_ignored(toml, monkeypatch):
+    """A look at winter days finds nothing of a parameter that the summer's outputs follow."""
+    simulator = Simulator(parse_system(toml, Path("mine.toml")))
+    real = simulator.run
+
+    def run(parameters, inputs, *, start, **words):
+        return real({**parameters, "roo.V": 200.0} if start == 0 else parameters, inputs, start=start, **words)
+
+    monkeypatch.setattr(simulator, "run", run)
+    assert responses(simulator, ["roo.V"])["roo.V"] > 1
+
+
+def test_what_is_weak_is_refused_for_a_dataset_and_not_for_its_limit(default_system):
+    assert _judged(default_system, {"roo.V": 0.5}, HARDLY) == {"roo.V": 0.5}
+    with pytest.raises(SystemDescriptionError, match=r"accepts 'roo\.V' and ignores it"):
+        _judged(default_system, {"roo.V": 0.5})
+    with pytest.raises(SystemDescriptionError, match=r"accepts 'roo\.V' and ignores it"):
+        _judged(default_system, {"roo.V": 0.0}, HARDLY)
+
+
+def test_the_limit_is_refused_for_what_the_fmu_ignores(toml, tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(toml.replace("[[parameters]]\n", f"{IGNORED}[[parameters]]\n", 1))
+    out = tmp_path / "out"
+    words = ["identifiability", path, "--context", 6, "--systems", 1, "--workers", 1, "--out", out]
+    with pytest.raises(SystemDescriptionError, match=r"accepts 'effect\.adjacent\.T' and ignores it"):
+        datagen_app([str(word) for word in words])
+    assert not out.exists()

@@ -1,0 +1,296 @@
+"""The ceiling against Bayesian linear regression done the long way, and against what must hold of any limit."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import datagen.limits.sensitivities as sensitivities
+from datagen.cli import app
+from datagen.driving.sampling import record_start
+from datagen.farming.package import weather_hashes
+from datagen.limits.ceilings import ceilings_of, identifiability, posterior_variance
+from datagen.limits.sensitivities import HOUR, SPIN_UP_HOURS, Window, random_window
+from shared.ceiling import Ceilings, read_ceilings
+from shared.errors import SystemDescriptionError
+from shared.system import parse_system
+from tests.house import ROOM_AND_PERSONS
+
+HOUSE = """
+schema_version = 1
+name = "House"
+fmu = "{fmu}"
+[experiment]
+hours = 48.0
+[estimator]
+channels = ["room"]
+[[parameters]]
+name = "ro"
+unit = "K/kW"
+min = 4.0
+max = 12.0
+[[parameters]]
+name = "ri"
+unit = "K/kW"
+min = 0.2
+max = 1.0
+[[inputs]]
+name = "To"
+unit = "degC"
+source = "constant"
+value = 5.0
+{readers}
+"""
+
+
+READERS = """
+[[inputs]]
+name = "N"
+unit = "1"
+source = "occupancy"
+[[inputs]]
+name = "P"
+unit = "kW"
+source = "constant"
+value = 0.0
+[[inputs]]
+name = "S"
+unit = "kW/m2"
+source = "constant"
+value = 0.0
+"""
+
+
+@pytest.fixture
+def house(small_fmu):
+    """``house("N", "P")``: a house whose inputs of these names, in this order, are the persons in it."""
+    fmu = small_fmu("house", attributes='canHandleVariableCommunicationStepSize="true"')
+    units = {"N": "1", "P": "kW", "S": "kW/m2"}
+
+    def make(*readers):
+        tables = [(name, 'source = "occupancy"') for name in readers]
+        tables += [(name, 'source = "constant"\nvalue = 0.0') for name in units if name not in readers]
+        text = "\n".join(f'[[inputs]]\nname = "{name}"\nunit = "{units[name]}"\n{source}' for name, source in tables)
+        return parse_system(
+            HOUSE.format(fmu=fmu.as_posix(), readers=text) + ROOM_AND_PERSONS, fmu.parent / "house.toml"
+        )
+
+    return make
+
+
+SHORT = {"context": 24.0, "noise": "sensor", "systems": 2}
+
+
+def limits(found):
+    return np.array(list(found.r2.values()))
+
+
+def made_up_window(system, rng, steps=12, states=3, constants=2, pulses=5):
+    outputs = len(system.outputs)
+    root = rng.normal(size=(pulses, pulses))
+    return Window(
+        parameters=rng.normal(size=(outputs, steps, len(system.parameters))),
+        states=rng.normal(size=(outputs, steps, states)),
+        constants=rng.normal(size=(outputs, steps, constants)),
+        occupancy=rng.normal(size=(outputs, steps, pulses)),
+        occupancy_covariance=root @ root.T,
+        occupancy_steps=np.array([2, 2, 2, 7, 8])[:pulses],
+        visited=rng.normal(size=(steps, states)),
+    )
+
+
+@pytest.mark.parametrize("counted", [False, True])
+def test_posterior_equals_conditioning_the_joint_gaussian(default_system, counted):
+    """Build the joint covariance of all unknowns and data, and condition: no Woodbury, no information form.
+
+    Persons who were counted are data: the means of three pulses in one step, and of the others in one each.
+    """
+    rng = np.random.default_rng(0)
+    window = made_up_window(default_system, rng)
+    start = np.array([[0.25, 0.3, 0.0], [0.3, 4.0, -1.0], [0.0, -1.0, 1.0]])
+    channels = ["TRoo", "CO2", "TDryBul", *(["nPer"] if counted else [])]
+    found = posterior_variance(default_system, window, start, "sensor", channels)
+    rows = [0, 1]
+    noise = np.repeat(default_system.noise_sd("sensor")[rows] ** 2, 12)
+    design = np.concatenate(
+        [m[rows].reshape(24, -1) for m in (window.parameters, window.constants, window.states, window.occupancy)],
+        axis=1,
+    )
+    n = len(default_system.parameters)
+    own = n + 2  # standardised: parameters and constants
+    if counted:
+        means = np.zeros((3, own + 3 + 5))
+        means[0, own + 3 : own + 6], means[1, own + 6], means[2, own + 7] = 1 / 3, 1.0, 1.0
+        design, noise = np.concatenate([design, means]), np.append(noise, np.full(3, 1e-9))
+    prior = np.zeros((own + 3 + 5, own + 3 + 5))
+    prior[:own, :own] = np.eye(own)
+    prior[own : own + 3, own : own + 3] = start
+    prior[own + 3 :, own + 3 :] = window.occupancy_covariance
+    data = design @ prior @ design.T + np.diag(noise)
+    cross = prior @ design.T
+    posterior = prior - cross @ np.linalg.solve(data, cross.T)
+    np.testing.assert_allclose(found, np.diag(posterior)[:n], rtol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_who_knows_less_of_the_constants_can_tell_less_of_the_parameters(default_system, seed):
+    """And with constants that the outputs do not feel just as much."""
+    window = made_up_window(default_system, np.random.default_rng(seed))
+    start, channels = np.diag([0.25, 4.0, 1.0]), ["TRoo", "CO2"]
+
+    def variance(constants):
+        return posterior_variance(default_system, replace(window, constants=constants), start, "sensor", channels)
+
+    none, one, both = (variance(window.constants[:, :, :count]) for count in range(3))
+    assert (one >= none - 1e-12).all() and (both >= one - 1e-12).all()
+    assert (both > one).any() and (one > none).any()
+    np.testing.assert_allclose(variance(np.zeros_like(window.constants)), none, rtol=1e-12)
+
+
+@pytest.fixture(scope="module")
+def window(default_system):
+    return random_window(default_system, 24.0, 3, 0)
+
+
+@pytest.mark.slow
+def test_sensitivities_predict_a_finite_change(window, default_system):
+    """Two parameters moved by a tenth of their spread: the outputs move as the sensitivities say, within curvature."""
+    other = random_window(default_system, 24.0, 3, 0)
+    np.testing.assert_allclose(other.parameters, window.parameters)  # deterministic
+    assert window.parameters.shape == (4, 24, 8)
+    pulses = len(window.occupancy_steps)
+    assert window.occupancy.shape == (4, 24, pulses)
+    assert 24 < pulses < 144 and np.diag(window.occupancy_covariance).min() > 0  # of ten minutes; nobody comes at night
+    co2 = default_system.output_names.index("CO2")
+    # a person in the room raises CO2 from the hour of the pulse on, never before
+    for pulse, hour in list(enumerate(window.occupancy_steps))[::7]:
+        assert np.abs(window.occupancy[co2, :hour, pulse]).max(initial=0.0) < 1e-3
+        assert window.occupancy[co2, hour, pulse] > 0.1
+
+
+@pytest.mark.slow
+def test_less_noise_and_more_channels_tell_more(window, default_system):
+    sd = np.cov(window.visited, rowvar=False)
+    two = ["TRoo", "CO2"]
+    free = posterior_variance(default_system, window, sd, "none", two)
+    noisy = posterior_variance(default_system, window, sd, "sensor", two)
+    richer = posterior_variance(default_system, window, sd, "sensor", [*two, "QHea", "mOA"])
+    assert np.all((free > 0) & (free <= 1 + 1e-9))
+    assert np.all(free <= noisy + 1e-9)
+    assert np.all(richer <= noisy + 1e-9)
+    assert noisy.mean() - free.mean() > 0.05
+    assert noisy.mean() - richer.mean() > 0.02
+
+
+def test_channels_without_an_output_are_refused(default_system):
+    with pytest.raises(SystemDescriptionError, match="hold no output"):
+        ceilings_of(default_system, contexts=[24.0], conditions=[("none", ["TDryBul"])], systems=1)
+
+
+def test_a_channel_that_is_not_there_is_refused_by_name(default_system):
+    conditions = [("none", ["TRoo", "TDryBul"]), ("none", ["TRoo", "C02", "time_of_day"])]
+    with pytest.raises(SystemDescriptionError, match=r"\['C02', 'time_of_day'\] are neither .*'TRoo', .*'TDryBul'"):
+        ceilings_of(default_system, contexts=[24.0], conditions=conditions, systems=1)
+
+
+def test_windows_lie_in_the_records_that_the_farm_makes(default_system, monkeypatch):
+    july = default_system.with_experiment(hours=720.0, start=(4344.0, 4700.0))
+    spans = []
+
+    def stopped(*_, start, stop, **__):
+        spans.append((start + SPIN_UP_HOURS * HOUR, stop))
+        raise InterruptedError
+
+    monkeypatch.setattr("datagen.limits.sensitivities.build_inputs", stopped)
+    for index in range(30):
+        with pytest.raises(InterruptedError):
+            random_window(july, 24.0, 3, index)
+    first = np.array([record_start(july, 3, index) for index in range(30)])
+    begin, end = np.array(spans).T
+    assert first.min() >= 4344 * HOUR
+    assert (end - begin == 24 * HOUR).all()
+    assert (begin >= first).all() and (end <= first + 720 * HOUR).all()
+    assert (begin - first).max() > 480 * HOUR > 240 * HOUR > (begin - first).min()
+
+
+def test_it_is_written_down_what_the_windows_were_of(house, default_system, monkeypatch):
+    found = identifiability(house("N").with_experiment(start=(4344.0, 4700.0)), **{**SHORT, "systems": 1}).origin
+    assert (found.start, found.hours, found.weather) == ((4344.0, 4700.0), 48.0, {})
+    longer = identifiability(house("N"), **{**SHORT, "context": 72.0, "systems": 1}).origin
+    assert longer.hours == 72.0
+    window = made_up_window(default_system, np.random.default_rng(0))
+    monkeypatch.setattr("datagen.limits.ceilings._windows", lambda *_: iter([window]))
+    assert identifiability(default_system).origin.weather == weather_hashes(default_system)
+
+
+def test_a_preset_says_of_which_records_the_limit_is(house, tmp_path, monkeypatch):
+    described = house("N")
+    folder = tmp_path / "house"
+    folder.mkdir()
+    toml = HOUSE.format(fmu=described.fmu_path.as_posix(), readers=READERS) + ROOM_AND_PERSONS
+    july = "[presets.july]\nsystems = 3\nhours = 72.0\nstep = 1800.0\nstart = [4344.0, 4700.0]\n"
+    (folder / "house.toml").write_text(toml + july)
+    command = ["identifiability", str(folder / "house.toml"), "--context", "24", "--systems", "1", "--workers", "1"]
+    out = ["--out", str(tmp_path / "july.json")]
+    assert app([*command, "--preset", "july", *out, "--quiet"]) == 0
+    (found,) = read_ceilings(tmp_path / "july.json").ceilings
+    assert (found.origin.start, found.origin.hours, found.step) == ((4344.0, 4700.0), 72.0, 1800.0)
+    with pytest.raises(SystemDescriptionError, match="no preset 'june'; found july"):
+        app([*command, "--preset", "june", *out])
+
+
+def test_one_crowd_however_many_inputs_read_it(house):
+    """Persons come into all of the inputs at once: the order of the inputs says nothing, and neither does one alone."""
+    both, swapped = (identifiability(house(*names), **SHORT) for names in (("N", "P"), ("P", "N")))
+    np.testing.assert_allclose(limits(both), limits(swapped), rtol=1e-9)
+    window = random_window(house("N", "P"), 24.0, 1, 0)
+    alone = random_window(house("N"), 24.0, 1, 0)
+    # q = 0.1 kW a person by way of N, and 1 kW by way of P; the house is linear in them
+    np.testing.assert_allclose(window.occupancy, 11 * alone.occupancy, rtol=1e-3, atol=1e-6)
+
+
+def test_counted_persons_are_known_as_means_of_steps(house, monkeypatch):
+    system = house("N", "P")
+    conditions = [("sensor", channels) for channels in (["room"], ["room", "N"], ["room", "P"], ["room", "To"])]
+    found = ceilings_of(system, contexts=[24.0], conditions=conditions, systems=2)
+    unknown, counted, other, constant = (limits(one) for one in found)
+    assert (counted > unknown + 0.01).any() and (counted >= unknown - 1e-9).all()
+    np.testing.assert_array_equal(other, counted)
+    np.testing.assert_array_equal(constant, unknown)
+    # when within the hour they came is not; it is where a pulse is as long as a step
+    for length in (sensitivities.PULSE, 3600.0):
+        monkeypatch.setattr(sensitivities, "PULSE", length)
+        window = random_window(system, 24.0, 1, 0)
+        bare = replace(window, occupancy=window.occupancy[:, :, :0])
+        start = np.atleast_2d(np.var(window.visited, axis=0))
+        known = posterior_variance(system, window, start, "sensor", ["room", "N"])
+        all_ = posterior_variance(system, bare, start, "sensor", ["room"])
+        assert (known >= all_ - 1e-9).all()
+        np.testing.assert_array_equal((known > all_ + 1e-4).any(), length < 3600.0)
+    kept = Ceilings(system_name="House", system_hash="a", fmu_sha256="b", outputs=["room"], nuisances=["N", "P"])
+    for one in [*found, *found]:
+        kept.put(one)
+    assert kept.ceilings == [found[2], found[3]]  # the others are the same conditions by other names
+    condition = {"context_hours": 24.0, "step": 3600.0, "noise": "sensor", "constants": {}}
+    assert kept.find(**condition, channels=["N", "room"]) == [found[2]]
+    assert kept.find(**condition, channels=["room"]) == [found[3]]
+
+
+def test_another_fmu_of_the_same_description_is_loaded_anew(default_system, monkeypatch):
+    """One that was built again in its place, within the same program."""
+
+    class Enough(Exception):
+        pass
+
+    def stop(*_):
+        raise Enough
+
+    loaded = []
+    monkeypatch.setattr(sensitivities, "_SIMULATORS", {})
+    monkeypatch.setattr(sensitivities, "Simulator", lambda system: loaded.append(system) or system)
+    monkeypatch.setattr(sensitivities, "record_start", stop)
+    for build, count in (("a", 1), ("a", 1), ("b", 2)):
+        monkeypatch.setattr(sensitivities, "sha256_of", lambda _, build=build: build)
+        with pytest.raises(Enough):
+            random_window(default_system, 24.0, 1, 0)
+        assert len(loaded) == count

@@ -1,0 +1,256 @@
+"""The limit where constants are uncertain, against a house that is solved by hand.
+
+c T' = (To - T) / ro + a S + q N, and the meter shows T. With S and N held the area a, which is estimated, and the heat
+of a person q, which is not, do exactly the same.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import datagen.limits.sensitivities as sensitivities
+from datagen import identifiability, simulate
+from datagen.cli import app
+from datagen.driving.sampling import sample_parameters
+from datagen.farming.farm import _copy_ceilings
+from datagen.fmi.fmu import fmu_sha256
+from datagen.limits.ceilings import posterior_variance
+from datagen.limits.sensitivities import Window, random_window
+from datagen.simulating.constants import sample_factors
+from datagen.simulating.simulator import Simulator
+from shared.ceiling import FILE_NAME, Ceilings, Origin, Unknown, read_ceilings, unknown_constants, write_ceilings
+from shared.errors import SystemDescriptionError
+from shared.system import parse_system
+
+HOUSE = """
+schema_version = 1
+name = "House"
+fmu = "{fmu}"
+[experiment]
+hours = 48.0
+tolerance = 1e-9
+[estimator]
+channels = ["room"]
+[fixed]
+ro = 8.0
+ri = 0.0
+c = 2.0
+[[parameters]]
+name = "a"
+unit = "m2"
+min = 1.0
+max = 4.0
+[[outputs]]
+name = "room"
+variable = "Y"
+unit = "degC"
+method = "point"
+accuracy = 0.01
+noise.sensor = {{ sd = 0.05 }}
+"""
+INPUTS = "".join(
+    f'[[inputs]]\nname = "{name}"\nunit = "{unit}"\nsource = "constant"\nvalue = {value}\n'
+    for name, unit, value in (("To", "degC", 10.0), ("S", "kW/m2", 0.5), ("N", "1", 10.0), ("P", "kW", 0.0))
+)
+HEAT = '[[uncertain]]\nname = "heat"\nparameters = ["q"]\nrelative = 0.3\n'
+MASS = '[[uncertain]]\nname = "mass"\nparameters = ["c"]\nrelative = 0.2\n'
+RO, SUN, PERSONS, Q, FIRST = 8.0, 0.5, 10.0, 0.1, 18.0
+"""What is fixed and held; q [kW] and the temperature that every run begins at [degC] are the FMU's own."""
+AREA = 3 / np.sqrt(12)
+"""Prior standard deviation of a [m2]."""
+HOURS = np.arange(1.0, 25.0)
+
+
+@pytest.fixture(scope="module")
+def house(small_fmu):
+    """``house(HEAT, MASS)``: a house with these uncertain constants."""
+    fmu = small_fmu("house", attributes='canHandleVariableCommunicationStepSize="true"')
+
+    def make(*uncertain):
+        return parse_system(HOUSE.format(fmu=fmu.as_posix()) + INPUTS + "".join(uncertain), fmu.parent / "house.toml")
+
+    return make
+
+
+@pytest.fixture(autouse=True)
+def solvable(monkeypatch):
+    """After ten days the house has settled, and its mass would tell nothing; a tight solver agrees with the pencil."""
+    monkeypatch.setattr(sensitivities, "SPIN_UP_HOURS", 24.0)
+    monkeypatch.setattr(sensitivities, "TOLERANCE", 1e-11)
+
+
+def by_hand(system, index):
+    """By area, heat, mass (per prior standard deviation) and temperature at the start, (24,) each; P of the latter."""
+    heat, mass = sample_factors(system, 1, index)
+    tau = RO * 2.0 * mass
+    settled = 10.0 + RO * (SUN * sample_parameters(system, 1, index)[0] + PERSONS * Q * heat)
+    path = settled + (FIRST - settled) * np.exp(-np.arange(25) / tau)
+    decay = np.exp(-HOURS / tau)
+    return (
+        *(RO * SUN * AREA * (1 - decay), RO * PERSONS * Q * heat * 0.3 * (1 - decay)),
+        *((path[-1] - settled) * decay * HOURS / tau * 0.2, decay, np.var(path)),
+    )
+
+
+@pytest.mark.parametrize("index", [0, 3])
+def test_sensitivities_are_those_of_the_solution(house, index):
+    """About the drawn constants, with the temperature held that the house has at the start."""
+    system = house(HEAT, MASS)
+    window = random_window(system, 24.0, 1, index, uncertain=True)
+    area, heat, mass, state, start = by_hand(system, index)
+    assert np.abs(sample_factors(system, 1, index) - 1).min() > 0.02  # otherwise it would pass without any drawn
+    np.testing.assert_allclose(window.constants, np.stack([heat, mass], axis=-1)[None], rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(window.parameters[0, :, 0], area, rtol=1e-3)
+    np.testing.assert_allclose(window.states[0, :, 0], state, rtol=1e-4)
+    assert window.visited.var() == pytest.approx(start, rel=1e-4)
+    assert np.abs(mass).max() > 0.05
+
+
+def test_the_limit_is_that_of_gaussian_arithmetic(house):
+    """Constants and temperature beside the area in the information form, where none of them is noise."""
+    system = house(HEAT, MASS)
+    found = identifiability(system, context=24.0, noise="sensor", systems=1, uncertain=True)
+    *columns, start = by_hand(system, 0)
+    design = np.stack(columns, axis=-1) / np.hypot(0.05, 0.01)
+    posterior = np.linalg.inv(np.diag([1.0, 1.0, 1.0, 1 / start]) + design.T @ design)
+    assert found.r2["a"] == pytest.approx(1 - posterior[0, 0], rel=1e-3)
+    assert found.r2["a"] < 0.95
+
+
+def test_a_constant_that_does_what_a_parameter_does_takes_its_share(house):
+    """Even without noise no more than its part of the common variance is known of the area."""
+    system = house(HEAT)
+    (factor,) = sample_factors(system, 1, 0)
+    ratio = PERSONS * Q * factor * 0.3 / (SUN * AREA)
+    window = random_window(system, 24.0, 1, 0, uncertain=True)
+    bare = replace(window, constants=window.constants[:, :, :0])
+    start = np.atleast_2d(np.var(window.visited))
+    for noise in ("none", "sensor"):
+        (alone,) = posterior_variance(system, bare, start, noise, ["room"])
+        told = 1 / alone - 1
+        expected = 1 / (1 + told / (1 + ratio**2 * told))
+        (found,) = posterior_variance(system, window, start, noise, ["room"])
+        assert found == pytest.approx(expected, rel=1e-3)
+        assert identifiability(system, context=24.0, noise=noise, systems=1, uncertain=True).r2["a"] == pytest.approx(
+            1 - expected, rel=1e-3
+        )
+        assert found > alone + 0.05
+        assert found > 0.99 * ratio**2 / (1 + ratio**2)
+
+
+def test_a_column_like_another_parameters_leaves_the_first_alone(house):
+    """Closed form, of a window that is made up; without any states, too."""
+    two = (
+        HOUSE.format(fmu="none.fmu").replace("ro = 8.0\n", "")
+        + '[[parameters]]\nname = "ro"\nunit = "K/kW"\nmin = 1.0\nmax = 2.0\n'
+        + INPUTS
+    )
+    system = parse_system(two, house().path)
+    sd = system.noise_sd("none")[0]
+    parameters = np.zeros((1, 4, 2))
+    parameters[0, :2, 0], parameters[0, 2:, 1] = (3 * sd, 4 * sd), (sd, sd)
+    empty = np.empty((1, 4, 0))
+    window = Window(
+        parameters=parameters,
+        **dict.fromkeys(("states", "constants", "occupancy"), empty),
+        occupancy_covariance=np.empty((0, 0)),
+        occupancy_steps=np.empty(0, dtype=int),
+        visited=np.empty((5, 0)),
+    )
+
+    def variance(constants):
+        return posterior_variance(
+            system, replace(window, constants=constants), np.empty((0, 0)), "none", ["room"]
+        ).tolist()
+
+    assert variance(empty) == pytest.approx([1 / 26, 1 / 3])
+    assert variance(parameters[:, :, :1]) == pytest.approx([26 / 51, 1 / 3])  # 25 of 1 + 25 + 25 are the area's
+    assert variance(2 * parameters[:, :, 1:]) == pytest.approx([1 / 26, 9 / 11])
+
+
+def test_systems_are_the_farms(house, monkeypatch):
+    system, runs = house(HEAT, MASS), []
+    simulated = Simulator.run
+
+    def spy(self, parameters, *args, **options):
+        runs.append(dict(parameters))
+        return simulated(self, parameters, *args, **options)
+
+    monkeypatch.setattr(Simulator, "run", spy)
+    for uncertain in (True, False):
+        runs.clear()
+        simulate(system, seed=1, index=2, uncertain=uncertain)
+        random_window(system, 24.0, 1, 2, uncertain)
+        farm, warm, *moved = runs
+        assert set(farm) == ({"a", "q", "c"} if uncertain else {"a"})
+        assert warm == farm
+        # up and down each, one at a time; the state at the end of all
+        changed = [{name for name in farm if one[name] != farm[name]} for one in moved]
+        assert changed == [{name} for name in farm for _ in range(2)] + [set(), set()]
+
+
+def test_it_is_written_down_which_constants_were_unknown(house):
+    known, drawn = (
+        identifiability(house(HEAT, MASS), context=24.0, systems=1, uncertain=uncertain) for uncertain in (False, True)
+    )
+    assert known.constants == {}
+    assert drawn.constants == {
+        "heat": Unknown(parameters=["q"], relative=0.3),
+        "mass": Unknown(parameters=["c"], relative=0.2),
+    }
+    assert drawn.r2_mean < known.r2_mean - 0.1
+
+
+def test_a_description_without_uncertain_constants_is_refused(house):
+    with pytest.raises(
+        SystemDescriptionError, match=r"uncertain is set; expected an \[\[uncertain\]\] table in .*house"
+    ):
+        identifiability(house(), uncertain=True)
+
+
+def test_the_command_keeps_both_limits(house, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("datagen.simulating.liveness.check_live_apart", lambda *_, **__: None)
+    folder = tmp_path / "house"
+    folder.mkdir()
+    (folder / "house.toml").write_text(HOUSE.format(fmu=house().fmu_path.as_posix()) + INPUTS + HEAT)
+    words = ["identifiability", str(folder / "house.toml"), "--context", "24", "--systems", "1", "--workers", "1"]
+    for uncertain in ([], ["--uncertain"]):
+        assert app([*words, *uncertain], result_action="return_value") == 0
+        assert ("constants drawn (heat 0.3)" in capsys.readouterr().out) == bool(uncertain)
+    assert [one.constants for one in read_ceilings(folder / FILE_NAME).ceilings] == [
+        {},
+        unknown_constants(house(HEAT).uncertain),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("drawn", "taken", "said"),
+    [
+        (True, (HEAT,), ""),
+        (True, (), "it has none with constants drawn (heat 0.3)"),
+        (True, (MASS,), "it has none with constants drawn (heat 0.3)"),
+        (False, (), ""),
+        (False, (HEAT,), "it has none with constants as declared"),
+    ],
+)
+def test_limits_are_put_beside_data_with_their_constants_alone(house, tmp_path, caplog, drawn, taken, said):
+    caplog.set_level("INFO", "zeroshot")
+    system = house(HEAT).model_copy(update={"path": tmp_path / "house.toml"})
+    limit = identifiability(house(HEAT), context=24.0, systems=1).model_copy(
+        update={"origin": Origin(start=(0.0, 0.0), hours=48.0), "constants": unknown_constants(house(*taken).uncertain)}
+    )
+    write_ceilings(
+        tmp_path / FILE_NAME,
+        Ceilings(
+            system_name="House",
+            system_hash=system.hash(),
+            fmu_sha256=fmu_sha256(system.fmu_path),
+            outputs=["room"],
+            ceilings=[limit],
+        ),
+    )
+    (tmp_path / "ds").mkdir()
+    _copy_ceilings(system, tmp_path / "ds", excitation=True, uncertain=drawn)
+    assert (tmp_path / "ds" / FILE_NAME).exists() == (not said)
+    assert (f"not copied: {said}" in caplog.text) == bool(said)

@@ -1,0 +1,338 @@
+"""FMUs of both versions and kinds against analytic results."""
+
+import math
+import zipfile
+
+import fmpy
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from datagen.driving.tables import Piecewise, merge
+from datagen.simulating.simulator import Simulator
+from shared.errors import SystemDescriptionError
+
+VARIABLE = 'canHandleVariableCommunicationStepSize="true"'
+INTERPOLATES = VARIABLE + ' canInterpolateInputs="true"'
+STEPWISE = {"attributes": VARIABLE}
+
+
+def no_inputs(stop):
+    return merge({}, 0.0, stop)
+
+
+def inputs(stop, **signals):
+    return merge(signals, 0.0, stop)
+
+
+def ramp(stop, slope=1.0):
+    return Piecewise(np.array([0.0, stop]), np.array([0.0, slope * stop]))
+
+
+def steps(times, values):
+    return Piecewise(np.array(times), np.array(values, dtype=float), "previous")
+
+
+@pytest.fixture(params=[(2, "me"), (3, "me"), (2, "cs"), (3, "cs")], ids=["fmi2-me", "fmi3-me", "fmi2-cs", "fmi3-cs"])
+def flavour(request):
+    return request.param
+
+
+@pytest.fixture(params=[2, 3], ids=["fmi2", "fmi3"])
+def fmi(request):
+    return request.param
+
+
+def bounces(height, g, e, count):
+    """Times of the first bounces and heights between them, exactly."""
+    speed = np.sqrt(2 * g * height)
+    first = speed / g
+    flights = 2 * speed * e ** np.arange(1, count) / g
+    return first + np.concatenate([[0.0], np.cumsum(flights)])
+
+
+def height_at(t, height, g, e):
+    when = bounces(height, g, e, 60)
+    k = np.searchsorted(when, t, side="right")
+    speed = np.sqrt(2 * g * height) * e**k
+    since = t - when[np.maximum(k - 1, 0)]
+    flying = speed * since - 0.5 * g * since**2
+    return np.where(k == 0, height - 0.5 * g * t**2, flying)
+
+
+def test_a_ball_bounces_when_it_should(small_system, flavour):
+    version, kind = flavour
+    system = small_system(
+        "ball", version, (kind,), outputs={"h": "point", "bounces": "point"}, parameters=("g", "e"), step=1 / 128
+    )
+    run = Simulator(system).run({"g": 9.81, "e": 0.8}, no_inputs(3.0), start=0.0, stop=3.0)
+    good = 1e-6 if kind == "me" else 6e-3  # Co-Simulation: the FMU's own Euler steps
+    assert np.abs(run.outputs[0] - height_at(run.time, 1.0, 9.81, 0.8)).max() < good
+    expected = np.searchsorted(bounces(1.0, 9.81, 0.8, 60), run.time)
+    assert (run.outputs[1] != expected).mean() < (1e-9 if kind == "me" else 0.02)
+
+
+def echo(t, count=12):
+    """x' = -x(t - 1), x = 1 before: a sum of powers, one more in each second (method of steps)."""
+    return sum((-1) ** k * np.maximum(t - (k - 1), 0.0) ** k / math.factorial(k) for k in range(count))
+
+
+@pytest.mark.parametrize("step", [0.125, 1.0, 5.0])
+def test_an_fmu_that_keeps_a_history_is_told_of_every_step(small_system, fmi, step):
+    """However far outputs lie apart; it joins what it remembers by straight lines."""
+    system = small_system("echo", fmi, outputs={"x": "point"}, parameters=("k",), step=step)
+    run = Simulator(system).run({"k": 1.0}, no_inputs(10.0), start=0.0, stop=10.0)
+    np.testing.assert_allclose(run.outputs[0], echo(run.time), atol=0.01)
+
+
+def test_bounce_times_are_found_by_state_events(small_system, fmi):
+    """Between two outputs 0.5e-6 s before and after a bounce of the exact solution, the count goes up."""
+    system = small_system("ball", fmi, outputs={"bounces": "point"}, parameters=("g", "e"))
+    simulator = Simulator(system)
+    for k, when in enumerate(bounces(1.0, 9.81, 0.7, 5)):
+        around = simulator.run(
+            {"g": 9.81, "e": 0.7}, no_inputs(10.0), start=0.0, record_from=when - 2.5e-6, stop=when + 1.5e-6, step=1e-6
+        )
+        np.testing.assert_array_equal(around.outputs[0], [k, k, k + 1, k + 1])
+
+
+def test_a_stair_counts_at_each_second(small_system, flavour):
+    """A count at the very time of its event is the one just before it; between events it is exact."""
+    version, kind = flavour
+    system = small_system("stair", version, (kind,), outputs={"count": "point"}, parameters=("period",), step=0.25)
+    run = Simulator(system).run({"period": 1.0}, no_inputs(20.0), start=0.0, stop=20.0)
+    on_event = run.time % 1.0 == 0
+    np.testing.assert_array_equal(run.outputs[0][~on_event], 1 + np.floor(run.time[~on_event]))
+    if kind == "me":
+        np.testing.assert_array_equal(run.outputs[0][on_event], run.time[on_event])
+
+
+def test_the_mean_of_a_stair(small_system, fmi):
+    system = small_system("stair", fmi, outputs={"count": "mean"}, parameters=("period",), step=1.5)
+    run = Simulator(system).run({"period": 1.0}, no_inputs(6.0), start=0.0, stop=6.0)
+    np.testing.assert_allclose(run.outputs[0], [4 / 3, 8 / 3, 13 / 3, 17 / 3], rtol=1e-6)
+
+
+def test_van_der_pol_against_a_tight_reference(small_system, fmi):
+    system = small_system("vanderpol", fmi, outputs={"x": "point", "y": "point"}, parameters=("mu",), step=0.5)
+    run = Simulator(system).run({"mu": 1.5}, no_inputs(10.0), start=0.0, stop=10.0, tolerance=1e-12)
+
+    def rates(_t, s):
+        return [s[1], 1.5 * (1 - s[0] ** 2) * s[1] - s[0]]
+
+    exact = solve_ivp(rates, (0, 10), [2.0, 0.0], "DOP853", run.time, rtol=1e-13, atol=1e-13).y
+    np.testing.assert_allclose(run.outputs, exact, atol=1e-8)
+
+
+def test_dahlquist_decays(small_system, flavour):
+    version, kind = flavour
+    system = small_system("dahlquist", version, (kind,), outputs={"x": "point"}, parameters=("k",), step=0.5)
+    run = Simulator(system).run({"k": 0.7}, no_inputs(5.0), start=0.0, stop=5.0)
+    own = (1 - 0.07) ** np.round(run.time / 0.1)  # the FMU's own Euler steps of 0.1 s
+    np.testing.assert_allclose(run.outputs[0], np.exp(-0.7 * run.time) if kind == "me" else own, rtol=2e-7)
+
+
+def test_means_of_all_kinds(small_system, flavour):
+    version, kind = flavour
+    system = small_system("vanderpol", version, (kind,), outputs={"x": "mean"}, parameters=("mu",), step=0.5)
+    simulator = Simulator(system)
+    coarse = simulator.run({"mu": 1.0}, no_inputs(4.0), start=0.0, stop=4.0).outputs[0]
+    exact = solve_ivp(
+        lambda _t, s: [s[1], (1 - s[0] ** 2) * s[1] - s[0], s[0]],
+        (0, 4),
+        [2.0, 0.0, 0.0],
+        "DOP853",
+        np.arange(0, 4.1, 0.5),
+        rtol=1e-11,
+        atol=1e-11,
+    ).y[2]
+    # Co-Simulation: a trapezoid over twelve communication steps, and Euler steps within
+    np.testing.assert_allclose(coarse, np.diff(exact) / 0.5, atol=1e-6 if kind == "me" else 2e-3)
+
+
+@pytest.mark.parametrize(
+    ("version", "kind", "attributes"),
+    [(2, "me", ""), (3, "me", ""), *((v, "cs", a) for v in (2, 3) for a in ("", VARIABLE, INTERPOLATES))],
+)
+def test_an_input_acts_within_the_step(small_system, version, kind, attributes):
+    """x' = (u - x) / tau under a ramp: x = t - tau (1 - exp(-t / tau)). A frozen input would lag by half a step."""
+    system = small_system(
+        "lag",
+        version,
+        (kind,),
+        outputs={"x": "point"},
+        parameters=("tau",),
+        inputs={"u": "linear"},
+        step=0.5,
+        attributes=attributes,
+    )
+    run = Simulator(system).run({"tau": 1.5}, inputs(5.0, u=ramp(5.0)), start=0.0, stop=5.0)
+    exact = run.time - 1.5 * (1 - np.exp(-run.time / 1.5))
+    good = 1e-7 if kind == "me" else 1e-3 if version == 2 and "Interpolate" in attributes else 0.015
+    assert np.abs(run.outputs[0] - exact).max() < good
+    assert np.abs(run.outputs[0][-1] - exact[-1]) < 0.2 * 0.5  # frozen: half a step
+
+
+def test_a_jump_is_met_exactly(small_system, flavour):
+    version, kind = flavour
+    system = small_system(
+        "lag",
+        version,
+        (kind,),
+        outputs={"x": "point", "y": "mean"},
+        parameters=("tau",),
+        inputs={"u": "previous"},
+        step=0.5,
+        **STEPWISE,
+    )
+    when = 1.2345
+    table = inputs(3.0, u=steps([0.0, when], [0.0, 2.0]))
+    run = Simulator(system).run({"tau": 0.8}, table, start=0.0, stop=3.0)
+    exact = np.where(run.time < when, 0.0, 2.0 * (1 - np.exp(-(run.time - when) / 0.8)))
+    assert np.abs(run.outputs[0] - exact).max() < (1e-7 if kind == "me" else 1e-3)
+    np.testing.assert_allclose(run.outputs[1], [0, 0, 2 * (1.5 - when) / 0.5, 2, 2, 2], atol=1e-6)
+
+
+def test_equal_steps_conserve_what_a_jump_brings(small_system, fmi):
+    """An FMU that wants equal communication steps gets the mean of each step in place of a jump within it."""
+    system = small_system(
+        "lag", fmi, ("cs",), outputs={"x": "point"}, parameters=("tau",), inputs={"u": "previous"}, step=0.5
+    )
+    run = Simulator(system).run({"tau": 1e3}, inputs(2.0, u=steps([0.0, 0.9], [0.0, 100.0])), start=0.0, stop=2.0)
+    assert run.outputs[0][-1] == pytest.approx(0.11, rel=2e-3)
+
+
+def test_inputs_pass_through(small_system, flavour):
+    """Continuous and discrete inputs, declared the other way round than the FMU has them."""
+    version, kind = flavour
+    system = small_system(
+        "feedthrough",
+        version,
+        (kind,),
+        outputs={"stepped": "point", "y": "point"},
+        parameters=("gain",),
+        inputs={"switch": "previous", "u": "linear"},
+        step=0.25,
+        **STEPWISE,
+    )
+    table = inputs(4.0, switch=steps([0.0, 1.1, 2.6], [1.0, 3.0, 2.0]), u=ramp(4.0, 0.5))
+    run = Simulator(system).run({"gain": 2.0}, table, start=0.0, stop=4.0)
+    expected = 2.0 * np.select([run.time <= 1.1, run.time <= 2.6], [1.0, 3.0], 2.0)
+    np.testing.assert_allclose(run.outputs[0], expected)
+    np.testing.assert_allclose(run.outputs[1], run.time)
+    np.testing.assert_allclose(run.inputs[1], 0.5 * run.time)
+
+
+def test_means_of_what_follows_an_input_directly(small_system, flavour):
+    """Without states nothing holds the solver back from long steps; the kinks of the input must still count."""
+    version, kind = flavour
+    system = small_system(
+        "feedthrough",
+        version,
+        (kind,),
+        outputs={"y": "mean", "stepped": "mean"},
+        parameters=("gain",),
+        inputs={"u": "linear", "switch": "previous"},
+        step=50.0,
+        **STEPWISE,
+    )
+    u = Piecewise(np.array([0.0, 30.0, 45.0, 120.0, 200.0]), np.array([0.0, 5.0, 1.0, 4.0, -2.0]))
+    table = inputs(200.0, u=u, switch=steps([0.0, 70.0], [1.0, 3.0]))
+    run = Simulator(system).run({"gain": 1.0}, table, start=0.0, stop=200.0)
+    edges = np.arange(0.0, 201.0, 50.0)
+    exact = table.means(edges)
+    # trapezoids over communication points cut corners
+    np.testing.assert_allclose(run.outputs[0], exact[:, 0], atol=1e-4 if kind == "me" else 0.02)
+    np.testing.assert_allclose(run.outputs[1], exact[:, 1], atol=1e-6 if kind == "me" else 0.1)
+
+
+def test_a_resource_is_read(small_system, flavour):
+    version, kind = flavour
+    system = small_system("resource", version, (kind,), outputs={"y": "point"}, parameters=("gain",), number="6.25")
+    run = Simulator(system).run({"gain": 2.0}, no_inputs(1.0), start=0.0, stop=1.0)
+    np.testing.assert_array_equal(run.outputs[0], np.full(8, 12.5))
+
+
+def test_model_exchange_is_preferred(small_system, fmi):
+    both = Simulator(small_system("dahlquist", fmi, ("me", "cs"), outputs={"x": "point"}, parameters=("k",)))
+    assert not both.fmu.cosimulation
+    assert both.fmu.n_states == 1
+
+
+def test_a_warm_up_is_dropped(small_system, flavour):
+    version, kind = flavour
+    system = small_system("dahlquist", version, (kind,), outputs={"x": "point"}, parameters=("k",), step=0.5)
+    table = merge({}, -2.0, 3.0)
+    run = Simulator(system).run({"k": 0.7}, table, start=-2.0, stop=3.0, record_from=0.0)
+    assert run.outputs.shape == (1, 6)
+    own = (1 - 0.07) ** np.round((run.time + 2.0) / 0.1)
+    np.testing.assert_allclose(run.outputs[0], np.exp(-0.7 * (run.time + 2.0)) if kind == "me" else own, rtol=2e-7)
+
+
+def test_a_discrete_input_cannot_be_linear(small_system, fmi):
+    system = small_system(
+        "feedthrough",
+        fmi,
+        outputs={"y": "point"},
+        parameters=("gain",),
+        inputs={"u": "linear", "switch": "linear"},
+    )
+    with pytest.raises(SystemDescriptionError, match=r"'switch' is discrete.*previous"):
+        Simulator(system)
+
+
+@pytest.mark.parametrize(
+    "name", ["ball", "stair", "vanderpol", "dahlquist", "lag", "feedthrough", "resource", "faulty"]
+)
+def test_the_small_fmus_are_valid_for_others_too(small_fmu, name, fmi):
+    path = small_fmu(name, fmi, ("me", "cs"))
+    description = fmpy.read_model_description(str(path), validate=True)
+    assert description.fmiVersion == f"{fmi}.0"
+    for kind in ("ModelExchange", "CoSimulation"):
+        found = fmpy.simulate_fmu(str(path), fmi_type=kind, stop_time=0.5, output_interval=0.125)
+        assert found["time"][-1] == pytest.approx(0.5)
+
+
+def test_agrees_with_fmpy_on_a_ball(small_system, small_fmu, fmi):
+    system = small_system("ball", fmi, outputs={"h": "point"}, parameters=("g", "e"))
+    ours = Simulator(system).run({"g": 9.81, "e": 0.7}, no_inputs(2.0), start=0.0, stop=2.0)
+    theirs = fmpy.simulate_fmu(
+        str(small_fmu("ball", fmi)),
+        stop_time=2.0,
+        output=["h"],
+        output_interval=0.125,
+        relative_tolerance=1e-9,
+        record_events=False,
+    )
+    np.testing.assert_allclose(ours.outputs[0], theirs["h"][1:], atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("fmi", "old", "new", "words"),
+    [
+        (3, '<Float64 name="y"', '<Int32 name="y"', r"output 'y' is not a Float64 but a Int32"),
+        (3, '<Float64 name="u"', '<Float32 name="u"', r"input 'u' is a input Float32.*expected a Float64 input"),
+        (3, '<Float64 name="gain"', '<Float32 name="gain"', r"'gain' is a parameter Float32"),
+        (3, 'start="1.0"/>', 'start="1 1"><Dimension start="2"/></Float64>', "parameter array of Float64"),
+        (2, '<Real start="1.0"/>', '<Integer start="1"/>', r"'gain' is a parameter Integer.*expected a Real"),
+    ],
+)
+def test_other_types_are_refused(small_system, tmp_path, fmi, old, new, words):
+    """In one sentence, before anything runs."""
+    system = small_system(
+        "feedthrough",
+        fmi,
+        outputs={"y": "point"},
+        parameters=("gain",),
+        inputs={"u": "linear", "switch": "previous"},
+    )
+    with zipfile.ZipFile(system.fmu_path) as source, zipfile.ZipFile(tmp_path / "other.fmu", "w") as target:
+        for name in source.namelist():
+            content = source.read(name)
+            if name == "modelDescription.xml":
+                assert old in content.decode()
+                content = content.decode().replace(old, new).encode()
+            target.writestr(name, content)
+    changed = system.model_copy(update={"fmu": str(tmp_path / "other.fmu")})
+    with pytest.raises(SystemDescriptionError, match=words):
+        Simulator(changed)

@@ -1,0 +1,227 @@
+"""FMUs that misbehave: an error that says so, never short data; and those that do not reset cleanly are found out."""
+
+import threading
+import time
+import zipfile
+from concurrent.futures import ThreadPoolExecutor
+
+import fmpy
+import numpy as np
+import pytest
+
+from datagen.driving.tables import Piecewise, merge
+from datagen.fmi.fmu import Fmu
+from datagen.fmi.interface import library
+from datagen.simulating.canary import resets_cleanly
+from datagen.simulating.cosimulation import longest_step, plan_steps
+from datagen.simulating.simulator import Simulator
+from shared.errors import FmuError, SimulationError
+
+FLAVOURS = [(2, "me"), (3, "me"), (2, "cs"), (3, "cs")]
+FAULTS = [
+    "none",
+    "ends",
+    "fails",
+    "hangs",
+    "not_a_number",
+    "discards",
+    "returns_early",
+    "never_settles",
+    "dirty",
+    "slow",
+]
+
+
+@pytest.fixture(params=FLAVOURS, ids=["fmi2-me", "fmi3-me", "fmi2-cs", "fmi3-cs"])
+def flavour(request):
+    return request.param
+
+
+def faulty(small_system, flavour, **options):
+    version, kind = flavour
+    return Simulator(small_system("faulty", version, (kind,), outputs={"x": "point"}, parameters=("k",), **options))
+
+
+def run(simulator, fault, when=2.0, stop=5.0, **options):
+    values = {"k": 1.0, "fault": float(FAULTS.index(fault)), "when": when}
+    return simulator.run(values, merge({}, 0.0, stop), start=0.0, stop=stop, **options)
+
+
+ERRORS = [
+    ("ends", ["me", "cs"], "asked to terminate"),
+    ("fails", ["me"], r"fmi\dGet\w*Derivatives returned status 3"),
+    ("fails", ["cs"], r"fmi\dDoStep returned status 3"),
+    ("discards", ["me"], r"returned status 2|too many steps|corrector"),
+    ("discards", ["cs"], r"DoStep returned status 2"),
+    ("not_a_number", ["me", "cs"], "CVODE|not finite"),
+    ("never_settles", ["me"], "events without end"),
+    ("returns_early", ["cs3"], "returned early"),
+]
+
+
+@pytest.mark.parametrize(
+    ("flavour", "fault", "words"),
+    [(f, fault, words) for fault, kinds, words in ERRORS for f in FLAVOURS if {f[1], f"{f[1]}{f[0]}"} & set(kinds)],
+)
+def test_each_fault_is_an_error(small_system, flavour, fault, words):
+    simulator = faulty(small_system, flavour)
+    with pytest.raises(SimulationError, match=words) as caught:
+        run(simulator, fault)
+    assert "faulty" in str(caught.value)
+    assert "of 5 s" in str(caught.value)
+    # the next run is clean
+    good = run(simulator, "none")
+    np.testing.assert_allclose(good.outputs[0], np.exp(-good.time), rtol=1e-6 if flavour[1] == "me" else 0.05)
+
+
+def test_the_fmu_has_the_last_word(small_system, flavour):
+    """Its messages reach us from within the compiled code, which runs without the interpreter's lock."""
+    with pytest.raises(SimulationError, match="the FMU says: something broke at t = "):
+        run(faulty(small_system, flavour), "fails")
+
+
+def test_the_time_of_the_end_is_told(small_system, flavour):
+    with pytest.raises(SimulationError, match=r"stopped at t = (2|2\.\d*|1\.9\d*|1\.875) s of 5 s"):
+        run(faulty(small_system, flavour), "ends")
+
+
+def test_a_stair_may_end_when_all_is_recorded(small_system, flavour):
+    version, kind = flavour
+    system = small_system(
+        "stair", version, (kind,), outputs={"count": "point"}, parameters=("period",), fixed={"top": 5}
+    )
+    simulator = Simulator(system)
+    assert simulator.run({"period": 1.0}, merge({}, 0, 3.5), start=0.0, stop=3.5).outputs.shape == (1, 28)
+    with pytest.raises(SimulationError, match="terminate"):
+        simulator.run({"period": 1.0}, merge({}, 0, 6), start=0.0, stop=6.0)
+
+
+def test_a_timeout_ends_a_slow_simulation(small_system, flavour):
+    simulator = faulty(small_system, flavour)
+    run(simulator, "slow", when=1e9)
+    began = time.perf_counter()
+    with pytest.raises(SimulationError, match=r"timed out after 0\.3 s"):
+        run(simulator, "slow", when=0.0, stop=1000.0, timeout=0.3)
+    assert time.perf_counter() - began < 1.5
+    assert run(simulator, "none", timeout=60.0).outputs.shape == (1, 40)
+    assert not [t for t in threading.enumerate() if isinstance(t, threading.Timer) and t.is_alive() and t.interval > 1]
+
+
+def test_a_span_that_is_no_whole_number_of_steps_is_refused(small_system, flavour):
+    simulator = faulty(small_system, flavour)
+    with pytest.raises(ValueError, match="whole number of steps"):
+        run(simulator, "none", stop=1.6, step=1.0)
+    # rounding is not a reason, and the last row is there
+    assert np.isfinite(run(simulator, "none", stop=0.7, step=0.1).outputs).all()
+
+
+def test_the_canary_finds_what_does_not_reset(small_system, flavour):
+    simulator = faulty(small_system, flavour)
+    table = merge({}, 0.0, 5.0)
+    for fault, clean in (("none", True), ("dirty", False)):
+        values = {"k": 1.0, "fault": float(FAULTS.index(fault)), "when": 0.0}
+        assert resets_cleanly(simulator, values, table, start=0.0, stop=5.0, step=0.125) is clean
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_a_slow_instantiation_is_done_once(small_system, fmi):
+    simulator = faulty(small_system, (fmi, "me"), slow=0.05)
+    first = run(simulator, "none").outputs
+    run(simulator, "none")  # the canary
+    assert simulator.reuse is True
+    with pytest.raises(SimulationError):
+        run(simulator, "fails")
+    began = time.perf_counter()
+    run(simulator, "none")  # an instance that failed is not used again
+    assert time.perf_counter() - began > 0.05
+    began = time.perf_counter()
+    again = run(simulator, "none").outputs
+    assert time.perf_counter() - began < 0.05
+    assert again.tobytes() == first.tobytes()
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_a_dirty_instance_is_not_used_again(small_system, fmi):
+    simulator = faulty(small_system, (fmi, "me"), slow=0.05)
+    first = run(simulator, "dirty").outputs
+    assert run(simulator, "dirty").outputs.tobytes() == first.tobytes()
+    assert simulator.reuse is False
+
+
+def test_co_simulation_keeps_its_states(small_system):
+    simulator = faulty(small_system, (2, "cs"))
+    with pytest.raises(SimulationError, match="expected Model Exchange"):
+        run(simulator, "none", record_states=True)
+
+
+def test_a_missing_resource_stops_the_instantiation(small_system, flavour):
+    version, kind = flavour
+    system = small_system("resource", version, (kind,), outputs={"y": "point"}, parameters=("gain",), number="none")
+    with pytest.raises(FmuError, match=r"cannot be instantiated.*cannot load its resources"):
+        Simulator(system).run({"gain": 1.0}, merge({}, 0.0, 1.0), start=0.0, stop=1.0)
+
+
+def test_linux_on_arm_is_found_for_fmi_2(tmp_path, monkeypatch):
+    """FMI 2.0 has no name for it; FMUs use the one of FMI 3.0."""
+    monkeypatch.setattr(fmpy, "platform", "linux64")
+    monkeypatch.setattr(fmpy, "platform_tuple", "aarch64-linux")
+    names = [tmp_path / "binaries" / d / f"m{fmpy.sharedLibraryExtension}" for d in ("aarch64-linux", "linux64")]
+    for name in reversed(names):
+        name.parent.mkdir(parents=True)
+        name.touch()
+        assert library(tmp_path, "m") == name
+
+
+def test_an_fmu_without_a_binary_for_this_machine(small_fmu, tmp_path):
+    with zipfile.ZipFile(small_fmu("lag", 3)) as source, zipfile.ZipFile(tmp_path / "bare.fmu", "w") as target:
+        target.writestr("modelDescription.xml", source.read("modelDescription.xml"))
+    with pytest.raises(FmuError, match="no usable binary"):
+        Fmu(tmp_path / "bare.fmu")
+
+
+def test_the_communication_step():
+    assert longest_step(3600.0, None, None, means=False) == 300.0
+    assert longest_step(300.0, None, None, means=False) == 300.0
+    assert longest_step(300.0, None, None, means=True) == 25.0
+    assert longest_step(1.0, 0.1, None, means=False) == pytest.approx(0.1)
+    assert longest_step(3600.0, 0.002, None, means=False) == pytest.approx(3.6)  # its own step is far too small
+    assert longest_step(3600.0, None, 40.0, means=False) == 240.0  # fifteen parts, six internal steps each
+    assert longest_step(3600.0, None, 7.0, means=False) == 300.0  # cannot be met
+
+
+def test_steps_meet_jumps_and_outputs():
+    u = Piecewise(np.array([0.0, 100.0, 730.0]), np.array([1.0, 2.0, 3.0]), "previous")
+    table = merge({"u": u}, -200.0, 1000.0)
+    grid = np.array([0.0, 500.0, 1000.0])
+    steps = plan_steps(table, grid, 250.0, variable=True, slopes=False, n_continuous=1)
+    assert {0.0, 100.0, 500.0, 730.0} <= set(steps.time)
+    assert steps.time[0] == -200.0
+    np.testing.assert_allclose(steps.time + steps.size, [*steps.time[1:], 1000.0])
+    ends = steps.time + steps.size
+    np.testing.assert_array_equal(ends[steps.row >= 0], grid)
+    np.testing.assert_array_equal(steps.row[steps.row >= 0], [0, 1, 2])
+    np.testing.assert_array_equal(steps.held[:, 0], u.at(steps.time))
+    with pytest.raises(ValueError, match="do not meet the outputs"):
+        plan_steps(table, grid, 240.0, variable=False, slopes=False, n_continuous=1)
+
+
+def test_scheduled_execution_is_refused(small_fmu, tmp_path):
+    with zipfile.ZipFile(small_fmu("lag", 3)) as source, zipfile.ZipFile(tmp_path / "clocked.fmu", "w") as target:
+        text = source.read("modelDescription.xml").decode()
+        target.writestr("modelDescription.xml", text.replace("<ModelExchange", "<ScheduledExecution"))
+    with pytest.raises(FmuError, match=r"FMI 3\.0 without Model Exchange or Co-Simulation"):
+        Fmu(tmp_path / "clocked.fmu")
+
+
+def test_threads_take_turns(small_system, flavour):
+    """The compiled code gives the interpreter's lock away, but an FMU has one instance."""
+    simulator = faulty(small_system, flavour)
+    table = merge({}, 0.0, 50.0)
+
+    def simulate(k):
+        return simulator.run({"k": k}, table, start=0.0, stop=50.0).outputs.tobytes()
+
+    rates = np.linspace(0.5, 2.0, 20).tolist()
+    alone = [simulate(k) for k in rates]
+    with ThreadPoolExecutor(4) as pool:
+        assert list(pool.map(simulate, rates)) == alone

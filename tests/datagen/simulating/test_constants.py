@@ -1,0 +1,131 @@
+"""Uncertain constants: drawn as they are declared, set in the FMU, and told in what is simulated."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from scipy import stats
+
+from datagen import run, simulate, verify
+from datagen.cli import app
+from datagen.datasets.mending import repair
+from datagen.driving.sampling import sample_parameters
+from datagen.simulating.constants import constants, sample_factors, values_of
+from datagen.simulating.simulator import Simulator
+from shared.errors import DatasetError, SystemDescriptionError
+from shared.store import read_manifest
+from shared.uncertain import Uncertain
+
+SIZE = {"systems": 4, "hours": 48.0, "seed": 5, "shard_size": 2, "workers": 1, "quiet": True}
+# of fmus/MixedAirCO2/DESIGN.md: 0.019 m of floor layer, J/(m2.K) and m2.K/W
+FLOOR_C, FLOOR_R = 0.019 * 1630 * 608, 0.019 / 0.15
+
+
+@pytest.fixture(scope="module")
+def simulator(default_system):
+    return Simulator(default_system)
+
+
+@pytest.fixture(scope="module")
+def drawn(default_system, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("constants") / "drawn"
+    run(default_system, folder, uncertain=True, **SIZE)
+    return folder
+
+
+def shards(folder):
+    return [xr.load_dataset(path) for path in sorted((folder / "shards").glob("*.nc"))]
+
+
+def test_values_are_the_fmus_or_those_of_fixed(default_system, simulator):
+    floor = constants(default_system, simulator.fmu)[:2]
+    assert floor[0].parameters["floor.layer[1].C"] == pytest.approx(FLOOR_C, rel=1e-5)
+    assert floor[1].parameters["floor.layer[1].R"] == pytest.approx(FLOOR_R, rel=1e-5)
+    other = default_system.model_copy(update={"fixed": {"floor.layer[1].C": 100.0}})
+    assert constants(other, simulator.fmu)[0].parameters["floor.layer[1].C"] == 100.0
+
+
+def test_all_parameters_of_a_constant_are_multiplied_by_one_factor(default_system, simulator):
+    known = constants(default_system, simulator.fmu)
+    given = values_of(known, np.arange(1.0, 1 + len(known)))
+    for k, one in enumerate(known, 1):
+        assert [given[name] / value for name, value in one.parameters.items()] == pytest.approx(
+            [k] * len(one.parameters)
+        )
+    assert len(given) == sum(len(one.parameters) for one in known)
+
+
+def test_factors_are_log_normal_as_declared_and_independent(default_system):
+    widths = np.linspace(0.05, 0.6, len(default_system.uncertain))
+    some = [one.model_copy(update={"relative": w}) for one, w in zip(default_system.uncertain, widths, strict=True)]
+    system = default_system.model_copy(update={"uncertain": some})
+    z = np.log([sample_factors(system, 3, index) for index in range(2000)]) / widths
+    assert min(stats.kstest(column, "norm").pvalue for column in z.T) > 1e-3
+    others = np.array([sample_parameters(system, 3, index) for index in range(2000)])
+    each = np.corrcoef(np.hstack([z, np.log(others)]).T) - np.eye(z.shape[1] + others.shape[1])
+    assert np.abs(each).max() < 5 / np.sqrt(2000)
+
+
+def test_a_dataset_tells_the_factors_that_its_systems_have(drawn, default_system, simulator):
+    """Each system is the one that a simulation with the FMU parameters of its factors makes."""
+    assert verify(drawn) == []
+    manifest = read_manifest(drawn)
+    assert [Uncertain(**one) for one in manifest.settings["uncertain"]] == default_system.uncertain
+    known, names = constants(default_system, simulator.fmu), [one.name for one in default_system.uncertain]
+    for shard in shards(drawn):
+        for one in (shard.isel(system=k) for k in range(shard.sizes["system"])):
+            factors = np.array([float(one[name]) for name in names])
+            assert np.array_equal(factors, sample_factors(default_system, 5, int(one.system)))
+            by_hand = simulate(
+                default_system, parameters=values_of(known, factors), hours=48, seed=5, index=int(one.system)
+            )
+            for output in default_system.output_names:
+                assert np.array_equal(by_hand[output], one[output])
+        assert {shard[name].attrs["role"] for name in names} == {"constant"}
+    card = (drawn / "README.md").read_text()
+    assert "uncertain\nconstants of the description were drawn for each system." in card
+    assert "| `floor.capacity` | constant | 1 | Heat capacity of the floor's layers, as a multiple of its value" in card
+    assert not (drawn / "identifiability.json").exists()
+
+
+def test_nothing_else_is_drawn_otherwise(default_system):
+    both = [simulate(default_system, hours=48, seed=5, index=2, uncertain=one) for one in (True, False)]
+    for name in (*default_system.parameter_names, *default_system.input_names):
+        assert np.array_equal(both[0][name], both[1][name])
+    assert not np.allclose(both[0]["TRoo"], both[1]["TRoo"], atol=0.05)
+    assert all(one.name not in both[1] for one in default_system.uncertain)
+
+
+def test_a_drawn_dataset_is_mended_and_resumed_as_it_was(drawn, default_system):
+    manifest = read_manifest(drawn)
+    victim = drawn / "shards" / manifest.shards[1].file
+    victim.unlink()
+    wider = [one.model_copy(update={"relative": 0.5}) for one in default_system.uncertain]
+    repair(drawn, default_system.path)
+    assert verify(drawn) == []
+    assert read_manifest(drawn).shards[1].content_hash == manifest.shards[1].content_hash
+    with pytest.raises(DatasetError, match=r"settings is .*; a dataset can only be resumed with its own settings"):
+        run(default_system, drawn, **SIZE)
+    with pytest.raises(DatasetError, match="settings is"):
+        run(default_system.model_copy(update={"uncertain": wider}), drawn, uncertain=True, **SIZE)
+
+
+def test_a_description_without_uncertain_constants_is_refused(default_system, tmp_path):
+    none = default_system.model_copy(update={"uncertain": []})
+    with pytest.raises(DatasetError, match=r"expected an \[\[uncertain\]\] table in .*system.toml, which has none"):
+        run(none, tmp_path / "ds", uncertain=True, **SIZE)
+    assert not (tmp_path / "ds").exists()
+
+
+def test_one_system_by_the_command_is_the_farms(drawn, default_system, tmp_path, capsys):
+    out = tmp_path / "one.nc"
+    words = f"simulate {default_system.path} --out {out} --hours 48 --seed 5 --index 1 --uncertain".split()
+    assert app(words, result_action="return_value") == 0
+    assert "floor.capacity" in capsys.readouterr().out
+    one, shard = xr.load_dataset(out), shards(drawn)[0]
+    assert float(one["floor.capacity"]) == float(shard["floor.capacity"][1])
+    assert np.array_equal(one["TRoo"], shard["TRoo"][1])
+
+
+def test_a_constant_that_is_set_is_not_drawn_as_well(default_system):
+    with pytest.raises(SystemDescriptionError, match=r"'floor.layer\[1\].C' is set, and uncertain constants are to be"):
+        simulate(default_system, parameters={"floor.layer[1].C": 9e4}, hours=24, uncertain=True)

@@ -1,0 +1,209 @@
+"""The integrator against exact solutions, against fmpy where that is right, and against itself."""
+
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+
+from datagen.driving.inputs import build_inputs
+from datagen.driving.sampling import sample_parameters
+from datagen.driving.tables import Piecewise, merge
+from datagen.simulating.simulator import Simulator
+from shared.errors import SimulationError
+
+VOLUME, DENSITY, PPM_PER_SHARE = 150.0, 1.2, 28.9647 / 44.0095 * 1e6
+BASE = {"TDryBul": 283.15, "TSky": 273.15, "winSpe": 2.0, "CO2Out": 420.0, "TSet": 293.15}
+
+
+@pytest.fixture(scope="module")
+def simulator(default_system):
+    return Simulator(default_system)
+
+
+def constant_inputs(simulator, stop, **signals):
+    names = simulator.system.input_names
+    given = {n: Piecewise.constant(BASE.get(n, 0.0)) for n in names}
+    return merge({**given, **signals}, 0.0, stop)
+
+
+def middle(system):
+    return {p.name: float(p.from_unit(0.5)) for p in system.parameters}
+
+
+def test_a_ramp_is_integrated_not_held(simulator):
+    """Persons rise in a straight line over one output step: CO2 follows the exact solution of its linear balance.
+
+    A solver that holds its inputs over the step would show no CO2 at all.
+    """
+    stop, flow, rate = 3600.0, 0.1, 5.0 / 3600
+    table = constant_inputs(
+        simulator,
+        stop,
+        nPer=Piecewise(np.array([0.0, stop]), np.array([0.0, rate * stop])),
+        mOA_in=Piecewise.constant(flow),
+    )
+    parameters = {**middle(simulator.system), "roo.V": VOLUME, "CO2_start": 420.0}
+    found = simulator.run(parameters, table, start=0.0, stop=stop, replay=True, tolerance=1e-9).outputs[1, -1]
+    tau = DENSITY * VOLUME / flow
+    rise = parameters["gaiCO2.k"] * rate * tau / (DENSITY * VOLUME) * (stop - tau * (1 - np.exp(-stop / tau)))
+    assert found - 420.0 == pytest.approx(rise * PPM_PER_SHARE, rel=1e-5)
+
+
+def test_a_wind_direction_is_recorded_as_a_vane_shows_it(default_system):
+    """The FMU's turns on beyond 360 degree, so that no hour sweeps over the compass: what is recorded must not."""
+    inputs = [
+        one.model_copy(update={"column": "wind_direction"}) if one.name == "winSpe" else one
+        for one in default_system.inputs
+    ]
+    vane = Simulator(default_system.model_copy(update={"inputs": inputs}))
+    turning = Piecewise(np.array([0.0, 4 * 3600.0]), np.array([330.0, 370.0]))
+    found = vane.run(middle(default_system), constant_inputs(vane, 4 * 3600.0, winSpe=turning), start=0.0, stop=14400.0)
+    recorded = found.inputs[default_system.input_names.index("winSpe")]
+    np.testing.assert_allclose(recorded, [340.0, 350.0, 0.0, 10.0], atol=1e-9)
+
+
+def test_a_step_within_the_hour_is_exact(simulator):
+    stop, flow, when = 3600.0, 0.1, 1234.5
+    table = constant_inputs(
+        simulator,
+        stop,
+        nPer=Piecewise(np.array([0.0, when]), np.array([0.0, 7.0]), "previous"),
+        mOA_in=Piecewise.constant(flow),
+    )
+    parameters = {**middle(simulator.system), "roo.V": VOLUME, "CO2_start": 420.0}
+    found = simulator.run(parameters, table, start=0.0, stop=stop, replay=True, tolerance=1e-9).outputs[1, -1]
+    tau = DENSITY * VOLUME / flow
+    rise = 7.0 * parameters["gaiCO2.k"] / flow * (1 - np.exp(-(stop - when) / tau))
+    assert found - 420.0 == pytest.approx(rise * PPM_PER_SHARE, rel=1e-5)
+
+
+def test_means_are_means(simulator):
+    """The recorded mean of a ramp is its middle; the mean heater power is that of a fine record of itself."""
+    stop = 7200.0
+    ramp = Piecewise(np.array([0.0, stop]), np.array([0.1, 0.3]))
+    table = constant_inputs(simulator, stop, mOA_in=ramp, QHea_in=Piecewise.constant(1000.0))
+    outputs = simulator.run(middle(simulator.system), table, start=0.0, stop=stop, replay=True).outputs
+    np.testing.assert_allclose(outputs[3], [0.15, 0.25], rtol=1e-4)
+    np.testing.assert_allclose(outputs[2], [1000.0, 1000.0], rtol=1e-9)
+    table = constant_inputs(simulator, stop)
+    parameters = middle(simulator.system)
+    coarse = simulator.run(parameters, table, start=0.0, stop=stop, tolerance=1e-8).outputs[2]
+    fine = simulator.run(parameters, table, start=0.0, stop=stop, step=60.0, tolerance=1e-8).outputs[2]
+    np.testing.assert_allclose(fine.reshape(2, 60).mean(axis=1), coarse, rtol=1e-5)
+    assert coarse[0] > 500
+
+
+@pytest.mark.slow
+def test_agrees_with_fmpy_where_fmpy_is_right(simulator, default_system):
+    """Ten winter days with inputs constant over each hour, given to fmpy as double knots, where it is exact."""
+    stop = 10 * 86400.0
+    real = build_inputs(default_system, root_seed=1, index=2, start=0.0, stop=stop)
+    edges = np.arange(0.0, stop + 1, 3600.0)
+    means = real.means(edges)
+    names = default_system.input_names
+    table = merge({n: Piecewise(edges[:-1], means[:, k], "previous") for k, n in enumerate(names)}, 0.0, stop)
+    double = np.zeros(2 * len(means), dtype=[("time", "f8"), *((n, "f8") for n in names)])
+    double["time"] = np.repeat(edges, 2)[1:-1]
+    for k, name in enumerate(names):
+        double[name] = np.repeat(means[:, k], 2)
+    values = dict(zip(default_system.parameter_names, sample_parameters(default_system, 1, 2).tolist(), strict=True))
+    ours = simulator.run(values, table, start=0.0, stop=stop, tolerance=1e-8).outputs
+    theirs = fmpy.simulate_fmu(
+        str(default_system.fmu_path),
+        stop_time=stop,
+        start_values={**default_system.fixed, **values},
+        input=double,
+        output=["TRoo", "CO2"],
+        output_interval=3600.0,
+        relative_tolerance=1e-8,
+        record_events=False,
+    )
+    assert np.abs(ours[0] - theirs["TRoo"][1:]).max() < 2e-4
+    assert np.abs(ours[1] - theirs["CO2"][1:]).max() < 2e-3
+    assert np.ptp(ours[0]) > 2  # the room did move
+    assert np.ptp(ours[1]) > 50
+
+
+def test_the_farms_tolerance_is_good_for_the_declared_accuracy(simulator, default_system):
+    """A month at the description's tolerance stays within each output's ``accuracy`` of a much tighter run."""
+    stop = 30 * 86400.0
+    table = build_inputs(default_system, root_seed=4, index=0, start=0.0, stop=stop)
+    values = dict(zip(default_system.parameter_names, sample_parameters(default_system, 4, 0).tolist(), strict=True))
+    loose = simulator.run(values, table, start=0.0, stop=stop).outputs
+    tight = simulator.run(values, table, start=0.0, stop=stop, tolerance=1e-10).outputs
+    for k, output in enumerate(default_system.outputs):
+        assert np.sqrt(np.mean((loose[k] - tight[k]) ** 2)) < output.accuracy, output.name
+
+
+def test_the_same_run_gives_the_same_bits(simulator, default_system):
+    stop = 3 * 86400.0
+    table = build_inputs(default_system, root_seed=2, index=1, start=0.0, stop=stop)
+    first = simulator.run(middle(default_system), table, start=0.0, stop=stop)
+    simulator.run({**middle(default_system), "roo.V": 50.0}, table, start=0.0, stop=stop)
+    again = simulator.run(middle(default_system), table, start=0.0, stop=stop)
+    fresh = Simulator(default_system).run(middle(default_system), table, start=0.0, stop=stop)
+    assert first.outputs.tobytes() == again.outputs.tobytes() == fresh.outputs.tobytes()
+
+
+def test_a_run_continues_from_its_states(simulator, default_system):
+    stop, half = 4 * 86400.0, 2 * 86400.0
+    table = build_inputs(default_system, root_seed=2, index=3, start=0.0, stop=stop)
+    whole = simulator.run(middle(default_system), table, start=0.0, stop=stop, record_states=True, tolerance=1e-8)
+    assert whole.states.shape == (97, simulator.fmu.n_states)
+    later = simulator.run(
+        middle(default_system), table, start=half, stop=stop, initial_states=whole.states[48], tolerance=1e-8
+    )
+    np.testing.assert_allclose(later.outputs[0], whole.outputs[0, 48:], atol=1e-3)
+    np.testing.assert_allclose(later.outputs[1], whole.outputs[1, 48:], atol=0.05)
+
+
+def test_recorded_inputs_are_instants_and_means(simulator):
+    stop = 7200.0
+    table = constant_inputs(
+        simulator,
+        stop,
+        TDryBul=Piecewise(np.array([0.0, stop]), np.array([280.0, 290.0])),
+        nPer=Piecewise(np.array([0.0, 1800.0]), np.array([0.0, 4.0]), "previous"),
+    )
+    inputs = simulator.run(middle(simulator.system), table, start=0.0, stop=stop).inputs
+    names = simulator.system.input_names
+    np.testing.assert_allclose(inputs[names.index("TDryBul")], [285.0, 290.0])
+    np.testing.assert_allclose(inputs[names.index("nPer")], [2.0, 4.0])
+
+
+def test_bad_values_stop_with_the_fmus_own_words(simulator):
+    table = constant_inputs(simulator, 3600.0)
+    with pytest.raises(SimulationError, match=r"MixedAirCO2\.fmu.*absSolFra"):
+        simulator.run({**middle(simulator.system), "glaSys.absSolFra": 0.99}, table, start=0.0, stop=3600.0)
+
+
+def test_a_bad_input_is_an_error_never_short_data(simulator):
+    table = constant_inputs(simulator, 7200.0)
+    table.left[0, simulator.system.input_names.index("TDryBul")] = np.nan
+    with pytest.raises(SimulationError, match=r"stopped at|at t = "):
+        simulator.run(middle(simulator.system), table, start=0.0, stop=7200.0)
+
+
+def test_loading_leaves_the_working_directory(default_system):
+    before = Path.cwd()
+    Simulator(default_system)
+    assert Path.cwd() == before
+
+
+def test_an_instance_complains_after_another_one_is_gone(default_system):
+    """The FMU's messages once went to the logger of whichever instance was made last, alive or not."""
+    old = Simulator(default_system)
+    Simulator(default_system)  # made and dropped
+    for _ in range(3):
+        with pytest.raises(SimulationError, match="absSolFra"):
+            old.run({"glaSys.absSolFra": 0.99}, constant_inputs(old, 3600.0), start=0.0, stop=3600.0)
+
+
+def test_inputs_that_bend_cost_no_accuracy(simulator, default_system):
+    values = dict(zip(default_system.parameter_names, sample_parameters(default_system, 7, 0).tolist(), strict=True))
+    span = {"start": 0.0, "stop": 40 * 86400.0}
+    inputs = build_inputs(default_system, root_seed=7, index=0, **span)
+    coarse, fine = (simulator.run(values, inputs, **span, tolerance=t).outputs for t in (1e-6, 1e-10))
+    room = default_system.output_names.index("TRoo")
+    assert np.sqrt(np.mean((coarse - fine)[room] ** 2)) < 3e-4  # 7e-4 where steps cross the knots of the weather
