@@ -16,7 +16,7 @@ from shared.console import STOPPED, USAGE, start
 from shared.logs import Reporting
 from tests.trainer.conftest import make_dataset
 from trainer.cli import app as trainer
-from trainer.fitting import fit
+from trainer.training.fitting import fit
 
 PROGRAMS = {"datagen": datagen, "trainer": trainer, "diagnosis": diagnosis}
 SHORT = {
@@ -72,9 +72,9 @@ def test_the_page_on_long_runs_names_every_long_command_and_how_it_goes_on():
 
 
 CHILD = """
-import sys, trainer.training
+import sys, trainer.training.loop
 from trainer.cli import main
-trainer.training.SAVE_SECONDS = 0.1
+trainer.training.loop.SAVE_SECONDS = 0.1
 main(sys.argv[1:])
 """
 

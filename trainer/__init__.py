@@ -17,11 +17,11 @@ __all__ = ["benchmark", "evaluate", "fit", "load_run", "predict", "tune"]
 
 _HOMES = {
     "benchmark": "trainer.benchmarking.running",
-    "evaluate": "trainer.evaluation",
-    "fit": "trainer.fitting",
-    "load_run": "trainer.checkpoint",
-    "predict": "trainer.prediction",
-    "tune": "trainer.tuning",
+    "evaluate": "trainer.evaluating.evaluation",
+    "fit": "trainer.training.fitting",
+    "load_run": "trainer.runs.checkpoint",
+    "predict": "trainer.predicting.prediction",
+    "tune": "trainer.training.tuning",
 }
 
 __getattr__ = lazily(__name__, _HOMES)

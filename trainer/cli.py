@@ -13,11 +13,11 @@ from rich.table import Table
 from shared.console import new_app, new_console, resumable, start
 from shared.errors import EstimatorError
 from shared.logs import USUAL, Reporting, fields, logger
-from trainer.benchmark_command import benchmark
+from trainer.commands.benchmark import benchmark
+from trainer.commands.predict import predict
+from trainer.commands.tune import tune
 from trainer.models import ESTIMATORS
 from trainer.posterior.command import calibration, posterior
-from trainer.predict_command import predict
-from trainer.tune_command import tune
 
 app = new_app(
     "trainer",
@@ -129,11 +129,11 @@ def fit(
     resume
         Go on with an interrupted training in OUT, to the same weights (with --steps); begin where there is none.
     """
-    from trainer.fitting import fit as run_fit
+    from trainer.training.fitting import fit as run_fit
 
     chosen: dict[str, Any] = {}
     if options is not None:
-        from trainer.tuning import read_options
+        from trainer.training.tuning import read_options
 
         tuned = read_options(options)
         if model not in (None, tuned.model):
@@ -220,9 +220,9 @@ def evaluate(
     json
         Print the evaluation as JSON, and nothing else, on stdout.
     """
-    from trainer.checkpoint import load_run
-    from trainer.evaluation import evaluate as run_evaluate
-    from trainer.report import notes, terminal_table
+    from trainer.evaluating.evaluation import evaluate as run_evaluate
+    from trainer.evaluating.report import notes, terminal_table
+    from trainer.runs.checkpoint import load_run
 
     loaded = load_run(run)
     result = run_evaluate(
@@ -254,8 +254,8 @@ def info(run: Path, /, *, json: Annotated[bool, Parameter(negative="")] = False)
     json
         Print estimator.json on stdout.
     """
-    from trainer.checkpoint import load_run
-    from trainer.validation import whole_condition
+    from trainer.runs.checkpoint import load_run
+    from trainer.runs.validation import whole_condition
 
     loaded = load_run(run)
     card = loaded.card

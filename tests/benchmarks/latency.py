@@ -13,8 +13,8 @@ import numpy as np
 import torch
 
 from shared.store import DatasetFolder
-from trainer.checkpoint import load_run
-from trainer.data import load_records
+from trainer.reading.data import load_records
+from trainer.runs.checkpoint import load_run
 
 
 def main() -> None:

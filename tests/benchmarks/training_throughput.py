@@ -22,12 +22,12 @@ import torch
 from torch.utils.data import DataLoader, Dataset
 
 from shared.store import DatasetFolder
-from trainer.checkpoint import shape_of
-from trainer.data import load_records
-from trainer.encoding import make_encoding
 from trainer.models import build, estimator_class
-from trainer.noise import Sensors
-from trainer.windows import Batch, Sampler, WindowSource, context_length
+from trainer.reading.data import load_records
+from trainer.reading.encoding import make_encoding
+from trainer.reading.noise import Sensors
+from trainer.reading.windows import Batch, Sampler, WindowSource, context_length
+from trainer.runs.checkpoint import shape_of
 
 
 class Windows(Dataset):

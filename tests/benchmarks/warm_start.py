@@ -80,8 +80,8 @@ def forward(run: Path, path: Path) -> tuple[float, float]:
     """Processor seconds of the estimator's forward pass for one recording: alone, and in a batch."""
     import torch
 
-    from trainer.checkpoint import load_run
-    from trainer.recorded import read_window
+    from trainer.predicting.recorded import read_window
+    from trainer.runs.checkpoint import load_run
 
     torch.set_num_threads(1)
     estimator = load_run(run)

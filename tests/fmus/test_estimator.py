@@ -12,8 +12,8 @@ from shared.ceiling import read_ceilings
 from shared.errors import RecordingError
 from shared.shipped import shipped_systems
 from shared.system import load_system
-from trainer.checkpoint import load_run
-from trainer.prediction import predict
+from trainer.predicting.prediction import predict
+from trainer.runs.checkpoint import load_run
 
 NAME = "MixedAirCO2"
 HOME = shipped_systems()[NAME]

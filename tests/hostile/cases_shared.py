@@ -29,7 +29,7 @@ def dataset(folder: Path) -> Path:
 
 def load(folder: Path) -> None:
     """What training does with a dataset."""
-    from trainer.data import load_records
+    from trainer.reading.data import load_records
 
     load_records(DatasetFolder(folder), None)
 

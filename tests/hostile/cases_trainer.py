@@ -16,14 +16,14 @@ from tests.trainer.conftest import make_dataset
 from trainer.benchmarking.conditions import Budget, Condition, Fit
 from trainer.benchmarking.job import Done, read_done
 from trainer.benchmarking.published import read_published
-from trainer.checkpoint import load_run
-from trainer.evaluation import evaluate
-from trainer.fitting import fit
+from trainer.evaluating.evaluation import evaluate
+from trainer.evaluating.report import read_answers
 from trainer.posterior.checkpoint import load_posterior
-from trainer.recorded import read_window
-from trainer.report import read_answers
-from trainer.state import read_state, write_state
-from trainer.tuning import Best, read_options
+from trainer.predicting.recorded import read_window
+from trainer.runs.checkpoint import load_run
+from trainer.runs.state import read_state, write_state
+from trainer.training.fitting import fit
+from trainer.training.tuning import Best, read_options
 
 SMALL = {"width": 8, "layers": 1, "heads": 2, "feedforward": 8}
 

@@ -12,11 +12,11 @@ from shared.errors import EstimatorError, RecordingError
 from shared.store import sha256_of
 from tests.hostile import cases_trainer
 from tests.hostile.properties import property_of
-from trainer.checkpoint import load_run
-from trainer.recorded import read_window
-from trainer.spans import MOST, unpacked
-from trainer.state import read_state
-from trainer.weights import _Budget
+from trainer.predicting.recorded import read_window
+from trainer.runs.checkpoint import load_run
+from trainer.runs.spans import MOST, unpacked
+from trainer.runs.state import read_state
+from trainer.runs.weights import _Budget
 
 test_damaged = property_of(cases_trainer)
 

@@ -17,8 +17,8 @@ import torch
 from shared.schema import build_shard, time_axis
 from shared.store import DatasetFolder, Manifest, write_manifest, write_shard
 from shared.system import System, parse_system
-from trainer.checkpoint import Run
-from trainer.fitting import fit
+from trainer.runs.checkpoint import Run
+from trainer.training.fitting import fit
 
 TANK = """
 schema_version = 1

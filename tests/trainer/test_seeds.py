@@ -6,11 +6,11 @@ import torch
 
 import trainer
 from shared.errors import EstimatorError
-from trainer.noise import Sensors
 from trainer.posterior import fit_posterior
 from trainer.posterior.inference import Posterior
+from trainer.reading.noise import Sensors
 from trainer.seeds import check_seed, torch_state
-from trainer.tuning import tune
+from trainer.training.tuning import tune
 
 from .test_cli import run
 

@@ -10,8 +10,8 @@ import numpy as np
 from shared.metrics import r2, relative_accuracy
 from trainer.benchmarking.gathering import Finding, Scores
 from trainer.benchmarking.parts import Part
+from trainer.evaluating.report import read_answers
 from trainer.figures import Point, draw_accuracy, draw_scatter, draw_scores, draw_series
-from trainer.report import read_answers
 
 
 def draw(part: Part, findings: Sequence[Finding | None], folder: Path) -> list[Path]:

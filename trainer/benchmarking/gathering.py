@@ -14,9 +14,9 @@ from shared.store import DatasetFolder
 from trainer.benchmarking.conditions import Condition
 from trainer.benchmarking.job import FAILED, read_done
 from trainer.benchmarking.planning import Plan
-from trainer.checkpoint import Training, read_card
-from trainer.evaluation import LEVEL, find_ceiling
-from trainer.report import EVALUATION, Answers, CeilingFigures, Evaluation, read_answers
+from trainer.evaluating.evaluation import LEVEL, find_ceiling
+from trainer.evaluating.report import EVALUATION, Answers, CeilingFigures, Evaluation, read_answers
+from trainer.runs.checkpoint import Training, read_card
 
 DRAWS = 300
 """Resamples of systems for an interval."""

@@ -18,11 +18,11 @@ from shared.errors import EstimatorError, ZeroshotError
 from shared.reading import M, read_json, validated
 from shared.store import DatasetFolder, sha256_of, write_atomically
 from trainer.benchmarking.conditions import Fit
-from trainer.checkpoint import CARD, load_run, make_folder
-from trainer.data import fingerprint
-from trainer.evaluation import evaluate
-from trainer.fitting import fit as run_fit
-from trainer.report import ANSWERS, EVALUATION
+from trainer.evaluating.evaluation import evaluate
+from trainer.evaluating.report import ANSWERS, EVALUATION
+from trainer.reading.data import fingerprint
+from trainer.runs.checkpoint import CARD, load_run, make_folder
+from trainer.training.fitting import fit as run_fit
 
 SPEC, DONE, FAILED = "fit.json", "done.json", "failed.txt"
 TABULATED = (CARD, EVALUATION, ANSWERS)

@@ -9,8 +9,8 @@ from shared.errors import EstimatorError
 from shared.system import System
 from shared.variables import WeatherInput
 from trainer.benchmarking.conditions import Condition
-from trainer.encoding import DERIVED
 from trainer.models import option_defaults
+from trainer.reading.encoding import DERIVED
 
 PAPERS = "patch-transformer"
 """The paper's estimator."""

@@ -12,10 +12,10 @@ from shared.store import DatasetFolder
 from trainer.benchmarking.conditions import Budget, Condition, Fit
 from trainer.benchmarking.job import is_done, read_done
 from trainer.benchmarking.parts import Ground, Part, make_parts
-from trainer.checkpoint import CARD, read_card
-from trainer.data import difference, digest_of, identity_of, load_records, rows_of
 from trainer.models import estimator_class
-from trainer.versions import DECIDING, versions_here
+from trainer.reading.data import difference, digest_of, identity_of, load_records, rows_of
+from trainer.runs.checkpoint import CARD, read_card
+from trainer.runs.versions import DECIDING, versions_here
 
 OURS = ("multiscale-transformer",)
 """Estimators that stand beside the paper's, unless the user names others."""

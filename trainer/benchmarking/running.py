@@ -23,7 +23,7 @@ from trainer.benchmarking.job import FAILED, SPEC, do
 from trainer.benchmarking.page import write_results
 from trainer.benchmarking.planning import IDENTITY, Plan, make_plan
 from trainer.benchmarking.published import read_published
-from trainer.checkpoint import make_folder, read_card
+from trainer.runs.checkpoint import make_folder, read_card
 
 _log = logger(__name__)
 POLL_SECONDS = 0.2

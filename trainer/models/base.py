@@ -9,7 +9,7 @@ from typing import ClassVar, Literal
 import torch
 from torch import nn
 
-from trainer.windows import Batch
+from trainer.reading.windows import Batch
 
 SLOPE = 0.2
 """Slope of LeakyReLU below zero (paper, Table 2)."""

@@ -8,9 +8,9 @@ from typing import ClassVar
 import numpy as np
 import torch
 
-from trainer.features import Summary
 from trainer.models.base import Estimator, Recipe, Shape
-from trainer.windows import Batch
+from trainer.models.features import Summary
+from trainer.reading.windows import Batch
 
 ALPHAS = np.logspace(-6, 1, 15)
 """Penalties tried, per window seen."""

@@ -8,10 +8,10 @@ from typing import ClassVar
 import torch
 from torch import nn
 
-from trainer.features import Summary
 from trainer.models.base import SLOPE, Estimator, Recipe, Shape, initialise
+from trainer.models.features import Summary
 from trainer.models.ridge import CHUNK, fit_ridge
-from trainer.windows import Batch
+from trainer.reading.windows import Batch
 
 
 class SummaryMlp(Estimator):

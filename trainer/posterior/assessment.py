@@ -14,18 +14,18 @@ import torch
 from shared.errors import EstimatorError
 from shared.metrics import bootstrap_by_system, r2
 from shared.store import DatasetFolder
-from trainer.checkpoint import Run, load_run, make_folder
-from trainer.data import load_records
-from trainer.evaluation import absent_channels, check_records, check_same_system, unseen_rows, window_length
-from trainer.noise import Sensors
+from trainer.evaluating.evaluation import absent_channels, check_records, check_same_system, unseen_rows, window_length
 from trainer.posterior.checkpoint import load_posterior
 from trainer.posterior.figures import draw_coverage, draw_ranks
 from trainer.posterior.inference import Posterior, summarise
 from trainer.posterior.report import LEVELS, Calibration, Coverage, LogScore, ParameterCalibration, write_calibration
 from trainer.posterior.scores import covered, crps, positions, truncated_normal, uniformity
+from trainer.reading.data import load_records
+from trainer.reading.noise import Sensors
+from trainer.reading.windows import WindowSource, disjoint_windows
+from trainer.runs.checkpoint import Run, load_run, make_folder
+from trainer.runs.validation import Typical, typical_errors
 from trainer.seeds import check_seed
-from trainer.validation import Typical, typical_errors
-from trainer.windows import WindowSource, disjoint_windows
 
 
 def calibration(

@@ -12,11 +12,11 @@ from safetensors.torch import save as save_tensors
 from shared.errors import EstimatorError
 from shared.reading import read_json, validated
 from shared.store import Records, sha256_of, write_atomically
-from trainer.checkpoint import Run, Systems
 from trainer.posterior.flow import PosteriorFlow
 from trainer.posterior.inference import Posterior
 from trainer.posterior.prior import Prior
-from trainer.weights import check_card_version, load_weights
+from trainer.runs.checkpoint import Run, Systems
+from trainer.runs.weights import check_card_version, load_weights
 
 SCHEMA_VERSION = 2
 CARD = "posterior.json"

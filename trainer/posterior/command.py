@@ -118,9 +118,9 @@ def calibration(
     json
         Print the figures as JSON, and nothing else, on stdout.
     """
-    from trainer.checkpoint import load_run
     from trainer.posterior.assessment import calibration as run_calibration
     from trainer.posterior.report import notes, terminal_table
+    from trainer.runs.checkpoint import load_run
 
     loaded = load_run(run)
     result = run_calibration(

@@ -11,13 +11,13 @@ import numpy as np
 import torch
 
 from shared.store import DatasetFolder
-from trainer.checkpoint import Run
-from trainer.data import load_records
-from trainer.missing import Missing
-from trainer.noise import Sensors
 from trainer.posterior.context import as_float, context_of
 from trainer.posterior.prior import Prior
-from trainer.windows import WindowSource
+from trainer.reading.data import load_records
+from trainer.reading.missing import Missing
+from trainer.reading.noise import Sensors
+from trainer.reading.windows import WindowSource
+from trainer.runs.checkpoint import Run
 
 MAIN = 0.4
 """Share of the windows that have the run's main length, where there are others; these share the rest evenly."""

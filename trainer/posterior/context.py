@@ -7,8 +7,8 @@ import math
 import numpy as np
 import torch
 
-from trainer.checkpoint import CHUNK, Run
 from trainer.posterior.prior import Prior
+from trainer.runs.checkpoint import CHUNK, Run
 
 NEAREST = 0.005
 """Answers are kept this far inside their range, as a share of it: the probit of an end is infinite."""

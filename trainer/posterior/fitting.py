@@ -24,15 +24,15 @@ from shared.errors import EstimatorError
 from shared.logs import fields, logger
 from shared.progress import tracked
 from shared.store import DatasetFolder
-from trainer.checkpoint import CALIBRATION, Run, Systems, load_run
-from trainer.data import load_records, rows_of
-from trainer.evaluation import check_records, check_same_system
+from trainer.evaluating.evaluation import check_records, check_same_system
 from trainer.posterior.checkpoint import CARD, PosteriorCard, load_posterior, save_posterior
 from trainer.posterior.conditions import Contexts, draw_contexts, source_of
 from trainer.posterior.flow import PosteriorFlow
 from trainer.posterior.inference import Posterior
 from trainer.posterior.prior import Prior
 from trainer.posterior.tempering import temper
+from trainer.reading.data import load_records, rows_of
+from trainer.runs.checkpoint import CALIBRATION, Run, Systems, load_run
 from trainer.seeds import check_seed, torch_state
 
 _log = logger(__name__)

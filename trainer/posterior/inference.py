@@ -8,10 +8,10 @@ import numpy as np
 import torch
 
 from shared.errors import EstimatorError
-from trainer.checkpoint import Run
 from trainer.posterior.context import as_float, context_of
 from trainer.posterior.flow import PosteriorFlow
 from trainer.posterior.prior import Prior
+from trainer.runs.checkpoint import Run
 from trainer.seeds import check_seed
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ import trainer
 from shared.errors import EstimatorError
 from trainer.benchmarking.parts import PARTS, channel_sets
 from trainer.benchmarking.planning import make_plan
-from trainer.checkpoint import read_card
+from trainer.runs.checkpoint import read_card
 
 from ..conftest import TANK, make_dataset, tank_system
 

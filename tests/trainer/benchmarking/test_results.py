@@ -16,8 +16,8 @@ from shared.metrics import r2
 from trainer.benchmarking.gathering import gather, read_evaluation, scores_of
 from trainer.benchmarking.planning import make_plan
 from trainer.benchmarking.published import read_published
-from trainer.checkpoint import read_card
-from trainer.report import Answers
+from trainer.evaluating.report import Answers
+from trainer.runs.checkpoint import read_card
 
 from .conftest import QUICK
 

@@ -17,9 +17,9 @@ from trainer.benchmarking import running
 from trainer.benchmarking.conditions import Budget, Condition, Fit
 from trainer.benchmarking.job import DONE, SPEC, do, is_done
 from trainer.benchmarking.planning import make_plan
-from trainer.checkpoint import CARD, WEIGHTS
-from trainer.data import fingerprint
-from trainer.report import read_answers
+from trainer.evaluating.report import read_answers
+from trainer.reading.data import fingerprint
+from trainer.runs.checkpoint import CARD, WEIGHTS
 
 from ..test_cli import run as command
 from .conftest import QUICK
@@ -143,7 +143,7 @@ def test_a_fit_that_fails_is_told_and_the_others_are_done(short, tmp_path, monke
 
 
 def test_a_loss_that_is_not_a_number_is_scored_with_a_warning(short, tmp_path, monkeypatch):
-    from ..test_fitting import poison
+    from ..training.test_fitting import poison
 
     condition = Condition(model="lstm", context_hours=24.0, channels=("level",))
     fit = Fit(condition=condition, seed=0, budget=Budget(steps=40), windows=20)

@@ -1,0 +1,159 @@
+import math
+
+import numpy as np
+import pytest
+import torch
+from torch import nn
+
+from shared.errors import EstimatorError
+from trainer.models import ESTIMATORS, build, estimator_class, option_defaults
+from trainer.models.base import Shape
+from trainer.models.patch_transformer import sinusoidal_encoding
+from trainer.models.ridge import solve_ridge
+from trainer.reading.windows import Batch
+
+PAPER = Shape(length=168, outputs=2, recorded=2, columns=2, parameters=8, step=3600.0)
+
+
+def weights(model: nn.Module) -> int:
+    return sum(p.numel() for p in model.parameters())
+
+
+def test_patch_transformer_has_the_weights_of_table_2():
+    embedding = 2 * 12 * 64 + 64
+    attention = 3 * (64 * 64 + 64) + (64 * 64 + 64)
+    feedforward = (64 * 256 + 256) + (256 * 64 + 64)
+    layer = attention + feedforward + 2 * (64 + 64)
+    head = (64 + 64) + (64 * 128 + 128) + (128 * 64 + 64) + (64 * 8 + 8)
+    assert embedding + 4 * layer + head == 218_760
+    assert weights(build("patch-transformer", PAPER, {})[0]) == 218_760
+
+
+def test_patch_transformer_is_that_of_table_2():
+    model, options = build("patch-transformer", PAPER, {})
+    assert options == {"patch": 12, "width": 64, "layers": 4, "heads": 8, "feedforward": 256, "dropout": 0.2}
+    assert model.tokens == 14
+    layers = [m for m in model.modules() if isinstance(m, nn.TransformerEncoderLayer)]
+    assert len(layers) == 4
+    assert {m.self_attn.num_heads for m in layers} == {8}
+    assert not any(m.norm_first for m in layers)
+    assert {m.p for m in model.modules() if isinstance(m, nn.Dropout)} == {0.2}
+    assert {m.negative_slope for m in model.modules() if isinstance(m, nn.LeakyReLU)} == {0.2}
+    assert not any(isinstance(m, nn.ReLU) for m in model.modules())
+
+
+def test_weights_are_xavier_normal_and_biases_zero():
+    torch.manual_seed(0)
+    model, _ = build("patch-transformer", PAPER, {})
+    for name, tensor in model.named_parameters():
+        if name.endswith("bias"):
+            assert not tensor.any(), name
+    layer = model.encoder.layers[0]
+    for matrix in [*layer.self_attn.in_proj_weight.chunk(3), layer.self_attn.out_proj.weight, layer.linear1.weight]:
+        expected = math.sqrt(2 / sum(matrix.shape))
+        assert matrix.std().item() == pytest.approx(expected, rel=0.06)
+        # normal, not uniform: a uniform variable has no value beyond sqrt(3) standard deviations
+        assert matrix.abs().max().item() > 2.5 * expected
+    assert model.embedding.weight.std().item() == pytest.approx(math.sqrt(2 / (12 * (2 + 64))), rel=0.06)
+
+
+def test_positional_encoding_is_that_of_vaswani():
+    encoding = sinusoidal_encoding(5, 6)
+    assert encoding[3, 0].item() == pytest.approx(math.sin(3.0))
+    assert encoding[3, 1].item() == pytest.approx(math.cos(3.0))
+    assert encoding[4, 4].item() == pytest.approx(math.sin(4 / 10000 ** (4 / 6)))
+
+
+def test_patches_that_do_not_divide_the_window_leave_out_the_oldest_samples():
+    model, _ = build("patch-transformer", Shape(25, 2, 2, 2, 3, 3600.0), {})
+    model.eval()
+    x, time = torch.randn(2, 25, 2), torch.zeros(2)
+    changed = x.clone()
+    changed[:, 0] += 9
+    assert torch.equal(model(x, time), model(changed, time))
+    changed[:, 1] += 9
+    assert not torch.equal(model(x, time), model(changed, time))
+
+
+@pytest.mark.parametrize("name", ESTIMATORS)
+@pytest.mark.parametrize("length", [24, 168])
+def test_every_estimator_answers_with_a_row_per_window(name, length):
+    shape = Shape(length, 2, 2, 4, 8, 3600.0)
+    model, _ = build(name, shape, {})
+    model.eval()
+    x, time = torch.randn(5, length, 4), torch.arange(5).double() * 3600
+    answer = model(x, time)
+    assert answer.shape == (5, 8)
+    torch.testing.assert_close(answer[3:], model(x[3:], time[3:]), rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["lstm", "tcn"])
+def test_rivals_have_about_the_same_number_of_weights(name):
+    assert weights(build(name, PAPER, {})[0]) == pytest.approx(218_760, rel=0.15)
+
+
+@pytest.mark.parametrize("name", ["patch-transformer", "lstm", "tcn"])
+def test_the_first_used_sample_matters(name):
+    torch.manual_seed(1)
+    model, _ = build(name, PAPER, {})
+    model.eval()
+    x = torch.randn(1, 168, 2, requires_grad=True)
+    model(x, torch.zeros(1)).sum().backward()
+    assert x.grad[0, 0].abs().sum() > 0
+
+
+def test_the_number_of_days_is_no_limit_for_a_tcn():
+    model, _ = build("tcn", Shape(720, 2, 2, 2, 8, 3600.0), {})
+    assert len(model.blocks) == 8  # sees 1 + 4 * (2**8 - 1) = 1021 samples
+
+
+def test_ridge_agrees_with_least_squares_on_augmented_rows():
+    rng = np.random.default_rng(0)
+    x, y = rng.normal(1.0, 2.0, (60, 5)), rng.normal(size=(60, 3))
+    design = np.concatenate([x, np.ones((60, 1))], axis=1)
+    alphas = np.array([0.0, 0.3, 10.0])
+    answers = solve_ridge(design.T @ design / 60, design.T @ y / 60, alphas)
+    for alpha, answer in zip(alphas, answers, strict=True):
+        penalty = np.sqrt(60 * alpha) * np.eye(6)[:5]  # the intercept is free
+        rows = np.concatenate([design, penalty])
+        expected = np.linalg.lstsq(rows, np.concatenate([y, np.zeros((5, 3))]), rcond=None)[0]
+        np.testing.assert_allclose(answer, expected, atol=1e-9)
+
+
+def test_summary_mlp_begins_where_the_ridge_ends():
+    torch.manual_seed(0)
+    shape = Shape(48, 1, 1, 1, 2, 3600.0)
+    generator = torch.Generator().manual_seed(0)
+
+    def draw(count: int) -> Batch:
+        targets = torch.randn(count, 2, generator=generator)
+        windows = targets[:, None, :1] + 0.3 * torch.randn(count, 48, 1, generator=generator)
+        return Batch(windows, torch.zeros(count, dtype=torch.float64), targets)
+
+    model, _ = build("summary-mlp", shape, {})
+    model.eval()
+    validation = draw(200)
+    model.prepare(draw, validation, 2000)
+    ridge = model.summary(validation.windows, validation.time) @ model.slope + model.offset
+    torch.testing.assert_close(model(validation.windows, validation.time), ridge)
+    errors = (ridge - validation.targets).square().mean(dim=0)
+    assert errors[0] < 0.05  # the windows tell the first target
+    assert errors[1] == pytest.approx(1, abs=0.3)  # and nothing of the second
+
+
+def test_options_are_listed_and_checked():
+    assert option_defaults("lstm") == {"width": 112, "layers": 2, "dropout": 0.2}
+    assert weights(build("lstm", PAPER, {"width": 16})[0]) < 10_000
+    with pytest.raises(EstimatorError, match="lstm: no option 'patch'; found width, layers, dropout"):
+        build("lstm", PAPER, {"patch": 12})
+    with pytest.raises(EstimatorError, match=r"option 'width' is 1.5; expected a whole number"):
+        build("lstm", PAPER, {"width": 1.5})
+    with pytest.raises(EstimatorError, match="patch is 12 samples; expected no more than the 6 of the context"):
+        build("patch-transformer", Shape(6, 2, 2, 2, 8, 3600.0), {})
+    with pytest.raises(EstimatorError, match="expected a multiple of the 8 attention heads"):
+        build("patch-transformer", PAPER, {"width": 60})
+
+
+def test_an_unknown_model_is_refused():
+    with pytest.raises(EstimatorError, match="'forest' is not an estimator; found patch-transformer"):
+        estimator_class("forest")

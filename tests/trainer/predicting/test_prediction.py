@@ -1,0 +1,324 @@
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from shared.errors import RecordingError
+from shared.store import DatasetFolder, Records
+from trainer.cli import app
+from trainer.predicting.prediction import predict
+from trainer.predicting.readings import comparable
+from trainer.predicting.recorded import read_window
+from trainer.reading.encoding import Encoding, make_encoding
+from trainer.training.fitting import fit
+
+from ..conftest import TANK, tank_system
+
+
+@pytest.fixture
+def shard(tanks):
+    with xr.open_dataset(tanks / "shards" / "000.nc") as opened:
+        return opened.load()
+
+
+@pytest.fixture
+def recording(shard):
+    """One tank as a user would have measured it: the level alone, over time."""
+    return shard.isel(system=4, drop=True)[["level"]].isel(time=slice(0, 100))
+
+
+def write(dataset, path):
+    dataset.to_netcdf(path)
+    return path
+
+
+def test_a_shard_is_estimated_system_by_system(ridge_run, tanks):
+    found = predict(ridge_run, tanks / "shards" / "000.nc")
+    assert [one.system for one in found.predictions] == list(range(50))
+    records = DatasetFolder(tanks).load()
+    values = records.values[:50, :, -48:].transpose(0, 2, 1)
+    expected = ridge_run.estimate(values, np.full(50, records.time[-48]))
+    assert [one.parameters["tank.fill"].value for one in found.predictions] == pytest.approx(expected[:, 1].tolist())
+    errors = expected[:, 1] - records.parameters[:50, 1]
+    rmse = found.predictions[0].parameters["tank.fill"].rmse
+    assert 1 / 3 < rmse / np.sqrt(np.mean(errors**2)) < 3
+
+
+@pytest.mark.parametrize("drawn", [False, True])
+def test_constants_that_a_training_had_as_declared_are_told(tanks, recording, tmp_path, capsys, drawn):
+    own = shutil.copytree(tanks, tmp_path / "own")
+    manifest = json.loads((own / "manifest.json").read_text())
+    uncertain = [{"name": "wall", "description": "", "parameters": ["wall.C"], "relative": 0.2}]
+    manifest["system"] = json.dumps(json.loads(manifest["system"]) | {"uncertain": uncertain})
+    manifest["settings"] |= {"uncertain": uncertain} if drawn else {}
+    (own / "manifest.json").write_text(json.dumps(manifest))
+    path = write(recording, tmp_path / "r.nc")
+    assert fit(own, tmp_path / "run", model="ridge").card.held == ([] if drawn else ["wall"])
+    assert predict(tmp_path / "run", path).held == ([] if drawn else ["wall"])
+    assert app(["predict", str(tmp_path / "run"), str(path)], result_action="return_value") in (None, 0)
+    said = "The run was trained on systems that have wall as declared."
+    assert (said in " ".join(capsys.readouterr().out.split())) == (not drawn)
+
+
+def test_one_recording_uses_its_last_window(ridge_run, recording, tmp_path, tanks):
+    found = predict(ridge_run, write(recording, tmp_path / "r.nc")).predictions
+    assert len(found) == 1
+    one = found[0]
+    assert one.system is None
+    # samples 53 to 100 of half an hour each, stamped at their ends
+    assert (one.begin, one.end) == ("2001-01-02T02:00:00", "2001-01-03T02:00:00")
+    truth = DatasetFolder(tanks).load().parameters[4]
+    assert one.parameters["tank.fill"].value == pytest.approx(truth[1], rel=0.1)
+    assert one.parameters["tank.fill"].unit == "m"
+    changed = recording.copy(deep=True)
+    changed["level"][:52] = np.nan  # what lies before does not matter
+    again = predict(ridge_run, write(changed, tmp_path / "again.nc")).predictions[0]
+    assert again.parameters == one.parameters
+
+
+def test_the_calendar_of_the_recording_does_not_matter(ridge_run, recording, tmp_path):
+    one = predict(ridge_run, write(recording, tmp_path / "a.nc")).predictions[0]
+    # 2024 began on a Monday as well
+    later = recording.assign_coords(time=recording.time + (np.datetime64("2024-01-01") - np.datetime64("2001-01-01")))
+    two = predict(ridge_run, write(later, tmp_path / "b.nc")).predictions[0]
+    assert two.begin == "2024-01-02T02:00:00"
+    assert two.parameters["tank.fill"].value == pytest.approx(one.parameters["tank.fill"].value, rel=1e-6)
+
+
+def test_an_estimate_at_the_end_of_its_range_is_marked(ridge_run, recording, tmp_path):
+    recording["level"] = recording["level"].copy(data=recording["level"].values * 5)
+    one = predict(ridge_run, write(recording, tmp_path / "r.nc")).predictions[0]
+    assert one.parameters["tank.fill"].value == pytest.approx(4.0)
+    assert one.parameters["tank.fill"].at_bound
+
+
+def without_units(r):
+    del r["level"].attrs["units"]
+    return r
+
+
+def in_other_units(r):
+    r["level"].attrs["units"] = "cm"
+    return r
+
+
+def with_holes(r):
+    r["level"][70:72] = np.nan
+    return r
+
+
+def numbered(r):
+    return r.assign_coords(time=np.arange(100.0))
+
+
+def averaged(r):
+    r["level"].attrs["cell_methods"] = "area: mean time: mean (interval: 30 minutes)"
+    return r
+
+
+def highest(r):
+    r["level"].attrs["cell_methods"] = "time: maximum"
+    return r
+
+
+def with_a_code(r):
+    r["level"][[60, 90]] = -9999.0
+    return r
+
+
+def far_off(r):
+    r["level"][[60, 90]] = -9000.0
+    return r
+
+
+def with_more_dimensions(r):
+    return r.expand_dims("room")
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (without_units, "level has no units; the run expects 'm'"),
+        (in_other_units, "level is in 'cm'; the run expects 'm': convert it first"),
+        (with_holes, "level has 2 missing or infinite values in its last 48 samples"),
+        (averaged, r"level is a mean over each step \(its cell_methods\); for the run it is an instant at each step's"),
+        (highest, "level is the maximum of each step"),
+        (
+            with_a_code,
+            r"r\.nc: level is -9999 m at 2001-01-02T06:30:00, as loggers write where a reading is missing \(the run's"
+            r" training: [\d.]+ m, standard deviation [\d.]+ m\); expected a reading: declare such codes missing",
+        ),
+        (
+            far_off,
+            r"r\.nc: level is -9000 m at 2001-01-02T06:30:00, \d{5} standard deviations from the mean of the run's"
+            r" training \([\d.]+ m, standard deviation [\d.]+ m\); expected at most 30: declare a code for a missing"
+            r" reading missing \(NaN\)",
+        ),
+        (numbered, "time has no units; expected for example 'seconds since 2001-01-01 00:00:00'"),
+        (with_more_dimensions, r"level has dimensions \(room, time\); expected \(time\) or \(system, time\)"),
+        (lambda r: r.rename(level="height"), "has no channel 'level', which the run reads; found height"),
+        (lambda r: r.drop_vars("time"), "has no coordinate 'time'"),
+        (lambda r: r.isel(time=slice(0, 40)), r"has 40 samples \(20 h at the run's step\); the run needs 48 \(24 h\)"),
+        (lambda r: r.isel(time=slice(None, None, 2)), "its step is 3600 s after 2001-01-01T02:30:00"),
+        (lambda r: r.drop_isel(time=80), "its step is 3600 s after 2001-01-02T16:00:00; the run was trained on steps"),
+    ],
+)
+def test_what_does_not_fit_is_told_in_a_sentence(ridge_run, recording, tmp_path, change, sentence):
+    path = write(change(recording), tmp_path / "r.nc")
+    with pytest.raises(RecordingError, match=sentence):
+        predict(ridge_run, path)
+
+
+def test_a_file_that_is_missing_or_no_netcdf_is_told(ridge_run, tmp_path):
+    with pytest.raises(RecordingError, match="no such file; expected a recording"):
+        predict(ridge_run, tmp_path / "none.nc")
+    (tmp_path / "text.nc").write_text("time,level\n")
+    with pytest.raises(RecordingError, match="cannot be read as NetCDF"):
+        predict(ridge_run, tmp_path / "text.nc")
+
+
+@pytest.fixture(scope="module")
+def flexible(tanks, tmp_path_factory):
+    """An estimator that can do without one output, and with a shorter context."""
+    return fit(
+        *(tanks, tmp_path_factory.mktemp("flexible") / "run"),
+        model="multiscale-transformer",
+        channels=["level", "glow"],
+        optional=["glow"],
+        context_hours=24.0,
+        other_contexts=[48.0],
+        steps=30,
+        options={"width": 16, "layers": 1, "feedforward": 16},
+    )
+
+
+def test_an_optional_channel_may_be_absent(flexible, recording, tmp_path):
+    found = predict(flexible, write(recording, tmp_path / "r.nc"))
+    assert found.absent == ["glow"]
+    assert found.context_hours == 48.0  # the longest of the run's that the recording has
+    values = np.full((1, 96, 2), np.nan, dtype=np.float32)
+    values[0, :, 0] = recording["level"].values[-96:]
+    expected = flexible.estimate(values, recording["time"].values[-96:-95].astype("M8[s]").astype(float) - 978307200)
+    assert found.predictions[0].parameters["tank.drain"].value == pytest.approx(expected[0, 0])
+
+
+def test_a_shorter_recording_uses_a_shorter_context(flexible, recording, tmp_path):
+    short = write(recording.isel(time=slice(0, 60)), tmp_path / "r.nc")
+    assert predict(flexible, short).context_hours == 24.0
+
+
+def test_gaps_are_read_up_to_what_was_trained_on(flexible, recording, tmp_path):
+    gappy = recording.copy(deep=True)
+    gappy["level"][60:70] = np.nan
+    assert predict(flexible, write(gappy, tmp_path / "some.nc")).predictions
+    gappy["level"][60:90] = np.nan
+    with pytest.raises(RecordingError, match=r"level has 30 missing or infinite values.*expected at most 14"):
+        predict(flexible, write(gappy, tmp_path / "many.nc"))
+
+
+def test_a_shards_records_have_their_own_beginning(ridge_run, shard, tmp_path):
+    moved = shard.assign(start=("system", 86400.0 * np.arange(shard.sizes["system"]), {"units": "s"}))
+    with pytest.raises(RecordingError, match="has dates in time, and a start beside it"):
+        predict(ridge_run, write(moved, tmp_path / "new.nc"))
+    moved = moved.assign_attrs(zeroshot_schema_version="2.0")
+    found = predict(ridge_run, write(moved, tmp_path / "r.nc")).predictions
+    assert [one.end for one in found[:2]] == ["2001-01-11T00:00:00", "2001-01-12T00:00:00"]
+
+
+def test_only_a_cell_method_that_is_stated_and_known_is_held_against_the_run(ridge_run, recording, tmp_path):
+    one = predict(ridge_run, write(recording, tmp_path / "point.nc")).predictions
+    del recording["level"].attrs["cell_methods"]
+    assert predict(ridge_run, write(recording, tmp_path / "unstated.nc")).predictions == one
+    recording["level"].attrs["cell_methods"] = "time: mean"
+    earlier = ridge_run.card.encoding.model_copy(update={"methods": []})
+    assert read_window(write(recording, tmp_path / "mean.nc"), earlier).values.shape == (1, 48, 1)
+
+
+def test_an_input_that_holds_over_a_step_is_a_mean(tanks, recording, tmp_path):
+    text = TANK.replace("value = 1.0", 'value = 1.0\ninterpolation = "previous"')
+    encoding = make_encoding(tank_system(text), DatasetFolder(tanks).load(["level", "valve"]), [], 48, np.arange(5))
+    assert encoding.methods == ["point", "mean"]
+    valve = ("time", np.ones(100), {"units": "1", "cell_methods": "time: point"})
+    with pytest.raises(
+        RecordingError, match=r"valve is an instant at each step's end .* for the run it is a mean over"
+    ):
+        read_window(write(recording.assign(valve=valve), tmp_path / "r.nc"), encoding)
+
+
+def test_the_first_impossible_reading_is_named_with_its_system(ridge_run, shard, tmp_path):
+    level = shard["level"].values
+    mean, sd = ridge_run.card.encoding.mean[0], ridge_run.card.encoding.sd[0]
+    level[3, -2:] = mean + 29.9 * sd  # unheard of, but neither a code nor another unit
+    assert predict(ridge_run, write(shard, tmp_path / "high.nc")).predictions
+    level[7, -40], level[7, -1], level[9, -48] = mean + 30.1 * sd, 999.0, 999.0
+    told = rf"level of system 7 is {mean + 30.1 * sd:g} m at 2001-01-10T04:30:00, 30 standard deviations"
+    with pytest.raises(RecordingError, match=told):
+        predict(ridge_run, write(shard, tmp_path / "higher.nc"))
+
+
+def test_a_channel_that_never_varied_in_training_must_stay_as_it_was(tanks, recording, tmp_path):
+    run = fit(tanks, tmp_path / "run", model="ridge", channels=["level", "valve"], steps=2)
+    assert run.card.encoding.constant == ["valve"]
+
+    def read(opening):
+        valve = np.ones(100)
+        valve[70:] = opening
+        return write(recording.assign(valve=("time", valve, {"units": "1"})), tmp_path / f"{opening}.nc")
+
+    told = "valve is 0.5 at 2001-01-02T11:30:00; in the run's training it was 1 throughout, so that the run cannot tell"
+    with pytest.raises(RecordingError, match=told):
+        predict(run, read(0.5))
+    with pytest.raises(RecordingError, match=r"valve is 0\.998 at"):
+        predict(run, read(0.998))
+    # a rounding changes nothing, not even a little
+    assert predict(run, read(1.0005)).predictions == predict(run, read(1.0)).predictions
+    earlier = run.card.encoding.model_copy(update={"constant": []})
+    assert read_window(read(0.5), earlier).values[0, -1, 1] == 0.5
+
+
+def test_a_constant_channel_at_zero_stays_there_and_may_have_gaps():
+    system = tank_system()
+    values = np.zeros((3, 1, 20), np.float32)
+    records = Records(["level"], values, np.full((3, 2), 3.0), np.arange(3), np.zeros(3, np.int8), np.arange(1, 21.0))
+    encoding = make_encoding(system, records, [], 4, np.arange(3))
+    window = np.array([[0.0, np.nan, 0.0, 0.0]], np.float32)[..., None]
+    times = 1800.0 * np.arange(1, 5)[None]
+    read = comparable(Path("r.nc"), window, times, [None], encoding)
+    np.testing.assert_array_equal(read, window)
+    with pytest.raises(
+        RecordingError, match="level is 1e-06 m at 2001-01-01T02:00:00; in the run's training it was 0 m"
+    ):
+        comparable(Path("r.nc"), window + np.float32([0, 0, 0, 1e-6])[:, None], times, [None], encoding)
+
+
+@pytest.mark.parametrize("unit", ["K", "m"])
+def test_temperatures_in_degrees_are_refused_however_wide_the_training_was(tmp_path, unit):
+    """283 K with a spread of 10 K: 10 degC are 27 standard deviations away, and yet no such temperature exists."""
+    encoding = Encoding(
+        recorded=["air"],
+        outputs=1,
+        units=[unit],
+        derived=[],
+        step=3600.0,
+        length=3,
+        mean=[283.0],
+        sd=[10.0],
+        parameters=["k"],
+        parameter_units=["1"],
+        parameter_min=[1.0],
+        parameter_max=[2.0],
+        target_mean=[0.1],
+        target_sd=[0.1],
+    )
+    values = np.array([[[10.0], [11.0], [12.0]]], dtype=np.float32)
+    times = np.array([[3600.0, 7200.0, 10800.0]])
+    if unit == "m":
+        assert comparable(tmp_path / "r.nc", values, times, [None], encoding) == pytest.approx(values)
+        return
+    with pytest.raises(
+        RecordingError, match=r"air is 10 K at 2001-01-01T01:00:00, 27 standard deviations .* at most 13"
+    ):
+        comparable(tmp_path / "r.nc", values, times, [None], encoding)

@@ -1,0 +1,212 @@
+"""Errors on validation systems, condition by condition, and what is said where there are none."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+import torch
+import xarray as xr
+
+from shared.store import DatasetFolder
+from trainer.posterior import calibration, fit_posterior
+from trainer.posterior.report import markdown
+from trainer.predicting.prediction import predict
+from trainer.runs.checkpoint import load_run
+from trainer.runs.validation import absences, typical_errors
+from trainer.training.fitting import fit
+
+from ..test_cli import run as command
+
+
+@pytest.fixture(scope="module")
+def folder(tanks, tmp_path_factory):
+    """A run of two lengths, an optional channel and two presets, with a posterior; tests must not change it."""
+    torch.set_num_threads(1)
+    run = fit(
+        *(tanks, tmp_path_factory.mktemp("validation") / "run"),
+        model="multiscale-transformer",
+        channels=["level", "glow"],
+        optional=["glow"],
+        context_hours=24.0,
+        other_contexts=[48.0],
+        noise="none gauge",
+        steps=40,
+        options={"width": 16, "layers": 1, "heads": 2, "feedforward": 16},
+    )
+    fit_posterior(run, tanks, windows_per_system=2, epochs=1)
+    return run.folder
+
+
+@pytest.fixture
+def earlier(folder, tmp_path):
+    """The same run with a card of the first version: one figure over everything."""
+    own = shutil.copytree(folder, tmp_path / "earlier")
+    card = json.loads((own / "estimator.json").read_text())
+    del card["validation_errors"]
+    (own / "estimator.json").write_text(json.dumps(card | {"schema_version": 1}))
+    return own
+
+
+@pytest.fixture
+def record(tanks, tmp_path):
+    """Writes a recording of so many hours with some channels."""
+    with xr.open_dataset(tanks / "shards" / "000.nc") as opened:
+        shard = opened.load().isel(system=4, drop=True)
+
+    def write(hours, channels=("level", "glow")):
+        path = tmp_path / f"{hours}-{len(channels)}.nc"
+        shard[list(channels)].isel(time=slice(0, 2 * hours)).to_netcdf(path)
+        return path
+
+    return write
+
+
+def errors_of(run, **condition):
+    (one,) = [e for e in run.card.validation_errors if all(getattr(e, k) == v for k, v in condition.items())]
+    return one
+
+
+def test_a_fit_measures_every_length_preset_and_missing_channel(folder, tanks):
+    run = load_run(folder)
+    conditions = {(one.length, tuple(one.absent), one.noise) for one in run.card.validation_errors}
+    assert conditions == {(n, a, p) for n in (48, 96) for a in ((), ("glow",)) for p in ("none", "gauge")}
+    # records of 480 samples are cut into ten windows of 48 in one way only
+    records = DatasetFolder(tanks).load(["level", "glow"])
+    rows = records.of_split("validation")
+    values = records.values[rows].transpose(0, 2, 1).reshape(-1, 48, 2)
+    time = (records.starts[rows][:, None] + records.time[::48][None]).ravel()
+    truth = np.repeat(records.parameters[rows], 10, axis=0)
+    for absent in ([], ["glow"]):
+        read = values.copy()
+        read[:, :, 1] = np.nan if absent else read[:, :, 1]
+        found = errors_of(run, length=48, absent=absent, noise="none")
+        assert (found.windows, found.systems) == (100, 10)
+        expected = np.sqrt(np.mean((run.estimate(read, time) - truth) ** 2, axis=0))
+        assert list(found.rmse.values()) == pytest.approx(expected.tolist(), rel=1e-3)
+
+
+def test_equal_seeds_measure_equal_errors(tanks, tmp_path):
+    first, again = (fit(tanks, tmp_path / name, model="mean", noise="gauge").card for name in ("a", "b"))
+    assert first.validation_errors == again.validation_errors
+    assert len(first.validation_errors) == 1
+
+
+def test_a_prediction_has_the_errors_of_its_own_length_and_channels(folder, record):
+    run = load_run(folder)
+    for hours, channels, absent in (
+        (24, ("level", "glow"), []),
+        (48, ("level", "glow"), []),
+        (24, ("level",), ["glow"]),
+    ):
+        found = predict(run, record(hours, channels))
+        figures = [errors_of(run, length=2 * hours, absent=absent, noise=noise).rmse for noise in ("none", "gauge")]
+        for name, one in found.predictions[0].parameters.items():
+            assert one.rmse == max(figure[name] for figure in figures)
+        lacking = " without glow" if absent else ""
+        assert f"systems, {hours} h{lacking}, noise none or gauge, whichever is larger" in found.rmse_note
+
+
+def test_gaps_are_said_to_make_errors_larger(folder, record):
+    whole = record(24)
+    assert "gaps" not in predict(folder, whole).rmse_note
+    data = xr.load_dataset(whole)
+    data["level"][20:23] = np.nan
+    data.to_netcdf(whole.with_name("gaps.nc"))
+    assert predict(folder, whole.with_name("gaps.nc")).rmse_note.endswith("gaps, with which errors are larger")
+
+
+def test_one_figure_over_everything_is_not_given_for_a_recording(earlier, record, capsys):
+    """Neither at another length nor at its own, where it mixes presets and missing channels."""
+    for hours in (24, 48):
+        found = json.loads(predict(earlier, record(hours)).model_dump_json())
+        assert {one["rmse"] for one in found["predictions"][0]["parameters"].values()} == {None}
+        assert found["rmse_note"] == (
+            "no rmse: the run's card has one figure only (24 h, noise none and gauge, with and without glow), and none"
+            f" for {hours} h, noise none or gauge; the 90 % interval is the posterior's own, for this very recording"
+        )
+    code, out, _ = command(capsys, "predict", earlier, record(48))
+    assert code == 0
+    assert "+- rmse" not in out
+    assert "90 % interval" in out
+    assert "no rmse: the run's card has one figure only" in " ".join(out.split())
+    code, out, _ = command(capsys, "info", earlier)
+    assert "24 h, noise none and gauge, with and without glow" in out
+
+
+def test_one_figure_is_given_where_it_has_one_condition(own_ridge, record, capsys):
+    card = json.loads((own_ridge / "estimator.json").read_text())
+    del card["validation_errors"]
+    (own_ridge / "estimator.json").write_text(json.dumps(card | {"schema_version": 1}))
+    found = predict(own_ridge, record(48, ("level",)))
+    assert {name: one.rmse for name, one in found.predictions[0].parameters.items()} == card["validation_rmse"]
+    assert found.rmse_note == "rmse: root mean square error on the run's validation windows, 24 h, noise none"
+    code, out, _ = command(capsys, "predict", own_ridge, record(48, ("level",)))
+    assert code == 0
+    assert "+- rmse" in out
+    run = load_run(own_ridge)
+    assert typical_errors(run.card, 48, [], "gauge").rmse is None
+
+
+def test_missing_channels_are_measured_alone_and_together():
+    assert absences([]) == [[]]
+    assert absences(["a"]) == [[], ["a"]]
+    assert absences(["a", "b", "c"]) == [[], ["a"], ["b"], ["c"], ["a", "b", "c"]]
+
+
+def test_a_condition_that_was_not_measured_has_no_errors(folder):
+    card = load_run(folder).card.model_copy(deep=True)
+    card.validation_errors = [one for one in card.validation_errors if not one.absent]
+    found = typical_errors(card, 48, ["glow"])
+    assert found.rmse is None
+    assert found.note == (
+        "the run's card has errors of validation systems, but none for 24 h without glow, noise none or gauge"
+    )
+
+
+def test_mixed_presets_are_mixed_evenly(folder):
+    run = load_run(folder)
+    figures = [errors_of(run, length=48, absent=[], noise=noise).rmse["tank.fill"] for noise in ("none", "gauge")]
+    mixed = typical_errors(run.card, 48, [], "none gauge").rmse["tank.fill"]
+    assert mixed == pytest.approx(np.sqrt(np.mean(np.square(figures))))
+    assert typical_errors(run.card, 48, [], "gauge").rmse["tank.fill"] == pytest.approx(figures[1])
+
+
+def test_the_gaussian_of_a_calibration_has_the_errors_of_the_same_condition(folder, other_tanks, tmp_path, monkeypatch):
+    from trainer.posterior import assessment
+
+    run, used, truncated = load_run(folder), [], assessment.truncated_normal
+
+    def spy(middle, sd, *rest):
+        used.append(sd.tolist())
+        return truncated(middle, sd, *rest)
+
+    monkeypatch.setattr(assessment, "truncated_normal", spy)
+    conditions = [(24.0, "none", []), (48.0, "gauge", ["glow"])]
+    for hours, noise, absent in conditions:
+        found = calibration(
+            *(folder, other_tanks),
+            windows=20,
+            samples=10,
+            context_hours=hours,
+            noise=noise,
+            without=absent,
+            out=tmp_path,
+        )
+        assert found.log_score.gaussian is not None
+        assert f"validation systems, {hours:g} h" in found.gaussian_note
+    expected = [errors_of(run, length=round(2 * hours), absent=a, noise=noise).rmse for hours, noise, a in conditions]
+    assert used == [pytest.approx(list(one.values())) for one in expected]
+
+
+def test_without_such_errors_there_is_no_gaussian(earlier, other_tanks, tmp_path):
+    found = calibration(earlier, other_tanks, windows=20, samples=10, context_hours=48.0, noise="gauge", out=tmp_path)
+    assert found.log_score.gaussian is None
+    assert {one.crps_gaussian for one in found.parameters.values()} == {None}
+    assert found.gaussian_note.startswith("no Gaussian to compare with: the run's card has one figure only (24 h,")
+    text = (tmp_path / "calibration.md").read_text()
+    assert text == markdown(found)
+    assert found.gaussian_note in text
+    assert "Gaussian -" not in text
+    assert "Gaussian nan" not in text
+    assert ",None," not in (tmp_path / "calibration.csv").read_text()

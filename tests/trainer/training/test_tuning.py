@@ -1,0 +1,273 @@
+"""The search for an estimator's options."""
+
+import json
+from types import SimpleNamespace
+
+import optuna
+import pytest
+
+from shared.errors import DatasetError, EstimatorError, OptionsError
+from shared.store import DatasetFolder
+from trainer.models import ESTIMATORS, estimator_class
+from trainer.reading.windows import WindowSource
+from trainer.runs.checkpoint import load_run, read_card
+from trainer.training.fitting import fit
+from trainer.training.tuning import BEST, read_options, space_of, tune
+
+from ..conftest import make_dataset
+from ..test_cli import run as command
+
+SETTINGS = {"model": "lstm", "steps": 3, "seed": 1, "context_hours": 6.0}
+
+
+@pytest.fixture
+def small(monkeypatch):
+    """An LSTM that trains in no time."""
+    kind = estimator_class("lstm")
+    monkeypatch.setattr(kind.__init__, "__defaults__", (8, 1, 0.0))
+
+
+@pytest.mark.slow
+def test_a_search_keeps_its_best_and_goes_on(tanks, tmp_path, small, capsys, monkeypatch):
+    looked = set()
+    gather = WindowSource.gather
+
+    def spy(self, rows, *arguments):
+        looked.update(self.targets[rows].flatten().tolist())
+        return gather(self, rows, *arguments)
+
+    monkeypatch.setattr(WindowSource, "gather", spy)
+    first = tune(tanks, tmp_path, trials=2, **SETTINGS)
+    assert first.trials == 2
+    cards = {folder.name: read_card(folder) for folder in sorted((tmp_path / "trials").iterdir())}
+    assert list(cards) == ["0000", "0001"]
+    assert cards["0000"].options == {"width": 8, "layers": 1, "dropout": 0.0}
+    assert (cards["0000"].training.lr, cards["0000"].training.batch_size) == (1e-3, 16)
+    assert first.default_loss == cards["0000"].training.validation_loss
+    assert first.validation_loss == min(card.training.validation_loss for card in cards.values())
+
+    again = tune(tanks, tmp_path, trials=4, **SETTINGS)
+    assert again.trials == 4
+    assert len(list((tmp_path / "trials").iterdir())) == 4
+    assert again.validation_loss <= first.validation_loss
+    assert read_options(tmp_path / BEST) == again
+    before = (tmp_path / "study.db").read_bytes()
+    assert tune(tanks, tmp_path, trials=4, **SETTINGS) == again
+    assert (tmp_path / "study.db").read_bytes() == before
+
+    monkeypatch.undo()
+    records = load_run(tmp_path / "trials" / "0000").card.encoding
+    index = DatasetFolder(tanks).load([])
+    targets = records.targets(index.parameters)
+    assert not looked & set(targets[index.of_split("test")].flatten().tolist())
+    assert looked & set(targets[index.of_split("validation")].flatten().tolist())
+
+    with pytest.raises(EstimatorError, match=r"study\.db: noise was 'none' and is 'gauge' now"):
+        tune(tanks, tmp_path, trials=5, **SETTINGS | {"noise": "gauge"})
+
+    out = tmp_path / "fitted"
+    code, _, _ = command(
+        capsys, "fit", tanks, "--options", tmp_path / BEST, "--steps", "2", "--out", out, "--option.layers", "2"
+    )
+    assert code == 0
+    card = json.loads((out / "estimator.json").read_text())
+    assert card["model"] == "lstm"
+    assert card["options"] == again.options | {"layers": 2}
+    assert (card["training"]["batch_size"], card["training"]["lr"]) == (again.batch_size, again.lr)
+    code, _, err = command(
+        capsys, "fit", tanks, "--options", tmp_path / BEST, "--model", "tcn", "--out", tmp_path / "x"
+    )
+    assert code == 1
+    assert "is of the model lstm; expected tcn" in err
+
+
+@pytest.mark.slow
+def test_a_search_that_was_killed_tries_the_cut_trial_again(tanks, tmp_path, small, monkeypatch):
+    from trainer.training import tuning
+
+    fit = tuning.fit
+
+    def killed(*arguments, **settings):
+        if arguments[1].name == "0001":
+            raise KeyboardInterrupt
+        return fit(*arguments, **settings)
+
+    monkeypatch.setattr(tuning, "fit", killed)
+    # as a kill would: the storage keeps the trial as running
+    monkeypatch.setattr("optuna.storages.RDBStorage.set_trial_state_values", _no_failures())
+    with pytest.raises(KeyboardInterrupt):
+        tune(tanks, tmp_path, trials=3, **SETTINGS)
+    monkeypatch.setattr(tuning, "fit", fit)
+    best = tune(tanks, tmp_path, trials=3, **SETTINGS)
+    assert best.trials == 3
+    assert sorted(folder.name for folder in (tmp_path / "trials").iterdir()) == ["0000", "0002", "0003"]
+
+
+@pytest.mark.parametrize("cut", ["0000", "0001"])
+def test_a_search_that_was_interrupted_tries_the_cut_trial_again(tanks, tmp_path, no_training, monkeypatch, cut):
+    """Optuna itself notes the failure then; what the defaults reach is said of the defaults only."""
+    from trainer.training import tuning
+
+    fit = tuning.fit
+
+    def interrupted(*arguments, **settings):
+        if arguments[1].name == cut:
+            raise KeyboardInterrupt
+        return fit(*arguments, **settings)
+
+    monkeypatch.setattr(tuning, "fit", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        tune(tanks, tmp_path, trials=3, **SETTINGS)
+    monkeypatch.setattr(tuning, "fit", fit)
+    best = tune(tanks, tmp_path, trials=3, **SETTINGS)
+    assert best.trials == 3
+    assert best.default_loss == 1e-3  # the loss is the learning rate
+    study = optuna.load_study(study_name="tune", storage=f"sqlite:///{tmp_path / 'study.db'}")
+    failed, again = (study.trials[int(cut)], study.trials[int(cut) + 1])
+    assert failed.state.name == "FAIL" and again.params == failed.params
+    assert tune(tanks, tmp_path, trials=3, **SETTINGS) == best and len(study.trials) == 4
+
+
+def _no_failures():
+    from optuna.storages import RDBStorage
+    from optuna.trial import TrialState
+
+    real, ignored = RDBStorage.set_trial_state_values, []
+
+    def set_values(self, trial_id, state, *arguments, **settings):
+        if state == TrialState.FAIL and not ignored:
+            ignored.append(trial_id)
+            return True
+        return real(self, trial_id, state, *arguments, **settings)
+
+    return set_values
+
+
+@pytest.fixture
+def no_training(monkeypatch):
+    """Trials take no time: the loss is the learning rate."""
+    from trainer.training import tuning
+
+    def fit(*_, lr, **__):
+        return SimpleNamespace(card=SimpleNamespace(training=SimpleNamespace(validation_loss=lr)))
+
+    monkeypatch.setattr(tuning, "fit", fit)
+
+
+def failing(monkeypatch, error, *names):
+    """Trials with these numbers fail, and all if none is named."""
+    from trainer.training import tuning
+
+    fit = tuning.fit
+
+    def fails(*arguments, **settings):
+        if not names or arguments[1].name in names:
+            raise error
+        return fit(*arguments, **settings)
+
+    monkeypatch.setattr(tuning, "fit", fails)
+    return lambda: monkeypatch.setattr(tuning, "fit", fit)
+
+
+@pytest.mark.parametrize("error", [DatasetError("001.nc: damaged"), EstimatorError("trials/0001: no space left")])
+def test_an_error_that_is_not_of_the_options_ends_the_search(tanks, tmp_path, no_training, monkeypatch, error):
+    mend = failing(monkeypatch, error, "0001")
+    with pytest.raises(type(error), match=str(error)):
+        tune(tanks, tmp_path, trials=3, **SETTINGS)
+    assert not (tmp_path / BEST).exists()
+    mend()
+    assert tune(tanks, tmp_path, trials=3, **SETTINGS).trials == 3
+    study = optuna.load_study(study_name="tune", storage=f"sqlite:///{tmp_path / 'study.db'}")
+    assert [trial.state.name for trial in study.trials] == ["COMPLETE", "FAIL", "COMPLETE", "COMPLETE"]
+
+
+def test_a_wrong_argument_is_named_however_often(tanks, tmp_path):
+    """The second time the defaults are tried again, under another number."""
+    for _ in range(2):
+        with pytest.raises(EstimatorError, match="noise: 'hail' is not a preset of Tank"):
+            tune(tanks, tmp_path, trials=3, **SETTINGS | {"noise": "hail"})
+
+
+def test_options_without_a_result_end_their_trial_only(tanks, tmp_path, no_training, monkeypatch):
+    failing(monkeypatch, OptionsError("patch is 24 samples"), "0000", "0002")
+    best = tune(tanks, tmp_path, trials=4, **SETTINGS)
+    assert (best.trials, best.default_loss) == (4, None)
+    failing(monkeypatch, OptionsError("the loss is not a finite number"))
+    with pytest.raises(
+        EstimatorError, match=r"no trial came to an end.* The last one: the loss is not a finite number"
+    ):
+        tune(tanks, tmp_path / "none", trials=2, **SETTINGS)
+
+
+@pytest.mark.parametrize(
+    ("model", "options"),
+    [
+        ("patch-transformer", {"patch": 13}),
+        ("patch-transformer", {"width": 30, "heads": 4}),
+        ("multiscale-transformer", {"patch": 13}),
+        ("multiscale-transformer", {"width": 30, "heads": 4}),
+        ("regression-transformer", {"patch": 4, "views": 6}),
+        ("tcn", {"dropout": 1.5}),
+    ],
+)
+def test_options_that_do_not_go_together_are_told_from_other_errors(tanks, tmp_path, model, options):
+    with pytest.raises(OptionsError):
+        fit(tanks, tmp_path / "run", model=model, context_hours=6.0, options=options, steps=1)
+
+
+def test_a_search_that_goes_on_tries_something_new(tanks, tmp_path, no_training):
+    for trials in (4, 7, 8):
+        assert tune(tanks, tmp_path, trials=trials, **SETTINGS).trials == trials
+    study = optuna.load_study(study_name="tune", storage=f"sqlite:///{tmp_path / 'study.db'}")
+    tried = [tuple(trial.params.values()) for trial in study.get_trials()]
+    assert len(set(tried)) == len(tried) == 8
+
+
+def test_a_search_is_the_same_again(tanks, tmp_path, no_training):
+    first, again = (tune(tanks, tmp_path / name, trials=6, **SETTINGS) for name in ("a", "b"))
+    assert first == again
+    assert first.options != tune(tanks, tmp_path / "c", trials=6, **SETTINGS | {"seed": 2}).options
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"root_seed": 2}, "systems_sha256 was '"),
+        ({"fmu_sha256": "f" * 64}, "fmu_sha256 was '0{64}' and is 'f{64}'"),
+        ({"settings": {"warm_up": 480.0}}, "settings_sha256 was '"),
+    ],
+)
+def test_a_search_does_not_go_on_with_other_data(tmp_path, no_training, changes, words):
+    tune(make_dataset(tmp_path / "ds", systems=20), tmp_path / "out", trials=1, **SETTINGS)
+    other = make_dataset(tmp_path / "other", systems=20, **changes)
+    with pytest.raises(EstimatorError, match=rf"study\.db: {words}.* now; choose another folder for another search"):
+        tune(other, tmp_path / "out", trials=2, **SETTINGS)
+
+
+def test_a_search_of_an_earlier_version_is_told(tanks, tmp_path, no_training):
+    tune(tanks, tmp_path, trials=1, **SETTINGS)
+    study = optuna.load_study(study_name="tune", storage=f"sqlite:///{tmp_path / 'study.db'}")
+    settings = json.loads(study.user_attrs["settings"])
+    del settings["systems_sha256"]
+    study.set_user_attr("settings", json.dumps(settings))
+    with pytest.raises(EstimatorError, match=r"an earlier version began it and did not note systems_sha256: it may be"):
+        tune(tanks, tmp_path, trials=2, **SETTINGS)
+
+
+@pytest.mark.parametrize("model", [name for name in ESTIMATORS if name not in ("mean", "ridge")])
+def test_every_trained_estimator_has_a_space(model):
+    space = space_of(model)
+    assert {"lr", "batch_size", "width", "dropout"} < set(space)
+    assert space["lr"][1] == estimator_class(model).recipe.lr
+
+
+def test_what_cannot_be_searched_is_told(tanks, tmp_path):
+    with pytest.raises(EstimatorError, match="ridge is solved, not trained"):
+        tune(tanks, tmp_path, model="ridge")
+    with pytest.raises(EstimatorError, match="trials: is 0"):
+        tune(tanks, tmp_path, trials=0)
+    with pytest.raises(EstimatorError, match="no such file; expected a file of `trainer tune`"):
+        read_options(tmp_path / "none.json")
+    (tmp_path / "bad.json").write_text('{"options": {}}')
+    with pytest.raises(EstimatorError, match=r"bad\.json: model: Field required; expected a file of `trainer tune`"):
+        read_options(tmp_path / "bad.json")

@@ -1,0 +1,1 @@
+"""The commands: thin shells over the public functions of the same names."""

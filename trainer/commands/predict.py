@@ -1,0 +1,100 @@
+"""The command ``trainer predict``: a thin shell over :func:`trainer.predicting.prediction.predict`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+from rich.table import Table
+
+from shared.console import new_console
+
+if TYPE_CHECKING:
+    from trainer.predicting.prediction import Estimate, Prediction
+
+
+def predict(
+    run: Path,
+    file: Path,
+    /,
+    *,
+    samples: int = 1000,
+    out: Path | None = None,
+    corner: Path | None = None,
+    seed: int = 0,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Estimate the parameters behind a recording, from its last context window.
+
+    Where the run has a posterior (`trainer posterior`), the median and the central 90 % interval are shown. The error
+    on validation systems is shown where the run's card has it for windows of this length and these channels.
+
+    Parameters
+    ----------
+    run
+        Run folder made by `trainer fit`.
+    file
+        NetCDF with the run's channels over (time) or (system, time), with units, as a dataset's shards have them.
+    samples
+        Drawn from the posterior.
+    out
+        NetCDF file for the samples: one variable per parameter.
+    corner
+        PNG file for the posterior's marginals and pairs, of a recording of one system.
+    seed
+        Of the samples.
+    json
+        Print the estimates as JSON, and nothing else, on stdout.
+    """
+    from trainer.predicting.prediction import predict as run_predict
+
+    result = run_predict(run, file, samples=samples, seed=seed, out=out, corner=corner)
+    if json:
+        sys.stdout.write(result.model_dump_json(indent=1) + "\n")
+        return
+    console = new_console()
+    for one in result.predictions:
+        console.print(_table(one))
+        if one.unlike is None:
+            console.print(
+                "The run does not remember what it was trained on: whether this recording is like it is not known."
+            )
+        elif one.unlike:
+            console.print(
+                "[bold]Unlike all that the run was trained on[/bold], so that errors are larger than is said:"
+            )
+            for note in one.unlike:
+                console.print(f"- {note}", markup=False)
+    console.print(result.rmse_note, markup=False)
+    if result.held:
+        console.print(
+            f"The run was trained on systems that have {', '.join(result.held)} as declared. Where a building has"
+            " others, errors are larger than is said; `datagen run --uncertain` simulates such systems.",
+            markup=False,
+        )
+    for path in (out, corner):
+        if path is not None:
+            console.print(f"written to {path}", markup=False)
+
+
+def _table(one: Prediction) -> Table:
+    name = "" if one.system is None else f"system {one.system}, "
+    table = Table(title=f"{name}{one.begin} to {one.end}")
+    posterior = all(value.median is not None for value in one.parameters.values())
+    rmse = ("+- rmse",) if all(value.rmse is not None for value in one.parameters.values()) else ()
+    middle = (*rmse, *(("median", "90 % interval") if posterior else ()))
+    for column in ("parameter", "estimate", *middle, "unit", ""):
+        numeric = column in ("estimate", *middle)
+        table.add_column(column, justify="right" if numeric else "left", no_wrap=numeric)
+    for parameter, value in one.parameters.items():
+        mark = "at the end of its range" if value.at_bound else ""
+        cells = [f"{value.rmse:.2g}"] if rmse else []
+        cells += _interval(value) if posterior else ()
+        table.add_row(parameter, f"{value.value:.4g}", *cells, value.unit, mark)
+    return table
+
+
+def _interval(value: Estimate) -> tuple[str, str]:
+    return f"{value.median:.4g}", f"{value.low:.4g} to {value.high:.4g}"

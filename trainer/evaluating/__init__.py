@@ -1,0 +1,1 @@
+"""What an estimator reaches, under both protocols."""

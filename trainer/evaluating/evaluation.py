@@ -1,0 +1,303 @@
+"""Evaluate an estimator under two protocols, side by side (paper, section 4.1).
+
+paper
+    Windows of the full dataset: most of them belong to systems that the run trained on.
+unseen
+    Windows of systems that the run neither trained on nor chose its weights by. On the dataset of the training these
+    are its test systems. On another dataset of the same system (another root seed) they are all its systems.
+
+A system is known by system hash, root seed and index; what a run has seen stands in its estimator.json.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from shared.ceiling import FILE_NAME, Origin, Unknown, fitting, in_words, read_ceilings, unknown_constants
+from shared.errors import EstimatorError
+from shared.metrics import bootstrap_by_system, r2, relative_accuracy
+from shared.store import DatasetFolder, Records
+from trainer.evaluating.report import Answers, CeilingFigures, Evaluation, Protocol, write_answers, write_report
+from trainer.figures import draw_scatter
+from trainer.reading.data import load_records
+from trainer.reading.noise import Sensors
+from trainer.reading.windows import WindowSource, disjoint_windows
+from trainer.runs.checkpoint import Card, Run, load_run, make_folder
+from trainer.seeds import check_seed
+
+LEVEL = 0.9
+"""Of the intervals."""
+
+
+def evaluate(
+    run: Run | Path | str,
+    dataset_dir: Path | str,
+    *,
+    windows: int = 1000,
+    seed: int = 0,
+    noise: str | None = None,
+    context_hours: float | None = None,
+    without: list[str] | None = None,
+    ceiling: Path | str | None = None,
+    out: Path | str | None = None,
+) -> Evaluation:
+    """Evaluate a run on a dataset and write evaluation.json, evaluation.md, evaluation.csv, answers.csv, scatter.png.
+
+    Parameters
+    ----------
+    run
+        A run folder, or a run already loaded.
+    dataset_dir
+        A dataset of the system that the run was trained on.
+    windows
+        Disjoint windows drawn for each protocol; fewer where the dataset has fewer.
+    seed
+        Of the windows and of the sensor noise.
+    noise
+        Sensor preset; what the run was trained on by default.
+    context_hours
+        Length of a window [h], one of those that the run was trained on; its main one by default.
+    without
+        Optional channels of the run that are to be missing.
+    ceiling
+        A file of ``datagen identifiability``; by default the one in the dataset folder, if there.
+    out
+        Where the files go; by default the run folder, or NAME-results for an estimator that comes with the package.
+
+    Raises
+    ------
+    EstimatorError
+        If the run and the dataset do not fit, or the dataset has no unseen system.
+    DatasetError
+        If the dataset cannot be used.
+    """
+    check_seed(seed)
+    run = run if isinstance(run, Run) else load_run(run)
+    card = run.card
+    dataset = DatasetFolder(dataset_dir)
+    check_same_system(card, dataset)
+    if windows < 1:
+        raise EstimatorError(f"windows: is {windows}; expected at least 1")
+    index = load_records(dataset, [])
+    preset, length = card.noise if noise is None else noise, window_length(card, context_hours)
+    absent = absent_channels(card, without or [])
+    check_records(card, index, dataset.folder, length)
+    seen = card.seen(dataset.manifest.system_hash, index)
+    rows = {"paper": paper_rows(index, seen), "unseen": unseen_rows(index, seen)}
+    if not len(rows["unseen"]):
+        raise EstimatorError(
+            f"{dataset.folder}: the run has trained on or been validated by all of its systems that count;"
+            " expected at least one test system: simulate more, or another root seed"
+        )
+    seeds = np.random.SeedSequence(seed).generate_state(2)
+    drawn = {
+        name: disjoint_windows(chosen, len(index.time), length, windows, np.random.default_rng(seeds[1]))
+        for name, chosen in rows.items()
+    }
+    needed = np.unique(np.concatenate([where for where, _ in drawn.values()]))
+    source = WindowSource(
+        load_records(dataset, card.encoding.recorded, needed),
+        card.encoding,
+        Sensors(dataset.system, card.encoding.recorded, preset),
+        torch.Generator().manual_seed(int(seeds[0])),
+        lambda values, _: values.masked_fill(absent, torch.nan),
+    )
+    protocols: dict[str, Protocol] = {}
+    answers: dict[str, Answers] = {}
+    for name, (where, starts) in drawn.items():
+        if name == "unseen" and np.array_equal(drawn["paper"], drawn["unseen"]):  # of a dataset that is all unseen
+            protocols[name], answers[name] = protocols["paper"], answers["paper"]
+            continue
+        place = torch.from_numpy(np.searchsorted(needed, where))
+        batch = source.gather(place, torch.from_numpy(starts), length)
+        truth = index.parameters[where]
+        estimate = card.encoding.estimates(run.answers(batch.windows, batch.time))
+        protocols[name] = figures_of_merit(card.encoding.parameters, truth, estimate, where, seen)
+        answers[name] = Answers(index.seeds[where], index.systems[where], batch.time.numpy(), truth, estimate)
+    hours = length * card.encoding.step / 3600
+    channels = [name for name in card.encoding.channels if name not in (without or [])]
+    limit, note = find_ceiling(
+        card, dataset, None if ceiling is None else Path(ceiling), hours=hours, noise=preset, channels=channels
+    )
+    result = Evaluation(
+        model=card.model,
+        context_hours=hours,
+        step=card.encoding.step,
+        noise=preset,
+        channels=channels,
+        protocols=protocols,
+        ceiling=limit,
+        ceiling_note=note,
+    )
+    folder = Path(out) if out is not None else run.results
+    if folder is not None:
+        make_folder(folder)
+        write_report(result, card, folder)
+        write_answers(answers, card.encoding.parameters, folder)
+        title = f"{card.model}, {hours:g} h, noise {preset}"
+        clouds = {name: (one.truth, one.estimate, r2(one.truth, one.estimate)) for name, one in answers.items()}
+        draw_scatter(clouds, card.encoding.parameters, card.encoding.parameter_units, title, folder / "scatter.png")
+    return result
+
+
+def paper_rows(records: Records, seen: np.ndarray) -> np.ndarray:
+    """Rows of the systems for the protocol "paper": the full dataset.
+
+    Where the run has trained on a part of the training systems only, the full dataset is that part, and as large a part
+    of the others: otherwise most windows would be of systems that it never saw, which is the other protocol.
+    """
+    training = records.of_split("train")
+    share = seen[training].mean() if len(training) else 0.0
+    if share in (0.0, 1.0):
+        return np.arange(len(records.systems))
+    others = [records.of_split(split) for split in ("validation", "test")]
+    kept = [rows[: max(1, round(share * len(rows)))] for rows in others]
+    return np.sort(np.concatenate([training[seen[training]], *kept]))
+
+
+def unseen_rows(records: Records, seen: np.ndarray) -> np.ndarray:
+    """Rows of the systems for the protocol "unseen"; ``seen`` says of each row whether the run knows it.
+
+    Where it knows none the dataset is not the training's: every system is unseen. Otherwise the test split counts, less
+    what the run has seen after all.
+    """
+    if not seen.any():
+        return np.arange(len(records.systems))
+    test = records.of_split("test")
+    return test[~seen[test]]
+
+
+def figures_of_merit(
+    parameters: list[str], truth: np.ndarray, estimate: np.ndarray, where: np.ndarray, seen: np.ndarray
+) -> Protocol:
+    """R2 with intervals by system, and median relative accuracy.
+
+    ``truth`` and ``estimate`` are (windows, parameters), ``where`` the row of each window's system (windows,), ``seen``
+    which rows the run knows (rows,).
+    """
+
+    def scores(rows: np.ndarray) -> np.ndarray:
+        each = r2(truth[rows], estimate[rows])
+        return np.append(each, each.mean())
+
+    middle = scores(np.arange(len(truth)))
+    low, high = bootstrap_by_system(where, scores, level=LEVEL)
+    value = [float(v) if np.isfinite(v) else None for v in middle]
+    spans = [tuple(float(v) if np.isfinite(v) else None for v in pair) for pair in zip(low, high, strict=True)]
+    accuracy = np.median(relative_accuracy(truth, estimate), axis=0)
+    unique = np.unique(where)
+    return Protocol.model_validate(
+        {
+            "r2": dict(zip(parameters, value[:-1], strict=True)),
+            "r2_mean": value[-1],
+            "r2_interval": dict(zip(parameters, spans[:-1], strict=True)),
+            "r2_mean_interval": spans[-1],
+            "relative_accuracy": dict(zip(parameters, accuracy.tolist(), strict=True)),
+            "windows": len(truth),
+            "systems": len(unique),
+            "systems_trained_on": int(seen[unique].sum()),
+        }
+    )
+
+
+def find_ceiling(
+    card: Card, dataset: DatasetFolder, path: Path | None, *, hours: float, noise: str, channels: list[str]
+) -> tuple[CeilingFigures | None, str]:
+    """The ceiling of a condition, or None; and a sentence that says which, or why there is none.
+
+    Channels from the clock and inputs are no part of the condition, but for counted persons: the ceiling takes them for
+    known. A dataset without excitation has none: ceilings are computed with it. Where a dataset's uncertain constants
+    were drawn the ceiling is one that took just these for unknown; where they are as declared, one that knew them.
+
+    Raises
+    ------
+    ZeroshotError
+        If a file that was named cannot be read.
+    """
+    where, manifest = path or dataset.folder / FILE_NAME, dataset.manifest
+    if path is None and not where.exists():
+        return None, f"no ceiling: {where} does not exist; `datagen identifiability` writes one"
+    ceilings = read_ceilings(where)
+    if ceilings.system_hash != card.system_hash:
+        return None, f"no ceiling: {where} is of another system ({ceilings.system_name})"
+    if ceilings.fmu_sha256 != manifest.fmu_sha256:
+        found = f"its fmu_sha256 is {ceilings.fmu_sha256[:12]}, this dataset has {manifest.fmu_sha256[:12]}"
+        return None, f"no ceiling: {where} is of another FMU: {found}"
+    excited = manifest.settings.get("excitation", True) and not manifest.settings.get("calm")
+    if not excited and any(i.source == "excitation" for i in dataset.system.inputs):
+        return None, f"no ceiling: {where} holds with excitation; this dataset is not all with it"
+    read = [name for name in card.encoding.recorded if name in channels]
+    constants = constants_of(dataset)
+    limits = ceilings.find(
+        context_hours=hours, step=card.encoding.step, noise=noise, channels=read, constants=constants
+    )
+    condition = f"{hours:g} h, step {card.encoding.step:g} s, noise {noise}, channels {' '.join(read)}"
+    if constants or any(one.constants for one in ceilings.ceilings):
+        condition += f", {in_words(constants)}"
+    if not limits:
+        return None, f"no ceiling: {where} has none for {condition}"
+    limit, reason = fitting(limits, origin_of(dataset), constants)
+    if limit is None:
+        return None, f"no ceiling: {where}: {reason}"
+    return CeilingFigures(r2=limit.r2, r2_mean=limit.r2_mean), f"ceiling for {condition}, over {limit.systems} systems"
+
+
+def origin_of(dataset: DatasetFolder) -> Origin:
+    """What a dataset's windows are of; datasets of old say nothing of their weather."""
+    experiment, weather = dataset.system.experiment, dataset.manifest.settings.get("weather")
+    known = {str(k): str(v) for k, v in weather.items()} if isinstance(weather, dict) else {}
+    return Origin(start=experiment.start, hours=experiment.hours, weather=known)
+
+
+def constants_of(dataset: DatasetFolder) -> dict[str, Unknown]:
+    """The constants that were drawn for each system of a dataset."""
+    return unknown_constants(dataset.system.uncertain if dataset.manifest.settings.get("uncertain") else [])
+
+
+def check_same_system(card: Card, dataset: DatasetFolder) -> None:
+    """Refuse a dataset of another system than the run's, or of another FMU.
+
+    System hash, root seed and index say which systems the run has seen; with another FMU these are other systems.
+    """
+    if dataset.manifest.system_hash != card.system_hash:
+        raise EstimatorError(
+            f"{dataset.folder}: its system is {dataset.manifest.system_name} ({dataset.manifest.system_hash[:12]});"
+            f" the run was trained on {card.system_name} ({card.system_hash[:12]})"
+        )
+    if dataset.manifest.fmu_sha256 != card.fmu_sha256:
+        raise EstimatorError(
+            f"{dataset.folder}: its fmu_sha256 is {dataset.manifest.fmu_sha256[:12]}; the run was trained on systems of"
+            f" the FMU {card.fmu_sha256[:12]}: simulate the dataset with that one, or fit the estimator again"
+        )
+
+
+def window_length(card: Card, hours: float | None) -> int:
+    """Samples of a window of so many hours, the run's main length by default."""
+    hours = card.context_hours if hours is None else hours
+    length, known = round(hours * 3600 / card.encoding.step) if math.isfinite(hours) else 0, card.encoding.lengths
+    if length not in known:
+        found = ", ".join(f"{one * card.encoding.step / 3600:g} h" for one in known)
+        raise EstimatorError(f"context is {hours:g} h; the run was trained on {found}")
+    return length
+
+
+def absent_channels(card: Card, without: list[str]) -> torch.Tensor:
+    """Which recorded channels are to be missing; bool (recorded,)."""
+    for name in without:
+        if name not in card.encoding.optional:
+            found = ", ".join(card.encoding.optional) or "none"
+            raise EstimatorError(f"without: {name!r} is not a channel that the run can do without; found {found}")
+    return torch.tensor([name in without for name in card.encoding.recorded])
+
+
+def check_records(card: Card, records: Records, folder: Path, length: int) -> None:
+    """Refuse records of another step than the run's, or too short for windows of ``length`` samples."""
+    step = float(records.time[1] - records.time[0]) if len(records.time) > 1 else card.encoding.step
+    if abs(step - card.encoding.step) > 1e-6 * card.encoding.step:
+        raise EstimatorError(f"{folder}: its step is {step:g} s; the run was trained on {card.encoding.step:g} s")
+    if len(records.time) < length:
+        raise EstimatorError(f"{folder}: its records have {len(records.time)} samples; the context is {length}")

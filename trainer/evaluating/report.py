@@ -1,0 +1,210 @@
+"""What an evaluation finds, and its tables: terminal, Markdown, CSV, JSON."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+from rich.table import Table
+
+from shared.errors import EstimatorError
+from shared.reading import MIB, read_text, why
+from shared.store import write_atomically
+from trainer.runs.checkpoint import Card
+from trainer.tables import Row, markdown_table
+from trainer.tables import terminal_table as plain_table
+
+EVALUATION = "evaluation.json"
+ANSWERS = "answers.csv"
+"""Every window's true and estimated parameters."""
+MOST_ANSWERS = 512 * MIB
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class Protocol(_Table):
+    """Figures of merit under one protocol. R2 is None where the true parameter does not vary."""
+
+    r2: dict[str, float | None]
+    r2_mean: float | None
+    r2_interval: dict[str, tuple[float | None, float | None]]
+    r2_mean_interval: tuple[float | None, float | None]
+    relative_accuracy: dict[str, float]
+    windows: int
+    systems: int
+    systems_trained_on: int
+
+
+class Answers(NamedTuple):
+    """What an estimator answered to the windows of one protocol, and the truth."""
+
+    seeds: np.ndarray
+    """root seed of each window's system (windows,)"""
+    systems: np.ndarray
+    """index of each window's system (windows,)"""
+    begin: np.ndarray
+    """first time stamp (windows,) [s since time zero]"""
+    truth: np.ndarray
+    """(windows, parameters) [own units]"""
+    estimate: np.ndarray
+    """(windows, parameters) [own units]"""
+
+
+class CeilingFigures(_Table):
+    """The linearised Bayesian limit of R2 under the same condition."""
+
+    r2: dict[str, float]
+    r2_mean: float
+
+
+class Evaluation(_Table):
+    """``evaluation.json``."""
+
+    schema_version: int = 1
+    model: str
+    context_hours: float
+    step: float
+    noise: str
+    channels: list[str]
+    protocols: dict[str, Protocol]
+    ceiling: CeilingFigures | None
+    ceiling_note: str
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3f}"
+
+
+def _r2(protocol: Protocol, parameter: str | None) -> str:
+    """R2 with its interval; the mean over parameters where ``parameter`` is None."""
+    value = protocol.r2_mean if parameter is None else protocol.r2[parameter]
+    low, high = protocol.r2_mean_interval if parameter is None else protocol.r2_interval[parameter]
+    span = ", ".join("-" if end is None else f"{end:.2f}" for end in (low, high))
+    return f"{_number(value)} [{span}]"
+
+
+def table_rows(evaluation: Evaluation) -> tuple[Row, list[Row]]:
+    """Header and rows: R2 of both protocols, the ceiling, median relative accuracy; the last row is the mean."""
+    names = list(evaluation.protocols)
+    header = ("parameter", *(f"R2 {name}" for name in names), "ceiling", *(f"accuracy {name}" for name in names))
+    ceiling = evaluation.ceiling
+    rows: list[Row] = []
+    for parameter in evaluation.protocols[names[0]].r2:
+        limit = ceiling.r2.get(parameter) if ceiling else None
+        accuracy = (_number(evaluation.protocols[name].relative_accuracy[parameter]) for name in names)
+        rows.append((parameter, *(_r2(evaluation.protocols[n], parameter) for n in names), _number(limit), *accuracy))
+    last = _number(ceiling.r2_mean if ceiling else None)
+    rows.append(("mean", *(_r2(evaluation.protocols[name], None) for name in names), last, *("" for _ in names)))
+    return header, rows
+
+
+def notes(evaluation: Evaluation) -> list[str]:
+    """Sentences under the table."""
+    lines = [
+        f"{name}: {one.windows} disjoint windows of {one.systems} systems, {one.systems_trained_on} of which the run"
+        " had trained on or been validated by"
+        for name, one in evaluation.protocols.items()
+    ]
+    meant = (
+        "R2 in the parameters' own units, with 90 % intervals by system; accuracy: median of 1 less the relative error"
+    )
+    return [*lines, meant, evaluation.ceiling_note]
+
+
+def terminal_table(evaluation: Evaluation) -> Table:
+    """The table for the terminal."""
+    header, rows = table_rows(evaluation)
+    title = f"{evaluation.model}, {evaluation.context_hours:g} h, noise {evaluation.noise}"
+    return plain_table(title, header, rows, whole=1 + len(evaluation.protocols))
+
+
+def markdown(evaluation: Evaluation, card: Card) -> str:
+    """The table as Markdown."""
+    header, rows = table_rows(evaluation)
+    lines = [
+        f"# {evaluation.model} on {card.system_name}",
+        "",
+        f"Context {evaluation.context_hours:g} h, step {evaluation.step:g} s, noise {evaluation.noise},"
+        f" channels {', '.join(evaluation.channels)}; {card.training.best_step} steps of {card.training.batch_size}"
+        f" windows, {len(card.training_systems.indices)} training systems.",
+        "",
+        markdown_table(header, rows),
+        "",
+        *(f"- {note}" for note in notes(evaluation)),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def as_csv(evaluation: Evaluation) -> str:
+    """One row per protocol and parameter, full precision."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["protocol", "parameter", "r2", "r2_low", "r2_high", "relative_accuracy", "ceiling"])
+    ceiling = evaluation.ceiling
+    for name, one in evaluation.protocols.items():
+        for parameter, value in one.r2.items():
+            limit = ceiling.r2.get(parameter) if ceiling else None
+            writer.writerow(
+                [name, parameter, value, *one.r2_interval[parameter], one.relative_accuracy[parameter], limit]
+            )
+        mean = ceiling.r2_mean if ceiling else None
+        writer.writerow([name, "mean", one.r2_mean, *one.r2_mean_interval, None, mean])
+    return text.getvalue()
+
+
+def write_answers(answers: dict[str, Answers], parameters: list[str], folder: Path) -> None:
+    """Write answers.csv: one row per protocol and window, whose system is known by root seed and index."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    names = [f"{kind} {name}" for kind in ("true", "estimated") for name in parameters]
+    writer.writerow(["protocol", "root_seed", "system", "begin", *names])
+    for protocol, one in answers.items():
+        numbers = np.concatenate([one.begin[:, None], one.truth, one.estimate], axis=1)
+        for seed, system, row in zip(one.seeds, one.systems, numbers, strict=True):
+            writer.writerow([protocol, seed, system, *(f"{value:.9g}" for value in row)])
+    write_atomically(folder / ANSWERS, text.getvalue().encode())
+
+
+def read_answers(folder: Path) -> dict[str, Answers]:
+    """Read what :func:`write_answers` wrote.
+
+    Raises
+    ------
+    EstimatorError
+        If the file is missing or damaged.
+    """
+    path = folder / ANSWERS
+    text = read_text(path, EstimatorError, "a file of `trainer evaluate`", most=MOST_ANSWERS)
+    try:
+        return _parsed(list(csv.reader(io.StringIO(text, newline=""))))
+    except (ArithmeticError, LookupError, ValueError, csv.Error) as error:
+        raise EstimatorError(f"{path}: damaged ({why(error)}); evaluate the run again") from None
+
+
+def _parsed(rows: list[list[str]]) -> dict[str, Answers]:
+    half = (len(rows[0]) - 4) // 2
+    found = {}
+    for protocol in dict.fromkeys(row[0] for row in rows[1:]):
+        chosen = [row for row in rows[1:] if row[0] == protocol]
+        numbers = np.array([row[3:] for row in chosen], dtype=float)
+        found[protocol] = Answers(
+            np.array([int(row[1]) for row in chosen], dtype=object),
+            np.array([int(row[2]) for row in chosen]),
+            numbers[:, 0],
+            numbers[:, 1 : 1 + half],
+            numbers[:, 1 + half :],
+        )
+    return found
+
+
+def write_report(evaluation: Evaluation, card: Card, folder: Path) -> None:
+    """Write evaluation.json, evaluation.md and evaluation.csv."""
+    write_atomically(folder / EVALUATION, (evaluation.model_dump_json(indent=1) + "\n").encode())
+    write_atomically(folder / "evaluation.md", markdown(evaluation, card).encode())
+    write_atomically(folder / "evaluation.csv", as_csv(evaluation).encode())

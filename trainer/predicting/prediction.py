@@ -1,0 +1,224 @@
+"""Estimate the parameters behind one recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from shared.errors import EstimatorError, RecordingError
+from trainer.predicting.readings import date_of
+from trainer.predicting.recorded import Window, read_window
+from trainer.reading.encoding import Encoding
+from trainer.reading.familiar import Familiar, stuck, unlike
+from trainer.runs.checkpoint import Run, load_run
+from trainer.runs.validation import Typical, typical_errors
+from trainer.seeds import check_seed
+
+NEAR = 1e-3
+"""An estimate this close to an end of its range, as a share of the range, is said to lie at its bound."""
+
+SAMPLES = 1000
+"""Drawn from a posterior."""
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class Estimate(_Table):
+    """One parameter.
+
+    ``rmse`` [unit] is the root mean square error on validation systems of estimates from windows of the same length and
+    channels; None where the run's card has none for these. Where the run has a posterior, ``median`` and ``low`` to
+    ``high``, the central 90 % interval, are its own.
+    """
+
+    value: float
+    unit: str
+    rmse: float | None
+    at_bound: bool
+    median: float | None = None
+    low: float | None = None
+    high: float | None = None
+
+
+class Prediction(_Table):
+    """Parameters of one system, from the window of the steps from ``begin`` to ``end``."""
+
+    system: int | None
+    begin: str
+    end: str
+    parameters: dict[str, Estimate]
+    correlation: list[list[float]] | None = None
+    """of the parameters under the posterior, in their order"""
+    unlike: list[str] | None = None
+    """in what the window is unlike all that the run was trained on: then errors are larger than is said; None where the
+    run does not remember it, so that nothing was checked"""
+
+
+class Predictions(_Table):
+    """What ``trainer predict`` prints."""
+
+    schema_version: int = 4
+    file: str
+    model: str
+    context_hours: float
+    noise: str
+    absent: list[str] = []
+    """Channels that the run can do without, and that the recording lacks."""
+    held: list[str] | None = None
+    """uncertain constants of the description that the run has seen as declared only: where a building's are others,
+    errors are larger than is said; None where the run does not remember it"""
+    rmse_note: str
+    """What ``rmse`` is over, or why it is null."""
+    predictions: list[Prediction]
+
+
+def predict(
+    run: Run | Path | str,
+    file: Path | str,
+    *,
+    samples: int = SAMPLES,
+    seed: int = 0,
+    out: Path | str | None = None,
+    corner: Path | str | None = None,
+) -> Predictions:
+    """Estimate parameters from a recording: one forward pass over its last context window.
+
+    A run with a posterior also gives intervals and correlations.
+
+    Parameters
+    ----------
+    run
+        A run folder, or a run already loaded.
+    file
+        NetCDF with the run's recorded channels as variables over (time) or (system, time), each with ``units``, and a
+        ``time`` coordinate, as the shards of a dataset have it. Each system of it is estimated by itself.
+    samples
+        Drawn from the posterior of each system.
+    seed
+        Of the samples.
+    out
+        NetCDF file to write the samples to.
+    corner
+        PNG file for the posterior's marginals and pairs; the recording must be of one system.
+
+    Raises
+    ------
+    RecordingError
+        If the recording cannot be read, or its channels, units, cell methods, step, length or values do not fit the
+        run.
+    EstimatorError
+        If the run cannot be used, or samples or a figure are wanted and it has no posterior.
+    """
+    from trainer.posterior.checkpoint import load_posterior  # the flows take a while to import
+    from trainer.posterior.inference import summarise
+    from trainer.posterior.recording import write_samples
+
+    check_seed(seed)
+    run = run if isinstance(run, Run) else load_run(run)
+    for path in (out, corner):
+        if path is not None:
+            _make_folder(Path(path).parent)
+    encoding = run.card.encoding
+    window = read_window(Path(file), encoding)
+    known = {one.length: one for one in run.card.familiar}.get(len(window.stamps))
+    if known is not None:
+        _check_moving(Path(file), window, known, encoding)
+    begins = window.begins + window.stamps[0]
+    estimates = run.estimate(window.values, begins)
+    posterior = load_posterior(run)
+    if posterior is None and (out is not None or corner is not None):
+        raise EstimatorError(f"{run.folder}: has no posterior to draw samples from; `trainer posterior` fits one")
+    if corner is not None and len(window.systems) > 1:
+        raise EstimatorError(f"{file}: has {len(window.systems)} systems; expected one for a corner plot")
+    drawn = None if posterior is None else posterior.sample(window.values, begins, samples, seed=seed)
+    found = None if drawn is None else summarise(drawn)
+    names, units = encoding.parameters, encoding.parameter_units
+    if drawn is not None and out is not None:
+        facts: dict[str, str | int] = {"recording": str(file), "estimator": run.card.weights_sha256, "seed": seed}
+        write_samples(Path(out), drawn, window.systems, names, units, facts)
+    if drawn is not None and corner is not None:
+        from trainer.posterior.figures import draw_corner
+
+        ranges = list(zip(encoding.parameter_min, encoding.parameter_max, strict=True))
+        draw_corner(drawn[0], names, units, ranges, Path(corner))
+    typical = typical_errors(run.card, len(window.stamps), window.absent)
+    low, high = np.array(encoding.parameter_min), np.array(encoding.parameter_max)
+    near = NEAR * (high - low)
+    predictions = []
+    for i, (system, row, moved) in enumerate(zip(window.systems, estimates, window.begins, strict=True)):
+        # a stamp is the end of its step, and so the window begins a step before its first one
+        begin, end = (date_of(stamp + moved) for stamp in (window.stamps[0] - encoding.step, window.stamps[-1]))
+        parameters = {
+            name: Estimate(
+                value=float(row[k]),
+                unit=encoding.parameter_units[k],
+                rmse=None if typical.rmse is None else typical.rmse[name],
+                at_bound=bool(row[k] < low[k] + near[k] or row[k] > high[k] - near[k]),
+                median=None if found is None else float(found.median[i, k]),
+                low=None if found is None else float(found.low[i, k]),
+                high=None if found is None else float(found.high[i, k]),
+            )
+            for k, name in enumerate(encoding.parameters)
+        }
+        correlation = None if found is None else found.correlation[i].tolist()
+        predictions.append(
+            Prediction(
+                system=system,
+                begin=begin,
+                end=end,
+                parameters=parameters,
+                correlation=correlation,
+                unlike=None if known is None else unlike(window.values[i], known, encoding),
+            )
+        )
+    return Predictions(
+        file=str(file),
+        model=run.card.model,
+        context_hours=len(window.stamps) * encoding.step / 3600,
+        noise=run.card.noise,
+        absent=window.absent,
+        held=run.card.held,
+        rmse_note=_rmse_note(typical, window, encoding, posterior is not None),
+        predictions=predictions,
+    )
+
+
+def _make_folder(folder: Path) -> None:
+    """Before the work: what it makes must have a place."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise EstimatorError(f"{folder}: cannot be made ({error.strerror}); expected a folder to write to") from None
+
+
+def _check_moving(path: Path, window: Window, known: Familiar, encoding: Encoding) -> None:
+    """Refuse an output that stands still throughout, where that never was so in training."""
+    at = stuck(window.values, known, encoding)
+    if at is None:
+        return
+    name, unit = encoding.recorded[at[1]], encoding.units[at[1]]
+    hours = len(window.stamps) * encoding.step / 3600
+    found = f"{window.values[at[0], 0, at[1]]:g}{'' if unit == '1' else f' {unit}'}"
+    whose = "" if window.systems[at[0]] is None else f" of system {window.systems[at[0]]}"
+    longest = known.longest_still[at[1]] * encoding.step / 3600
+    never = f"never for more than {longest:.3g} h on end" if longest < hours else "never so long there"
+    raise RecordingError(
+        f"{path}: {name}{whose} is {found} throughout the window of {hours:g} h, and"
+        f" in the run's training {never}; expected readings of a sensor that works"
+    )
+
+
+def _rmse_note(typical: Typical, window: Window, encoding: Encoding, posterior: bool) -> str:
+    """A sentence on the errors that are given, or on why none are."""
+    if typical.rmse is None:
+        interval = "; the 90 % interval is the posterior's own, for this very recording" if posterior else ""
+        return f"no rmse: {typical.note}{interval}"
+    present = [name not in window.absent for name in encoding.recorded]
+    gaps = (
+        "; the recording has gaps, with which errors are larger" if np.isnan(window.values[..., present]).any() else ""
+    )
+    return f"rmse: {typical.note}{gaps}"

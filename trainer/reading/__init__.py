@@ -1,0 +1,1 @@
+"""Windows over shards, and how an estimator reads them."""

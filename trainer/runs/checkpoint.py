@@ -1,0 +1,290 @@
+"""A run folder: ``weights.safetensors`` and ``estimator.json``, which together are all that using an estimator takes.
+
+No pickle: loading a run executes nothing that it holds.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import torch
+from pydantic import BaseModel, ConfigDict, field_serializer, field_validator, model_validator
+from safetensors.torch import save as save_tensors
+
+from shared.errors import EstimatorError
+from shared.reading import read_json, validated
+from shared.shipped import resolved_estimator
+from shared.store import Records, sha256_of, write_atomically
+from trainer.models import build
+from trainer.models.base import Estimator, Shape
+from trainer.reading.encoding import Encoding
+from trainer.reading.familiar import Familiar
+from trainer.runs.spans import packed, unpacked
+from trainer.runs.weights import check_card_version, load_weights
+
+SCHEMA_VERSION = 3
+"""The first version has no errors by condition; before the third it is not said which channels are means of a step, and
+which never varied."""
+CARD = "estimator.json"
+WEIGHTS = "weights.safetensors"
+CALIBRATION = ("calibration.json", "calibration.md", "calibration.csv", "sbc.png", "coverage.png")
+"""What says how good a posterior is, beside it."""
+CHUNK = 256
+"""Windows of one forward pass where many are estimated."""
+
+
+Stop = Literal["steps", "minutes", "not a number", "interrupted", "running"]
+"""Why a training ended."""
+Keep = Literal["best", "last"]
+"""Which weights of a training are kept."""
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class Systems(_Table):
+    """Systems of a dataset: with the system hash, (root seed, index) is what a simulated system is."""
+
+    root_seeds: list[int]
+    """of each system: a merged dataset has several"""
+    indices: list[int]
+
+    @field_serializer("root_seeds", "indices", when_used="json")
+    def _pack(self, numbers: list[int]) -> str:
+        return packed(numbers)
+
+    @field_validator("root_seeds", "indices", mode="before")
+    @classmethod
+    def _unpack(cls, found: Any) -> Any:
+        return unpacked(found) if isinstance(found, str) else found
+
+    @classmethod
+    def of(cls, records: Records, rows: np.ndarray) -> Systems:
+        """The systems in some rows of records."""
+        return cls(root_seeds=[int(s) for s in records.seeds[rows]], indices=records.systems[rows].tolist())
+
+    def rows_in(self, records: Records) -> np.ndarray:
+        """Which rows of records are of these systems; bool (systems,)."""
+        known = set(zip(self.root_seeds, self.indices, strict=True))
+        rows = zip(records.seeds, records.systems, strict=True)
+        return np.array([(int(seed), int(index)) in known for seed, index in rows], dtype=bool)
+
+    def with_those(self, others: Systems) -> Systems:
+        """These, and those of ``others`` that are not among them."""
+        own = list(zip(self.root_seeds, self.indices, strict=True))
+        known = set(own)
+        own += [pair for pair in zip(others.root_seeds, others.indices, strict=True) if pair not in known]
+        return Systems(root_seeds=[seed for seed, _ in own], indices=[index for _, index in own])
+
+
+class Training(_Table):
+    """How the estimator came about."""
+
+    seed: int
+    batch_size: int
+    lr: float
+    schedule: str
+    steps: int
+    best_step: int
+    validation_loss: float
+    validation_windows: int
+    seconds: float
+    stopped: Stop
+    minutes: float | None = None
+    """budget [min], where it was not steps"""
+    keep: Keep = "best"
+    """weights that were best on validation systems, or the last ones"""
+    coarse: bool = False
+    """whether products were rounded to bfloat16"""
+    data: str | None = None
+    """sha256 of what the dataset is, where the training began with the weights of another one"""
+
+
+class Errors(_Table):
+    """Root mean square errors on validation systems under one condition, readings without gaps."""
+
+    length: int
+    """samples of a window"""
+    absent: list[str]
+    """recorded channels that it lacks"""
+    noise: str
+    """sensor preset"""
+    windows: int
+    systems: int
+    rmse: dict[str, float]
+    """of each parameter [its own unit]"""
+
+
+def shape_of(encoding: Encoding) -> Shape:
+    """Sizes of an estimator's windows and answers."""
+    return Shape(
+        length=encoding.length,
+        outputs=encoding.outputs,
+        recorded=len(encoding.recorded),
+        columns=encoding.columns,
+        parameters=len(encoding.parameters),
+        step=encoding.step,
+    )
+
+
+class Card(_Table):
+    """``estimator.json``."""
+
+    schema_version: int = SCHEMA_VERSION
+    model: str
+    options: dict[str, Any]
+    context_hours: float
+    noise: str
+    begun_with: str | None = None
+    """sha256 of the weights that the training began with, if not with random ones"""
+    encoding: Encoding
+    system_name: str
+    system_hash: str
+    fmu_sha256: str
+    training_systems: Systems
+    validation_systems: Systems
+    validation_rmse: dict[str, float]
+    """Root mean square error of each parameter on the training's validation windows [its own unit].
+
+    These have the main length, and all sensor presets and missing channels of the training, mixed.
+    """
+    validation_errors: list[Errors] = []
+    """The same condition by condition; none in a card of the first version, or of a training that was interrupted."""
+    familiar: list[Familiar] = []
+    """What windows of the training look like, length by length; none in cards of earlier versions."""
+    held: list[str] | None = None
+    """Uncertain constants of the description that all systems of the training had as declared; None where it is not
+    known, in cards of earlier versions."""
+    training: Training
+    versions: dict[str, str]
+    weights_sha256: str = ""
+
+    @model_validator(mode="after")
+    def _errors_fit(self) -> Card:
+        """Errors are of the encoding's parameters, what is familiar of its channels."""
+        for one in self.validation_errors:
+            if set(one.rmse) != set(self.encoding.parameters):
+                found, expected = ", ".join(one.rmse) or "none", ", ".join(self.encoding.parameters)
+                raise ValueError(f"validation_errors: has errors of {found}; expected {expected}")
+        for known in self.familiar:
+            if len(known.lowest) != len(self.encoding.recorded):
+                raise ValueError(
+                    f"familiar: is of {len(known.lowest)} channels; expected {len(self.encoding.recorded)}"
+                )
+        return self
+
+    def seen(self, system_hash: str, records: Records) -> np.ndarray:
+        """Which rows of records, of a system, the run trained on or chose its weights by; bool (systems,)."""
+        if system_hash != self.system_hash:
+            return np.zeros(len(records.systems), dtype=bool)
+        return self.training_systems.rows_in(records) | self.validation_systems.rows_in(records)
+
+    @property
+    def length(self) -> int:
+        """Samples of the window that the training was for first of all."""
+        return round(self.context_hours * 3600 / self.encoding.step)
+
+    def shape(self) -> Shape:
+        """Sizes of the estimator."""
+        return shape_of(self.encoding)
+
+
+class Run:
+    """An estimator ready to use."""
+
+    def __init__(self, card: Card, model: Estimator, folder: Path | None = None, results: Path | None = None) -> None:
+        self.card = card
+        self.model = model
+        self.folder = folder
+        self.results = results or folder
+        """where findings about it go, unless told otherwise: not among the files of an installed package"""
+
+    def answers(self, windows: torch.Tensor, time: torch.Tensor) -> torch.Tensor:
+        """Standardised log10 answers (windows, parameters) to encoded windows (windows, length, columns)."""
+        return forward_in_chunks(self.model, windows, time)
+
+    def estimate(self, values: np.ndarray, time: np.ndarray) -> np.ndarray:
+        """Parameters (windows, parameters) [own units], float64.
+
+        Parameters
+        ----------
+        values
+            Recorded channels, shape (windows, length, recorded) [units of ``card.encoding.units``].
+        time
+            Time stamp of each window's first sample, shape (windows,) [s since time zero].
+        """
+        stamps = torch.from_numpy(np.asarray(time, dtype=np.float64))
+        encoded = self.card.encoding.encode(torch.from_numpy(np.asarray(values, dtype=np.float32)), stamps)
+        return self.card.encoding.estimates(self.answers(encoded, stamps))
+
+
+def forward_in_chunks(model: Estimator, windows: torch.Tensor, time: torch.Tensor) -> torch.Tensor:
+    """Answers in evaluation mode, a bounded number of windows at a time."""
+    was_training = model.training
+    model.eval()
+    try:
+        with torch.no_grad():
+            pairs = zip(windows.split(CHUNK), time.split(CHUNK), strict=True)
+            return torch.cat([model(part, stamps) for part, stamps in pairs])
+    finally:
+        model.train(was_training)
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder to write results to.
+
+    Raises
+    ------
+    EstimatorError
+        If that cannot be done.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise EstimatorError(f"{folder}: cannot be made a folder ({error.strerror})") from None
+
+
+def save_run(folder: Path, card: Card, model: Estimator) -> None:
+    """Write a run folder: each file whole, the weights first, then the card that names their hash."""
+    make_folder(folder)
+    tensors = {name: tensor.detach().contiguous().clone() for name, tensor in model.state_dict().items()}
+    write_atomically(folder / WEIGHTS, save_tensors(tensors))
+    card.weights_sha256 = sha256_of(folder / WEIGHTS)
+    write_atomically(folder / CARD, (card.model_dump_json(indent=1) + "\n").encode())
+
+
+def read_card(folder: Path) -> Card:
+    """Read ``estimator.json``.
+
+    Raises
+    ------
+    EstimatorError
+        If it is missing, damaged, or of a newer version.
+    """
+    path = folder / CARD
+    raw = read_json(path, EstimatorError, "a run folder made by `trainer fit`")
+    check_card_version(path, raw, SCHEMA_VERSION, "trainer fit")
+    return validated(Card, raw, f"{path}: damaged", EstimatorError)
+
+
+def load_run(folder: Path | str) -> Run:
+    """Load an estimator from its folder, or the one that comes with a shipped system, by the system's name.
+
+    Raises
+    ------
+    EstimatorError
+        If the folder holds none, or one of its files is damaged or newer than this version.
+    """
+    given, folder = Path(folder), resolved_estimator(folder)
+    card = read_card(folder)
+    model = load_weights(
+        folder / WEIGHTS,
+        card.weights_sha256,
+        CARD,
+        "fit the estimator again",
+        lambda: build(card.model, card.shape(), card.options)[0],
+    )
+    return Run(card, model, folder, None if folder == given else Path(f"{given.name}-results"))

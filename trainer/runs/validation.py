@@ -1,0 +1,150 @@
+"""Errors of an estimator's answers to validation systems, condition by condition: measured once, looked up ever after.
+
+What an error is depends on how long the window is, which channels it lacks and how noisy its readings are. One figure
+over all that an estimator was trained on is too small for short and poor recordings, and too large for the others.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+import torch
+
+from shared.progress import tracked
+from shared.system import System
+from trainer.models.base import Estimator
+from trainer.reading.noise import Sensors
+from trainer.reading.windows import WindowSource, disjoint_windows
+from trainer.runs.checkpoint import Card, Errors, forward_in_chunks
+
+WINDOWS = 256
+"""Of each condition, at most: errors within 5 %, and minutes where there are many conditions and a large network."""
+
+
+class Typical(NamedTuple):
+    """Root mean square error of each parameter [own unit], None where it is not known; and a sentence on it."""
+
+    rmse: dict[str, float] | None
+    note: str
+
+
+def measured_errors(
+    network: Estimator,
+    card: Card,
+    source: WindowSource,
+    system: System,
+    rows: np.ndarray,
+    seed: int,
+    progress: bool = False,
+) -> list[Errors]:
+    """Errors under every condition: all lengths, all sensor presets, the usual sets of missing channels.
+
+    Parameters
+    ----------
+    source
+        Has the records of the validation systems, in its rows ``rows``. It is left as it was.
+    seed
+        Of windows and noise. All conditions of one length have the same windows.
+    progress
+        Show a progress bar on stderr.
+    """
+    encoding = card.encoding
+    numbers = [int(one) for one in np.random.SeedSequence(seed).generate_state(2)]
+    presets = dict.fromkeys(card.noise.split())
+    conditions = list(product(encoding.lengths, absences(encoding.optional), presets))
+    found = []
+    for length, absent, preset in tracked(conditions, "validation errors", shown=progress and len(conditions) > 1):
+        rng = np.random.default_rng(numbers[0])
+        where, starts = disjoint_windows(rows, len(source.time), length, WINDOWS, rng)
+        readings = source.under(
+            Sensors(system, encoding.recorded, preset),
+            torch.Generator().manual_seed(numbers[1]),
+            Without(encoding.recorded, absent),
+        )
+        batch = readings.gather(torch.from_numpy(where), torch.from_numpy(starts), length)
+        answers = encoding.estimates(forward_in_chunks(network, batch.windows, batch.time))
+        rmse = np.sqrt(np.mean((answers - encoding.estimates(batch.targets)) ** 2, axis=0))
+        found.append(
+            Errors(
+                length=length,
+                absent=absent,
+                noise=preset,
+                windows=len(where),
+                systems=len(np.unique(where)),
+                rmse=dict(zip(encoding.parameters, rmse.tolist(), strict=True)),
+            )
+        )
+    return found
+
+
+class Without:
+    """Makes channels missing throughout."""
+
+    def __init__(self, recorded: list[str], absent: list[str]) -> None:
+        self.lost = torch.tensor([name in absent for name in recorded])
+
+    def __call__(self, values: torch.Tensor, _: torch.Generator) -> torch.Tensor:
+        """Windows (batch, length, recorded) without those channels."""
+        return values.masked_fill(self.lost, torch.nan)
+
+
+def absences(optional: list[str]) -> list[list[str]]:
+    """Sets of missing channels: none, each one alone, all; the number of all sets would double with every channel."""
+    sets = [[], *([name] for name in optional), list(optional)]
+    return [one for k, one in enumerate(sets) if one not in sets[:k]]
+
+
+def typical_errors(card: Card, length: int, absent: list[str], noise: str | None = None) -> Typical:
+    """The errors of estimates from windows of some length that lack some channels, as far as a card has them.
+
+    Parameters
+    ----------
+    length
+        Samples of the window.
+    absent
+        Recorded channels that it lacks.
+    noise
+        Sensor preset; several, joined by spaces, are mixed evenly. None is a recording's, of which nobody knows: then
+        each parameter has the largest error that it has under a preset of the training.
+    """
+    presets = list(dict.fromkeys((noise or card.noise).split()))
+    found = {one.noise: one for one in card.validation_errors if one.length == length and set(one.absent) == {*absent}}
+    what = _condition(card, length, absent, (" or " if noise is None else " and ").join(presets))
+    if set(presets) <= set(found):
+        names = card.encoding.parameters
+        each = np.array([[found[preset].rmse[name] for name in names] for preset in (noise or card.noise).split()])
+        rmse = each.max(axis=0) if noise is None else np.sqrt(np.mean(each**2, axis=0))
+        one = found[presets[0]]
+        note = f"root mean square error on {one.windows} windows of {one.systems} validation systems, {what}"
+        note += ", whichever is larger" if noise is None and len(presets) > 1 else ""
+        return Typical(dict(zip(names, rmse.tolist(), strict=True)), note)
+    if (
+        not card.validation_errors
+        and _has_one_condition(card)
+        and length == card.length
+        and noise in (None, card.noise)
+    ):
+        return Typical(card.validation_rmse, f"root mean square error on the run's validation windows, {what}")
+    if card.validation_errors:
+        return Typical(None, f"the run's card has errors of validation systems, but none for {what}")
+    return Typical(None, f"the run's card has one figure only ({whole_condition(card)}), and none for {what}")
+
+
+def whole_condition(card: Card) -> str:
+    """In words, what ``validation_rmse`` of a card is over."""
+    optional = card.encoding.optional
+    text = _condition(card, card.length, [], " and ".join(dict.fromkeys(card.noise.split())))
+    return text + (f", with and without {', '.join(optional)}" if optional else "")
+
+
+def _condition(card: Card, length: int, absent: list[str], noise: str) -> str:
+    text = f"{length * card.encoding.step / 3600:g} h"
+    text += f" without {', '.join(absent)}" if absent else ""
+    return f"{text}, noise {noise}"
+
+
+def _has_one_condition(card: Card) -> bool:
+    """Whether all validation windows of a card were under the same condition, but for gaps."""
+    return not card.encoding.optional and len(set(card.noise.split())) == 1 and bool(card.validation_rmse)

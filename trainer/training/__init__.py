@@ -1,0 +1,1 @@
+"""Fitting an estimator to a dataset, and searching for its options."""

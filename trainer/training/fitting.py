@@ -1,0 +1,299 @@
+"""Fit an estimator to a dataset (paper, section 4)."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+import torch
+
+from shared.errors import EstimatorError
+from shared.logs import logger
+from shared.store import DatasetFolder
+from trainer.models import build, estimator_class, option_defaults
+from trainer.models.base import Estimator, Recipe
+from trainer.reading.data import fingerprint, training_records
+from trainer.reading.encoding import LATER, make_encoding, split_channels
+from trainer.reading.familiar import familiar
+from trainer.reading.missing import LONGEST, Missing
+from trainer.reading.noise import Sensors
+from trainer.reading.windows import Sampler, WindowSource, context_length, disjoint_windows
+from trainer.runs.checkpoint import (
+    CALIBRATION,
+    CARD,
+    WEIGHTS,
+    Card,
+    Errors,
+    Keep,
+    Run,
+    Systems,
+    Training,
+    load_run,
+    make_folder,
+    read_card,
+    shape_of,
+)
+from trainer.runs.state import STATE, check_settings
+from trainer.runs.validation import measured_errors
+from trainer.runs.versions import versions_here
+from trainer.seeds import check_seed, noise_seed, torch_state
+from trainer.training.beginning import check_same_model, encoding_of, take_weights
+from trainer.training.loop import Loop
+from trainer.training.rounding import slowdown
+
+_log = logger(__name__)
+
+VALIDATION_WINDOWS = 512
+WRITTEN = (
+    *(CARD, WEIGHTS, "curve.csv", "curve.png"),
+    *("evaluation.json", "evaluation.md", "evaluation.csv", "answers.csv", "scatter.png"),
+    *("posterior.json", "posterior.safetensors"),
+    *CALIBRATION,
+)
+"""Files of a run folder."""
+OF_WEIGHTS = WRITTEN[4:]
+"""Of these what says something of one state of the weights."""
+
+
+def fit(
+    dataset_dir: Path | str,
+    out: Path | str,
+    *,
+    model: str = "patch-transformer",
+    context_hours: float | None = None,
+    other_contexts: list[float] | None = None,
+    channels: list[str] | None = None,
+    optional: list[str] | None = None,
+    noise: str = "none",
+    steps: int | None = None,
+    minutes: float | None = None,
+    batch_size: int | None = None,
+    lr: float | None = None,
+    patch: int | None = None,
+    options: dict[str, Any] | None = None,
+    begin_with: Path | str | None = None,
+    coarse: bool = False,
+    systems: int | None = None,
+    seed: int = 0,
+    keep: Keep = "best",
+    threads: int = 1,
+    overwrite: bool = False,
+    resume: bool = False,
+    progress: bool = False,
+) -> Run:
+    """Fit an estimator to the training systems of a dataset.
+
+    Parameters
+    ----------
+    dataset_dir
+        A dataset made by ``datagen run``.
+    out
+        Run folder to write: weights.safetensors, estimator.json, curve.csv, curve.png.
+    model
+        One of ``trainer.models.ESTIMATORS``.
+    context_hours
+        Length of a window [h]; the system description's by default.
+    other_contexts
+        Further lengths [h] that the estimator shall read, for a model that can; half of the batches have these.
+    channels
+        What the estimator reads: outputs, inputs, ``time_of_day``, ``day_of_week``; by default what the system
+        description says.
+    noise
+        Sensor preset of the system description, drawn afresh for every window. Of several, joined by spaces, each
+        window draws one.
+    optional
+        Outputs among the channels that a recording may lack, for a model that reads windows with missing readings.
+    steps, minutes
+        Budget: optimiser steps, or wall-clock time [min]; the model's own number of steps by default.
+    batch_size, lr
+        Windows a step and learning rate of Adamax; the model's own by default (the paper's 16 and 1e-3).
+    patch
+        Samples of a patch, for a model that has patches.
+    options
+        Further options of the model, by name.
+    begin_with
+        A run whose weights to begin with, of the same encoding. What this model has beyond that one begins untrained.
+    coarse
+        Round larger products to bfloat16 while training, for speed, with a model that can.
+    systems
+        Train on the first so many training systems only; all by default.
+    seed
+        Of initial weights, windows, noise and dropout: equal seeds give equal runs (with ``steps``, on one thread).
+    keep
+        The weights that were best on validation systems, or the last ones, however well they know their own systems.
+    threads
+        torch's threads; more than one is slower unless the machine is idle.
+    overwrite
+        Replace an estimator that ``out`` already holds.
+    resume
+        Go on with an unfinished training of the same settings in ``out``, to the same weights (with ``steps``) as if it
+        had not been interrupted; begin where there is none; leave a finished one as it is.
+    progress
+        Show a progress bar on stderr.
+
+    Raises
+    ------
+    EstimatorError
+        If an argument is wrong, or the loss stops being a number.
+    DatasetError
+        If the dataset cannot be used, or has no training or validation systems.
+    """
+    if keep not in get_args(Keep):
+        raise EstimatorError(f"keep: is {keep!r}; expected best or last")
+    if threads < 1:
+        raise EstimatorError(f"threads: is {threads}; expected at least 1")
+    check_seed(seed)
+    dataset = DatasetFolder(dataset_dir)
+    recipe = _recipe(model, steps, minutes, batch_size, lr)
+    chosen = dict(options or {})
+    if patch is not None:
+        if "patch" not in option_defaults(model):
+            raise EstimatorError(f"patch: {model} has no patches; leave it out")
+        chosen["patch"] = patch
+    folder = Path(out)
+    if resume and overwrite:
+        raise EstimatorError("resume and overwrite: both are given; expected one of them")
+    if (folder / CARD).exists() and not overwrite and not resume:
+        raise EstimatorError(f"{folder}: already holds an estimator; choose another folder, resume it, or overwrite it")
+    kind = estimator_class(model)
+    recorded, derived = split_channels(dataset.system, channels)
+    sensors = Sensors(dataset.system, recorded, noise)
+    if coarse and not kind.rounds:
+        raise EstimatorError(f"coarse: {model} is trained with all digits only; leave it out")
+    records = training_records(dataset, recorded, systems)
+    training, validation = (records.of_split(split) for split in ("train", "validation"))
+    hours = dataset.system.estimator.context_hours if context_hours is None else context_hours
+    length = context_length(hours, records)
+    if other_contexts and not kind.reads_shorter:
+        raise EstimatorError(f"other_contexts: {model} reads windows of one length; leave it out")
+    if optional and not kind.reads_missing:
+        raise EstimatorError(f"optional: {model} needs every channel; leave it out")
+    lengths = sorted({length, *(context_length(one, records) for one in other_contexts or [])})
+    encoding = make_encoding(
+        *(dataset.system, records, derived, lengths[-1], training),
+        shorter=lengths[:-1],
+        optional=optional,
+        largest_gap=LONGEST if kind.reads_missing else 0.0,
+    )
+    first = None if begin_with is None else load_run(begin_with)
+    if first is not None:
+        encoding = encoding_of(first, encoding)
+    gaps = Missing(recorded, encoding.outputs, optional or []) if kind.reads_missing else None
+    seeds = [int(s) for s in np.random.SeedSequence(seed).generate_state(6)]
+    source = WindowSource(records, encoding, sensors, torch.Generator().manual_seed(noise_seed(seed)), gaps)
+    records = replace(records, values=np.empty((0, 0, 0), np.float32))  # the source has its own copy
+    where, starts = disjoint_windows(
+        validation, len(records.time), length, VALIDATION_WINDOWS, np.random.default_rng(seeds[1])
+    )
+    held_out = source.gather(torch.from_numpy(where), torch.from_numpy(starts), length)
+    with torch_state(seeds[2], threads):
+        network, merged = build(model, shape_of(encoding), chosen)
+        network.coarse = coarse
+        if coarse and (times := slowdown()) > 1:
+            _log.warning(
+                "coarse: products in bfloat16 take %.1f times as long as others on this processor; leave it out", times
+            )
+        if first is not None:
+            hashes = dataset.manifest.system_hash, dataset.manifest.fmu_sha256
+            check_same_model(first, model, merged, *hashes)
+        earlier = None if first is None else take_weights(network, first)
+        card = Card(
+            model=model,
+            options=merged,
+            context_hours=hours,
+            noise=noise,
+            encoding=encoding,
+            begun_with=earlier,
+            system_name=dataset.system.name,
+            system_hash=dataset.manifest.system_hash,
+            fmu_sha256=dataset.manifest.fmu_sha256,
+            training_systems=Systems.of(records, training),
+            validation_systems=Systems.of(records, validation),
+            validation_rmse={},
+            familiar=familiar(source, training, seeds[5]),
+            held=held(dataset),
+            training=Training(
+                seed=seed,
+                batch_size=recipe.batch_size,
+                lr=recipe.lr,
+                schedule=recipe.schedule,
+                steps=0,
+                best_step=0,
+                validation_loss=math.inf,
+                validation_windows=len(held_out.targets),
+                seconds=0.0,
+                stopped="running",
+                minutes=minutes,
+                keep=keep,
+                coarse=coarse,
+                data=None if first is None else fingerprint(dataset),
+            ),
+            versions=versions_here(),
+        )
+        if first is not None:
+            card.training_systems = card.training_systems.with_those(first.card.training_systems)
+            card.validation_systems = card.validation_systems.with_those(first.card.validation_systems)
+        settings = settings_of(card, None if minutes else recipe.steps)
+        make_folder(folder)
+        if resume and not (folder / STATE).exists() and (folder / CARD).exists():
+            done = read_card(folder)
+            if done.training.stopped in ("steps", "minutes"):
+                check_settings(folder / CARD, settings_of(done, None if minutes else done.training.steps), settings)
+                return load_run(folder)
+        goes_on = resume and (folder / STATE).exists()
+        # an evaluation of what is replaced must not stand beside the new estimator
+        for name in OF_WEIGHTS if goes_on else (*WRITTEN, STATE):
+            (folder / name).unlink(missing_ok=True)
+        sampler = Sampler(source, training, seeds[3], length)
+
+        def measure(kept: Estimator) -> list[Errors]:
+            return measured_errors(kept, card, source, dataset.system, validation, seeds[4], progress)
+
+        Loop(folder, card, network, sampler, held_out, recipe, minutes, settings, measure).run(progress)
+    return load_run(folder)
+
+
+def held(dataset: DatasetFolder) -> list[str]:
+    """Names of the uncertain constants that a dataset's systems all have as declared."""
+    drawn = "uncertain" in dataset.manifest.settings
+    return [] if drawn else [one.name for one in dataset.system.uncertain]
+
+
+def settings_of(card: Card, steps: int | None) -> dict[str, Any]:
+    """What makes a training this one and no other, as JSON holds it; ``steps`` is None where the budget is minutes."""
+    training, encoding = card.training, card.encoding
+    # what earlier versions did not write must not tell an equal training from theirs
+    known = [k.model_dump_json(exclude=LATER) for k in (card.training_systems, card.validation_systems, encoding)]
+    return {
+        "model": card.model,
+        "options": card.options,
+        "context_hours": card.context_hours,
+        "channels": encoding.channels,
+        "noise": card.noise,
+        "batch_size": training.batch_size,
+        "lr": training.lr,
+        "schedule": training.schedule,
+        "steps": steps,
+        "minutes": training.minutes,
+        "keep": training.keep,
+        "coarse": training.coarse or None,  # as in states of trainings that knew nothing of it
+        "seed": training.seed,
+        "begun with": card.begun_with,
+        "dataset": training.data,  # its systems and its scales, which tell it otherwise, are then mixed with another's
+        "training systems": len(card.training_systems.indices),
+        "data": hashlib.sha256("".join([*known, card.system_hash]).encode()).hexdigest(),
+    }
+
+
+def _recipe(model: str, steps: int | None, minutes: float | None, batch_size: int | None, lr: float | None) -> Recipe:
+    for name, value in (("steps", steps), ("minutes", minutes), ("batch_size", batch_size), ("lr", lr)):
+        if value is not None and not 0 < value < math.inf:
+            raise EstimatorError(f"{name}: is {value:g}; expected a positive number")
+    if steps is not None and minutes is not None:
+        raise EstimatorError("steps and minutes: both are given; expected one budget")
+    own = estimator_class(model).recipe
+    return replace(own, steps=steps or own.steps, batch_size=batch_size or own.batch_size, lr=lr or own.lr)
