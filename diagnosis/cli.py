@@ -42,7 +42,7 @@ def residuals(
     Parameters
     ----------
     system
-        System description (TOML), or its folder.
+        System description (TOML), its folder, or the name of one that comes with the package.
     recording
         The recording (NetCDF).
     run

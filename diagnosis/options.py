@@ -17,8 +17,9 @@ class Fitting:
     run: Annotated[
         Path | None,
         Parameter(
-            help="Folder of an estimator, whose estimate is the first start; without one, the middle of the prior (for"
-            " `diagnosis run` the estimator beside the system description, if there is one)."
+            help="Folder of an estimator, or the name of a system that comes with one: its estimate is the first start."
+            " Without, the middle of the prior (for `diagnosis run` the estimator beside the system description, if"
+            " there is one)."
         ),
     ] = None
     replay: Annotated[bool, Parameter(help="The recorded actuators replace the model's control loops.")] = False

@@ -31,6 +31,11 @@ def resolved_estimator(path: Path | str) -> Path:
     return path if folder == path else folder / ESTIMATOR
 
 
+def estimators() -> str:
+    """Names of the shipped systems that come with an estimator, in words."""
+    return ", ".join(name for name, folder in shipped_systems().items() if (folder / ESTIMATOR).is_dir()) or "none"
+
+
 def estimator_beside(description: Path) -> Path | None:
     """The estimator in a folder ``estimator`` beside a system description (TOML), if there is one."""
     folder = description.parent / ESTIMATOR

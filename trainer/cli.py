@@ -200,7 +200,7 @@ def evaluate(
     Parameters
     ----------
     run
-        Run folder made by `trainer fit`.
+        Run folder made by `trainer fit`, or the name of a system that comes with an estimator.
     dataset
         Dataset of the same system. With another root seed than the training's, all of its systems are unseen.
     windows
@@ -250,7 +250,7 @@ def info(run: Path, /, *, json: Annotated[bool, Parameter(negative="")] = False)
     Parameters
     ----------
     run
-        Run folder made by `trainer fit`.
+        Run folder made by `trainer fit`, or the name of a system that comes with an estimator.
     json
         Print estimator.json on stdout.
     """

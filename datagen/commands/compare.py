@@ -41,7 +41,8 @@ def compare(
     Parameters
     ----------
     first
-        System description (TOML), or its folder: it says what is simulated.
+        System description (TOML), its folder, or the name of one that comes with the package: it says what is
+        simulated.
     second
         Description of the other model.
     recorded

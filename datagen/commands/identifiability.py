@@ -39,7 +39,7 @@ def identifiability(
     Parameters
     ----------
     system
-        System description (TOML), or its folder.
+        System description (TOML), its folder, or the name of one that comes with the package.
     context
         Lengths of the recording [h]; by default the estimator's.
     noise

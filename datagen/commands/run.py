@@ -46,7 +46,7 @@ def run(
     Parameters
     ----------
     system
-        System description (TOML), or its folder.
+        System description (TOML), its folder, or the name of one that comes with the package.
     out
         Dataset folder; made if it does not exist.
     systems

@@ -31,7 +31,7 @@ def simulate(
     Parameters
     ----------
     system
-        System description (TOML), or its folder.
+        System description (TOML), its folder, or the name of one that comes with the package.
     out
         The NetCDF file to write.
     set_

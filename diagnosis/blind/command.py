@@ -40,7 +40,7 @@ def make(
     out
         Folder for the recordings and their manifest, which holds the answers' sha256.
     system
-        System description (TOML), or its folder.
+        System description (TOML), its folder, or the name of one that comes with the package.
     recordings
         How many.
     seed
@@ -102,7 +102,7 @@ def run(
     Parameters
     ----------
     system
-        System description (TOML), or its folder.
+        System description (TOML), its folder, or the name of one that comes with the package.
     set_
         Folder that `blind make` wrote.
     out

@@ -38,7 +38,7 @@ def calibrate(
     Parameters
     ----------
     system
-        System description (TOML), or its folder.
+        System description (TOML), its folder, or the name of one that comes with the package.
     recording
         The recording (NetCDF).
     out

@@ -37,7 +37,7 @@ def forecast(
     Parameters
     ----------
     system
-        System description (TOML), or its folder.
+        System description (TOML), its folder, or the name of one that comes with the package.
     recording
         The recording (NetCDF), as long as context and forecast together.
     out

@@ -34,7 +34,7 @@ def predict(
     Parameters
     ----------
     run
-        Run folder made by `trainer fit`.
+        Run folder made by `trainer fit`, or the name of a system that comes with an estimator.
     file
         NetCDF with the run's channels over (time) or (system, time), with units, as a dataset's shards have them.
     samples

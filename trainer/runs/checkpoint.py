@@ -15,7 +15,7 @@ from safetensors.torch import save as save_tensors
 
 from shared.errors import EstimatorError
 from shared.reading import read_json, validated
-from shared.shipped import resolved_estimator
+from shared.shipped import estimators, resolved_estimator
 from shared.store import Records, sha256_of, write_atomically
 from trainer.models import build
 from trainer.models.base import Estimator, Shape
@@ -265,7 +265,8 @@ def read_card(folder: Path) -> Card:
         If it is missing, damaged, or of a newer version.
     """
     path = folder / CARD
-    raw = read_json(path, EstimatorError, "a run folder made by `trainer fit`")
+    expected = f"a run folder made by `trainer fit`, or a system that comes with an estimator ({estimators()})"
+    raw = read_json(path, EstimatorError, expected)
     check_card_version(path, raw, SCHEMA_VERSION, "trainer fit")
     return validated(Card, raw, f"{path}: damaged", EstimatorError)
 
