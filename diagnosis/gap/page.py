@@ -48,8 +48,16 @@ def render(done: Diagnosis) -> str:
         better={one.condition: one.smallest for one in done.report.otherwise},
         days=done.report.steps * done.report.step / DAY,
         shown=SHOWN_TWINS,
+        against=_against(done),
         pictures=_pictures(done),
     )
+
+
+def _against(done: Diagnosis) -> dict[str, str]:
+    """What was found of each source beside the error of a sensor, by the source's name."""
+    residuals, tested = done.where.residuals, done.where.sources
+    labels = dict(zip(residuals.names, residuals.labels, strict=True))
+    return {one.name: tested.words(one, labels[one.rival]) for one in (tested.sources if tested is not None else [])}
 
 
 def _pictures(done: Diagnosis) -> dict[str, str]:

@@ -20,6 +20,8 @@ UNEXPLAINED = (
 )
 
 
+NEEDED = 0.05
+"""Up to this p-value a source is told as missing."""
 LISTED = 6
 """So many names of a set are said."""
 
@@ -75,7 +77,7 @@ def _kind(report: Report) -> str:
         return " It looks like the error of a sensor rather than of a balance."
     if report.balance != "balance":
         return ""
-    lacking = [one for one in report.sources if one.verdict == "balance"]
+    lacking = [one for one in report.sources if one.verdict == "balance" and one.p_value <= NEEDED]
     said = " and ".join(f"{one.description} ({one.mean:+.3g} {one.unit} on average)" for one in lacking)
     return f" It looks like {said or 'a source'} in the balance rather than like the error of a sensor."
 

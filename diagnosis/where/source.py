@@ -62,6 +62,10 @@ class Source:
     balance: float
     verdict: Verdict
 
+    def needed(self, alpha: float = 0.05) -> bool:
+        """Whether the source itself explains more than in twins, whatever its rival does."""
+        return self.p_value <= alpha
+
     def to_dict(self) -> dict[str, Any]:
         """For ``report.json``."""
         return {
@@ -94,6 +98,25 @@ class SourceTest:
     sensor_gains: dict[str, float]
     suspect: str | None
     findings: list[Finding]
+
+    def words(self, one: Source, rival: str, alpha: float = 0.05) -> str:
+        """What the tests say of a source and its rival, whose label is given; goes on after the source's own label.
+
+        Where a source explains no more than in twins, its rival may still be what another source explains better: a
+        sensor is suspected only where the sensors' own test says so, of all sources and sensors together.
+        """
+        if one.verdict == "none":
+            return "explains no more than in twins without a gap"
+        suspected = self.verdict == "sensor" and self.suspect == one.rival
+        if not one.needed(alpha):
+            instead = f"; an error of {rival} alone explains more: suspect that sensor" if suspected else ""
+            return f"explains no more than in twins without a gap: none of it is needed{instead}"
+        if one.verdict == "balance":
+            return f"explains the residual better than an error of {rival} alone: this balance is off"
+        if one.verdict == "undecided":
+            return f"and an error of {rival} alone explain the residual about equally well"
+        worse = f"explains the residual worse than an error of {rival} alone"
+        return f"{worse}: suspect that sensor" if suspected else worse
 
     @property
     def verdict(self) -> Verdict:

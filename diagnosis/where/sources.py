@@ -16,7 +16,7 @@ from diagnosis.where.finding import Finding
 from diagnosis.where.inverse import Inverse, decompose
 from diagnosis.where.series import DAY, HOUR, Residuals
 from diagnosis.where.significance import max_test
-from diagnosis.where.source import Operator, Source, SourceTest, Verdict, verdict_of
+from diagnosis.where.source import STRONG, Operator, Source, SourceTest, Verdict, verdict_of
 from diagnosis.where.whitened import Whitened, whitened
 
 MEMORIES = (6 * HOUR, 72 * HOUR)
@@ -174,7 +174,7 @@ def _findings(residuals: Residuals, done: SourceTest, sensors: list[int], alpha:
                     label=residuals.labels[k],
                     cell={"against": against.name},
                     p_value=float(whole.adjusted[column]),
-                    direction=f"an error of this channel alone explains the residual {_than(verdict)} {against.label}",
+                    direction=_words(done, name, against, verdict, alpha),
                     size=-balance,
                     unit="1",
                     t=float(whole.t[column]),
@@ -182,7 +182,7 @@ def _findings(residuals: Residuals, done: SourceTest, sensors: list[int], alpha:
             )
 
     for j, one in enumerate(sources):
-        if one.p_value <= alpha and one.verdict in ("balance", "undecided"):
+        if one.needed(alpha) and one.verdict in ("balance", "undecided"):
             peak = int(np.argmax(np.abs(one.estimate)))
             day = (one.edges[peak] - one.edges[0]) / DAY
             found.append(
@@ -206,5 +206,13 @@ def _findings(residuals: Residuals, done: SourceTest, sensors: list[int], alpha:
     return found
 
 
-def _than(verdict: Verdict) -> str:
-    return "better than" if verdict == "sensor" else "about as well as"
+def _words(done: SourceTest, sensor: str, against: Source, verdict: Verdict, alpha: float) -> str:
+    """What an error of a sensor explains beside a source; and if that is little, what explains the residual better."""
+    than = "better than" if verdict == "sensor" else "about as well as"
+    said = f"an error of this channel alone explains the residual {than} {against.label}"
+    if not against.needed(alpha):
+        said += ", of which none is needed"
+    better = [one for one in done.sources if one.needed(alpha) and one.gain - done.sensor_gains[sensor] > STRONG]
+    if better:
+        said += f", but worse than {max(better, key=lambda one: one.gain).label}"
+    return said

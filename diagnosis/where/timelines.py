@@ -94,7 +94,7 @@ def draw_sources(residuals: Residuals, found: SourceTest, *, alpha: float = 0.05
         _weekends(axes, residuals, begin)
         _frame(axes, edges, f"{one.label}\n[{unit}]")
         axes.set_title(
-            f"{one.label} {_VERDICTS[one.verdict].format(rival=labels[one.rival])}  "
+            f"{one.label} {found.words(one, labels[one.rival], alpha)}  "
             f"(p = {one.p_value:.2g}, roughness {one.roughness:.1f}: 0 smooth, 2 noise, 4 spikes)",
             fontsize=9,
             loc="left",
@@ -107,14 +107,6 @@ def draw_sources(residuals: Residuals, found: SourceTest, *, alpha: float = 0.05
         fontsize=10,
     )
     return figure
-
-
-_VERDICTS = {
-    "none": "explains no more than in twins without a gap",
-    "balance": "explains the residual better than an error of {rival} alone: this balance is off",
-    "sensor": "explains the residual worse than an error of {rival} alone: suspect that sensor",
-    "undecided": "and an error of {rival} alone explain the residual about equally well",
-}
 
 
 def _band(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

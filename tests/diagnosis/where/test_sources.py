@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
@@ -5,6 +7,7 @@ from scipy.stats import multivariate_normal
 from diagnosis.where.colour import fill, fit_colour, whiten
 from diagnosis.where.inverse import decompose
 from diagnosis.where.sources import scan_sources
+from diagnosis.where.timelines import draw_sources
 from diagnosis.where.whitened import whitened
 from tests.diagnosis.where.where_cases import first_order, heat, twins, wander, with_observed
 
@@ -91,6 +94,49 @@ def test_a_sensor_fault_is_told_from_a_balance(quiet, plant):
     assert found.sources[0].rival == "y0"
     assert found.sources[0].balance < -3
     assert [f.kind for f in found.findings] == ["sensor"]
+    assert found.words(found.sources[0], "the thermometer").endswith("suspect that sensor")
+
+
+def test_no_sensor_is_suspected_where_another_source_explains_what_its_error_would(quiet):
+    """Missing heat; a gas, of which none is missing, moves the same output a little."""
+    warm = heat(first_order(STEPS, 12, 1 / 300, outputs=2, output=0, per=PER))
+    gas = replace(heat(0.1 * warm.response + warm.response[::-1]), name="gas", label="missing gas")
+    observed = quiet.observed + warm.response @ (200 * wander(np.random.default_rng(5), (STEPS // PER,), 0.95))
+    found = scan_sources(with_observed(quiet, observed), [warm, gas])
+    one, other = found.sources
+    assert (found.verdict, one.verdict) == ("balance", "balance")
+    assert other.p_value > 0.05 and (other.verdict, other.rival) == ("sensor", "y0")
+    assert found.words(one, "the thermometer").endswith("than an error of the thermometer alone: this balance is off")
+    assert found.words(other, "the thermometer") == (
+        "explains no more than in twins without a gap: none of it is needed"
+    )
+    (said,) = [one.direction for one in found.findings if one.kind == "sensor"]
+    assert said == (
+        "an error of this channel alone explains the residual better than missing gas, of which none is needed,"
+        " but worse than missing heat"
+    )
+    assert "suspect" not in draw_sources(with_observed(quiet, observed), found).axes[1].get_title(loc="left")
+
+
+@pytest.mark.parametrize(
+    ("p_value", "verdict", "suspect", "said"),
+    [
+        (0.5, "sensor", "y0", "is needed; an error of y0 alone explains more: suspect that sensor"),
+        (0.5, "sensor", "y1", "twins without a gap: none of it is needed"),  # another's error explains most
+        (0.5, "sensor", None, "twins without a gap: none of it is needed"),
+        (0.01, "sensor", "y0", "worse than an error of y0 alone: suspect that sensor"),
+        (0.01, "sensor", None, "worse than an error of y0 alone"),
+        (0.01, "undecided", "y0", "about equally well"),
+        (0.5, "none", None, "explains no more than in twins without a gap"),
+    ],
+)
+def test_a_sensor_is_suspected_by_its_own_test_alone(quiet, plant, p_value, verdict, suspect, said):
+    found = scan_sources(quiet, [plant])
+    one = replace(found.sources[0], p_value=p_value, verdict=verdict, rival="y0")
+    found = replace(found, sources=[one], suspect=suspect)
+    if suspect == "y1":
+        found = replace(found, sensor_gains={"y0": 1.0, "y1": one.gain + 9.0})
+    assert found.words(one, "y0").endswith(said)
 
 
 def test_missing_readings_do_not_look_like_a_source(quiet, plant):
