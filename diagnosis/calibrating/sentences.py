@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
+import numpy as np
+
 from diagnosis.calibrating.schema import Calibration
 
 POOR = 0.5
 """A model that explains less than this share of what an output did is not believed."""
 OUTER = 1.28
 """Beyond this [prior standard deviations] a parameter lies in the outer tenths of its range: no prior left it."""
+FAR = 2.0
+"""Beyond this [prior standard deviations] an uncertain constant is not what the description allows."""
 
 
 def sentences(report: Calibration) -> list[str]:
@@ -16,13 +22,56 @@ def sentences(report: Calibration) -> list[str]:
 
 
 def _lacking(report: Calibration) -> list[str]:
-    """Outputs that the model does not follow."""
-    return [
+    """Outputs that the model does not follow, and constants that are not the description's."""
+    unexplained = [
         f"The fitted model explains {max(one.explained, 0):.0%} of what {name} did: it lacks something, for which its"
         " parameters make up, and neither they nor their intervals are to be believed."
         for name, one in report.outputs.items()
         if one.explained is not None and one.explained < POOR
     ]
+    return [*unexplained, *far_outside(_factors(report))]
+
+
+def far_outside(factors: Mapping[str, tuple[float, float]], model: str = "") -> list[str]:
+    """That uncertain constants are far from what the description allows; nothing where none is.
+
+    Parameters
+    ----------
+    factors
+        By name: what a constant is multiplied by, and the standard deviation of its logarithm in the prior.
+    model
+        Which model they are of, to begin the sentence with.
+    """
+    said = [
+        f"{name} x{factor:.2g} (allowed: x{np.exp(-FAR * relative):.2g} to x{np.exp(FAR * relative):.2g})"
+        for name, (factor, relative) in factors.items()
+        if is_far(factor, relative)
+    ]
+    if not said:
+        return []
+    are, they = ("is", "it") if len(said) == 1 else ("are", "them")
+    return [
+        f"{model}{', '.join(said)} {are} far outside of what the description allows: parameters that lean on {they} are"
+        " not to be believed."
+    ]
+
+
+def is_far(factor: float, relative: float) -> bool:
+    """Whether a factor is beyond :data:`FAR`; ``relative`` is the prior standard deviation of its logarithm."""
+    return bool(abs(np.log(factor)) > FAR * relative)
+
+
+def _factors(report: Calibration) -> dict[str, tuple[float, float]]:
+    """Factors of the uncertain constants, and the prior standard deviations of their logarithms.
+
+    A factor is the exponential of its unknown times that; where it does not differ from one, it says nothing of it.
+    """
+    places = report.z[len(report.parameters) :]
+    return {
+        one.name: (one.factor, float(np.log(one.factor) / place))
+        for one, place in zip(report.constants, places, strict=False)
+        if abs(place) > 0
+    }
 
 
 def _told(report: Calibration) -> list[str]:
@@ -34,10 +83,13 @@ def _told(report: Calibration) -> list[str]:
     hardly = "It hardly tells {}: what is given for them is mostly the prior."
     if not report.converged:  # what still moved is in the interval, so that it looks like a prior that nothing moved
         hardly = "It hardly tells {}, and the fit did not settle on them: values are not the prior's either."
+    well = "The recording tells {} well."
+    if any(is_far(*one) for one in _factors(report).values()):
+        well = "Only with such constants does the recording tell {} as closely as their intervals say."
     said = [
         words.format(", ".join(groups[kind]))
         for kind, words in (
-            ("well", "The recording tells {} well."),
+            ("well", well),
             ("partly", "It tells {} in part."),
             ("hardly", hardly),
             (

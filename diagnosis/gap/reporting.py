@@ -22,7 +22,7 @@ from diagnosis.gap.schema import (
 )
 from diagnosis.gap.search import Search
 from diagnosis.gap.seen import detectability, otherwise_seen
-from diagnosis.gap.sentences import limits, summary
+from diagnosis.gap.sentences import limits, strained, summary
 from diagnosis.gap.shrinkage import Shrinkage
 from diagnosis.gap.stages import Stage
 from diagnosis.gap.twins import TWINS
@@ -100,7 +100,8 @@ def reported(
         seconds=seconds,
         cpu_seconds=cpu_seconds,
     )
-    return report.model_copy(update={"summary": summary(report), "limits": limits(report)})
+    limited = limits(report) + strained(report, {one.name: one.relative for one in problem.constants})
+    return report.model_copy(update={"summary": summary(report), "limits": limited})
 
 
 def _effects(search: Search, decision: Decision) -> list[NamedEffect]:

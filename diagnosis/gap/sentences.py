@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from statistics import median
 
+from diagnosis.calibrating.sentences import far_outside
 from diagnosis.gap.schema import FEWEST, NamedEffect, Report
 from diagnosis.gap.stages import LEVEL, PLAIN
 
@@ -230,6 +231,16 @@ def limits(report: Report) -> list[str]:
     if report.assumed:
         found.append("Not measured: " + "; ".join(f"{name}: {what}" for name, what in report.assumed.items()) + ".")
     return found
+
+
+def strained(report: Report, relative: Mapping[str, float]) -> list[str]:
+    """That uncertain constants are far from what the description allows, in the base model and with the effects.
+
+    ``relative`` by name: the standard deviation of the logarithm of a constant's factor in the prior.
+    """
+    before = {one.name: (one.before, relative[one.name]) for one in report.constants}
+    after = {one.name: (one.after, relative[one.name]) for one in report.constants if one.after is not None}
+    return far_outside(before, "In the base model ") + far_outside(after, "With the effects found ")
 
 
 def noiseless(undeclared: Mapping[str, str]) -> list[str]:

@@ -4,13 +4,14 @@ from diagnosis.gap.schema import (
     ConditionOf,
     Detectability,
     NamedEffect,
+    ParameterOf,
     Place,
     Report,
     ShrinkageOf,
     SourceOf,
     StageOf,
 )
-from diagnosis.gap.sentences import limits, noiseless, summary
+from diagnosis.gap.sentences import limits, noiseless, strained, summary
 
 
 def seen(**smallest):
@@ -236,6 +237,24 @@ def test_of_a_set_of_many_the_foremost_are_said():
 def test_a_missing_source_that_could_not_be_worked_out_is_said():
     (said,) = [one for one in limits(report(sources_unknown={"heat": "its simulation fails"})) if "Missing" in one]
     assert said == "Missing sources that could not be worked out: heat (its simulation fails)."
+
+
+def constant(name, before, after):
+    ends = dict.fromkeys(("before_low", "before_high", "after_low", "after_high"), 1.0)
+    return ParameterOf(name=name, unit="1", before=before, after=after, at_bound=False, at_bound_after=False, **ends)
+
+
+def test_uncertain_constants_far_outside_of_the_description_are_a_limit():
+    """Twice 0.3 in the logarithm is x1.82, and x0.55."""
+    given = report(constants=[constant("floor", 3.0, 1.8), constant("wall", 0.5, 1.83), constant("roof", 2.5, None)])
+    relative = {"floor": 0.3, "wall": 0.3, "roof": 0.5}
+    before, after = strained(given, relative)
+    assert before == (
+        "In the base model floor x3 (allowed: x0.55 to x1.8), wall x0.5 (allowed: x0.55 to x1.8) are far outside of"
+        " what the description allows: parameters that lean on them are not to be believed."
+    )
+    assert after.startswith("With the effects found wall x1.8 (allowed: x0.55 to x1.8) is far outside")
+    assert strained(report(constants=[constant("floor", 1.7, None)]), relative) == []
 
 
 def test_sensors_without_declared_noise_are_named():
