@@ -30,7 +30,7 @@ _EPILOGUE = (
 _PIPED_WIDTH = 120
 """Columns of text that goes into a file or a pipe, where nobody has a window to ask."""
 _HOST = {
-    *(errno.EACCES, errno.EPERM, errno.EROFS, errno.EISDIR, errno.ENOTDIR, errno.ENAMETOOLONG),
+    *(errno.EACCES, errno.EPERM, errno.EROFS, errno.EEXIST, errno.EISDIR, errno.ENOTDIR, errno.ENAMETOOLONG),
     *(errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EMFILE, errno.ENFILE),
 }
 """Errors of the operating system that are the host's or the user's to mend, wherever in the work they come."""

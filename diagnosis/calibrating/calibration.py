@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -15,10 +16,11 @@ from diagnosis.calibrating.checks import check_recording
 from diagnosis.calibrating.schema import Calibration, read_calibration
 from diagnosis.calibrating.summary import summarise
 from diagnosis.fitting.fit import Fit, fit
+from diagnosis.fitting.noise import errors_under
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.side_by_side import side_by_side
 from diagnosis.recording import HOUR, Recording, read_recording
-from diagnosis.whole import whole
+from diagnosis.whole import check_writable, whole
 from shared.errors import EstimatorError, RecordingError
 from shared.logs import logger
 from shared.netcdf import read_netcdf
@@ -61,6 +63,7 @@ def calibrate(
     seed: int = 0,
     workers: int = 1,
     scheduler: str | None = None,
+    tell: Callable[[str], None] = lambda _: None,
 ) -> Calibrated:
     """Estimate a system's parameters from a recording by simulation.
 
@@ -84,21 +87,27 @@ def calibrate(
         The recording's first day is repeated this long before its start [h], at least a step.
     workers, scheduler
         Processes on this machine, or the address of a Dask scheduler, for the simulations.
+    tell
+        Is told when what was given is found in order, and simulations begin.
 
     Raises
     ------
     RecordingError
         If the recording is shorter than a day, has a constant output, or does not fit the system; if there is
-        no warm-up.
+        no warm-up; if the folder cannot be written to.
     SystemDescriptionError, FmuError, SimulationError, EstimatorError
         If the system, its FMU or the estimator cannot be used.
     """
     if starts < 1:
         raise RecordingError(f"starts is {starts}; expected at least 1")
+    if out is not None:
+        check_writable(Path(out))
     described = system if isinstance(system, System) else load_system(system)
+    errors_under(described, noise)  # whatever is wrong is said before the simulator is built
     record = recording if isinstance(recording, Recording) else read_recording(recording, described)
     check_recording(record, described)
     described = described.with_experiment(step=record.step, hours=len(record.time) * record.step / HOUR)
+    zero_shot = estimate(run, record, described) if run is not None else {}
     simulator = Simulator(described)
     with side_by_side(simulator, workers=workers, scheduler=scheduler) as runner:
         problem = Problem(
@@ -110,7 +119,7 @@ def calibrate(
             warm_up=warm_up * HOUR,
             runner=runner,
         )
-        zero_shot = estimate(run, record, described) if run is not None else {}
+        tell("simulating")
         first = problem.unknowns(zero_shot)
         others = np.random.default_rng(seed).standard_normal((max(starts - 1, 0), problem.size))
         found = fit(problem, [first, *others], estimate_noise=estimate_noise)

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from diagnosis.options import PLAIN, Fitting
 from diagnosis.scores import score_table
-from shared.console import OK, NotNegative, new_console
+from shared.console import OK, NotNegative, Positive, new_console
 from shared.logs import USUAL, Reporting
 from shared.progress import stages
 
@@ -23,7 +23,7 @@ def calibrate(
     recording: Path,
     *,
     out: Path,
-    starts: int = 3,
+    starts: Positive = 3,
     warm_up: float = 240.0,
     seed: NotNegative = 0,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
@@ -55,7 +55,7 @@ def calibrate(
     from diagnosis.calibrating.calibration import calibrate as calibrate_
     from diagnosis.calibrating.sentences import sentences
 
-    with stages("simulating", shown=not report.quiet):
+    with stages("reading", shown=not report.quiet) as tell:
         done = calibrate_(
             system,
             recording,
@@ -64,6 +64,7 @@ def calibrate(
             starts=starts,
             warm_up=warm_up,
             seed=seed,
+            tell=tell,
         )
     if as_json:
         sys.stdout.write(done.report.model_dump_json(indent=1) + "\n")

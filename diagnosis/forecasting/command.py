@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from diagnosis.options import PLAIN, Fitting
 from diagnosis.scores import score_table
-from shared.console import OK, new_console
+from shared.console import OK, Positive, new_console
 from shared.logs import USUAL, Reporting
 from shared.progress import stages
 
@@ -25,7 +25,7 @@ def forecast(
     context: float = 168.0,
     ahead: float = 336.0,
     calibration: Path | None = None,
-    starts: int = 3,
+    starts: Positive = 3,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
     fitting: Fitting = PLAIN,
     report: Reporting = USUAL,
@@ -56,7 +56,7 @@ def forecast(
     from diagnosis.calibrating.sentences import sentences
     from diagnosis.forecasting.forecast import forecast as forecast_
 
-    with stages("simulating", shown=not report.quiet):
+    with stages("reading", shown=not report.quiet) as tell:
         done = forecast_(
             system,
             recording,
@@ -66,6 +66,7 @@ def forecast(
             out=out,
             **fitting.given,
             starts=starts,
+            tell=tell,
         )
     if as_json:
         sys.stdout.write(done.report.model_dump_json(indent=1) + "\n")

@@ -5,6 +5,7 @@ The bands are simulations with parameters and nuisance drawn from the posterior 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from diagnosis.fitting.renewing import renewed
 from diagnosis.fitting.side_by_side import side_by_side
 from diagnosis.recording import DAY, HOUR, Recording, read_recording
 from diagnosis.scores import Score, score
+from diagnosis.whole import check_writable
 from shared.errors import RecordingError, SimulationError
 from shared.system import System, load_system
 
@@ -91,6 +93,7 @@ def forecast(
     seed: int = 0,
     workers: int = 1,
     scheduler: str | None = None,
+    tell: Callable[[str], None] = lambda _: None,
 ) -> Forecasted:
     """Calibrate on the first ``context`` hours of a recording and simulate the next ``ahead`` hours.
 
@@ -107,17 +110,25 @@ def forecast(
         Simulations behind the bands.
     out
         Folder for ``forecast.json`` and ``forecast.html``, written when all is done.
+    tell
+        Is told when what was given is found in order, and simulations begin.
 
     Raises
     ------
     RecordingError
         If the recording ends before the forecast does, or cannot be calibrated on; if the given calibration has seen
-        what is to be forecast.
+        what is to be forecast; if the folder cannot be written to.
     """
     for name, hours in (("context", context), ("ahead", ahead)):
         if not hours > 0:
             raise RecordingError(f"{name} is {hours:g} h; expected more than 0")
+    if out is not None:
+        check_writable(Path(out))
+    given = None
+    if calibration is not None:
+        given = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
     described = system if isinstance(system, System) else load_system(system)
+    errors_under(described, noise)  # whatever is wrong is said before the simulator is built
     record = recording if isinstance(recording, Recording) else read_recording(recording, described)
     split, end = (_steps(record, hours) for hours in (context, context + ahead))
     if end > len(record.time):
@@ -129,7 +140,7 @@ def forecast(
     check_recording(first, described)
     described = described.with_experiment(step=record.step, hours=context + ahead)
     common = {"replay": replay, "occupancy": occupancy, "warm_up": warm_up}
-    if calibration is None:
+    if given is None:
         done = calibrate(
             described.with_experiment(hours=context),
             first,
@@ -139,11 +150,12 @@ def forecast(
             seed=seed,
             workers=workers,
             scheduler=scheduler,
+            tell=tell,
             **common,  # type: ignore[arg-type]
         )
         report, noise_model = done.report, done.problem.noise
     else:
-        report = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
+        report = given
         if report.system_hash != described.hash():
             raise RecordingError(f"{calibration}: is a calibration of {report.system}; expected one of this system")
         check_unseen(report, record, split, end)
@@ -162,6 +174,7 @@ def forecast(
                 f" {problem.occupancy} and {len(problem.constants)} constants: give both the same occupancy and system"
             )
         _check_constants(report, problem, z)
+        tell("simulating")
         seen = np.zeros(problem.observed.shape, dtype=bool)
         seen[:, :split] = True
         centre, made = _ensemble(problem.with_observed(seen), z, covariance, draws, seed)

@@ -14,6 +14,7 @@ from diagnosis.calibrating.checks import check_recording
 from diagnosis.effects import Effect, library
 from diagnosis.effects.baselines import check_baselines
 from diagnosis.fitting.fit import Fit
+from diagnosis.fitting.noise import errors_under
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.run import Run
 from diagnosis.fitting.side_by_side import InProcess, Outcome, Runner, side_by_side
@@ -27,9 +28,10 @@ from diagnosis.gap.schema import Report
 from diagnosis.gap.search import Search, search
 from diagnosis.gap.sentences import noiseless
 from diagnosis.gap.shrinkage import Shrinkage, shrinkages
-from diagnosis.gap.starting import Begun, begun
+from diagnosis.gap.starting import Begun, begun, zero_shot
 from diagnosis.recording import HOUR, Recording, read_recording
 from diagnosis.where import Operator, Where
+from diagnosis.whole import check_writable
 from shared.system import System, load_system
 
 
@@ -130,16 +132,21 @@ def diagnose(
     Raises
     ------
     RecordingError
-        If the recording is shorter than a day or does not fit the system; if there is no warm-up.
+        If the recording is shorter than a day or does not fit the system; if there is no warm-up; if the folder cannot
+        be written to.
     SystemDescriptionError, FmuError, SimulationError, EstimatorError
         If the system, its effects, its FMU or the estimator cannot be used.
     """
     began, used = time.perf_counter(), time.process_time()
+    if out is not None:
+        check_writable(Path(out))
     described = system if isinstance(system, System) else load_system(system)
+    errors_under(described, noise)  # whatever is wrong is said before the simulator is built
     record = recording if isinstance(recording, Recording) else read_recording(recording, described)
     check_recording(record, described)
     described = described.with_experiment(step=record.step, hours=len(record.time) * record.step / HOUR)
     candidates = list(effects) if effects is not None else library(described)
+    estimated = zero_shot(described, record, run, tell)
     simulator = Simulator(described)
     check_baselines(candidates, described, simulator.fmu, replay=replay)
     with side_by_side(simulator, workers=workers, scheduler=scheduler) as runner:
@@ -155,7 +162,7 @@ def diagnose(
         )
         scored = kept_for_scoring(record)
         tell("fitting the base model")
-        origin = begun(whole, run, tell)
+        origin = begun(whole, estimated)
         done = _concluded(whole, origin, candidates, scored, seed, (began, used), tell)
     held.runner = InProcess(simulator)
     if out is not None:

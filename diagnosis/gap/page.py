@@ -56,8 +56,10 @@ def render(done: Diagnosis) -> str:
 def _against(done: Diagnosis) -> dict[str, str]:
     """What was found of each source beside the error of a sensor, by the source's name."""
     residuals, tested = done.where.residuals, done.where.sources
+    if tested is None:
+        return {}
     labels = dict(zip(residuals.names, residuals.labels, strict=True))
-    return {one.name: tested.words(one, labels[one.rival]) for one in (tested.sources if tested is not None else [])}
+    return {one.name: tested.words(one, labels[one.rival]) for one in tested.sources}
 
 
 def _pictures(done: Diagnosis) -> dict[str, str]:

@@ -17,8 +17,10 @@ from diagnosis.calibrating.calibration import estimate
 from diagnosis.fitting.fit import Fit, fit
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.afresh import RESTLESS, ROUNDS
+from diagnosis.recording import Recording
 from shared.errors import EstimatorError, RecordingError, SimulationError
 from shared.shipped import estimator_beside
+from shared.system import System
 
 QUIET = 1.25
 """Mean square of the standardised residual up to which a fit has nothing to gain from another start."""
@@ -34,33 +36,59 @@ class Begun:
     start: np.ndarray
 
 
-def begun(problem: Problem, run: Path | str | None, tell: Callable[[str], None]) -> Begun:
+@dataclass(frozen=True)
+class ZeroShot:
+    """An estimator's estimate: values by name [unit of the description], and the estimator's folder."""
+
+    values: dict[str, float]
+    folder: str
+
+
+def zero_shot(
+    system: System, recording: Recording, run: Path | str | None, tell: Callable[[str], None]
+) -> ZeroShot | None:
+    """What an estimator says of a recording; None where there is no estimator that can read it.
+
+    Parameters
+    ----------
+    run
+        Folder of an estimator; without, the one beside the system description.
+
+    Raises
+    ------
+    EstimatorError, RecordingError
+        If the estimator that was given cannot read the recording.
+    """
+    folder = run if run is not None else estimator_beside(system.path)
+    if folder is None:
+        return None
+    try:
+        return ZeroShot(estimate(folder, recording, system), str(folder))
+    except (EstimatorError, RecordingError) as error:
+        if run is not None:
+            raise
+        tell(f"without a zero-shot estimate: {error}")
+        return None
+
+
+def begun(problem: Problem, estimated: ZeroShot | None) -> Begun:
     """The most plausible fit of the base model, begun at the estimator's estimate or at the middle of the prior.
 
     Parameters
     ----------
     problem
         Before any fit, without effects.
-    run
-        Folder of an estimator; without, the one beside the system description, if it can read the recording.
+    estimated
+        From :func:`zero_shot`.
 
     Raises
     ------
-    EstimatorError, RecordingError
-        If the estimator that was given cannot read the recording.
     SimulationError
         If the simulation fails at every start.
     """
     starts = [(PRIOR, np.zeros(problem.size))]
-    system, recording = problem.system, problem.recording
-    folder = run if run is not None else estimator_beside(system.path)
-    if folder is not None:
-        try:
-            starts.insert(0, (str(folder), problem.unknowns(estimate(folder, recording, system))))
-        except (EstimatorError, RecordingError) as error:
-            if run is not None:
-                raise
-            tell(f"without a zero-shot estimate: {error}")
+    if estimated is not None:
+        starts.insert(0, (estimated.folder, problem.unknowns(estimated.values)))
     best: Begun | None = None
     failure, spent = None, 0
     for name, start in starts:

@@ -4,6 +4,7 @@ import importlib
 import json
 import os
 import signal
+from pathlib import Path
 from typing import Annotated
 
 import pytest
@@ -47,6 +48,8 @@ def do(what: str, *, report: Reporting = USUAL):
             disk.write("x")
     if what == "folder":
         open("/dev").close()
+    if what == "taken":
+        Path("/dev/null").mkdir()
     if what in AS:
         raise AS[what]
 
@@ -59,6 +62,7 @@ def do(what: str, *, report: Reporting = USUAL):
         ("fault", FAULT, "error: d: broken\n"),
         ("full", FAULT, "error: a file: cannot be read or written: No space left on device\n"),
         ("folder", FAULT, "error: /dev: cannot be read or written: Is a directory\n"),
+        ("taken", FAULT, "error: /dev/null: cannot be read or written: File exists\n"),
         ("partly", PARTLY, "error: 1 of 9 failed\n"),
         ("stop", STOPPED, "warning: stopped before its end; the same command begins anew\n"),
         ("sigterm", ENDED, "warning: stopped before its end; the same command begins anew\n"),

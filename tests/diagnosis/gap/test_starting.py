@@ -4,7 +4,7 @@ import pytest
 from datagen import simulate
 from datagen.simulating.simulator import Simulator
 from diagnosis.fitting.problem import Problem
-from diagnosis.gap.starting import begun
+from diagnosis.gap.starting import begun, zero_shot
 from diagnosis.recording import read_recording
 from shared.errors import RecordingError
 from shared.shipped import estimator_beside
@@ -24,15 +24,19 @@ def problem(tmp_path_factory):
     return Problem(Simulator(system.with_experiment(step=record.step)), record, occupancy="measured")
 
 
+def asked(problem, run=None, tell=lambda _: None):
+    return zero_shot(problem.system, problem.recording, run, tell)
+
+
 def test_the_estimator_beside_the_description_is_asked_and_the_better_fit_is_kept(problem, monkeypatch):
     told = []
-    one = begun(problem, None, told.append)
+    one = begun(problem, asked(problem, None, told.append))
     found = one.fit
     assert one.name.endswith("estimator") and not told
     assert np.abs(one.start[:8]).max() > 0.1
     assert 2 * found.cost < 1.25 * len(found.residual)  # it explains the recording
     monkeypatch.setattr("diagnosis.gap.starting.estimator_beside", lambda _: None)
-    plain = begun(problem, None, told.append)
+    plain = begun(problem, asked(problem, None, told.append))
     assert plain.name == "prior" and not plain.start.any()
     assert found.log_evidence > plain.fit.log_evidence - 1.0
 
@@ -42,9 +46,9 @@ def test_an_estimate_that_leads_nowhere_gives_way_to_the_prior(problem, monkeypa
     monkeypatch.setattr("diagnosis.gap.starting.estimate", lambda *_: far)
     monkeypatch.setattr("diagnosis.gap.starting.ROUNDS", 1)
     monkeypatch.setattr("diagnosis.gap.starting.RESTLESS", 0)
-    both = begun(problem, None, lambda _: None)
+    both = begun(problem, asked(problem))
     monkeypatch.setattr("diagnosis.gap.starting.estimator_beside", lambda _: None)
-    alone = begun(problem, None, lambda _: None)
+    alone = begun(problem, asked(problem))
     assert both.fit.log_evidence >= alone.fit.log_evidence
     assert both.fit.simulations >= alone.fit.simulations
 
@@ -55,10 +59,10 @@ def test_an_estimator_that_cannot_read_the_recording_is_told_or_refused(problem,
 
     monkeypatch.setattr("diagnosis.gap.starting.estimate", refuse)
     told = []
-    assert begun(problem, None, told.append).name == "prior"
+    assert asked(problem, None, told.append) is None
     assert told == ["without a zero-shot estimate: room.nc: has no channel 'TSet'"]
     with pytest.raises(RecordingError, match="no channel"):
-        begun(problem, "somewhere", told.append)
+        asked(problem, "somewhere", told.append)
 
 
 def test_a_folder_without_an_estimator_is_none(tmp_path):
