@@ -22,7 +22,7 @@ from diagnosis.importing.quality import (
     to_target,
 )
 from diagnosis.importing.reading import Measurements
-from diagnosis.importing.resampling import around, resample
+from diagnosis.importing.resampling import CLOSER, around, resample
 from diagnosis.importing.series import Series, Target
 from shared.errors import RecordingError
 
@@ -77,6 +77,8 @@ class Judge:
             return self.assumed(target, value, f"constant of the mapping: {value:.6g}")
         moving = target.unit in MOVING and target.role == "output"
         signal = self.signal(source, target.unit, where, moving=moving)
+        if target.method == "mean" and not self._says_how(source):
+            self._instants(target, signal, f"{where}: column {source.column!r}")
         made = self.gridded(target, signal, source, f"{source.column} [{source.unit}]", where)
         if target.role == "output" and source.max_gap is None:
             self.tell(plausible.about_lines(str(source.column), signal, self.step))
@@ -89,6 +91,31 @@ class Judge:
             made.second, _ = resample(other, self.edges, target.method, self.mapping.grid.coverage)
             made.second_name = meter.column
         return made
+
+    def _says_how(self, source: Source) -> bool:
+        """Whether the mapping itself says how a column's readings are to be understood."""
+        return source.reading is not None or "reading" in self.mapping.defaults.model_fields_set
+
+    def _instants(self, target: Target, signal: Signal, where: str) -> None:
+        """What is joined by straight lines to means over the steps though nothing says that it was read at instants.
+
+        Raises
+        ------
+        RecordingError
+            If readings are about a step apart: what a logger writes so seldom of a power or a flow are mostly means.
+        """
+        times = signal.clean().begin
+        if len(times) < 2 or is_constant(signal):  # one value is its mean, however it was read
+            return
+        apart = float(np.median(np.diff(times)))
+        if apart >= CLOSER * self.step:
+            raise RecordingError(
+                f"{where}: nothing says whether its readings, {apart:g} s apart, are means or instants, and"
+                f" {target.name} is a mean over each step of {self.step:g} s; expected reading = 'mean' if the logger"
+                " wrote means (as most do of a power or a flow), 'point' to join instants by straight lines, or 'hold'"
+                " for what holds until the next reading"
+            )
+        self.tell(plausible.about_instants(target.name, apart, self.step))
 
     def converted(self, value: float, source: Source, unit: str, where: str) -> float:
         """A number of the mapping, as written in the source's unit, in ``unit``; refused if readings of it would be."""

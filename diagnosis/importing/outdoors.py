@@ -17,6 +17,8 @@ from shared.system import System
 
 ROUNDED = 1e-3
 """A share beyond its ends by so little is rounded."""
+MOST_DOWN = 0.5
+"""Share of the irradiance with the sun down from which on clock, place or column cannot be right."""
 _SUN = ("ghi", "dni", "dhi")
 
 
@@ -183,9 +185,16 @@ class Outdoors:
         return self._signals[name]
 
     def check_sun(self) -> None:
-        """Hold the irradiance against the sun of the place: a wrong zone or clock shows here."""
+        """Hold the irradiance against the sun of the place: a wrong zone or clock shows here.
+
+        Raises
+        ------
+        RecordingError
+            If most of the irradiance comes while the sun is down.
+        """
         judge, place = self.judge, self.judge.mapping.place
-        judge.tell(plausible.about_zone(judge.clock, place))
+        zone = plausible.about_zone(judge.clock, place)
+        judge.tell(zone)
         ghi = self._global()
         if ghi is None or place is None:
             return
@@ -195,6 +204,12 @@ class Outdoors:
             judge.tell(
                 f"the irradiance runs {abs(late):.0f} min {'behind' if late > 0 else 'ahead of'} the sun of this place "
                 f"(correlation {correlation:.2f}): check time.zone, the stamps of its means, and shadows"
+            )
+        if down > MOST_DOWN and plausible.is_light(ghi):
+            raise RecordingError(
+                f"{judge.mapping.path}: weather: {down:.0%} of the irradiance comes while the sun is down at latitude"
+                f" {place.latitude:g}, longitude {place.longitude:g}; expected most of it by day: check time.zone,"
+                f" time.format, place, and which column is the irradiance{f' ({zone})' if zone else ''}"
             )
         if down > 0.02:
             judge.tell(f"{down:.0%} of the irradiance comes while the sun is down: check time.zone and place")

@@ -6,6 +6,7 @@ import numpy as np
 
 from diagnosis.importing.clock import Clock
 from diagnosis.importing.mapping import Place
+from diagnosis.importing.quality import DARK as FAINT
 from diagnosis.importing.quality import Signal
 from diagnosis.importing.spacing import DAY, usual_interval
 from diagnosis.importing.weather import sun_position
@@ -23,6 +24,9 @@ RESETS = 0.01
 """Share of a register's steps that may fall: it is reset, or a reading is lost as zero."""
 DARK, BRIGHT = 0.3, 1.4
 """Shares of a clear sky's highest irradiance that the highest of some days does not stay below, nor pass."""
+COARSE = 0.25
+"""Share of a step from which on it matters whether readings are means or instants: as instants, means come half of
+their spacing late."""
 CLOSES = 0.15
 """Share by which direct and diffuse irradiance together may differ from the global one: three instruments' errors."""
 
@@ -113,6 +117,16 @@ def about_lines(column: str, signal: Signal, step: float) -> str | None:
     )
 
 
+def about_instants(name: str, apart: float, step: float) -> str | None:
+    """A sentence if means over a step [s] are made of readings so far apart [s] that it matters what they are."""
+    if apart <= COARSE * step:
+        return None
+    return (
+        f"{name}: instants {apart:g} s apart are joined by straight lines to means over {step:g} s; if the logger wrote"
+        f" means, write reading = 'mean' under variables.{name}"
+    )
+
+
 def about_helper(name: str, column: str, signal: Signal) -> str | None:
     """A sentence if a quantity that only helps to compute another one had readings left out, or long gaps bridged."""
     clean = signal.clean()
@@ -154,6 +168,11 @@ def about_closure(ghi: Signal, parts: Signal) -> str | None:
         f"direct and diffuse irradiance together are {together / measured:.3g} of the global one: check their units,"
         " stamps, and place"
     )
+
+
+def is_light(ghi: Signal) -> bool:
+    """Whether irradiance is more than the offset of a pyranometer in the dark, as in the months without a sun."""
+    return float(np.quantile(ghi.clean().values, 0.98)) > FAINT
 
 
 def about_level(ghi: Signal, clock: Clock, place: Place) -> str | None:

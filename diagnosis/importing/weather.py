@@ -188,7 +188,9 @@ def sun_clock(ghi: Signal, clock: Clock, place: Place) -> tuple[float, float, fl
     total = float(clean.values.sum())
     if total <= 0 or clean.values.std() == 0:
         return 0.0, 0.0, 0.0
-    found = [float(np.corrcoef(clean.values, np.interp(at - 60.0 * one, grid, height))[0, 1]) for one in shifts]
+    suns = [np.interp(at - 60.0 * one, grid, height) for one in shifts]
+    # where it does not rise at all there is nothing to be late of
+    found = [float(np.corrcoef(clean.values, sun)[0, 1]) if sun.std() > 0 else 0.0 for sun in suns]
     best = int(np.argmax(found))
     down = float(clean.values[np.interp(at, grid, zenith) > 92.0].sum()) / total
     return float(shifts[best]), found[best], down

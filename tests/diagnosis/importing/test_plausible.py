@@ -57,10 +57,26 @@ def universal(frame):
 
 def test_another_zone_than_the_places_is_told(house):
     frame, _ = measured()
-    far = house(frame, MAPPING.replace("longitude = 5.0", "longitude = -74.0"), out="far.nc")
-    assert told(far, "ahead of the sun at longitude -74: check time.zone and place")
+    far = house(frame, MAPPING.replace("longitude = 5.0", "longitude = -35.0"), out="far.nc")
+    assert told(far, "ahead of the sun at longitude -35: check time.zone and place")
     utc = house(universal(frame), MAPPING.replace('"Europe/Amsterdam"', '"UTC"'), out="utc.nc")
     assert told(utc, "time.zone is UTC: days, schedules and habits")
+
+
+def test_a_sun_that_mostly_shines_by_night_is_refused(house, tmp_path):
+    frame, _ = measured()
+    antipodes = MAPPING.replace("longitude = 5.0", "longitude = -175.0")
+    with pytest.raises(
+        RecordingError,
+        match=r"mapping.toml: weather: 100% of the irradiance comes while the sun is down at latitude 52, longitude"
+        r" -175; expected most of it by day: .* \(standard time of Europe/Amsterdam is",
+    ):
+        house(frame, antipodes)
+    assert not (tmp_path / "out").exists()
+    # what is left in the months without a sun is an offset, and no reason
+    polar = MAPPING.replace("latitude = 52.0", "latitude = 89.0")
+    offset = house(frame.assign(sun=1.0 + 0.5 * np.sin(np.arange(len(frame)))), polar, out="polar.nc")
+    assert told(offset, "100% of the irradiance comes while the sun is down")
 
 
 def test_stamps_in_utc_of_a_place_that_has_a_zone(house):
