@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from diagnosis.importing import declared
 from diagnosis.importing.clock import Clock, find_zone, make_clock
 from diagnosis.importing.composing import Composer
 from diagnosis.importing.filling import longest_whole
@@ -22,6 +23,8 @@ from shared.system import System, load_system
 
 DAY = 86400.0
 _MOST_STEPS = 5_000_000
+SOME = 0.05
+"""Share of readings left out from which on they, and not what is missing, may be why a stretch is short."""
 
 
 def import_recording(
@@ -59,6 +62,11 @@ def import_recording(
     SystemDescriptionError
         If the system description cannot be used.
     """
+    if Path(data).suffix.lower() == ".toml" and Path(mapping).suffix.lower() != ".toml":
+        raise RecordingError(
+            f"{mapping}, {data}: the second is a TOML; expected the mapping (TOML) first and the measurements (CSV)"
+            " second"
+        )
     settings = load_mapping(mapping)
     described = _system(settings, system)
     out = Path(out)
@@ -153,6 +161,7 @@ def _series(composer: Composer) -> tuple[list[Series], list[str]]:
             missing.append(name)
         else:
             series.append(made)
+    composer.notes.extend(declared.about_all(series, composer.system))
     return series, missing
 
 
@@ -178,7 +187,7 @@ def _stretch(composer: Composer, series: list[Series], ahead: bool) -> tuple[int
         raise RecordingError(
             f"{composer.data.path}: the longest stretch {'in which no ' if told else 'in which '}{what} has "
             f"{(b - a) * composer.step / 3600:.3g} h; expected at least a day"
-            " (a mapping's fill says what may fill gaps)"
+            f" ({_left_out(series, gaps)}a mapping's fill says what may fill gaps)"
         )
     if (a, b) != (first, last):
         edges = composer.edges
@@ -188,6 +197,22 @@ def _stretch(composer: Composer, series: list[Series], ahead: bool) -> tuple[int
             f"{last - first} steps"
         )
     return a, b
+
+
+def _left_out(series: list[Series], gaps: dict[str, int]) -> str:
+    """Which inputs with gaps lost many of their readings because these cannot be; empty if none did."""
+    said = []
+    for one in series:
+        if one.signal is None or not gaps.get(one.target.name):
+            continue
+        flags = one.signal.flags
+        counts = [
+            (int(((flags & bit) > 0).sum()), what) for bit, what in ((IMPOSSIBLE, "impossible"), (STUCK, "stuck"))
+        ]
+        left = [f"{count} as {what}" for count, what in counts if count > SOME * len(flags)]
+        if left:
+            said.append(f"{one.target.name}, {one.origin}: of {len(flags)} readings left out are {' and '.join(left)}")
+    return f"{'; '.join(said)}: are column and unit right? " if said else ""
 
 
 def _about(one: Series) -> VariableReport:

@@ -1,0 +1,123 @@
+"""What readings look like beside what the system description declares: sentences for those who know the building."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from diagnosis.importing import units
+from diagnosis.importing.quality import is_constant
+from diagnosis.importing.series import Series
+from shared.system import System
+from shared.variables import ConstantInput, ExcitationInput, MeasuredInput, Output, ScheduleInput, WeatherInput
+
+LARGE, BEYOND_NOISE = 10.0, 100.0
+"""So many times the largest number that the description has in this unit, and its sensor's noise, is no such thing."""
+HOT = 311.15
+"""The air outdoors is hardly anywhere above this half of the time [K], but a winter's degrees Fahrenheit are."""
+COLDER = 3.0
+"""Nothing indoors is colder than the air outdoors by so much on average [K], and varies more."""
+_ZERO = 273.15
+
+
+def about_all(series: Sequence[Series], system: System) -> list[str]:
+    """All that is to be said of a recording's variables beside their description."""
+    outputs = {one.name: one for one in system.outputs}
+    said = []
+    for one in series:
+        output = outputs.get(one.target.name)
+        said += [about_spread(output, one) if output is not None else None, about_size(one, system)]
+    air = [one for one in series if one.target.name in _air(system) and one.signal is not None]
+    said += [about_heat(one) for one in air]
+    return [*(sentence for sentence in said if sentence), *about_swap(series, air)]
+
+
+def about_spread(one: Output, series: Series) -> str | None:
+    """A sentence if the readings of an output move by less than its sensor's noise, as those in too large a unit do."""
+    noise = max((sensor.sd for sensor in one.noise.values()), default=0.0)
+    if series.signal is None or is_constant(series.signal):
+        return None
+    values = series.signal.clean().values
+    spread = float(np.ptp(values))
+    if spread >= noise:
+        return None
+    return (
+        f"{one.name}: {series.origin} varies by {spread:.3g} {one.unit} in all, from {values.min():.6g} to"
+        f" {values.max():.6g}, which is less than its sensor's noise (standard deviation {noise:g} {one.unit}); is the"
+        " unit right?"
+    )
+
+
+def about_size(series: Series, system: System) -> str | None:
+    """A sentence if a quantity without limits is far larger than all that the description has in its unit.
+
+    Numbers without a unit are of many kinds, and are not compared.
+    """
+    unit, signal = series.target.unit, series.signal
+    if signal is None or unit == "1" or np.isfinite(units.limits("", unit)[1]):
+        return None
+    sizes = np.abs(signal.clean().values)
+    largest = _largest(system, unit)
+    if largest <= 0 or not (sizes > 0).any():
+        return None
+    usual = float(np.median(sizes[sizes > 0]))
+    noise = max((sensor.sd for one in system.outputs if one.unit == unit for sensor in one.noise.values()), default=0.0)
+    if usual <= max(LARGE * largest, BEYOND_NOISE * noise):
+        return None
+    return (
+        f"{series.target.name}: {series.origin} is usually {usual:.4g} {unit} where it is not 0, and the largest number"
+        f" in {unit} that the description has is {largest:.4g}; is the unit right?"
+    )
+
+
+def about_heat(air: Series) -> str | None:
+    """A sentence if the air outdoors [K] is hotter than it is anywhere."""
+    middle = float(np.median(air.signal.clean().values)) if air.signal is not None else 0.0
+    if middle <= HOT:
+        return None
+    return (
+        f"{air.target.name}: {air.origin}, the air outdoors, has a median of {middle - _ZERO:.1f} degC; is the unit"
+        " right (degF?)"
+    )
+
+
+def about_swap(series: Sequence[Series], air: Sequence[Series]) -> list[str]:
+    """Sentences on outputs [K] that are colder than the air outdoors and vary more: columns may be swapped."""
+    said = []
+    for out in air:
+        for one in [one for one in series if one.target.role == "output" and one.target.unit == out.target.unit]:
+            both = np.isfinite(out.values) & np.isfinite(one.values)
+            if both.sum() < 2:
+                continue
+            inside, outside = one.values[both], out.values[both]
+            colder = float(np.mean(outside - inside))
+            if colder > COLDER and inside.std() > outside.std():
+                said.append(
+                    f"{one.target.name}: {one.origin} is {colder:.1f} K colder on average than {out.target.name},"
+                    f" {out.origin}, the air outdoors, and varies more; are their columns swapped?"
+                )
+    return said
+
+
+def _air(system: System) -> set[str]:
+    """Inputs that are the temperature of the air outdoors, by pvlib's name of it, in K."""
+    weather = [one for one in system.inputs if isinstance(one, WeatherInput)]
+    return {one.name for one in weather if one.column == "temp_air" and one.unit == "K"}
+
+
+def _largest(system: System, unit: str) -> float:
+    """The largest number that a description has in a unit, of parameters, inputs and effects; 0 if it has none."""
+    found = [one.max for one in system.parameters if one.unit == unit]
+    found += [abs(one.upper) for one in system.effects if one.unit == unit]
+    for one in system.inputs:
+        if one.unit != unit:
+            continue
+        if isinstance(one, ConstantInput | MeasuredInput):
+            found.append(abs(one.value))
+        elif isinstance(one, ScheduleInput):
+            hours = system.schedules[one.schedule]
+            found += [abs(value) for _, value in [*hours.weekday, *(hours.weekend or [])]]
+        elif isinstance(one, ExcitationInput):
+            found += [abs(part.amplitude) for part in system.excitations[one.excitation].components]
+    return max((one for one in found if np.isfinite(one)), default=0.0)

@@ -1,0 +1,94 @@
+"""Readings beside what the description declares in their unit, and beside the air outdoors."""
+
+import numpy as np
+import pytest
+
+from tests.diagnosis.importing.house_cases import HOUSE, MAPPING, measured
+
+OUTPUTS = (
+    '{ name = "warmth", unit = "K", accuracy = 0.1, noise = { good = { sd = 0.05 }, poor = { sd = 0.2 } } },',
+    '{ name = "gas", unit = "W", accuracy = 1.0, method = "mean", noise = { poor = { sd = 100.0 } } },',
+)
+EFFECTS = """
+[[effects]]
+name = "leak"
+kind = "parameter"
+description = "Air leaks in"
+unit = "kg/s"
+scale = 0.03
+lower = 0.0
+upper = 0.1
+parameters = { "m0" = 1.0 }
+"""
+
+
+@pytest.fixture
+def said(house, tmp_path):
+    """Import with sensors and an effect declared; the notes that hold some words."""
+    text = HOUSE.replace('{ name = "warmth", unit = "K", accuracy = 0.1 },', OUTPUTS[0])
+    text = text.replace('{ name = "gas", unit = "W", accuracy = 1.0, method = "mean" },', OUTPUTS[1])
+    (tmp_path / "declared.toml").write_text(text + EFFECTS)
+
+    def run(frame, words, mapping=MAPPING, out="out/declared.nc"):
+        notes = house(frame, mapping, out=out, system=tmp_path / "declared.toml").notes
+        return [note for note in notes if words in note]
+
+    return run
+
+
+def test_kilowatts_declared_as_watts_move_by_less_than_the_noise(said):
+    frame, _ = measured()
+    assert said(frame, "is the unit right") == []
+    (note,) = said(frame, "is the unit right", MAPPING.replace('unit = "kW"', 'unit = "W"'), "watts.nc")
+    assert note == (
+        "gas: kilowatts [W] varies by 2 W in all, from 0 to 2, which is less than its sensor's noise (standard"
+        " deviation 100 W); is the unit right?"
+    )
+
+
+def test_the_least_careful_sensor_counts(said):
+    frame, hours = measured()
+    calm = frame.assign(room=21.0 + 0.05 * np.sin(hours))  # within 0.1 K: more than one sensor's noise
+    (note,) = said(calm, "is less than its sensor's noise (standard deviation 0.2 K)")
+    assert note.startswith("warmth: room [degC] varies by 0.1 K")
+
+
+def test_a_flow_far_beyond_all_that_is_declared_in_its_unit(said):
+    frame, hours = measured()
+    frame["valve"] = 50.0 + np.sin(hours)
+    assert said(frame, "air: ") == []
+    (note,) = said(frame, "air: ", MAPPING.replace('unit = "m3/h"', 'unit = "m3/s"'), "seconds.nc")
+    assert note == (
+        "air: valve [m3/s] is usually 144 kg/s where it is not 0, and the largest number in kg/s that the description"
+        " has is 0.1; is the unit right?"
+    )
+
+
+def test_one_code_among_flows_is_no_unit(said):
+    frame, hours = measured()
+    frame["valve"] = np.where(hours == 50, 1e7, 50.0 + np.sin(hours))
+    assert said(frame, "largest number") == []
+
+
+def test_a_room_and_the_air_outdoors_that_are_swapped(said):
+    frame, _ = measured()
+    assert said(frame, "swapped") == []
+    swapped = frame.rename(columns={"room": "outside", "outside": "room"})
+    (note,) = said(swapped, "swapped", out="swapped.nc")
+    assert note == (
+        "warmth: room [degC] is 13.0 K colder on average than outdoors, outside [degC], the air outdoors, and varies"
+        " more; are their columns swapped?"
+    )
+
+
+def test_degrees_fahrenheit_outdoors_that_are_declared_as_celsius(said):
+    frame, _ = measured()
+    assert said(frame, "degF") == []
+    (note,) = said(frame.assign(outside=frame["outside"] * 1.8 + 32), "degF", out="fahrenheit.nc")
+    assert note == "outdoors: outside [degC], the air outdoors, has a median of 46.4 degC; is the unit right (degF?)"
+
+
+def test_a_cold_store_is_no_swap(said):
+    """Colder than outdoors, but steadier."""
+    frame, _ = measured()
+    assert said(frame.assign(room=2.0 + 0.1 * frame["room"], outside=frame["outside"] + 15.0), "swapped") == []
