@@ -12,6 +12,7 @@ import re
 from dataclasses import dataclass
 from datetime import UTC, date, datetime, timedelta, timezone, tzinfo
 from difflib import get_close_matches
+from itertools import pairwise
 from zoneinfo import ZoneInfo, available_timezones
 
 import numpy as np
@@ -24,6 +25,10 @@ from shared.reading import shown, why
 
 FIRST, LAST = (datetime(year, 1, 1, tzinfo=UTC).timestamp() for year in (1900, 2200))
 """Time stamps that can be of measurements [s since 1970]."""
+DAY, MONTH = 86400.0, 25 * 86400.0
+"""Seconds of a day, and what is about a month at least."""
+SINCE = datetime(1980, 1, 1, tzinfo=UTC).timestamp()
+"""Loggers that count parts of a second did not before [s since 1970]."""
 _OFFSET = re.compile(r"([+-])(\d{2}):?(\d{2})$")
 _UTC = ("Z", "UTC", "GMT")
 _STAMPED = r"(?:[Zz]|[+-]\d{2}:?\d{2}|[+-]\d{2})$"
@@ -187,7 +192,10 @@ def read_stamps(
     odd_year = np.flatnonzero((utc < FIRST) | (utc > LAST))
     if odd_year.size:
         k = int(odd_year[0])
-        raise RecordingError(f"{where}: row {k + 1} ({shown(texts.iloc[k])}) is not of the years 1900 to 2199")
+        raise RecordingError(
+            f"{where}: row {k + 1} ({shown(texts.iloc[k])}) is not of the years 1900 to 2199"
+            f"{_finer(float(utc[k])) if settings.format == 'unix' else ''}"
+        )
     back = np.flatnonzero(np.diff(utc) < 0)
     if back.size:
         k = int(back[0])
@@ -195,7 +203,34 @@ def read_stamps(
             f"{where}: time runs backwards from row {k + 1} ({shown(texts.iloc[k])}) to row {k + 2} "
             f"({shown(texts.iloc[k + 1])}) in {back.size} place(s); expected rows in the order of time"
         )
+    if settings.format not in ("ISO8601", "unix"):
+        _no_months_for_days(utc, texts, settings, where)
     return utc, notes
+
+
+def _no_months_for_days(utc: np.ndarray, texts: pd.Series, settings: Time, where: str) -> None:
+    """Refuse times (rows,) [s] that jump by about a month after each day: days were read as months, or the reverse."""
+    jumps = np.flatnonzero(np.diff(utc) > MONTH)
+    if len(jumps) < 2:
+        return
+    ends = np.concatenate([[-1], jumps, [len(utc) - 1]])
+    longest = float(max(utc[b] - utc[a + 1] for a, b in pairwise(ends)))
+    if longest > 1.05 * DAY:
+        return
+    k = int(jumps[0])
+    raise RecordingError(
+        f"{where}: spans {(utc[-1] - utc[0]) / DAY:.0f} days, and jumps by about a month after each day, {len(jumps)}"
+        f" times, as from row {k + 1} ({shown(texts.iloc[k])}) to row {k + 2} ({shown(texts.iloc[k + 1])}); expected"
+        f" days that follow each other: time.format is {settings.format!r}, are day and month the other way round?"
+    )
+
+
+def _finer(number: float) -> str:
+    """What numbers may be that are no seconds since 1970; empty if nothing is known of them."""
+    for parts, name in ((1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")):
+        if SINCE <= number / parts <= LAST:
+            return f"; expected seconds since 1970, and it is a time of today in {name}: divide the column by {parts:g}"
+    return "; expected seconds since 1970"
 
 
 def _all_read(bad: np.ndarray, texts: pd.Series, settings: Time, where: str) -> None:

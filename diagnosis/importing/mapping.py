@@ -6,6 +6,7 @@ by pvlib's name (``[weather.NAME]``), which then feeds every input that the syst
 
 from __future__ import annotations
 
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Literal
 
@@ -82,7 +83,9 @@ class Source(Table):
     offset: float = 0.0
     persons: float | None = Field(None, gt=0, description="unit presence: how many persons a presence stands for")
     reading: Literal["point", "mean", "hold"] | None = Field(
-        None, description="an instant, the mean of an interval, or a state that holds until the next reading"
+        None,
+        description="an instant, the mean of an interval, or a state that holds until the next reading; here or in"
+        " defaults, needed where means over steps are made of readings about a step apart",
     )
     stamp: Literal["start", "end"] | None = Field(None, description="which end of its interval a mean is stamped with")
     shift: float = Field(0.0, description="added to the column's stamps, whose clock is known to be wrong [s]")
@@ -163,6 +166,24 @@ def load_mapping(path: Path | str) -> Mapping:
         raise RecordingError(f"{path}: {_sentence(error)}") from None
 
 
+_TABLES: dict[str, type[Table]] = {
+    "file": File, "time": Time, "place": Place, "grid": Grid, "defaults": Defaults,
+}  # fmt: skip
+
+
+def _known(where: tuple[int | str, ...]) -> str:
+    """What a table of the mapping may hold, of a field in it that is not known, and which of it is meant."""
+    if len(where) == 1:
+        names, kind = [name for name in Mapping.model_fields if name != "path"], "one of"
+    elif where[-2] == "compare":
+        names, kind = list(Meter.model_fields), "fields"
+    else:
+        names, kind = list(_TABLES.get(str(where[0]), Source).model_fields), "fields"
+    near = get_close_matches(short(str(where[-1])), names, n=1)
+    meant = f"; did you mean {near[0]}?" if near else ""
+    return f"; expected {kind} {', '.join(names)}{meant}"
+
+
 def _sentence(error: ValidationError) -> str:
     first = error.errors()[0]
     where = ".".join(str(part) for part in first["loc"])
@@ -170,7 +191,7 @@ def _sentence(error: ValidationError) -> str:
     if first["type"] == "missing":
         what = "missing; expected a value"
     elif first["type"] == "extra_forbidden":
-        what = f"unknown field (found {shown(first['input'])})"
+        what = f"unknown field (found {shown(first['input'])}){_known(first['loc'])}"
     elif first["type"] != "value_error":
         what = f"{what} (found {shown(first['input'])})"
     more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""

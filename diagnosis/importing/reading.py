@@ -23,6 +23,8 @@ from shared.reading import MIB, check_columns, listed, read_text, shown, why
 
 MOST = 1024 * MIB
 """Bytes of a file of measurements."""
+SEPARATORS = (";", "\t", ",", "|")
+"""What loggers write between columns."""
 _TRUE = {"true": "1", "yes": "1", "on": "1", "false": "0", "no": "0", "off": "0"}
 
 
@@ -101,22 +103,23 @@ def read_measurements(path: Path, mapping: Mapping) -> Measurements:
     if name not in frame:
         raise RecordingError(
             f"{mapping.path}: time.column: {path} has no column {name!r}; found {listed(frame.columns)} "
-            f"(separator {settings.separator!r})"
+            f"(separator {settings.separator!r}){_separated(text, settings)}"
         )
     if len(frame) < 2:
         raise RecordingError(f"{path}: has {len(frame)} rows; expected at least a day of measurements")
     where = f"{path}: column {name!r}"
     utc, notes = read_stamps(frame[name].fillna(""), mapping.time, where, partial(_read, frame, mapping))
     keep = np.concatenate([[True], np.diff(utc) > 0])
-    if not keep.all():
-        notes.append(
-            f"{int((~keep).sum())} rows repeat the time stamp of the row before: the first reading of each column is"
-            " used"
-        )
     columns = frame.drop(columns=name).fillna("")
     if not keep.all():  # a logger may write a row for each of its sensors
         there = columns.apply(lambda one: one.where(~one.str.strip().isin(settings.missing)))
-        columns = there.groupby(np.cumsum(keep) - 1).first()
+        rows = np.cumsum(keep) - 1
+        columns = there.groupby(rows).first()
+        used = [one for one in _mapped(mapping) if names[one] == 1 and one != name]
+        notes.append(
+            f"{int((~keep).sum())} of {len(keep)} rows repeat the time stamp of the row before, and are counted with"
+            f" it: the first reading of each column is used{_unlike(there[used], columns[used].iloc[rows], settings)}"
+        )
     return Measurements(
         path=path,
         utc=utc[keep],
@@ -129,19 +132,58 @@ def read_measurements(path: Path, mapping: Mapping) -> Measurements:
     )
 
 
+def _mapped(mapping: Mapping) -> list[str]:
+    """The columns that a mapping names, each once."""
+    sources = [*mapping.variables.values(), *mapping.weather.values()]
+    named = [one.column for one in sources] + [one.compare.column for one in sources if one.compare is not None]
+    return [one for one in dict.fromkeys(named) if one is not None]
+
+
+def _unlike(texts: pd.DataFrame, first: pd.DataFrame, settings: File) -> str:
+    """How many readings are not those that are used in their place, and by how much; both (rows, columns) of text."""
+    said = []
+    for name in texts:
+        one, used = texts[name].str.strip(), first[name].str.strip().set_axis(texts.index)
+        apart = (_plain(one, settings) - _plain(used, settings)).abs()
+        other = one.notna() & (one != used) & ~(apart == 0)
+        if other.any():
+            most = apart[other].max()
+            said.append(f"{name} in {int(other.sum())}" + (f" by up to {most:.4g}" if np.isfinite(most) else ""))
+    return f"; other readings of the same time differ from it: {listed(said)} (as in the file)" if said else ""
+
+
+def _plain(texts: pd.Series, settings: File) -> pd.Series:
+    """Texts as numbers where they are plain ones, NaN elsewhere."""
+    return pd.to_numeric(texts.str.replace(settings.decimal, ".", regex=False), errors="coerce")
+
+
 def _read(frame: pd.DataFrame, mapping: Mapping) -> np.ndarray:
     """Which of the mapped columns hold something in each row, shape (rows, columns)."""
-    sources = [*mapping.variables.values(), *mapping.weather.values()]
-    mapped = {one.column for one in sources} | {one.compare.column for one in sources if one.compare is not None}
+    mapped = set(_mapped(mapping))
     columns = [frame.iloc[:, k] for k, one in enumerate(frame.columns) if one in mapped]  # a name may occur twice
     there = [~one.fillna("").str.strip().isin(mapping.file.missing).to_numpy() for one in columns]
     return np.stack(there, axis=1) if there else np.empty((len(frame), 0), dtype=bool)
 
 
+def _header(text: str, settings: File) -> str:
+    """The line of column names."""
+    return next((line for line in islice(io.StringIO(text), settings.skip, None) if line.strip()), "")
+
+
 def _names(text: str, settings: File) -> Counter[str]:
     """How often each column is named; pandas would call the second of a name something else."""
-    header = next((line for line in islice(io.StringIO(text), settings.skip, None) if line.strip()), "")
+    header = _header(text, settings)
     return Counter(one.strip() for one in next(csv.reader([header], delimiter=settings.separator), []))
+
+
+def _separated(text: str, settings: File) -> str:
+    """What else may separate the columns, of a header that has it; empty if nothing does."""
+    header = _header(text, settings)
+    found = [one for one in SEPARATORS if one != settings.separator and one in header.strip()]
+    if not found or settings.separator in header:
+        return ""
+    comma = " (and file.decimal ',')" if settings.separator == "," and settings.decimal == "." else ""
+    return f"; is file.separator {found[0]!r}{comma}?"
 
 
 def _table(text: str, settings: File, path: Path) -> pd.DataFrame:
@@ -166,7 +208,7 @@ def _table(text: str, settings: File, path: Path) -> pd.DataFrame:
         if frame.index.nlevels > 1 or frame.iloc[:, -1].str.strip().ne("").any():
             raise RecordingError(
                 f"{path}: rows have {frame.index.nlevels + frame.shape[1]} fields under {frame.shape[1]} column names;"
-                " expected as many names as fields"
+                f" expected as many names as fields{_separated(text, settings)}"
             )
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", pd.errors.ParserWarning)  # the empty fields are lost, as they should be

@@ -1,0 +1,149 @@
+"""Slips in the file, the mapping and the call: the sentence names what was meant."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from diagnosis.importing import import_recording
+from shared.errors import RecordingError
+from tests.diagnosis.importing.house_cases import HOUSE, MAPPING, measured
+
+
+@pytest.fixture
+def text(tmp_path):
+    """Import a file of this text."""
+
+    def run(content, mapping=MAPPING):
+        (tmp_path / "house.toml").write_text(HOUSE)
+        (tmp_path / "mapping.toml").write_text(mapping)
+        (tmp_path / "data.csv").write_text(content)
+        return import_recording(tmp_path / "mapping.toml", tmp_path / "data.csv", out=tmp_path / "out.nc")
+
+    return run
+
+
+def test_semicolons_and_decimal_commas(text):
+    content = measured(days=2)[0].to_csv(index=False, sep=";", decimal=",")
+    with pytest.raises(
+        RecordingError,
+        match=r"rows have \d+ fields under 1 column names; .*; is file.separator ';' \(and file.decimal ','\)\?$",
+    ):
+        text(content)
+    with pytest.raises(RecordingError, match=r"no column 'when'; .*is file.separator '\\t'.*\?$"):
+        text(measured(days=2)[0].to_csv(index=False, sep="\t"))
+    commas = measured(days=2)[0].to_csv(index=False)
+    with pytest.raises(RecordingError, match=r"separator ';'\); is file.separator ','\?$"):
+        text(commas, MAPPING.replace("[time]", '[file]\nseparator = ";"\n[time]'))
+
+
+def test_a_semicolon_in_a_name_is_no_separator(text):
+    content = measured(days=2)[0].rename(columns={"when": "at; local"}).to_csv(index=False)
+    with pytest.raises(RecordingError, match=r"no column 'when'.*separator ','\)$"):
+        text(content)
+
+
+@pytest.mark.parametrize(("written", "read"), [("%d/%m/%Y %H:%M", "%m/%d/%Y %H:%M"), ("%m.%d.%y %H", "%d.%m.%y %H")])
+def test_days_that_are_read_as_months(house, written, read):
+    frame, _ = measured(days=8, minutes=60)
+    days = pd.date_range("2022-03-01 00:00", periods=len(frame), freq="h")
+    mapping = MAPPING.replace("[time]", f'[time]\nformat = "{read}"')
+    with pytest.raises(
+        RecordingError,
+        match=r"column 'when': spans \d+ days, and jumps by about a month after each day, 8 times, as from row 24"
+        r" .*time.format is .*, are day and month the other way round\?",
+    ):
+        house(frame.assign(when=days.strftime(written)), mapping)
+    assert house(frame.assign(when=days.strftime(written)), mapping.replace(read, written)).steps > 300
+
+
+def test_months_that_nobody_logged_are_no_slip(house):
+    """A logger that was out for a month, twice, between weeks of readings."""
+    frame, _ = measured(days=8, minutes=60)
+    days = pd.date_range("2022-03-01 00:00", periods=len(frame), freq="h")
+    late = days + pd.to_timedelta(np.array([0, 35, 70])[np.arange(len(frame)) // 72], unit="D")
+    mapping = MAPPING.replace("[time]", '[time]\nformat = "%Y-%m-%d %H:%M"')
+    assert house(frame.assign(when=late.strftime("%Y-%m-%d %H:%M")), mapping).steps > 100
+
+
+def test_readings_that_cannot_be_are_named_where_they_shorten_the_recording(house, tmp_path):
+    """The sun in the place of the wind: too strong for a wind at every noon."""
+    wind = '{ name = "wind", unit = "m/s", source = "weather", column = "wind_speed" },'
+    (tmp_path / "windy.toml").write_text(HOUSE.replace("inputs = [", f"inputs = [\n  {wind}"))
+    frame, _ = measured()
+    mapping = MAPPING + '[weather.wind_speed]\ncolumn = "sun"\nunit = "m/s"\n'
+    with pytest.raises(
+        RecordingError,
+        match=r"longest stretch in which no inputs are missing .*\(wind, sun \[m/s\]: of 865 readings left out"
+        r" are 306 as impossible and 425 as stuck: are column and unit right\? a mapping's fill",
+    ):
+        house(frame, mapping, system=tmp_path / "windy.toml")
+
+
+def test_rows_twice_with_other_readings_say_how_unlike_they_are(house):
+    frame, hours = measured()
+    again = frame[(hours >= 48) & (hours < 50)].assign(room=lambda one: one["room"] + 5.0)
+    again.loc[again.index[0], "kilowatts"] += 0.25
+    twice = pd.concat([frame, again]).sort_index(kind="stable")
+    report = house(twice)
+    (note,) = [one for one in report.notes if "repeat the time stamp" in one]
+    assert note == (
+        "12 of 877 rows repeat the time stamp of the row before, and are counted with it: the first reading of each"
+        " column is used; other readings of the same time differ from it: room in 12 by up to 5, kilowatts in 1 by up"
+        " to 0.25 (as in the file)"
+    )
+    assert report.rows == 865
+
+
+def test_rows_that_are_the_same_twice_differ_in_nothing(house):
+    frame, _ = measured(days=2)
+    frame["outside"] = [f"{one:.2f}" for one in frame["outside"]]
+    again = frame.assign(outside=[f" {one}0" for one in frame["outside"]])
+    report = house(pd.concat([frame, again]).sort_index(kind="stable"))
+    (note,) = [one for one in report.notes if "repeat the time stamp" in one]
+    assert note.endswith("the first reading of each column is used")
+
+
+@pytest.mark.parametrize(
+    ("mapping", "said"),
+    [
+        (
+            MAPPING.replace("[variables.gas]", "[variable.gas]"),
+            r"variable: unknown field .*expected one of schema_version, system, .*, variables, weather; did you mean"
+            r" variables\?",
+        ),
+        (MAPPING.replace("scale = 2.4", "skale = 2.4"), r"skale: unknown field .* did you mean scale\?"),
+        (
+            MAPPING.replace("zone =", 'zones = "x"\nzone ='),
+            r"time.zones: .*expected fields column, zone, stamps, format; did you mean zone",
+        ),
+        (
+            MAPPING.replace('unit = "degF" }', 'unit = "degF", valid = [0, 1] }'),
+            r"compare.valid: .*expected fields column, unit, scale, offset, persons$",
+        ),
+    ],
+)  # fmt: skip
+def test_unknown_fields_name_what_was_expected(house, mapping, said):
+    with pytest.raises(RecordingError, match=said):
+        house(measured(days=2)[0], mapping)
+
+
+@pytest.mark.parametrize(
+    ("parts", "said"),
+    [(1000, r"milliseconds: divide the column by 1000$"), (10**9, r"nanoseconds: divide .* by 1e\+09$")],
+)
+def test_parts_of_a_second_since_1970(house, parts, said):
+    frame, _ = measured(days=2)
+    unix = pd.date_range("2022-10-27", periods=len(frame), freq="10min").as_unit("s").asi8
+    mapping = MAPPING.replace("[time]", '[time]\nformat = "unix"')
+    with pytest.raises(RecordingError, match=r"row 1 .*1900 to 2199; expected seconds since 1970, and .* in " + said):
+        house(frame.assign(when=unix * parts), mapping)
+    assert house(frame.assign(when=unix), mapping, out="seconds.nc").steps > 90
+
+
+def test_mapping_and_measurements_in_the_wrong_order(tmp_path):
+    (tmp_path / "log.csv").write_text(measured(days=2)[0].to_csv(index=False))
+    (tmp_path / "map.toml").write_text(MAPPING)
+    with pytest.raises(
+        RecordingError, match=r"expected the mapping \(TOML\) first and the measurements \(CSV\) second"
+    ):
+        import_recording(tmp_path / "log.csv", tmp_path / "map.toml", out=tmp_path / "out.nc")
