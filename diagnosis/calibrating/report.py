@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from datagen.driving.tables import Piecewise
 from diagnosis.calibrating.calibration import Calibrated
@@ -16,6 +17,8 @@ from diagnosis.pictures import BLUE, GREY, ORANGE, RED, embedded, figure, readab
 from diagnosis.recording import DAY, HOUR
 from diagnosis.whole import whole
 
+SPAN = 4.0
+"""An output is drawn over so many standard deviations of its sensor's noise at least: less is nothing to be seen."""
 _MANY = 12
 """Weather inputs and the like that a picture shows at most."""
 
@@ -63,9 +66,18 @@ def _fit(done: Calibrated) -> str:
         panel.set_ylabel(f"{name} [{unit}]")
         if not done.report.outputs[name].used:
             panel.set_title("replayed: drives the model, not fitted", fontsize=8, loc="right")
+        widened(panel, SPAN * float(problem.floor[k]))
     panels[0].legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, fontsize=8)
     panels[-1].set_xlabel(f"days since {done.problem.recording.began}")
     return embedded(made)
+
+
+def widened(panel: Axes, span: float) -> None:
+    """Let the vertical axis of a panel span as much at least, about what it shows [unit of the panel]."""
+    low, high = panel.get_ylim()
+    if high - low < span:
+        middle = 0.5 * (low + high)
+        panel.set_ylim(middle - 0.5 * span, middle + 0.5 * span)
 
 
 def _residuals(done: Calibrated) -> str:

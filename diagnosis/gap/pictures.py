@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import PercentFormatter
 
 from diagnosis.gap.scan import LEVEL
 from diagnosis.gap.shrinkage import left_by
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
 
 SHOWN = 0.5
 """Expected log-likelihood ratio at one scale from which a candidate's angles are shown."""
+LEAST = -0.5
+"""Shares below this are drawn here, with their number."""
 _MOST = 14
 """Candidates that a picture shows."""
 
@@ -84,7 +87,7 @@ def draw_outputs(done: Diagnosis) -> Figure:
             shade = panel.get_xaxis_transform()
             panel.fill_between(days, 0, 1, where=done.scored, transform=shade, color=GREY, alpha=0.12)
         panel.set_ylabel(f"{output.name} [{readable(np.zeros(1), output.unit)[1].replace('°C', 'K')}]")
-    panels[0].legend(loc="upper right", fontsize=8, ncols=2)
+    panels[0].legend(loc="lower right", bbox_to_anchor=(1, 1), fontsize=8, ncols=2, frameon=False)
     panels[-1].set_xlabel("days of the recording")
     return made
 
@@ -115,19 +118,24 @@ def draw_parameters(done: Diagnosis) -> Figure:
 
 
 def draw_shares(done: Diagnosis) -> Figure:
-    """Shares of the gap that the effects remove, beside placebos."""
+    """Shares of the gap that the effects remove, beside placebos: as the page and the answer tell them."""
     rows = [one for one in done.report.shrinkage if one.share is not None]
     made = Figure(figsize=(10, 0.5 * len(rows) + 0.9), layout="constrained")
     axes = made.subplots()
     for y, one in enumerate(reversed(rows)):
-        assert one.low is not None and one.high is not None and one.share is not None and one.placebo is not None
-        axes.plot([max(one.low, -0.5), min(one.high, 1.5)], [y, y], color=BLUE, lw=3)
-        axes.plot(np.clip(one.share, -0.5, 1.5), y, "o", color=BLUE)
-        axes.plot(np.clip(one.placebo, -0.5, 1.5), y - 0.22, "x", color=GREY)
+        share, low, high = one.told
+        assert low is not None and high is not None and share is not None and one.placebo is not None
+        axes.plot([max(low, LEAST), max(high, LEAST)], [y, y], color=BLUE, lw=3, solid_capstyle="butt")
+        axes.plot(max(share, LEAST), y, "o", color=BLUE)
+        axes.plot(max(one.placebo, LEAST), y - 0.22, "x", color=GREY)
+        for height, value in ((y, low), (y - 0.22, one.placebo)):
+            if value < LEAST:
+                axes.annotate(f"{value:.0%} ←", (LEAST - 0.01, height), ha="right", va="center", fontsize=8)
     axes.axvline(0, color=GREY, lw=1)
     axes.axvline(1, color=GREY, lw=1, ls=":")
     axes.set_yticks(range(len(rows)), [one.channel for one in reversed(rows)])
+    axes.xaxis.set_major_formatter(PercentFormatter(1.0))
     axes.set_xlabel("share of the gap above the noise that is gone (blue, 90 % interval); placebo (grey cross)")
-    axes.set_xlim(-0.55, 1.55)
+    axes.set_xlim(LEAST - 0.1, 1.05)
     axes.set_ylim(-0.5, len(rows) - 0.5)
     return made

@@ -68,6 +68,15 @@ class ShrinkageOf(_Table):
     placebo_best: float | None
 
     @property
+    def told(self) -> tuple[float | None, float | None, float | None]:
+        """Share and its interval (share, low, high) as they are told and drawn: at most one.
+
+        Above one, what is left is below the noise that was assumed: all of the gap, and no more.
+        """
+        share, low, high = (None if x is None else min(x, 1.0) for x in (self.share, self.low, self.high))
+        return share, low, high
+
+    @property
     def few(self) -> bool:
         """Whether there are too few readings to tell."""
         return self.readings < FEWEST

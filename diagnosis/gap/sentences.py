@@ -151,8 +151,7 @@ def _how_far(report: Report) -> str:
             f" share of it can be given.{untold}"
         )
     said = ", ".join(
-        f"{_share(one.share)} in {one.channel} (90 % interval {_share(one.low)} to {_share(one.high)})"
-        for one in shares
+        "{1} in {0} (90 % interval {2} to {3})".format(one.channel, *map(_share, one.told)) for one in shares
     )
     placebo = max((one.placebo or 0.0) for one in shares)
     days = (
@@ -169,8 +168,8 @@ def _how_far(report: Report) -> str:
 
 
 def _share(value: float | None) -> str:
-    """A share as text; above one, what is left is below the noise that was assumed: all of the gap, and no more."""
-    return "?" if value is None else f"{min(value, 1.0):.0%}"
+    """A share as text."""
+    return "?" if value is None else f"{value:.0%}"
 
 
 def _cost(report: Report, condition: str, begin: str) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from textwrap import fill
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -11,6 +13,8 @@ from diagnosis.where.ink import MEASURED, QUIET, TWINS, readable
 from diagnosis.where.series import DAY, Residuals
 from diagnosis.where.source import SourceTest
 
+_WIDTH = 150
+"""So many letters of a title fit above a panel."""
 _SPAN = "#ee9944"
 
 
@@ -93,12 +97,11 @@ def draw_sources(residuals: Residuals, found: SourceTest, *, alpha: float = 0.05
         axes.axhline(0, color="black", linewidth=0.6)
         _weekends(axes, residuals, begin)
         _frame(axes, edges, f"{one.label}\n[{unit}]")
-        axes.set_title(
-            f"{one.label} {found.words(one, labels[one.rival], alpha)}  "
-            f"(p = {one.p_value:.2g}, roughness {one.roughness:.1f}: 0 smooth, 2 noise, 4 spikes)",
-            fontsize=9,
-            loc="left",
+        said = (
+            f"{one.label} {found.words(one, labels[one.rival], alpha)}"
+            f" (p = {one.p_value:.2g}, roughness {one.roughness:.1f}: 0 smooth, 2 noise, 4 spikes)"
         )
+        axes.set_title(fill(said, _WIDTH), fontsize=9, loc="left")
     panels[-1].set_xlabel("day of the record", fontsize=9)
     handles = {text: handle for axes in panels for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)}
     figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=3, fontsize=8, frameon=False)

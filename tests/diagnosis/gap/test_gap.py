@@ -31,6 +31,7 @@ def test_a_drifting_sensor_is_found_told_how_large_and_removed(drifted):
     assert page.count("data:image/png;base64,") >= 6
     assert "http://" not in page and "https://" not in page
     assert page.index(report.summary[0][:20]) < page.index("<img")
+    assert "the longest need not be the cause" in " ".join(page.split())
     assert sorted(one.name for one in out.iterdir()) == ["report.html", "report.json"]
 
 

@@ -118,6 +118,17 @@ def test_no_sensor_is_suspected_where_another_source_explains_what_its_error_wou
     assert "suspect" not in draw_sources(with_observed(quiet, observed), found).axes[1].get_title(loc="left")
 
 
+def test_what_is_said_of_a_source_is_not_cut_by_the_pictures_edge(quiet, plant):
+    """The longest that is said, of a sensor whose label is long."""
+    residuals = replace(quiet, labels=("air temperature of the room upstairs", "CO2"))
+    found = scan_sources(residuals, [plant])
+    one = replace(found.sources[0], p_value=0.5, verdict="sensor", rival="y0")
+    made = draw_sources(residuals, replace(found, sources=[one], suspect="y0"))
+    made.draw_without_rendering()
+    (title,) = [text for text in made.axes[0].get_children() if getattr(text, "get_text", str)().startswith("missing")]
+    assert "suspect that sensor" in title.get_text() and title.get_window_extent().x1 < made.bbox.x1
+
+
 @pytest.mark.parametrize(
     ("p_value", "verdict", "suspect", "said"),
     [

@@ -1,0 +1,66 @@
+"""Pictures of a diagnosis show what its sentences say, and all of it; from diagnoses made up for the purpose."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from diagnosis.gap.pictures import LEAST, draw_outputs, draw_shares
+from diagnosis.gap.schema import ShrinkageOf
+from diagnosis.gap.sentences import _share
+
+
+def shrunk(share, low, high, placebo=0.0):
+    return ShrinkageOf(
+        channel="room",
+        unit="K",
+        readings=24,
+        before=1.0,
+        after=0.1,
+        floor=0.1,
+        share=share,
+        low=low,
+        high=high,
+        placebo=placebo,
+        placebo_best=0.2,
+    )
+
+
+@pytest.mark.parametrize(
+    ("share", "low", "high"), [(1.3, 1.1, 2.3), (0.7, 0.4, 0.9), (0.9, 0.2, 1.2), (0.1, -4.0, 0.3)]
+)
+def test_shares_are_drawn_as_they_are_said(share, low, high):
+    """More than all of a gap cannot be gone; an interval that goes on beyond the picture's edge says how far."""
+    one = shrunk(share, low, high)
+    (axes,) = draw_shares(SimpleNamespace(report=SimpleNamespace(shrinkage=[one]))).axes
+    interval, dot = axes.lines[:2]
+    drawn = [*dot.get_xdata(), *interval.get_xdata()]
+    assert [_share(x) for x in one.told] == [_share(x) if x > LEAST else _share(low) for x in drawn]
+    assert max(drawn) <= 1.0 < axes.get_xlim()[1] and axes.get_xlim()[0] < min(drawn)
+    marks = [text.get_text() for text in axes.texts]
+    assert marks == ([f"{low:.0%} ←"] if low < LEAST else [])
+    assert (one.share, one.low, one.high) == (share, low, high)  # report.json has what was found
+
+
+def test_the_legend_of_the_residuals_covers_none_of_them():
+    steps = 96
+    left = np.zeros((2, steps))
+    left[0, -20:] = 5.0  # at the upper right, where a legend would like to be
+    outputs = [SimpleNamespace(name=name, unit="K") for name in ("room", "wall")]
+    problem = SimpleNamespace(
+        time=3600.0 * np.arange(1, steps + 1),
+        recording=SimpleNamespace(start=0.0),
+        system=SimpleNamespace(outputs=outputs),
+    )
+    stage = SimpleNamespace(
+        twins=SimpleNamespace(residual=left),
+        lin=SimpleNamespace(problem=problem),
+        grams=SimpleNamespace(channels=[0, 1]),
+        colours=SimpleNamespace(best={0: (0.1, 0.0, 1.0), 1: (0.1, 0.0, 1.0)}),
+    )
+    made = draw_outputs(SimpleNamespace(search=SimpleNamespace(stages=[stage]), apart=None))
+    made.draw_without_rendering()
+    first = made.axes[0]
+    assert first.get_legend().get_window_extent().y0 >= first.get_window_extent().y1 - 1
+    low, high = first.get_ylim()
+    assert low < left[0].min() and high > left[0].max()
