@@ -87,7 +87,7 @@ def test_what_a_sensor_is_worth(script, tmp_path):
             one
             for one in known
             if one["channels"] == channels and one["noise"] == "sensor" and one["context_hours"] == sensors.CONTEXT
-            if not one.get("constants")
+            if one.get("constants")
         ]
         assert limit.mean() == pytest.approx(there["r2_mean"], abs=0.08)
     assert (made.reached.mean(axis=1) < made.limit.mean(axis=1)).all()
