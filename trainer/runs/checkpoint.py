@@ -24,9 +24,9 @@ from trainer.reading.familiar import Familiar
 from trainer.runs.spans import packed, unpacked
 from trainer.runs.weights import check_card_version, load_weights
 
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 """The first version has no errors by condition; before the third it is not said which channels are means of a step, and
-which never varied."""
+which never varied, and before the fourth not which uncertain constants were as declared."""
 CARD = "estimator.json"
 WEIGHTS = "weights.safetensors"
 CALIBRATION = ("calibration.json", "calibration.md", "calibration.csv", "sbc.png", "coverage.png")

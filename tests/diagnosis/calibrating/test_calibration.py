@@ -3,7 +3,6 @@
 import json
 from copy import copy
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,8 +10,7 @@ import xarray as xr
 
 from datagen import simulate
 from diagnosis.calibrating.calibration import calibrate, estimate
-from diagnosis.calibrating.report import _fit
-from diagnosis.calibrating.schema import Constant, read_calibration
+from diagnosis.calibrating.schema import read_calibration
 from diagnosis.calibrating.sentences import sentences
 from diagnosis.calibrating.summary import _explained, summarise
 from diagnosis.cli import app
@@ -261,79 +259,6 @@ def test_an_estimate_is_not_made_from_days_that_were_made_up(default_system, tmp
     np.testing.assert_allclose(found[9:14], np.linspace(found[9], found[13], 5), rtol=1e-6)
     assert found[0] == found[1]
     assert np.isnan(found[20:24]).all() and np.isnan(found).sum() == 4
-
-
-def test_what_lies_at_an_end_of_its_range_is_not_said_to_be_the_prior(house, house_recording):
-    """Hardly told by its variance, and yet moved: the range's end made the interval."""
-    done = calibrate(house("me"), house_recording(hours=48), starts=1)
-    ranges = [
-        one.model_copy(update={"identified": "hardly", "at_bound": k == 0})
-        for k, one in enumerate(done.report.parameters)
-    ]
-    z = [3.0, 2.0, 0.1, *done.report.z[3:]]
-    names = [one.name for one in ranges]
-    report = done.report.model_copy(update={"parameters": ranges, "z": z, "converged": True})
-    said = sentences(report)
-    assert (
-        f"It pushes {names[1]} to an end of the range, as far as it tells: the interval ends where the range does."
-        in said
-    )
-    others = ", ".join(name for name, place in zip(names[2:], z[2:], strict=False) if abs(place) < 1.28)
-    assert f"It hardly tells {others}: what is given for them is mostly the prior." in said
-    assert any(one.startswith(f"{names[0]} lies on a bound") for one in said)
-    said = sentences(report.model_copy(update={"converged": False}))
-    assert f"It hardly tells {others}, and the fit did not settle on them: values are not the prior's either." in said
-
-
-def test_uncertain_constants_far_outside_of_the_description_come_first(house, house_recording):
-    """Three and two thirds of a standard deviation of 0.3 make x3."""
-    report = calibrate(house("me"), house_recording(hours=48), starts=1).report
-    report = report.model_copy(
-        update={
-            "parameters": [p.model_copy(update={"at_bound": False, "identified": "well"}) for p in report.parameters]
-        }
-    )
-
-    def told(*places):
-        ones = [
-            Constant(name=name, description="", factor=float(np.exp(0.3 * place)), low=0.1, high=9.0)
-            for name, place in zip(("floor", "wall"), places, strict=True)
-        ]
-        z = [*report.z[: len(report.parameters)], *places]
-        return sentences(report.model_copy(update={"constants": ones, "z": z}))
-
-    within = told(1.9, 0.0)
-    assert any(one.startswith("The recording tells ro") and one.endswith(" well.") for one in within)
-    assert not any("far outside" in one for one in within)
-    for places, far in (((11 / 3, -1.9), "floor x3 (allowed: x0.55 to x1.8)"), ((0.0, -2.5), "wall x0.47 (allowed: ")):
-        first, second, *_ = told(*places)
-        assert first.startswith(far) and "is far outside of what the description allows" in first
-        assert second.startswith("Only with such constants does the recording tell ro") and "well" not in second
-
-
-def test_an_output_is_drawn_over_no_less_than_its_sensors_noise(monkeypatch):
-    """A constant reading beside a model that misses it by a hundredth of the noise, and one that moves."""
-    measured = np.array([np.full(24, 0.0697), np.linspace(18.0, 22.0, 24)])
-    names = ["flow", "room"]
-    problem = SimpleNamespace(
-        system=SimpleNamespace(
-            output_names=names, outputs=[SimpleNamespace(unit="kg/s"), SimpleNamespace(unit="degC")]
-        ),
-        measured=measured,
-        floor=np.array([0.01, 0.1]),
-        time=3600.0 * np.arange(1, 25),
-        drive=SimpleNamespace(start=0.0),
-        recording=SimpleNamespace(began="2001-01-01 00:00"),
-    )
-    done = SimpleNamespace(
-        problem=problem,
-        report=SimpleNamespace(outputs=dict.fromkeys(names, SimpleNamespace(used=True))),
-        fit=SimpleNamespace(around=SimpleNamespace(outputs=measured + 0.0001)),
-    )
-    monkeypatch.setattr("diagnosis.calibrating.report.embedded", lambda made: made)
-    still, moving = (axes.get_ylim() for axes in _fit(done).axes)
-    assert (still[1] - still[0], 0.5 * sum(still)) == (pytest.approx(0.04), pytest.approx(0.06975))
-    assert 4.0 < moving[1] - moving[0] < 5.0
 
 
 @pytest.mark.parametrize(
