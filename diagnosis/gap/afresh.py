@@ -64,6 +64,7 @@ def fitted_afresh(
     try:
         found = fit(problem.with_observed(observed), [start], rounds=ROUNDS, restless=RESTLESS)
         wider, around, _ = widened(found.problem, found.around)
+        around = wider.linearise(found.z, around.nuisance)  # the fit's own was drawn before its last step
         there = refit(Grams(linearised(wider, found.z, around), observed), colours, found.z, ())
         made = settled(wider, found.z, around, observed, wider.floor, colours, renewals=0)
     except SimulationError:
