@@ -134,6 +134,11 @@ def draw(made: Answer, path: Path) -> None:
     plt.close(figure)
 
 
+def known(*values: float | None) -> list[float]:
+    """Numbers for a table; what a report does not give is none."""
+    return [np.nan if value is None else value for value in values]
+
+
 def tables(made: Answer) -> list[str]:
     """The tables of the page: parameters, effects, shrinkage."""
     parameters = table(
@@ -156,7 +161,7 @@ def tables(made: Answer) -> list[str]:
                 made.r2[one.name],
                 made.estimate[one.name],
                 one.before,
-                *(np.nan if value is None else value for value in (one.after, one.after_low, one.after_high)),
+                *known(one.after, one.after_low, one.after_high),
             )
             for one in made.report.parameters
         ],
@@ -164,12 +169,12 @@ def tables(made: Answer) -> list[str]:
     named = [one for one in made.report.effects if one.named]
     effects = table(
         ("effect found", "probability", "size", "from", "to", "unit"),
-        [(one.name, one.probability, one.amplitude or 0.0, one.low or 0.0, one.high or 0.0, one.unit) for one in named],
+        [(one.name, one.probability, *known(one.amplitude, one.low, one.high), one.unit) for one in named],
     )
     shrinkage = table(
         ("on the days kept", "RMS before", "after", "noise alone", "unit", "share of the gap gone", "placebo"),
         [
-            (one.channel, one.before, one.after, one.floor, one.unit, one.share or 0.0, one.placebo or 0.0)
+            (one.channel, one.before, one.after, one.floor, one.unit, *known(one.share, one.placebo))
             for one in made.report.shrinkage
         ],
     )

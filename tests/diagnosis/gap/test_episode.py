@@ -193,7 +193,7 @@ def test_an_episode_comes_after_cells_that_are_as_sure_and_by_its_size_among_oth
 
 
 @pytest.mark.parametrize(
-    ("p_value", "evidence", "found"), [(0.02, 1.0, True), (0.021, 9.9, False), (0.021, 10.1, True), (1.0, None, False)]
+    ("p_value", "evidence", "found"), [(0.02, 1.0, True), (0.021, 7.9, False), (0.021, 8.1, True), (1.0, None, False)]
 )
 def test_a_candidate_is_found_by_its_twins_or_by_plain_evidence(p_value, evidence, found):
     scan = SimpleNamespace(p_value=p_value, evidence=np.array([] if evidence is None else [0.0, evidence]))
