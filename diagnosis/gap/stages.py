@@ -23,7 +23,7 @@ PLAIN = 8.0
 of all recordings without a gap (Markov's inequality), so that of forty candidates one does in at most 1.4 %. Parameters
 that bend to the edge of their prior to make up for a cause are evidence of it, but twins begin at that edge and come
 back from it as the recording does. The largest in 18 recordings without a gap, of an opened set, was 3.1, and none of
-80 others reached 10 (docs/blind-check.md)."""
+80 others reached 10; two with a cause had 9.1 and 9.5 when this was chosen (docs/blind-check.md)."""
 
 
 @dataclass(frozen=True)
