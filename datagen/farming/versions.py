@@ -18,7 +18,7 @@ from shared.manifest import Manifest
 PACKAGE = "zeroshot-fmu"
 DECIDING = (PACKAGE, "fmpy", "numpy", "pvlib", "numba")
 """Packages that a simulation's numbers come from, to the last bit."""
-_ALL = (PACKAGE, "fmpy", "dask", "numpy", "netCDF4", "xarray", "pvlib", "numba")
+_ALL = (PACKAGE, "fmpy", "dask", "numpy", "scipy", "pandas", "netCDF4", "xarray", "pvlib", "numba")
 _log = logger(__name__)
 
 

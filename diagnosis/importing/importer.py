@@ -246,7 +246,10 @@ def _about(one: Series) -> VariableReport:
 
 
 def _compare(one: Series) -> Comparison | None:
-    """Two meters of one quantity where both have values; None if there is no second or they share too little."""
+    """Two meters of one quantity where both have values; None if there is no second or they share too little.
+
+    The first may be a constant of the mapping.
+    """
     if one.second is None:
         return None
     both = np.isfinite(one.values) & np.isfinite(one.second)
@@ -262,5 +265,5 @@ def _compare(one: Series) -> Comparison | None:
         mean_difference=float((used - second).mean()),
         sd_difference=float((used - second).std()),
         largest_difference=float(np.abs(used - second).max()),
-        correlation=float(np.corrcoef(used, second)[0, 1]) if vary else 0.0,
+        correlation=float(np.corrcoef(used, second)[0, 1]) if vary else None,
     )

@@ -74,7 +74,8 @@ class Judge:
         where = f"{self.mapping.path}: {key}"
         if source.constant is not None:
             value = self.converted(source.constant, source, target.unit, where)
-            return self.assumed(target, value, f"constant of the mapping: {value:.6g}")
+            made = self.assumed(target, value, f"constant of the mapping: {value:.6g}")
+            return self._beside(made, source, where)
         moving = target.unit in MOVING and target.role == "output"
         signal = self.signal(source, target.unit, where, moving=moving)
         if target.method == "mean" and not self._says_how(source):
@@ -82,14 +83,18 @@ class Judge:
         made = self.gridded(target, signal, source, f"{source.column} [{source.unit}]", where)
         if target.role == "output" and source.max_gap is None:
             self.tell(plausible.about_lines(str(source.column), signal, self.step))
-        if source.compare is not None:
-            meter = source.compare
-            same = {name: getattr(source, name) for name in ("reading", "stamp", "interval", "max_gap")}
-            own = {name: getattr(meter, name) for name in ("column", "unit", "scale", "offset", "persons")}
-            second = Source(**own, **same)
-            other = self.signal(second, target.unit, f"{where}.compare", moving=False)
-            made.second, _ = resample(other, self.edges, target.method, self.mapping.grid.coverage)
-            made.second_name = meter.column
+        return self._beside(made, source, where)
+
+    def _beside(self, made: Series, source: Source, where: str) -> Series:
+        """The same series with the second meter that its source may name, which is read as the first one is."""
+        meter = source.compare
+        if meter is None:
+            return made
+        same = {name: getattr(source, name) for name in ("reading", "stamp", "interval", "max_gap")}
+        own = {name: getattr(meter, name) for name in ("column", "unit", "scale", "offset", "persons")}
+        other = self.signal(Source(**own, **same), made.target.unit, f"{where}.compare", moving=False)
+        made.second, _ = resample(other, self.edges, made.target.method, self.mapping.grid.coverage)
+        made.second_name = meter.column
         return made
 
     def _says_how(self, source: Source) -> bool:

@@ -38,7 +38,10 @@ class VariableReport(_Table):
 
 
 class Comparison(_Table):
-    """Two meters of one quantity, on the steps where both have a value; differences are used minus second meter."""
+    """Two meters of one quantity, on the steps where both have a value; differences are used minus second meter.
+
+    There is no ``correlation`` where one of them, or a constant in the first one's place, never changes.
+    """
 
     name: str
     second: str
@@ -47,7 +50,7 @@ class Comparison(_Table):
     mean_difference: float
     sd_difference: float
     largest_difference: float
-    correlation: float
+    correlation: float | None
 
 
 class ImportReport(_Table):
@@ -116,10 +119,11 @@ def print_report(report: ImportReport, console: Console) -> None:
         )
     console.print(table)
     for pair in report.comparisons:
+        together = f"correlation {pair.correlation:.2f} " if pair.correlation is not None else ""
         console.print(
             f"{pair.name}: used minus second meter ({pair.second}): {pair.mean_difference:+.3g} {pair.unit} on average,"
             f" standard deviation {pair.sd_difference:.3g}, at most {pair.largest_difference:.3g}, "
-            f"correlation {pair.correlation:.2f} over {pair.steps} steps",
+            f"{together}over {pair.steps} steps",
             markup=False,
             soft_wrap=True,
         )

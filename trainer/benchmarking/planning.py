@@ -15,7 +15,7 @@ from trainer.benchmarking.parts import Ground, Part, make_parts
 from trainer.models import estimator_class
 from trainer.reading.data import difference, digest_of, identity_of, load_records, rows_of
 from trainer.runs.checkpoint import CARD, read_card
-from trainer.runs.versions import DECIDING, versions_here
+from trainer.runs.versions import other_version
 
 OURS = ("multiscale-transformer",)
 """Estimators that stand beside the paper's, unless the user names others."""
@@ -159,9 +159,9 @@ def _check_versions(path: Path) -> None:
         found = read_card(path.parent).versions
     except EstimatorError:  # none is there; of one that is damaged its fit says so
         return
-    for name, ours in versions_here().items():
-        if name in DECIDING and found.get(name) != ours:
-            raise EstimatorError(
-                f"{path}: versions: {name} is {found.get(name)}; expected {ours}, as here: choose another folder, go on"
-                " with the versions that began this one, or remove what they fitted"
-            )
+    if other := other_version(found):
+        name, theirs, ours = other
+        raise EstimatorError(
+            f"{path}: versions: {name} is {theirs}; expected {ours}, as here: choose another folder, go on"
+            " with the versions that began this one, or remove what they fitted"
+        )

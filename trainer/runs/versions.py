@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+from collections.abc import Mapping
 
 import numpy as np
 import torch
@@ -21,3 +22,11 @@ def versions_here() -> dict[str, str]:
         "torch": torch.__version__,
         "numpy": np.__version__,
     }
+
+
+def other_version(found: Mapping[str, str]) -> tuple[str, str, str] | None:
+    """The first of :data:`DECIDING` that is another one here: its name, the version found, ours; None if none is."""
+    ours = versions_here()
+    return next(
+        ((name, found.get(name, "unknown"), ours[name]) for name in DECIDING if found.get(name) != ours[name]), None
+    )

@@ -35,6 +35,7 @@ from trainer.runs.state import (
     restore_optimiser,
     write_state,
 )
+from trainer.runs.versions import other_version, versions_here
 from trainer.training.optimisers import make_optimisers, scale_rates
 
 _log = logger(__name__)
@@ -180,6 +181,7 @@ class Loop:
         }
         facts = {
             "settings": self.settings,
+            "versions": versions_here(),
             "step": self.step,
             "total": self.total,
             "counted": self.counted,
@@ -206,6 +208,12 @@ class Loop:
 
     def _take(self, path: Path, parts: dict[str, Tensors], facts: dict[str, Any]) -> None:
         check_settings(path, facts["settings"], self.settings)
+        if other := other_version(facts.get("versions", {})):
+            _log.warning(
+                "%s: written with %s %s, and this is %s: the weights will not be those of a training that was not"
+                " interrupted, and the estimator's card names the versions of here",
+                *(path, *other),
+            )
         self.network.load_state_dict(parts["network"])
         self.best = parts.get("best")
         for k, one in enumerate(self.optimisers):

@@ -22,6 +22,7 @@ from shared.store import DatasetFolder, write_atomically
 from trainer.models import estimator_class, option_defaults
 from trainer.reading.data import difference, identity_of, load_records
 from trainer.runs.checkpoint import make_folder
+from trainer.runs.versions import other_version, versions_here
 from trainer.seeds import check_seed
 from trainer.training.fitting import fit
 
@@ -233,6 +234,7 @@ def _study(folder: Path, settings: dict[str, Any], defaults: dict[str, Any], see
         )
         if fresh or "settings" not in study.user_attrs:
             study.set_user_attr("settings", json.dumps(settings))
+            study.set_user_attr("versions", versions_here())
             study.enqueue_trial(defaults)
         found = dict(json.loads(study.user_attrs["settings"]))
         done = len(study.get_trials(deepcopy=False))
@@ -241,6 +243,8 @@ def _study(folder: Path, settings: dict[str, Any], defaults: dict[str, Any], see
     other = difference(found, settings)
     if other is not None:
         raise EstimatorError(f"{path}: {other}; choose another folder for another search")
+    if changed := other_version(study.user_attrs.get("versions", {})):
+        _log.warning("%s: begun with %s %s, and this is %s: its trials may differ by that, too", path, *changed)
     # a sampler begins its random numbers anew: with the seed alone, a search that goes on would repeat its first draws
     own = int(np.random.SeedSequence([seed, done]).generate_state(1)[0])
     study.sampler = optuna.samplers.TPESampler(seed=own, n_startup_trials=8)

@@ -46,6 +46,21 @@ def test_values_are_those_of_their_time(house, jitter):
     assert report.unused_columns == ["not mapped"]
 
 
+def test_a_constant_is_compared_with_a_meter_too(house):
+    """A flow that is taken to be constant, and a meter beside it that stands still elsewhere."""
+    frame, _ = measured()
+    frame["other"] = 80.0
+    valve = 'column = "valve"\nunit = "m3/h"\nscale = 2.4\nreading = "mean"\nfill = 0.0\n'
+    given = 'constant = 120.0\nunit = "m3/h"\nreading = "mean"\ncompare = { column = "other", unit = "m3/h" }\n'
+    assert valve in MAPPING
+    report = house(frame, MAPPING.replace(valve, given))
+    (pair,) = [one for one in report.comparisons if one.name == "air"]
+    assert (pair.second, pair.steps) == ("other", report.steps)
+    assert pair.mean_difference == pytest.approx(40 / 3600 * 1.2) and pair.sd_difference == pytest.approx(0, abs=1e-12)
+    assert pair.correlation is None and "other" not in report.unused_columns
+    assert set(xr.load_dataset(report.recording)["air_flag"].values) == {ASSUMED}
+
+
 def test_the_calendar_is_kept_and_the_week_is_right(house):
     report = house(measured()[0])
     assert (report.begin, report.utc_offset, report.time_zero) == ("2022-10-27 23:00", 1.0, "2022-01-03")

@@ -82,7 +82,7 @@ def test_a_training_that_was_killed_ends_with_the_weights_of_one_that_was_not(ta
 
 
 @pytest.mark.parametrize(("model", "options"), [("patch-transformer", SMALL), ("summary-mlp", {"width": 16})])
-def test_an_interrupted_training_goes_on(tanks, tmp_path, stopping, monkeypatch, model, options):
+def test_an_interrupted_training_goes_on(tanks, tmp_path, stopping, monkeypatch, caplog, model, options):
     settings = SETTINGS | {"model": model, "options": options, "steps": 40, "batch_size": 8}
     ends, finish = [], Loop._finish
 
@@ -106,6 +106,7 @@ def test_an_interrupted_training_goes_on(tanks, tmp_path, stopping, monkeypatch,
     whole, cut, resumed = ends
     assert all(torch.equal(whole[name], resumed[name]) for name in whole)
     assert not all(torch.equal(whole[name], cut[name]) for name in whole)
+    assert "written with" not in caplog.text  # by these very versions
     assert weights(tmp_path / "cut") == weights(tmp_path / "whole")
     curves = [(tmp_path / name / "curve.csv").read_text().splitlines() for name in ("whole", "cut")]
     assert [line.split(",")[::2] for line in curves[0]] == [line.split(",")[::2] for line in curves[1]]
@@ -160,6 +161,25 @@ def test_another_training_is_not_resumed_and_can_be_overwritten(tanks, tmp_path,
     fit(tanks, tmp_path / "fresh", **settings)
     assert weights(tmp_path / "run") == weights(tmp_path / "fresh")
     assert not (tmp_path / "run" / STATE).exists()
+
+
+@pytest.mark.parametrize("theirs", ["1.0", None])
+def test_a_state_of_another_version_is_told_and_gone_on_with(tanks, tmp_path, stopping, monkeypatch, caplog, theirs):
+    settings = SETTINGS | {"steps": 40}
+    stopping(20)
+    with pytest.raises(KeyboardInterrupt):
+        fit(tanks, tmp_path / "run", **settings)
+    monkeypatch.undo()
+    state = tmp_path / "run" / STATE
+    parts, facts = read_state(state)
+    ours = facts["versions"]
+    assert set(ours) == {"zeroshot-fmu", "python", "torch", "numpy"}
+    earlier = {} if theirs is None else {"versions": ours | {"torch": theirs}}
+    write_state(state, parts, {name: facts[name] for name in facts if name != "versions"} | earlier)
+    with caplog.at_level("WARNING"):
+        assert fit(tanks, tmp_path / "run", resume=True, **settings).card.training.steps == 40
+    told = "torch 1.0" if theirs else "zeroshot-fmu unknown"
+    assert f"written with {told}, and this is {ours[told.split()[0]]}" in caplog.text
 
 
 def test_a_damaged_state_is_named(tanks, tmp_path, stopping, monkeypatch):

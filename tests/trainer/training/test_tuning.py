@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import optuna
 import pytest
+import torch
 
 from shared.errors import DatasetError, EstimatorError, OptionsError
 from shared.store import DatasetFolder
@@ -252,6 +253,16 @@ def test_a_search_of_an_earlier_version_is_told(tanks, tmp_path, no_training):
     study.set_user_attr("settings", json.dumps(settings))
     with pytest.raises(EstimatorError, match=r"an earlier version began it and did not note systems_sha256: it may be"):
         tune(tanks, tmp_path, trials=2, **SETTINGS)
+
+
+def test_a_search_that_other_versions_began_is_told_and_goes_on(tanks, tmp_path, no_training, caplog):
+    tune(tanks, tmp_path, trials=1, **SETTINGS)
+    tune(tanks, tmp_path, trials=2, **SETTINGS)
+    assert "begun with" not in caplog.text
+    study = optuna.load_study(study_name="tune", storage=f"sqlite:///{tmp_path / 'study.db'}")
+    study.set_user_attr("versions", study.user_attrs["versions"] | {"torch": "1.0"})
+    assert tune(tanks, tmp_path, trials=3, **SETTINGS).trials == 3
+    assert f"study.db: begun with torch 1.0, and this is {torch.__version__}: its trials may differ" in caplog.text
 
 
 @pytest.mark.parametrize("model", [name for name in ESTIMATORS if name not in ("mean", "ridge")])
