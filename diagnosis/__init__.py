@@ -1,6 +1,7 @@
 """From recordings to parameters, forecasts, and what the model still lacks.
 
-The functions behind the commands: :func:`import_recording`, :func:`residuals`, :func:`calibrate`, :func:`forecast`.
+The functions behind the commands: :func:`import_recording`, :func:`residuals`, :func:`calibrate`, :func:`forecast`,
+:func:`diagnose`.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from shared.lazy import lazily
 
 _HOMES = {
     "calibrate": "diagnosis.calibrating.calibration",
+    "diagnose": "diagnosis.gap.diagnosed",
     "forecast": "diagnosis.forecasting.forecast",
     "import_recording": "diagnosis.importing.importer",
     "residuals": "diagnosis.simulated",

@@ -152,6 +152,21 @@ def _zero(begin: float, units: str) -> np.datetime64:
     return np.datetime64(time_zero(first.astype("M8[D]").item()).isoformat(), "s")
 
 
+def check_warm_up(recording: Recording, warm_up: float) -> None:
+    """Refuse to simulate a recording whose first day is not repeated before it.
+
+    Raises
+    ------
+    RecordingError
+        If ``warm_up`` [s] is less than a step, or endless.
+    """
+    if not recording.step <= warm_up < np.inf:
+        raise RecordingError(
+            f"warm_up is {warm_up / HOUR:g} h; expected at least a step of the recording, {recording.step / HOUR:g} h:"
+            " without it the FMU's start values would count as known"
+        )
+
+
 def recorded_inputs(system: System, recording: Recording, warm_up: float) -> InputTable:
     """All inputs over a recording, with its first day repeated for ``warm_up`` seconds before it.
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from datagen.simulating.simulator import Simulator
-from diagnosis.recording import HOUR, read_recording, recorded_inputs
+from diagnosis.recording import HOUR, check_warm_up, read_recording, recorded_inputs
 from shared.errors import RecordingError, SystemDescriptionError
 from shared.system import System, load_system
 
@@ -32,7 +32,7 @@ def residuals(
     parameters
         Values by name [unit of the description].
     warm_up
-        The recording's first day is repeated this long before its start [h].
+        The recording's first day is repeated this long before its start [h]; at least a step.
 
     Returns
     -------
@@ -49,6 +49,7 @@ def residuals(
     described = system if isinstance(system, System) else load_system(system)
     record = read_recording(recording, described)
     values = _parameters(described, Path(recording), run, parameters or {})
+    check_warm_up(record, warm_up * HOUR)
     described = described.with_experiment(step=record.step)
     inputs = recorded_inputs(described, record, warm_up * HOUR)
     trajectory = Simulator(described).run(

@@ -19,7 +19,7 @@ from diagnosis.fitting.fit import Fit, fit
 from diagnosis.fitting.noise import errors_under
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.side_by_side import side_by_side
-from diagnosis.recording import HOUR, Recording, read_recording
+from diagnosis.recording import HOUR, Recording, check_warm_up, read_recording
 from diagnosis.whole import check_writable, whole
 from shared.errors import EstimatorError, RecordingError
 from shared.logs import logger
@@ -106,6 +106,7 @@ def calibrate(
     errors_under(described, noise)  # whatever is wrong is said before the simulator is built
     record = recording if isinstance(recording, Recording) else read_recording(recording, described)
     check_recording(record, described)
+    check_warm_up(record, warm_up * HOUR)
     described = described.with_experiment(step=record.step, hours=len(record.time) * record.step / HOUR)
     zero_shot = estimate(run, record, described) if run is not None else {}
     simulator = Simulator(described)

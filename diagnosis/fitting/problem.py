@@ -28,7 +28,7 @@ from diagnosis.fitting.runs import Runs
 from diagnosis.fitting.side_by_side import InProcess, Outcome, Runner
 from diagnosis.fitting.unknowns import LIMIT, Unknowns
 from diagnosis.fitting.unmeasured import nuisance_of
-from diagnosis.recording import HOUR, Recording
+from diagnosis.recording import HOUR, Recording, check_warm_up
 from shared.errors import RecordingError, SimulationError
 
 WARM_UP = 240 * HOUR
@@ -82,11 +82,7 @@ class Problem:
         history: bool = True,
         runner: Runner | None = None,
     ) -> None:
-        if not recording.step <= warm_up < np.inf:
-            raise RecordingError(
-                f"warm_up is {warm_up / HOUR:g} h; expected at least a step of the recording,"
-                f" {recording.step / HOUR:g} h: without it the FMU's start values would count as known"
-            )
+        check_warm_up(recording, warm_up)
         self.simulator, self.recording, self.replay = simulator, recording, replay
         self.system = system = simulator.system
         self.effects = tuple(effects)

@@ -21,7 +21,7 @@ from diagnosis.fitting.noise import NoiseModel, errors_under
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.renewing import renewed
 from diagnosis.fitting.side_by_side import side_by_side
-from diagnosis.recording import DAY, HOUR, Recording, read_recording
+from diagnosis.recording import DAY, HOUR, Recording, check_warm_up, read_recording
 from diagnosis.scores import Score, score
 from diagnosis.whole import check_writable
 from shared.errors import RecordingError, SimulationError
@@ -138,6 +138,7 @@ def forecast(
         )
     whole_record, first = _part(record, end), _part(record, split)
     check_recording(first, described)
+    check_warm_up(record, warm_up * HOUR)
     described = described.with_experiment(step=record.step, hours=context + ahead)
     common = {"replay": replay, "occupancy": occupancy, "warm_up": warm_up}
     if given is None:

@@ -29,7 +29,7 @@ from diagnosis.gap.search import Search, search
 from diagnosis.gap.sentences import noiseless
 from diagnosis.gap.shrinkage import Shrinkage, shrinkages
 from diagnosis.gap.starting import Begun, begun, zero_shot
-from diagnosis.recording import HOUR, Recording, read_recording
+from diagnosis.recording import HOUR, Recording, check_warm_up, read_recording
 from diagnosis.where import Operator, Where
 from diagnosis.whole import check_writable
 from shared.system import System, load_system
@@ -144,6 +144,7 @@ def diagnose(
     errors_under(described, noise)  # whatever is wrong is said before the simulator is built
     record = recording if isinstance(recording, Recording) else read_recording(recording, described)
     check_recording(record, described)
+    check_warm_up(record, warm_up * HOUR)
     described = described.with_experiment(step=record.step, hours=len(record.time) * record.step / HOUR)
     candidates = list(effects) if effects is not None else library(described)
     estimated = zero_shot(described, record, run, tell)

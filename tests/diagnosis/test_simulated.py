@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from datagen import simulate
-from diagnosis import residuals
+from diagnosis import calibrate, diagnose, residuals
 from diagnosis.cli import app
 from diagnosis.recording import read_recording, recorded_inputs
 from shared.console import FAULT, OK, start
@@ -100,6 +100,17 @@ def damaged(recording, tmp_path, change):
 def test_each_fault_of_a_recording_is_a_sentence(recording, truth, default_system, tmp_path, change, said):
     with pytest.raises(RecordingError, match=said):
         residuals(default_system, damaged(recording, tmp_path, change), parameters=truth)
+
+
+@pytest.mark.parametrize("entry", [residuals, calibrate, diagnose])
+def test_a_recording_without_warm_up_is_told_before_anything_is_simulated(
+    recording, truth, default_system, monkeypatch, entry
+):
+    monkeypatch.setattr("datagen.simulating.simulator.Simulator.__init__", lambda *_: pytest.fail("was built"))
+    given = {"parameters": truth} if entry is residuals else {}
+    for hours in (0.0, -5.0, 0.5 * read_recording(recording, default_system).step / 3600, float("inf")):
+        with pytest.raises(RecordingError, match=rf"warm_up is {hours:g} h; expected at least a step"):
+            entry(default_system, recording, warm_up=hours, **given)
 
 
 def test_time_must_be_regular(recording, default_system, tmp_path):
