@@ -9,9 +9,9 @@ import pytest
 from datagen.driving.weather import weather_path
 from datagen.driving.weather_files import read_hourly
 from shared.system import parse_system
+from tests.datagen.places import GREENSBORO
 
 _BUILDER = Path(__file__).resolve().parents[1] / "fmus" / "small" / "builder.py"
-GREENSBORO = "pvlib:723170TYA.CSV"
 _BLANK = 'schema_version = 1\nname = "{name}"\nfmu = "{fmu}"\n[estimator]\nchannels = ["{channel}"]\n'
 
 

@@ -23,7 +23,7 @@ from datagen.fmi.fmu import Fmu
 from datagen.simulating.simulator import Simulator
 from shared.errors import RecordingError, SystemDescriptionError
 from shared.system import load_system, parse_system
-from tests.datagen.conftest import GREENSBORO
+from tests.datagen.places import GREENSBORO
 
 ROOT = Path(__file__).resolve().parents[3]
 TOML = ROOT / "fmus" / "MixedAirCO2" / "system.toml"

@@ -12,7 +12,7 @@ from datagen.driving.transposition import irradiance_on_plane
 from datagen.driving.weather import read_weather
 from shared.errors import RecordingError
 from shared.signals import Weather
-from tests.datagen.conftest import GREENSBORO
+from tests.datagen.places import GREENSBORO
 
 
 def test_irradiance_at_instants_follows_the_geometry():

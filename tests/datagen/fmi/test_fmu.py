@@ -125,8 +125,8 @@ def test_what_acts_in_summer_alone_is_not_ignored(toml, monkeypatch):
 
 def test_what_is_weak_is_refused_for_a_dataset_and_not_for_its_limit(default_system):
     assert _judged(default_system, {"roo.V": 0.5}, HARDLY) == {"roo.V": 0.5}
-    with pytest.raises(SystemDescriptionError, match=r"accepts 'roo\.V' and ignores it"):
-        _judged(default_system, {"roo.V": 0.5})
+    with pytest.raises(SystemDescriptionError, match=r"moves by its accuracy for 'roo\.V' \(0\.5 of it\)"):
+        _judged(default_system, {"roo.V": 0.5, "roo.hRoo": 2.0})
     with pytest.raises(SystemDescriptionError, match=r"accepts 'roo\.V' and ignores it"):
         _judged(default_system, {"roo.V": 0.0}, HARDLY)
 
