@@ -12,22 +12,21 @@ import numpy as np
 import xarray as xr
 
 from datagen.simulating.simulator import Simulator
-from diagnosis.calibrating.checks import check_recording
+from diagnosis.calibrating.checks import opened
 from diagnosis.calibrating.schema import Calibration, read_calibration
 from diagnosis.calibrating.summary import summarise
 from diagnosis.fitting.fit import Fit, fit
-from diagnosis.fitting.noise import errors_under
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.side_by_side import side_by_side
-from diagnosis.recording import HOUR, Recording, check_warm_up, read_recording
+from diagnosis.recording import HOUR, Recording
 from diagnosis.whole import check_writable, whole
 from shared.errors import EstimatorError, RecordingError
 from shared.logs import logger
 from shared.netcdf import read_netcdf
-from shared.system import System, load_system
+from shared.system import System
 
 _log = logger(__name__)
-__all__ = ["Calibrated", "Calibration", "calibrate", "check_recording", "estimate", "read_calibration", "whole"]
+__all__ = ["Calibrated", "Calibration", "calibrate", "estimate", "read_calibration", "whole"]
 
 STARTS = 3
 BRIDGED = 3.0
@@ -102,12 +101,7 @@ def calibrate(
         raise RecordingError(f"starts is {starts}; expected at least 1")
     if out is not None:
         check_writable(Path(out))
-    described = system if isinstance(system, System) else load_system(system)
-    errors_under(described, noise)  # whatever is wrong is said before the simulator is built
-    record = recording if isinstance(recording, Recording) else read_recording(recording, described)
-    check_recording(record, described)
-    check_warm_up(record, warm_up * HOUR)
-    described = described.with_experiment(step=record.step, hours=len(record.time) * record.step / HOUR)
+    described, record = opened(system, recording, noise=noise, warm_up=warm_up)
     zero_shot = estimate(run, record, described) if run is not None else {}
     simulator = Simulator(described)
     with side_by_side(simulator, workers=workers, scheduler=scheduler) as runner:

@@ -2,11 +2,41 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
-from diagnosis.recording import DAY, HOUR, Recording
+from diagnosis.fitting.noise import errors_under
+from diagnosis.recording import DAY, HOUR, Recording, check_warm_up, read_recording
 from shared.errors import RecordingError
-from shared.system import System
+from shared.system import System, load_system
+
+
+def opened(
+    system: System | Path | str, recording: Recording | Path | str, *, noise: str, warm_up: float
+) -> tuple[System, Recording]:
+    """A system with the experiment of a recording, and the recording: whatever is wrong is said before a simulation.
+
+    Parameters
+    ----------
+    noise
+        A noise preset of the description.
+    warm_up
+        The recording's first day is repeated this long before its start [h].
+
+    Raises
+    ------
+    SystemDescriptionError
+        If the description cannot be used, or has no such preset.
+    RecordingError
+        If the recording cannot be read or calibrated on, or there is no warm-up.
+    """
+    described = system if isinstance(system, System) else load_system(system)
+    errors_under(described, noise)
+    record = recording if isinstance(recording, Recording) else read_recording(recording, described)
+    check_recording(record, described)
+    check_warm_up(record, warm_up * HOUR)
+    return described.with_experiment(step=record.step, hours=len(record.time) * record.step / HOUR), record
 
 
 def check_recording(recording: Recording, system: System) -> None:

@@ -10,11 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from datagen.simulating.simulator import Simulator
-from diagnosis.calibrating.checks import check_recording
+from diagnosis.calibrating.checks import opened
 from diagnosis.effects import Effect, library
 from diagnosis.effects.baselines import check_baselines
 from diagnosis.fitting.fit import Fit
-from diagnosis.fitting.noise import errors_under
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.run import Run
 from diagnosis.fitting.side_by_side import InProcess, Outcome, Runner, side_by_side
@@ -29,10 +28,10 @@ from diagnosis.gap.search import Search, search
 from diagnosis.gap.sentences import noiseless
 from diagnosis.gap.shrinkage import Shrinkage, shrinkages
 from diagnosis.gap.starting import Begun, begun, zero_shot
-from diagnosis.recording import HOUR, Recording, check_warm_up, read_recording
+from diagnosis.recording import HOUR, Recording
 from diagnosis.where import Operator, Where
 from diagnosis.whole import check_writable
-from shared.system import System, load_system
+from shared.system import System
 
 
 class _Held:
@@ -140,12 +139,7 @@ def diagnose(
     began, used = time.perf_counter(), time.process_time()
     if out is not None:
         check_writable(Path(out))
-    described = system if isinstance(system, System) else load_system(system)
-    errors_under(described, noise)  # whatever is wrong is said before the simulator is built
-    record = recording if isinstance(recording, Recording) else read_recording(recording, described)
-    check_recording(record, described)
-    check_warm_up(record, warm_up * HOUR)
-    described = described.with_experiment(step=record.step, hours=len(record.time) * record.step / HOUR)
+    described, record = opened(system, recording, noise=noise, warm_up=warm_up)
     candidates = list(effects) if effects is not None else library(described)
     estimated = zero_shot(described, record, run, tell)
     simulator = Simulator(described)
