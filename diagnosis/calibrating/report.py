@@ -87,7 +87,7 @@ def _residuals(done: Calibrated) -> str:
     for panel, name in zip(panels, names, strict=True):
         k = problem.system.output_names.index(name)
         left = problem.measured[k] - done.fit.around.outputs[k]
-        band = 1.96 * problem.noise.white[k]
+        band = 1.96 * problem.floor[k]
         panel.axhspan(-band, band, color=GREY, alpha=0.2, lw=0)
         panel.plot(_days(done), left, lw=0.8, color=RED)
         panel.set_ylabel(f"{name} [{problem.system.outputs[k].unit}]")

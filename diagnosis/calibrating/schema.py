@@ -10,7 +10,7 @@ from diagnosis.scores import Score
 from shared.errors import RecordingError
 from shared.reading import read_json, shown, validated
 
-SCHEMA_VERSION = 5
+SCHEMA_VERSION = 6
 
 
 class _Table(BaseModel):
@@ -51,13 +51,15 @@ class Constant(_Table):
 class Channel(Score):
     """One output.
 
-    Scores of the fit, and the noise that was found [unit; h]. ``chi2`` is the mean square of the
+    Scores of the fit, the standard deviation of a reading's noise that was ``declared`` (of an undeclared one, that as
+    which it was taken) and the noise that was found [unit; h]. ``chi2`` is the mean square of the
     standardised residual with the nuisance integrated out: near 1 where model and noise explain the recording.
     ``explained``: share of the variance that the model explains with the most likely nuisance, both without that of
     the sensor's declared noise; None for an output that hardly moved beyond it, or was replayed.
     """
 
     used: bool
+    declared: float
     noise: float
     slow_noise: float
     slow_hours: float
@@ -74,11 +76,14 @@ class Pair(_Table):
 
 
 class Day(_Table):
-    """A day's readings that were fitted: begin of the first step by the recording's clock, steps, hash of readings."""
+    """A day that was fitted: begin of its first step by the recording's clock, its steps.
+
+    ``sha256`` is that of the readings of each output that moved: see :mod:`diagnosis.calibrating.seen`.
+    """
 
     begin: str
     steps: int
-    sha256: str
+    sha256: dict[str, str]
 
 
 class Calibration(_Table):
@@ -86,8 +91,9 @@ class Calibration(_Table):
 
     ``covariance`` (unknowns, unknowns) is that of the posterior in which the recording counts for 1 / ``widened``^2 of
     what it is worth to the model: see :mod:`diagnosis.fitting.doubt`. Schema 2 added ``explained`` to the outputs,
-    schema 3 ``constants``, which are among the unknowns since, and schema 5 the ``days`` that were fitted, and of
-    outputs whose sensor has no declared noise as how exact they were taken (``undeclared``).
+    schema 3 ``constants``, which are among the unknowns since, schema 5 the ``days`` that were fitted, and of outputs
+    whose sensor has no declared noise as how exact they were taken (``undeclared``), and schema 6 the days' hashes
+    output by output, and each output's ``declared`` noise.
     """
 
     schema_version: int = SCHEMA_VERSION
@@ -130,7 +136,7 @@ def read_calibration(path: Path | str) -> Calibration:
     Raises
     ------
     RecordingError
-        If it is missing, not such a file, or of a version that does not say which days it has seen.
+        If it is missing, not such a file, or of a version that does not say in this way which days it has seen.
     """
     path = Path(path)
     path = path / "calibration.json" if path.is_dir() else path
@@ -139,7 +145,7 @@ def read_calibration(path: Path | str) -> Calibration:
     version = raw.get("schema_version") if isinstance(raw, dict) else None
     if isinstance(version, int) and version < SCHEMA_VERSION:
         raise RecordingError(
-            f"{path}: schema_version is {shown(version)}, which does not say which days the calibration has seen;"
-            f" expected {SCHEMA_VERSION}, {expected} of this version: calibrate again"
+            f"{path}: schema_version is {shown(version)}, which does not say, output by output, which days the"
+            f" calibration has seen; expected {SCHEMA_VERSION}, {expected} of this version: calibrate again"
         )
     return validated(Calibration, raw, f"{path}", RecordingError, expected)

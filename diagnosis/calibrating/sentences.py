@@ -12,6 +12,8 @@ POOR = 0.5
 """A model that explains less than this share of what an output did is not believed."""
 OUTER = 1.28
 """Beyond this [prior standard deviations] a parameter lies in the outer tenths of its range: no prior left it."""
+ROUGH = 1.5
+"""Noise of readings so many times the declared one is told."""
 FAR = 2.0
 """Beyond this [prior standard deviations] an uncertain constant is not what the description allows."""
 
@@ -111,10 +113,24 @@ def _told(report: Calibration) -> list[str]:
 def _meant(report: Calibration) -> list[str]:
     """What the intervals hold and what not."""
     said = []
-    slow = [name for name, one in report.outputs.items() if one.slow_noise > one.noise]
+    slow = [
+        name
+        for name, one in report.outputs.items()
+        if one.slow_noise > (one.noise if name in report.undeclared else one.declared)
+    ]
     if slow:
         said.append(
             f"What is left of {', '.join(slow)} is slow and larger than its sensor's noise: the model lacks something."
+        )
+    rough = [
+        f"{name} ({one.noise:.3g} {one.unit}, declared {one.declared:.3g})"
+        for name, one in report.outputs.items()
+        if name not in report.undeclared and one.noise > ROUGH * one.declared
+    ]
+    if rough:
+        said.append(
+            f"What is left of {', '.join(rough)} scatters from reading to reading by more than its sensor's noise:"
+            " either that is declared too small, or the model lacks something fast. Intervals allow for it as noise."
         )
     if report.undeclared:
         taken = ", ".join(f"{name} (to {size})" for name, size in report.undeclared.items())

@@ -71,7 +71,7 @@ def summarise(found: Fit, zero_shot: dict[str, float], started_from: str) -> Cal
         steps=len(problem.time),
         step=problem.recording.step,
         start=problem.recording.start,
-        days=days_of(problem.recording),
+        days=days_of(problem.recording, system.output_names),
         replay=problem.replay,
         occupancy=problem.occupancy,
         assumed=problem.drive.assumed,
@@ -115,6 +115,7 @@ def _channels(found: Fit) -> dict[str, Channel]:
         made[output.name] = Channel(
             **scores.model_dump(),
             used=used,
+            declared=float(problem.floor[k]),
             noise=float(noise.white[k]),
             slow_noise=float(noise.slow[k]),
             slow_hours=float(noise.time[k] / HOUR) if noise.slow[k] > 0 else 0.0,

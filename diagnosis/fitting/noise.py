@@ -8,6 +8,7 @@ whose gains do not depend on the data: exact also across gaps, and linear in the
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import log
 
 import numpy as np
 from scipy.optimize import minimize
@@ -15,6 +16,8 @@ from scipy.optimize import minimize
 from shared.system import System
 
 HOUR = 3600.0
+LONGEST = 3000.0
+"""Correlation time of a slow error at most [h]."""
 
 
 def errors_under(system: System, preset: str) -> np.ndarray:
@@ -142,39 +145,68 @@ class NoiseModel:
 
 
 def estimated(noise: NoiseModel, residual: np.ndarray, observed: np.ndarray, time: np.ndarray) -> NoiseModel:
-    """Maximum-likelihood noise of residuals (outputs, steps) [unit of the output], never below the given white noise.
+    """Most likely noise of residuals (outputs, steps) [unit of the output], never below the given white noise.
 
-    A residual that is no larger than the sensors explain keeps the given white noise alone.
+    What has more parameters must earn more than they cost (Akaike's criterion): the given white noise has none, a
+    larger one has one, and one with a slow error has three. Both are in each other's reach: an error that is slow over
+    one step is nearly white. So the third is looked for from a slow and from a white beginning.
     """
     white, slow, spans = noise.white.copy(), noise.slow.copy(), noise.time.copy()
+    step = float(np.median(np.diff(time)))
     for k, seen in enumerate(observed):
-        rows = residual[k : k + 1]
         if seen.sum() < 10:
             continue
-        floor = float(noise.white[k])
-        spread = float(np.sqrt(np.mean(rows[0, seen] ** 2)))
-        step = float(np.median(np.diff(time)))
-
-        def model(x: np.ndarray, floor: float = floor, step: float = step) -> NoiseModel:
-            one = floor * np.sqrt(1 + np.exp(2 * min(x[0], 20.0)))
-            return NoiseModel(
-                np.array([one]),
-                np.array([floor * np.exp(min(x[1], 20.0))]),
-                np.array([step + HOUR * np.exp(min(x[2], 8.0))]),
-            )
-
-        def loss(x: np.ndarray, rows: np.ndarray = rows, seen: np.ndarray = seen, model=model) -> float:  # noqa: ANN001
-            one = model(x)
-            whitened = one.whiten(rows, seen[None], time)
-            return float(whitened @ whitened + one.logdet(seen[None], time))
-
-        plain = NoiseModel.white_only(np.array([floor]))
-        without = float(np.sum((rows[0, seen] / floor) ** 2) + plain.logdet(seen[None], time))
-        begin = np.array([-2.0, np.log(max(spread / floor, 0.3)), np.log(12.0)])
-        found = minimize(loss, begin, method="Nelder-Mead", options={"maxiter": 150, "xatol": 0.02, "fatol": 0.05})
-        if found.fun < without - 6.0:  # three more parameters must earn more than their cost (Akaike)
-            best = model(found.x)
-            white[k], slow[k], spans[k] = best.white[0], best.slow[0], best.time[0]
-        else:
-            white[k], slow[k] = floor, 0.0
+        floor, rows, at = float(noise.white[k]), residual[k, seen], time[seen]
+        larger = max(floor, float(np.sqrt(np.mean(rows**2))))
+        models = [(floor, 0.0, float(spans[k])), (larger, 0.0, float(spans[k])), _slower(floor, larger, rows, at, step)]
+        costs = [_deviance(one, rows, at) + cost for one, cost in zip(models, (0, 2, 6), strict=True)]
+        white[k], slow[k], spans[k] = models[int(np.argmin(costs))]
     return replace(noise, white=white, slow=slow, time=spans)
+
+
+def _slower(floor: float, spread: float, rows: np.ndarray, at: np.ndarray, step: float) -> tuple[float, float, float]:
+    """Most likely white noise, at least ``floor``, size and correlation time [s] of a slow error of readings (n,)."""
+
+    def sizes(x: np.ndarray) -> tuple[float, float, float]:
+        one, two, three = (float(np.exp(min(size, 20.0))) for size in x)
+        return floor * float(np.hypot(1, one)), floor * two, step + HOUR * min(three, LONGEST)
+
+    whole, little, hours = np.log(max(spread / floor, 0.3)), -2.0, np.log(12.0)
+    best = [
+        minimize(
+            lambda x: _deviance(sizes(x), rows, at),
+            begin,
+            method="Nelder-Mead",
+            # the usual first simplex is a twentieth of each number: too small to leave where it begins
+            options={
+                "maxiter": 200,
+                "xatol": 0.02,
+                "fatol": 0.05,
+                "initial_simplex": np.vstack([begin, begin + np.eye(3)]),
+            },
+        )
+        for begin in (np.array([little, whole, hours]), np.array([whole, little, hours]))
+    ]
+    return sizes(min(best, key=lambda one: one.fun).x)
+
+
+def _deviance(noise: tuple[float, float, float], rows: np.ndarray, at: np.ndarray) -> float:
+    """Twice the negative log likelihood, without its constant, of readings (n,) of one output at times (n,) [s].
+
+    ``noise`` are its white noise, and size and correlation time [s] of its slow error: :class:`NoiseModel`'s filter,
+    without its gains.
+    """
+    white, slow, memory = noise
+    if slow <= 0:
+        return float(rows @ rows) / white**2 + 2 * len(rows) * float(np.log(white))
+    state, variance, found = 0.0, slow**2, 0.0
+    decays = np.exp(-np.diff(at, prepend=at[0]) / memory).tolist()
+    for phi, reading in zip(decays, rows.tolist(), strict=True):
+        state *= phi
+        variance = phi * phi * variance + (1 - phi * phi) * slow**2
+        total, innovation = variance + white**2, reading - state
+        found += innovation * innovation / total + log(total)
+        gain = variance / total
+        state += gain * innovation
+        variance *= 1 - gain
+    return found

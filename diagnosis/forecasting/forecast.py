@@ -159,7 +159,7 @@ def forecast(
         report = given
         if report.system_hash != described.hash():
             raise RecordingError(f"{calibration}: is a calibration of {report.system}; expected one of this system")
-        check_unseen(report, record, split, end)
+        check_unseen(report, record, described.output_names, split, end)
         noise_model = _noise_of(report, described, noise)
     z, covariance = np.array(report.z), np.array(report.covariance)
     simulator = Simulator(described)

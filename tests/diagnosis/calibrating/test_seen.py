@@ -11,6 +11,7 @@ from diagnosis.calibrating.seen import check_unseen, days_of
 from diagnosis.recording import HOUR, Recording
 from shared.errors import RecordingError
 
+NAMES = ("one", "two")
 MONDAY = np.datetime64("2022-01-03", "s")
 
 
@@ -32,21 +33,21 @@ def cut(record, first, last, path="cut.nc"):
 
 
 def calibrated(record):
-    return SimpleNamespace(recording=str(record.path), step=record.step, days=days_of(record))
+    return SimpleNamespace(recording=str(record.path), step=record.step, days=days_of(record, NAMES))
 
 
 def test_days_are_those_of_the_clock_and_still_ones_are_left_out():
     record = month(hours=4 * 24)
     record.outputs[:, 14 : 14 + 24] = 3.0
     record.outputs[1, 14 + 24 : 14 + 48] = np.nan
-    assert [(day.begin, day.steps) for day in days_of(record)] == [
+    assert [(day.begin, day.steps) for day in days_of(record, NAMES)] == [
         ("2022-01-03T10:00:00", 14),
         ("2022-01-05T00:00:00", 24),
         ("2022-01-06T00:00:00", 24),
         ("2022-01-07T00:00:00", 10),
     ]
     still = replace(record, outputs=np.full_like(record.outputs, np.nan))
-    assert days_of(still) == []
+    assert days_of(still, NAMES) == []
 
 
 @pytest.mark.parametrize(
@@ -67,18 +68,58 @@ def test_a_calibration_that_has_seen_what_is_to_be_forecast_is_refused(fitted, t
     report, record = calibrated(cut(whole, *fitted)), cut(whole, *told, path="copy.nc")
     record = whole if told == (0, 672) else record
     if first is None:
-        check_unseen(report, record, split, end)
+        check_unseen(report, record, NAMES, split, end)
         return
     with pytest.raises(RecordingError, match=rf"nc: {first} and what follows is to be forecast.*\(cut\.nc\)"):
-        check_unseen(report, record, split, end)
+        check_unseen(report, record, NAMES, split, end)
+
+
+def calmer(record, **outputs):
+    """A copy with the readings of some outputs in place of its own."""
+    readings = [outputs.get(name, row) for name, row in zip(NAMES, record.outputs, strict=True)]
+    return replace(record, path=Path(f"of-{record.path}"), outputs=np.array(readings))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_log_that_was_imported_otherwise_is_what_was_seen(name):
+    """With one output alone, and with a reading less of the other on each day."""
+    record = month()
+    alone = calmer(record, **{other: np.full(len(record.time), np.nan) for other in NAMES if other != name})
+    fewer = record.outputs[NAMES.index(name)].copy()
+    fewer[3::24] = np.nan
+    for seen, told in ((alone, record), (record, alone), (record, calmer(record, **{name: fewer}))):
+        with pytest.raises(RecordingError, match="2022-01-10 10:00 and what follows is to be forecast"):
+            check_unseen(calibrated(seen), told, NAMES, 168, 504)
+
+
+def test_instants_are_known_at_other_steps_too():
+    """Of one logger: instants at every half and at every full hour, and means, which are other ones."""
+    fine = month(hours=2 * 28 * 24)
+    fine = replace(fine, step=HOUR / 2, time=10 * HOUR + HOUR / 2 * np.arange(1, len(fine.time) + 1))
+    hourly = replace(
+        fine, path=Path("hourly.nc"), step=HOUR, time=fine.time[1::2], outputs=fine.outputs[:, 1::2].copy()
+    )
+    hourly.outputs[1] = np.nanmean([fine.outputs[1, ::2], fine.outputs[1, 1::2]], axis=0)
+    for seen, told, split, end in ((fine, hourly, 168, 504), (hourly, fine, 336, 1008)):
+        with pytest.raises(RecordingError, match="2022-01-10 10:00 and what follows is to be forecast"):
+            check_unseen(calibrated(seen), told, NAMES, split, end)
+    rough = replace(fine, path=Path("rough.nc"), step=1.5 * HOUR, time=fine.time[2::3], outputs=fine.outputs[:, 2::3])
+    check_unseen(calibrated(fine), rough, NAMES, 112, 336)  # these steps have hardly a reading in common
+
+
+def test_a_flow_by_timetable_does_not_make_two_rooms_one():
+    one, two = month("one.nc"), month("two.nc", seed=1)
+    flow = np.where((one.time // HOUR) % 24 > 8, 0.1, 0.02) + 0.01 * ((one.time // HOUR) % 3)
+    assert len(np.unique(flow)) == 6
+    check_unseen(calibrated(calmer(one, two=flow)), calmer(two, two=flow), NAMES, 168, 504)
 
 
 def test_another_room_on_the_same_days_is_not_what_was_seen():
-    check_unseen(calibrated(month("one.nc")), month("two.nc", seed=1), 168, 504)
+    check_unseen(calibrated(month("one.nc")), month("two.nc", seed=1), NAMES, 168, 504)
 
 
 def test_a_file_whose_readings_were_changed_since_is_still_the_same():
     record = month()
     changed = replace(record, outputs=record.outputs + 273.15)
     with pytest.raises(RecordingError, match=r"2022-01-10 10:00 and what follows .* none of the 336 h ahead"):
-        check_unseen(calibrated(record), changed, 168, 504)
+        check_unseen(calibrated(record), changed, NAMES, 168, 504)

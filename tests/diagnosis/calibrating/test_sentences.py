@@ -53,3 +53,25 @@ def test_uncertain_constants_far_outside_of_the_description_come_first(house, ho
         first, second, *_ = told(*places)
         assert first.startswith(far) and "is far outside of what the description allows" in first
         assert second.startswith("Only with such constants does the recording tell ro") and "well" not in second
+
+
+def test_what_is_left_is_held_against_the_declared_noise(house, house_recording):
+    """A fit that found much noise has no more room for what is slow: the sensor has not become worse by it."""
+    report = calibrate(house("me"), house_recording(hours=48), starts=1).report
+    name, one = next((name, one) for name, one in report.outputs.items() if one.used)
+
+    def told(undeclared=(), **noise):
+        channel = one.model_copy(update={"declared": 0.1, **noise})
+        return " ".join(
+            sentences(
+                report.model_copy(update={"outputs": {name: channel}, "undeclared": dict.fromkeys(undeclared, "0.1 K")})
+            )
+        )
+
+    slow, rough = f"What is left of {name} is slow", f"What is left of {name} (0.3"
+    assert slow not in told(noise=0.1, slow_noise=0.09) and rough not in told(noise=0.12, slow_noise=0.0)
+    both = told(noise=0.3, slow_noise=0.2)
+    assert slow in both and rough in both and "declared 0.1) scatters from reading to reading" in both
+    none = told((name,), noise=0.3, slow_noise=0.2)
+    assert slow not in none and rough not in none
+    assert slow in told((name,), noise=0.3, slow_noise=0.4)

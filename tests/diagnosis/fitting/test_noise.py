@@ -49,3 +49,35 @@ def test_slow_noise_is_found_and_white_noise_is_left_alone(noise):
     assert found.white[0] == pytest.approx(0.1, rel=0.3)
     assert found.slow[1] == 0.0
     assert found.white[1] == 20.0
+
+
+def deviance(found, residual, time):
+    """Twice the negative log likelihood by the covariance written out."""
+    covariance = dense(found, 0, time)
+    return float(residual @ np.linalg.solve(covariance, residual) + np.linalg.slogdet(covariance)[1])
+
+
+@pytest.mark.parametrize("times", [1.5, 2.0, 10.0])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_sensor_that_is_noisier_than_declared_is_not_called_slow(times, seed):
+    """White noise of any size is white: a slow error over one step only would nearly do, and be said to be a lack."""
+    time, declared = HOUR * np.arange(1, 169), 0.1
+    residual = times * declared * np.random.default_rng(seed).standard_normal((1, 168))
+    given = NoiseModel.white_only(np.array([declared]))
+    found = estimated(given, residual, np.ones((1, 168), dtype=bool), time)
+    assert found.slow[0] < 0.5 * declared
+    assert found.sd[0] == pytest.approx(np.sqrt(np.mean(residual**2)), rel=0.1)
+    plain = NoiseModel.white_only(np.array([np.sqrt(np.mean(residual**2))]))
+    assert deviance(found, residual[0], time) <= deviance(plain, residual[0], time) + 1e-6
+
+
+@pytest.mark.parametrize(("white", "slow", "hours"), [(0.2, 0.3, 12.0), (0.1, 0.5, 6.0), (0.3, 0.3, 24.0)])
+def test_the_noise_that_is_found_is_at_least_as_likely_as_the_true_one(white, slow, hours):
+    time = HOUR * np.arange(1, 337)
+    true = NoiseModel(np.array([white]), np.array([slow]), np.array([hours * HOUR]))
+    given = NoiseModel.white_only(np.array([0.1]))
+    for seed in range(4):
+        residual = true.draw(np.random.default_rng(seed), time)
+        found = estimated(given, residual, np.ones((1, 336), dtype=bool), time)
+        assert found.slow[0] > 0
+        assert deviance(found, residual[0], time) < deviance(true, residual[0], time) + 0.5
