@@ -80,6 +80,7 @@ def make(
     _refuse(folder, sealed)
     if recordings < 1:
         raise ValueError(f"recordings is {recordings}; expected at least 1")
+    described.with_experiment(hours=hours)  # hours that no simulation can have are refused before anything is begun
     about = {
         "system_name": described.name,
         "system_hash": described.hash(),

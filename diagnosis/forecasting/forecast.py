@@ -218,7 +218,11 @@ def forecast(
 
 
 def _steps(record: Recording, hours: float) -> int:
-    """Steps of a recording in so many hours."""
+    """Steps of a recording in so many hours, one at least."""
+    if not record.step / HOUR <= hours < np.inf:
+        raise RecordingError(
+            f"{record.path}: {hours:g} h are asked for; expected a step of it at least, {record.step / HOUR:g} h"
+        )
     steps = hours * HOUR / record.step
     if abs(steps - round(steps)) > 1e-6:
         raise RecordingError(

@@ -31,7 +31,7 @@ def render(done: Forecasted) -> str:
 
 
 def _picture(done: Forecasted) -> str:
-    days = (done.time - done.time[0]) / DAY
+    days = (done.time - done.time[0] + (done.time[1] - done.time[0])) / DAY  # a step is drawn at its end
     made, panels = figure(len(done.system.outputs), height=2.2)
     for k, (panel, output) in enumerate(zip(panels, done.system.outputs, strict=True)):
         low, unit = readable(done.low[k], output.unit)

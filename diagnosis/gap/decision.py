@@ -26,9 +26,10 @@ LEAST = 0.17
 like it. This and what follows are frequencies in opened blind sets (docs/blind-check.md), worked out by
 ``tests/benchmarks/decision.py``. Recordings with replayed actuators are no different as far as these sets can tell."""
 HALF = 0.36
-"""Share left at which, where the best fit is rejected, it is about even whether what is named holds a true cause."""
+"""Middle of the logistic curve over the share left of a best fit that is rejected. It rises from LEAST, so that what
+is named holds a true cause or none with equal chances at a share of 0.26."""
 STEEP = 0.25
-"""Of the logistic curve over the share left whose middle HALF is."""
+"""Of that curve."""
 OUTSIDE = 0.61
 """Of the mistakes, the share in which the cause is none of the candidates."""
 AFTER_ALL = 0.06

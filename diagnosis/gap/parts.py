@@ -25,9 +25,11 @@ def kept_for_scoring(recording: Recording) -> np.ndarray:
     days = (recording.stop - recording.start) / DAY
     if days < 4:
         return np.asarray(recording.time > recording.start + 0.75 * (recording.stop - recording.start))
-    count = int(min(BLOCKS, days // 1))
-    length = np.ceil(days / count) * DAY
-    block = np.minimum((recording.time - recording.start - 1e-6) // length, count - 1).astype(int)
+    whole = int(days + 1e-9)
+    length = int(np.ceil(whole / min(BLOCKS, whole)))
+    count = -(-whole // length)
+    # what is more than whole days belongs to the last block: hours alone would be the farthest out of all
+    block = np.minimum((recording.time - recording.start - 1e-6) // (length * DAY), count - 1).astype(int)
     found = np.unique(block)
     means = np.array([[values[block == b].mean() for values in recording.inputs.values()] for b in found])
     spread = means.std(axis=0)

@@ -45,7 +45,7 @@ def test_a_calibration_from_a_file_has_the_bands_of_one_that_was_just_made(house
     inputs = {name: values[:96] for name, values in record.inputs.items()}
     first = replace(record, time=record.time[:96], outputs=record.outputs[:, :96], inputs=inputs)
     calibrate(system.with_experiment(hours=96.0), first, starts=1, out=tmp_path / "calibration")
-    common = {"context": 96, "ahead": 96, "starts": 1, "draws": 15}
+    common = {"context": 96, "ahead": 96, "starts": 1, "draws": 60}
     fresh = forecast(system, path, **common)
     again = forecast(system, path, calibration=tmp_path / "calibration", **common)
     np.testing.assert_allclose(again.high - again.low, fresh.high - fresh.low, rtol=1e-3)
@@ -73,6 +73,9 @@ def test_a_calibration_from_a_file_has_the_bands_of_one_that_was_just_made(house
             {"context": 48, "ahead": 24, "warm_up": 0.4},
             "warm_up is 0.4 h; .* the FMU's start values would count as known",
         ),
+        ({"context": float("inf"), "ahead": 24}, "inf h are asked for; expected a step of it at least, 1 h"),
+        ({"context": 48, "ahead": float("inf")}, "inf h are asked for; expected a step"),
+        ({"context": 1e-9, "ahead": 24}, "1e-09 h are asked for; expected a step of it at least, 1 h"),
         ({"context": 48, "ahead": 24, "starts": 0}, "starts is 0; expected at least 1"),
     ],
 )

@@ -218,6 +218,26 @@ def test_one_part_that_is_kept_is_the_farthest_out_whatever_the_sign_of_a_compon
         assert np.unique(np.flatnonzero(kept_for_scoring(record)) // 24).tolist() == [kept]
 
 
+@pytest.mark.parametrize("days", [4, 6, 7, 8, 9, 17, 28])
+@pytest.mark.parametrize("more", [1, 8, 12, 23])
+def test_hours_more_than_whole_days_are_no_block_of_their_own(days, more):
+    """The odd hours of an evening are far from the mean of a day: kept alone, they would be all that is scored."""
+    time = HOUR * np.arange(1, days * 24 + more + 1)
+    warm = np.sin(2 * np.pi * time / (24 * HOUR)) + 0.01 * np.random.default_rng(days).standard_normal(len(time))
+    record = SimpleNamespace(time=time, start=0.0, stop=float(time[-1]), step=HOUR, inputs={"x": warm})
+    kept = kept_for_scoring(record)
+    whole = SimpleNamespace(
+        time=time[: days * 24], start=0.0, stop=days * 24 * HOUR, step=HOUR, inputs={"x": warm[: days * 24]}
+    )
+    lengths = [
+        np.diff(np.flatnonzero(np.diff(one.astype(int), prepend=0, append=0)))[::2]
+        for one in (kept, kept_for_scoring(whole))
+    ]
+    for one in lengths:
+        assert one.min() >= 24
+    assert 0.1 < kept.mean() < 0.5
+
+
 @pytest.mark.parametrize(("sign", "slope"), [(1.0, [2.0, 0.0]), (-1.0, [0.0, 5.0])])
 def test_a_slope_is_over_the_way_that_was_gone_where_a_bound_cuts_one_side(sign, slope):
     """Forth 0.3 scales and back 0.1, each felt in a reading of its own: the one that the residual is in counts."""
