@@ -19,7 +19,7 @@ from diagnosis.blind.sealed import open_answers, read_manifest
 from diagnosis.blind.truth import Form, default_truth, load_truth
 from diagnosis.effects import library
 from diagnosis.recording import HOUR, read_recording
-from shared.errors import RecordingError
+from shared.errors import RecordingError, ZeroshotError
 
 HOURS, SEED, COUNT = 96.0, 20, 8
 
@@ -271,6 +271,13 @@ def test_a_folder_is_not_written_over_and_answers_stay_outside(blind_set, defaul
         make(default_system, folder, answers=tmp_path / "a.json", recordings=1, hours=HOURS)
     with pytest.raises(RecordingError, match="which is published"):
         make(default_system, tmp_path / "x", answers=tmp_path / "x" / "a.json", recordings=1, hours=HOURS)
+
+
+@pytest.mark.parametrize("hours", [100.5, 0.0, float("nan")])
+def test_hours_that_are_refused_leave_nothing_behind(default_system, tmp_path, hours):
+    with pytest.raises(ZeroshotError):
+        make(default_system, tmp_path / "set", recordings=1, seed=SEED, hours=hours)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_command(default_system, tmp_path, capsys):
