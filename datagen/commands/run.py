@@ -81,7 +81,8 @@ def run(
         seen both.
     uncertain
         Draw the constants that the description says are uncertain, anew for each system: an estimator that shall read
-        buildings must have seen others than the declared ones. `datagen inspect` lists them.
+        buildings must have seen others than the declared ones. They are the [[uncertain]] tables
+        of the description.
     extend
         Add systems to a dataset that has fewer; the shards that are there stay as they are.
     retry_failures

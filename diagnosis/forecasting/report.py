@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
+
 from diagnosis.calibrating.sentences import sentences
 from diagnosis.forecasting.forecast import Forecasted
 from diagnosis.pages import page_environment
@@ -30,8 +32,13 @@ def render(done: Forecasted) -> str:
     )
 
 
+def _days(time: np.ndarray) -> np.ndarray:
+    """Days since the first step began, at the ends of the steps, of times of these [s]."""
+    return np.asarray((time - time[0] + (time[1] - time[0])) / DAY)
+
+
 def _picture(done: Forecasted) -> str:
-    days = (done.time - done.time[0] + (done.time[1] - done.time[0])) / DAY  # a step is drawn at its end
+    days = _days(done.time)
     made, panels = figure(len(done.system.outputs), height=2.2)
     for k, (panel, output) in enumerate(zip(panels, done.system.outputs, strict=True)):
         low, unit = readable(done.low[k], output.unit)

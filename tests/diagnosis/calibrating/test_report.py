@@ -5,29 +5,44 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagnosis.calibrating.report import _fit
+from diagnosis.calibrating.report import _fit, _residuals
+
+NAMES = ["flow", "room"]
 
 
-def test_an_output_is_drawn_over_no_less_than_its_sensors_noise(monkeypatch):
-    """A constant reading beside a model that misses it by a hundredth of the noise, and one that moves."""
-    measured = np.array([np.full(24, 0.0697), np.linspace(18.0, 22.0, 24)])
-    names = ["flow", "room"]
+def done_with(measured, *, found=None):
+    """A calibration of two outputs (outputs, steps) whose model misses them by a ten thousandth."""
     problem = SimpleNamespace(
         system=SimpleNamespace(
-            output_names=names, outputs=[SimpleNamespace(unit="kg/s"), SimpleNamespace(unit="degC")]
+            output_names=NAMES, outputs=[SimpleNamespace(unit="kg/s"), SimpleNamespace(unit="degC")]
         ),
         measured=measured,
         floor=np.array([0.01, 0.1]),
+        noise=SimpleNamespace(white=found),
         time=3600.0 * np.arange(1, 25),
         drive=SimpleNamespace(start=0.0),
         recording=SimpleNamespace(began="2001-01-01 00:00"),
     )
-    done = SimpleNamespace(
+    return SimpleNamespace(
         problem=problem,
-        report=SimpleNamespace(outputs=dict.fromkeys(names, SimpleNamespace(used=True))),
+        report=SimpleNamespace(outputs=dict.fromkeys(NAMES, SimpleNamespace(used=True))),
         fit=SimpleNamespace(around=SimpleNamespace(outputs=measured + 0.0001)),
     )
+
+
+def test_an_output_is_drawn_over_no_less_than_its_sensors_noise(monkeypatch):
+    """A constant reading beside a model that misses it by a hundredth of the noise, and one that moves."""
+    done = done_with(np.array([np.full(24, 0.0697), np.linspace(18.0, 22.0, 24)]))
     monkeypatch.setattr("diagnosis.calibrating.report.embedded", lambda made: made)
     still, moving = (axes.get_ylim() for axes in _fit(done).axes)
     assert (still[1] - still[0], 0.5 * sum(still)) == (pytest.approx(0.04), pytest.approx(0.06975))
     assert 4.0 < moving[1] - moving[0] < 5.0
+
+
+def test_the_grey_band_is_of_the_declared_noise_whatever_the_fit_found(monkeypatch):
+    done = done_with(np.zeros((2, 24)), found=np.array([0.05, 0.5]))
+    monkeypatch.setattr("diagnosis.calibrating.report.embedded", lambda made: made)
+    bands = [axes.patches[0].get_extents().transformed(axes.transData.inverted()) for axes in _residuals(done).axes]
+    assert [(band.y0, band.y1) for band in bands] == [
+        (pytest.approx(-1.96 * declared), pytest.approx(1.96 * declared)) for declared in (0.01, 0.1)
+    ]

@@ -9,6 +9,7 @@ import pytest
 
 from diagnosis.calibrating.calibration import calibrate
 from diagnosis.forecasting.forecast import _check_constants, band, forecast
+from diagnosis.forecasting.report import _days
 from diagnosis.recording import read_recording
 from shared.errors import RecordingError
 
@@ -30,6 +31,12 @@ def test_a_band_of_few_draws_holds_its_share_of_further_ones(count):
     low, high = band(rng.standard_normal((count, 60_000)))
     further = rng.standard_normal(60_000)
     assert np.mean((further > low) & (further < high)) == pytest.approx(0.9, abs=0.007)
+
+
+def test_a_forecast_is_drawn_from_the_begin_of_its_first_step():
+    """Which is what the axis counts from; times are the ends of steps."""
+    np.testing.assert_allclose(_days(86400.0 * np.array([4.0, 5.0, 6.0])), [1.0, 2.0, 3.0])
+    np.testing.assert_allclose(_days(3600.0 * np.arange(1, 49))[[0, -1]], [1 / 24, 2.0])
 
 
 def test_a_recording_that_ends_too_early_is_told(house, house_recording):

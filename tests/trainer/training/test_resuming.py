@@ -56,6 +56,17 @@ def stopping(monkeypatch):
     return at
 
 
+@pytest.fixture
+def cut_short(tanks, tmp_path, stopping, monkeypatch):
+    """Settings of a training in ``run`` that was stopped half way."""
+    settings = SETTINGS | {"steps": 40}
+    stopping(20)
+    with pytest.raises(KeyboardInterrupt):
+        fit(tanks, tmp_path / "run", **settings)
+    monkeypatch.undo()
+    return settings
+
+
 @pytest.mark.slow
 def test_a_training_that_was_killed_ends_with_the_weights_of_one_that_was_not(tanks, tmp_path):
     settings = SETTINGS | {"steps": 400}
@@ -144,12 +155,8 @@ def test_a_finished_training_is_left_as_it_is(tanks, tmp_path):
         fit(tanks, tmp_path / "run", resume=True, overwrite=True, **settings)
 
 
-def test_another_training_is_not_resumed_and_can_be_overwritten(tanks, tmp_path, stopping, monkeypatch):
-    settings = SETTINGS | {"steps": 40}
-    stopping(20)
-    with pytest.raises(KeyboardInterrupt):
-        fit(tanks, tmp_path / "run", **settings)
-    monkeypatch.undo()
+def test_another_training_is_not_resumed_and_can_be_overwritten(tanks, tmp_path, cut_short):
+    settings = cut_short
     for name, other, words in (
         ("noise", "none", "noise was 'gauge' and is 'none' now"),
         ("systems", 40, "training systems was 80 and is 40 now"),
@@ -164,12 +171,8 @@ def test_another_training_is_not_resumed_and_can_be_overwritten(tanks, tmp_path,
 
 
 @pytest.mark.parametrize("theirs", ["1.0", None])
-def test_a_state_of_another_version_is_told_and_gone_on_with(tanks, tmp_path, stopping, monkeypatch, caplog, theirs):
-    settings = SETTINGS | {"steps": 40}
-    stopping(20)
-    with pytest.raises(KeyboardInterrupt):
-        fit(tanks, tmp_path / "run", **settings)
-    monkeypatch.undo()
+def test_a_state_of_another_version_is_told_and_gone_on_with(tanks, tmp_path, cut_short, caplog, theirs):
+    settings = cut_short
     state = tmp_path / "run" / STATE
     parts, facts = read_state(state)
     ours = facts["versions"]
@@ -182,12 +185,8 @@ def test_a_state_of_another_version_is_told_and_gone_on_with(tanks, tmp_path, st
     assert f"written with {told}, and this is {ours[told.split()[0]]}" in caplog.text
 
 
-def test_a_damaged_state_is_named(tanks, tmp_path, stopping, monkeypatch):
-    settings = SETTINGS | {"steps": 40}
-    stopping(20)
-    with pytest.raises(KeyboardInterrupt):
-        fit(tanks, tmp_path / "run", **settings)
-    monkeypatch.undo()
+def test_a_damaged_state_is_named(tanks, tmp_path, cut_short):
+    settings = cut_short
     state = tmp_path / "run" / STATE
     state.write_bytes(state.read_bytes()[:-100])
     with pytest.raises(EstimatorError, match=r"state\.safetensors: damaged .*remove it to train from the beginning"):
