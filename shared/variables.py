@@ -37,6 +37,13 @@ class Parameter(Table):
             return self.min * (self.max / self.min) ** u
         return self.min + (self.max - self.min) * u
 
+    def to_unit(self, value: np.ndarray | float) -> np.ndarray:
+        """Place of values [unit] in the parameter's range as its scale has it, 0 at ``min`` and 1 at ``max``."""
+        value = np.asarray(value, dtype=float)
+        if self.scale == "log":
+            return np.asarray(np.log(value / self.min) / np.log(self.max / self.min))
+        return np.asarray((value - self.min) / (self.max - self.min))
+
 
 class _Input(Table):
     name: str

@@ -3,8 +3,10 @@
 A gap that moves the readings by many times their noise may still be one that other parameters, or persons whom nobody
 counted, would make as well; nobody can see that part. The rest has a length in units of the sensors' noise: the square
 root of twice the log-likelihood ratio that an observer expects who knows the true parameters, the noise and the gap's
-shape (Cox and Hinkley 1974, section 9.3). Parameters and nuisance are linearised at the truth, candidates simulated
-with the amplitude that imitates best. It is sealed with the answers, so that no verdict has a say in it.
+shape (Cox and Hinkley 1974, section 9.3). Parameters, uncertain constants and nuisance, with what the meters of
+replayed actuators get wrong, are linearised at the truth: what nobody knows of a building may make up for a gap.
+Candidates are simulated with the amplitude that imitates best. It is sealed with the answers, so that no verdict has a
+say in it.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ from diagnosis.effects import Effect
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.grams import AMPLITUDE, Colour, Grams, Projected, projected
 from diagnosis.gap.linear import Linearised, applicable, linearised
+from diagnosis.gap.nuisances import metered
 from diagnosis.recording import HOUR, read_recording
 from shared.errors import SimulationError
 
@@ -54,12 +57,12 @@ def detectability(simulator: Simulator, recording: Path, answer: dict[str, Any],
         read_recording(recording, system),
         occupancy=answer["occupancy"],
         replay=answer["replay"],
-        uncertain=False,
     )
     low, high = problem.bounds
     z = np.clip(problem.unknowns(answer["parameters"]), INSIDE * low, INSIDE * high)
     usable, _ = applicable(problem, effects)
-    lin = linearised(problem, z, problem.linearise(z), usable)
+    problem, around = metered(problem, problem.linearise(z))
+    lin = linearised(problem, z, around, usable)
     gap = np.stack([np.subtract(answer["clean"][name], answer["base"][name]) for name in system.output_names])
     accuracy = [one.accuracy for one in system.outputs]
     colours = {k: _colour(answer["noise"][name], accuracy[k]) for k, name in enumerate(system.output_names)}

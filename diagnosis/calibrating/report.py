@@ -100,13 +100,7 @@ def _parameters(done: Calibrated) -> str:
     report, system = done.report, done.problem.system
     made, (panel,) = figure(1, height=0.42 * len(report.parameters) + 0.4)
     for row, (one, described) in enumerate(zip(report.parameters, system.parameters, strict=True)):
-
-        def place(value: float, described=described) -> float:  # noqa: ANN001
-            low, high = described.min, described.max
-            if described.scale == "log":
-                low, high, value = np.log(low), np.log(high), np.log(value)
-            return float((value - low) / (high - low))
-
+        place = described.to_unit
         panel.plot([0, 1], [row, row], lw=7, color=GREY, alpha=0.2, solid_capstyle="butt")
         colour = RED if one.at_bound else BLUE
         panel.plot([place(one.low), place(one.high)], [row, row], lw=4, color=colour, solid_capstyle="butt")

@@ -33,17 +33,23 @@ def widened(problem: Problem, around: Linearisation) -> tuple[Problem, Linearisa
     problem.nuisance = replace(nuisance, factor=nuisance.factor * wider)
     columns = np.abs(nuisance.factor[nuisance.turns]).any(axis=0)  # they share none with other pulses
     around = replace(around, nuisance=np.where(columns, around.nuisance / WITHIN, around.nuisance))
-    system, driven = problem.system, problem.drive
-    pulse = max(PULSE, problem.recording.step)
-    for place, one in enumerate(system.inputs):
+    for place, one in enumerate(problem.system.inputs):
         if one.source == "occupancy" and (problem.nuisance.turns & (problem.nuisance.column == place)).any():
             problem, around = _joined(problem, around, _late(problem.nuisance, place), None)
-    for place, one in enumerate(system.inputs):
+    problem, around = metered(problem, around)
+    return problem, around, problem.simulations
+
+
+def metered(problem: Problem, around: Linearisation) -> tuple[Problem, Linearisation]:
+    """A problem and its linearisation where what the meters of replayed actuators get wrong is a nuisance, too."""
+    driven = problem.drive
+    pulse = max(PULSE, problem.recording.step)
+    for place, one in enumerate(problem.system.inputs):
         if one.name in driven.meters:
             edges = np.append(np.arange(driven.start, driven.stop - 1.0, pulse), driven.stop)
             pulses = _meter(edges, place, driven.meters[one.name], problem.recording)
             problem, around = _joined(problem, around, pulses, FOLLOWED)
-    return problem, around, problem.simulations
+    return problem, around
 
 
 def _late(nuisance: Nuisance, place: int) -> Nuisance:

@@ -93,17 +93,13 @@ def draw_outputs(done: Diagnosis) -> Figure:
 
 
 def draw_parameters(done: Diagnosis) -> Figure:
-    """Parameters before and after, in their ranges."""
+    """Parameters before and after, in their ranges, each in the scale of its prior."""
     system = done.base.problem.system
     rows = done.report.parameters
     made = Figure(figsize=(10, 0.36 * len(rows) + 0.8), layout="constrained")
     axes = made.subplots()
     for i, (one, parameter) in enumerate(zip(rows, system.parameters, strict=True)):
-        low, high = parameter.min, parameter.max
-
-        def at(value: float, low: float = low, high: float = high) -> float:
-            return (value - low) / (high - low)
-
+        at = parameter.to_unit
         y = len(rows) - 1 - i
         axes.plot([0, 1], [y, y], color=GREY, lw=6, alpha=0.25, solid_capstyle="butt")
         axes.plot([at(one.before_low), at(one.before_high)], [y + 0.14] * 2, color=ORANGE, lw=2)

@@ -154,7 +154,7 @@ def search(
             break
         first = not found.chosen
         refits = [one for one in refitted(stage, tell, found) if abs(one.lin.amplitudes[-1]) >= NEGLIGIBLE]
-        gain = refits[0].evidence - stage.grams.evidence(stage.colours.best) if refits else -np.inf
+        gain = refits[0].evidence - evidence_before(found) if refits else -np.inf
         if first:
             found.confirmed = gain >= STRONG or stage.misfits or stage.discrepancy
         if not refits or not found.confirmed or (not first and gain < CLEAR):
@@ -170,6 +170,14 @@ def search(
         found.settled.append(best)
         found.tried.append(tried)
     return found
+
+
+def evidence_before(found: Search) -> float:
+    """Log evidence of what was chosen so far, its amplitudes within their bounds as those of refits are."""
+    stage = found.last
+    if not found.settled:
+        return stage.grams.evidence(stage.colours.best)
+    return found.settled[-1].evidence_with(stage.colours.best)
 
 
 def worth_more(before: Stage, after: Stage) -> bool:

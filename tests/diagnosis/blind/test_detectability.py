@@ -10,6 +10,7 @@ from diagnosis.blind.detectability import INSIDE, detectability
 from diagnosis.effects import library
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.linear import linearised
+from diagnosis.gap.nuisances import metered
 from diagnosis.recording import HOUR, read_recording
 
 HOURS, SLOW = 96.0, {"slow_share": 0.3, "hours": 5.0}
@@ -33,7 +34,7 @@ def made(simulator, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def problem(simulator, made):
-    return Problem(simulator, read_recording(made[0], simulator.system), occupancy="measured", uncertain=False)
+    return Problem(simulator, read_recording(made[0], simulator.system), occupancy="measured")
 
 
 def answered(answer, system, gap):
@@ -42,18 +43,33 @@ def answered(answer, system, gap):
     return answer | dict(zip(("clean", "base"), series, strict=True))
 
 
-def test_a_gap_is_as_long_as_dense_covariances_say(simulator, made, problem):
+@pytest.mark.parametrize("replay", [False, True])
+def test_a_gap_is_as_long_as_dense_covariances_say(simulator, made, replay):
     path, answer = made
+    answer = answer | {"replay": replay}
     system = simulator.system
     rng = np.random.default_rng(0)
+    problem = Problem(simulator, read_recording(path, system), occupancy="measured", replay=replay)
     shape = problem.measured.shape
     gap = np.cumsum(rng.standard_normal(shape), axis=1) * np.array([[one.noise["sensor"].sd] for one in system.outputs])
     found = detectability(simulator, path, answered(answer, system, gap), [])["length"]
 
     low, high = problem.bounds
     z = np.clip(problem.unknowns(answer["parameters"]), INSIDE * low, INSIDE * high)
-    lin = linearised(problem, z, problem.linearise(z))
-    time = problem.time
+    around = problem.linearise(z)
+    exactly = linearised(problem, z, around)
+    wider, around = metered(problem, around)
+    lengths = [length(answer, system, one, gap) for one in (exactly, linearised(wider, z, around))]
+    assert found == pytest.approx(lengths[1], rel=1e-6)
+    if replay:  # who has only meters' readings sees less than who knows what the actuators did
+        assert lengths[1] < 0.97 * lengths[0]
+    else:
+        assert lengths[1] == lengths[0]
+
+
+def length(answer, system, lin, gap):
+    """Of a gap beyond what is unknown, from covariances written out."""
+    problem, time, shape = lin.problem, lin.problem.time, gap.shape
     covariance = np.zeros((gap.size, gap.size))
     for k, one in enumerate(system.outputs):
         sd = one.noise["sensor"].sd
@@ -62,8 +78,8 @@ def test_a_gap_is_as_long_as_dense_covariances_say(simulator, made, problem):
         covariance[rows, rows] = slow + np.eye(shape[1]) * ((1 - SLOW["slow_share"]) * sd**2 + one.accuracy**2)
     columns = np.concatenate([lin.by_nuisance, lin.by_unknown], axis=2).reshape(gap.size, -1)
     covariance += columns @ columns.T
-    expected = gap.ravel() @ np.linalg.solve(covariance, gap.ravel())
-    assert found == pytest.approx(np.sqrt(expected), rel=1e-6)
+    seen = problem.observed.ravel()
+    return float(np.sqrt(gap.ravel()[seen] @ np.linalg.solve(covariance[np.ix_(seen, seen)], gap.ravel()[seen])))
 
 
 def test_a_parameter_s_gap_is_imitated_and_a_sensor_s_by_its_candidate(simulator, made, problem):

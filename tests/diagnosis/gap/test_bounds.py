@@ -15,6 +15,7 @@ from diagnosis.gap.grams import AMPLITUDE, Grams
 from diagnosis.gap.pictures import draw_angles
 from diagnosis.gap.refit import Refit
 from diagnosis.gap.scan import LEVEL, PRIORS, mass, scan
+from diagnosis.gap.search import evidence_before
 from diagnosis.gap.seen import smallest
 from diagnosis.gap.stages import PLAIN
 from diagnosis.gap.twins import draw_twins
@@ -126,6 +127,24 @@ def test_the_evidence_of_a_refit_is_over_the_amplitudes_that_it_may_have(bounds,
     values = values + prior.logpdf(reach) - np.log(prior.cdf(bounds[1]) - prior.cdf(bounds[0]))
     expected = np.log(trapezoid(np.exp(values - values.max()), reach)) + values.max()
     assert found == pytest.approx(expected, abs=1e-4)
+
+
+def test_a_second_effect_is_not_credited_with_what_the_first_gains_by_its_bounds():
+    """A second candidate that moves nothing gains nothing over the first alone, whatever the first one's bounds."""
+    rng = np.random.default_rng(26)
+    lin = problem_of(rng, effects=0, chosen=1)
+    lin.chosen = (Nothing("chosen", lower=0.0),)
+    lin.residual = rng.standard_normal(lin.residual.shape) + 0.4 * lin.by_unknown[..., 2]
+    both = SimpleNamespace(**vars(lin))
+    both.chosen = (*lin.chosen, Nothing("still"))
+    both.z = np.append(lin.z, 0.0)
+    both.by_unknown = np.concatenate([lin.by_unknown, np.zeros_like(lin.by_unknown[..., :1])], axis=2)
+    first, second = (Refit(one, Grams(one, seen(lin)), 0.0, np.ones(len(one.z)), True, 0) for one in (lin, both))
+    stage = SimpleNamespace(grams=first.grams, colours=SURE)
+    before = evidence_before(SimpleNamespace(last=stage, settled=[first]))
+    assert second.evidence_with(SURE.best) == pytest.approx(before, abs=1e-9)
+    assert before - first.grams.evidence(SURE.best) == pytest.approx(np.log(2), abs=0.1)  # half of its prior is left
+    assert evidence_before(SimpleNamespace(last=stage, settled=[])) == first.grams.evidence(SURE.best)
 
 
 def opposed(first, second, cosine=-0.99):

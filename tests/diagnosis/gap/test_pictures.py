@@ -5,9 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagnosis.gap.pictures import LEAST, draw_outputs, draw_shares
+from diagnosis.gap.pictures import LEAST, draw_outputs, draw_parameters, draw_shares
 from diagnosis.gap.schema import ShrinkageOf
 from diagnosis.gap.sentences import _share
+from shared.variables import Parameter
 
 
 def shrunk(share, low, high, placebo=0.0):
@@ -64,3 +65,26 @@ def test_the_legend_of_the_residuals_covers_none_of_them():
     assert first.get_legend().get_window_extent().y0 >= first.get_window_extent().y1 - 1
     low, high = first.get_ylim()
     assert low < left[0].min() and high > left[0].max()
+
+
+def test_parameters_are_drawn_in_the_scale_of_their_priors():
+    parameters = [
+        Parameter(name="linear", unit="m", min=2.0, max=4.0),
+        Parameter(name="log", unit="m", min=1.0, max=100.0, scale="log"),
+    ]
+    rows = [
+        SimpleNamespace(
+            name=one.name,
+            **{"before": one.min, "before_low": one.min, "before_high": value, "at_bound": False},
+            **{"after": value, "after_low": value, "after_high": one.max, "at_bound_after": False},
+        )
+        for one, value in zip(parameters, (3.0, 10.0), strict=True)
+    ]
+    problem = SimpleNamespace(system=SimpleNamespace(parameters=parameters))
+    done = SimpleNamespace(base=SimpleNamespace(problem=problem), report=SimpleNamespace(parameters=rows))
+    (axes,) = draw_parameters(done).axes
+    for _, before, at_before, after, at_after in (axes.lines[:5], axes.lines[5:]):
+        np.testing.assert_allclose(before.get_xdata(), [0.0, 0.5])
+        np.testing.assert_allclose(at_before.get_xdata(), 0.0)
+        np.testing.assert_allclose(after.get_xdata(), [0.5, 1.0])
+        np.testing.assert_allclose(at_after.get_xdata(), 0.5)
