@@ -6,7 +6,7 @@ import pytest
 from datagen import simulate
 from datagen.driving.sampling import sample_parameters
 from datagen.simulating.simulator import Simulator
-from diagnosis.blind.detectability import INSIDE, detectability
+from diagnosis.blind.detectability import INSIDE, _colour, detectability, fitted_square
 from diagnosis.effects import library
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.linear import linearised
@@ -60,7 +60,10 @@ def test_a_gap_is_as_long_as_dense_covariances_say(simulator, made, replay):
     exactly = linearised(problem, z, around)
     wider, around = metered(problem, around)
     lengths = [length(answer, system, one, gap) for one in (exactly, linearised(wider, z, around))]
-    assert found == pytest.approx(lengths[1], rel=1e-6)
+    colours = {k: _colour(answer["noise"][one.name], one.accuracy) for k, one in enumerate(system.outputs)}
+    fitted = np.sqrt(fitted_square(linearised(wider, z, around), gap, colours))
+    assert found == pytest.approx(min(lengths[1], fitted), rel=1e-6)
+    assert 0.7 * lengths[1] < fitted < 1.1 * lengths[1]  # parameters move little, and lines are nearly straight
     if replay:  # who has only meters' readings sees less than who knows what the actuators did
         assert lengths[1] < 0.97 * lengths[0]
     else:
@@ -93,6 +96,16 @@ def test_a_parameter_s_gap_is_imitated_and_a_sensor_s_by_its_candidate(simulator
     assert whole > 5.0
     imitated = detectability(simulator, path, answered(answer, system, gaps[k]), effects)
     assert imitated["length"] < 0.05 * whole  # the bend of the response, and a prior that resists by 0.02
+
+    lin = linearised(problem, z, problem.linearise(z))
+    colours = {k: _colour(answer["noise"][one.name], one.accuracy) for k, one in enumerate(system.outputs)}
+    ways = [way * step for step in np.eye(len(z))[: len(system.parameters)] for way in (-0.5, 0.5)]
+    far = {k: problem.simulate(z + way) - problem.simulate(z) for k, way in enumerate(ways)}
+    straight = {k: length(answer, system, lin, gap) for k, gap in far.items()}
+    sharpest = sorted(straight, key=lambda k: -straight[k])[:2]
+    assert straight[sharpest[0]] > 10.0  # by straight lines it would be a gap
+    for k in sharpest:  # what it costs is that the prior thinks less of the other value
+        assert fitted_square(lin, far[k], colours) < 0.5**2 + 2 * np.abs(ways[k] * z).max() + 0.1
 
     bias = np.zeros_like(gaps[0])
     k = 1
