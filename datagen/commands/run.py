@@ -89,7 +89,7 @@ def run(
         Simulate the systems in failures.jsonl once more, each together with the others of its shard: a shard is
         always written whole.
     failure_budget
-        Share of the systems that may fail before the run is stopped.
+        Share of the systems, 0 to 1, that may fail before the run is stopped.
     timeout
         Seconds that one system may take before it counts as failed.
     """

@@ -92,7 +92,7 @@ def run(
     retry_failures
         Simulate the systems in ``failures.jsonl`` once more.
     failure_budget
-        Share of the systems that may fail before the run is stopped.
+        Share of the systems, 0 to 1, that may fail before the run is stopped.
     timeout
         Seconds that one system may take.
     recycle
@@ -101,7 +101,7 @@ def run(
     Raises
     ------
     DatasetError
-        If ``out`` holds another dataset, cannot be written to, or another run is at it.
+        If ``out`` holds another dataset, cannot be written to, or another run is at it, or an option is out of range.
     ClusterError
         If the workers that are asked for cannot be had.
     SimulationError
@@ -129,6 +129,8 @@ def run(
         raise DatasetError(f"uncertain is set; expected an [[uncertain]] table in {described.path}, which has none")
     if seed < 0:
         raise DatasetError(f"seed is {seed}; expected at least 0")
+    if not 0 <= failure_budget <= 1:  # of a NaN no comparison holds
+        raise DatasetError(f"failure_budget is {failure_budget:g}; expected a share from 0 to 1 of the systems")
     if not _SHORTEST <= timeout <= threading.TIMEOUT_MAX:
         raise DatasetError(f"timeout is {timeout:g} s; expected {_SHORTEST:g} to {threading.TIMEOUT_MAX:g} s")
     places: dict[str, Any] = {"workers": workers, "scheduler": scheduler, "cluster": cluster, "host": host}

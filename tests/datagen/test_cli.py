@@ -86,6 +86,9 @@ def test_identifiability_is_kept_and_copied(default_system, tmp_path, capsys):
         ([*RUN, "--timeout", "0"], FAULT, "timeout is 0 s; expected 0.001 to"),
         ([*RUN, "--timeout", "nan"], FAULT, "timeout is nan s; expected 0.001 to"),
         ([*RUN, "--timeout", "1e12"], FAULT, "timeout is 1e+12 s; expected 0.001 to"),
+        ([*RUN, "--failure-budget", "5"], FAULT, "failure_budget is 5; expected a share from 0 to 1"),
+        ([*RUN, "--failure-budget", "nan"], FAULT, "failure_budget is nan; expected a share from 0 to 1"),
+        ([*RUN, "--failure-budget", "-1"], FAULT, "failure_budget is -1; expected a share from 0 to 1"),
         ([*RUN, "--cluster", "slurm"], FAULT, "jobs on other nodes do not reach 127.0.0.1; expected --cluster-option"),
         ([*RUN, "--cluster", "slurp"], FAULT, "cluster is 'slurp'; expected local or slurm"),
         (
