@@ -110,7 +110,8 @@ def run(
     described = load_system(system) if not isinstance(system, System) else system
     if preset is not None:
         chosen = described.preset(preset)
-        systems, hours, step = systems or chosen.systems, hours or chosen.hours, step or chosen.step
+        systems = chosen.systems if systems is None else systems  # a zero that was asked for is refused below
+        hours, step = chosen.hours if hours is None else hours, chosen.step if step is None else step
         described = described.with_experiment(start=chosen.start)
     if systems is None:
         raise DatasetError("systems is missing; expected a number of systems, or a preset")

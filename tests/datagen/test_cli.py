@@ -12,6 +12,7 @@ from shared.console import FAULT, OK, PARTLY, USAGE, start
 from shared.store import Manifest
 
 RUN = ["run", "TOML", "--out", "x", "--systems", "2"]
+PRESET = ["run", "TOML", "--out", "x", "--preset", "paper-week"]
 
 
 def run(*words):
@@ -89,6 +90,9 @@ def test_identifiability_is_kept_and_copied(default_system, tmp_path, capsys):
         ([*RUN, "--failure-budget", "5"], FAULT, "failure_budget is 5; expected a share from 0 to 1"),
         ([*RUN, "--failure-budget", "nan"], FAULT, "failure_budget is nan; expected a share from 0 to 1"),
         ([*RUN, "--failure-budget", "-1"], FAULT, "failure_budget is -1; expected a share from 0 to 1"),
+        ([*PRESET, "--systems", "0"], FAULT, "systems is 0; expected at least 1"),
+        ([*PRESET, "--hours", "0"], FAULT, "experiment.hours: Input should be greater than 0 (found 0.0)"),
+        ([*PRESET, "--step", "0"], FAULT, "experiment.step: Input should be greater than 0 (found 0.0)"),
         ([*RUN, "--cluster", "slurm"], FAULT, "jobs on other nodes do not reach 127.0.0.1; expected --cluster-option"),
         ([*RUN, "--cluster", "slurp"], FAULT, "cluster is 'slurp'; expected local or slurm"),
         (
