@@ -23,12 +23,12 @@ MOST = 0.5
 
 DETECTABLE = (
     "A gap is detectable when its length in units of the sensors' noise, beyond all that parameters, uncertain"
-    " constants, unmeasured inputs and the errors of replayed meters can imitate, exceeds that of 95 % of this set's recordings without any effect and with the same actuators"
-    " by as much as an observer needs who knows its shape among as many as there are candidates (5 % false alarms in"
-    " all, 90 % power). It is unlike the candidates when that holds beyond any one of them as well; where the answer is"
-    " an effect, beyond any other. It is of its candidate's kind when that candidate can imitate at least half of its"
-    " square: another law may look like another effect, or like none. All were worked out when the set was made, and"
-    " sealed with the answers."
+    " constants, unmeasured inputs and the errors of replayed meters can imitate, exceeds that of 95 % of this set's"
+    " recordings without any effect and with the same actuators by as much as an observer needs who knows its shape"
+    " among as many as there are candidates (5 % false alarms in all, 90 % power). It is unlike the candidates when"
+    " that holds beyond any one of them as well; where the answer is an effect, beyond any other. It is of its"
+    " candidate's kind when that candidate can imitate at least half of its square: another law may look like"
+    " another effect, or like none. All were worked out when the set was made, and sealed with the answers."
 )
 
 
