@@ -11,10 +11,12 @@ from __future__ import annotations
 
 import json
 import logging
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from numbers import Integral, Real
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -65,7 +67,10 @@ def fields(**values: Any) -> dict[str, Any]:
 
 
 class JsonLines(logging.Formatter):
-    """A record as one line of JSON: time (UTC), level, logger, message, its fields, and a traceback if there is one."""
+    """A record as one line of JSON: time (UTC), level, logger, message, its fields, and a traceback if there is one.
+
+    What is not a finite number is null: JSON has no other word for it.
+    """
 
     def format(self, record: logging.LogRecord) -> str:
         """The line, without its end."""
@@ -78,7 +83,18 @@ class JsonLines(logging.Formatter):
         }
         if record.exc_info:
             line["traceback"] = self.formatException(record.exc_info)
-        return json.dumps(line, default=str)
+        return json.dumps(_finite(line), default=str)
+
+
+def _finite(value: Any) -> Any:
+    """The same with None in place of numbers that JSON does not know."""
+    if isinstance(value, dict):
+        return {name: _finite(one) for name, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(one) for one in value]
+    if isinstance(value, Real) and not isinstance(value, Integral):  # a large whole number is no float
+        return value if math.isfinite(value) else None
+    return value
 
 
 class _Sentences(logging.Handler):

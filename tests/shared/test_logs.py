@@ -3,6 +3,7 @@
 import io
 import json
 import logging
+import math
 from pathlib import Path
 
 import numpy as np
@@ -66,6 +67,20 @@ def test_a_second_run_is_appended_and_figures_of_any_type_are_written(console, t
             log.debug("one", extra=fields(loss=loss))
     assert len(path.read_text().splitlines()) == 3
     assert json.loads(path.read_text().splitlines()[1])["loss"] == "run"
+
+
+def test_what_is_not_a_finite_number_is_null_as_any_reader_of_json_expects(console, tmp_path):
+    path = tmp_path / "log.jsonl"
+    figures = {"loss": math.nan, "rows": [1.5, (np.float32("nan"), -math.inf)], "best": {"value": np.float64("inf")}}
+    with reported(Reporting(log=path, quiet=True), console):
+        log.debug("one", extra=fields(**figures, steps=10**400, done=True))
+
+    def refuse(word):
+        raise AssertionError(f"{word} is no JSON")
+
+    found = json.loads(path.read_text(), parse_constant=refuse)
+    assert (found["loss"], found["rows"], found["best"]) == (None, [1.5, [None, None]], {"value": None})
+    assert (found["steps"], found["done"]) == (10**400, True)
 
 
 def test_a_traceback_goes_into_the_file_and_python_prints_it(console, tmp_path):
