@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
-from rich.table import Table
 
 from shared.console import new_app, new_console, resumable, start
 from shared.errors import EstimatorError
 from shared.logs import USUAL, Reporting, fields, logger
 from trainer.commands.benchmark import benchmark
+from trainer.commands.info import info
 from trainer.commands.predict import predict
 from trainer.commands.tune import tune
 from trainer.models import ESTIMATORS
@@ -32,7 +32,7 @@ A first session, on a dataset made by `datagen run`:
     trainer predict runs/ridge recording.nc""",
 )
 
-for one in (posterior, calibration, predict, benchmark, tune):
+for one in (info, posterior, calibration, predict, benchmark, tune):
     app.command(one)
 
 _log = logger("trainer.cli")
@@ -241,46 +241,6 @@ def evaluate(
         new_console().print(terminal_table(result))
         print("\n".join(notes(result)))
         print(f"written to {out or loaded.results}: evaluation.json, evaluation.md, evaluation.csv, scatter.png")
-
-
-@app.command
-def info(run: Path, /, *, json: Annotated[bool, Parameter(negative="")] = False) -> None:
-    """Say what a run folder holds, and verify that it loads.
-
-    Parameters
-    ----------
-    run
-        Run folder made by `trainer fit`, or the name of a system that comes with an estimator.
-    json
-        Print estimator.json on stdout.
-    """
-    from trainer.runs.checkpoint import load_run
-    from trainer.runs.validation import whole_condition
-
-    loaded = load_run(run)
-    card = loaded.card
-    if json:
-        print(card.model_dump_json(indent=1))
-        return
-    weights = sum(tensor.numel() for tensor in loaded.model.parameters())
-    done = card.training
-    seeds = ", ".join(map(str, sorted(set(card.training_systems.root_seeds))))
-    rows: list[tuple[str, Any]] = [
-        ("model", f"{card.model} {card.options}, {weights} weights"),
-        ("system", f"{card.system_name} ({card.system_hash[:12]})"),
-        ("reads", f"{card.context_hours:g} h of {', '.join(card.encoding.channels)}, step {card.encoding.step:g} s"),
-        ("noise", card.noise),
-        ("trained on", f"{len(card.training_systems.indices)} systems of root seed {seeds}"),
-        ("training", f"step {done.best_step} of {done.steps}, {done.batch_size} windows each, {done.seconds:g} s"),
-        ("validation loss", f"{done.validation_loss:.4f} (1 is the mean)"),
-        ("rmse below", f"of its validation windows: {whole_condition(card)}"),
-    ]
-    for name, unit in zip(card.encoding.parameters, card.encoding.parameter_units, strict=True):
-        rows.append((name, f"+- {card.validation_rmse[name]:.3g} {unit}"))
-    table = Table(show_header=False)
-    for name, value in rows:
-        table.add_row(name, str(value))
-    new_console().print(table)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -68,6 +68,8 @@ def predict(
             for note in one.unlike:
                 console.print(f"- {note}", markup=False)
     console.print(result.rmse_note, markup=False)
+    if result.unfinished:
+        console.print(result.unfinished, markup=False)
     if result.held:
         console.print(
             f"The run was trained on systems that have {', '.join(result.held)} as declared. Where a building has"

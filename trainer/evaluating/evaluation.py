@@ -27,6 +27,7 @@ from trainer.reading.data import load_records
 from trainer.reading.noise import Sensors
 from trainer.reading.windows import WindowSource, disjoint_windows
 from trainer.runs.checkpoint import Card, Run, load_run, make_folder
+from trainer.runs.unfinished import unfinished
 from trainer.seeds import check_seed
 
 LEVEL = 0.9
@@ -125,6 +126,7 @@ def evaluate(
     )
     result = Evaluation(
         model=card.model,
+        unfinished=unfinished(card),
         context_hours=hours,
         step=card.encoding.step,
         noise=preset,

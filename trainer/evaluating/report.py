@@ -66,8 +66,10 @@ class CeilingFigures(_Table):
 class Evaluation(_Table):
     """``evaluation.json``."""
 
-    schema_version: int = 1
+    schema_version: int = 2
     model: str
+    unfinished: str | None = None
+    """a sentence where the run's training did not come to its end"""
     context_hours: float
     step: float
     noise: str
@@ -114,7 +116,8 @@ def notes(evaluation: Evaluation) -> list[str]:
     meant = (
         "R2 in the parameters' own units, with 90 % intervals by system; accuracy: median of 1 less the relative error"
     )
-    return [*lines, meant, evaluation.ceiling_note]
+    cut_short = [evaluation.unfinished] if evaluation.unfinished else []
+    return [*cut_short, *lines, meant, evaluation.ceiling_note]
 
 
 def terminal_table(evaluation: Evaluation) -> Table:

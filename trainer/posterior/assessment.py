@@ -24,6 +24,7 @@ from trainer.reading.data import load_records
 from trainer.reading.noise import Sensors
 from trainer.reading.windows import WindowSource, disjoint_windows
 from trainer.runs.checkpoint import Run, load_run, make_folder
+from trainer.runs.unfinished import unfinished
 from trainer.runs.validation import Typical, typical_errors
 from trainer.seeds import check_seed
 
@@ -109,6 +110,7 @@ def calibration(
     typical = typical_errors(card, length, without or [], preset)
     result = Calibration(
         model=card.model,
+        unfinished=unfinished(card),
         context_hours=hours,
         noise=preset,
         channels=[name for name in encoding.channels if name not in (without or [])],

@@ -33,6 +33,7 @@ from trainer.posterior.prior import Prior
 from trainer.posterior.tempering import temper
 from trainer.reading.data import load_records, rows_of
 from trainer.runs.checkpoint import CALIBRATION, Run, Systems, load_run
+from trainer.runs.unfinished import unfinished
 from trainer.seeds import check_seed, torch_state
 
 _log = logger(__name__)
@@ -101,6 +102,8 @@ def fit_posterior(
     """
     check_seed(seed)
     run = run if isinstance(run, Run) else load_run(run)
+    if cut_short := unfinished(run.card):
+        _log.warning("%s: %s", run.folder, cut_short)
     if run.folder is None:
         raise EstimatorError("run: is in no folder; expected one made by `trainer fit`")
     if (run.folder / CARD).exists() and not overwrite:

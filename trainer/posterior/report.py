@@ -62,8 +62,10 @@ class LogScore(_Table):
 class Calibration(_Table):
     """``calibration.json``."""
 
-    schema_version: int = 2
+    schema_version: int = 3
     model: str
+    unfinished: str | None = None
+    """a sentence where the estimator's training did not come to its end"""
     context_hours: float
     noise: str
     channels: list[str]
@@ -130,6 +132,7 @@ def notes(result: Calibration) -> list[str]:
     score = result.log_score
     gaussian = "" if score.gaussian is None else f", Gaussian {score.gaussian - score.prior:.2f} nat"
     return [
+        *([result.unfinished] if result.unfinished else []),
         f"{result.windows} disjoint windows of {result.systems} systems that neither estimator nor posterior has seen,"
         f" {result.samples} samples each",
         "% columns: share of the windows whose central interval holds the truth; for 90 % with its interval by system",

@@ -8,13 +8,17 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from shared.errors import EstimatorError, RecordingError
+from shared.logs import logger
 from trainer.predicting.readings import date_of
 from trainer.predicting.recorded import Window, read_window
 from trainer.reading.encoding import Encoding
 from trainer.reading.familiar import Familiar, stuck, unlike
 from trainer.runs.checkpoint import Run, load_run
+from trainer.runs.unfinished import unfinished
 from trainer.runs.validation import Typical, typical_errors
 from trainer.seeds import check_seed
+
+_log = logger(__name__)
 
 NEAR = 1e-3
 """An estimate this close to an end of its range, as a share of the range, is said to lie at its bound."""
@@ -61,9 +65,11 @@ class Prediction(_Table):
 class Predictions(_Table):
     """What ``trainer predict`` prints."""
 
-    schema_version: int = 4
+    schema_version: int = 5
     file: str
     model: str
+    unfinished: str | None = None
+    """a sentence where the run's training did not come to its end"""
     context_hours: float
     noise: str
     absent: list[str] = []
@@ -175,9 +181,12 @@ def predict(
                 unlike=None if known is None else unlike(window.values[i], known, encoding),
             )
         )
+    if cut_short := unfinished(run.card):
+        _log.warning("%s: %s", run.folder, cut_short)  # for callers that use the values alone
     return Predictions(
         file=str(file),
         model=run.card.model,
+        unfinished=cut_short,
         context_hours=len(window.stamps) * encoding.step / 3600,
         noise=run.card.noise,
         absent=window.absent,

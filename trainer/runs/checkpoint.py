@@ -95,6 +95,8 @@ class Training(_Table):
     stopped: Stop
     minutes: float | None = None
     """budget [min], where it was not steps"""
+    planned: int | None = None
+    """budget [steps], where it was not minutes; None in cards of earlier versions"""
     keep: Keep = "best"
     """weights that were best on validation systems, or the last ones"""
     coarse: bool = False

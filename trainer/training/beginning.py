@@ -8,11 +8,14 @@ from __future__ import annotations
 from typing import Any
 
 from shared.errors import EstimatorError
+from shared.logs import logger
 from trainer.models import estimator_class
 from trainer.models.base import Estimator
 from trainer.reading.encoding import LATER, MEASURED, Encoding
 from trainer.runs.checkpoint import Run
+from trainer.runs.unfinished import unfinished
 
+_log = logger(__name__)
 FREE = {"views", "dropout"}
 """Options that do not say what the weights mean."""
 
@@ -78,6 +81,8 @@ def take_weights(network: Estimator, earlier: Run) -> str:
     EstimatorError
         If the earlier run has weights that the network has not.
     """
+    if cut_short := unfinished(earlier.card):
+        _log.warning("begin_with: %s: %s", earlier.folder, cut_short)
     own, given = network.state_dict(), earlier.model.state_dict()
     for name, tensor in given.items():
         if name not in own or own[name].shape != tensor.shape:

@@ -228,6 +228,7 @@ def fit(
                 seconds=0.0,
                 stopped="running",
                 minutes=minutes,
+                planned=None if minutes else recipe.steps,
                 keep=keep,
                 coarse=coarse,
                 data=None if first is None else fingerprint(dataset),
