@@ -139,8 +139,10 @@ def fit(
         if model not in (None, tuned.model):
             raise EstimatorError(f"{options}: is of the model {tuned.model}; expected {model}, or no --model")
         model, chosen = tuned.model, dict(tuned.options)
-        batch_size, lr = batch_size or tuned.batch_size, lr or tuned.lr
-    model = model or "patch-transformer"
+        # a zero that somebody gives is to be refused, not to be passed over
+        batch_size = tuned.batch_size if batch_size is None else batch_size
+        lr = tuned.lr if lr is None else lr
+    model = "patch-transformer" if model is None else model
     if patch is not None:
         chosen.pop("patch", None)
     chosen |= option or {}

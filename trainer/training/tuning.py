@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import optuna
 from optuna.trial import FrozenTrial, Trial, TrialState
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from shared.errors import EstimatorError, OptionsError
 from shared.logs import fields, logger
@@ -72,8 +72,8 @@ class Best(BaseModel):
     model_config = ConfigDict(extra="forbid")
     model: str
     options: dict[str, Any] = {}
-    batch_size: int | None = None
-    lr: float | None = None
+    batch_size: int | None = Field(None, gt=0)
+    lr: float | None = Field(None, gt=0, allow_inf_nan=False)
     validation_loss: float | None = None
     default_loss: float | None = None
     """of the estimator's defaults under the same budget"""

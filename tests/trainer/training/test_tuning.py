@@ -282,3 +282,19 @@ def test_what_cannot_be_searched_is_told(tanks, tmp_path):
     (tmp_path / "bad.json").write_text('{"options": {}}')
     with pytest.raises(EstimatorError, match=r"bad\.json: model: Field required; expected a file of `trainer tune`"):
         read_options(tmp_path / "bad.json")
+
+
+@pytest.mark.parametrize(
+    ("option", "value"), [("batch_size", "0"), ("batch_size", "-1"), ("lr", "0"), ("lr", "-1"), ("lr", "nan")]
+)
+def test_what_is_given_beside_a_file_of_options_is_not_passed_over(tanks, tmp_path, capsys, option, value):
+    path, out = tmp_path / "best.json", tmp_path / "run"
+    path.write_text('{"model": "lstm", "batch_size": 16, "lr": 1e-3}')
+    flag = "--" + option.replace("_", "-")
+    code, _, err = command(capsys, "fit", tanks, "--options", path, "--out", out, "--steps", "1", flag, value)
+    assert (code, err) == (1, f"error: {option}: is {value}; expected a positive number\n")
+    assert not out.exists()
+    path.write_text(json.dumps({"model": "lstm", option: float(value) if option == "lr" else int(value)}))
+    code, _, err = command(capsys, "fit", tanks, "--options", path, "--out", out, "--steps", "1")
+    assert code == 1 and err.startswith(f"error: {path}: ") and err.count("\n") == 1
+    assert not out.exists()
