@@ -87,7 +87,8 @@ class Ceiling(BaseModel):
     """Limit of R2 per parameter under one condition, averaged over ``systems`` random systems and windows.
 
     ``origin`` says what the windows were of; older files lack it, and are taken to be of the whole year. ``constants``
-    are those that the limit took as unknown; all others are as declared.
+    are those that the limit took as unknown; all others are as declared. ``r2_mean_low`` and ``r2_mean_high`` are the
+    90 % interval of the mean over systems; of one system there is none.
     """
 
     model_config = ConfigDict(extra="forbid")
@@ -97,8 +98,8 @@ class Ceiling(BaseModel):
     channels: list[str]
     r2: dict[str, float]
     r2_mean: float
-    r2_mean_low: float
-    r2_mean_high: float
+    r2_mean_low: float | None
+    r2_mean_high: float | None
     systems: int
     seed: int
     origin: Origin | None = None

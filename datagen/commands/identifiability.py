@@ -5,13 +5,16 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 from rich.table import Table
 
 from shared.console import OK, NotNegative, Positive, new_console
 from shared.logs import USUAL, Reporting
+
+if TYPE_CHECKING:
+    from shared.ceiling import Ceiling
 
 console = new_console()
 
@@ -28,6 +31,7 @@ def identifiability(
     workers: Positive = 2,
     uncertain: Annotated[bool, Parameter(negative=())] = False,
     out: Path | None = None,
+    overwrite: Annotated[bool, Parameter(negative=())] = False,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
     report: Reporting = USUAL,
 ) -> int:
@@ -59,45 +63,38 @@ def identifiability(
         Draw the constants that the description says are uncertain, anew for each system, and take them as unknown: the
         limit for datasets of `datagen run --uncertain`, and kept beside that for constants as declared.
     out
-        File to keep the result in, in place of `identifiability.json` beside the description.
+        File to keep the result in, in place of `identifiability.json` beside the description. Limits of the same system
+        that it holds stay, but for those of the same condition.
+    overwrite
+        Replace a file that holds limits of another system, or of the description or the FMU as it was before a change.
     as_json
         Print JSON.
     """
-    from datagen.fmi.fmu import fmu_sha256
     from datagen.limits.ceilings import ceilings_of
-    from datagen.limits.sensitivities import crowd_inputs
+    from datagen.limits.keeping import ceilings_at
     from datagen.simulating.liveness import HARDLY, check_live_apart
-    from shared.ceiling import FILE_NAME, Ceilings, in_words, read_ceilings, write_ceilings
+    from shared.ceiling import FILE_NAME, in_words, write_ceilings
     from shared.system import load_system
 
     described = load_system(system)
     if preset is not None:
         chosen = described.preset(preset)
         described = described.with_experiment(hours=chosen.hours, step=chosen.step, start=chosen.start)
+    path = described.path.parent / FILE_NAME if out is None else out
+    ceilings_at(path, described, overwrite=overwrite)
     check_live_apart(described, least=HARDLY)  # how little a weak one is told is what is asked
-    sets = [one.split(",") for one in channels] if channels else [described.estimator.channels]
+    sets = [described.estimator.channels] if channels is None else [one.split(",") for one in channels]
     found = ceilings_of(
         described,
-        contexts=context or [described.estimator.context_hours],
-        conditions=[(preset, names) for names in sets for preset in noise or ["none"]],
+        contexts=[described.estimator.context_hours] if context is None else context,
+        conditions=[(one, names) for names in sets for one in (["none"] if noise is None else noise)],
         systems=systems,
         seed=seed,
         workers=workers,
         uncertain=uncertain,
         quiet=report.quiet,
     )
-    path = out or described.path.parent / FILE_NAME
-    kept = Ceilings(
-        system_name=described.name,
-        system_hash=described.hash(),
-        fmu_sha256=fmu_sha256(described.fmu_path),
-        outputs=described.output_names,
-        nuisances=crowd_inputs(described),
-    )
-    if path.exists():
-        before = read_ceilings(path)
-        if (before.system_hash, before.fmu_sha256) == (kept.system_hash, kept.fmu_sha256):
-            kept = before
+    kept = ceilings_at(path, described, overwrite=overwrite)  # another run may have added to it meanwhile
     for one in found:
         kept.put(one)
     write_ceilings(path, kept)
@@ -112,8 +109,15 @@ def identifiability(
         table = Table("parameter", *heads, box=None)
         for name in described.parameter_names:
             table.add_row(name, *(f"{one.r2[name]:.3f}" for one in some))
-        means = (f"{one.r2_mean:.3f} [{one.r2_mean_low:.3f}, {one.r2_mean_high:.3f}]" for one in some)
-        table.add_row("mean", *means)
+        table.add_row("mean", *(f"{one.r2_mean:.3f}{_interval(one)}" for one in some))
         console.print(table)
+    if systems == 1:
+        console.print("of one system there is no interval", markup=False)
     console.print(f"kept in {path}", markup=False)
     return OK
+
+
+def _interval(one: Ceiling) -> str:
+    if one.r2_mean_low is None or one.r2_mean_high is None:
+        return ""
+    return f" [{one.r2_mean_low:.3f}, {one.r2_mean_high:.3f}]"

@@ -26,12 +26,12 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from datagen.farming.package import weather_hashes
-from datagen.limits.sensitivities import Window, crowd_inputs, random_window
+from datagen.limits.sensitivities import HOUR, Window, crowd_inputs, random_window
 from shared.ceiling import Ceiling, Origin, Unknown, unknown_constants
 from shared.errors import SystemDescriptionError
 from shared.interrupts import interrupts_held
 from shared.progress import progress_bar
-from shared.system import System, load_system
+from shared.system import WHOLE, System, load_system
 
 
 def identifiability(
@@ -77,8 +77,8 @@ def ceilings_of(
     Raises
     ------
     SystemDescriptionError
-        For an unknown noise preset, an unknown channel, channels without any output, or constants that are to be
-        uncertain where the description declares none.
+        For no context or one that is no positive number of whole steps, no system, an unknown noise preset, an unknown
+        channel, channels without any output, or constants that are to be uncertain where the description declares none.
     WeatherError
         If a weather file cannot be read.
     """
@@ -87,7 +87,12 @@ def ceilings_of(
         raise SystemDescriptionError(
             f"uncertain is set; expected an [[uncertain]] table in {described.path}, which has none"
         )
-    wanted = [(noise, channels or described.estimator.channels) for noise, channels in conditions]
+    if systems < 1:
+        raise SystemDescriptionError(f"systems is {systems}; expected at least 1")
+    lengths = _checked(contexts, described.experiment.step)
+    wanted = [(noise, described.estimator.channels if channels is None else channels) for noise, channels in conditions]
+    if not wanted:
+        raise SystemDescriptionError("noise or channels are empty; expected at least one preset and one set of outputs")
     for noise, channels in wanted:
         described.noise_sd(noise)
         known = [*described.output_names, *described.input_names]
@@ -97,7 +102,7 @@ def ceilings_of(
             )
         if not set(channels) & set(described.output_names):
             raise SystemDescriptionError(f"{described.path}: channels {channels} hold no output; nothing to learn from")
-    results, lengths, weather = [], list(contexts), weather_hashes(described)
+    results, weather = [], weather_hashes(described)
     constants = unknown_constants(described.uncertain if uncertain else [])
     with progress_bar("windows", systems * len(lengths), shown=not quiet) as bar:
         for count, context in enumerate(lengths):
@@ -158,6 +163,20 @@ def given_means(covariance: np.ndarray, steps: np.ndarray) -> np.ndarray:
     return np.asarray(covariance - across @ np.linalg.pinv(means @ across, rcond=1e-10, hermitian=True) @ across.T)
 
 
+def _checked(contexts: Iterable[float], step: float) -> list[float]:
+    """Lengths [h] as they are, of a window in steps [s]."""
+    lengths = list(contexts)
+    if not lengths:
+        raise SystemDescriptionError("context is empty; expected at least one length [h]")
+    for hours in lengths:
+        steps = hours * HOUR / step
+        if not 0.5 < steps < float("inf") or abs(steps - round(steps)) > WHOLE:  # of a NaN no comparison holds
+            raise SystemDescriptionError(
+                f"context is {hours:g} h; expected a positive number of whole output steps, which are {step:g} s"
+            )
+    return lengths
+
+
 def _summarise(
     system: System,
     variances: np.ndarray,
@@ -169,9 +188,11 @@ def _summarise(
     constants: dict[str, Unknown],
 ) -> Ceiling:
     r2 = 1 - variances.mean(axis=0)
-    rng = np.random.default_rng(0)
-    draws = rng.integers(len(variances), size=(1000, len(variances)))
-    low, high = np.percentile(1 - variances.mean(axis=1)[draws].mean(axis=1), [5, 95])
+    low = high = None
+    if len(variances) > 1:  # one system drawn again and again would tell of an interval without width
+        rng = np.random.default_rng(0)
+        draws = rng.integers(len(variances), size=(1000, len(variances)))
+        low, high = map(float, np.percentile(1 - variances.mean(axis=1)[draws].mean(axis=1), [5, 95]))
     return Ceiling(
         context_hours=context,
         step=system.experiment.step,
@@ -179,8 +200,8 @@ def _summarise(
         channels=channels,
         r2=dict(zip(system.parameter_names, r2.tolist(), strict=True)),
         r2_mean=float(r2.mean()),
-        r2_mean_low=float(low),
-        r2_mean_high=float(high),
+        r2_mean_low=low,
+        r2_mean_high=high,
         systems=len(variances),
         seed=seed,
         origin=origin,

@@ -193,6 +193,39 @@ def test_a_channel_that_is_not_there_is_refused_by_name(default_system):
         ceilings_of(default_system, contexts=[24.0], conditions=conditions, systems=1)
 
 
+@pytest.mark.parametrize("hours", [24.5, 0.0, -24.0, float("nan"), float("inf")])
+def test_a_context_that_is_no_number_of_steps_is_refused(default_system, hours):
+    with pytest.raises(SystemDescriptionError, match=rf"context is {hours:g} h; expected a positive number of whole"):
+        ceilings_of(default_system, contexts=[24.0, hours], conditions=[("none", None)], systems=1)
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ({"systems": 0}, "systems is 0; expected at least 1"),
+        ({"contexts": []}, "context is empty"),
+        ({"conditions": []}, "noise or channels are empty"),
+        ({"conditions": [("none", [])]}, "hold no output"),
+    ],
+)
+def test_what_is_asked_for_must_be_something(default_system, asked, said):
+    with pytest.raises(SystemDescriptionError, match=said):
+        ceilings_of(default_system, **{"contexts": [24.0], "conditions": [("none", None)], "systems": 1, **asked})
+
+
+def test_one_system_has_no_interval_and_two_have_one(default_system, monkeypatch):
+    rng = np.random.default_rng(2)
+    both = [made_up_window(default_system, rng) for _ in range(2)]
+    monkeypatch.setattr("datagen.limits.ceilings._windows", lambda _, __, systems, *___: iter(both[:systems]))
+    alone = identifiability(default_system, noise="sensor", systems=1)
+    assert (alone.r2_mean_low, alone.r2_mean_high) == (None, None)
+    found = identifiability(default_system, noise="sensor", systems=2)
+    assert found.r2_mean_low < found.r2_mean < found.r2_mean_high
+    assert Ceilings.model_validate_json(
+        Ceilings(system_name="a", system_hash="b", fmu_sha256="c", outputs=[], ceilings=[alone]).model_dump_json()
+    ).ceilings == [alone]
+
+
 def test_windows_lie_in_the_records_that_the_farm_makes(default_system, monkeypatch):
     july = default_system.with_experiment(hours=720.0, start=(4344.0, 4700.0))
     spans = []

@@ -1,0 +1,58 @@
+"""Where ceilings are kept: among those of the same system, and in place of nothing else."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from datagen.fmi.fmu import fmu_sha256
+from datagen.limits.sensitivities import crowd_inputs
+from shared.ceiling import Ceilings, read_ceilings
+from shared.errors import ZeroshotError
+from shared.system import System
+
+
+def ceilings_at(path: Path, system: System, *, overwrite: bool = False) -> Ceilings:
+    """The ceilings of a system that a file holds, to add to; none where there is no file yet.
+
+    To be asked before long work, too: a limit of thirty days takes an hour, and is lost where it cannot be written.
+
+    Parameters
+    ----------
+    overwrite
+        Begin anew where the file's ceilings are of another system, in place of refusing it.
+
+    Raises
+    ------
+    ZeroshotError
+        If nothing can be written there, or what is there is no file of ceilings, or one of another system.
+    """
+    try:
+        with tempfile.NamedTemporaryFile(prefix=f".{path.name}-", dir=path.parent):
+            pass
+    except OSError as error:
+        raise ZeroshotError(
+            f"{path}: cannot be written ({error.strerror}); expected a file in a folder that is there and can be"
+            " written to"
+        ) from None
+    none = Ceilings(
+        system_name=system.name,
+        system_hash=system.hash(),
+        fmu_sha256=fmu_sha256(system.fmu_path),
+        outputs=system.output_names,
+        nuisances=crowd_inputs(system),
+    )
+    if not path.exists():
+        return none
+    found = read_ceilings(path)
+    for field in ("system_hash", "fmu_sha256"):
+        theirs, ours = getattr(found, field), getattr(none, field)
+        if theirs == ours:
+            continue
+        if overwrite:
+            return none
+        raise ZeroshotError(
+            f"{path}: holds limits of {found.system_name} whose {field} is {theirs[:12]}, that of {system.path} is"
+            f" {ours[:12]}; expected a file of the same system, another --out, or --overwrite"
+        )
+    return found
