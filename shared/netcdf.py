@@ -1,4 +1,4 @@
-"""Recordings and other NetCDF files from elsewhere, read by a child process.
+"""NetCDF: files from elsewhere, read by a child process, and our own, written.
 
 The C libraries behind NetCDF trust a file: a flipped bit can make them crash, take all memory or never return. So a
 file without a known hash never reaches them in this process.
@@ -6,9 +6,12 @@ file without a known hash never reaches them in this process.
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import signal
 import subprocess
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +24,8 @@ from shared.reading import MIB, short, size_of, why
 
 MOST = 2048 * MIB
 """Bytes that a file may hold."""
+_PROBE = bytes(MIB)
+"""Enough that what is left of a disk that was too full does not take it."""
 
 
 def read_netcdf(path: Path, error: type[ZeroshotError], expected: str, *, times: bool | None = False) -> xr.Dataset:
@@ -56,6 +61,26 @@ def read_netcdf(path: Path, error: type[ZeroshotError], expected: str, *, times:
         return raw if times is None else xr.decode_cf(raw, decode_times=times, decode_timedelta=False).load()
     except Exception as cause:  # decoding follows the file's own attributes, and raises whatever it meets there
         raise error(f"{path}: cannot be read as NetCDF ({why(cause)}); expected {expected}") from None
+
+
+def write_netcdf(dataset: xr.Dataset, path: Path, encoding: Mapping[Any, dict[str, Any]]) -> None:
+    """Write a NetCDF-4 file and flush it to the disk; what is there after an error is to be removed.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written, with the cause: of a full disk the C libraries say no more than "HDF error".
+    """
+    try:
+        dataset.to_netcdf(path, engine="netcdf4", format="NETCDF4", encoding=encoding)
+        with open(path, "rb+") as handle:  # what was opened for reading only cannot be flushed on Windows
+            os.fsync(handle.fileno())
+    except RuntimeError as error:
+        with open(path, "ab") as handle:  # it raises what the libraries did not say
+            handle.write(_PROBE)
+            handle.flush()
+            os.fsync(handle.fileno())
+        raise OSError(errno.EIO, str(error), str(path)) from None
 
 
 def _dataset(content: bytes) -> xr.Dataset:

@@ -21,7 +21,7 @@ from shared.errors import DatasetError
 from shared.manifest import Manifest as Manifest
 from shared.manifest import ShardEntry as ShardEntry
 from shared.manifest import Source as Source
-from shared.netcdf import read_netcdf
+from shared.netcdf import read_netcdf, write_netcdf
 from shared.netcdf_child import check_declared
 from shared.reading import MIB, read_json, size_of, validated, why
 from shared.schema import CONTENT_HASH, SPLITS, check_version, dataset_hash
@@ -80,6 +80,11 @@ def write_shard(path: Path, dataset: xr.Dataset, systems: list[int]) -> ShardEnt
     """Write a shard, or the record of one system, whole, and return its manifest entry.
 
     The content hash is also written into the file, so that a shard can be held against itself.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written; then nothing has changed on the disk.
     """
     digest_of_content = dataset_hash(dataset)
     dataset = dataset.assign_attrs({CONTENT_HASH: digest_of_content})
@@ -92,10 +97,8 @@ def write_shard(path: Path, dataset: xr.Dataset, systems: list[int]) -> ShardEnt
     for name in dataset.variables:
         encoding.setdefault(name, {})["_FillValue"] = None
     try:
-        dataset.to_netcdf(temporary, engine="netcdf4", format="NETCDF4", encoding=encoding)
-        with open(temporary, "rb+") as handle:  # what was opened for reading only cannot be flushed on Windows
-            os.fsync(handle.fileno())
-            digest = hashlib.file_digest(handle, "sha256").hexdigest()
+        write_netcdf(dataset, temporary, encoding)
+        digest = sha256_of(temporary)
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)

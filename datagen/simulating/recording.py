@@ -12,7 +12,7 @@ from datagen.driving.sampling import record_start, sample_parameters
 from datagen.simulating.constants import sample_factors
 from datagen.simulating.drawn import simulate_system
 from datagen.simulating.simulator import Simulator
-from shared.errors import SystemDescriptionError
+from shared.errors import DatasetError, SystemDescriptionError
 from shared.schema import CLOCK, STEP_END, build_shard
 from shared.store import write_shard
 from shared.system import System, load_system
@@ -45,6 +45,8 @@ def simulate(
         If a parameter is unknown to the description and the FMU, or a constant is given that shall be drawn.
     SimulationError
         If the end was not reached.
+    DatasetError
+        If ``out`` cannot be written; a file that was there is as it was.
     """
     described = system if isinstance(system, System) else load_system(system)
     described = described.with_experiment(hours=hours, step=step)
@@ -86,8 +88,14 @@ def simulate(
     record = on_the_clock(shard.isel(system=0))
     if out is not None:
         path = Path(out)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_shard(path, record, [index])
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_shard(path, record, [index])
+        except OSError as error:
+            raise DatasetError(
+                f"{path}: cannot be written ({error.strerror or error}); expected a place that can be written to, with "
+                "free space"
+            ) from None
     return record
 
 

@@ -14,6 +14,7 @@ from diagnosis.importing.clock import Clock
 from diagnosis.importing.quality import FLAGS
 from diagnosis.importing.series import Series
 from shared.errors import RecordingError
+from shared.netcdf import write_netcdf
 from shared.schema import SCHEMA_VERSION
 from shared.store import temporary_name
 from shared.system import System
@@ -102,10 +103,8 @@ def write_recording(dataset: xr.Dataset, path: Path, picture: bytes, picture_pat
     except OSError as error:
         raise RecordingError(f"{path}: cannot be written ({error.strerror or error})") from None
     try:
-        dataset.to_netcdf(temporary, engine="netcdf4", format="NETCDF4", encoding=encoding)
+        write_netcdf(dataset, temporary, encoding)
         temporary_picture.write_bytes(picture)
-        with open(temporary, "rb") as handle:
-            os.fsync(handle.fileno())
         os.replace(temporary_picture, picture_path)
         os.replace(temporary, path)
     except OSError as error:

@@ -1,6 +1,7 @@
 """The schema and the store: what is written is read back, and what is broken is named."""
 
 import json
+import sys
 from pathlib import Path
 
 import netCDF4
@@ -13,6 +14,7 @@ from shared.reading import MOST_JSON
 from shared.schema import build_shard, dataset_hash, split_of, time_axis
 from shared.store import DatasetFolder, Manifest, read_manifest, sha256_of, write_manifest, write_shard
 from shared.system import load_system
+from tests.small_disk import SAID, small_disk
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -197,3 +199,14 @@ def test_a_shard_with_other_systems_than_the_manifest_lists_is_named(folder):
     path.write_text(json.dumps(raw))
     with pytest.raises(DatasetError, match=r"shard-000001\.nc: damaged or incomplete \(its systems are not those"):
         DatasetFolder(folder).load()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit of a file's size there")
+def test_a_full_disk_is_an_error_of_the_host_and_leaves_all_as_it_was(tmp_path, system):
+    path = tmp_path / "a.nc"
+    write_shard(path, make_shard(system, [0], count=24), [0])
+    before = path.read_bytes()
+    with small_disk(), pytest.raises(OSError, match=SAID):
+        write_shard(path, make_shard(system, [0], count=8760), [0])
+    assert list(tmp_path.iterdir()) == [path]
+    assert path.read_bytes() == before

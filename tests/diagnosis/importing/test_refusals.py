@@ -1,10 +1,14 @@
 """What cannot become a recording becomes a sentence and no file."""
 
+import sys
+
 import numpy as np
 import pytest
 
+from diagnosis.importing import importer
 from shared.errors import RecordingError
 from tests.diagnosis.importing.house_cases import MAPPING, measured
+from tests.small_disk import SAID, small_disk
 
 
 @pytest.mark.parametrize(
@@ -77,3 +81,17 @@ def test_a_folder_that_cannot_be_written_to(house, tmp_path):
         house(measured(days=2)[0])
     with pytest.raises(RecordingError, match=r"ending is '.csv'; expected .nc"):
         house(measured(days=2)[0], out="house.csv")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit of a file's size there")
+def test_a_full_disk(house, tmp_path, monkeypatch):
+    write = importer.write_recording
+
+    def onto_a_small_disk(*given):
+        with small_disk():
+            write(*given)
+
+    monkeypatch.setattr(importer, "write_recording", onto_a_small_disk)
+    with pytest.raises(RecordingError, match=rf"house\.nc: cannot be written \({SAID}\)"):
+        house(measured(days=3)[0])
+    assert list((tmp_path / "out").iterdir()) == []

@@ -1,0 +1,33 @@
+"""One system's record is written whole or not at all."""
+
+import sys
+
+import pytest
+
+from datagen import simulate
+from datagen.simulating import recording
+from shared.errors import DatasetError
+from tests.small_disk import SAID, small_disk
+
+
+def onto_a_small_disk(*given):
+    with small_disk():
+        return write(*given)
+
+
+write = recording.write_shard
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit of a file's size there")
+def test_a_full_disk_is_a_sentence_and_no_file(default_system, tmp_path, monkeypatch):
+    """NetCDF itself says no more than "HDF error", and not as an error of the operating system."""
+    monkeypatch.setattr(recording, "write_shard", onto_a_small_disk)
+    with pytest.raises(DatasetError, match=rf"a\.nc: cannot be written \({SAID}\); expected a place"):
+        simulate(default_system, hours=240, out=tmp_path / "a.nc")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_cannot_be_made_is_a_sentence(default_system, tmp_path):
+    (tmp_path / "file").write_text("no folder")
+    with pytest.raises(DatasetError, match=r"a\.nc: cannot be written \((File exists|Not a directory)\); expected a"):
+        simulate(default_system, hours=24, out=tmp_path / "file" / "a.nc")
