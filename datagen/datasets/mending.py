@@ -12,13 +12,13 @@ from datagen.farming.cluster import connect
 from datagen.farming.collection import FAILURE_BUDGET, Collection
 from datagen.farming.failures import Failures
 from datagen.farming.farm import settings_text
-from datagen.farming.lock import FolderLock, read_holder
 from datagen.farming.package import package_hash, weather_hashes
 from datagen.farming.plan import Piece
 from datagen.farming.versions import in_words
 from datagen.farming.worker import Job, ShardResult
 from datagen.fmi.fmu import fmu_sha256
 from shared.errors import DatasetError
+from shared.lock import FolderLock, read_holder
 from shared.store import DatasetFolder
 from shared.system import System, load_system
 

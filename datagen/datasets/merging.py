@@ -9,10 +9,10 @@ from pathlib import Path
 
 from datagen.farming.card import write_card
 from datagen.farming.failures import Failures
-from datagen.farming.lock import FolderLock
 from datagen.farming.versions import note
 from shared.ceiling import FILE_NAME as CEILING_FILE
 from shared.errors import DatasetError
+from shared.lock import FolderLock
 from shared.store import DatasetFolder, Manifest, ShardEntry, Source, sha256_of, temporary_name, write_manifest
 
 _SAME = ("system_hash", "fmu_sha256", "settings")

@@ -20,8 +20,6 @@ from datagen.farming.dask_worker import RECYCLE
 from datagen.farming.dispatch import PATIENCE
 from datagen.farming.failures import FILE_NAME as FAILURES_FILE
 from datagen.farming.failures import Failures
-from datagen.farming.lock import FILE_NAME as LOCK_FILE
-from datagen.farming.lock import FolderLock
 from datagen.farming.package import package_hash, weather_hashes
 from datagen.farming.plan import adopt, missing
 from datagen.farming.versions import all_here, note
@@ -32,6 +30,8 @@ from datagen.simulating.simulator import Simulator
 from shared.ceiling import FILE_NAME as CEILING_FILE
 from shared.ceiling import Origin, fitting, read_ceilings, unknown_constants
 from shared.errors import DatasetError
+from shared.lock import FILE_NAME as LOCK_FILE
+from shared.lock import FolderLock
 from shared.logs import logger
 from shared.store import Manifest, read_manifest, write_atomically, write_manifest
 from shared.system import System, load_system

@@ -97,6 +97,6 @@ def _is(system: System, package: str, names: dict[str, str] | None = None) -> bo
 @lru_cache(maxsize=16)
 def sees_folder(folder: str, token: str) -> bool:
     """Whether this process sees the very dataset folder that a run with this token writes to."""
-    from datagen.farming.lock import read_holder
+    from shared.lock import read_holder
 
     return bool(token) and read_holder(folder).get("token") == token

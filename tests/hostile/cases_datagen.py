@@ -10,8 +10,8 @@ from random import Random
 from datagen.comparing.recorded import load_recorded, series_of
 from datagen.driving.weather_files import read_hourly
 from datagen.farming.failures import Failures
-from datagen.farming.lock import read_holder
 from datagen.fmi.fmu import unpack
+from shared.lock import read_holder
 from shared.system import parse_system
 from tests.datagen.driving.test_weather_files import write_epw, write_mos, write_tmy3, year
 from tests.hostile.damage import damage_bytes, damage_text

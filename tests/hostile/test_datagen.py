@@ -17,10 +17,10 @@ from datagen.datasets.inspection import verify
 from datagen.datasets.mending import _last_system
 from datagen.driving.weather_files import read_hourly
 from datagen.farming.failures import Failures
-from datagen.farming.lock import FILE_NAME, FolderLock
 from datagen.fmi.fmu import Fmu, unpack
 from datagen.fmi.guard import guarded
 from shared.errors import DatasetError, FmuError, RecordingError, WeatherError
+from shared.lock import FILE_NAME, FolderLock
 from shared.system import parse_system
 from tests.hostile import cases_datagen
 from tests.hostile.cases_datagen import FMU, SYSTEM, description, repacked

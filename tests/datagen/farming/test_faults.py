@@ -6,7 +6,6 @@ import shlex
 import shutil
 import signal
 import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -14,9 +13,9 @@ import pytest
 from datagen import run, verify
 from datagen.datasets import mending
 from datagen.farming.collection import Collection
-from datagen.farming.lock import FolderLock
 from shared.console import ENDED, STOPPED
 from shared.errors import DatasetError, SimulationError
+from shared.lock import FolderLock
 from shared.store import DatasetFolder, read_manifest, write_manifest
 from tests.datagen.faults import alive, family_of, farm, faulty, finish, hashes, kill, shards_in, wait_for, workers_of
 
@@ -148,19 +147,6 @@ def test_a_second_run_on_one_folder_is_refused(good, made):
         run(good, made, **SIZE)
     run(good, made, **SIZE)
     assert hashes(made) == before
-
-
-def test_the_lock_of_a_killed_run_is_free(tmp_path):
-    code = "import sys, time; from pathlib import Path; from datagen.farming.lock import FolderLock\n"
-    code += "lock = FolderLock(Path(sys.argv[1])); lock.__enter__(); print('held', flush=True); time.sleep(60)"
-    holder = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], stdout=subprocess.PIPE, text=True)
-    assert holder.stdout.readline() == "held\n"
-    with pytest.raises(DatasetError, match=f"process {holder.pid} on"), FolderLock(tmp_path):
-        pass
-    holder.kill()
-    holder.wait()
-    with FolderLock(tmp_path):
-        pass
 
 
 SPOILT = {**SIZE, "shard_size": 6, "timeout": 6.0, "failure_budget": 0.5}

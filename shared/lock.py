@@ -1,4 +1,4 @@
-"""One run at a time on a dataset folder.
+"""One process at a time on a folder: a dataset, a training, a search.
 
 The operating system holds the lock, so it is free again however the run ended, ``kill -9`` included. The file also
 says who holds it, and its ``token`` lets a worker find out whether it sees this very folder.
@@ -17,9 +17,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Any
 
-import psutil
-
-from shared.errors import DatasetError
+from shared.errors import DatasetError, ZeroshotError
 from shared.reading import read_json
 
 FILE_NAME = ".lock"
@@ -41,6 +39,20 @@ def _take(handle: IO[str]) -> None:
         fcntl.flock(handle.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
+def _exists(pid: int) -> bool:
+    if not 0 < pid < 1 << 31:
+        return False
+    if sys.platform == "win32":  # where such a signal would end the process; its own locks always work
+        return True
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:  # another user's
+        pass
+    return True
+
+
 def read_holder(folder: Path | str) -> dict[str, Any]:
     """What the lock file says of the last run on a folder: ``pid``, ``host``, ``since``, ``token``, ``system``."""
     try:
@@ -57,17 +69,19 @@ class FolderLock:
     ----------
     system
         Path of the system description, kept in the file so that a repair finds it again.
+    kind
+        What is raised.
 
     Raises
     ------
-    DatasetError
-        On entering, if another run is at it, or the folder cannot be written to.
+    ZeroshotError
+        Of that kind. On entering, if another run is at it, or the folder cannot be written to.
     """
 
-    def __init__(self, folder: Path, system: str = "") -> None:
+    def __init__(self, folder: Path, system: str = "", *, kind: type[ZeroshotError] = DatasetError) -> None:
         self.folder = folder
         self.token = uuid.uuid4().hex
-        self._system = system
+        self._system, self._kind = system, kind
         self._handle: IO[str] | None = None
 
     def __enter__(self) -> FolderLock:
@@ -76,20 +90,20 @@ class FolderLock:
         try:
             handle = open(path, "a+", encoding="utf-8")
         except OSError as error:
-            raise DatasetError(f"{path}: cannot be written: {error.strerror}; expected a folder to write to") from None
+            raise self._kind(f"{path}: cannot be written: {error.strerror}; expected a folder to write to") from None
         try:
             _take(handle)
         except OSError as error:
             if error.errno in _TAKEN or self._lives(before):
                 handle.close()
-                raise DatasetError(
+                raise self._kind(
                     f"{self.folder}: another run is at it (process {before.get('pid', '?')} on "
                     f"{before.get('host', 'an unknown machine')}, since {before.get('since', '?')}); "
                     "wait for it, or stop it and run again"
                 ) from None
             if error.errno not in _CANNOT_LOCK:
                 handle.close()
-                raise DatasetError(f"{path}: cannot be locked: {error.strerror}") from None
+                raise self._kind(f"{path}: cannot be locked: {error.strerror}") from None
         self._handle = handle
         self._write({"token": self.token, "system": self._system or before.get("system", "")}, path)
         return self
@@ -104,7 +118,7 @@ class FolderLock:
             self._handle.flush()
         except OSError as error:
             self._handle.close()
-            raise DatasetError(f"{path}: cannot be written: {error.strerror}") from None
+            raise self._kind(f"{path}: cannot be written: {error.strerror}") from None
 
     @staticmethod
     def _lives(holder: dict[str, Any]) -> bool:
@@ -113,7 +127,7 @@ class FolderLock:
             return False
         pid = holder.get("pid")
         here = holder.get("host") == socket.gethostname()
-        return not here or (isinstance(pid, int) and 0 <= pid < 1 << 31 and psutil.pid_exists(pid))
+        return not here or (isinstance(pid, int) and _exists(pid))
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -121,7 +135,7 @@ class FolderLock:
         if self._handle is not None:
             try:
                 self._write({"system": self._system, "released": True}, self.folder / FILE_NAME)
-            except DatasetError:  # a full disk: the lock is what matters, and it goes with the handle
+            except ZeroshotError:  # a full disk: the lock is what matters, and it goes with the handle
                 pass
             finally:
                 self._handle.close()
