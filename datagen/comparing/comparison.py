@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from datagen.comparing.matching import inputs_for, matched, unmatched
-from datagen.comparing.recorded import load_recorded, series_of
+from datagen.comparing.recorded import HOUR, check_lengths, compared, load_recorded, series_of
 from datagen.comparing.regimes import months, regimes
 from datagen.driving.inputs import build_inputs
 from datagen.driving.sampling import record_start, sample_parameters
@@ -27,7 +27,6 @@ from shared.variables import Output
 
 _log = logger(__name__)
 
-HOUR = 3600.0
 AFTER = 1e-3
 """How long after a jump its effect is read off [s]: nothing continuous has moved by then."""
 
@@ -197,6 +196,7 @@ def _with_system(system: System, other: System, count: int, seed: int, excitatio
 
 def _with_recorded(system: System, mapping: Path, data: Path | str | None, count: int, quiet: bool) -> Comparison:
     spec, cases = load_recorded(mapping, system, Path(data) if data is not None else None)
+    check_lengths(mapping, spec, cases[:count])
     given = spec.outputs
     changed = [
         one.model_copy(update={"method": given[one.name].method}) if one.name in given else one
@@ -209,12 +209,11 @@ def _with_recorded(system: System, mapping: Path, data: Path | str | None, count
     runs, labels = [], []
     for case in tracked(cases[:count], "recorded systems", shown=not quiet):
         time, measured, table = series_of(spec, case, described)
-        # ours are values just before a jump; the last row has no after
-        late, rows = (AFTER, time[:-1]) if spec.jumps == "after" else (0.0, time)
+        rows, keep = compared(spec, time)
+        late = AFTER if spec.jumps == "after" else 0.0  # ours are values just before a jump
         begin, step = float(rows[0]) + late, float(time[1] - time[0])
         stop = float(rows[-1]) + late
         a = simulator.run(case.parameters, table, start=float(time[0]), stop=stop, record_from=begin, step=step)
-        keep = rows[1:] - rows[0] > spec.discard_hours * HOUR
         found = regimes(described, table, rows, a.outputs)
         b = np.stack([measured[one.name][1 : len(rows)] for one in outputs])
         masks = {label: mask[keep] for label, mask in found.items()}

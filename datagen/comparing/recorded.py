@@ -56,6 +56,7 @@ from shared.system import System
 from shared.variables import OccupancyInput, WeatherInput
 
 MOST_CSV = 1024 * MIB
+HOUR = 3600.0
 
 
 class RecordedInput(Table):
@@ -168,6 +169,38 @@ def series_of(spec: Recorded, case: Case, system: System) -> tuple[np.ndarray, d
         overrides=signals,
     )
     return time, outputs, table
+
+
+def compared(spec: Recorded, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of a recording's times (rows,) [s], those that bound steps (steps + 1,), and which steps count (steps,)."""
+    rows = time[:-1] if spec.jumps == "after" else time  # the last row has no after
+    return rows, rows[1:] - rows[0] > spec.discard_hours * HOUR
+
+
+def check_lengths(mapping: Path, spec: Recorded, cases: list[Case]) -> None:
+    """Look at the times of all recordings before any is simulated: a comparison is a table of rooms by steps.
+
+    Raises
+    ------
+    RecordingError
+        If a file cannot be read, nothing of it is left to compare, or it is not as long as the others.
+    """
+    first, steps = Path(), 0
+    for case in cases:
+        path = spec.folder / spec.series.replace("{name}", case.name)
+        rows, counts = compared(spec, _series(path, spec.time)[1])
+        found = int(counts.sum())
+        if not found:
+            raise RecordingError(
+                f"{mapping}: recorded.discard_hours is {spec.discard_hours:g}; expected less than the "
+                f"{(rows[-1] - rows[0]) / HOUR:g} h that {path} spans"
+            )
+        if steps and found != steps:
+            raise RecordingError(
+                f"{path}: has {found} steps to compare, {first} has {steps}; expected as many of each, or those of "
+                "another length in a mapping of their own"
+            )
+        first, steps = first if steps else path, found
 
 
 def _sun_signal(
