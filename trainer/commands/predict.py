@@ -38,7 +38,7 @@ def predict(
     file
         NetCDF with the run's channels over (time) or (system, time), with units, as a dataset's shards have them.
     samples
-        Drawn from the posterior.
+        Drawn from the posterior, at least 20: an interval takes that many.
     out
         NetCDF file for the samples: one variable per parameter.
     corner

@@ -17,7 +17,7 @@ from shared.store import DatasetFolder
 from trainer.evaluating.evaluation import absent_channels, check_records, check_same_system, unseen_rows, window_length
 from trainer.posterior.checkpoint import load_posterior
 from trainer.posterior.figures import draw_coverage, draw_ranks
-from trainer.posterior.inference import Posterior, summarise
+from trainer.posterior.inference import Posterior, check_samples, summarise
 from trainer.posterior.report import LEVELS, Calibration, Coverage, LogScore, ParameterCalibration, write_calibration
 from trainer.posterior.scores import covered, crps, positions, truncated_normal, uniformity
 from trainer.reading.data import load_records
@@ -52,7 +52,7 @@ def calibration(
     windows
         Disjoint windows; fewer where the dataset has fewer.
     samples
-        Of each window's posterior.
+        Of each window's posterior, at least 20.
     seed
         Of the windows, the sensor noise and the samples.
     noise
@@ -67,7 +67,7 @@ def calibration(
     Raises
     ------
     EstimatorError
-        If the run has no posterior, or does not fit the dataset, or the dataset has no unseen system.
+        If an argument is wrong, the run has no posterior or does not fit the dataset, or that has no unseen system.
     DatasetError
         If the dataset cannot be used.
     """
@@ -76,9 +76,9 @@ def calibration(
     posterior = load_posterior(run)
     if posterior is None:
         raise EstimatorError(f"{run.folder}: has no posterior; `trainer posterior` fits one")
-    for name, value in (("windows", windows), ("samples", samples)):
-        if value < 2:
-            raise EstimatorError(f"{name}: is {value}; expected at least 2")
+    if windows < 2:
+        raise EstimatorError(f"windows: is {windows}; expected at least 2")
+    check_samples(samples)
     card, encoding = run.card, run.card.encoding
     dataset = DatasetFolder(dataset_dir)
     check_same_system(card, dataset)

@@ -104,7 +104,7 @@ def calibration(
     windows
         Disjoint windows; fewer where there are fewer.
     samples
-        Of each window's posterior.
+        Of each window's posterior, at least 20.
     noise
         Sensor preset of the system description; the training's own by default.
     context

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
 LEVEL = 0.9
 """Of the intervals."""
+FEWEST = round(2 / (1 - LEVEL))
+"""Samples that such an interval takes at least: 20, of which one is expected beyond each of its ends. With fewer, the
+outermost samples alone say where it ends and its width is their accident; of a single sample it has none."""
 
 
 class Summary(NamedTuple):
@@ -112,6 +115,21 @@ class Posterior:
             found = ", ".join(map(str, self.card.lengths))
             raise EstimatorError(f"windows have {windows.shape[1]} samples; the posterior was fitted to {found}")
         return self.card.lengths.index(windows.shape[1])
+
+
+def check_samples(n: int) -> None:
+    """Refuse fewer samples of a posterior than its interval takes.
+
+    Raises
+    ------
+    EstimatorError
+        If there are fewer than FEWEST.
+    """
+    if n < FEWEST:
+        raise EstimatorError(
+            f"samples: is {n}; expected at least {FEWEST}, so that one lies beyond each end of the"
+            f" {100 * LEVEL:g} % interval"
+        )
 
 
 def summarise(samples: np.ndarray) -> Summary:

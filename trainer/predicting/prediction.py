@@ -103,7 +103,7 @@ def predict(
         NetCDF with the run's recorded channels as variables over (time) or (system, time), each with ``units``, and a
         ``time`` coordinate, as the shards of a dataset have it. Each system of it is estimated by itself.
     samples
-        Drawn from the posterior of each system.
+        Drawn from the posterior of each system, at least 20.
     seed
         Of the samples.
     out
@@ -117,13 +117,15 @@ def predict(
         If the recording cannot be read, or its channels, units, cell methods, step, length or values do not fit the
         run.
     EstimatorError
-        If the run cannot be used, or samples or a figure are wanted and it has no posterior.
+        If the run cannot be used, samples or a figure are wanted and it has no posterior, or samples are too few for an
+        interval.
     """
     from trainer.posterior.checkpoint import load_posterior  # the flows take a while to import
-    from trainer.posterior.inference import summarise
+    from trainer.posterior.inference import check_samples, summarise
     from trainer.posterior.recording import write_samples
 
     check_seed(seed)
+    check_samples(samples)
     run = run if isinstance(run, Run) else load_run(run)
     for path in (out, corner):
         if path is not None:

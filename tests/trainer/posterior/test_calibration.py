@@ -143,7 +143,7 @@ def test_systems_that_the_posterior_was_made_with_do_not_count(folder, others, t
     for name in ("estimator.json", "weights.safetensors"):
         (own / name).write_bytes((run.folder / name).read_bytes())
     fit_posterior(own, others, windows_per_system=2, epochs=1)
-    found = calibration(own, others, windows=1000, samples=10)
+    found = calibration(own, others, windows=1000, samples=20)
     test = DatasetFolder(others).load([]).of_split("test")
     assert found.systems == len(test) == 10
 

@@ -12,7 +12,7 @@ from scipy import integrate
 from shared.errors import EstimatorError
 from shared.store import DatasetFolder
 from shared.system import parse_system
-from trainer.posterior import fit_posterior, load_posterior
+from trainer.posterior import calibration, fit_posterior, load_posterior
 from trainer.posterior.prior import Prior
 from trainer.predicting.prediction import predict
 from trainer.runs.checkpoint import load_run
@@ -216,9 +216,22 @@ def test_predictions_carry_intervals_samples_and_a_corner_plot(fitted, many_tank
         assert opened["tank.drain"].shape == (150, 50)
         assert opened["system"].values.tolist() == list(range(150))
     with pytest.raises(EstimatorError, match="has 150 systems; expected one for a corner plot"):
-        predict(fitted, many_tanks / "shards" / "000.nc", samples=5, corner=tmp_path / "d.png")
+        predict(fitted, many_tanks / "shards" / "000.nc", samples=20, corner=tmp_path / "d.png")
     with pytest.raises(EstimatorError, match=r"all\.nc/more: cannot be made \(.+\); expected a folder to write to"):
         predict(fitted, recording, out=tmp_path / "new" / "here" / "all.nc" / "more" / "s.nc")
+
+
+@pytest.mark.parametrize("samples", [-1, 0, 1, 19])
+def test_an_interval_of_too_few_samples_is_refused_before_anything_is_written(fitted, many_tanks, tmp_path, samples):
+    words = rf"samples: is {samples}; expected at least 20, so that one lies beyond each end of the 90 % interval"
+    with pytest.raises(EstimatorError, match=words):
+        predict(fitted, many_tanks / "shards" / "000.nc", samples=samples, out=tmp_path / "new" / "s.nc")
+    assert not (tmp_path / "new").exists()
+    with pytest.raises(EstimatorError, match=words):
+        calibration(fitted, many_tanks, samples=samples, out=tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+    fewest = predict(fitted, many_tanks / "shards" / "000.nc", samples=20).predictions[0].parameters.values()
+    assert all(one.low < one.median < one.high for one in fewest)
 
 
 def test_without_a_posterior_there_are_no_samples(ridge_run, tanks, tmp_path):

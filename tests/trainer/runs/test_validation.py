@@ -187,7 +187,7 @@ def test_the_gaussian_of_a_calibration_has_the_errors_of_the_same_condition(fold
         found = calibration(
             *(folder, other_tanks),
             windows=20,
-            samples=10,
+            samples=20,
             context_hours=hours,
             noise=noise,
             without=absent,
@@ -200,7 +200,7 @@ def test_the_gaussian_of_a_calibration_has_the_errors_of_the_same_condition(fold
 
 
 def test_without_such_errors_there_is_no_gaussian(earlier, other_tanks, tmp_path):
-    found = calibration(earlier, other_tanks, windows=20, samples=10, context_hours=48.0, noise="gauge", out=tmp_path)
+    found = calibration(earlier, other_tanks, windows=20, samples=20, context_hours=48.0, noise="gauge", out=tmp_path)
     assert found.log_score.gaussian is None
     assert {one.crps_gaussian for one in found.parameters.values()} == {None}
     assert found.gaussian_note.startswith("no Gaussian to compare with: the run's card has one figure only (24 h,")
