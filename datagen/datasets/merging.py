@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from datagen.farming.card import write_card
@@ -12,7 +13,6 @@ from datagen.farming.failures import Failures
 from datagen.farming.versions import note
 from shared.ceiling import FILE_NAME as CEILING_FILE
 from shared.errors import DatasetError
-from shared.lock import FolderLock
 from shared.store import DatasetFolder, Manifest, ShardEntry, Source, sha256_of, temporary_name, write_manifest
 
 _SAME = ("system_hash", "fmu_sha256", "settings")
@@ -24,7 +24,8 @@ def merge(folders: Sequence[Path | str], out: Path | str) -> Manifest:
     Raises
     ------
     DatasetError
-        If two have a root seed in common, differ in system, FMU, schema or settings, or if a shard is damaged.
+        If two have a root seed in common, differ in system, FMU, schema or settings, if a shard is damaged, or if
+        ``out`` holds anything or cannot be written. Then ``out`` is as it was.
     """
     datasets = [DatasetFolder(folder) for folder in folders]
     if len(datasets) < 2:
@@ -35,24 +36,52 @@ def merge(folders: Sequence[Path | str], out: Path | str) -> Manifest:
         raise DatasetError(f"{target}: already there; expected a new folder")
     first = datasets[0].manifest
     try:
-        (target / "shards").mkdir(parents=True, exist_ok=True)
-        with FolderLock(target):
-            entries = [_copy(dataset, entry, target) for dataset in datasets for entry in dataset.manifest.shards]
+        with _whole(target) as draft:
+            (draft / "shards").mkdir()
+            entries = [_copy(dataset, entry, draft) for dataset in datasets for entry in dataset.manifest.shards]
             failures = Failures(one for dataset in datasets for one in Failures.read(dataset.folder))
-            failures.write(target)
+            failures.write(draft)
             ceilings = datasets[0].folder / CEILING_FILE
             if ceilings.exists():
-                shutil.copyfile(ceilings, target / CEILING_FILE)
+                shutil.copyfile(ceilings, draft / CEILING_FILE)
             changes = {"shards": entries, "sources": sources, "stages": []}
             merged = first.model_copy(update={**changes, "systems": sum(one.systems for one in sources)})
             for dataset in datasets[1:]:
                 for versions in dataset.manifest.all_versions():
                     note(merged, versions, datasets[0].folder, str(dataset.folder))
-            write_card(target, merged, datasets[0].system)
-            write_manifest(target, merged)
+            write_card(draft, merged, datasets[0].system)
+            write_manifest(draft, merged)
     except OSError as error:
-        raise DatasetError(f"{error.filename or target}: cannot be written: {error.strerror or error}") from None
+        # of a copy the second is what was written; what lay in the draft is gone
+        found = Path(str(error.filename2 or error.filename or target))
+        where = found if any(found.is_relative_to(one.folder) for one in datasets) else target
+        raise DatasetError(
+            f"{where}: cannot be read or written: {error.strerror or error}; nothing was merged, nothing is left of it"
+        ) from None
     return merged
+
+
+@contextmanager
+def _whole(target: Path) -> Iterator[Path]:
+    """A folder to make the dataset in, which becomes ``target`` when all is in it and is removed otherwise.
+
+    Half a dataset without a manifest would pass for a run that was stopped early, and bar the way of the next merge.
+    """
+    there = target.is_dir()  # what is above it may be another file system then, or another user's
+    draft = target / ".merging" if there else temporary_name(target)
+    draft.parent.mkdir(parents=True, exist_ok=True)
+    if not there:
+        shutil.rmtree(draft, ignore_errors=True)  # of a process that was killed and had this one's number
+    draft.mkdir()  # not of tempfile, whose folders nobody else may read
+    try:
+        yield draft
+        if not there:
+            draft.rename(target)
+            return
+        for path in sorted(draft.iterdir(), key=lambda one: one.name == "manifest.json"):  # a reader looks for that
+            path.rename(target / path.name)
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
 
 
 def _check(datasets: Sequence[DatasetFolder]) -> list[Source]:

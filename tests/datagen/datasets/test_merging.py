@@ -1,5 +1,6 @@
 """Datasets between teams: merged, verified, accepted by a CF checker, and readable for good."""
 
+import errno
 import json
 import shutil
 from pathlib import Path
@@ -73,6 +74,48 @@ def test_what_does_not_belong_together_is_refused(teams, tmp_path):
     (spoilt / "shards" / "shard-000000.nc").write_bytes(b"rubbish")
     with pytest.raises(DatasetError, match=r"shard-000000\.nc: not what its manifest says"):
         merge([teams / "a", spoilt], tmp_path / "c")
+
+
+@pytest.fixture
+def two(tmp_path):
+    """Two datasets of one system, of two root seeds."""
+    folders = [shutil.copytree(STORED, tmp_path / name) for name in ("a", "b")]
+    manifest = read_manifest(folders[1])
+    write_manifest(folders[1], manifest.model_copy(update={"root_seed": manifest.root_seed + 1}))
+    return folders
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_a_merge_that_fails_leaves_nothing_and_bars_no_second_one(two, tmp_path, monkeypatch, there):
+    out = tmp_path / "both"
+    if there:
+        out.mkdir()
+    before = sorted(tmp_path.rglob("*"))
+    shard = two[1] / "shards" / "shard-000000.nc"
+    good = shard.read_bytes()
+    shard.write_bytes(b"rubbish")
+    with pytest.raises(DatasetError, match=r"b.shards.shard-000000\.nc: not what its manifest says"):
+        merge(two, out)
+    assert sorted(tmp_path.rglob("*")) == before
+    shard.write_bytes(good)
+
+    def full(folder, *_):
+        raise OSError(errno.ENOSPC, "No space left on device", str(folder / "manifest.json"))
+
+    with monkeypatch.context() as patch, pytest.raises(DatasetError, match=r"both: cannot .*No space left on device"):
+        patch.setattr("datagen.datasets.merging.write_manifest", full)
+        merge(two, out)
+    assert sorted(tmp_path.rglob("*")) == before
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr("datagen.datasets.merging.write_card", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+        merge(two, out)
+    assert sorted(tmp_path.rglob("*")) == before
+    merge(two, out)
+    assert verify(out) == []
+    assert sorted(path.name for path in out.iterdir()) == ["README.md", "failures.jsonl", "manifest.json", "shards"]
+    assert out.stat().st_mode == two[0].stat().st_mode  # others may read it as any folder
+    with pytest.raises(DatasetError, match="already there"):
+        merge(two, out)
 
 
 @pytest.mark.slow
