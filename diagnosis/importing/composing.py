@@ -65,7 +65,9 @@ class Composer:
         """The series of an input: mapped, of the weather, computed, or the description's; None if there is none."""
         target = input_target(one)
         if one.name in self.mapping.variables:
-            return self.judge.mapped(target, self.mapping.variables[one.name], f"variables.{one.name}")
+            weather = one.column if isinstance(one, WeatherInput) else None
+            source = self.mapping.variables[one.name]
+            return self.judge.mapped(target, source, f"variables.{one.name}", weather=weather)
         if isinstance(one, WeatherInput):
             return self.outdoors.series(target, one.column)
         if isinstance(one, ConstantInput):

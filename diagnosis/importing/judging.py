@@ -30,6 +30,8 @@ _STATES = ("presence", "bool", "person", "persons", "count", "counts")
 """Units of what jumps from one reading to the next."""
 MOVING = ("K", "degC", "ppm", "W/m2", "m/s")
 """Units of quantities that never stand still: a sensor of one that does is stuck."""
+BEAM = "dni"
+"""The quantity of the weather that may: the beam of an overcast day is zero from morning to night."""
 _STUCK_AFTER = 12.0
 """How long such a sensor may show one value [h]; irradiance may be zero for as long as it likes."""
 
@@ -63,8 +65,13 @@ class Judge:
         values = np.broadcast_to(np.asarray(value, dtype=np.float64), (len(self.edges) - 1,)).copy()
         return Series(target, origin, values, np.full(len(values), ASSUMED, dtype=np.int8))
 
-    def mapped(self, target: Target, source: Source, key: str) -> Series:
+    def mapped(self, target: Target, source: Source, key: str, *, weather: str | None = None) -> Series:
         """A target from its column or constant, which stand in the mapping under ``key``.
+
+        Parameters
+        ----------
+        weather
+            pvlib's name of the quantity, of an input that comes from the weather.
 
         Raises
         ------
@@ -76,7 +83,9 @@ class Judge:
             value = self.converted(source.constant, source, target.unit, where)
             made = self.assumed(target, value, f"constant of the mapping: {value:.6g}")
             return self._beside(made, source, where)
-        moving = target.unit in MOVING and target.role == "output"
+        # a set point stands still, the weather does not
+        outdoors = weather is not None and weather != BEAM
+        moving = target.unit in MOVING and (target.role == "output" or outdoors)
         signal = self.signal(source, target.unit, where, moving=moving)
         if target.method == "mean" and not self._says_how(source):
             self._instants(target, signal, f"{where}: column {source.column!r}")

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from diagnosis.importing import plausible, units, weather
-from diagnosis.importing.judging import MOVING, Judge
+from diagnosis.importing.judging import BEAM, MOVING, Judge
 from diagnosis.importing.mapping import MEASURABLE, Source
 from diagnosis.importing.quality import ASSUMED, Signal
 from diagnosis.importing.resampling import values_at
@@ -172,8 +172,7 @@ class Outdoors:
             unit, source = MEASURABLE[name], self.known[name]
             where = f"{self.judge.mapping.path}: weather.{name}"
             if source.constant is None:
-                # the beam of an overcast day is zero from morning to night
-                made = self.judge.signal(source, unit, where, moving=unit in MOVING and name != "dni")
+                made = self.judge.signal(source, unit, where, moving=unit in MOVING and name != BEAM)
             else:
                 begin, end = self.judge.edges[:-1], self.judge.edges[1:]
                 values = np.full(len(begin), self.judge.converted(source.constant, source, unit, where))

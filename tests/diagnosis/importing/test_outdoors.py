@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from shared.errors import RecordingError
-from tests.diagnosis.importing.house_cases import MAPPING, measured
+from tests.diagnosis.importing.house_cases import HOUSE, MAPPING, measured
 
 GHI = '[weather.ghi]\ncolumn = "sun"\nunit = "W/m2"\n'
 AIR = '[weather.temp_air]\ncolumn = "outside"\nunit = "degC"\n'
@@ -119,3 +119,35 @@ def test_parts_that_were_never_read_at_the_same_time_are_refused(house):
         RecordingError, match="weather: dni has no reading where dhi has one; expected both at the same"
     ):
         house(frame, MAPPING.replace(GHI, "") + PARTS)
+
+
+def steps_of(report, name):
+    (found,) = [one for one in report.variables if one.name == name]
+    return found.stuck, found.missing
+
+
+def test_a_dead_sensor_outdoors_is_stuck_whichever_way_it_is_mapped(house):
+    frame, hours = measured()
+    frame.loc[(hours >= 60) & (hours <= 75), "outside"] = 8.25
+    fill = "fill = 8.0\n"
+    as_weather = house(frame, MAPPING.replace(AIR, AIR + fill), out="weather.nc")
+    mapping = MAPPING.replace("[weather.temp_air]", "[variables.outdoors]").replace('"outside"\n', f'"outside"\n{fill}')
+    as_variable = house(frame, mapping, out="variable.nc")
+    assert steps_of(as_weather, "outdoors") == steps_of(as_variable, "outdoors") == (91, 0)
+    with pytest.raises(RecordingError, match=r"variables\.outdoors: column 'outside': every reading is 281.15 K"):
+        house(frame.assign(outside=8.0), mapping)
+
+
+@pytest.mark.parametrize(("quantity", "stuck"), [("dni", 0), ("poa_global", 91)])
+def test_a_beam_may_stand_still_and_the_sun_on_a_facade_by_night_only(house, tmp_path, quantity, stuck):
+    """An overcast day has no beam, and its instrument an offset; on a facade there is light."""
+    other = HOUSE.replace(
+        '"sunshine", unit = "W/m2", source = "weather", column = "poa_global"',
+        f'"sunshine", unit = "W/m2", source = "weather", column = "{quantity}"',
+    )
+    (tmp_path / "other.toml").write_text(other)
+    frame, hours = measured()
+    frame.loc[(hours >= 60) & (hours <= 75), "sun"] = 15.0
+    mapping = MAPPING.replace("[weather.ghi]", "[variables.sunshine]") + "fill = 0.0\n"
+    report = house(frame, mapping, system=tmp_path / "other.toml")
+    assert steps_of(report, "sunshine") == (stuck, 0)
