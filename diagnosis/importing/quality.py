@@ -124,7 +124,9 @@ def make_signal(
         seen = readings.copy()
         seen[there] = np.where(nines, np.nan, readings[there])
         holds = max_gap if source.max_gap is not None else usual_hold(time, seen)
-        end = np.minimum(t + holds, np.concatenate([t[1:], [t[-1] + usual]])) if t.size else t
+        # a log of changes is silent after its last one, though its logger writes the rows of others
+        last = max(t[-1] + usual, time[-1] + source.shift) if t.size else 0.0
+        end = np.minimum(t + holds, np.concatenate([t[1:], [last]])) if t.size else t
     flags = np.where(nines, IMPOSSIBLE, 0).astype(np.int8)
     return Signal(begin, end, values, flags, kind, max_gap, target, holds)
 

@@ -6,6 +6,7 @@ import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from diagnosis.importing.quality import ASSUMED
 from diagnosis.importing.spacing import DAY, usual_hold
 from tests.diagnosis.importing.house_cases import MAPPING, measured
 
@@ -99,3 +100,18 @@ def test_a_state_that_is_logged_when_it_changes_says_so(house):
     assert any(
         "column presence: taken for logged when it changes: readings hold for up to 16 h" in n for n in report.notes
     )
+
+
+@pytest.mark.parametrize(("told", "unknown"), [("", 0.0), ("max_gap = 24.0\n", 0.0), ("max_gap = 5.0\n", 3.0)])
+def test_a_log_of_changes_holds_its_last_one_while_the_rows_of_others_go_on(house, told, unknown):
+    """Somebody comes and goes each hour until 16 h, and the last eight hours of the file have no reading."""
+    frame, hours = measured(days=4)
+    frame["presence"] = ((hours % 24 > 9) & (hours % 24 <= 16) & (np.ceil(hours) % 2 == 0)).astype(int)
+    mapping = MAPPING.replace('persons = 2.0\nreading = "mean"', f'persons = 2.0\nreading = "hold"\n{told}fill = 0.0')
+    every = xr.load_dataset(house(frame, mapping, out="every.nc").recording)
+    changed = frame["presence"].diff().fillna(1.0) != 0
+    frame["presence"] = frame["presence"].where(changed).astype("Int64").astype("string").fillna("")
+    made = xr.load_dataset(house(frame, mapping, out="changes.nc").recording)
+    # from somebody's coming on the last day to the end of the file, half-hours
+    np.testing.assert_allclose(made["people"][-28:], every["people"][-28:], atol=1e-9)
+    assert 0.5 * np.count_nonzero(made["people_flag"].values[-16:] & ASSUMED) == unknown
