@@ -22,6 +22,7 @@ import numpy as np
 from datagen.simulating.simulator import Simulator
 from diagnosis.effects import Effect
 from diagnosis.fitting.problem import Problem
+from diagnosis.gap.abroad import signatures
 from diagnosis.gap.grams import AMPLITUDE, Colour, Grams, Projected, projected
 from diagnosis.gap.linear import Linearised, applicable, linearised
 from diagnosis.gap.nuisances import metered
@@ -80,7 +81,7 @@ def detectability(simulator: Simulator, recording: Path, answer: dict[str, Any],
     best = np.array([_amplitude(left, k, one) for k, one in enumerate(usable, 1)])
     beside = np.full(len(usable), left.information[0, 0])
     for _ in range(ROUNDS):
-        made = _signatures(problem.with_effects(usable), lin, best)
+        made, _ = signatures(problem.with_effects(usable), lin, best)
         left = beyond(np.concatenate([gap[..., None], made], axis=2))
         size = np.diag(left.information)[1:]
         rest = left.information[0, 0] - 2 * left.information[0, 1:] + size + best**2 / AMPLITUDE**2
@@ -117,19 +118,6 @@ def fitted_square(lin: Linearised, gap: np.ndarray, colours: dict[int, Colour]) 
             return float("inf")
         costs.append(cost)
     return 2.0 * (costs[0] - costs[1])
-
-
-def _signatures(problem: Problem, lin: Linearised, amplitudes: np.ndarray) -> np.ndarray:
-    """What each candidate does at its amplitude (candidates,) [scales], shape (outputs, steps, candidates)."""
-    first = len(problem.system.parameters)
-    cases = []
-    for k, amplitude in enumerate(amplitudes):
-        one = np.zeros(len(amplitudes))
-        one[k] = amplitude
-        cases.append((np.concatenate([lin.z[:first], one, lin.z[first:]]), lin.around.heights))
-    made = problem.simulate_each(cases)
-    shown = [np.zeros_like(lin.outputs) if isinstance(one, SimulationError) else one - lin.outputs for one in made]
-    return np.stack(shown, axis=-1) if shown else np.empty((*lin.outputs.shape, 0))
 
 
 def _amplitude(left: Projected, k: int, effect: Effect, unit: float = 1.0) -> float:

@@ -9,10 +9,12 @@ found.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from diagnosis.effects import Effect
 from diagnosis.fitting.fit import fit
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.grams import Colour, Grams
@@ -38,12 +40,26 @@ def bent(one: Refit, there: Refit) -> bool:
 def fitted_afresh(
     plain: Problem, one: Refit, observed: np.ndarray, colours: dict[int, Colour], begin: np.ndarray | None = None
 ) -> Refit | None:
-    """The effects of a refit, fitted from another start and from the refit's amplitudes.
+    """The effects of a refit, fitted from another start and from the refit's amplitudes: see :func:`fitted_with`."""
+    return fitted_with(plain, one.lin.chosen, one.lin.amplitudes, observed, colours, begin)
+
+
+def fitted_with(
+    plain: Problem,
+    effects: Sequence[Effect],
+    amplitudes: np.ndarray,
+    observed: np.ndarray,
+    colours: dict[int, Colour],
+    begin: np.ndarray | None = None,
+) -> Refit | None:
+    """Effects fitted with the parameters from a start.
 
     Parameters
     ----------
     plain
         The problem before its nuisances were widened, with any effects.
+    amplitudes
+        Where the effects begin, shape (effects,) [scales].
     observed
         Readings that count, shape (outputs, steps).
     colours
@@ -56,11 +72,11 @@ def fitted_afresh(
     Refit or None
         Nothing where the simulation fails.
     """
-    problem = plain.with_effects(one.lin.chosen)
+    problem = plain.with_effects(effects)
     first = len(problem.system.parameters)
-    rest = problem.size - len(one.lin.chosen)
+    rest = problem.size - len(effects)
     begin = np.zeros(rest) if begin is None else begin
-    start = np.concatenate([begin[:first], one.lin.amplitudes, begin[first:]])
+    start = np.concatenate([begin[:first], amplitudes, begin[first:]])
     try:
         found = fit(problem.with_observed(observed), [start], rounds=ROUNDS, restless=RESTLESS)
         wider, around, _ = widened(found.problem, found.around)

@@ -6,7 +6,7 @@ likelihood ratios; the null here is that of twins, Johansson 2014, and holds for
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -15,7 +15,7 @@ import numpy as np
 from diagnosis.effects import Effect
 from diagnosis.fitting.fit import Fit, fit
 from diagnosis.fitting.problem import Problem
-from diagnosis.gap.afresh import bent, fitted_afresh
+from diagnosis.gap.contending import GROSS, Tell, best_of, contended, fitted_abroad
 from diagnosis.gap.fewer import fewer
 from diagnosis.gap.linear import Linearised, applicable, linearised
 from diagnosis.gap.nuisances import widened
@@ -34,15 +34,9 @@ NEAR = 8.0
 """Log Bayes factor within which a candidate is as good as the best, as far as a straight line can tell."""
 SHARE = 0.5
 """Of the best one's log Bayes factor: a large gap is far along a line, and what is known that far of it is coarse."""
-AFRESH = 3
-"""Of the refits as many are fitted afresh at most where the way is bent."""
-CONTENDING = 50.0
-"""Log Bayes factor to the best refit within which another may be the better one where the way is bent."""
 MOST_EFFECTS = 2
 PARSIMONY = 0.6
 """A further effect must leave less than this share of what was left without a cause before it."""
-
-Tell = Callable[[str], None]
 
 
 @dataclass
@@ -163,6 +157,13 @@ def search(
         refits, best = contended(tried, stage, found, tell)
         lin = renewed_among(best, stage, effects, found)
         after = examine(lin, observed, size, seed=seed + len(found.stages))
+        again = fitted_abroad(stage, found, tell) if first and after.left_over > GROSS else []
+        if again:
+            refits = best_of([*again, best, *(refits if refits is not tried else ())])
+            if refits[0] is not best:
+                best = refits[0]
+                lin = renewed_among(best, stage, effects, found)
+                after = examine(lin, observed, size, seed=seed + len(found.stages))
         if not first and not (worth_more(stage, after) and told(stage, refits, after, tried)):
             break
         found.stages.append(after)
@@ -232,49 +233,6 @@ def refitted(stage: Stage, tell: Tell, found: Search) -> list[Refit]:
         found.made[key] = one
         made.append(one)
     return sorted(made, key=lambda one: -one.evidence)
-
-
-def contended(refits: list[Refit], stage: Stage, found: Search, tell: Tell) -> tuple[list[Refit], Refit]:
-    """Refits, the best first, and the best simulated anew at its optimum.
-
-    Where that shows that the way there was bent, the foremost are fitted afresh as well, and only they are left: what
-    straight lines say of the others is no measure beside them.
-    """
-    first = settled_refit(refits[0], stage, found)
-    if found.chosen or not bent(refits[0], first):  # a second effect begins where the first one is in the model
-        return refits, first
-    made = []
-    for one in refits[:AFRESH]:
-        if one.evidence < refits[0].evidence - CONTENDING:
-            break
-        other = afresh(one, stage, found, tell)
-        if other is None or other.evidence < one.evidence:
-            there = settled_refit(one, stage, found)
-            other = there if other is None or other.evidence < there.evidence else other
-        made.append(other)
-    made.sort(key=lambda one: -one.evidence)
-    return made, made[0]
-
-
-def afresh(one: Refit, stage: Stage, found: Search, tell: Tell) -> Refit | None:
-    """A refit's effects fitted from where the base model's fit began, once."""
-    key = (found.path, one.names, "afresh")
-    if key not in found.made:
-        tell(f"fitting afresh with {one.names[-1]}")
-        made = found.made[key] = fitted_afresh(found.plain, one, stage.grams.observed, stage.colours.best, found.begin)
-        found.simulations += made.simulations if made is not None else 0
-    return found.made[key]
-
-
-def settled_refit(one: Refit, stage: Stage, found: Search) -> Refit:
-    """A refit with all simulated anew where it came to."""
-    key = (found.path, one.names, "settled")
-    if key not in found.made:
-        problem, lin = one.lin.problem, one.lin
-        made = settled(problem, lin.z, lin.around, stage.grams.observed, problem.floor, stage.colours.best, renewals=1)
-        found.simulations += made.simulations
-        found.made[key] = made
-    return found.made[key]
 
 
 def renewed_among(best: Refit, stage: Stage, effects: Sequence[Effect], found: Search) -> Linearised:

@@ -30,6 +30,7 @@ DAY, MONTH = 86400.0, 25 * 86400.0
 SINCE = datetime(1980, 1, 1, tzinfo=UTC).timestamp()
 """Loggers that count parts of a second did not before [s since 1970]."""
 _OFFSET = re.compile(r"([+-])(\d{2}):?(\d{2})$")
+_YEAR = re.compile(r"(?<!%)(?:%%)*%[YyGcx]")
 _UTC = ("Z", "UTC", "GMT")
 _STAMPED = r"(?:[Zz]|[+-]\d{2}:?\d{2}|[+-]\d{2})$"
 
@@ -162,11 +163,7 @@ def read_stamps(
         if settings.format == "ISO8601":
             stamped = texts.str.contains(_STAMPED, regex=True) & texts.str.contains(":", regex=False)
         else:  # a date may stand where an offset could: the format says which it is
-            if "%Z" in settings.format or (_OFFSET.search(settings.format) and "%z" not in settings.format):
-                raise RecordingError(
-                    f"{where}: time.format is {settings.format!r}; expected %z for an offset in the stamps, or none and"
-                    " time.stamps: letters and fixed offsets are not believed"
-                )
+            _check_format(settings.format, where)
             stamped = pd.Series("%z" in settings.format or settings.format.endswith(_UTC), index=texts.index)
         if stamped.any() and not stamped.all():
             odd = int(np.flatnonzero(~stamped)[0])
@@ -206,6 +203,25 @@ def read_stamps(
     if settings.format not in ("ISO8601", "unix"):
         _no_months_for_days(utc, texts, settings, where)
     return utc, notes
+
+
+def _check_format(form: str, where: str) -> None:
+    """Refuse a format that nothing can be read with, or not the year: pandas would take 1900, or guess."""
+    if "%Z" in form or (_OFFSET.search(form) and "%z" not in form):
+        raise RecordingError(
+            f"{where}: time.format is {form!r}; expected %z for an offset in the stamps, or none and time.stamps:"
+            " letters and fixed offsets are not believed"
+        )
+    wanted = "'ISO8601', 'unix', or a format such as '%d/%m/%Y %H:%M'"
+    if not _YEAR.search(form):
+        raise RecordingError(f"{where}: time.format is {shown(form)}, which has no year; expected {wanted}")
+    try:
+        pd.to_datetime(["a text"], format=form, errors="coerce")
+    except (ValueError, re.error) as error:  # the latter of a part that is there twice
+        raise RecordingError(
+            f"{where}: time.format is {shown(form)}, with which nothing can be read ({why(error)}); expected {wanted},"
+            " with each part once"
+        ) from None
 
 
 def _no_months_for_days(utc: np.ndarray, texts: pd.Series, settings: Time, where: str) -> None:

@@ -80,7 +80,7 @@ def import_recording(
     clock = make_clock(settings.time.zone, find_zone(settings.time.zone, str(settings.path)), measurements.utc[0])
     composer = _composer(described, settings, measurements, clock)
     series, missing = _series(composer)
-    composer.outdoors.check_sun()
+    composer.outdoors.check_sun(series)
     composer.outdoors.tell_unused()
     first, last = _stretch(composer, series, ahead)
     for one in series:

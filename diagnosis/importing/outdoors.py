@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,6 +15,7 @@ from diagnosis.importing.resampling import values_at
 from diagnosis.importing.series import Series, Target
 from shared.errors import RecordingError
 from shared.system import System
+from shared.variables import WeatherInput
 
 ROUNDED = 1e-3
 """A share beyond its ends by so little is rounded."""
@@ -183,35 +185,60 @@ class Outdoors:
             self._signals[name] = made
         return self._signals[name]
 
-    def check_sun(self) -> None:
-        """Hold the irradiance against the sun of the place: a wrong zone or clock shows here.
+    def check_sun(self, series: Sequence[Series]) -> None:
+        """Hold each measured irradiance against the sun of the place: a wrong zone or clock shows here.
+
+        Parameters
+        ----------
+        series
+            Of all variables: an irradiance may be mapped by an input's name, too.
 
         Raises
         ------
         RecordingError
-            If most of the irradiance comes while the sun is down.
+            If most of an irradiance comes while the sun is down.
         """
         judge, place = self.judge, self.judge.mapping.place
         zone = plausible.about_zone(judge.clock, place)
         judge.tell(zone)
-        ghi = self._global()
-        if ghi is None or place is None:
+        if place is None:
             return
-        judge.tell(plausible.about_level(ghi, judge.clock, place))
-        late, correlation, down = weather.sun_clock(ghi, judge.clock, place)
-        if correlation > 0.5 and abs(late) >= 20:
-            judge.tell(
-                f"the irradiance runs {abs(late):.0f} min {'behind' if late > 0 else 'ahead of'} the sun of this place "
-                f"(correlation {correlation:.2f}): check time.zone, the stamps of its means, and shadows"
-            )
-        if down > MOST_DOWN and plausible.is_light(ghi):
-            raise RecordingError(
-                f"{judge.mapping.path}: weather: {down:.0%} of the irradiance comes while the sun is down at latitude"
-                f" {place.latitude:g}, longitude {place.longitude:g}; expected most of it by day: check time.zone,"
-                f" time.format, place, and which column is the irradiance{f' ({zone})' if zone else ''}"
-            )
-        if down > 0.02:
-            judge.tell(f"{down:.0%} of the irradiance comes while the sun is down: check time.zone and place")
+        for key, name, signal in self._irradiances(series):
+            what = "the irradiance" if key == "weather" else f"the irradiance of {key}"
+            late, correlation, down = weather.sun_clock(signal, judge.clock, place)
+            if name == "ghi":  # on a facade, the sun's height alone says neither how strong it is nor when strongest
+                judge.tell(plausible.about_level(signal, judge.clock, place))
+                if correlation > 0.5 and abs(late) >= 20:
+                    judge.tell(
+                        f"{what} runs {abs(late):.0f} min {'behind' if late > 0 else 'ahead of'} the sun of this place "
+                        f"(correlation {correlation:.2f}): check time.zone, the stamps of its means, and shadows"
+                    )
+            if down > MOST_DOWN and plausible.is_light(signal):
+                raise RecordingError(
+                    f"{judge.mapping.path}: {key}: {down:.0%} of the irradiance comes while the sun is down at latitude"
+                    f" {place.latitude:g}, longitude {place.longitude:g}; expected most of it by day: check time.zone,"
+                    f" time.format, place, and which column is the irradiance{f' ({zone})' if zone else ''}"
+                )
+            if down > 0.02:
+                judge.tell(f"{down:.0%} of {what} comes while the sun is down: check time.zone and place")
+
+    def _irradiances(self, series: Sequence[Series]) -> list[tuple[str, str, Signal]]:
+        """Irradiances that were measured: where they stand in the mapping, pvlib's name, and the readings [W/m2]."""
+        ghi = self._global()
+        found = [("weather", "ghi", ghi)] if ghi is not None else []
+        alone = ("poa_global",) if ghi is not None else ("poa_global", "dni", "dhi")
+        found += [
+            (f"weather.{name}", name, self._signals[name])
+            for name in alone
+            if name in self._signals and self._measured(name)
+        ]
+        inputs = {one.name: one.column for one in self.system.inputs if isinstance(one, WeatherInput)}
+        for one in series:
+            name = one.target.name
+            sun = inputs.get(name) in (*_SUN, "poa_global") and _same(one.target.unit, "W/m2")
+            if sun and name in self.judge.mapping.variables and one.signal is not None:
+                found.append((f"variables.{name}", inputs[name], one.signal))
+        return found
 
     def tell_unused(self) -> None:
         """Say what the mapping names that no input takes and nothing was computed from."""

@@ -26,7 +26,7 @@ def test_a_refit_confirms_what_a_straight_line_found(monkeypatch, gain, misfits,
         colours=colours,
     )
     chosen = (SimpleNamespace(name="one"),)
-    after = SimpleNamespace(candidate_found=False, lin=SimpleNamespace(chosen=chosen), colours=colours)
+    after = SimpleNamespace(candidate_found=False, lin=SimpleNamespace(chosen=chosen), colours=colours, left_over=0.0)
     refit = SimpleNamespace(evidence=10.0 + gain, lin=SimpleNamespace(amplitudes=[1.0]))
     begun = SimpleNamespace(lin=SimpleNamespace(problem=None), simulations=0, evidence=0.0)
     stages = iter([before, after])
@@ -69,54 +69,6 @@ def test_what_stands_out_most_from_its_own_twins_is_refitted_however_much_others
     assert tried == [f"effect {j}" for j in among]
 
 
-@pytest.fixture
-def contend(monkeypatch):
-    """``contend(here, anew, fresh)``: what is left of refits whose evidences are these, simulated anew and afresh."""
-
-    def worth(name, value):
-        lin = SimpleNamespace(problem=SimpleNamespace(name=name, floor=None), z=None, around=None)
-        return SimpleNamespace(names=(name,), evidence=value, simulations=7, lin=lin)
-
-    def made(here, anew, fresh, chosen=()):
-        monkeypatch.setattr(searching, "settled", lambda problem, *_, **__: worth(problem.name, anew[problem.name]))
-
-        def afresh(plain, one, *_):
-            value = fresh.get(one.names[0])
-            return None if value is None else worth(one.names[0], value)
-
-        monkeypatch.setattr(searching, "fitted_afresh", afresh)
-        stage = SimpleNamespace(grams=SimpleNamespace(observed=None), colours=SimpleNamespace(best={}))
-        found = SimpleNamespace(path="here", made={}, simulations=0, chosen=chosen, plain=None, begin=None)
-        refits = [worth(name, value) for name, value in here.items()]
-        left, best = searching.contended(refits, stage, found, lambda _: None)
-        return [(one.names[0], one.evidence) for one in left], (best.names[0], best.evidence), found.simulations
-
-    return made
-
-
-def test_refits_that_straight_lines_served_well_are_left_as_they_are(contend):
-    left, best, count = contend({"a": -10.0, "b": -20.0}, {"a": -12.0}, {"b": 0.0})
-    assert left == [("a", -10.0), ("b", -20.0)] and best == ("a", -12.0) and count == 7
-
-
-def test_where_the_way_is_bent_the_foremost_are_fitted_afresh_and_the_best_of_these_wins(contend):
-    here = {"a": -10.0, "b": -20.0, "c": -30.0, "d": -40.0}
-    left, best, count = contend(here, {"a": -60.0, "c": -31.0}, {"a": -50.0, "b": -15.0, "d": 0.0})
-    # c cannot be fitted afresh and counts as it is when simulated anew; d is one too many
-    assert left == [("b", -15.0), ("c", -31.0), ("a", -50.0)] and best == left[0]
-    assert count == 7 * 4  # a and c anew, a and b afresh
-
-
-def test_what_straight_lines_put_far_behind_is_no_contender(contend):
-    left, _, count = contend({"a": -10.0, "b": -61.0}, {"a": -60.0}, {"a": -50.0, "b": 0.0})
-    assert left == [("a", -50.0)] and count == 7 * 2  # a anew and afresh, b neither
-
-
-def test_a_second_effect_is_not_fitted_afresh(contend):
-    left, best, _ = contend({"a": -10.0}, {"a": -60.0}, {"a": 0.0}, chosen=("first",))
-    assert left == [("a", -10.0)] and best == ("a", -60.0)
-
-
 def test_what_was_made_at_one_optimum_is_not_taken_for_another():
     """An effect that was fitted afresh, and the same one where its refit came to, with fewer candidates beside it."""
 
@@ -127,3 +79,46 @@ def test_what_was_made_at_one_optimum_is_not_taken_for_another():
 
     assert path([0.5, 1.0]) == path([0.5, 1.0])
     assert path([0.5, 1.0]) != path([0.5, 1.1])
+
+
+@pytest.mark.parametrize(
+    ("left", "worth", "named", "weighed"),
+    [(99.0, 60.0, "near", ["near"]), (101.0, 60.0, "far", ["far", "near"]), (101.0, 40.0, "near", ["near", "far"])],
+)
+def test_where_a_gross_gap_is_left_candidates_are_looked_at_again(monkeypatch, left, worth, named, weighed):
+    """And one that is fitted from where the fit began is chosen where it is the more plausible one."""
+
+    def refit(name, evidence):
+        lin = SimpleNamespace(amplitudes=[1.0], chosen=(SimpleNamespace(name=name),))
+        return SimpleNamespace(names=(name,), evidence=evidence, lin=lin)
+
+    colours = SimpleNamespace(best={})
+    before = SimpleNamespace(
+        candidate_found=True,
+        misfits=True,
+        discrepancy=True,
+        lin=SimpleNamespace(chosen=(), simulations=0, failed=()),
+        grams=SimpleNamespace(evidence=lambda colours: 10.0),
+        colours=colours,
+    )
+
+    def examine(lin, *_, **__):
+        if lin is before.lin:
+            return before
+        return SimpleNamespace(candidate_found=False, lin=lin, colours=colours, left_over=left)
+
+    begun = SimpleNamespace(lin=SimpleNamespace(problem=None), simulations=0, evidence=0.0)
+    monkeypatch.setattr(searching, "settled_base", lambda *_: begun)
+    monkeypatch.setattr(searching, "applicable", lambda *_: ((), {}))
+    monkeypatch.setattr(searching, "among", lambda *_: before.lin)
+    monkeypatch.setattr(searching, "examine", examine)
+    monkeypatch.setattr(searching, "refitted", lambda *_: [refit("near", 50.0), refit("other", 45.0)])
+    monkeypatch.setattr(searching, "contended", lambda refits, *_: (refits, refits[0]))
+    monkeypatch.setattr(searching, "renewed_among", lambda best, *_: best.lin)
+    monkeypatch.setattr(searching, "fitted_abroad", lambda *_: [refit("far", worth)])
+    found = search(
+        SimpleNamespace(converged=True, problem=None), (), np.ones((1, 2), dtype=bool), np.ones(1), tell=lambda _: None
+    )
+    assert [one.name for one in found.chosen] == [named]
+    # what was not simulated anew is no measure beside what was
+    assert [one.names[0] for one in found.refits[0]] == (weighed if left > 100 else ["near", "other"])

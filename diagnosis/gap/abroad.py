@@ -1,0 +1,130 @@
+"""All candidates looked at from where the base model's fit began, each simulated with its own best amplitude.
+
+A cause that is far larger than expected bends the base model's parameters so far that straight lines from its fit say
+nothing of the cause: a heater that gives a seventh of its power leaves a room that looks as if its walls were thin, its
+people few and its thermometer wrong, and close to that fit a missing tenth of the power changes nothing. So where the
+best of the refits leaves a gross gap, candidates are ranked anew where the fit began
+(:mod:`diagnosis.gap.starting`): parameters and nuisance by straight lines there, each candidate by simulation, its
+amplitude bettered by what each simulation shows. The foremost are then fitted from there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from diagnosis.effects import Effect
+from diagnosis.fitting.problem import Problem
+from diagnosis.gap.grams import AMPLITUDE, Colour, Grams, Projected, projected
+from diagnosis.gap.linear import Linearised, linearised
+from shared.errors import SimulationError
+
+GROSS = 100.0
+"""Log evidence of a discrepancy without a cause, beside the best candidate, from which on it is asked again."""
+ROUNDS = 4
+"""How often the candidates are simulated, each time with a better amplitude."""
+CONTENDING = 50.0
+"""Half the difference of what two candidates leave within which the worse one may be the better."""
+FITTED = 3
+"""Candidates that are fitted from there at most."""
+FIRST = 1.0
+"""Amplitude of the first simulation [scales], or the bound if that is less."""
+
+
+@dataclass(frozen=True)
+class Abroad:
+    """Candidates from the best: ``amplitudes`` [scales] with which each leaves least, and the ``rest`` it leaves.
+
+    ``rest``: square of the whitened residual that nuisance and parameters cannot imitate, amplitude's prior included.
+    """
+
+    effects: tuple[Effect, ...]
+    amplitudes: tuple[float, ...]
+    rest: tuple[float, ...]
+    simulations: int
+
+    def foremost(self, names: Collection[str]) -> list[tuple[Effect, float]]:
+        """The few of these candidates that may be the best, with their amplitudes [scales]."""
+        found = [one for one in zip(self.effects, self.amplitudes, self.rest, strict=True) if one[0].name in names]
+        return [(e, a) for e, a, rest in found[:FITTED] if 0.5 * (rest - found[0][2]) < CONTENDING]
+
+
+def abroad(
+    problem: Problem, z: np.ndarray, effects: Sequence[Effect], observed: np.ndarray, colours: dict[int, Colour]
+) -> Abroad:
+    """Rank candidates at unknowns (unknowns,) of a problem without effects.
+
+    Parameters
+    ----------
+    observed
+        Readings that count, shape (outputs, steps).
+    colours
+        Of the noise, by channel.
+
+    Raises
+    ------
+    SimulationError
+        If the simulation fails there.
+    """
+    plain = problem.with_effects(())
+    lin = linearised(plain, z, plain.linearise(z))
+    first = Grams(lin, observed)
+    whole = projected(first.total(colours), first.inner.size).square
+    count = plain.simulations + lin.simulations
+    best, least = np.zeros(len(effects)), np.full(len(effects), np.inf)
+    trial = np.array([_first(one) for one in effects])
+    library = plain.with_effects(effects)
+    for _ in range(ROUNDS):
+        made, works = signatures(library, lin, trial)
+        left = projected(Grams(replace(lin, by_effect=made), observed, first).total(colours), first.inner.size)
+        size = np.maximum(np.diag(left.information), 1e-12)
+        rest = whole - 2 * left.score + size + (trial / AMPLITUDE) ** 2
+        better = works & (rest < least)
+        best, least = np.where(better, trial, best), np.where(better, rest, least)
+        trial = np.array([_bettered(left, k, one, trial[k]) for k, one in enumerate(effects)])
+    order = [k for k in np.argsort(least, kind="stable").tolist() if np.isfinite(least[k])]
+    return Abroad(
+        tuple(effects[k] for k in order),
+        tuple(float(best[k]) for k in order),
+        tuple(float(least[k]) for k in order),
+        count + library.simulations,
+    )
+
+
+def _first(effect: Effect) -> float:
+    high, low = effect.upper / effect.scale, effect.lower / effect.scale
+    return float(min(FIRST, high) if high > 0 else max(-FIRST, low))
+
+
+def _bettered(left: Projected, k: int, effect: Effect, unit: float) -> float:
+    """The amplitude that would be best if the response were in proportion, within bounds [scales].
+
+    What has no response asks for more of it, and one that would rather have the other sign is tried there.
+    """
+    low, high = effect.lower / effect.scale, effect.upper / effect.scale
+    own = left.information[k, k] + (unit / AMPLITUDE) ** 2
+    share = left.score[k] / own if left.information[k, k] > 1e-9 else 2.0
+    return float(np.clip(unit * np.clip(share, -3.0, 3.0), low, high)) or float(np.clip(0.3 * unit, low, high))
+
+
+def signatures(library: Problem, lin: Linearised, amplitudes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What each candidate of a problem does at its amplitude (candidates,) [scales] to a linearised one without any.
+
+    Returns
+    -------
+    tuple of ndarray
+        Change of the outputs, shape (outputs, steps, candidates) [unit of each], zero where the simulation failed; and
+        where it did not, shape (candidates,).
+    """
+    first = len(library.system.parameters)
+    cases = []
+    for k, amplitude in enumerate(amplitudes):
+        one = np.zeros(len(amplitudes))
+        one[k] = amplitude
+        cases.append((np.concatenate([lin.z[:first], one, lin.z[first:]]), lin.around.heights))
+    made = library.simulate_each(cases)
+    works = np.array([not isinstance(one, SimulationError) for one in made], dtype=bool)
+    shown = [np.zeros_like(lin.outputs) if isinstance(one, SimulationError) else one - lin.outputs for one in made]
+    return np.stack(shown, axis=-1) if shown else np.empty((*lin.outputs.shape, 0)), works
