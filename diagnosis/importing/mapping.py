@@ -37,7 +37,7 @@ class Time(Table):
     column: str
     zone: str = Field(description="IANA name, UTC, or an offset as +01:00: the place's clock")
     stamps: str | None = Field(None, description="the same of stamps without an offset; ``zone`` if not given")
-    format: str = Field("ISO8601", description="ISO8601, unix (seconds), or a strptime format")
+    format: str = Field("ISO8601", description="ISO8601, unix (seconds), or a strptime format with a year")
 
 
 class Place(Table):

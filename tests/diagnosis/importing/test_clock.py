@@ -1,5 +1,6 @@
 """Stamps become the building's own clock: both directions of daylight saving, offsets, and the calendar behind it."""
 
+import re
 from datetime import UTC, date, datetime, timedelta
 from functools import cache
 from zoneinfo import ZoneInfo
@@ -118,6 +119,24 @@ def test_other_formats():
 def test_a_format_says_whether_there_is_an_offset(form, text, utc):
     found, _ = stamps([text], Time(column="t", zone="Europe/Amsterdam", format=form))
     assert str(np.datetime64(int(found[0]), "s")) == utc
+
+
+@pytest.mark.parametrize(
+    ("form", "text", "said"),
+    [
+        ("%H:%H", "01:00", "which has no year"),
+        ("%Y-%m-%d %H:%H", "2022-03-01 01:00", "nothing can be read .*; expected .*, with each part once"),
+        ("%Y-%m-%d %Q", "2022-03-01 1", "nothing can be read .*'Q' is a bad directive"),
+        ("%Y-%m-%d%", "2022-03-01", "nothing can be read .*stray %"),
+        ("%", "2022-03-01", "which has no year"),
+        ("", "2022-03-01", "which has no year"),
+        ("%%Y %d/%m %H", "%Y 01/03 01", "which has no year"),  # pandas would take 1900
+        ("mixed", "03/04/2022", "which has no year; expected 'ISO8601', 'unix', or a format such as"),  # and guess here
+    ],
+)
+def test_a_format_that_reads_no_time_is_named(form, text, said):
+    with pytest.raises(RecordingError, match=f"^file: time.format is '{re.escape(form)}', .*{said}"):
+        stamps([text, text], Time(column="t", zone="Europe/Amsterdam", format=form))
 
 
 def test_an_unknown_zone_gets_suggestions():
