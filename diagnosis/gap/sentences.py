@@ -222,6 +222,12 @@ def limits(report: Report) -> list[str]:
         f"A gap by {one.name} of twice the usual size would be hard to tell from {', '.join(one.confusable)} here."
         for one in named
     ]
+    found += [
+        f"The size of {one.name} stopped at the bound of what its description allows ({one.amplitude:.3g} {one.unit}):"
+        " more of it would fit better still. Either the bound is too narrow for this building, or the cause is another."
+        for one in report.effects
+        if one.named and one.at_bound and one.amplitude is not None
+    ]
     bound = [one.name for one in report.parameters if one.at_bound]
     if bound:
         found.append(f"On the bounds of their ranges in the base model: {', '.join(bound)}.")

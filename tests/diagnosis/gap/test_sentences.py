@@ -262,3 +262,11 @@ def test_sensors_without_declared_noise_are_named():
     (said,) = noiseless({"room": "0.01 K", "CO2": "1 ppm"})
     assert said.startswith("No noise is declared for the sensor of room (to 0.01 K), CO2 (to 1 ppm): ")
     assert "in the description's [[outputs]] as noise.sensor" in said
+
+
+def test_a_size_that_stopped_at_its_bound_is_a_limit_of_an_answer_that_names_it():
+    ends = named("valve").model_copy(update={"at_bound": True, "amplitude": -4.0})
+    other = named("bridge", answer=False).model_copy(update={"at_bound": True})
+    found = limits(report(effects=[ends, other, named("load")]))
+    (said,) = [one for one in found if "stopped at the bound" in one]
+    assert said.startswith("The size of valve") and "(-4 W)" in said
