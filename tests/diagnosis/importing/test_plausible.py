@@ -144,3 +144,22 @@ def test_long_gaps_of_a_dew_point_are_told(house):
     assert not told(house(frame.assign(dew=dew), mapping), "of column dew")
     gap = house(frame.assign(dew=np.where((hours > 50) & (hours < 98), np.nan, dew)), mapping, out="gap.nc")
     assert told(gap, "sky: of column dew 0 readings were left out, and gaps of up to 48 h bridged")
+
+
+@pytest.mark.parametrize("key", ["weather.poa_global", "variables.sunshine"])
+def test_a_sun_on_the_facade_that_shines_by_night_is_refused(house, tmp_path, key):
+    """A clock that is half a day wrong; by day, a facade has some light before the sun rises and after it sets."""
+    frame, hours = measured()
+    mapping = MAPPING.replace("weather.ghi", key)
+    said = (
+        rf"mapping.toml: {key}: 100% of the irradiance comes while the sun is down at latitude 52, longitude -175; exp"
+    )
+    with pytest.raises(RecordingError, match=said):
+        house(frame, mapping.replace("longitude = 5.0", "longitude = -175.0"))
+    assert not (tmp_path / "out").exists()
+    # the sun rises at 8:25 h and sets at 18:20 h of summer time; half an hour before and after is light
+    hour = hours % 24
+    twilight = np.where((hour > 7.9) & (hour < 18.9), 4.0, 0.0)
+    sun = np.maximum(300 * np.sin(np.pi * (hour - 8.4) / 9.9), 0) * (hour > 8.4)
+    report = house(frame.assign(sun=np.maximum(sun, twilight)), mapping)
+    assert not told(report, "comes while the sun is down")
