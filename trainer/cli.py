@@ -125,7 +125,7 @@ def fit(
     threads
         torch's threads; more than one is slower unless the machine is idle.
     overwrite
-        Replace an estimator that OUT already holds.
+        Replace an estimator that OUT already holds; it stays until there is a first one of this training.
     resume
         Go on with an interrupted training in OUT, to the same weights (with --steps); begin where there is none.
     """

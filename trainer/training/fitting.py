@@ -12,20 +12,18 @@ import numpy as np
 import torch
 
 from shared.errors import EstimatorError
+from shared.lock import FolderLock
 from shared.logs import logger
 from shared.store import DatasetFolder
 from trainer.models import build, estimator_class, option_defaults
-from trainer.models.base import Estimator, Recipe
-from trainer.reading.data import fingerprint, training_records
-from trainer.reading.encoding import LATER, make_encoding, split_channels
+from trainer.models.base import Estimator
+from trainer.reading.data import fingerprint
+from trainer.reading.encoding import LATER
 from trainer.reading.familiar import familiar
-from trainer.reading.missing import LONGEST, Missing
-from trainer.reading.noise import Sensors
-from trainer.reading.windows import Sampler, WindowSource, context_length, disjoint_windows
+from trainer.reading.missing import Missing
+from trainer.reading.windows import Sampler, WindowSource, disjoint_windows
 from trainer.runs.checkpoint import (
-    CALIBRATION,
     CARD,
-    WEIGHTS,
     Card,
     Errors,
     Keep,
@@ -43,20 +41,13 @@ from trainer.runs.versions import versions_here
 from trainer.seeds import check_seed, noise_seed, torch_state
 from trainer.training.beginning import check_same_model, encoding_of, take_weights
 from trainer.training.loop import Loop
+from trainer.training.material import material_of, recipe_of
+from trainer.training.place import check_place
 from trainer.training.rounding import slowdown
 
 _log = logger(__name__)
 
 VALIDATION_WINDOWS = 512
-WRITTEN = (
-    *(CARD, WEIGHTS, "curve.csv", "curve.png"),
-    *("evaluation.json", "evaluation.md", "evaluation.csv", "answers.csv", "scatter.png"),
-    *("posterior.json", "posterior.safetensors"),
-    *CALIBRATION,
-)
-"""Files of a run folder."""
-OF_WEIGHTS = WRITTEN[4:]
-"""Of these what says something of one state of the weights."""
 
 
 def fit(
@@ -128,7 +119,7 @@ def fit(
     threads
         torch's threads; more than one is slower unless the machine is idle.
     overwrite
-        Replace an estimator that ``out`` already holds.
+        Replace an estimator that ``out`` already holds; it is there until there is a first one of this training.
     resume
         Go on with an unfinished training of the same settings in ``out``, to the same weights (with ``steps``) as if it
         had not been interrupted; begin where there is none; leave a finished one as it is.
@@ -138,7 +129,7 @@ def fit(
     Raises
     ------
     EstimatorError
-        If an argument is wrong, or the loss stops being a number.
+        If an argument is wrong, another training is at work in ``out``, or the loss stops being a number.
     DatasetError
         If the dataset cannot be used, or has no training or validation systems.
     """
@@ -148,7 +139,7 @@ def fit(
         raise EstimatorError(f"threads: is {threads}; expected at least 1")
     check_seed(seed)
     dataset = DatasetFolder(dataset_dir)
-    recipe = _recipe(model, steps, minutes, batch_size, lr)
+    recipe = recipe_of(model, steps, minutes, batch_size, lr)
     chosen = dict(options or {})
     if patch is not None:
         if "patch" not in option_defaults(model):
@@ -157,32 +148,24 @@ def fit(
     folder = Path(out)
     if resume and overwrite:
         raise EstimatorError("resume and overwrite: both are given; expected one of them")
-    if (folder / CARD).exists() and not overwrite and not resume:
-        raise EstimatorError(f"{folder}: already holds an estimator; choose another folder, resume it, or overwrite it")
+    check_place(folder, replacing=overwrite or resume)
     kind = estimator_class(model)
-    recorded, derived = split_channels(dataset.system, channels)
-    sensors = Sensors(dataset.system, recorded, noise)
     if coarse and not kind.rounds:
         raise EstimatorError(f"coarse: {model} is trained with all digits only; leave it out")
-    records = training_records(dataset, recorded, systems)
-    training, validation = (records.of_split(split) for split in ("train", "validation"))
-    hours = dataset.system.estimator.context_hours if context_hours is None else context_hours
-    length = context_length(hours, records)
-    if other_contexts and not kind.reads_shorter:
-        raise EstimatorError(f"other_contexts: {model} reads windows of one length; leave it out")
-    if optional and not kind.reads_missing:
-        raise EstimatorError(f"optional: {model} needs every channel; leave it out")
-    lengths = sorted({length, *(context_length(one, records) for one in other_contexts or [])})
-    encoding = make_encoding(
-        *(dataset.system, records, derived, lengths[-1], training),
-        shorter=lengths[:-1],
+    records, training, validation, encoding, sensors, hours, length = material_of(
+        dataset,
+        model,
+        context_hours=context_hours,
+        other_contexts=other_contexts,
+        channels=channels,
         optional=optional,
-        largest_gap=LONGEST if kind.reads_missing else 0.0,
+        noise=noise,
+        systems=systems,
     )
     first = None if begin_with is None else load_run(begin_with)
     if first is not None:
         encoding = encoding_of(first, encoding)
-    gaps = Missing(recorded, encoding.outputs, optional or []) if kind.reads_missing else None
+    gaps = Missing(encoding.recorded, encoding.outputs, optional or []) if kind.reads_missing else None
     seeds = [int(s) for s in np.random.SeedSequence(seed).generate_state(6)]
     source = WindowSource(records, encoding, sensors, torch.Generator().manual_seed(noise_seed(seed)), gaps)
     records = replace(records, values=np.empty((0, 0, 0), np.float32))  # the source has its own copy
@@ -240,21 +223,22 @@ def fit(
             card.validation_systems = card.validation_systems.with_those(first.card.validation_systems)
         settings = settings_of(card, None if minutes else recipe.steps)
         make_folder(folder)
-        if resume and not (folder / STATE).exists() and (folder / CARD).exists():
-            done = read_card(folder)
-            if done.training.stopped in ("steps", "minutes"):
-                check_settings(folder / CARD, settings_of(done, None if minutes else done.training.steps), settings)
-                return load_run(folder)
-        goes_on = resume and (folder / STATE).exists()
-        # an evaluation of what is replaced must not stand beside the new estimator
-        for name in OF_WEIGHTS if goes_on else (*WRITTEN, STATE):
-            (folder / name).unlink(missing_ok=True)
-        sampler = Sampler(source, training, seeds[3], length)
 
         def measure(kept: Estimator) -> list[Errors]:
             return measured_errors(kept, card, source, dataset.system, validation, seeds[4], progress)
 
-        Loop(folder, card, network, sampler, held_out, recipe, minutes, settings, measure).run(progress)
+        with FolderLock(folder, kind=EstimatorError):
+            if not overwrite and not resume and (folder / CARD).exists():  # another training has ended in between
+                raise EstimatorError(f"{folder}: holds an estimator by now; choose another folder, or overwrite it")
+            if resume and not (folder / STATE).exists() and (folder / CARD).exists():
+                done = read_card(folder)
+                if done.training.stopped in ("steps", "minutes"):
+                    check_settings(folder / CARD, settings_of(done, None if minutes else done.training.steps), settings)
+                    return load_run(folder)
+            if not resume:
+                (folder / STATE).unlink(missing_ok=True)
+            sampler = Sampler(source, training, seeds[3], length)
+            Loop(folder, card, network, sampler, held_out, recipe, minutes, settings, measure).run(progress)
     return load_run(folder)
 
 
@@ -288,13 +272,3 @@ def settings_of(card: Card, steps: int | None) -> dict[str, Any]:
         "training systems": len(card.training_systems.indices),
         "data": hashlib.sha256("".join([*known, card.system_hash]).encode()).hexdigest(),
     }
-
-
-def _recipe(model: str, steps: int | None, minutes: float | None, batch_size: int | None, lr: float | None) -> Recipe:
-    for name, value in (("steps", steps), ("minutes", minutes), ("batch_size", batch_size), ("lr", lr)):
-        if value is not None and not 0 < value < math.inf:
-            raise EstimatorError(f"{name}: is {value:g}; expected a positive number")
-    if steps is not None and minutes is not None:
-        raise EstimatorError("steps and minutes: both are given; expected one budget")
-    own = estimator_class(model).recipe
-    return replace(own, steps=steps or own.steps, batch_size=batch_size or own.batch_size, lr=lr or own.lr)

@@ -23,7 +23,7 @@ from shared.store import write_atomically
 from trainer.figures import draw_loss_curve
 from trainer.models.base import Estimator, Recipe
 from trainer.reading.windows import Batch, Sampler
-from trainer.runs.checkpoint import Card, Errors, Stop, forward_in_chunks, save_run
+from trainer.runs.checkpoint import CARD, Card, Errors, Stop, forward_in_chunks, save_run
 from trainer.runs.state import (
     STATE,
     Tensors,
@@ -37,6 +37,7 @@ from trainer.runs.state import (
 )
 from trainer.runs.versions import other_version, versions_here
 from trainer.training.optimisers import make_optimisers, scale_rates
+from trainer.training.place import remove_findings
 
 _log = logger(__name__)
 CHECKS = 40
@@ -92,6 +93,7 @@ class Loop:
         self.best: dict[str, torch.Tensor] | None = None
         self.optimisers = make_optimisers(network, recipe) if network.iterates else []
         self.step, self.total, self.counted = 0, 0.0, 0
+        self.replaced = False
         self.begin = self.saved = self.kept = time.monotonic()
 
     @property
@@ -108,8 +110,11 @@ class Loop:
             If the loss stops being a finite number; the best estimator until then is written all the same.
         """
         recipe, network = self.recipe, self.network
-        if not self._restore() and self.card.begun_with is None:  # what was begun with is prepared already
+        goes_on = self._restore()
+        if not goes_on and self.card.begun_with is None:  # what was begun with is prepared already
             network.prepare(self.sampler.draw, self.held_out, recipe.steps * recipe.batch_size)
+        if not goes_on and network.iterates and (self.folder / CARD).exists():
+            self._keep()  # what is resumed shall be this training, not the one whose estimator is still there
         stopped: Stop = "steps"
         step = recipe.steps
         if network.iterates:
@@ -126,6 +131,8 @@ class Loop:
         if stopped == "not a number":
             kept = self.card.training
             where = f"the estimator of step {kept.best_step} is kept in {self.folder}" if self.best else "none is kept"
+            if not self.best and (self.folder / CARD).exists():
+                where += f", and {self.folder} still holds the one that was there before"
             raise OptionsError(
                 f"the loss is not a finite number at step {step}; {where};"
                 f" try a learning rate below {recipe.lr:g}, or another seed"
@@ -244,9 +251,16 @@ class Loop:
             rmse = np.sqrt(np.mean(error**2, axis=0))
             self.card.validation_rmse = dict(zip(self.card.encoding.parameters, rmse.tolist(), strict=True))
             if time.monotonic() - self.saved > SAVE_SECONDS:
-                save_run(self.folder, self.card, self.network)
-                self.saved = time.monotonic()
+                self._save()
         return True
+
+    def _save(self) -> None:
+        """Write the estimator; before the first time, what was said of the one in its place goes."""
+        if not self.replaced:
+            remove_findings(self.folder)
+            self.replaced = True
+        save_run(self.folder, self.card, self.network)
+        self.saved = time.monotonic()
 
     def _finish(self, stopped: Stop) -> None:
         if self.best is None:
@@ -255,14 +269,14 @@ class Loop:
         self.network.eval()
         measured = stopped != "interrupted"  # who stops a training does not want to wait for its errors
         self.card.training.stopped = "running" if measured else stopped  # a run without its errors is not finished
-        save_run(self.folder, self.card, self.network)
+        self._save()
         write_atomically(self.folder / "curve.csv", self.curve.csv().encode())
         if len(self.curve.rows) > 1:
             draw_loss_curve(self.curve.rows, self.card.model, self.folder / "curve.png", self.card.training.best_step)
         if measured:
             self.card.validation_errors = self.measure(self.network)
             self.card.training.stopped = stopped
-            save_run(self.folder, self.card, self.network)
+            self._save()
 
 
 @contextmanager

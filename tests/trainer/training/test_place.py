@@ -1,0 +1,134 @@
+"""One training at a time in a run folder, and no estimator lost for one that has not come about."""
+
+import json
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from shared.errors import EstimatorError
+from trainer.evaluating.evaluation import evaluate
+from trainer.reading.windows import Sampler
+from trainer.runs.checkpoint import load_run
+from trainer.runs.state import STATE, read_state
+from trainer.training.fitting import fit
+
+SMALL = {"width": 16, "layers": 1, "heads": 2, "feedforward": 32}
+SETTINGS = {"options": SMALL, "context_hours": 12.0}
+CHILD = """
+import json, sys
+from trainer.training.fitting import fit
+fit(sys.argv[1], sys.argv[2], **json.loads(sys.argv[3]))
+"""
+
+
+def contents(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.name != ".lock"}
+
+
+@pytest.fixture
+def old(tanks, tmp_path):
+    """A finished and evaluated estimator in ``run``."""
+    fit(tanks, tmp_path / "run", model="mean")
+    evaluate(tmp_path / "run", tanks, windows=20)
+    return tmp_path / "run"
+
+
+def failing(monkeypatch, after, error=None):
+    """Draws after so many raise, or have windows that are no numbers."""
+    draw, seen = Sampler.draw, []
+
+    def bad(self, count):
+        seen.append(1)
+        if len(seen) > after and error is not None:
+            raise error
+        batch = draw(self, count)
+        return batch._replace(windows=batch.windows * np.nan) if len(seen) > after else batch
+
+    monkeypatch.setattr(Sampler, "draw", bad)
+
+
+@pytest.mark.slow
+def test_a_second_training_in_a_folder_is_refused_and_a_killed_one_is_in_nobodys_way(tanks, tmp_path):
+    folder = tmp_path / "run"
+    arguments = json.dumps(SETTINGS | {"minutes": 10.0})
+    child = subprocess.Popen([sys.executable, "-c", CHILD, str(tanks), str(folder), arguments])
+    try:
+        while not (folder / ".lock").exists():
+            assert child.poll() is None, "it ended before it had the folder"
+            time.sleep(0.05)
+        for more in ({}, {"overwrite": True}, {"resume": True}):
+            with pytest.raises(EstimatorError, match=rf"run: another run is at it \(process {child.pid} on"):
+                fit(tanks, folder, **SETTINGS | {"steps": 2} | more)
+    finally:
+        child.kill()
+        child.wait()
+    assert fit(tanks, folder, **SETTINGS, steps=2).card.training.steps == 2
+
+
+def test_a_training_that_ended_while_another_read_its_dataset_is_kept(tanks, tmp_path, monkeypatch):
+    from trainer.training import fitting
+
+    folder, material = tmp_path / "run", fitting.material_of
+
+    def slow(*arguments, **settings):
+        monkeypatch.setattr(fitting, "material_of", material)
+        fit(tanks, folder, model="mean")
+        return material(*arguments, **settings)
+
+    monkeypatch.setattr(fitting, "material_of", slow)
+    with pytest.raises(EstimatorError, match="run: holds an estimator by now"):
+        fit(tanks, folder, model="ridge")
+    assert load_run(folder).card.model == "mean"
+
+
+def test_an_estimator_outlives_a_training_that_leaves_none(tanks, old, monkeypatch):
+    before = contents(old)
+    failing(monkeypatch, 0)
+    with pytest.raises(EstimatorError, match=r"at step 1; none is kept, and .*run still holds the one that was there"):
+        fit(tanks, old, overwrite=True, steps=40, **SETTINGS)
+    assert contents(old) == before
+
+
+def test_an_estimator_outlives_a_training_that_is_stopped_early_and_can_be_gone_on_with(tanks, old, monkeypatch):
+    before = contents(old)
+    failing(monkeypatch, 0, KeyboardInterrupt())
+    with pytest.raises(KeyboardInterrupt):
+        fit(tanks, old, overwrite=True, steps=4, **SETTINGS)
+    monkeypatch.undo()
+    found = contents(old)
+    assert read_state(old / STATE)[1]["step"] == 0
+    del found[STATE]
+    assert found == before
+    run = fit(tanks, old, resume=True, steps=4, **SETTINGS)
+    assert (run.card.model, run.card.training.steps) == ("patch-transformer", 4)
+    assert set(contents(old)) == {"estimator.json", "weights.safetensors", "curve.csv", "curve.png"}
+    whole = fit(tanks, old.parent / "whole", steps=4, **SETTINGS)
+    assert run.card.weights_sha256 == whole.card.weights_sha256
+
+
+def test_what_was_said_of_an_estimator_goes_before_the_first_one_of_another_training(tanks, old, monkeypatch):
+    monkeypatch.setattr("trainer.training.loop.SAVE_SECONDS", -1.0)
+    failing(monkeypatch, 2, KeyboardInterrupt())
+
+    def stands(self, stopped):
+        assert set(contents(old)) == {"estimator.json", "weights.safetensors", STATE}
+
+    monkeypatch.setattr("trainer.training.loop.Loop._finish", stands)
+    with pytest.raises(KeyboardInterrupt):
+        fit(tanks, old, overwrite=True, steps=40, **SETTINGS)
+    assert load_run(old).card.model == "patch-transformer"
+
+
+def test_a_resumption_that_is_refused_takes_nothing_away(tanks, old, monkeypatch):
+    failing(monkeypatch, 0, KeyboardInterrupt())
+    with pytest.raises(KeyboardInterrupt):
+        fit(tanks, old, overwrite=True, steps=4, **SETTINGS)
+    monkeypatch.undo()
+    before = contents(old)
+    assert "evaluation.json" in before
+    with pytest.raises(EstimatorError, match="seed was 0 and is 1 now"):
+        fit(tanks, old, resume=True, steps=4, seed=1, **SETTINGS)
+    assert contents(old) == before
