@@ -16,7 +16,16 @@ from diagnosis.importing.outdoors import Outdoors
 from diagnosis.importing.reading import Measurements
 from diagnosis.importing.series import Series, input_target, output_target
 from shared.system import System
-from shared.variables import ConstantInput, ExcitationInput, Input, MeasuredInput, Output, ScheduleInput, WeatherInput
+from shared.variables import (
+    ConstantInput,
+    ExcitationInput,
+    Input,
+    MeasuredInput,
+    OccupancyInput,
+    Output,
+    ScheduleInput,
+    WeatherInput,
+)
 
 DAY = 86400.0
 
@@ -67,7 +76,13 @@ class Composer:
         if one.name in self.mapping.variables:
             weather = one.column if isinstance(one, WeatherInput) else None
             source = self.mapping.variables[one.name]
-            return self.judge.mapped(target, source, f"variables.{one.name}", weather=weather)
+            made = self.judge.mapped(target, source, f"variables.{one.name}", weather=weather)
+            if isinstance(one, OccupancyInput) and source.constant is not None:
+                self.notes.append(
+                    f"{one.name}: {made.values[0]:g} persons at all hours, nights too, as the mapping states: a"
+                    " calibration, forecast or diagnosis takes that for a count, unless told --occupancy unknown"
+                )
+            return made
         if isinstance(one, WeatherInput):
             return self.outdoors.series(target, one.column)
         if isinstance(one, ConstantInput):

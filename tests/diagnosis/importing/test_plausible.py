@@ -163,3 +163,16 @@ def test_a_sun_on_the_facade_that_shines_by_night_is_refused(house, tmp_path, ke
     sun = np.maximum(300 * np.sin(np.pi * (hour - 8.4) / 9.9), 0) * (hour > 8.4)
     report = house(frame.assign(sun=np.maximum(sun, twilight)), mapping)
     assert not told(report, "comes while the sun is down")
+
+
+def test_persons_that_the_mapping_states_are_said_to_count_as_counted(house):
+    """The description says which input they are; a constant of any other quantity is no count."""
+    frame, _ = measured(days=2)
+    stated = 'constant = 2.0\nunit = "persons"'
+    counted = 'column = "presence"\nunit = "presence"\npersons = 2.0\nreading = "mean"'
+    report = house(frame, MAPPING.replace(counted, stated))
+    assert told(report, "people: 2 persons at all hours, nights too, as the mapping states: a calibration, forecast or")
+    assert (xr.load_dataset(report.recording)["people"].values == 2.0).all()
+    valve = 'column = "valve"\nunit = "m3/h"\nscale = 2.4\nreading = "mean"\nfill = 0.0'
+    other = house(frame, MAPPING.replace(valve, 'constant = 50.0\nunit = "m3/h"'), out="other.nc")
+    assert not told(other, "as the mapping states")
