@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import io
 import warnings
@@ -19,12 +20,16 @@ from diagnosis.importing.clock import read_stamps
 from diagnosis.importing.mapping import File, Mapping
 from diagnosis.importing.separators import with_dots
 from shared.errors import RecordingError
-from shared.reading import MIB, check_columns, listed, read_text, shown, why
+from shared.reading import MIB, check_columns, listed, read_bytes, shown, why
 
 MOST = 1024 * MIB
 """Bytes of a file of measurements."""
 SEPARATORS = (";", "\t", ",", "|")
 """What loggers write between columns."""
+_MARKS = ((codecs.BOM_UTF32_LE, "utf-32"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
+"""What files in other encodings begin with; that of UTF-32 begins with one of UTF-16."""
+_MINUS = "\u2212"
+"""The sign that some languages' programs write before negative numbers."""
 _TRUE = {"true": "1", "yes": "1", "on": "1", "false": "0", "no": "0", "off": "0"}
 
 
@@ -65,7 +70,7 @@ class Measurements:
             raise RecordingError(f"{where}: {self.path} has several columns {name!r}; expected a name for each")
         if name not in self.columns:
             raise RecordingError(f"{where}: {self.path} has no column {name!r}; found {listed(self.columns.columns)}")
-        text = self.columns[name].str.strip()
+        text = self.columns[name].str.strip().str.replace(_MINUS, "-", regex=False)
         text = text.where(~text.isin(self.missing))
         text, notes = with_dots(text, self.decimal, f"{where}: column {name!r} of {self.path}")
         self.notes += [f"column {name}: {one}" for one in notes]
@@ -92,10 +97,10 @@ def read_measurements(path: Path, mapping: Mapping) -> Measurements:
         If the file cannot be read, or its time stamps cannot be understood.
     """
     settings = mapping.file
-    text = read_text(path, RecordingError, "measurements (CSV)", most=MOST, encoding=settings.encoding)
+    text = _text(path, settings)
     check_columns(text, settings.separator, f"{path}", RecordingError)
     frame = _table(text, settings, path)
-    names = _names(text, settings)
+    names = _names(text, settings, path)
     frame.columns = frame.columns.str.strip()
     name = mapping.time.column
     if names[name] > 1:
@@ -130,6 +135,27 @@ def read_measurements(path: Path, mapping: Mapping) -> Measurements:
         twice=frozenset(one for one, count in names.items() if count > 1),
         notes=notes,
     )
+
+
+def _text(path: Path, settings: File) -> str:
+    """The file's text, its lines ended by line feeds only."""
+    data = read_bytes(path, RecordingError, "measurements (CSV)", MOST)
+    found = next((name for mark, name in _MARKS if data.startswith(mark)), "")
+    hint = f"; is it {found!r}?" if found else ", such as 'utf-16' or 'cp1252'"
+    try:
+        text = data.decode(settings.encoding)
+    except (ValueError, LookupError) as error:  # LookupError: no such encoding
+        raise RecordingError(
+            f"{path}: cannot be read as text in {shown(settings.encoding)} ({why(error)}); expected the one that it is"
+            f" in, as file.encoding{hint}"
+        ) from None
+    if "\0" in text:  # pandas would end the field there
+        line = text.count("\n", 0, text.index("\0")) + 1
+        raise RecordingError(
+            f"{path}: line {line} has a null character, read in {shown(settings.encoding)}; expected text: in another"
+            " file.encoding ('utf-16-le'?), or without what a logger left that lost its power"
+        )
+    return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
 
 def _mapped(mapping: Mapping) -> list[str]:
@@ -170,10 +196,15 @@ def _header(text: str, settings: File) -> str:
     return next((line for line in islice(io.StringIO(text), settings.skip, None) if line.strip()), "")
 
 
-def _names(text: str, settings: File) -> Counter[str]:
+def _names(text: str, settings: File, path: Path) -> Counter[str]:
     """How often each column is named; pandas would call the second of a name something else."""
     header = _header(text, settings)
-    return Counter(one.strip() for one in next(csv.reader([header], delimiter=settings.separator), []))
+    try:
+        return Counter(one.strip() for one in next(csv.reader([header], delimiter=settings.separator), []))
+    except (csv.Error, ValueError, TypeError) as error:  # names of any length, separators that csv does not take
+        raise RecordingError(
+            f"{path}: line of column names: {why(error)}; expected the names of a CSV's columns"
+        ) from None
 
 
 def _separated(text: str, settings: File) -> str:
@@ -190,15 +221,18 @@ def _table(text: str, settings: File, path: Path) -> pd.DataFrame:
     """A CSV's rows as text under its column names; a separator that ends every row but the header's makes no column."""
 
     def read(**more: Any) -> pd.DataFrame:
-        return pd.read_csv(
-            io.StringIO(text),
-            sep=settings.separator,
-            skiprows=settings.skip,
-            dtype=str,
-            keep_default_na=False,
-            skip_blank_lines=True,
-            **more,
-        )
+        with warnings.catch_warnings():
+            # of separators beyond ASCII, and of empty fields that are lost, as they should be
+            warnings.simplefilter("ignore", pd.errors.ParserWarning)
+            return pd.read_csv(
+                io.StringIO(text),
+                sep=settings.separator,
+                skiprows=settings.skip,
+                dtype=str,
+                keep_default_na=False,
+                skip_blank_lines=True,
+                **more,
+            )
 
     try:
         frame = read()
@@ -210,8 +244,6 @@ def _table(text: str, settings: File, path: Path) -> pd.DataFrame:
                 f"{path}: rows have {frame.index.nlevels + frame.shape[1]} fields under {frame.shape[1]} column names;"
                 f" expected as many names as fields{_separated(text, settings)}"
             )
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", pd.errors.ParserWarning)  # the empty fields are lost, as they should be
-            return read(index_col=False)
+        return read(index_col=False)
     except (ValueError, ArithmeticError, LookupError, MemoryError) as error:  # what pandas meets in text that is no CSV
         raise RecordingError(f"{path}: not readable as CSV ({why(error)})") from None
