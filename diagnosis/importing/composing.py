@@ -93,10 +93,10 @@ class Composer:
         if isinstance(one, ExcitationInput):
             return self.judge.assumed(target, 0.0, "no excitation")
         if isinstance(one, ScheduleInput):
-            made = schedule_signal(self.system.schedules[one.schedule], self.edges[0], self.edges[-1])
+            planned = schedule_signal(self.system.schedules[one.schedule], self.edges[0], self.edges[-1])
             self._tell_of_daylight_saving(one.name, one.schedule)
-            table = merge({one.name: made}, self.edges[0], self.edges[-1])
-            values = table.means(self.edges)[:, 0] if target.method == "mean" else made.at(self.edges[1:])
+            table = merge({one.name: planned}, self.edges[0], self.edges[-1])
+            values = table.means(self.edges)[:, 0] if target.method == "mean" else planned.at(self.edges[1:])
             return self.judge.assumed(target, values, f"schedule {one.schedule} of the description")
         return None
 
