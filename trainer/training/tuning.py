@@ -15,16 +15,18 @@ from optuna.trial import FrozenTrial, Trial, TrialState
 from pydantic import BaseModel, ConfigDict, Field
 
 from shared.errors import EstimatorError, OptionsError
+from shared.lock import FolderLock
 from shared.logs import fields, logger
 from shared.progress import progress_bar
 from shared.reading import read_json, validated
 from shared.store import DatasetFolder, write_atomically
-from trainer.models import estimator_class, option_defaults
 from trainer.reading.data import difference, identity_of, load_records
 from trainer.runs.checkpoint import make_folder
 from trainer.runs.versions import other_version, versions_here
 from trainer.seeds import check_seed
 from trainer.training.fitting import fit
+from trainer.training.material import material_of, recipe_of
+from trainer.training.space import space_of
 
 _log = logger(__name__)
 BEST, STUDY = "best.json", "study.db"
@@ -32,38 +34,6 @@ AGAIN = "again"
 """Of a trial that is tried again after it was cut short: the number that it had then."""
 ERROR = "error"
 """Of a trial whose options have no result: the sentence."""
-Suggest = Callable[[Trial, str, Any], Any]
-
-
-def _times(*factors: float) -> Suggest:
-    """Whole numbers around the default."""
-
-    def suggest(trial: Trial, name: str, default: Any) -> Any:
-        return trial.suggest_categorical(name, sorted({max(1, round(default * factor)) for factor in factors}))
-
-    return suggest
-
-
-def _among(*values: Any) -> Suggest:
-    def suggest(trial: Trial, name: str, default: Any) -> Any:
-        return trial.suggest_categorical(name, sorted({*values, default}))
-
-    return suggest
-
-
-SPACE: dict[str, Suggest] = {
-    "patch": _among(4, 6, 12, 24),
-    "width": _times(0.5, 1, 2),
-    "feedforward": _times(0.5, 1, 2),
-    "layers": lambda trial, name, default: trial.suggest_int(name, 1, 2 * default),
-    "heads": _among(1, 2, 4, 8),
-    "kernel": _among(2, 3, 5, 7),
-    "dropout": lambda trial, name, default: trial.suggest_float(name, 0.0, 0.5),
-    "batch_size": _times(0.5, 1, 2, 4),
-    "lr": lambda trial, name, default: trial.suggest_float(name, default / 10, 10 * default, log=True),
-}
-"""Where an option is looked for, by its name: an estimator's search space is those of its options that are here, and
-batch size and learning rate. An estimator may have a class attribute ``space`` of the same kind, which comes first."""
 
 
 class Best(BaseModel):
@@ -91,22 +61,6 @@ def read_options(path: Path) -> Best:
     """
     expected = "a file of `trainer tune`"
     return validated(Best, read_json(path, EstimatorError, expected), f"{path}", EstimatorError, expected)
-
-
-def space_of(model: str) -> dict[str, tuple[Suggest, Any]]:
-    """What is searched for an estimator: by option, how it is suggested and its default.
-
-    Raises
-    ------
-    EstimatorError
-        If the estimator is unknown, or nothing about it can be searched.
-    """
-    kind = estimator_class(model)
-    if not kind.iterates:
-        raise EstimatorError(f"model: {model} is solved, not trained: there is nothing to search")
-    known = SPACE | getattr(kind, "space", {})
-    defaults = option_defaults(model) | {"batch_size": kind.recipe.batch_size, "lr": kind.recipe.lr}
-    return {name: (known[name], default) for name, default in defaults.items() if name in known}
 
 
 def tune(
@@ -151,8 +105,8 @@ def tune(
     Raises
     ------
     EstimatorError
-        If an argument is wrong, ``out`` holds a search with other settings, or no trial came to an end. Options that do
-        not go together, or a loss that is not a number, end their own trial only.
+        If an argument is wrong, ``out`` holds a search with other settings or another one is at work there, or no trial
+        came to an end. Options that do not go together, or a loss that is not a number, end their own trial only.
     DatasetError
         If the dataset cannot be used.
     """
@@ -162,7 +116,10 @@ def tune(
     if minutes is None and steps is None:
         minutes = 2.0
     space, folder = space_of(model), Path(out)
+    recipe_of(model, steps, minutes)
     dataset = DatasetFolder(dataset_dir)
+    # a slip must not become the settings of the search
+    material_of(dataset, model, context_hours=context_hours, channels=channels, noise=noise, systems=systems)
     settings: dict[str, Any] = {
         "model": model,
         "minutes": minutes,
@@ -174,43 +131,56 @@ def tune(
         "seed": seed,
         **identity_of(dataset, load_records(dataset, [])),
     }
-    make_folder(folder)
     defaults = {name: default for name, (_, default) in space.items()}
-    study = _study(folder, settings, defaults, seed)
 
     def objective(trial: Trial) -> float:
         chosen = {name: suggest(trial, name, default) for name, (suggest, default) in space.items()}
         batch_size, lr = chosen.pop("batch_size"), chosen.pop("lr")
-        try:
-            run = fit(
-                dataset_dir,
-                folder / "trials" / f"{trial.number:04d}",
-                model=model,
-                context_hours=context_hours,
-                channels=channels,
-                noise=noise,
-                steps=steps,
-                minutes=minutes,
-                batch_size=batch_size,
-                lr=lr,
-                options=chosen,
-                systems=systems,
-                seed=seed,
-                overwrite=True,
-            )
-        except OptionsError as error:
-            # the search learns to stay away; any other error would meet the next trials as well
-            trial.set_user_attr(ERROR, str(error))
-            raise optuna.TrialPruned(str(error)) from None
+        run = fit(
+            dataset_dir,
+            folder / "trials" / f"{trial.number:04d}",
+            model=model,
+            context_hours=context_hours,
+            channels=channels,
+            noise=noise,
+            steps=steps,
+            minutes=minutes,
+            batch_size=batch_size,
+            lr=lr,
+            options=chosen,
+            systems=systems,
+            seed=seed,
+            overwrite=True,
+        )
         return run.card.training.validation_loss
 
-    with _bar(progress, trials, len(_finished(study))) as say:
-        left = trials - len(_finished(study))
-        if left > 0:
-            study.optimize(objective, n_trials=left, callbacks=[say])
-    best = _best(study, model, settings, defaults)
-    write_atomically(folder / BEST, (best.model_dump_json(indent=1) + "\n").encode())
+    make_folder(folder)
+    with FolderLock(folder, kind=EstimatorError):
+        study = _study(folder, settings, defaults, seed)
+        with _bar(progress, trials, len(_finished(study))) as say:
+            while len(_finished(study)) < trials:
+                number = _try(study, objective)
+                say(study, study.trials[number])
+        best = _best(study, model, settings, defaults)
+        write_atomically(folder / BEST, (best.model_dump_json(indent=1) + "\n").encode())
     return best
+
+
+def _try(study: optuna.Study, objective: Callable[[Trial], float]) -> int:
+    """One trial; returns its number. Optuna's own loop would show a traceback of whatever ends it, Ctrl-C included."""
+    trial = study.ask()
+    try:
+        loss = objective(trial)
+    except OptionsError as error:
+        # the search learns to stay away; any other error would meet the next trials as well
+        trial.set_user_attr(ERROR, str(error))
+        study.tell(trial, state=TrialState.PRUNED)
+    except BaseException:
+        study.tell(trial, state=TrialState.FAIL)
+        raise
+    else:
+        study.tell(trial, loss)
+    return trial.number
 
 
 def _finished(study: optuna.Study) -> list[FrozenTrial]:

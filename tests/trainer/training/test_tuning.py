@@ -1,6 +1,8 @@
 """The search for an estimator's options."""
 
 import json
+import logging
+import os
 from types import SimpleNamespace
 
 import optuna
@@ -8,12 +10,14 @@ import pytest
 import torch
 
 from shared.errors import DatasetError, EstimatorError, OptionsError
+from shared.interrupts import Terminated
 from shared.store import DatasetFolder
 from trainer.models import ESTIMATORS, estimator_class
 from trainer.reading.windows import WindowSource
 from trainer.runs.checkpoint import load_run, read_card
 from trainer.training.fitting import fit
-from trainer.training.tuning import BEST, read_options, space_of, tune
+from trainer.training.space import space_of
+from trainer.training.tuning import BEST, read_options, tune
 
 from ..conftest import make_dataset
 from ..test_cli import run as command
@@ -298,3 +302,56 @@ def test_what_is_given_beside_a_file_of_options_is_not_passed_over(tanks, tmp_pa
     code, _, err = command(capsys, "fit", tanks, "--options", path, "--out", out, "--steps", "1")
     assert code == 1 and err.startswith(f"error: {path}: ") and err.count("\n") == 1
     assert not out.exists()
+
+
+@pytest.mark.parametrize("ends", [KeyboardInterrupt(), Terminated(), DatasetError("001.nc: damaged")])
+def test_what_ends_a_search_is_no_traceback_of_optunas(tanks, tmp_path, no_training, monkeypatch, ends):
+    records = []
+    handler = logging.Handler()
+    handler.emit = records.append
+    logging.getLogger("optuna").addHandler(handler)
+    failing(monkeypatch, ends, "0001")
+    try:
+        with pytest.raises(type(ends)):
+            tune(tanks, tmp_path, trials=3, **SETTINGS)
+    finally:
+        logging.getLogger("optuna").removeHandler(handler)
+    assert [record.getMessage() for record in records] == []
+    study = optuna.load_study(study_name="tune", storage=f"sqlite:///{tmp_path / 'study.db'}")
+    assert [trial.state.name for trial in study.trials] == ["COMPLETE", "FAIL"]
+
+
+@pytest.mark.parametrize(
+    ("slip", "words"),
+    [
+        ({"noise": "hail"}, "noise: 'hail' is not a preset of Tank"),
+        ({"channels": ["depth"]}, "depth"),
+        ({"context_hours": 1000.0}, "context"),
+        ({"systems": 1000}, "systems: is 1000"),
+        ({"steps": 0}, "steps: is 0; expected a positive number"),
+        ({"minutes": 1.0}, "steps and minutes: both are given"),
+    ],
+)
+def test_a_slip_leaves_nothing_in_the_way_of_the_search_that_was_meant(tanks, tmp_path, no_training, slip, words):
+    with pytest.raises(EstimatorError, match=words):
+        tune(tanks, tmp_path / "search", trials=1, **SETTINGS | slip)
+    assert not (tmp_path / "search").exists()
+    assert tune(tanks, tmp_path / "search", trials=1, **SETTINGS).trials == 1
+
+
+def test_a_second_search_in_a_folder_is_refused_and_does_not_fail_the_trial_under_way(
+    tanks, tmp_path, no_training, monkeypatch
+):
+    from trainer.training import tuning
+
+    fit = tuning.fit
+
+    def meanwhile(*arguments, **settings):
+        with pytest.raises(EstimatorError, match=rf"another run is at it \(process {os.getpid()} on"):
+            tune(tanks, tmp_path, trials=3, **SETTINGS)
+        return fit(*arguments, **settings)
+
+    monkeypatch.setattr(tuning, "fit", meanwhile)
+    assert tune(tanks, tmp_path, trials=2, **SETTINGS).trials == 2
+    study = optuna.load_study(study_name="tune", storage=f"sqlite:///{tmp_path / 'study.db'}")
+    assert [trial.state.name for trial in study.trials] == ["COMPLETE", "COMPLETE"]
