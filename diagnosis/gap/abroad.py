@@ -2,8 +2,9 @@
 
 A cause that is far larger than expected bends the base model's parameters so far that straight lines from its fit say
 nothing of the cause: a heater that gives a seventh of its power leaves a room that looks as if its walls were thin, its
-people few and its thermometer wrong, and close to that fit a missing tenth of the power changes nothing. So where the
-best of the refits leaves a gross gap, candidates are ranked anew where the fit began
+people few and its thermometer wrong, and close to that fit a missing tenth of the power changes nothing. A clock that
+is late by half an hour, where meters drive the model, looks like nothing at all from there. So where the best of the
+refits leaves a gross gap, or there is a gap and no candidate stands out, candidates are ranked anew where the fit began
 (:mod:`diagnosis.gap.starting`): parameters and nuisance by straight lines there, each candidate by simulation, its
 amplitude bettered by what each simulation shows. The foremost are then fitted from there.
 """
@@ -34,6 +35,14 @@ FIRST = 1.0
 
 
 @dataclass(frozen=True)
+class Ranked:
+    """What a candidate is worth that was not fitted: ``names`` as of a refit, and a log evidence up to a constant."""
+
+    names: tuple[str, ...]
+    evidence: float
+
+
+@dataclass(frozen=True)
 class Abroad:
     """Candidates from the best: ``amplitudes`` [scales] with which each leaves least, and the ``rest`` it leaves.
 
@@ -49,6 +58,11 @@ class Abroad:
         """The few of these candidates that may be the best, with their amplitudes [scales]."""
         found = [one for one in zip(self.effects, self.amplitudes, self.rest, strict=True) if one[0].name in names]
         return [(e, a) for e, a, rest in found[:FITTED] if 0.5 * (rest - found[0][2]) < CONTENDING]
+
+    @property
+    def ranked(self) -> list[Ranked]:
+        """All of them, by what they leave."""
+        return [Ranked((e.name,), -0.5 * rest) for e, rest in zip(self.effects, self.rest, strict=True)]
 
 
 def abroad(

@@ -1,8 +1,8 @@
 """Refits that may be the best, made comparable: simulated anew, fitted from where the base model's fit began.
 
 A refit goes along straight lines from the base model's fit. Where these prove bent, the foremost are fitted afresh
-(:mod:`diagnosis.gap.afresh`); where the best still leaves a gross gap, all candidates are looked at again from there
-(:mod:`diagnosis.gap.abroad`).
+(:mod:`diagnosis.gap.afresh`); where the best still leaves a gross gap, or none stands out, all candidates are looked at
+from there (:mod:`diagnosis.gap.abroad`).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from diagnosis.gap.abroad import GROSS as GROSS
-from diagnosis.gap.abroad import abroad
+from diagnosis.gap.abroad import Ranked, abroad
 from diagnosis.gap.afresh import bent, fitted_afresh, fitted_with
 from diagnosis.gap.refit import Refit
 from diagnosis.gap.renewal import settled
@@ -53,8 +53,8 @@ def contended(refits: list[Refit], stage: Stage, found: Search, tell: Tell) -> t
     return made, made[0]
 
 
-def fitted_abroad(stage: Stage, found: Search, tell: Tell) -> list[Refit]:
-    """Candidates fitted from where the base model's fit began, those that are foremost there (gap/abroad.py)."""
+def fitted_abroad(stage: Stage, found: Search, tell: Tell) -> tuple[list[Refit], list[Ranked]]:
+    """The foremost candidates where the base model's fit began, fitted from there; and what all are worth there."""
     plain, begin = found.plain, found.begin
     observed, colours = stage.grams.observed, stage.colours.best
     at = np.zeros(plain.with_effects(()).size) if begin is None else begin
@@ -64,7 +64,7 @@ def fitted_abroad(stage: Stage, found: Search, tell: Tell) -> list[Refit]:
         try:
             found.made[key] = abroad(plain, at, stage.lin.effects, observed, colours)
         except SimulationError:
-            return []
+            return [], []
         found.simulations += found.made[key].simulations
     for effect, amplitude in found.made[key].foremost([one.name for one in stage.lin.effects]):
         own = (found.path, effect.name, "abroad")
@@ -73,7 +73,9 @@ def fitted_abroad(stage: Stage, found: Search, tell: Tell) -> list[Refit]:
             one = found.made[own] = fitted_with(plain, [effect], np.array([amplitude]), observed, colours, begin)
             found.simulations += one.simulations if one is not None else 0
         made.append(found.made[own])
-    return best_of([one for one in made if one is not None])
+    names = {(one.name,) for one in stage.lin.effects}
+    ranked = [one for one in found.made[key].ranked if one.names in names]
+    return best_of([one for one in made if one is not None]), ranked
 
 
 def best_of(refits: Sequence[Refit]) -> list[Refit]:

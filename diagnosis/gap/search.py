@@ -22,8 +22,8 @@ from diagnosis.gap.nuisances import widened
 from diagnosis.gap.refit import Refit, linear_start, refit
 from diagnosis.gap.renewal import settled
 from diagnosis.gap.scan import NEGLIGIBLE
-from diagnosis.gap.stages import CLEAR, LEVEL, STRONG, Stage, examine
-from diagnosis.gap.weighing import named, weighed
+from diagnosis.gap.stages import CLEAR, LEVEL, PLAIN, STRONG, Stage, examine
+from diagnosis.gap.weighing import Judged, named, weighed
 from shared.errors import SimulationError
 
 FURTHER = 5
@@ -44,7 +44,8 @@ class Search:
     """All stages, the base model's fit, the refits made at each stage (best first), and why candidates were not tried.
 
     ``settled``: the best refit of each stage as the next stage has it, simulated anew where it came to.
-    ``tried``: at each stage all refits before some were fitted afresh.
+    ``tried``: at each stage what all candidates that were refitted were worth before some were fitted afresh, or all
+    candidates where the base model's fit began.
     ``confirmed``: whether what the straight line found at first is there in a refit, or in the residual itself.
     ``plain``: the base model's problem before its nuisances were widened, ``begin`` (unknowns,) where its fit began:
     the middle of the prior if None.
@@ -57,7 +58,7 @@ class Search:
     begin: np.ndarray | None = None
     refits: list[list[Refit]] = field(default_factory=list)
     settled: list[Refit] = field(default_factory=list)
-    tried: list[list[Refit]] = field(default_factory=list)
+    tried: list[Sequence[Judged]] = field(default_factory=list)
     excluded: dict[str, str] = field(default_factory=dict)
     confirmed: bool = True
     simulations: int = 0
@@ -143,23 +144,30 @@ def search(
     found = Search([stage], one, base.problem, begin, excluded=why, simulations=count, made=made)
     found.excluded |= dict.fromkeys(lin.failed, "its simulation fails")
     while len(found.chosen) < MOST_EFFECTS:
-        stage = found.last
-        if not stage.candidate_found:
+        stage, first = found.last, not found.chosen
+        tried: Sequence[Judged]
+        if stage.candidate_found:
+            refits = [one for one in refitted(stage, tell, found) if abs(one.lin.amplitudes[-1]) >= NEGLIGIBLE]
+            gain = refits[0].evidence - evidence_before(found) if refits else -np.inf
+            if first:
+                found.confirmed = gain >= STRONG or stage.misfits or stage.discrepancy
+            if not refits or not found.confirmed or (not first and gain < CLEAR):
+                break
+            tried = straight = refits
+            refits, best = contended(straight, stage, found, tell)
+        elif first and (stage.misfits or stage.discrepancy):  # a gap, and no straight line that points to its cause
+            refits, tried = fitted_abroad(stage, found, tell)
+            if not refits or refits[0].evidence - evidence_before(found) < PLAIN:
+                break
+            best = refits[0]
+        else:
             break
-        first = not found.chosen
-        refits = [one for one in refitted(stage, tell, found) if abs(one.lin.amplitudes[-1]) >= NEGLIGIBLE]
-        gain = refits[0].evidence - evidence_before(found) if refits else -np.inf
-        if first:
-            found.confirmed = gain >= STRONG or stage.misfits or stage.discrepancy
-        if not refits or not found.confirmed or (not first and gain < CLEAR):
-            break
-        tried = refits
-        refits, best = contended(tried, stage, found, tell)
         lin = renewed_among(best, stage, effects, found)
         after = examine(lin, observed, size, seed=seed + len(found.stages))
-        again = fitted_abroad(stage, found, tell) if first and after.left_over > GROSS else []
+        gross = first and stage.candidate_found and after.left_over > GROSS
+        again, ranked = fitted_abroad(stage, found, tell) if gross else ([], [])
         if again:
-            refits = best_of([*again, best, *(refits if refits is not tried else ())])
+            tried, refits = ranked, best_of([*again, best, *(refits if refits is not straight else ())])
             if refits[0] is not best:
                 best = refits[0]
                 lin = renewed_among(best, stage, effects, found)
@@ -186,7 +194,7 @@ def worth_more(before: Stage, after: Stage) -> bool:
     return after.left_over <= PARSIMONY * before.left_over
 
 
-def told(before: Stage, refits: list[Refit], after: Stage, tried: list[Refit]) -> bool:
+def told(before: Stage, refits: list[Refit], after: Stage, tried: Sequence[Judged]) -> bool:
     """Whether a further effect is one of few: a set that goes beyond the refits names what nobody has fitted."""
     return len(named(weighed(before, refits, after, tried=tried), refits[0].names[-1])) <= MOST_REFITS
 

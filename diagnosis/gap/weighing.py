@@ -7,6 +7,7 @@ that acts by a somewhat other law than its candidate must not make one candidate
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from typing import Protocol
 
 import numpy as np
 
@@ -25,12 +26,24 @@ their word, evidences are too sure. Chosen on opened sets (docs/blind-check.md);
 out what makes the truth most likely."""
 
 
+class Judged(Protocol):
+    """A candidate (the last of the names) and its log evidence, as a refit has them."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the effects."""
+
+    @property
+    def evidence(self) -> float:
+        """Up to a constant that all have alike."""
+
+
 def weighed(
     stage: Stage,
     refits: list[Refit],
     after: Stage,
     *,
-    tried: Sequence[Refit] = (),
+    tried: Sequence[Judged] = (),
     later: Collection[str] = (),
     excluded: Collection[str] = (),
 ) -> dict[str, float]:
@@ -46,7 +59,7 @@ def weighed(
     after
         The stage with the best of them.
     tried
-        All that were refitted, if only some of them were fitted afresh.
+        All that were refitted, if only some of them were fitted afresh, or all where the base model's fit began.
     later
         Effects that were found beside it: they are no alternatives to it.
     excluded

@@ -67,3 +67,4 @@ def test_few_are_fitted_and_none_that_is_far_behind():
     assert [(one.name, a) for one, a in found.foremost("adef")] == [("a", 0), ("d", 3)]
     assert [one.name for one, _ in found.foremost("ef")] == ["e"]
     assert found.foremost(()) == []
+    assert [(one.names, one.evidence) for one in found.ranked[:2]] == [(("a",), -5.0), (("b",), -5.5)]

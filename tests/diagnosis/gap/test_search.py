@@ -115,10 +115,50 @@ def test_where_a_gross_gap_is_left_candidates_are_looked_at_again(monkeypatch, l
     monkeypatch.setattr(searching, "refitted", lambda *_: [refit("near", 50.0), refit("other", 45.0)])
     monkeypatch.setattr(searching, "contended", lambda refits, *_: (refits, refits[0]))
     monkeypatch.setattr(searching, "renewed_among", lambda best, *_: best.lin)
-    monkeypatch.setattr(searching, "fitted_abroad", lambda *_: [refit("far", worth)])
+    monkeypatch.setattr(searching, "fitted_abroad", lambda *_: ([refit("far", worth)], ["all"]))
     found = search(
         SimpleNamespace(converged=True, problem=None), (), np.ones((1, 2), dtype=bool), np.ones(1), tell=lambda _: None
     )
     assert [one.name for one in found.chosen] == [named]
     # what was not simulated anew is no measure beside what was
     assert [one.names[0] for one in found.refits[0]] == (weighed if left > 100 else ["near", "other"])
+    assert (found.tried[0] == ["all"]) == (left > 100)
+
+
+@pytest.mark.parametrize(
+    ("misfits", "discrepancy", "gain", "named"),
+    [
+        (True, False, 8.5, "far"),
+        (False, True, 8.5, "far"),
+        (True, True, 7.5, None),  # twins say nothing of it: only what is plain by itself is chosen
+        (False, False, 99.0, None),  # no gap, no search
+    ],
+)
+def test_where_no_candidate_stands_out_of_a_gap_they_are_looked_at_from_where_the_fit_began(
+    monkeypatch, misfits, discrepancy, gain, named
+):
+    colours = SimpleNamespace(best={})
+    before = SimpleNamespace(
+        candidate_found=False,
+        misfits=misfits,
+        discrepancy=discrepancy,
+        lin=SimpleNamespace(chosen=(), simulations=0, failed=()),
+        grams=SimpleNamespace(evidence=lambda colours: 10.0),
+        colours=colours,
+        episodic=False,
+    )
+    chosen = (SimpleNamespace(name="far"),)
+    after = SimpleNamespace(candidate_found=False, lin=SimpleNamespace(chosen=chosen), colours=colours, left_over=500.0)
+    far = SimpleNamespace(names=("far",), evidence=10.0 + gain, lin=SimpleNamespace(chosen=chosen))
+    begun = SimpleNamespace(lin=SimpleNamespace(problem=None), simulations=0, evidence=0.0)
+    looked = []
+    monkeypatch.setattr(searching, "settled_base", lambda *_: begun)
+    monkeypatch.setattr(searching, "applicable", lambda *_: ((), {}))
+    monkeypatch.setattr(searching, "among", lambda *_: before.lin)
+    monkeypatch.setattr(searching, "examine", lambda lin, *_, **__: before if lin is before.lin else after)
+    monkeypatch.setattr(searching, "renewed_among", lambda *_: None)
+    monkeypatch.setattr(searching, "fitted_abroad", lambda *_: looked.append(1) or ([far], []))
+    readings = np.ones((1, 2), dtype=bool)
+    found = search(SimpleNamespace(converged=True, problem=None), (), readings, np.ones(1), tell=lambda _: None)
+    assert [one.name for one in found.chosen] == ([named] if named else [])
+    assert len(looked) == (misfits or discrepancy)
