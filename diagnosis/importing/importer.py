@@ -189,6 +189,11 @@ def _stretch(composer: Composer, series: list[Series], ahead: bool) -> tuple[int
             f"{(b - a) * composer.step / 3600:.3g} h; expected at least a day"
             f" ({_left_out(series, gaps)}a mapping's fill says what may fill gaps)"
         )
+    if b - a < 2:
+        raise RecordingError(
+            f"{composer.data.path}: makes one step of {composer.step:g} s; expected two at least (grid.step of"
+            f" {composer.mapping.path}, or the system's own)"
+        )
     if (a, b) != (first, last):
         edges = composer.edges
         composer.notes.append(

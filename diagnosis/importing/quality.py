@@ -132,11 +132,25 @@ def make_signal(
 
 
 def to_target(readings: np.ndarray, source: Source, target: str, *, density: float, where: str) -> np.ndarray:
-    """Numbers as read to the target's unit: ``scale * reading + offset`` in the declared unit, then converted."""
-    values = source.scale * readings + source.offset
-    if source.persons is not None:
-        values = values * source.persons
-    return units.convert(values, source.unit, target, density=density, where=where)
+    """Numbers as read to the target's unit: ``scale * reading + offset`` in the declared unit, then converted.
+
+    Raises
+    ------
+    RecordingError
+        If the units do not fit, or a number becomes larger than a recording can hold.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        values = source.scale * readings + source.offset
+        if source.persons is not None:
+            values = values * source.persons
+        values = units.convert(values, source.unit, target, density=density, where=where)
+    beyond = ~(np.abs(values) <= units.LARGEST)
+    if beyond.any():
+        raise RecordingError(
+            f"{where}: {readings[beyond].ravel()[0]:g} becomes {values[beyond].ravel()[0]:g} {target} with scale"
+            f" {source.scale:g} and offset {source.offset:g}; expected at most {units.LARGEST:g}"
+        )
+    return values
 
 
 def _possible(source: Source, unit: str, *, density: float, where: str) -> tuple[float, float, units.Below, float]:

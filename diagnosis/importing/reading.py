@@ -19,6 +19,7 @@ import pandas as pd
 from diagnosis.importing.clock import read_stamps
 from diagnosis.importing.mapping import File, Mapping
 from diagnosis.importing.separators import with_dots
+from diagnosis.importing.units import LARGEST
 from shared.errors import RecordingError
 from shared.reading import MIB, check_columns, listed, read_bytes, shown, why
 
@@ -76,7 +77,7 @@ class Measurements:
         self.notes += [f"column {name}: {one}" for one in notes]
         text = text.str.lower().replace(_TRUE)
         values = pd.to_numeric(text, errors="coerce").to_numpy(dtype=np.float64)
-        values = np.where(np.isfinite(values), values, np.nan)
+        values = np.where(np.abs(values) <= LARGEST, values, np.nan)
         odd = text.notna().to_numpy() & np.isnan(values)
         if odd.sum() > 0.5 * text.notna().sum() or not np.isfinite(values).any():
             example = self.columns[name].iloc[int(np.flatnonzero(odd)[0])] if odd.any() else None

@@ -10,6 +10,8 @@ import numpy as np
 
 from shared.errors import RecordingError
 
+LARGEST = 1e30
+"""No reading is beyond: what a logger writes for a missing one (3.4e38) is, and sums of squares are still numbers."""
 _WORDS = {
     "": "1",
     "fraction": "1",
