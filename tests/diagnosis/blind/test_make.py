@@ -21,7 +21,7 @@ from diagnosis.effects import library
 from diagnosis.recording import HOUR, read_recording
 from shared.errors import RecordingError, ZeroshotError
 
-HOURS, SEED, COUNT = 96.0, 20, 8
+HOURS, SEED, COUNT = 72.0, 20, 6
 
 
 @pytest.fixture(scope="module")
