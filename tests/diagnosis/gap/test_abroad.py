@@ -68,3 +68,10 @@ def test_few_are_fitted_and_none_that_is_far_behind():
     assert [one.name for one, _ in found.foremost("ef")] == ["e"]
     assert found.foremost(()) == []
     assert [(one.names, one.evidence) for one in found.ranked[:2]] == [(("a",), -5.0), (("b",), -5.5)]
+
+
+def test_of_no_candidates_none_is_foremost(looked_at):
+    problem = looked_at[2]
+    colours = {k: (float(sd), 0.0, HOUR) for k, sd in enumerate(problem.floor)}
+    found = abroad(problem, np.zeros(problem.with_effects(()).size), [], problem.observed, colours)
+    assert found.foremost(()) == [] and found.ranked == []
