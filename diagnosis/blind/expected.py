@@ -22,8 +22,9 @@ MOST = 0.5
 """Share of a gap's squared length that a candidate must imitate for the gap to be of its kind."""
 
 DETECTABLE = (
-    "A gap is detectable when its length in units of the sensors' noise, beyond all that parameters, uncertain"
-    " constants, unmeasured inputs and the errors of replayed meters can imitate, exceeds that of 95 % of this set's"
+    "A gap is detectable when its length in units of the sensors' noise, beyond all that parameters and what else"
+    " nobody is told can imitate (unmeasured inputs and, but in sets of older versions, uncertain constants and the"
+    " errors of replayed meters, with the parameters fitted to the gap), exceeds that of 95 % of this set's"
     " recordings without any effect and with the same actuators by as much as an observer needs who knows its shape"
     " among as many as there are candidates (5 % false alarms in all, 90 % power). It is unlike the candidates when"
     " that holds beyond any one of them as well; where the answer is an effect, beyond any other. It is of its"

@@ -23,7 +23,8 @@ from diagnosis.gap.linear import Linearised, linearised
 from shared.errors import SimulationError
 
 GROSS = 100.0
-"""Log evidence of a discrepancy without a cause, beside the best candidate, from which on it is asked again."""
+"""Log evidence of a discrepancy without a cause, beside the best candidate, from which on it is asked again. This and
+what follows were set by hand with one opened set in view (docs/blind-check.md), and not varied."""
 ROUNDS = 4
 """How often the candidates are simulated, each time with a better amplitude."""
 CONTENDING = 50.0

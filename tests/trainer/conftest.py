@@ -17,6 +17,7 @@ import torch
 from shared.schema import build_shard, time_axis
 from shared.store import DatasetFolder, Manifest, write_manifest, write_shard
 from shared.system import System, parse_system
+from trainer.reading.windows import Sampler
 from trainer.runs.checkpoint import Run
 from trainer.training.fitting import fit
 
@@ -165,3 +166,16 @@ def own_ridge(ridge_run: Run, tmp_path: Path) -> Path:
 def records(tanks: Path) -> Callable[[], DatasetFolder]:
     """Opens the tanks."""
     return lambda: DatasetFolder(tanks)
+
+
+def interrupt_after(count: int, patch: pytest.MonkeyPatch) -> None:
+    """Let the next training end as by Ctrl-C once it has drawn so many batches."""
+    draw, seen = Sampler.draw, []
+
+    def interrupted(self: Sampler, size: int) -> Any:
+        seen.append(1)
+        if len(seen) > count:
+            raise KeyboardInterrupt
+        return draw(self, size)
+
+    patch.setattr(Sampler, "draw", interrupted)

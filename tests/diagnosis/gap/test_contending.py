@@ -4,7 +4,9 @@ from types import SimpleNamespace
 
 import pytest
 
+from diagnosis.effects.base import Nothing
 from diagnosis.gap import contending
+from diagnosis.gap.abroad import Abroad
 
 
 @pytest.fixture
@@ -58,3 +60,31 @@ def test_a_second_effect_is_not_fitted_afresh(contend):
 def test_of_each_candidate_the_best_refit_is_left():
     ones = [SimpleNamespace(names=(name,), evidence=value) for name, value in [("a", 1.0), ("b", 2.0), ("a", 3.0)]]
     assert [(one.names[0], one.evidence) for one in contending.best_of(ones)] == [("a", 3.0), ("b", 2.0)]
+
+
+def test_those_foremost_where_the_fit_began_are_fitted_from_there_once(monkeypatch):
+    """And of a search with fewer candidates only those that it still has."""
+    effects = [Nothing(name) for name in ("a", "b", "c", "d")]
+    seen = Abroad(tuple(effects), (1.0, 2.0, 3.0, 4.0), (10.0, 12.0, 14.0, 16.0), 100)
+    looked, fitted = [], []
+    monkeypatch.setattr(contending, "abroad", lambda *_: looked.append(1) or seen)
+
+    def fit(plain, one, amplitudes, *_):
+        fitted.append((one[0].name, *amplitudes))
+        worth = {"b": 5.0, "c": 7.0, "d": 1.0}.get(one[0].name)  # a cannot be simulated
+        return None if worth is None else SimpleNamespace(names=(one[0].name,), evidence=worth, simulations=10)
+
+    monkeypatch.setattr(contending, "fitted_with", fit)
+    plain = SimpleNamespace(with_effects=lambda _: SimpleNamespace(size=2))
+    found = SimpleNamespace(path="here", made={}, simulations=0, plain=plain, begin=None)
+
+    def refits(names):
+        lin = SimpleNamespace(effects=[one for one in effects if one.name in names])
+        stage = SimpleNamespace(lin=lin, grams=SimpleNamespace(observed=None), colours=SimpleNamespace(best={}))
+        made, ranked = contending.fitted_abroad(stage, found, lambda _: None)
+        return [one.names[0] for one in made], [one.names[0] for one in ranked]
+
+    assert refits("abcd") == (["c", "b"], ["a", "b", "c", "d"])
+    assert fitted == [("a", 1.0), ("b", 2.0), ("c", 3.0)] and found.simulations == 100 + 2 * 10
+    assert refits("abd") == (["b", "d"], ["a", "b", "d"])
+    assert fitted[3:] == [("d", 4.0)] and len(looked) == 1

@@ -5,11 +5,11 @@ import json
 import pytest
 
 from trainer.evaluating.evaluation import evaluate
-from trainer.reading.windows import Sampler
 from trainer.runs.checkpoint import load_run, read_card
 from trainer.runs.unfinished import unfinished
 from trainer.training.fitting import fit
 
+from ..conftest import interrupt_after
 from ..test_cli import run as command
 
 SMALL = {"width": 16, "layers": 1, "heads": 2, "feedforward": 32}
@@ -20,16 +20,8 @@ SAID = "The run's training was not finished: it was interrupted after step 30 of
 def cut_short(tanks, tmp_path_factory):
     """Folder of a training of 100 steps that was stopped by Ctrl-C in the 31st."""
     folder = tmp_path_factory.mktemp("cut") / "run"
-    draw, seen = Sampler.draw, []
-
-    def interrupted(self, count):
-        seen.append(1)
-        if len(seen) > 30:
-            raise KeyboardInterrupt
-        return draw(self, count)
-
     with pytest.MonkeyPatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr(Sampler, "draw", interrupted)
+        interrupt_after(30, patch)
         fit(tanks, folder, options=SMALL, steps=100)
     return folder
 

@@ -11,7 +11,7 @@ from trainer.reading.windows import Sampler
 from trainer.runs.checkpoint import load_run
 from trainer.training.fitting import fit
 
-from ..conftest import TANK, make_dataset
+from ..conftest import TANK, interrupt_after, make_dataset
 
 SMALL = {"width": 16, "layers": 1, "heads": 2, "feedforward": 32, "dropout": 0.0}
 
@@ -137,15 +137,7 @@ def test_a_learning_rate_that_explodes_is_told(tanks, tmp_path):
 
 
 def test_ctrl_c_leaves_the_best_estimator_so_far(tanks, tmp_path, monkeypatch):
-    draw, seen = Sampler.draw, []
-
-    def interrupted(self, count):
-        seen.append(1)
-        if len(seen) > 30:
-            raise KeyboardInterrupt
-        return draw(self, count)
-
-    monkeypatch.setattr(Sampler, "draw", interrupted)
+    interrupt_after(30, monkeypatch)
     with pytest.raises(KeyboardInterrupt):
         fit(tanks, tmp_path / "run", options=SMALL, steps=100)
     card = load_run(tmp_path / "run").card

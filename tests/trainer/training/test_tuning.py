@@ -12,11 +12,10 @@ import torch
 from shared.errors import DatasetError, EstimatorError, OptionsError
 from shared.interrupts import Terminated
 from shared.store import DatasetFolder
-from trainer.models import ESTIMATORS, estimator_class
+from trainer.models import estimator_class
 from trainer.reading.windows import WindowSource
 from trainer.runs.checkpoint import load_run, read_card
 from trainer.training.fitting import fit
-from trainer.training.space import space_of
 from trainer.training.tuning import BEST, read_options, tune
 
 from ..conftest import make_dataset
@@ -267,13 +266,6 @@ def test_a_search_that_other_versions_began_is_told_and_goes_on(tanks, tmp_path,
     study.set_user_attr("versions", study.user_attrs["versions"] | {"torch": "1.0"})
     assert tune(tanks, tmp_path, trials=3, **SETTINGS).trials == 3
     assert f"study.db: begun with torch 1.0, and this is {torch.__version__}: its trials may differ" in caplog.text
-
-
-@pytest.mark.parametrize("model", [name for name in ESTIMATORS if name not in ("mean", "ridge")])
-def test_every_trained_estimator_has_a_space(model):
-    space = space_of(model)
-    assert {"lr", "batch_size", "width", "dropout"} < set(space)
-    assert space["lr"][1] == estimator_class(model).recipe.lr
 
 
 def test_what_cannot_be_searched_is_told(tanks, tmp_path):
