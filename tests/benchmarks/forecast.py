@@ -22,6 +22,7 @@ from resumed import resumed
 from datagen.driving.inputs import build_inputs
 from datagen.driving.sampling import sample_parameters
 from datagen.driving.tables import Piecewise
+from datagen.simulating.constants import constants, sample_factors, values_of
 from datagen.simulating.recording import on_the_clock
 from datagen.simulating.simulator import Simulator
 from diagnosis.forecasting.forecast import forecast
@@ -32,7 +33,9 @@ from shared.store import write_shard
 from shared.system import System, load_system
 
 
-def unseen(system: System, seed: int, index: int, noise: str, context: float, ahead: float, folder: Path) -> Recording:
+def unseen(
+    system: System, seed: int, index: int, noise: str, context: float, ahead: float, folder: Path, drawn: bool = False
+) -> Recording:
     """A recording of a system whose excitation ends with the context, with sensor noise; also as a file."""
     from diagnosis.recording import read_recording
 
@@ -52,7 +55,9 @@ def unseen(system: System, seed: int, index: int, noise: str, context: float, ah
     inputs = build_inputs(system, root_seed=seed, index=index, start=start, stop=stop, overrides=switched_off)
     theta = sample_parameters(system, seed, index)
     names = dict(zip(system.parameter_names, theta.tolist(), strict=True))
-    made = Simulator(system).run(names, inputs, start=start, stop=stop, record_from=begin)
+    simulator = Simulator(system)
+    walls = values_of(constants(system, simulator.fmu), sample_factors(system, seed, index)) if drawn else {}
+    made = simulator.run(names | walls, inputs, start=start, stop=stop, record_from=begin)
     outputs = made.outputs + system.noise_sd(noise)[:, None] * rng.standard_normal(made.outputs.shape)
     shard = build_shard(
         system, indices=np.array([index]), root_seed=seed, parameters=theta[None], outputs=outputs[None],
@@ -69,7 +74,7 @@ def made(case: dict[str, Any]) -> dict[str, Any]:
     system, folder = load_system(case["system"]), Path(case["folder"])
     context, ahead = case["context"], case["ahead"]
     try:
-        record = unseen(system, case["seed"], case["index"], case["noise"], context, ahead, folder)
+        record = unseen(system, case["seed"], case["index"], case["noise"], context, ahead, folder, case["drawn"])
         done = forecast(
             system, record, context=context, ahead=ahead, run=case["run"], noise=case["noise"],
             occupancy=case["occupancy"], starts=case["starts"], draws=case["draws"],
@@ -100,12 +105,13 @@ def main() -> None:
     parser.add_argument("--starts", type=int, default=2)
     parser.add_argument("--draws", type=int, default=20)
     parser.add_argument("--targets", nargs="*", default=[], help="of the RMSE, such as TRoo=0.3; counts the rooms")
+    parser.add_argument("--drawn", action="store_true", help="systems with uncertain constants drawn")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("forecasts"))
     options = parser.parse_args()
     system = load_system(options.system)
     options.out.mkdir(parents=True, exist_ok=True)
-    names = ("seed", "noise", "occupancy", "context", "ahead", "starts", "draws")
+    names = ("seed", "noise", "occupancy", "context", "ahead", "starts", "draws", "drawn")
     common = {name: getattr(options, name) for name in names}
     common |= {"system": str(options.system), "folder": str(options.out)}
     common["run"] = str(options.run) if options.run else None

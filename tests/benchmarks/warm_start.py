@@ -17,6 +17,9 @@ their error in the parameters, is as low as its own. Seconds are of the processo
 
 Last, what simulation adds: R2 of each parameter over the rooms, of the estimator alone and of ``diagnosis calibrate``
 started from it, which integrates out what happened within the hour and before the recording.
+
+``--drawn``: in rooms whose uncertain constants are drawn. All methods then hold them at the description's values, which
+are not theirs, but for ``diagnosis calibrate``, which fits them along.
 """
 
 from __future__ import annotations
@@ -106,7 +109,7 @@ def made(case: dict[str, Any]) -> dict[str, Any]:
     system = load_system(case["system"]).with_experiment(hours=hours, start=(0.0, 8760.0 - hours))
     simulator = Simulator(system)
     path = Path(case["folder"]) / f"system-{seed}-{index}.nc"
-    data = simulate(system, seed=seed, index=index, out=path)
+    data = simulate(system, seed=seed, index=index, uncertain=case["drawn"], out=path)
     values = {name: float(data[name]) for name in system.parameter_names}
     rng = np.random.default_rng([seed, index])
     record = noisy(read_recording(path, system), system, rng)
@@ -294,13 +297,14 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=9200, help="root seed; take one that no estimator was trained on")
     parser.add_argument("--limit", type=int, default=2000, help="simulations that a global method may spend")
     parser.add_argument("--restarts", type=int, default=4)
+    parser.add_argument("--drawn", action="store_true", help="rooms with uncertain constants drawn")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("warm-start"))
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     common = {
         "system": str(options.system), "run": str(options.run), "folder": str(options.out), "hours": options.hours,
-        "seed": options.seed, "limit": options.limit, "restarts": options.restarts,
+        "seed": options.seed, "limit": options.limit, "restarts": options.restarts, "drawn": options.drawn,
     }  # fmt: skip
     cases = [{**common, "index": k, "global": k < options.global_systems} for k in range(options.systems)]
     rows = resumed(options.out / "cases.jsonl", cases, made, workers=options.workers)
