@@ -10,10 +10,9 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from filelock import FileLock, Timeout
-
 from shared import children
 from shared.errors import EstimatorError, IncompleteError, ZeroshotError
+from shared.lock import FolderLock
 from shared.logs import fields, logger
 from shared.progress import progress_bar
 from shared.store import write_atomically
@@ -104,17 +103,14 @@ def benchmark(
         ceiling=ceiling,
     )
     make_folder(plan.out)
-    try:
-        with FileLock(plan.out / ".lock", timeout=0):
-            write_atomically(plan.out / IDENTITY, (json.dumps(plan.identity, indent=1) + "\n").encode())
-            try:
-                failed = run_fits(plan, progress)
-            except KeyboardInterrupt:
-                write_results(plan, theirs, command)
-                raise
-            page = write_results(plan, theirs, command)
-    except Timeout:
-        raise EstimatorError(f"{plan.out}: another benchmark is at work in it") from None
+    with FolderLock(plan.out, kind=EstimatorError):
+        write_atomically(plan.out / IDENTITY, (json.dumps(plan.identity, indent=1) + "\n").encode())
+        try:
+            failed = run_fits(plan, progress)
+        except KeyboardInterrupt:
+            write_results(plan, theirs, command)
+            raise
+        page = write_results(plan, theirs, command)
     if failed:
         first, why = next(iter(failed.items()))
         raise IncompleteError(f"{len(failed)} of {len(plan.fits)} fits failed; the first: {first}: {why}")

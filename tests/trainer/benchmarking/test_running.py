@@ -12,6 +12,7 @@ import pytest
 
 import trainer
 from shared.errors import EstimatorError, IncompleteError
+from shared.lock import FolderLock
 from shared.store import DatasetFolder
 from trainer.benchmarking import running
 from trainer.benchmarking.conditions import Budget, Condition, Fit
@@ -159,6 +160,16 @@ def test_a_loss_that_is_not_a_number_is_scored_with_a_warning(short, tmp_path, m
 def test_results_of_another_dataset_are_left_alone(finished, other_tanks):
     with pytest.raises(EstimatorError, match=r"benchmark of this very dataset: systems was 100 and is 20 now"):
         trainer.benchmark(other_tanks, finished, **QUICK)
+
+
+def test_a_second_benchmark_in_a_folder_is_told_which_process_is_there(finished, short):
+    (finished / "results.md").unlink()
+    with FolderLock(finished), pytest.raises(EstimatorError, match=rf"another run is at it \(process {os.getpid()} on"):
+        trainer.benchmark(short, finished, **QUICK)
+    assert not (finished / "results.md").exists()
+    (finished / ".lock").write_text("")  # as earlier versions left it
+    trainer.benchmark(short, finished, **QUICK)
+    assert (finished / "results.md").exists()
 
 
 @pytest.mark.slow
