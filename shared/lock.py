@@ -39,6 +39,16 @@ def _take(handle: IO[str]) -> None:
         fcntl.flock(handle.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
+def _look(handle: IO[str]) -> None:
+    """As :func:`_take`, for one that only looks: others may at the same time, and the lock goes with the handle."""
+    if sys.platform == "win32":  # which knows no shared lock of a byte
+        _take(handle)
+    else:
+        import fcntl
+
+        fcntl.flock(handle.fileno(), fcntl.LOCK_SH | fcntl.LOCK_NB)
+
+
 def _exists(pid: int) -> bool:
     if not 0 < pid < 1 << 31:
         return False
@@ -60,6 +70,24 @@ def read_holder(folder: Path | str) -> dict[str, Any]:
     except DatasetError:
         return {}
     return found if isinstance(found, dict) else {}
+
+
+def at_work(folder: Path | str) -> str | None:
+    """Which run is at work in a folder now, in words; None where none is. Nothing is waited for, or written."""
+    holder = read_holder(folder)
+    if not holder or holder.get("released"):
+        return None
+    try:
+        with open(Path(folder) / FILE_NAME, encoding="utf-8") as handle:
+            _look(handle)
+    except OSError as error:
+        return _in_words(holder) if error.errno in _TAKEN or FolderLock._lives(holder) else None
+    return None  # it was killed
+
+
+def _in_words(holder: dict[str, Any]) -> str:
+    pid, host, since = holder.get("pid", "?"), holder.get("host", "an unknown machine"), holder.get("since", "?")
+    return f"process {pid} on {host}, since {since}"
 
 
 class FolderLock:
@@ -97,9 +125,7 @@ class FolderLock:
             if error.errno in _TAKEN or self._lives(before):
                 handle.close()
                 raise self._kind(
-                    f"{self.folder}: another run is at it (process {before.get('pid', '?')} on "
-                    f"{before.get('host', 'an unknown machine')}, since {before.get('since', '?')}); "
-                    "wait for it, or stop it and run again"
+                    f"{self.folder}: another run is at it ({_in_words(before)}); wait for it, or stop it and run again"
                 ) from None
             if error.errno not in _CANNOT_LOCK:
                 handle.close()

@@ -20,7 +20,7 @@ from resumed import resumed
 import trainer
 from shared.ceiling import fitting, read_ceilings
 from shared.store import DatasetFolder
-from trainer.evaluating.evaluation import constants_of, origin_of
+from trainer.evaluating.limit import constants_of, origin_of
 
 NOISES = {"none": "Clean readings", "sensor": "Noisy readings"}
 

@@ -10,7 +10,7 @@ import pytest
 
 from shared import lock
 from shared.errors import DatasetError, EstimatorError
-from shared.lock import FolderLock, read_holder
+from shared.lock import FolderLock, at_work, read_holder
 
 HOLD = (
     "import sys, time; from pathlib import Path; from shared.lock import FolderLock\n"
@@ -35,6 +35,31 @@ def test_the_lock_of_a_killed_run_is_free(tmp_path, holder):
     holder.wait()
     with FolderLock(tmp_path):
         assert read_holder(tmp_path)["pid"] == os.getpid()
+
+
+def test_who_is_at_work_is_known_to_who_only_looks(tmp_path, holder):
+    assert at_work(tmp_path).startswith(f"process {holder.pid} on {socket.gethostname()}, since 2")
+    holder.kill()
+    holder.wait()
+    assert at_work(tmp_path) is None  # though the file still names it
+    assert read_holder(tmp_path)["pid"] == holder.pid
+    with FolderLock(tmp_path):
+        said = at_work(tmp_path)
+        assert said is not None
+        assert f"process {os.getpid()} on" in said
+    assert at_work(tmp_path) is None
+    assert at_work(tmp_path / "nowhere") is None
+
+
+def test_where_files_cannot_be_locked_who_looks_asks_whether_the_holder_lives(tmp_path, holder, monkeypatch):
+    def cannot(_):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(lock, "_look", cannot)
+    assert f"process {holder.pid} on" in at_work(tmp_path)
+    holder.kill()
+    holder.wait()
+    assert at_work(tmp_path) is None
 
 
 def test_where_files_cannot_be_locked_it_counts_whether_the_holder_lives(tmp_path, holder, monkeypatch):

@@ -14,7 +14,8 @@ from shared.store import DatasetFolder
 from trainer.benchmarking.conditions import Condition
 from trainer.benchmarking.job import FAILED, read_done
 from trainer.benchmarking.planning import Plan
-from trainer.evaluating.evaluation import LEVEL, find_ceiling
+from trainer.evaluating.evaluation import LEVEL
+from trainer.evaluating.limit import find_ceiling
 from trainer.evaluating.report import EVALUATION, Answers, CeilingFigures, Evaluation, read_answers
 from trainer.runs.checkpoint import Training, read_card
 

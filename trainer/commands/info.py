@@ -21,8 +21,8 @@ def info(run: Path, /, *, json: Annotated[bool, Parameter(negative="")] = False)
     run
         Run folder made by `trainer fit`, or the name of a system that comes with an estimator.
     json
-        Print estimator.json on stdout, with a sentence `unfinished` where the training did not come to its end (null
-        where it did).
+        Print estimator.json on stdout, with a sentence `unfinished` where the training did not come to its end, or
+        another run is at work in the folder (null where neither is so).
     """
     from trainer.runs.checkpoint import load_run
     from trainer.runs.unfinished import unfinished
@@ -30,7 +30,7 @@ def info(run: Path, /, *, json: Annotated[bool, Parameter(negative="")] = False)
 
     loaded = load_run(run)
     card = loaded.card
-    cut_short = unfinished(card)
+    cut_short = unfinished(card, loaded.folder)
     if json:
         found = json_.loads(card.model_dump_json()) | {"unfinished": cut_short}
         sys.stdout.write(json_.dumps(found, indent=1, ensure_ascii=False) + "\n")

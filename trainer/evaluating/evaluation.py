@@ -17,17 +17,17 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from shared.ceiling import FILE_NAME, Origin, Unknown, fitting, in_words, read_ceilings, unknown_constants
 from shared.errors import EstimatorError
 from shared.metrics import bootstrap_by_system, r2, relative_accuracy
 from shared.store import DatasetFolder, Records
-from trainer.evaluating.report import Answers, CeilingFigures, Evaluation, Protocol, write_answers, write_report
+from trainer.evaluating.limit import find_ceiling
+from trainer.evaluating.report import Answers, Evaluation, Protocol, write_answers, write_report
 from trainer.figures import draw_scatter
 from trainer.reading.data import load_records
 from trainer.reading.noise import Sensors
 from trainer.reading.windows import WindowSource, disjoint_windows
 from trainer.runs.checkpoint import Card, Run, load_run, make_folder
-from trainer.runs.unfinished import unfinished
+from trainer.runs.unfinished import check_not_replaced, unfinished
 from trainer.seeds import check_seed
 
 LEVEL = 0.9
@@ -72,13 +72,15 @@ def evaluate(
     Raises
     ------
     EstimatorError
-        If the run and the dataset do not fit, or the dataset has no unseen system.
+        If the run and the dataset do not fit, the dataset has no unseen system, or the estimator in the run folder was
+        replaced meanwhile.
     DatasetError
         If the dataset cannot be used.
     """
     check_seed(seed)
     run = run if isinstance(run, Run) else load_run(run)
     card = run.card
+    cut_short = unfinished(card, run.folder)
     dataset = DatasetFolder(dataset_dir)
     check_same_system(card, dataset)
     if windows < 1:
@@ -126,7 +128,7 @@ def evaluate(
     )
     result = Evaluation(
         model=card.model,
-        unfinished=unfinished(card),
+        unfinished=cut_short,
         context_hours=hours,
         step=card.encoding.step,
         noise=preset,
@@ -137,6 +139,8 @@ def evaluate(
     )
     folder = Path(out) if out is not None else run.results
     if folder is not None:
+        if folder == run.folder and not cut_short:
+            check_not_replaced(run)
         make_folder(folder)
         write_report(result, card, folder)
         write_answers(answers, card.encoding.parameters, folder)
@@ -204,60 +208,6 @@ def figures_of_merit(
             "systems_trained_on": int(seen[unique].sum()),
         }
     )
-
-
-def find_ceiling(
-    card: Card, dataset: DatasetFolder, path: Path | None, *, hours: float, noise: str, channels: list[str]
-) -> tuple[CeilingFigures | None, str]:
-    """The ceiling of a condition, or None; and a sentence that says which, or why there is none.
-
-    Channels from the clock and inputs are no part of the condition, but for counted persons: the ceiling takes them for
-    known. A dataset without excitation has none: ceilings are computed with it. Where a dataset's uncertain constants
-    were drawn the ceiling is one that took just these for unknown; where they are as declared, one that knew them.
-
-    Raises
-    ------
-    ZeroshotError
-        If a file that was named cannot be read.
-    """
-    where, manifest = path or dataset.folder / FILE_NAME, dataset.manifest
-    if path is None and not where.exists():
-        return None, f"no ceiling: {where} does not exist; `datagen identifiability` writes one"
-    ceilings = read_ceilings(where)
-    if ceilings.system_hash != card.system_hash:
-        return None, f"no ceiling: {where} is of another system ({ceilings.system_name})"
-    if ceilings.fmu_sha256 != manifest.fmu_sha256:
-        found = f"its fmu_sha256 is {ceilings.fmu_sha256[:12]}, this dataset has {manifest.fmu_sha256[:12]}"
-        return None, f"no ceiling: {where} is of another FMU: {found}"
-    excited = manifest.settings.get("excitation", True) and not manifest.settings.get("calm")
-    if not excited and any(i.source == "excitation" for i in dataset.system.inputs):
-        return None, f"no ceiling: {where} holds with excitation; this dataset is not all with it"
-    read = [name for name in card.encoding.recorded if name in channels]
-    constants = constants_of(dataset)
-    limits = ceilings.find(
-        context_hours=hours, step=card.encoding.step, noise=noise, channels=read, constants=constants
-    )
-    condition = f"{hours:g} h, step {card.encoding.step:g} s, noise {noise}, channels {' '.join(read)}"
-    if constants or any(one.constants for one in ceilings.ceilings):
-        condition += f", {in_words(constants)}"
-    if not limits:
-        return None, f"no ceiling: {where} has none for {condition}"
-    limit, reason = fitting(limits, origin_of(dataset), constants)
-    if limit is None:
-        return None, f"no ceiling: {where}: {reason}"
-    return CeilingFigures(r2=limit.r2, r2_mean=limit.r2_mean), f"ceiling for {condition}, over {limit.systems} systems"
-
-
-def origin_of(dataset: DatasetFolder) -> Origin:
-    """What a dataset's windows are of; datasets of old say nothing of their weather."""
-    experiment, weather = dataset.system.experiment, dataset.manifest.settings.get("weather")
-    known = {str(k): str(v) for k, v in weather.items()} if isinstance(weather, dict) else {}
-    return Origin(start=experiment.start, hours=experiment.hours, weather=known)
-
-
-def constants_of(dataset: DatasetFolder) -> dict[str, Unknown]:
-    """The constants that were drawn for each system of a dataset."""
-    return unknown_constants(dataset.system.uncertain if dataset.manifest.settings.get("uncertain") else [])
 
 
 def check_same_system(card: Card, dataset: DatasetFolder) -> None:

@@ -69,7 +69,7 @@ class Evaluation(_Table):
     schema_version: int = 2
     model: str
     unfinished: str | None = None
-    """a sentence where the run's training did not come to its end"""
+    """a sentence where the run's training did not come to its end, or another run is at work in its folder"""
     context_hours: float
     step: float
     noise: str

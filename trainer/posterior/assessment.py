@@ -15,7 +15,7 @@ from shared.errors import EstimatorError
 from shared.metrics import bootstrap_by_system, r2
 from shared.store import DatasetFolder
 from trainer.evaluating.evaluation import absent_channels, check_records, check_same_system, unseen_rows, window_length
-from trainer.posterior.checkpoint import load_posterior
+from trainer.posterior.checkpoint import check_posterior_not_replaced, load_posterior
 from trainer.posterior.figures import draw_coverage, draw_ranks
 from trainer.posterior.inference import Posterior, check_samples, summarise
 from trainer.posterior.report import LEVELS, Calibration, Coverage, LogScore, ParameterCalibration, write_calibration
@@ -24,7 +24,7 @@ from trainer.reading.data import load_records
 from trainer.reading.noise import Sensors
 from trainer.reading.windows import WindowSource, disjoint_windows
 from trainer.runs.checkpoint import Run, load_run, make_folder
-from trainer.runs.unfinished import unfinished
+from trainer.runs.unfinished import check_not_replaced, unfinished
 from trainer.runs.validation import Typical, typical_errors
 from trainer.seeds import check_seed
 
@@ -67,7 +67,8 @@ def calibration(
     Raises
     ------
     EstimatorError
-        If an argument is wrong, the run has no posterior or does not fit the dataset, or that has no unseen system.
+        If an argument is wrong, the run has no posterior or does not fit the dataset, or that has no unseen system; or
+        if the estimator or the posterior in the run folder was replaced meanwhile.
     DatasetError
         If the dataset cannot be used.
     """
@@ -80,6 +81,7 @@ def calibration(
         raise EstimatorError(f"windows: is {windows}; expected at least 2")
     check_samples(samples)
     card, encoding = run.card, run.card.encoding
+    cut_short = unfinished(card, run.folder)
     dataset = DatasetFolder(dataset_dir)
     check_same_system(card, dataset)
     index = load_records(dataset, [])
@@ -110,7 +112,7 @@ def calibration(
     typical = typical_errors(card, length, without or [], preset)
     result = Calibration(
         model=card.model,
-        unfinished=unfinished(card),
+        unfinished=cut_short,
         context_hours=hours,
         noise=preset,
         channels=[name for name in encoding.channels if name not in (without or [])],
@@ -121,6 +123,9 @@ def calibration(
     )
     folder = Path(out) if out is not None else run.results
     if folder is not None:
+        if folder == run.folder and not cut_short:
+            check_not_replaced(run)
+            check_posterior_not_replaced(posterior)
         make_folder(folder)
         write_calibration(result, folder)
         title = f"{card.model}, {hours:g} h, noise {preset}, {len(first)} unseen systems"

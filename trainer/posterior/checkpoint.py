@@ -108,6 +108,19 @@ def load_posterior(run: Run) -> Posterior | None:
     return Posterior(run, card, flow, prior_of(run, card.logarithmic))
 
 
+def check_posterior_not_replaced(posterior: Posterior) -> None:
+    """Refuse a posterior in whose run's folder there is another by now.
+
+    Raises
+    ------
+    EstimatorError
+        If it is so, or the folder holds none any more.
+    """
+    folder = posterior.run.folder
+    if folder is not None and _read_card(folder / CARD).weights_sha256 != posterior.card.weights_sha256:
+        raise EstimatorError(f"{folder}: its posterior was replaced while it was at work with; run this again")
+
+
 def _read_card(path: Path) -> PosteriorCard:
     raw = read_json(path, EstimatorError, "a file of `trainer posterior`; fit the posterior again")
     check_card_version(path, raw, SCHEMA_VERSION, "trainer posterior")

@@ -21,6 +21,7 @@ from torch import nn
 
 import shared
 from shared.errors import EstimatorError
+from shared.lock import FolderLock
 from shared.logs import fields, logger
 from shared.progress import tracked
 from shared.store import DatasetFolder
@@ -33,7 +34,7 @@ from trainer.posterior.prior import Prior
 from trainer.posterior.tempering import temper
 from trainer.reading.data import load_records, rows_of
 from trainer.runs.checkpoint import CALIBRATION, Run, Systems, load_run
-from trainer.runs.unfinished import unfinished
+from trainer.runs.unfinished import check_not_replaced, unfinished
 from trainer.seeds import check_seed, torch_state
 
 _log = logger(__name__)
@@ -96,7 +97,8 @@ def fit_posterior(
     Raises
     ------
     EstimatorError
-        If an argument is wrong, the run and the dataset do not fit, or the density stops being a number.
+        If an argument is wrong, the run and the dataset do not fit, another run is at work in the run folder, or the
+        density stops being a number.
     DatasetError
         If the dataset cannot be used, or has no validation systems.
     """
@@ -106,13 +108,41 @@ def fit_posterior(
         _log.warning("%s: %s", run.folder, cut_short)
     if run.folder is None:
         raise EstimatorError("run: is in no folder; expected one made by `trainer fit`")
-    if (run.folder / CARD).exists() and not overwrite:
-        raise EstimatorError(f"{run.folder}: already has a posterior; overwrite it, or leave it")
+    if run.results != run.folder:
+        raise EstimatorError(f"{run.folder}: comes with the package; copy it, and fit the posterior to the copy")
     for name, value in (("windows_per_system", windows_per_system), ("epochs", epochs), ("threads", threads)):
         if value < 1:
             raise EstimatorError(f"{name}: is {value}; expected at least 1")
+    _check_place(run.folder, overwrite)
+    with FolderLock(run.folder, kind=EstimatorError):
+        check_not_replaced(run)
+        _check_place(run.folder, overwrite)  # another may have ended in between
+        return _fit(
+            *(run, run.folder, DatasetFolder(dataset_dir), systems, training_systems, windows_per_system, epochs),
+            *(options or {}, seed, threads, progress),
+        )
+
+
+def _check_place(folder: Path, overwrite: bool) -> None:
+    if (folder / CARD).exists() and not overwrite:
+        raise EstimatorError(f"{folder}: already has a posterior; overwrite it, or leave it")
+
+
+def _fit(
+    run: Run,
+    folder: Path,
+    dataset: DatasetFolder,
+    systems: int | None,
+    training_systems: int,
+    windows_per_system: int,
+    epochs: int,
+    options: dict[str, Any],
+    seed: int,
+    threads: int,
+    progress: bool,
+) -> Posterior:
+    """What :func:`fit_posterior` does in a folder that it has to itself."""
     begin = time.monotonic()
-    dataset = DatasetFolder(dataset_dir)
     check_same_system(run.card, dataset)
     index = load_records(dataset, [])
     check_records(run.card, index, dataset.folder, max(run.card.encoding.lengths))
@@ -133,7 +163,7 @@ def fit_posterior(
         held_out = draw_contexts(run, prior, source, parameters, places[1], few, seeds[2])
         del source
         sizes = (len(run.card.encoding.lengths), run.card.encoding.outputs)
-        flow, facts = train_flow(fit_to, held_out, *sizes, epochs, options or {}, progress)
+        flow, facts = train_flow(fit_to, held_out, *sizes, epochs, options, progress)
         temper(flow, held_out, seeds[4])
     names = run.card.encoding.parameters
     card = PosteriorCard(
@@ -141,7 +171,7 @@ def fit_posterior(
         logarithmic=prior.log.tolist(),
         context=fit_to.context.shape[1],
         lengths=run.card.encoding.lengths,
-        options=options or {},
+        options=options,
         fitting_systems=Systems.of(index, fitting),
         calibration_systems=Systems.of(index, calibration),
         fitting_windows=len(fit_to.z),
@@ -160,8 +190,8 @@ def fit_posterior(
         **facts,
     )
     for name in CALIBRATION:  # of the posterior that is replaced
-        (run.folder / name).unlink(missing_ok=True)
-    save_posterior(run.folder, card, flow)
+        (folder / name).unlink(missing_ok=True)
+    save_posterior(folder, card, flow)
     done = load_posterior(run)
     assert done is not None
     return done

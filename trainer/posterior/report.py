@@ -65,7 +65,7 @@ class Calibration(_Table):
     schema_version: int = 3
     model: str
     unfinished: str | None = None
-    """a sentence where the estimator's training did not come to its end"""
+    """a sentence where the estimator's training did not come to its end, or another run is at work in its folder"""
     context_hours: float
     noise: str
     channels: list[str]

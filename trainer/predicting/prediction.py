@@ -69,7 +69,7 @@ class Predictions(_Table):
     file: str
     model: str
     unfinished: str | None = None
-    """a sentence where the run's training did not come to its end"""
+    """a sentence where the run's training did not come to its end, or another run is at work in its folder"""
     context_hours: float
     noise: str
     absent: list[str] = []
@@ -127,6 +127,8 @@ def predict(
     check_seed(seed)
     check_samples(samples)
     run = run if isinstance(run, Run) else load_run(run)
+    if cut_short := unfinished(run.card, run.folder):
+        _log.warning("%s: %s", run.folder, cut_short)  # for callers that use the values alone
     for path in (out, corner):
         if path is not None:
             _make_folder(Path(path).parent)
@@ -183,8 +185,6 @@ def predict(
                 unlike=None if known is None else unlike(window.values[i], known, encoding),
             )
         )
-    if cut_short := unfinished(run.card):
-        _log.warning("%s: %s", run.folder, cut_short)  # for callers that use the values alone
     return Predictions(
         file=str(file),
         model=run.card.model,

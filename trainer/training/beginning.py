@@ -81,7 +81,7 @@ def take_weights(network: Estimator, earlier: Run) -> str:
     EstimatorError
         If the earlier run has weights that the network has not.
     """
-    if cut_short := unfinished(earlier.card):
+    if cut_short := unfinished(earlier.card, earlier.folder):
         _log.warning("begin_with: %s: %s", earlier.folder, cut_short)
     own, given = network.state_dict(), earlier.model.state_dict()
     for name, tensor in given.items():

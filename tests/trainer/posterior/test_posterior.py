@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import xarray as xr
 from scipy import integrate
 
 from shared.errors import EstimatorError
+from shared.lock import FolderLock
 from shared.store import DatasetFolder
 from shared.system import parse_system
 from trainer.posterior import calibration, fit_posterior, load_posterior
@@ -145,6 +147,42 @@ def test_several_lengths_and_missing_channels_have_a_say(tmp_path):
     assert not np.allclose(whole, without)
     with pytest.raises(EstimatorError, match="windows have 30 samples; the posterior was fitted to 24, 48"):
         posterior.sample(values[:, :30], time, 5)
+
+
+def test_one_run_at_a_time_is_at_work_in_a_folder(own, many_tanks, monkeypatch):
+    quick = {"systems": 8, "windows_per_system": 2, "epochs": 1}
+    before = {path.name: path.read_bytes() for path in own.iterdir()} | {".lock": b""}
+    with (
+        FolderLock(own),
+        pytest.raises(EstimatorError, match=rf"run: another run is at it \(process {os.getpid()} on"),
+    ):
+        fit_posterior(own, many_tanks, **quick, overwrite=True)
+    assert {path.name: path.read_bytes() for path in own.iterdir()} | {".lock": b""} == before
+    found = fit_posterior(own, many_tanks, **quick, overwrite=True)  # the lock is free again
+    assert len(found.card.fitting_systems.indices) == 4
+
+    def training(*arguments, **settings):  # that wants the folder while a posterior is fitted to what is in it
+        with pytest.raises(EstimatorError, match="run: another run is at it"):
+            fit(many_tanks, own, model="mean", overwrite=True)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("trainer.posterior.fitting.train_flow", training)
+    with pytest.raises(KeyboardInterrupt):
+        fit_posterior(own, many_tanks, **quick, overwrite=True)
+    assert load_posterior(load_run(own)).card == found.card
+
+
+def test_a_posterior_of_a_replaced_estimator_is_not_begun(own, many_tanks):
+    run = load_run(own)
+    fit(many_tanks, own, model="mean", overwrite=True)
+    with pytest.raises(EstimatorError, match="run: its estimator was replaced"):
+        fit_posterior(run, many_tanks, epochs=1)
+    assert not (own / "posterior.json").exists()
+
+
+def test_no_posterior_is_written_among_the_files_of_the_package(many_tanks):
+    with pytest.raises(EstimatorError, match="estimator: comes with the package; copy it, and fit the posterior to"):
+        fit_posterior("MixedAirCO2", many_tanks, overwrite=True)
 
 
 def spoil(folder, name, **fields):

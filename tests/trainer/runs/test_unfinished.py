@@ -1,9 +1,12 @@
 """A training that was cut short is told wherever its run is used."""
 
 import json
+import os
 
 import pytest
 
+from shared.errors import EstimatorError
+from shared.lock import FolderLock
 from trainer.evaluating.evaluation import evaluate
 from trainer.runs.checkpoint import load_run, read_card
 from trainer.runs.unfinished import unfinished
@@ -69,6 +72,71 @@ def test_a_training_that_came_to_its_end_has_no_such_sentence(ridge_run, tanks, 
     code, said, _ = command(capsys, "info", ridge_run.folder, "--json")
     assert (code, json.loads(said)["unfinished"]) == (0, None)
     assert "not finished" not in command(capsys, "info", ridge_run.folder)[1]
+
+
+def test_every_reader_says_that_another_run_is_at_work_in_the_folder(own_ridge, tanks, tmp_path, capsys):
+    shard, out = tanks / "shards" / "001.nc", tmp_path / "out"
+    readers = (
+        ("info", own_ridge),
+        ("predict", own_ridge, shard),
+        ("evaluate", own_ridge, tanks, "--windows", "20", "--out", out),
+        ("calibration", own_ridge, tanks, "--windows", "20", "--samples", "20", "--out", out),
+    )
+    command(capsys, "posterior", own_ridge, tanks, "--epochs", "1", "--windows-per-system", "2")
+    busy = f"Another run is at work in {own_ridge} (process {os.getpid()} on"
+    for locked in (True, False):
+        for reader in readers:
+            with FolderLock(own_ridge if locked else tmp_path):
+                code, said, _ = command(capsys, *reader)
+                assert code == 0
+                assert (flat(busy) in flat(said)) is locked
+                found = json.loads(command(capsys, *reader, "--json")[1])["unfinished"]
+                assert (found or "").startswith(busy) is locked
+
+
+def test_a_training_that_is_under_way_is_told_with_its_process(cut_short, monkeypatch):
+    with FolderLock(cut_short):
+        said = unfinished(read_card(cut_short), cut_short)
+    assert said.startswith(SAID)
+    assert f"Another run is at work in {cut_short} now (process {os.getpid()} on" in said
+    assert "--resume" not in said
+
+
+@pytest.mark.parametrize("replaced", ["estimator", "posterior"])
+def test_what_is_found_of_one_estimator_is_not_put_beside_another(own_ridge, tanks, tmp_path, monkeypatch, replaced):
+    """A training or a posterior that replaces what is read while it is being read."""
+    from trainer.posterior import assessment, calibration, fit_posterior
+
+    quick = {"epochs": 1, "windows_per_system": 2}
+    fit_posterior(own_ridge, tanks, **quick)
+    summarise = assessment.summarise
+
+    def slow(drawn):
+        if replaced == "estimator":
+            fit(tanks, own_ridge, model="mean", overwrite=True)
+        else:
+            fit_posterior(own_ridge, tanks, **quick, seed=1, overwrite=True)
+        return summarise(drawn)
+
+    monkeypatch.setattr(assessment, "summarise", slow)
+    with pytest.raises(EstimatorError, match=f"run: its {replaced} was replaced while it was at work with"):
+        calibration(own_ridge, tanks, windows=20, samples=20)
+    assert not (own_ridge / "calibration.json").exists()
+
+
+def test_an_evaluation_is_not_put_beside_another_estimator(own_ridge, tanks, monkeypatch):
+    from trainer.evaluating import evaluation
+
+    find = evaluation.find_ceiling
+
+    def slow(*arguments, **settings):
+        fit(tanks, own_ridge, model="mean", overwrite=True)
+        return find(*arguments, **settings)
+
+    monkeypatch.setattr(evaluation, "find_ceiling", slow)
+    with pytest.raises(EstimatorError, match="run: its estimator was replaced while it was at work with"):
+        evaluate(own_ridge, tanks, windows=20)
+    assert not (own_ridge / "evaluation.json").exists()
 
 
 @pytest.mark.parametrize(
