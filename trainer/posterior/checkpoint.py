@@ -11,11 +11,12 @@ from safetensors.torch import save as save_tensors
 
 from shared.errors import EstimatorError
 from shared.reading import read_json, validated
-from shared.store import Records, sha256_of, write_atomically
+from shared.store import Records
 from trainer.posterior.flow import PosteriorFlow
 from trainer.posterior.inference import Posterior
 from trainer.posterior.prior import Prior
 from trainer.runs.checkpoint import Run, Systems
+from trainer.runs.pair import digest, write_pair
 from trainer.runs.weights import check_card_version, load_weights
 
 SCHEMA_VERSION = 2
@@ -67,11 +68,10 @@ def prior_of(run: Run, logarithmic: list[bool]) -> Prior:
 
 
 def save_posterior(folder: Path, card: PosteriorCard, flow: PosteriorFlow) -> None:
-    """Write both files, each whole, the weights first, then the card that names their hash."""
-    tensors = {name: tensor.detach().contiguous().clone() for name, tensor in flow.state_dict().items()}
-    write_atomically(folder / WEIGHTS, save_tensors(tensors))
-    card.weights_sha256 = sha256_of(folder / WEIGHTS)
-    write_atomically(folder / CARD, (card.model_dump_json(indent=1) + "\n").encode())
+    """Write weights, and the card that names their hash, which take the place of others at one moment."""
+    data = save_tensors({name: one.detach().contiguous().clone() for name, one in flow.state_dict().items()})
+    card.weights_sha256 = digest(data)
+    write_pair(folder / WEIGHTS, data, folder / CARD, card.model_dump_json(indent=1) + "\n")
 
 
 def load_posterior(run: Run) -> Posterior | None:
@@ -96,15 +96,20 @@ def load_posterior(run: Run) -> Posterior | None:
             f"{run.folder / CARD}: has {len(card.logarithmic)} parameters; expected the estimator's"
             f" {len(run.card.encoding.parameters)}: fit the posterior again"
         )
-    flow = load_weights(
-        path,
-        card.weights_sha256,
-        CARD,
-        "fit the posterior again",
-        lambda: PosteriorFlow(
-            len(card.logarithmic), card.context, len(card.lengths), run.card.encoding.outputs, **card.options
-        ),
-    )
+    try:
+        flow = load_weights(
+            path,
+            card.weights_sha256,
+            CARD,
+            "fit the posterior again",
+            lambda: PosteriorFlow(
+                len(card.logarithmic), card.context, len(card.lengths), run.card.encoding.outputs, **card.options
+            ),
+        )
+    except EstimatorError:
+        if not (run.folder / CARD).exists() or _read_card(run.folder / CARD).weights_sha256 == card.weights_sha256:
+            raise
+        return load_posterior(run)  # another one has replaced both in between
     return Posterior(run, card, flow, prior_of(run, card.logarithmic))
 
 

@@ -16,11 +16,12 @@ from safetensors.torch import save as save_tensors
 from shared.errors import EstimatorError
 from shared.reading import read_json, validated
 from shared.shipped import estimators, resolved_estimator
-from shared.store import Records, sha256_of, write_atomically
+from shared.store import Records
 from trainer.models import build
 from trainer.models.base import Estimator, Shape
 from trainer.reading.encoding import Encoding
 from trainer.reading.familiar import Familiar
+from trainer.runs.pair import digest, write_pair
 from trainer.runs.spans import packed, unpacked
 from trainer.runs.weights import check_card_version, load_weights
 
@@ -250,12 +251,11 @@ def make_folder(folder: Path) -> None:
 
 
 def save_run(folder: Path, card: Card, model: Estimator) -> None:
-    """Write a run folder: each file whole, the weights first, then the card that names their hash."""
+    """Write a run folder: weights, and the card that names their hash, which take the place of others at one moment."""
     make_folder(folder)
-    tensors = {name: tensor.detach().contiguous().clone() for name, tensor in model.state_dict().items()}
-    write_atomically(folder / WEIGHTS, save_tensors(tensors))
-    card.weights_sha256 = sha256_of(folder / WEIGHTS)
-    write_atomically(folder / CARD, (card.model_dump_json(indent=1) + "\n").encode())
+    data = save_tensors({name: one.detach().contiguous().clone() for name, one in model.state_dict().items()})
+    card.weights_sha256 = digest(data)
+    write_pair(folder / WEIGHTS, data, folder / CARD, card.model_dump_json(indent=1) + "\n")
 
 
 def read_card(folder: Path) -> Card:
@@ -283,11 +283,16 @@ def load_run(folder: Path | str) -> Run:
     """
     given, folder = Path(folder), resolved_estimator(folder)
     card = read_card(folder)
-    model = load_weights(
-        folder / WEIGHTS,
-        card.weights_sha256,
-        CARD,
-        "fit the estimator again",
-        lambda: build(card.model, card.shape(), card.options)[0],
-    )
+    try:
+        model = load_weights(
+            folder / WEIGHTS,
+            card.weights_sha256,
+            CARD,
+            "fit the estimator again",
+            lambda: build(card.model, card.shape(), card.options)[0],
+        )
+    except EstimatorError:
+        if read_card(folder).weights_sha256 == card.weights_sha256:
+            raise
+        return load_run(given)  # a training has replaced both in between
     return Run(card, model, folder, None if folder == given else Path(f"{given.name}-results"))

@@ -17,8 +17,8 @@ from torch import nn
 from torch.utils._python_dispatch import TorchDispatchMode
 
 from shared.errors import EstimatorError
-from shared.reading import MIB, read_bytes, why
-from shared.store import sha256_of
+from shared.reading import MIB, why
+from trainer.runs.pair import read_pair
 
 OPERATIONS = 2_000
 """On tensors, while a network is built, beside a hundred for each tensor of its weights; ours take ten, and 600."""
@@ -67,9 +67,7 @@ def load_weights(path: Path, sha256: str, card: str, again: str, build: Callable
     EstimatorError
         If the file cannot be read, is not the card's, or does not fit the network; or a weight is not finite.
     """
-    data = read_bytes(path, EstimatorError, f"weights; {again}")
-    if sha256_of(path) != sha256:
-        raise EstimatorError(f"{path}: damaged, or not the weights that {card} describes; {again}")
+    data = read_pair(path, sha256, card, again)
     try:
         tensors = load_tensors(data)
         budget = _Budget(8 * len(data) + ROOM, OPERATIONS + 100 * len(tensors))

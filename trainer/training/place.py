@@ -7,14 +7,15 @@ from pathlib import Path
 from shared.errors import EstimatorError
 from shared.lock import FILE_NAME, FolderLock
 from trainer.runs.checkpoint import CALIBRATION, CARD
+from trainer.runs.pair import remove_pair
 
 FINDINGS = (
     *("curve.csv", "curve.png"),
     *("evaluation.json", "evaluation.md", "evaluation.csv", "answers.csv", "scatter.png"),
-    *("posterior.json", "posterior.safetensors"),
     *CALIBRATION,
 )
-"""Files of a run folder that say something of one state of its weights."""
+"""Files of a run folder that say something of one state of its weights, beside its posterior."""
+POSTERIOR = ("posterior.safetensors", "posterior.json")
 
 
 def check_place(folder: Path, *, replacing: bool) -> None:
@@ -36,3 +37,5 @@ def remove_findings(folder: Path) -> None:
     """Remove what was said of weights that are about to be replaced: it must not stand beside others."""
     for name in FINDINGS:
         (folder / name).unlink(missing_ok=True)
+    weights, card = POSTERIOR
+    remove_pair(folder / weights, folder / card)
