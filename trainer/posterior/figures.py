@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 from trainer.figures import save_png
-from trainer.posterior.inference import LEVEL
+from trainer.posterior.inference import LEVEL, summarise
 from trainer.posterior.scores import bins_for, covered, uniformity
 
 BAND = 0.99
@@ -76,7 +76,6 @@ def draw_corner(
         bins=30,
         smooth=0.8,
         color=BLUE,
-        quantiles=[(1 - LEVEL) / 2, 0.5, (1 + LEVEL) / 2],
         plot_datapoints=False,
         fill_contours=True,
         levels=(0.5, LEVEL),
@@ -84,5 +83,9 @@ def draw_corner(
         max_n_ticks=3,
         fig=figure,
     )
+    found = summarise(samples[None])  # not corner's quantiles, so that the lines are those of the table
+    for k, axes in enumerate(np.reshape(figure.axes, (count, count)).diagonal()):
+        for end in (found.low, found.median, found.high):
+            axes.axvline(end[0, k], linestyle="dashed", color=BLUE)
     figure.suptitle(f"posterior over the prior's ranges; dashed: median and {100 * LEVEL:g} % interval", fontsize=10)
     save_png(figure, path)

@@ -133,9 +133,14 @@ def check_samples(n: int) -> None:
 
 
 def summarise(samples: np.ndarray) -> Summary:
-    """Median, mean, standard deviation, 90 % interval and correlations of samples (windows, n, parameters)."""
+    """Median, mean, standard deviation, 90 % interval and correlations of samples (windows, n, parameters).
+
+    The k-th of n sorted samples has a share of k / (n + 1) below it on average (Hyndman and Fan, 1996, Sample quantiles
+    in statistical packages, definition 6), so that the interval holds 90 % whatever n is; between numpy's default
+    quantiles lie 0.9 (n - 1) / (n + 1) only, 81 % with 20 samples.
+    """
     tail = (1 - LEVEL) / 2
-    low, median, high = np.quantile(samples, [tail, 0.5, 1 - tail], axis=1)
+    low, median, high = np.quantile(samples, [tail, 0.5, 1 - tail], axis=1, method="weibull")
     mean, sd = samples.mean(axis=1), samples.std(axis=1)
     scaled = (samples - mean[:, None]) / np.where(sd > 0, sd, 1)[:, None]
     correlation = np.einsum("wni,wnj->wij", scaled, scaled) / samples.shape[1]

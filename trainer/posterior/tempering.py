@@ -58,7 +58,8 @@ def _needed(flow: PosteriorFlow, context: torch.Tensor, z: torch.Tensor, generat
     base = torch.randn((len(z), SAMPLES, z.shape[1]), generator=generator)
     with torch.no_grad():
         samples, centre = flow.sample(context, base), flow.centre(context)
-    tail = (1 - LEVEL) / 2
+    # as `summarise` makes intervals: torch's quantile q lies at 1 + q (n - 1) of n sorted samples, theirs at q (n + 1)
+    tail = ((1 - LEVEL) / 2 * (SAMPLES + 1) - 1) / (SAMPLES - 1)
     low, high = torch.quantile(samples, torch.tensor([tail, 1 - tail]), dim=1)
     reach = torch.where(z > centre, high - centre, centre - low)
     return (z - centre).abs().clamp_min(1e-6) / reach.clamp_min(1e-6)

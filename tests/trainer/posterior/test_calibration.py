@@ -6,15 +6,18 @@ from types import SimpleNamespace
 import matplotlib.image
 import numpy as np
 import pytest
+import torch
 from cyclopts import App
 from scipy import stats
 
 from shared.errors import EstimatorError
 from shared.store import DatasetFolder
-from trainer.posterior import calibration, fit_posterior, load_posterior
+from trainer.posterior import calibration, figures, fit_posterior, load_posterior
 from trainer.posterior.command import calibration as calibration_command
 from trainer.posterior.command import posterior as posterior_command
+from trainer.posterior.inference import summarise
 from trainer.posterior.scores import bins_for, covered, crps, positions, truncated_normal, uniformity
+from trainer.posterior.tempering import SAMPLES, _needed
 from trainer.reading.windows import WindowSource
 from trainer.runs.checkpoint import load_run
 from trainer.training.fitting import fit
@@ -45,6 +48,42 @@ def test_a_rank_is_known_exactly():
     for truth, rank in ((0.5, 0), (4.5, 4), (9.5, 9)):
         found = positions(np.array([[truth]]), samples, np.random.default_rng(0))
         assert rank / 10 <= found[0, 0] < (rank + 1) / 10
+
+
+@pytest.mark.parametrize("n", [20, 39, 150])
+def test_an_interval_of_few_samples_holds_what_it_says(n):
+    """Truths drawn like the samples; and the ends by hand, from the sorted samples."""
+    rng = np.random.default_rng(n)
+    truth, samples = rng.gamma(2.0, size=(20_000, 2)), rng.gamma(2.0, size=(20_000, n, 2))
+    found = summarise(samples)
+    share = ((found.low < truth) & (truth < found.high)).mean()
+    assert share == pytest.approx(0.9, abs=4 * np.sqrt(0.9 * 0.1 / 40_000))  # 0.81 with numpy's own rule and n = 20
+    ordered = np.sort(samples, axis=1)
+    below, rest = divmod(0.05 * (n + 1), 1)
+    k = round(below)
+    low = ordered[:, k - 1] + rest * (ordered[:, k] - ordered[:, k - 1])
+    high = ordered[:, n - k] + rest * (ordered[:, n - k - 1] - ordered[:, n - k])
+    assert found.low == pytest.approx(low)
+    assert found.high == pytest.approx(high)
+
+
+def test_temperatures_are_set_by_ends_of_the_same_kind():
+    rng = np.random.default_rng(0)
+    samples, z = rng.normal(size=(40, SAMPLES, 2)).astype(np.float32), rng.normal(size=(40, 2)).astype(np.float32)
+    flow = SimpleNamespace(sample=lambda *_: torch.from_numpy(samples), centre=lambda _: torch.zeros(40, 2))
+    found = _needed(flow, torch.zeros(40, 1), torch.from_numpy(z), torch.Generator())
+    ends = summarise(samples)
+    assert found.numpy() == pytest.approx(np.where(z > 0, z / ends.high, z / ends.low), rel=1e-5)
+
+
+def test_the_lines_of_a_corner_plot_are_those_of_the_table(tmp_path, monkeypatch):
+    seen, samples = [], np.random.default_rng(0).uniform(1, 3, (40, 2))
+    monkeypatch.setattr(figures, "save_png", lambda figure, _: seen.append(figure))
+    figures.draw_corner(samples, ["a", "b"], ["1", "1"], [(1, 3), (1, 3)], tmp_path / "c.png")
+    found = summarise(samples[None])
+    for k, axes in enumerate((seen[0].axes[0], seen[0].axes[3])):
+        dashed = sorted(line.get_xdata()[0] for line in axes.lines if line.get_linestyle() == "--")
+        assert dashed == pytest.approx([found.low[0, k], found.median[0, k], found.high[0, k]])
 
 
 def test_bins_hold_enough_systems():
