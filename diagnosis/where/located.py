@@ -125,7 +125,7 @@ def locate(
         "sources": sources.test if sources is not None else None,
     }
     used = {name: test for name, test in tests.items() if test is not None}
-    return Where(
+    found = Where(
         residuals=residuals,
         cells=cells,
         correlations=correlations,
@@ -139,3 +139,6 @@ def locate(
         whole=combine(list(used.values())),
         alpha=alpha,
     )
+    if sources is None or found.verdict != "none":
+        return found
+    return replace(found, sources=replace(sources, stands=False))

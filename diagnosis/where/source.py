@@ -90,7 +90,7 @@ class SourceTest:
 
     ``sensor_gains``: log likelihood over noise, by channel, of an error on that channel alone; ``suspect``: the channel
     of which it explains most of all, if that is more than in twins. The cells of ``test`` are the sources, then the
-    sensors.
+    sensors. ``stands``: whether what they explain is more than in twins when all other places are tested with them.
     """
 
     test: MaxTest
@@ -98,6 +98,7 @@ class SourceTest:
     sensor_gains: dict[str, float]
     suspect: str | None
     findings: list[Finding]
+    stands: bool = True
 
     def words(self, one: Source, rival: str, alpha: float = 0.05) -> str:
         """What the tests say of a source and its rival, whose label is given; goes on after the source's own label.
@@ -107,10 +108,13 @@ class SourceTest:
         """
         if one.verdict == "none":
             return "explains no more than in twins without a gap"
-        suspected = self.verdict == "sensor" and self.suspect == one.rival
+        # a page that finds no place must not name a sensor or a balance
+        suspected = self.stands and self.verdict == "sensor" and self.suspect == one.rival
         if not one.needed(alpha):
             instead = f"; an error of {rival} alone explains more: suspect that sensor" if suspected else ""
             return f"explains no more than in twins without a gap: none of it is needed{instead}"
+        if not self.stands:
+            return "explains more than in twins without a gap, but not once all places are tested together"
         if one.verdict == "balance":
             return f"explains the residual better than an error of {rival} alone: this balance is off"
         if one.verdict == "undecided":

@@ -1,6 +1,7 @@
 import base64
 import io
 import json
+from dataclasses import replace
 
 import matplotlib.image
 import numpy as np
@@ -135,3 +136,20 @@ def test_the_heat_map_shows_the_offsets_in_the_channel_s_unit(everything):
     pick = (hours >= 15) & (hours < 16) & seen
     typical = everything.residuals.replicates[:, 0][:, pick].mean()
     assert image[0, 15] == pytest.approx(everything.residuals.observed[0, pick].mean() - typical, rel=1e-9)
+
+
+def test_no_sensor_is_suspected_where_no_place_stands_out(quiet, inputs):
+    """A source that is odd among sources alone, in a recording of which nothing is said: the picture accuses nobody."""
+    found = locate(
+        quiet,
+        inputs=inputs,
+        measured=quiet.observed,
+        operators=[heat(first_order(STEPS, 12, 1 / 300, outputs=2, output=0, per=PER))],
+    )
+    assert (found.verdict, found.findings) == ("none", [])
+    one = replace(found.sources.sources[0], p_value=0.04, verdict="sensor", rival="y0", gain=9.0)
+    for verdict in ("sensor", "balance", "undecided"):
+        odd = replace(found.sources, sources=[replace(one, verdict=verdict)], suspect="y0")
+        said = "explains more than in twins without a gap, but not once all places are tested together"
+        assert odd.words(odd.sources[0], "the thermometer") == said
+        assert said in " ".join(draw_sources(quiet, odd).axes[0].get_title(loc="left").split())
