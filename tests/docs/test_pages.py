@@ -10,8 +10,10 @@ import xarray as xr
 
 import datagen
 from datagen.cli import app as datagen_app
+from diagnosis.blind.truth import load_truth
 from diagnosis.cli import app as diagnosis_app
 from shared.console import start
+from shared.system import load_system
 from trainer.cli import app as trainer_app
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -93,3 +95,13 @@ def test_the_log_of_the_example_is_what_its_script_makes():
     for name in kept.columns[1:]:
         # another platform's rounding may move a reading by one digit of its sensor
         np.testing.assert_allclose(kept[name], made[name], atol=1.01 * np.diff(np.unique(kept[name].dropna())).min())
+
+
+def test_the_truth_of_a_blind_check_of_one_s_own_is_one_of_the_house(tmp_path):
+    """What the page has one write is read, for the description that the page begins with."""
+    blocks = re.findall(r"```toml\n(.*?)```", (ROOT / "docs/own-fmu.md").read_text(encoding="utf-8"), re.DOTALL)
+    (text,) = [one for one in blocks if "[[forms]]" in one]
+    (tmp_path / "truth.toml").write_text(text, encoding="utf-8")
+    truth = load_truth(tmp_path / "truth.toml", load_system(ROOT / "docs/gallery/house"))
+    assert [form.name for form in truth.outside] == ["guests"]
+    assert len(truth.strata.order) == 6
