@@ -65,8 +65,10 @@ def compare(
         Print JSON.
     """
     from datagen.comparing.comparison import compare as compare_
-    from datagen.comparing.report import records, write_report
+    from datagen.comparing.report import check_report, records, write_report
 
+    if out is not None:
+        check_report(out)
     found = compare_(
         first,
         second,

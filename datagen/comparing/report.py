@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import importlib.util
 import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from datagen.comparing.comparison import Comparison, Row
-from shared.errors import SystemDescriptionError
+from shared.errors import ZeroshotError
+from shared.places import check_folder
 from shared.store import write_atomically
 
 if TYPE_CHECKING:
@@ -29,8 +31,32 @@ _LEGEND: dict[str, Any] = {
 _FIRST, _SECOND, _BIAS = "#4477aa", "#cc3311", "#888888"
 
 
+def check_report(folder: Path) -> None:
+    """Refuse what :func:`write_report` could not do: before systems are simulated, not after it.
+
+    Raises
+    ------
+    ZeroshotError
+        If the folder cannot be made or written into, a folder has the name of one of the files, or matplotlib is not
+        installed.
+    """
+    check_folder(folder, ZeroshotError)
+    for name in (TABLE, NUMBERS, PICTURE):
+        if (folder / name).is_dir():
+            raise ZeroshotError(f"{folder / name}: is a folder; expected none where a file of that name is to be")
+    if importlib.util.find_spec("matplotlib") is None:
+        raise ZeroshotError(f"{folder / PICTURE}: matplotlib is not installed; expected it for the picture")
+
+
 def write_report(comparison: Comparison, folder: Path) -> list[Path]:
-    """Write table, numbers and picture into a folder; returns the files."""
+    """Write table, numbers and picture into a folder; returns the files.
+
+    Raises
+    ------
+    ZeroshotError
+        As :func:`check_report`.
+    """
+    check_report(folder)
     folder.mkdir(parents=True, exist_ok=True)
     write_atomically(folder / TABLE, markdown(comparison).encode())
     write_atomically(folder / NUMBERS, numbers(comparison).encode())
@@ -89,18 +115,10 @@ def numbers(comparison: Comparison) -> str:
 
 
 def draw(comparison: Comparison, path: Path) -> None:
-    """For each output: the difference over the time of year, its rms by regime, and the week that differs most.
+    """For each output: the difference over the time of year, its rms by regime, and the week that differs most."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
 
-    Raises
-    ------
-    SystemDescriptionError
-        If matplotlib is not installed.
-    """
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise SystemDescriptionError(f"{path}: matplotlib is not installed; expected it for the picture") from None
     count = len(comparison.outputs)
     figure = Figure(figsize=(15, 2.9 * count + 0.6), layout="constrained")
     FigureCanvasAgg(figure)

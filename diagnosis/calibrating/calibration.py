@@ -19,10 +19,11 @@ from diagnosis.fitting.fit import Fit, fit
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.side_by_side import side_by_side
 from diagnosis.recording import HOUR, Recording
-from diagnosis.whole import check_writable, whole
+from diagnosis.whole import whole
 from shared.errors import EstimatorError, RecordingError
 from shared.logs import logger
 from shared.netcdf import read_netcdf
+from shared.places import check_folder
 from shared.system import System
 
 _log = logger(__name__)
@@ -100,7 +101,7 @@ def calibrate(
     if starts < 1:
         raise RecordingError(f"starts is {starts}; expected at least 1")
     if out is not None:
-        check_writable(Path(out))
+        check_folder(Path(out), RecordingError)
     described, record = opened(system, recording, noise=noise, warm_up=warm_up)
     zero_shot = estimate(run, record, described) if run is not None else {}
     simulator = Simulator(described)

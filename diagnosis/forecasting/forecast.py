@@ -23,8 +23,8 @@ from diagnosis.fitting.renewing import renewed
 from diagnosis.fitting.side_by_side import side_by_side
 from diagnosis.recording import DAY, HOUR, Recording, check_warm_up, read_recording
 from diagnosis.scores import Score, score
-from diagnosis.whole import check_writable
 from shared.errors import RecordingError, SimulationError
+from shared.places import check_folder
 from shared.system import System, load_system
 
 DRAWS = 40
@@ -123,7 +123,7 @@ def forecast(
         if not hours > 0:
             raise RecordingError(f"{name} is {hours:g} h; expected more than 0")
     if out is not None:
-        check_writable(Path(out))
+        check_folder(Path(out), RecordingError)
     given = None
     if calibration is not None:
         given = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)

@@ -30,7 +30,8 @@ from diagnosis.gap.shrinkage import Shrinkage, shrinkages
 from diagnosis.gap.starting import Begun, begun, zero_shot
 from diagnosis.recording import HOUR, Recording
 from diagnosis.where import Operator, Where
-from diagnosis.whole import check_writable
+from shared.errors import RecordingError
+from shared.places import check_folder
 from shared.system import System
 
 
@@ -138,7 +139,7 @@ def diagnose(
     """
     began, used = time.perf_counter(), time.process_time()
     if out is not None:
-        check_writable(Path(out))
+        check_folder(Path(out), RecordingError)
     described, record = opened(system, recording, noise=noise, warm_up=warm_up)
     candidates = list(effects) if effects is not None else library(described)
     estimated = zero_shot(described, record, run, tell)
