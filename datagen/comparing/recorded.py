@@ -130,6 +130,11 @@ def load_recorded(mapping: Path, system: System, folder: Path | None = None) -> 
     ]
     if not cases:
         raise RecordingError(f"{path}: has no row; expected one for each recorded system")
+    names = [case.name for case in cases]
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise RecordingError(
+            f"{path}: column {spec.name!r} has {shown(twice[0])} in more than one row; expected another name in each"
+        )
     return spec, cases
 
 

@@ -70,3 +70,13 @@ def test_the_steps_that_count_are_those_after_the_start(folder):
     spec, _ = recorded.load_recorded(path / "mapping.toml", system)
     rows, counts = recorded.compared(spec, 3600.0 * HOURS)
     np.testing.assert_array_equal(rows[1:][counts], 3600.0 * np.arange(3, 13))
+
+
+def test_two_rooms_of_one_name_are_refused(folder):
+    """The report has a row for each name: the second would stand in place of the first."""
+    path, system, _ = folder
+    rooms = pd.read_csv(path / "rooms.csv")
+    pd.concat([rooms, rooms.iloc[:1]]).to_csv(path / "rooms.csv", index=False)
+    said = r"rooms\.csv: column 'room' has 'a' in more than one row; expected another name in each"
+    with pytest.raises(RecordingError, match=said):
+        compare(system, recorded=path / "mapping.toml")
