@@ -36,7 +36,8 @@ def compare(
 
     The second model is another description, with another FMU, or `--recorded` trajectories of another tool. Both get
     the same parameters, weather and occupancy, as far as both have them: what only one has, a warning and the report
-    name. Differences are second minus first.
+    name. Parameters under [fixed] of the first description are among them, where [fixed] of the second does not give
+    them a value of its own; that it does, is told, too. Differences are second minus first.
 
     Parameters
     ----------

@@ -2,7 +2,8 @@
 
 The second model is another system description (another FMU), or the recorded trajectories of another tool
 (:mod:`datagen.comparing.recorded`). Both get the same parameters, weather and occupancy, to the last bit of the input
-table, as far as both have them; what only one has is told.
+table, as far as both have them; what only one has is told. What the first description has under ``[fixed]`` the second
+model gets, too, where it has such a parameter and its own ``[fixed]`` does not say otherwise.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from datagen.comparing.matching import inputs_for, matched, unmatched
+from datagen.comparing.matching import handed_on, inputs_for, matched, unmatched
 from datagen.comparing.recorded import HOUR, check_lengths, compared, load_recorded, series_of
 from datagen.comparing.regimes import months, regimes
 from datagen.driving.inputs import build_inputs
@@ -135,7 +136,7 @@ def compare(
     first
         System description. It says what is simulated: parameters, inputs and experiment are drawn from it.
     second
-        Description of the other model; its own ranges, weather and occupancy are not used.
+        Description of the other model; its own ranges, weather and occupancy are not used, its ``[fixed]`` is.
     recorded
         In place of ``second``: a TOML that maps the columns of CSV files (:mod:`datagen.comparing.recorded`).
     data
@@ -174,6 +175,7 @@ def compare(
 def _with_system(system: System, other: System, count: int, seed: int, excitation: bool, quiet: bool) -> Comparison:
     outputs, other = matched(system, other)
     simulators = Simulator(system), Simulator(other)
+    fixed = handed_on(system, other, (simulators[0].fmu, simulators[1].fmu))
     notes = tuple(unmatched(system, other, simulators[1].fmu))
     for note in notes:
         _log.warning("%s", note)
@@ -187,7 +189,7 @@ def _with_system(system: System, other: System, count: int, seed: int, excitatio
         table = build_inputs(system, root_seed=seed, index=index, start=start, stop=stop, excitation=excitation)
         span: dict[str, Any] = {"start": start, "stop": stop, "record_from": begin, "step": experiment.step}
         a = simulators[0].run(values, table, **span, tolerance=experiment.tolerance)
-        b = simulators[1].run(values, inputs_for(other, table), **span, tolerance=experiment.tolerance)
+        b = simulators[1].run({**fixed, **values}, inputs_for(other, table), **span, tolerance=experiment.tolerance)
         edges = np.append(begin, a.time)
         runs.append(_Run(a.time, a.outputs[places], b.outputs, regimes(system, table, edges, a.outputs)))
     names = system.fmu_path.name, other.fmu_path.name

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from datagen.driving.tables import InputTable
-from datagen.fmi.fmu import Fmu
+from datagen.fmi.fmu import Fmu, unit_of
 from shared.errors import SystemDescriptionError
 from shared.system import System
 from shared.variables import ConstantInput, MeasuredInput, Output
@@ -38,8 +38,42 @@ def matched(system: System, other: System) -> tuple[list[Output], System]:
     return outputs, other.model_copy(update={"outputs": recorded})
 
 
+def handed_on(system: System, other: System, fmus: tuple[Fmu, Fmu]) -> dict[str, float | bool]:
+    """What the first description fixes and the other model has, too, and leaves open: by name [unit of the FMUs].
+
+    Where the other's ``[fixed]`` states a value, that stays: two models may be told apart by nothing else.
+
+    Parameters
+    ----------
+    fmus
+        Of the two.
+
+    Raises
+    ------
+    SystemDescriptionError
+        If one of these has another unit in the other FMU.
+    """
+    found = {name: value for name, value in system.fixed.items() if _open(name, other, fmus[1])}
+    for name in found:
+        ours, theirs = (unit_of(fmu.variables[name]) for fmu in fmus)
+        if ours != theirs:
+            raise SystemDescriptionError(
+                f"{system.path}: fixed {name!r} has unit {ours!r} in {fmus[0].path.name} and {theirs!r} in "
+                f"{fmus[1].path.name}; expected the same, or a value for it under [fixed] of {other.path}"
+            )
+    return found
+
+
+def _open(name: str, other: System, fmu: Fmu) -> bool:
+    """Whether an FMU has a parameter of this name that its description neither fixes nor drives."""
+    there = name in fmu.variables and fmu.variables[name].causality == "parameter"
+    return there and name not in other.fixed and name not in other.input_names
+
+
 def unmatched(system: System, other: System, fmu: Fmu) -> list[str]:
     """In a sentence each, what one of the two has and the other has not, so that they differ in it by themselves.
+
+    What both fix, at two values, is such a difference, too.
 
     Parameters
     ----------
@@ -50,8 +84,14 @@ def unmatched(system: System, other: System, fmu: Fmu) -> list[str]:
     held = [
         f"{p.name} ({fmu.variables[p.name].start} {p.unit})"
         for p in other.parameters
-        if p.name not in system.parameter_names and p.name not in other.fixed
+        if p.name not in system.parameter_names and p.name not in {*system.fixed, *other.fixed}
     ]
+    apart = [
+        f"{name} ({other.fixed[name]:g} in place of {value:g})"
+        for name, value in system.fixed.items()
+        if name in other.fixed and other.fixed[name] != value
+    ]
+    lacking = [name for name in system.fixed if name not in other.fixed and not _open(name, other, fmu)]
     unused = [name for name in system.input_names if name not in other.input_names]
     resting = [
         f"{one.name} ({one.value:g} {one.unit})"
@@ -60,6 +100,8 @@ def unmatched(system: System, other: System, fmu: Fmu) -> list[str]:
     ]
     found = (
         (held, "parameters of {theirs} that {ours} does not draw are held at its own values: {names}"),
+        (apart, "values under [fixed] of {theirs} are not those of {ours}: {names}"),
+        (lacking, "parameters that {ours} has under [fixed] are none of {theirs}: {names}"),
         (unused, "inputs of {ours} are not used by {theirs}: {names}"),
         (resting, "inputs of {theirs} that {ours} does not have rest at their declared values: {names}"),
     )

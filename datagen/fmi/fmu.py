@@ -164,7 +164,8 @@ def _type(variable: ScalarVariable) -> str:
     return f"array of {variable.type}" if variable.shape else str(variable.type)
 
 
-def _unit(variable: ScalarVariable) -> str:
+def unit_of(variable: ScalarVariable) -> str:
+    """Unit of an FMU's variable, or of its declared type; ``1`` where it has none."""
     unit = variable.unit or getattr(variable.declaredType, "unit", None) or ""
     return "1" if unit in _UNITLESS else unit
 
@@ -188,7 +189,7 @@ def check_system(system: System, fmu: Fmu) -> None:
         return fmu.variables[name]
 
     def unit(kind: str, name: str, declared: str) -> None:
-        found = _unit(variable(kind, name))
+        found = unit_of(variable(kind, name))
         if found != ("1" if declared in _UNITLESS else declared):
             raise SystemDescriptionError(f"{where}: {kind} {name!r} is declared in {declared!r}; the FMU has {found!r}")
 

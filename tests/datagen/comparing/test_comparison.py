@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 import zipfile
+from copy import copy
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -12,7 +13,7 @@ import pandas as pd
 import pytest
 
 from datagen.comparing.comparison import Comparison, compare
-from datagen.comparing.matching import inputs_for, unmatched
+from datagen.comparing.matching import handed_on, inputs_for, unmatched
 from datagen.comparing.recorded import load_recorded, series_of
 from datagen.comparing.regimes import months, regimes
 from datagen.comparing.report import NUMBERS, PICTURE, TABLE, write_report
@@ -115,6 +116,38 @@ def test_what_only_one_has_is_told(default, tmp_path, caplog):
     assert f"\n- {said}\n\n| |" in (tmp_path / TABLE).read_text()
     fixed = default.model_copy(update={"parameters": fewer, "fixed": {**default.fixed, "roo.V": float(start)}})
     assert np.array_equal(compare(fixed, fixed, systems=1, hours=24).first, found.second)
+
+
+def test_what_the_first_holds_fixed_the_second_gets_too(default):
+    """One FMU for both, so that equal values show as equal trajectories."""
+    volume = next(one for one in default.parameters if one.name == "roo.V").max
+    fewer = {"parameters": [one for one in default.parameters if one.name != "roo.V"]}
+    ours = {**default.fixed, "roo.V": volume, "CO2_start": 1500.0}
+    first = default.model_copy(update={**fewer, "fixed": ours})
+    drawn = compare(first, default, systems=1, hours=24)  # the second would draw the volume, and leaves CO2_start
+    assert np.array_equal(drawn.first, drawn.second)
+    assert drawn.notes == ()
+    otherwise = default.model_copy(update={**fewer, "fixed": {**ours, "CO2_start": 600.0}})
+    found = compare(first, otherwise, systems=1, hours=24)
+    said = "values under [fixed] of MixedAirCO2.fmu are not those of MixedAirCO2.fmu: CO2_start (600 in place of 1500)"
+    assert found.notes == (said,)
+    alone = compare(otherwise, otherwise, systems=1, hours=24)
+    assert np.array_equal(found.second, alone.first)
+    assert not np.array_equal(found.first, alone.first)
+
+
+def test_what_the_second_cannot_hold_fixed_is_told(default):
+    first = default.model_copy(update={"fixed": {"CO2_start": 500.0}})
+    fmus = Fmu(default.fmu_path), Fmu(default.fmu_path)
+    assert handed_on(first, default, fmus) == {"CO2_start": 500.0}
+    found = fmus[1].variables.pop("CO2_start")
+    assert handed_on(first, default, fmus) == {}
+    said = "parameters that MixedAirCO2.fmu has under [fixed] are none of MixedAirCO2.fmu: CO2_start"
+    assert unmatched(first, default, fmus[1]) == [said]
+    fmus[1].variables["CO2_start"] = copy(found)  # its description is another Fmu's, too
+    fmus[1].variables["CO2_start"].unit = "kg/kg"
+    with pytest.raises(SystemDescriptionError, match=r"fixed 'CO2_start' has unit 'ppm' in .* and 'kg/kg' in"):
+        handed_on(first, default, fmus)
 
 
 def test_inputs_that_only_one_has_are_told(default):
