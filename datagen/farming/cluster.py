@@ -45,13 +45,18 @@ def check_places(
     Raises
     ------
     ClusterError
-        If the kind of cluster is unknown, there would be no worker, or jobs on other nodes would not reach us.
+        If the kind of cluster is unknown, a place has an empty name, there would be no worker, or jobs on other nodes
+        would not reach us.
     """
+    interface = (options or {}).get("interface")
+    for what, name in (("host", host), ("scheduler", scheduler), ("cluster option interface", interface)):
+        if name is not None and not name.strip():  # a shell's variable that is not set
+            raise ClusterError(f"{what} is {name!r}; expected its address or name, or none given at all")
     if cluster not in ("local", *QUEUES):
         raise ClusterError(f"cluster is {cluster!r}; expected {' or '.join(['local', *QUEUES])}")
     if workers is not None and workers < 1:
         raise ClusterError(f"workers is {workers}; expected at least 1")
-    if cluster in QUEUES and not scheduler and host is None and "interface" not in (options or {}):
+    if cluster in QUEUES and not scheduler and host is None and interface is None:
         raise ClusterError(
             f"cluster {cluster}: neither an interface nor a host is given, and jobs on other nodes do not reach "
             f"{LOOPBACK}; expected --cluster-option interface=NAME or --host ADDRESS of this machine in the nodes' "

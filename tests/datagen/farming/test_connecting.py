@@ -87,3 +87,18 @@ def test_workers_that_do_not_end_in_time_hide_no_other_fault(cluster, caplog):
 def test_no_workers_are_not_waited_for():
     with pytest.raises(ClusterError, match="workers is 0; expected at least 1"), connect(workers=0):
         pass
+
+
+@pytest.mark.usefixtures("cluster")
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"cluster": "slurm", "host": ""}, "host is ''"),  # jobs on other nodes would not reach loopback
+        ({"cluster": "slurm", "host": "a", "options": {"interface": " "}}, "cluster option interface is ' '"),
+        ({"scheduler": ""}, "scheduler is ''"),  # would have been workers on this machine
+        ({"host": ""}, "host is ''"),
+    ],
+)
+def test_a_place_without_a_name_is_refused(given, said):
+    with pytest.raises(ClusterError, match=f"{said}; expected its address or name, or none given"), connect(**given):
+        pass
