@@ -97,12 +97,23 @@ def _which(report: Report) -> str:
             f"Which: none of the {len(report.effects)} candidates explains it{nearest}. That the cause is none of them"
             f" is {report.none_of_these:.0%} sure: one of them may act otherwise than it is described."
         )
-    rest = " Something more is left that these do not explain." if report.rejected else ""
+    rest = _left(report) if report.rejected else ""
     if report.verdict == "ambiguous":
         sets = " and ".join(_one_of(report, one) for one in report.sets)
         return f"Which: {sets}; the recording cannot tell these apart.{rest}"
     said = "; and ".join(_named(one) for one in named)
     return f"Which: {said}.{rest}"
+
+
+def _left(report: Report) -> str:
+    """What is left of the gap, and which candidate would be next: of two causes the first found may be neither."""
+    last = report.stages[-1]
+    if last.best is None or last.evidence < PLAIN:
+        return " Something more is left that these do not explain."
+    return (
+        f" Something more is left that these do not explain: of the other candidates {last.best} stands out most, and"
+        " may be the cause in place of one of these."
+    )
 
 
 def _named(one: NamedEffect) -> str:

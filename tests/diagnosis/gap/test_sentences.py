@@ -12,6 +12,7 @@ from diagnosis.gap.schema import (
     StageOf,
 )
 from diagnosis.gap.sentences import limits, noiseless, strained, summary
+from diagnosis.gap.stages import PLAIN
 
 
 def seen(**smallest):
@@ -232,6 +233,17 @@ def test_of_a_set_of_many_the_foremost_are_said():
     )
     left = report(verdict="ambiguous", effects=effects, sets=sets, stages=stages, rejected=True)
     assert summary(left)[1].endswith("these apart. Something more is left that these do not explain.")
+
+
+def test_what_is_left_is_said_to_look_like_a_cause_that_was_passed_over():
+    """Of two causes the one that was found first may be neither: what would be next is then plain, and is named."""
+    found = stage(0.01, 0.01, ["a", "b"])
+    said = report(effects=[named("a"), named("b")], stages=[stage(0.01, 0.01), found], rejected=True)
+    for best, evidence, names in ((None, 0.0, False), ("valve", PLAIN - 1, False), ("valve", PLAIN, True)):
+        last = found.model_copy(update={"best": best, "evidence": evidence})
+        which = summary(said.model_copy(update={"stages": [said.stages[0], last]}))[1]
+        assert "Something more is left" in which
+        assert ("of the other candidates valve stands out most" in which) == names
 
 
 def test_a_missing_source_that_could_not_be_worked_out_is_said():
