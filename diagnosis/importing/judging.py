@@ -13,6 +13,8 @@ from diagnosis.importing.mapping import Mapping, Source
 from diagnosis.importing.quality import (
     ASSUMED,
     COMPUTED,
+    DARK,
+    Resting,
     Signal,
     check_possible,
     is_constant,
@@ -33,7 +35,10 @@ MOVING = ("K", "degC", "ppm", "W/m2", "m/s")
 BEAM = "dni"
 """The quantity of the weather that may: the beam of an overcast day is zero from morning to night."""
 _STUCK_AFTER = 12.0
-"""How long such a sensor may show one value [h]; irradiance may be zero for as long as it likes."""
+"""How long such a sensor may show one value [h]."""
+_CALM = 120.0
+"""How long wind may be exactly zero [h]: a cup anemometer does not turn below about half a metre per second, and a
+winter's high stays over a valley for days; one that nothing has stirred for five days is frozen or dead."""
 
 
 @dataclass
@@ -172,7 +177,7 @@ class Judge:
         )
         self.tell(plausible.about_hold(column, signal) if source.max_gap is None else None)
         if is_constant(signal):
-            if moving:
+            if moving and not _is_calm(signal):
                 raise RecordingError(f"{where}: every reading is {signal.values[0]:g} {unit}; expected one that varies")
             self.notes.append(f"column {column}: every reading is {signal.values[0]:g} {unit}")
         signal = mark_impossible(signal, source, density=density, where=where)
@@ -183,7 +188,8 @@ class Judge:
         # a state is silent while nothing changes
         usual = _STUCK_AFTER if moving and kind != "hold" else 0.0
         hours = source.stuck_after if source.stuck_after is not None else usual
-        signal = mark_stuck(signal, hours, except_zero=unit == "W/m2")
+        calm = _CALM if source.stuck_after is None else hours  # the mapping knows the place
+        signal = mark_stuck(signal, hours, _resting(unit, calm))
         if not signal.used.any():
             raise RecordingError(f"{where}: no reading can be used: all are impossible or stuck for over {hours:g} h")
         return signal
@@ -214,3 +220,13 @@ class Judge:
 
     def _usual_fill(self, source: Source) -> str:
         return "interpolate" if any(one is source for one in self.mapping.weather.values()) else "none"
+
+
+def _is_calm(signal: Signal) -> bool:
+    """Whether a signal is of wind, and so short that all of it may be a calm."""
+    return signal.unit == "m/s" and not signal.values.any() and signal.end[-1] - signal.begin[0] <= 3600.0 * _CALM
+
+
+def _resting(unit: str, calm: float) -> Resting | None:
+    """What may stand still for longer: sun as long as it likes, as a polar night does, and wind for ``calm`` [h]."""
+    return {"W/m2": Resting(DARK, np.inf), "m/s": Resting(0.0, calm)}.get(unit)

@@ -94,7 +94,12 @@ class Source(Table):
         None, gt=0, description="readings further apart leave a gap, and a state holds no longer [h]"
     )
     valid: tuple[float, float] | None = Field(None, description="possible values, in ``unit``")
-    stuck_after: float | None = Field(None, ge=0, description="equal readings for longer are not believed [h]; 0: off")
+    stuck_after: float | None = Field(
+        None,
+        ge=0,
+        description="equal readings for longer are not believed [h]; 0: off; if not given, 12 h of what never stands"
+        " still, and 120 h of no wind",
+    )
     fill: Literal["none", "interpolate"] | float | None = Field(
         None, description="what an input's gaps are filled with: nothing, straight lines, or a constant in ``unit``"
     )

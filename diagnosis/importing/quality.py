@@ -225,13 +225,21 @@ def source_value(value: float, source: Source, unit: str, *, density: float, whe
     return float(units.convert(value, unit, source.unit, density=density, where=where))
 
 
-def mark_stuck(signal: Signal, hours: float, *, except_zero: bool) -> Signal:
-    """Mark runs of equal readings that last longer than ``hours``; a gap ends a run.
+@dataclass(frozen=True)
+class Resting:
+    """Readings of at most ``size`` [unit of the signal] are believed for ``hours`` [h] in a row."""
+
+    size: float
+    hours: float
+
+
+def mark_stuck(signal: Signal, hours: float, resting: Resting | None = None) -> Signal:
+    """Mark runs of equal readings that last longer than ``hours`` [h]; a gap ends a run.
 
     Parameters
     ----------
-    except_zero
-        Whether a run near zero is believed: irradiance at night, of a pyranometer with a small offset, too.
+    resting
+        What may stand still for another time: irradiance at night, of a pyranometer with a small offset, too.
     """
     if hours <= 0 or len(signal.values) < 2:
         return signal
@@ -240,9 +248,10 @@ def mark_stuck(signal: Signal, hours: float, *, except_zero: bool) -> Signal:
     runs = np.concatenate([[0], np.cumsum(~same)])
     first = np.searchsorted(runs, np.arange(runs[-1] + 1), side="left")
     last = np.searchsorted(runs, np.arange(runs[-1] + 1), side="right") - 1
-    long = signal.end[last] - signal.begin[first] > 3600.0 * hours
-    if except_zero:
-        long &= np.abs(signal.values[first]) > DARK
+    believed = np.full(len(first), hours)
+    if resting is not None:
+        believed[np.abs(signal.values[first]) <= resting.size] = resting.hours
+    long = signal.end[last] - signal.begin[first] > 3600.0 * believed
     return replace(signal, flags=signal.flags | np.where(long[runs], STUCK, 0).astype(np.int8))
 
 

@@ -151,3 +151,39 @@ def test_a_beam_may_stand_still_and_the_sun_on_a_facade_by_night_only(house, tmp
     mapping = MAPPING.replace("[weather.ghi]", "[variables.sunshine]") + "fill = 0.0\n"
     report = house(frame, mapping, system=tmp_path / "other.toml")
     assert steps_of(report, "sunshine") == (stuck, 0)
+
+
+@pytest.mark.parametrize(
+    ("hours", "value", "more", "stuck"),
+    [
+        (40, 0.0, "", False),  # a calm
+        (40, 1.3, "", True),
+        (130, 0.0, "", True),  # frozen
+        (40, 0.0, "stuck_after = 24.0\n", True),
+    ],
+)
+@pytest.mark.parametrize("where", ["variables.breeze", "weather.wind_speed"])
+def test_wind_may_be_zero_for_days_and_nothing_else(house, tmp_path, hours, value, more, stuck, where):
+    """A cup anemometer does not turn in a calm night."""
+    wind = '{ name = "breeze", unit = "m/s", source = "weather", column = "wind_speed" },\n  { name = "people"'
+    (tmp_path / "windy.toml").write_text(HOUSE.replace('{ name = "people"', wind))
+    frame, at = measured(days=7)
+    frame["cups"] = np.where((at > 10) & (at <= 10 + hours), value, 2.0 + np.sin(at))
+    mapping = f'{MAPPING}[{where}]\ncolumn = "cups"\nunit = "km/h"\nfill = 7.2\n{more}'
+    report = house(frame, mapping, system=tmp_path / "windy.toml")
+    assert (steps_of(report, "breeze")[0] > 0) == stuck
+    if not stuck:
+        assert xr.load_dataset(report.recording)["breeze"].values.min() == 0.0
+
+
+@pytest.mark.parametrize(("days", "refused"), [(4, False), (6, True)])
+def test_a_whole_recording_may_be_calm_if_it_is_short(house, tmp_path, days, refused):
+    wind = '{ name = "breeze", unit = "m/s", source = "weather", column = "wind_speed" },\n  { name = "people"'
+    (tmp_path / "windy.toml").write_text(HOUSE.replace('{ name = "people"', wind))
+    mapping = MAPPING + '[weather.wind_speed]\ncolumn = "cups"\nunit = "m/s"\n'
+    frame = measured(days=days)[0].assign(cups=0.0)
+    if refused:
+        with pytest.raises(RecordingError, match="column 'cups': every reading is 0 m/s; expected one that varies"):
+            house(frame, mapping, system=tmp_path / "windy.toml")
+    else:
+        assert "column cups: every reading is 0 m/s" in house(frame, mapping, system=tmp_path / "windy.toml").notes

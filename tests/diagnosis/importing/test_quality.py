@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from diagnosis.importing.mapping import Meter, Source
-from diagnosis.importing.quality import IMPOSSIBLE, STUCK, make_signal, mark_stuck
+from diagnosis.importing.quality import DARK, IMPOSSIBLE, STUCK, Resting, make_signal, mark_stuck
 
 
 @pytest.mark.parametrize("code", [-9999.0, 9999.0, -99.9])
@@ -27,7 +27,7 @@ def test_a_pyranometer_may_stand_still_in_the_dark(night, left_out):
     readings = np.where(sun > 0, sun, night)
     source = Source(column="sun", unit="W/m2")
     signal = make_signal(time, readings, source, "W/m2", kind="point", stamp="end", density=1.2, where="x")
-    marked = mark_stuck(signal, 8.0, except_zero=True)
+    marked = mark_stuck(signal, 8.0, Resting(DARK, np.inf))
     assert (marked.flags == STUCK).any() == left_out
 
 

@@ -66,10 +66,11 @@ def test_months_that_nobody_logged_are_no_slip(house):
 
 
 def test_readings_that_cannot_be_are_named_where_they_shorten_the_recording(house, tmp_path):
-    """The sun in the place of the wind: too strong for a wind at every noon."""
+    """The sun in the place of the wind: too strong for a wind at every noon, and its offset at night is no calm."""
     wind = '{ name = "wind", unit = "m/s", source = "weather", column = "wind_speed" },'
     (tmp_path / "windy.toml").write_text(HOUSE.replace("inputs = [", f"inputs = [\n  {wind}"))
     frame, _ = measured()
+    frame["sun"] += 0.25
     mapping = MAPPING + '[weather.wind_speed]\ncolumn = "sun"\nunit = "m/s"\n'
     with pytest.raises(
         RecordingError,
