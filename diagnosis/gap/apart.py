@@ -11,11 +11,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.gap.grams import Grams
+from diagnosis.gap.grams import Colour, Grams
 from diagnosis.gap.linear import Linearised
-from diagnosis.gap.renewal import fitted_anew, relinearised
+from diagnosis.gap.refit import Refit, misfit
+from diagnosis.gap.renewal import WORTH, fitted_anew, relinearised
 from diagnosis.gap.search import Search
 from shared.errors import SimulationError
+
+LINES = 5
+"""The line is drawn so often at most where all readings say that the nuisance was."""
 
 
 @dataclass(frozen=True)
@@ -56,16 +60,34 @@ def fitted_apart(found: Search, fitted: np.ndarray) -> Apart:
         stage, key = until[-1], (replace(found, stages=until).path, "apart", fitted.tobytes())
         if key not in found.made:
             one = fitted_anew(stage.lin, fitted, stage.colours.best)
-            try:
-                lin = relinearised(one.grams, stage.colours.best, one.lin.z, stage.grams.observed)
-                counts.append(lin.simulations)
-            except SimulationError:  # what is likely on the straight line may be nothing that can be run
-                lin = one.lin
+            lin, count = _lined(one, stage.colours.best, stage.grams.observed)
             found.made[key] = lin, one.lin
-            counts.append(one.simulations)
+            counts += [one.simulations, count]
         made.append(found.made[key])
     (before, first), (after, last) = made
     return Apart(before, after, (first, last), fitted, _agreed(found, fitted), sum(counts))
+
+
+def _lined(one: Refit, colours: dict[int, Colour], every: np.ndarray) -> tuple[Linearised, int]:
+    """A fit linearised where all readings say that the nuisance was, and the simulations made.
+
+    Who was there on a day that took no part in the fit is far from where its line was drawn, and one step along it can
+    end where the model is nothing like the recording: a gap of kelvins that the effect then "removes". So the line is
+    drawn anew until it no longer fits all readings better.
+    """
+    lin, value, count = one.lin, np.inf, 0
+    for _ in range(LINES):
+        try:
+            there = relinearised(Grams(lin, every), colours, one.lin.z, every)
+        except SimulationError:  # what is likely on the straight line may be nothing that can be run
+            break
+        count += there.simulations
+        before, now = value, misfit(Grams(there, every), colours)
+        if now < before:
+            lin, value = there, now
+        if before - now < WORTH:
+            break
+    return lin, count
 
 
 def _agreed(found: Search, fitted: np.ndarray) -> bool:

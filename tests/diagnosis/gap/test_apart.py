@@ -1,10 +1,12 @@
 """Effects fitted to a part: the other part is not in the fit, and whether it made the choice is told."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from diagnosis.gap import apart
 from diagnosis.gap.apart import fitted_apart
 from diagnosis.gap.grams import Grams
 from diagnosis.gap.page import render
@@ -12,6 +14,7 @@ from diagnosis.gap.refit import at_rest, refit
 from diagnosis.gap.schema import ShrinkageOf
 from diagnosis.gap.sentences import summary
 from diagnosis.gap.shrinkage import _placebos, left_by, shrinkages
+from shared.errors import SimulationError
 
 pytestmark = pytest.mark.slow
 
@@ -121,3 +124,33 @@ def test_whether_the_fitted_readings_alone_make_the_same_choice_is_told(drifted)
     assert len(refits) > 1
     other = replace(drifted.search, refits=[refits[::-1]])
     assert not fitted_apart(other, fitted).agreed
+
+
+@pytest.mark.parametrize(
+    ("misfits", "used", "made"),
+    [
+        ([300.0, 299.9], 1, 2),  # where persons were counted the first line is as good as the next
+        ([1e5, 2e3, 900.0, 899.9, 1.0], 3, 4),  # the first step overshoots, as of a tank that many persons empty
+        ([300.0, 400.0], 0, 2),  # a line that fits worse is not taken
+        ([], None, 1),
+    ],
+)
+def test_the_line_of_the_days_kept_is_drawn_until_it_fits_no_better(monkeypatch, misfits, used, made):
+    """The gap before an effect had been that of an overshoot, and all of it counted as removed."""
+    lines = [SimpleNamespace(misfit=one, simulations=7) for one in misfits]
+    left, begun = iter(lines), SimpleNamespace(z=np.zeros(3))
+    calls = []
+
+    def draw(grams, *_):
+        calls.append(grams)
+        if (line := next(left, None)) is None:
+            raise SimulationError("cannot be run")
+        return line
+
+    monkeypatch.setattr(apart, "Grams", lambda lin, _: lin)
+    monkeypatch.setattr(apart, "relinearised", draw)
+    monkeypatch.setattr(apart, "misfit", lambda lin, _: lin.misfit)
+    lin, count = apart._lined(SimpleNamespace(lin=begun), {}, np.ones((1, 4), dtype=bool))
+    assert lin is (begun if used is None else lines[used])
+    assert (len(calls), count) == (made, 7 * min(made, len(lines)))
+    assert calls[0] is begun and all(calls[k + 1] is lines[k] for k in range(len(calls) - 1))
