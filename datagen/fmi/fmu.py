@@ -14,6 +14,7 @@ import fmpy
 from fmpy.fmi1 import FMICallException
 from fmpy.model_description import ModelDescription, ScalarVariable
 
+from datagen.fmi.baselines import check_effects
 from datagen.fmi.fmi2 import Fmi2
 from datagen.fmi.fmi3 import Fmi3
 from datagen.fmi.interface import Interface
@@ -176,7 +177,8 @@ def check_system(system: System, fmu: Fmu) -> None:
     Raises
     ------
     SystemDescriptionError
-        For the first variable that the FMU lacks, or that has another causality, type or unit there.
+        For the first variable that the FMU lacks, or that has another causality, type or unit there; or for an effect
+        that at an amplitude of zero is not the base model.
     """
     where = f"{system.path}"
     real = "Real" if fmu.interface.version == 2 else "Float64"
@@ -239,6 +241,7 @@ def check_system(system: System, fmu: Fmu) -> None:
                     f"{where}: uncertain {uncertain.name!r}: {name!r} is a {found.causality} {_type(found)} with value"
                     f" {value} in {fmu.path.name}; expected a positive {real} parameter that can be set"
                 )
+    check_effects(system, fmu)
 
 
 def _similar(name: str, names: list[str]) -> str:

@@ -1,28 +1,22 @@
-"""Whether effects on FMU parameters begin where the base model is: at zero they must not jump."""
+"""Whether the candidates of a diagnosis begin where the base model is: at zero they must not jump."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 
+from datagen.fmi.baselines import check_baseline
 from datagen.fmi.fmu import Fmu
 from diagnosis.effects.base import Effect
 from diagnosis.effects.kinds import FmuParameters
-from shared.effects import ParameterEffect
-from shared.errors import SystemDescriptionError
 from shared.system import System
-
-ALIKE = 1e-6
-"""Values are equal that differ by no more than this share of themselves, or of what the effect usually adds."""
-_BOOLEANS = {"true": 1.0, "false": 0.0}
 
 
 def check_baselines(effects: Iterable[Effect], system: System, fmu: Fmu, *, replay: bool) -> None:
     """Refuse effects whose parameters at an amplitude of zero are not those of the base model.
 
-    An amplitude of zero sets nothing, so the FMU has its own start value then, or the description's; the least
-    amplitude sets ``base``. Where these differ, a straight line through zero tells nothing of the effect. Effects that
-    cannot act in this mode are not looked at, nor are those of packages, which may follow any law.
+    Those of the description have been held against its FMU when that was loaded; a caller or a package may bring
+    others. Effects that cannot act in this mode are not looked at, nor are those of other kinds that a package may
+    have, which may follow any law.
 
     Parameters
     ----------
@@ -32,40 +26,9 @@ def check_baselines(effects: Iterable[Effect], system: System, fmu: Fmu, *, repl
     Raises
     ------
     SystemDescriptionError
-        For the first parameter that the FMU does not have, or that has another value in the base model.
+        For the first parameter that the FMU does not have or cannot set, or that has another value in the base model.
     """
     mode = "replay" if replay else "control"
     for effect in effects:
         if isinstance(effect, FmuParameters) and mode in effect.spec.modes:
-            _check(effect, system, fmu, replay)
-
-
-def _check(effect: FmuParameters, system: System, fmu: Fmu, replay: bool) -> None:
-    spec, where = effect.spec, f"{system.path}: effects {effect.name!r}"
-    for name in (*spec.parameters, *spec.constants):
-        if name not in fmu.variables:
-            raise SystemDescriptionError(f"{where}: {name!r} is not a variable of {fmu.path.name}; expected one")
-    for name, change in spec.parameters.items():
-        found, whose = _value(name, system, fmu, replay)
-        base = spec.base.get(name, 0.0) if isinstance(spec, ParameterEffect) else 0.0
-        if found is None or math.isclose(found, base, rel_tol=ALIKE, abs_tol=ALIKE * abs(change) * spec.scale):
-            continue
-        expected = (
-            f'expected base = {{ "{name}" = {found:.10g} }}'
-            if isinstance(spec, ParameterEffect)
-            else "expected 0 there, for a shape takes the place of its input at once: set it to 0 under [fixed]"
-        )
-        raise SystemDescriptionError(f"{where}: {name!r} begins at {base:.10g} but is {found:.10g} {whose}; {expected}")
-
-
-def _value(name: str, system: System, fmu: Fmu, replay: bool) -> tuple[float | None, str]:
-    """What the base model has for a parameter, None if nobody says, and who says so."""
-    if replay and name in system.replay:
-        return float(system.replay[name]), "under [replay]"
-    if name in system.fixed:
-        return float(system.fixed[name]), "under [fixed]"
-    start = fmu.variables[name].start
-    try:
-        return _BOOLEANS[start] if start in _BOOLEANS else float(start), f"in {fmu.path.name}"
-    except (TypeError, ValueError):  # none, an array or a text: setting it says what is wrong
-        return None, ""
+            check_baseline(effect.spec, system, fmu, replay=replay)
