@@ -84,7 +84,7 @@ def draw_corner(
         fig=figure,
     )
     found = summarise(samples[None])  # not corner's quantiles, so that the lines are those of the table
-    for k, axes in enumerate(np.reshape(figure.axes, (count, count)).diagonal()):
+    for k, axes in enumerate(figure.axes[:: count + 1]):  # the diagonal
         for end in (found.low, found.median, found.high):
             axes.axvline(end[0, k], linestyle="dashed", color=BLUE)
     figure.suptitle(f"posterior over the prior's ranges; dashed: median and {100 * LEVEL:g} % interval", fontsize=10)
