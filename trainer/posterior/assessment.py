@@ -166,9 +166,10 @@ def _figures_of_merit(
     if typical.rmse is not None:
         rmse = np.array([typical.rmse[name] for name in names])
         quantiles, log_density = truncated_normal(estimate, rmse, prior.low, prior.high, truth, n)
-        gaussian, gaussian_score = crps(truth, quantiles).mean(axis=0), float(log_density.mean())
+        gaussian, gaussian_score = crps(truth, quantiles, quantiles=True).mean(axis=0), float(log_density.mean())
     flat = prior.from_unit(((np.arange(n) + 0.5) / n)[:, None]) * np.ones(len(names))
-    each = [crps(truth, one).mean(axis=0) for one in (drawn, np.broadcast_to(flat, drawn.shape))]
+    own = crps(truth, drawn).mean(axis=0)
+    of_prior = crps(truth, np.broadcast_to(flat, drawn.shape), quantiles=True).mean(axis=0)
     found = summarise(drawn)
     of_mean, of_point = r2(truth, found.mean), r2(truth, estimate)
     width = np.median((found.high - found.low) / (prior.high - prior.low), axis=0)
@@ -177,9 +178,9 @@ def _figures_of_merit(
             coverage=cover[k],
             chi2_p=chi2[k],
             ks_p=kolmogorov[k],
-            crps=each[0][k],
+            crps=own[k],
             crps_gaussian=None if gaussian is None else gaussian[k],
-            crps_prior=each[1][k],
+            crps_prior=of_prior[k],
             r2_mean=_finite(of_mean[k]),
             r2_point=_finite(of_point[k]),
             width=width[k],

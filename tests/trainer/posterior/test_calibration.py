@@ -100,6 +100,18 @@ def test_crps_of_a_normal_distribution():
     assert crps(truth, samples) == pytest.approx(expected, abs=0.03)
 
 
+@pytest.mark.parametrize("n", [2, 20])
+def test_few_samples_score_like_many_of_the_same_distribution(n):
+    """A normal distribution whose truths are drawn from it scores 1 / sqrt(pi) on average."""
+    rng = np.random.default_rng(n)
+    truth, samples = rng.normal(size=(40_000, 1)), rng.normal(size=(40_000, n, 1))
+    drawn = crps(truth, samples)
+    assert drawn.mean() == pytest.approx(1 / np.sqrt(np.pi), abs=4 * drawn.std() / 200)
+    levels = stats.norm.ppf((np.arange(200) + 0.5) / 200)[None, :, None]
+    whole = crps(truth, np.broadcast_to(levels, (40_000, 200, 1)), quantiles=True)
+    assert whole.mean() == pytest.approx(1 / np.sqrt(np.pi), abs=4 * whole.std() / 200)
+
+
 def test_the_gaussian_to_beat_is_cut_off_at_the_ranges():
     middle, truth = np.array([[0.1, 0.5]]), np.array([[0.3, 0.4]])
     low, high, sd = np.zeros(2), np.ones(2), np.array([0.2, 0.1])
