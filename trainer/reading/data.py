@@ -64,15 +64,18 @@ def training_records(dataset: DatasetFolder, recorded: list[str], systems: int |
     Raises
     ------
     EstimatorError
-        If there are fewer.
+        If there are fewer, or it is one only: answers and losses are in units of the spread between systems.
     DatasetError
         As :func:`load_records` and :func:`rows_of`.
     """
     index = load_records(dataset, [])
     training, validation = (rows_of(index, split, dataset.folder) for split in ("train", "validation"))
-    if systems is not None and not 1 <= systems <= len(training):
+    if len(training) < 2:
+        raise DatasetError(f"{dataset.folder}: has one training system; expected two or more, whose parameters differ")
+    if systems is not None and not 2 <= systems <= len(training):
         raise EstimatorError(
-            f"systems: is {systems}; expected 1 to the {len(training)} training systems of the dataset"
+            f"systems: is {systems}; expected 2 to the {len(training)} training systems of the dataset: one alone has"
+            " no spread to tell parameters by"
         )
     return load_records(dataset, recorded, np.sort(np.concatenate([training[:systems], validation])))
 
