@@ -268,8 +268,10 @@ def make_parts(ground: Ground, names: list[str] | None) -> list[Part]:
     Raises
     ------
     EstimatorError
-        If a name is unknown.
+        If a name is unknown, or none is given.
     """
+    if names is not None and not names:
+        raise EstimatorError(f"parts: none is named; expected some of {', '.join(PARTS)}")
     for name in names or []:
         if name not in PARTS:
             raise EstimatorError(f"parts: {name!r} is unknown; found {', '.join(PARTS)}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -106,8 +107,9 @@ def make_plan(
             raise EstimatorError(f"{name}: is {value}; expected at least 1")
     if minutes is not None and steps is not None:
         raise EstimatorError("steps and minutes: both are given; expected one budget")
-    if (minutes if minutes is not None else steps if steps is not None else 1) <= 0:
-        raise EstimatorError("the budget of a fit is not positive; expected some minutes or steps")
+    for name, budget_given in (("minutes", minutes), ("steps", steps)):
+        if budget_given is not None and not 0 < budget_given < math.inf:
+            raise EstimatorError(f"{name}: is {budget_given:g}; expected a positive number")
     for model in ours or []:
         estimator_class(model)
     dataset = DatasetFolder(dataset_dir)

@@ -12,6 +12,7 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from shared.console import new_console, resumable
+from shared.errors import EstimatorError
 from shared.logs import USUAL, Reporting, logger
 
 if TYPE_CHECKING:
@@ -96,6 +97,8 @@ def benchmark(
 
         _print_plan(make_plan(dataset, out, **asked), json)
         return
+    if json:
+        raise EstimatorError("json: prints a plan, and there is none; expected --plan, too")
     from trainer.benchmarking.running import benchmark as run_benchmark
 
     page = run_benchmark(

@@ -229,6 +229,10 @@ def test_the_command(finished, short, tmp_path, capsys):
     }
     code, out, _ = command(capsys, *arguments, "--out", finished, "--plan")
     assert "12 fits (a condition that several parts share is fitted once), 0 left" in out
+    code, out, err = command(capsys, *arguments, "--out", tmp_path / "other", "--json")
+    assert (code, out) == (1, "")
+    assert "json: prints a plan, and there is none; expected --plan, too" in err
+    assert not (tmp_path / "other").exists()
     code, out, err = command(capsys, *arguments, "--out", finished, "--quiet")
     assert (code, out, err) == (0, "", "")
     code, out, err = command(capsys, *arguments, "--out", finished)
