@@ -168,10 +168,12 @@ class Card(_Table):
     @model_validator(mode="after")
     def _errors_fit(self) -> Card:
         """Errors are of the encoding's parameters, what is familiar of its channels."""
-        for one in self.validation_errors:
-            if set(one.rmse) != set(self.encoding.parameters):
-                found, expected = ", ".join(one.rmse) or "none", ", ".join(self.encoding.parameters)
-                raise ValueError(f"validation_errors: has errors of {found}; expected {expected}")
+        told = [("validation_errors", one.rmse) for one in self.validation_errors]
+        told += [("validation_rmse", self.validation_rmse)] if self.weights_sha256 else []  # none before the first save
+        for field, rmse in told:
+            if set(rmse) != set(self.encoding.parameters):
+                found, expected = ", ".join(rmse) or "none", ", ".join(self.encoding.parameters)
+                raise ValueError(f"{field}: has errors of {found}; expected {expected}")
         for known in self.familiar:
             if len(known.lowest) != len(self.encoding.recorded):
                 raise ValueError(

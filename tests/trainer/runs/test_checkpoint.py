@@ -55,6 +55,14 @@ def test_errors_of_other_parameters_are_named(own_ridge):
         load_run(own_ridge)
 
 
+def test_a_card_without_the_errors_of_its_training_is_damaged(own_ridge):
+    change_card(own_ridge, validation_rmse={"tank.drain": 1.0})  # `trainer info` showed a traceback
+    with pytest.raises(
+        EstimatorError, match=r"validation_rmse: has errors of tank\.drain; expected tank\.drain, tank\.fill"
+    ):
+        load_run(own_ridge)
+
+
 def test_a_missing_or_wrong_field_is_named(own_ridge):
     change_card(own_ridge, context_hours="long")
     with pytest.raises(EstimatorError, match="damaged: context_hours"):
