@@ -1,4 +1,4 @@
-"""Seeds: which are allowed, and torch's own random numbers under one."""
+"""Seeds and threads: which are allowed, and torch's own random numbers under one."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from shared.errors import EstimatorError
 
 _NOISE = 0x4015E
 """Tells the stream of a fit's noise from those that the seed itself gives."""
+MOST_THREADS = 256
+"""Of torch."""
 
 
 def check_seed(seed: int) -> None:
@@ -24,6 +26,18 @@ def check_seed(seed: int) -> None:
     """
     if seed < 0:
         raise EstimatorError(f"seed: is {seed}; expected a whole number of at least 0")
+
+
+def check_threads(threads: int) -> None:
+    """Refuse a number of threads that torch cannot start: its library ends the process over it.
+
+    Raises
+    ------
+    EstimatorError
+        If there are none, or more than MOST_THREADS.
+    """
+    if not 1 <= threads <= MOST_THREADS:
+        raise EstimatorError(f"threads: is {threads}; expected 1 to {MOST_THREADS}")
 
 
 def noise_seed(seed: int) -> int:

@@ -230,7 +230,8 @@ def check_same_system(card: Card, dataset: DatasetFolder) -> None:
 def window_length(card: Card, hours: float | None) -> int:
     """Samples of a window of so many hours, the run's main length by default."""
     hours = card.context_hours if hours is None else hours
-    length, known = round(hours * 3600 / card.encoding.step) if math.isfinite(hours) else 0, card.encoding.lengths
+    exact, known = hours * 3600 / card.encoding.step, card.encoding.lengths
+    length = round(exact) if math.isfinite(exact) else 0
     if length not in known:
         found = ", ".join(f"{one * card.encoding.step / 3600:g} h" for one in known)
         raise EstimatorError(f"context is {hours:g} h; the run was trained on {found}")

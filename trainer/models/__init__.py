@@ -11,6 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from shared.errors import EstimatorError, OptionsError
+from trainer.memory import memory_for
 
 if TYPE_CHECKING:
     from trainer.models.base import Estimator, Shape
@@ -25,6 +26,8 @@ ESTIMATORS: dict[str, str] = {
     "ridge": "trainer.models.ridge:Ridge",
     "mean": "trainer.models.mean:Mean",
 }
+LARGEST = 2**31 - 1
+"""Of an option; torch's sizes are not much larger."""
 
 
 def estimator_class(name: str) -> type[Estimator]:
@@ -67,8 +70,12 @@ def build(name: str, shape: Shape, options: dict[str, Any]) -> tuple[Estimator, 
             raise OptionsError(f"{name}: option {key!r} is {value!r}; expected a number")
         if isinstance(known[key], int) and (not number or value != int(value) or value < 1):
             raise OptionsError(f"{name}: option {key!r} is {value!r}; expected a whole number of at least 1")
+        if isinstance(known[key], int) and value > LARGEST:
+            raise OptionsError(f"{name}: option {key!r} is {value:g}; expected at most {LARGEST}")
     merged = {key: type(default)(options.get(key, default)) for key, default in known.items()}
+    given = ", ".join(f"{key} {merged[key]:g}" for key in options) or "its defaults"
     try:
-        return estimator_class(name)(shape, **merged), merged
+        with memory_for(f"a {name} of {given}", kind=OptionsError):
+            return estimator_class(name)(shape, **merged), merged
     except ValueError as error:  # torch's own, of a dropout that is no share
         raise OptionsError(f"{name}: {error}") from None

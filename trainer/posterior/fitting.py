@@ -26,6 +26,7 @@ from shared.logs import fields, logger
 from shared.progress import tracked
 from shared.store import DatasetFolder
 from trainer.evaluating.evaluation import check_records, check_same_system
+from trainer.memory import memory_for
 from trainer.posterior.checkpoint import CARD, PosteriorCard, load_posterior, save_posterior
 from trainer.posterior.conditions import Contexts, draw_contexts, source_of
 from trainer.posterior.flow import PosteriorFlow
@@ -35,7 +36,7 @@ from trainer.posterior.tempering import temper
 from trainer.reading.data import load_records, rows_of
 from trainer.runs.checkpoint import CALIBRATION, Run, Systems, load_run
 from trainer.runs.unfinished import check_not_replaced, unfinished
-from trainer.seeds import check_seed, torch_state
+from trainer.seeds import check_seed, check_threads, torch_state
 
 _log = logger(__name__)
 BATCH = 256
@@ -110,7 +111,8 @@ def fit_posterior(
         raise EstimatorError("run: is in no folder; expected one made by `trainer fit`")
     if run.results != run.folder:
         raise EstimatorError(f"{run.folder}: comes with the package; copy it, and fit the posterior to the copy")
-    for name, value in (("windows_per_system", windows_per_system), ("epochs", epochs), ("threads", threads)):
+    check_threads(threads)
+    for name, value in (("windows_per_system", windows_per_system), ("epochs", epochs)):
         if value < 1:
             raise EstimatorError(f"{name}: is {value}; expected at least 1")
     _check_place(run.folder, overwrite)
@@ -158,7 +160,8 @@ def _fit(
     rows = np.sort(np.concatenate([fitting, calibration]))
     source, parameters = source_of(run, dataset, rows)  # reading the shards is half of the cost: once
     places = [np.searchsorted(rows, part) for part in (fitting, calibration)]
-    with torch_state(seeds[3], threads):
+    asked = memory_for(f"{windows_per_system} windows of each system (windows_per_system)")
+    with asked, torch_state(seeds[3], threads):
         fit_to = draw_contexts(run, prior, source, parameters, places[0], windows_per_system, seeds[1])
         held_out = draw_contexts(run, prior, source, parameters, places[1], few, seeds[2])
         del source

@@ -8,6 +8,7 @@ import numpy as np
 import torch
 
 from shared.errors import EstimatorError
+from trainer.memory import memory_for
 from trainer.posterior.context import as_float, context_of
 from trainer.posterior.flow import PosteriorFlow
 from trainer.posterior.prior import Prior
@@ -72,8 +73,9 @@ class Posterior:
         length = self._which_length(windows)
         context = context_of(self.run, self.prior, windows, time)
         # numpy's stream is filled window by window: the samples of one do not depend on how many follow it
-        base = np.random.default_rng(seed).standard_normal((len(context), n, self.flow.parameters_count), np.float32)
-        with torch.no_grad():
+        size = (len(context), n, self.flow.parameters_count)
+        with memory_for(f"{n} samples of each of {len(context)} windows"), torch.no_grad():
+            base = np.random.default_rng(seed).standard_normal(size, np.float32)
             return self.prior.from_normal(self.flow.sample(context, torch.from_numpy(base), length).numpy())
 
     def log_prob(self, values: np.ndarray, time: np.ndarray, parameters: np.ndarray) -> np.ndarray:

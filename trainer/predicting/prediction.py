@@ -129,8 +129,10 @@ def predict(
     run = run if isinstance(run, Run) else load_run(run)
     if cut_short := unfinished(run.card, run.folder):
         _log.warning("%s: %s", run.folder, cut_short)  # for callers that use the values alone
-    for path in (out, corner):
+    for name, path in (("out", out), ("corner", corner)):
         if path is not None:
+            if Path(path).exists() and Path(file).exists() and Path(path).samefile(file):
+                raise EstimatorError(f"{name}: is {path}, the recording itself; expected another file")
             _make_folder(Path(path).parent)
     encoding = run.card.encoding
     window = read_window(Path(file), encoding)

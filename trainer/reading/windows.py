@@ -37,12 +37,13 @@ def context_length(context_hours: float, records: Records) -> int:
     """
     count = len(records.time)
     step = float(records.time[1] - records.time[0]) if count > 1 else 3600.0
-    length = round(context_hours * 3600 / step) if math.isfinite(context_hours) else 0
+    exact = context_hours * 3600 / step
+    length = round(exact) if math.isfinite(exact) else 0
     if length < 1 or abs(length * step - context_hours * 3600) > 1e-6 * step:
         raise EstimatorError(f"context is {context_hours:g} h; expected a whole number of steps of {step:g} s")
     if length > count:
         raise EstimatorError(
-            f"context is {context_hours:g} h ({length} samples); the dataset's records have {count} samples"
+            f"context is {context_hours:g} h ({exact:.10g} samples); the dataset's records have {count} samples"
             f" ({count * step / 3600:g} h)"
         )
     return length

@@ -15,6 +15,7 @@ from shared.errors import EstimatorError
 from shared.lock import FolderLock
 from shared.logs import logger
 from shared.store import DatasetFolder
+from trainer.memory import memory_for
 from trainer.models import build, estimator_class, option_defaults
 from trainer.models.base import Estimator
 from trainer.reading.data import fingerprint
@@ -38,7 +39,7 @@ from trainer.runs.checkpoint import (
 from trainer.runs.state import STATE, check_settings
 from trainer.runs.validation import measured_errors
 from trainer.runs.versions import versions_here
-from trainer.seeds import check_seed, noise_seed, torch_state
+from trainer.seeds import check_seed, check_threads, noise_seed, torch_state
 from trainer.training.beginning import check_same_model, encoding_of, take_weights
 from trainer.training.loop import Loop
 from trainer.training.material import material_of, recipe_of
@@ -135,8 +136,7 @@ def fit(
     """
     if keep not in get_args(Keep):
         raise EstimatorError(f"keep: is {keep!r}; expected best or last")
-    if threads < 1:
-        raise EstimatorError(f"threads: is {threads}; expected at least 1")
+    check_threads(threads)
     check_seed(seed)
     dataset = DatasetFolder(dataset_dir)
     recipe = recipe_of(model, steps, minutes, batch_size, lr)
@@ -176,6 +176,10 @@ def fit(
     with torch_state(seeds[2], threads):
         network, merged = build(model, shape_of(encoding), chosen)
         network.coarse = coarse
+        if encoding.shorter and encoding.shorter[0] < (least := merged.get("patch", 1)):
+            raise EstimatorError(
+                f"other_contexts: the shortest has {encoding.shorter[0]} samples; expected at least a patch's {least}"
+            )
         if coarse and (times := slowdown()) > 1:
             _log.warning(
                 "coarse: products in bfloat16 take %.1f times as long as others on this processor; leave it out", times
@@ -238,7 +242,8 @@ def fit(
             if not resume:
                 (folder / STATE).unlink(missing_ok=True)
             sampler = Sampler(source, training, seeds[3], length)
-            Loop(folder, card, network, sampler, held_out, recipe, minutes, settings, measure).run(progress)
+            with memory_for(f"steps of {recipe.batch_size} windows (batch_size)"):
+                Loop(folder, card, network, sampler, held_out, recipe, minutes, settings, measure).run(progress)
     return load_run(folder)
 
 

@@ -148,6 +148,10 @@ def test_options_are_listed_and_checked():
         build("lstm", PAPER, {"patch": 12})
     with pytest.raises(EstimatorError, match=r"option 'width' is 1.5; expected a whole number"):
         build("lstm", PAPER, {"width": 1.5})
+    with pytest.raises(EstimatorError, match=r"not enough memory for a lstm of width 1e\+09 \(.*\); expected less"):
+        build("lstm", PAPER, {"width": 1e9})
+    with pytest.raises(EstimatorError, match=r"lstm: option 'width' is 1e\+30; expected at most 2147483647"):
+        build("lstm", PAPER, {"width": 1e30})
     with pytest.raises(EstimatorError, match="patch is 12 samples; expected no more than the 6 of the context"):
         build("patch-transformer", Shape(6, 2, 2, 2, 8, 3600.0), {})
     with pytest.raises(EstimatorError, match="expected a multiple of the 8 attention heads"):

@@ -272,6 +272,25 @@ def test_an_interval_of_too_few_samples_is_refused_before_anything_is_written(fi
     assert all(one.low < one.median < one.high for one in fewest)
 
 
+def test_samples_that_memory_does_not_hold_are_told(fitted, many_tanks):
+    with pytest.raises(
+        EstimatorError, match=r"not enough memory for \d+ samples of each of 150 windows .*; expected less"
+    ):
+        predict(fitted, many_tanks / "shards" / "000.nc", samples=10**13)
+
+
+@pytest.mark.parametrize("name", ["out", "corner"])
+def test_the_recording_is_not_written_over(fitted, many_tanks, tmp_path, name):
+    recording, other = tmp_path / "r.nc", tmp_path / "link.nc"
+    recording.write_bytes((many_tanks / "shards" / "000.nc").read_bytes())
+    other.symlink_to(recording)
+    before = recording.read_bytes()
+    for path in (recording, other):
+        with pytest.raises(EstimatorError, match=rf"{name}: is .*, the recording itself; expected another file"):
+            predict(fitted, recording, samples=20, **{name: path})
+    assert recording.read_bytes() == before
+
+
 def test_without_a_posterior_there_are_no_samples(ridge_run, tanks, tmp_path):
     shard = tanks / "shards" / "000.nc"
     assert predict(ridge_run, shard).predictions[0].parameters["tank.fill"].median is None

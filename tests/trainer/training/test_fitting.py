@@ -189,12 +189,19 @@ def test_a_dataset_with_missing_values_is_refused(tmp_path, monkeypatch):
         ({"model": "ridge", "patch": 12}, "ridge has no patches"),
         ({"steps": 10, "minutes": 1}, "both are given"),
         ({"steps": 0}, "steps: is 0; expected a positive number"),
-        ({"threads": 0}, "threads: is 0; expected at least 1"),
+        ({"threads": 0}, "threads: is 0; expected 1 to 256"),
+        ({"threads": 10**9}, "threads: is 1000000000; expected 1 to 256"),
+        (
+            {"model": "multiscale-transformer", "context_hours": 24, "other_contexts": [12, 3]},
+            "other_contexts: the shortest has 6 samples; expected at least a patch's 12",
+        ),
         ({"keep": "worst"}, "keep: is 'worst'; expected best or last"),
         ({"lr": float("nan")}, "lr: is nan"),
         ({"context_hours": 1000}, "the dataset's records have 480 samples"),
         ({"context_hours": float("nan")}, "context is nan h; expected a whole number of steps"),
         ({"context_hours": float("inf")}, "context is inf h; expected a whole number of steps"),
+        ({"context_hours": 1e306}, r"context is 1e\+306 h; expected a whole number of steps"),
+        ({"context_hours": 1e300}, r"context is 1e\+300 h \(2e\+300 samples\); the dataset's records have 480"),
         ({"model": "lstm", "options": {"dropout": 1.5}}, "lstm: dropout "),
         ({"model": "lstm", "options": {"dropout": "x"}}, "lstm: option 'dropout' is 'x'; expected a number"),
         ({"model": "lstm", "options": {"dropout": float("nan")}}, "lstm: option 'dropout' is nan; expected a number"),
@@ -207,6 +214,13 @@ def test_wrong_arguments_are_told(tanks, tmp_path, arguments, sentence):
     with pytest.raises(EstimatorError, match=sentence):
         fit(tanks, tmp_path / "run", **arguments)
     assert not (tmp_path / "run").exists()
+
+
+def test_batches_that_memory_does_not_hold_are_told(tanks, tmp_path):
+    with pytest.raises(
+        EstimatorError, match=r"not enough memory for steps of \d+ windows \(batch_size\) .*; expected less"
+    ):
+        fit(tanks, tmp_path / "run", options=SMALL, steps=1, batch_size=10**14)
 
 
 def test_a_run_folder_that_cannot_be_made_is_told(tanks, tmp_path):
