@@ -142,6 +142,11 @@ def _system(mapping: Mapping, given: System | Path | str | None) -> System:
 def _composer(system: System, mapping: Mapping, data: Measurements, clock: Clock) -> Composer:
     step = mapping.grid.step or system.experiment.step
     time = clock.seconds(data.utc)
+    if step > (length := float(time[-1] - time[0])):
+        raise RecordingError(
+            f"{data.path}: spans {length / 3600:.3g} h, and a step is {step:g} s; expected two steps at least"
+            f" (grid.step of {mapping.path}, or the system's own)"
+        )
     first, last = np.floor(time[0] / step) - 1, np.ceil(time[-1] / step) + 1
     if last - first > _MOST_STEPS:
         raise RecordingError(

@@ -45,7 +45,7 @@ class Place(Table):
 
     latitude: float = Field(ge=-90, le=90)
     longitude: float = Field(ge=-180, le=180)
-    altitude: float = 0.0
+    altitude: float = Field(0.0, ge=-500, le=9000, description="above the sea [m]")
 
 
 class Grid(Table):

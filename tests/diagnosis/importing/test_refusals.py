@@ -115,3 +115,14 @@ def test_a_single_step_is_no_recording(house, tmp_path):
     with pytest.raises(RecordingError, match=r"data.csv: makes one step of 86400 s; expected two at least \(grid.step"):
         house(measured(days=2)[0], MAPPING.replace("[place]", "[grid]\nstep = 86400.0\n[place]"))
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("step", ["172800.1", "1e12", "1e300"])
+def test_steps_longer_than_the_measurements_are_refused(house, step):
+    with pytest.raises(RecordingError, match=r"data\.csv: spans 48 h, and a step is .* s; expected two steps at least"):
+        house(measured(days=2)[0], MAPPING.replace("[place]", f"[grid]\nstep = {step}\n[place]"))
+
+
+def test_a_place_is_on_the_ground(house):
+    with pytest.raises(RecordingError, match=r"mapping\.toml: place\.altitude: .* 9000 .*86400"):
+        house(measured(days=2)[0], MAPPING.replace("[place]", "[place]\naltitude = 86400.0"))
