@@ -105,14 +105,18 @@ def decide(search: Search, where_p: float, where_left_p: float) -> Decision:
     sets = []
     for k, refits in enumerate(search.refits):
         later = [ones[0].names[-1] for ones in search.refits[k + 1 :]]
-        chance = weighed(
-            search.stages[k],
-            refits,
-            search.stages[k + 1],
-            tried=search.tried[k],
-            later=later,
-            excluded=search.excluded,
-        )
+        if k in search.beside:
+            stage, ones = search.beside[k]
+            chance = weighed(stage, ones, last, later=later, excluded=search.excluded)
+        else:
+            chance = weighed(
+                search.stages[k],
+                refits,
+                search.stages[k + 1],
+                tried=search.tried[k],
+                later=later,
+                excluded=search.excluded,
+            )
         sets.append(named(chance, refits[0].names[-1]))
         for name, p in chance.items():
             own = (1 - mistaken) * p + (even if name in tried else 0.0)

@@ -20,11 +20,12 @@ from diagnosis.fitting.side_by_side import InProcess, Outcome, Runner, side_by_s
 from diagnosis.gap.apart import Apart, fitted_apart
 from diagnosis.gap.conditions import Otherwise, otherwise
 from diagnosis.gap.decision import Decision, decide, gap_found
+from diagnosis.gap.exchange import exchanged
 from diagnosis.gap.missing import operators
 from diagnosis.gap.parts import kept_for_scoring
 from diagnosis.gap.places import place
 from diagnosis.gap.schema import Report
-from diagnosis.gap.search import Search, search
+from diagnosis.gap.search import Search, at_its_optimum, search
 from diagnosis.gap.sentences import noiseless
 from diagnosis.gap.shrinkage import Shrinkage, shrinkages
 from diagnosis.gap.starting import Begun, begun, zero_shot
@@ -193,6 +194,8 @@ def _concluded(
         tell=tell,
         known=None if known is None else known.search,
     )
+    found = exchanged(found, candidates, whole.observed, whole.floor, seed=seed, tell=tell)
+    found = at_its_optimum(found)
     first = found.stages[0]
     tell("finding where the gap lies")
     problem = first.lin.problem

@@ -19,7 +19,7 @@ from diagnosis.gap.contending import GROSS, Tell, best_of, contended, fitted_abr
 from diagnosis.gap.fewer import fewer
 from diagnosis.gap.linear import Linearised, applicable, linearised
 from diagnosis.gap.nuisances import widened
-from diagnosis.gap.refit import Refit, linear_start, refit
+from diagnosis.gap.refit import Refit, linear_start, refit, rested
 from diagnosis.gap.renewal import settled
 from diagnosis.gap.scan import NEGLIGIBLE
 from diagnosis.gap.stages import CLEAR, LEVEL, PLAIN, STRONG, Stage, examine
@@ -49,6 +49,8 @@ class Search:
     ``confirmed``: whether what the straight line found at first is there in a refit, or in the residual itself.
     ``plain``: the base model's problem before its nuisances were widened, ``begin`` (unknowns,) where its fit began:
     the middle of the prior if None.
+    ``beside``: the stage and refits by which the candidates of a stage are weighed, by its place, where the effect that
+    was found with them was chosen later (:mod:`diagnosis.gap.exchange`); its own if it is not there.
     ``simulations`` in all of the search; ``made``: refits and linearisations by the stages that led to them.
     """
 
@@ -60,6 +62,7 @@ class Search:
     settled: list[Refit] = field(default_factory=list)
     tried: list[Sequence[Judged]] = field(default_factory=list)
     excluded: dict[str, str] = field(default_factory=dict)
+    beside: dict[int, tuple[Stage, list[Refit]]] = field(default_factory=dict)
     confirmed: bool = True
     simulations: int = 0
     made: dict[Hashable, Any] = field(default_factory=dict)
@@ -147,7 +150,7 @@ def search(
         stage, first = found.last, not found.chosen
         tried: Sequence[Judged]
         if stage.candidate_found:
-            refits = [one for one in refitted(stage, tell, found) if abs(one.lin.amplitudes[-1]) >= NEGLIGIBLE]
+            refits = refitted(stage, tell, found)
             gain = refits[0].evidence - evidence_before(found) if refits else -np.inf
             if first:
                 found.confirmed = gain >= STRONG or stage.misfits or stage.discrepancy
@@ -189,6 +192,19 @@ def evidence_before(found: Search) -> float:
     return found.settled[-1].evidence_with(stage.colours.best)
 
 
+def at_its_optimum(found: Search) -> Search:
+    """The search with the fit of the chosen effects where it comes to rest: what is told of their sizes."""
+    if not found.settled:
+        return found
+    last = found.settled[-1]
+    try:
+        one = rested(last, found.last.colours.best)
+    except SimulationError:
+        return found
+    more = one.simulations - last.simulations
+    return replace(found, settled=[*found.settled[:-1], one], simulations=found.simulations + more)
+
+
 def worth_more(before: Stage, after: Stage) -> bool:
     """Whether a further effect leaves enough less without a cause."""
     return after.left_over <= PARSIMONY * before.left_over
@@ -214,7 +230,7 @@ def among(one: Refit, effects: Sequence[Effect]) -> Linearised:
 def refitted(stage: Stage, tell: Tell, found: Search) -> list[Refit]:
     """The most plausible candidates, each refitted with the parameters and with what was chosen before; best first.
 
-    What stands out most from its own twins is always among them.
+    What stands out most from its own twins is always among them, unless nothing is left of it.
     """
     best, foremost = stage.scan.evidence.max(initial=-np.inf), stage.scan.foremost
     made = []
@@ -240,6 +256,7 @@ def refitted(stage: Stage, tell: Tell, found: Search) -> list[Refit]:
         found.simulations += one.simulations
         found.made[key] = one
         made.append(one)
+    made = [one for one in made if abs(one.lin.amplitudes[-1]) >= NEGLIGIBLE]
     return sorted(made, key=lambda one: -one.evidence)
 
 

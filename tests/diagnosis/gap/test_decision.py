@@ -43,7 +43,7 @@ def refits(**evidence):
     ]
 
 
-def searched(stages, made, confirmed=True):
+def searched(stages, made, confirmed=True, beside=None):
     share = stages[-1].left_over / max(stages[0].left_over, 1.0)
     chosen = stages[-1].lin.chosen
     return SimpleNamespace(
@@ -53,6 +53,7 @@ def searched(stages, made, confirmed=True):
         last=stages[-1],
         chosen=chosen,
         share_left=share,
+        beside=beside or {},
         confirmed=confirmed,
         excluded={},
     )
@@ -213,3 +214,16 @@ def test_a_rejected_fit_is_as_likely_right_as_wrong_where_the_documents_say():
     """docs/diagnosis.md: about a quarter of the gap is left; docs/blind-check.md: 0.26. HALF is of the curve alone."""
     assert mistaken_by(0.26, True) == pytest.approx(0.5, abs=0.01)
     assert mistaken_by(0.0, False) == LEAST < 0.5 < mistaken_by(HALF, True)
+
+
+@pytest.mark.parametrize(("known", "named"), [(False, {"one", "two", "three"}), (True, {"one", "two"})])
+def test_what_was_found_with_another_effect_is_weighed_beside_that(known, named):
+    """Alone "three" is as good as "one", but beside "two" it is not."""
+    first = stage(evidence=(50.0, 10.0, 50.0))
+    second = stage(chosen=("one",), left_over=40.0)
+    last = stage(found=False, misfits=False, left_over=0.0, chosen=("one", "two"))
+    other = (stage(chosen=("two",), evidence=(50.0, 10.0)), refits(one=50.0, three=10.0))
+    made = [refits(one=50.0, three=50.0), refits(two=90.0, three=60.0)]
+    done = decide(searched([first, second, last], made, beside={0: other} if known else None), 0.001, 0.5)
+    assert set(done.named) == named
+    assert done.verdict == ("effect" if known else "ambiguous")

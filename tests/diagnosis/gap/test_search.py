@@ -112,7 +112,7 @@ def test_what_stands_out_most_from_its_own_twins_is_refitted_however_much_others
     lin = SimpleNamespace(effects=[SimpleNamespace(name=f"effect {j}") for j in range(count)])
     stage = SimpleNamespace(scan=scan, lin=lin, grams=None, colours=SimpleNamespace(best={}))
     monkeypatch.setattr(searching, "linear_start", lambda *_: np.zeros(1))
-    made = SimpleNamespace(evidence=1.0, simulations=0)
+    made = SimpleNamespace(evidence=1.0, simulations=0, lin=SimpleNamespace(amplitudes=[1.0]))
     tried = []
     monkeypatch.setattr(searching, "refit", lambda grams, best, start, effects: tried.append(effects[0].name) or made)
     searching.refitted(stage, lambda _: None, SimpleNamespace(path="here", made={}, simulations=0))
