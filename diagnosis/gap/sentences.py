@@ -79,7 +79,8 @@ def _kind(report: Report) -> str:
     if report.balance != "balance":
         return ""
     lacking = [one for one in report.sources if one.verdict == "balance" and one.p_value <= NEEDED]
-    said = " and ".join(f"{one.description} ({one.mean:+.3g} {one.unit} on average)" for one in lacking)
+    # without its mean: parameters have made up for what is constant of it, and may have turned its sign
+    said = " and ".join(one.description for one in lacking)
     return f" It looks like {said or 'a source'} in the balance rather than like the error of a sensor."
 
 

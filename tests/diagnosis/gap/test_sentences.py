@@ -156,7 +156,7 @@ def test_the_answer_says_what_where_and_how_far_in_words():
     )
     where, which, far = summary(done)
     assert where.startswith("Where: room: measured higher; 2 more findings, also in flow.")
-    assert "missing heat (+120 W on average) in the balance rather than like the error of a sensor" in where
+    assert "missing heat in the balance rather than like the error of a sensor" in where
     assert which == "Which: the valve leaks (valve), by 2 W (1 to 3), with probability 90%."
     # more than all of a gap cannot be removed
     assert "removes 100% in room (90 % interval 70% to 100%) of the gap above noise" in far
