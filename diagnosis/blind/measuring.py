@@ -12,7 +12,9 @@ from diagnosis.blind.generator import Made
 from diagnosis.blind.processes import autoregressive
 from diagnosis.blind.truth import Truth
 from diagnosis.recording import HOUR
+from shared.errors import RecordingError
 from shared.schema import EPOCH, methods_of
+from shared.store import write_atomically
 from shared.system import System
 from shared.variables import Noise
 
@@ -69,7 +71,20 @@ def published(made: Made, outputs: np.ndarray, system: System, truth: Truth) -> 
 
 
 def write(path: Path, recording: xr.Dataset) -> None:
-    """Write a recording."""
-    recording.to_netcdf(
-        path, format=_FORMAT, encoding={str(name): {"_FillValue": None} for name in recording.variables}
-    )
+    """Write a recording whole.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be written; what was there is as it was.
+    """
+    encoding = {str(name): {"_FillValue": None} for name in recording.variables}
+    # in memory: where a disk is full, the C library loses its hold of a file of this format, and later the process
+    content = recording.to_netcdf(None, engine="scipy", format=_FORMAT, encoding=encoding)
+    try:
+        write_atomically(path, bytes(content))
+    except OSError as error:
+        raise RecordingError(
+            f"{path}: cannot be written ({error.strerror or error}); expected a place with free space; the same call"
+            " goes on from there"
+        ) from None

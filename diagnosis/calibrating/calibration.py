@@ -22,7 +22,7 @@ from diagnosis.recording import HOUR, Recording
 from diagnosis.whole import whole
 from shared.errors import EstimatorError, RecordingError
 from shared.logs import logger
-from shared.netcdf import read_netcdf
+from shared.netcdf import read_netcdf, write_netcdf
 from shared.places import check_folder
 from shared.system import System
 
@@ -139,7 +139,8 @@ def estimate(run: Path | str, recording: Recording, system: System) -> dict[str,
     EstimatorError
         If the estimator is one of another system.
     RecordingError
-        If the recording lacks a channel of the estimator or too much of it, or is shorter than its context.
+        If the recording lacks a channel of the estimator or too much of it, or is shorter than its context; or if there
+        is no room for a copy of it among temporary files.
     """
     from trainer import predict
 
@@ -154,13 +155,13 @@ def estimate(run: Path | str, recording: Recording, system: System) -> dict[str,
             data = data.drop_vars(output)
     with tempfile.TemporaryDirectory(prefix="zeroshot-span-") as folder:
         path = Path(folder) / recording.path.name
-        data.to_netcdf(path)
+        _write_span(data, path)
         try:
             told = predict(run, path).predictions[0]
         except RecordingError:
             bridged = _bridged(data, round(BRIDGED * HOUR / recording.step))
             path.unlink()
-            bridged.to_netcdf(path)
+            _write_span(bridged, path)
             try:
                 told = predict(run, path).predictions[0]
             except RecordingError as error:
@@ -173,6 +174,17 @@ def estimate(run: Path | str, recording: Recording, system: System) -> dict[str,
             f"{run}: estimates {', '.join(values_by_name)}; the system has {', '.join(system.parameter_names)}"
         )
     return values_by_name
+
+
+def _write_span(data: xr.Dataset, path: Path) -> None:
+    """Write what the estimator is to read into a folder for it that is gone afterwards."""
+    try:
+        write_netcdf(data, path, {})
+    except OSError as error:
+        raise RecordingError(
+            f"{path}: cannot be written ({error.strerror or error}); expected free space there, or in another folder"
+            " that TMPDIR names"
+        ) from None
 
 
 def _bridged(data: xr.Dataset, longest: int) -> xr.Dataset:

@@ -1,6 +1,8 @@
 """Calibrations of a second system, by command and function, and what a recording cannot be."""
 
 import json
+import sys
+import tempfile
 from copy import copy
 from dataclasses import replace
 
@@ -9,6 +11,7 @@ import pytest
 import xarray as xr
 
 from datagen import simulate
+from diagnosis.calibrating import calibration
 from diagnosis.calibrating.calibration import calibrate, estimate
 from diagnosis.calibrating.schema import read_calibration
 from diagnosis.calibrating.sentences import sentences
@@ -19,6 +22,8 @@ from diagnosis.recording import read_recording
 from diagnosis.scores import score
 from shared.console import FAULT, OK, start
 from shared.errors import RecordingError, SystemDescriptionError
+from shared.netcdf import write_netcdf
+from tests.small_disk import SAID, small_disk
 from trainer import predict
 
 TRUTH = {"ro": 7.0, "ri": 0.6, "c": 4.0, "a": 2.5}
@@ -260,6 +265,24 @@ def test_an_estimate_is_not_made_from_days_that_were_made_up(default_system, tmp
     np.testing.assert_allclose(found[9:14], np.linspace(found[9], found[13], 5), rtol=1e-6)
     assert found[0] == found[1]
     assert np.isnan(found[20:24]).all() and np.isnan(found).sum() == 4
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit of a file's size there")
+def test_a_full_disk_of_temporary_files_is_a_sentence(default_system, tmp_path, monkeypatch):
+    """The estimator reads a copy of the recording's span."""
+    simulate(default_system, hours=1200.0, seed=1, out=tmp_path / "one.nc")
+    record = read_recording(tmp_path / "one.nc", default_system)
+    (tmp_path / "scratch").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "scratch"))
+
+    def onto_a_small_disk(*given):
+        with small_disk():
+            write_netcdf(*given)
+
+    monkeypatch.setattr(calibration, "write_netcdf", onto_a_small_disk)
+    with pytest.raises(RecordingError, match=rf"one\.nc: cannot be written \({SAID}\); expected free space .* TMPDIR"):
+        estimate("run", record, default_system)
+    assert list((tmp_path / "scratch").iterdir()) == []
 
 
 @pytest.mark.parametrize(
