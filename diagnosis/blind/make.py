@@ -125,7 +125,7 @@ def _refuse(folder: Path, sealed: Path) -> None:
 def _begin(part: Path, about: dict[str, Any], seed: int | None) -> int:
     """The seed of a set that is begun, or of one that was begun before with the same settings."""
     path = part / "settings.json"
-    if path.exists():
+    if path.exists() and any(part.glob("[0-9]*.json")):  # where nothing was made, nothing was begun
         found = read_json(path, RecordingError, "settings of a set that is being made")
         before = found.pop("seed", None) if isinstance(found, dict) else None
         if not isinstance(before, int) or found != about or seed not in (None, before):

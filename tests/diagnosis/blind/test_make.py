@@ -19,7 +19,7 @@ from diagnosis.blind.sealed import open_answers, read_manifest
 from diagnosis.blind.truth import Form, default_truth, load_truth
 from diagnosis.effects import library
 from diagnosis.recording import HOUR, read_recording
-from shared.errors import RecordingError, ZeroshotError
+from shared.errors import RecordingError, SystemDescriptionError, ZeroshotError
 
 HOURS, SEED, COUNT = 72.0, 20, 6
 
@@ -158,6 +158,19 @@ def test_the_same_seed_gives_the_same_bytes_in_any_order_and_after_an_interrupti
     for file in published_files(folder):
         assert (again / file).read_bytes() == (folder / file).read_bytes()
     assert again.with_name("again.answers.json").read_bytes() == sealed.read_bytes()
+
+
+def test_where_nothing_was_made_another_set_may_be_begun(default_system, tmp_path, monkeypatch):
+    """A system that the generator cannot use had left settings behind, and the mended one was refused for them."""
+    import diagnosis.blind.make as module
+
+    def refused(*_, **__):
+        raise SystemDescriptionError("no")
+
+    monkeypatch.setattr(module, "Generator", refused)
+    for hours in (HOURS, 2 * HOURS):
+        with pytest.raises(SystemDescriptionError, match="^no$"):
+            make(default_system, tmp_path / "set", recordings=1, seed=SEED, hours=hours)
 
 
 @pytest.mark.slow
