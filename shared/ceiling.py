@@ -14,11 +14,13 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, Field
 
 from shared.errors import ZeroshotError
-from shared.reading import read_json, validated
+from shared.reading import read_json, shown, validated
 from shared.store import write_atomically
 from shared.uncertain import Uncertain
 
 FILE_NAME = "identifiability.json"
+SCHEMA_VERSION = 2
+"""Of files that are written. Those of version 1 are read: they have an interval for a single system, too."""
 YEAR = 8760.0
 """Hours."""
 WHOLE = YEAR - 168.0
@@ -114,7 +116,7 @@ class Ceilings(BaseModel):
     """All ceilings known of one system."""
 
     model_config = ConfigDict(extra="forbid")
-    schema_version: int = 1
+    schema_version: int = SCHEMA_VERSION
     system_name: str
     system_hash: str
     fmu_sha256: str
@@ -167,15 +169,23 @@ def fitting(ceilings: list[Ceiling], dataset: Origin, constants: Mapping[str, Un
 
 
 def read_ceilings(path: Path) -> Ceilings:
-    """Read a ceilings file.
+    """Read a ceilings file, of this version or an older one, as one of this version.
 
     Raises
     ------
     ZeroshotError
-        If it is missing or not such a file.
+        If it is missing, not such a file, or of a newer version.
     """
     expected = "a file of `datagen identifiability`"
-    return validated(Ceilings, read_json(path, ZeroshotError, expected), f"{path}", ZeroshotError, expected)
+    raw = read_json(path, ZeroshotError, expected)
+    version = raw.get("schema_version", 1) if isinstance(raw, dict) else 1
+    if isinstance(version, int) and version > SCHEMA_VERSION:
+        raise ZeroshotError(
+            f"{path}: schema_version is {shown(version)}; expected at most {SCHEMA_VERSION}, the newest that this"
+            " version of zeroshot-fmu reads: update it"
+        )
+    found = validated(Ceilings, raw, f"{path}", ZeroshotError, expected)
+    return found.model_copy(update={"schema_version": SCHEMA_VERSION})
 
 
 def write_ceilings(path: Path, ceilings: Ceilings) -> None:

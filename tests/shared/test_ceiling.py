@@ -160,3 +160,20 @@ def test_files_that_are_none(tmp_path):
     (tmp_path / "c.json").write_text("{}")
     with pytest.raises(ZeroshotError, match=r"system_name: Field required .*expected a file of"):
         read_ceilings(tmp_path / "c.json")
+
+
+def test_files_of_the_first_version_are_read_and_kept_as_the_second(ceilings, tmp_path):
+    """The second has no interval for a single system, which the first one's readers do not know."""
+    path = tmp_path / "c.json"
+    raw = json.loads(ceilings.model_dump_json())
+    assert raw["schema_version"] == 2
+    for old in ({**raw, "schema_version": 1}, {name: value for name, value in raw.items() if name != "schema_version"}):
+        path.write_text(json.dumps(old))
+        found = read_ceilings(path)
+        assert found == ceilings
+        found.put(ceiling(r2_mean_low=None, r2_mean_high=None, systems=1))
+        write_ceilings(path, found)
+        assert json.loads(path.read_text())["schema_version"] == 2
+    path.write_text(json.dumps({**raw, "schema_version": 3}))
+    with pytest.raises(ZeroshotError, match=r"c\.json: schema_version is 3; expected at most 2, .*: update it"):
+        read_ceilings(path)
