@@ -169,7 +169,7 @@ def test_where_nothing_was_made_another_set_may_be_begun(default_system, tmp_pat
 
     monkeypatch.setattr(module, "Generator", refused)
     for hours in (HOURS, 2 * HOURS):
-        with pytest.raises(SystemDescriptionError, match="^no$"):
+        with pytest.raises(SystemDescriptionError, match=r"^no$"):
             make(default_system, tmp_path / "set", recordings=1, seed=SEED, hours=hours)
 
 
