@@ -89,12 +89,12 @@ def refit(
         If the simulation fails on all the way.
     """
     problem = before.lin.problem.with_effects([*before.lin.chosen, *new])
-    z = np.clip(start, *_inner(problem))
+    z = np.clip(start, *inner(problem))
     here, exact = _begun(problem, z, before.lin, new)
     count, cost = here.simulations, _cost(here, before, colours)
     settled = False
     for _ in range(steps):
-        step, promised = _step(here, before, colours)
+        step, promised = step_from(here, before, colours)
         settled = promised < SETTLED
         if settled and exact:
             break
@@ -119,7 +119,7 @@ def refit(
     if not exact:
         here = _at(problem, here.z, here, derivatives=True)
         count += here.simulations
-    settled = settled or _step(here, before, colours)[1] < 20 * SETTLED
+    settled = settled or step_from(here, before, colours)[1] < 20 * SETTLED
     grams = Grams(here, before.observed, before)
     left = projected(grams.total(colours), grams.n_nuisance)
     covariance = np.linalg.inv(np.eye(grams.n_unknown) + left.information)
@@ -134,7 +134,7 @@ def at_rest(one: Refit, colours: dict[int, Colour], *, steps: int = STEPS) -> Re
     """
     here, exact, count, cost = one.lin, True, 0, _cost(one.lin, one.grams, colours)
     for _ in range(steps):
-        step, promised = _step(here, one.grams, colours)
+        step, promised = step_from(here, one.grams, colours)
         moved = None
         for share in (1.0, 0.4, 0.15) if promised > REST else ():
             try:
@@ -181,7 +181,8 @@ def misfit(grams: Grams, colours: dict[int, Colour]) -> float:
     return _cost(grams.lin, grams, colours)
 
 
-def _inner(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
+def inner(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
+    """Bounds of the unknowns, shape (unknowns,) each, a little inside of them."""
     low, high = problem.bounds
     margin = np.where(np.isfinite(high - low), 1e-6 * (high - low), 0.0)
     return low + margin, high - margin
@@ -205,7 +206,7 @@ def _begun(problem: Problem, z: np.ndarray, before: Linearised, new: Sequence[Ef
 
 def _at(problem: Problem, z: np.ndarray, near: Linearised, *, derivatives: bool = False) -> Linearised:
     """The problem at ``z``; without ``derivatives`` those of a point near, with Broyden's (1965) correction."""
-    z = np.clip(z, *_inner(problem))
+    z = np.clip(z, *inner(problem))
     known = None if derivatives else near.by_unknown
     made = linearised(problem, z, near.around, (), known, near)
     way = z - near.z
@@ -229,8 +230,8 @@ def _spread(lin: Linearised) -> np.ndarray:
     return spread
 
 
-def _step(lin: Linearised, before: Grams, colours: dict[int, Colour]) -> tuple[np.ndarray, float]:
-    """Best step within bounds, shape (unknowns,), and the gain it promises."""
+def step_from(lin: Linearised, before: Grams, colours: dict[int, Colour]) -> tuple[np.ndarray, float]:
+    """Best step within bounds, shape (unknowns,), and the gain in log likelihood that it promises."""
     grams = Grams(lin, before.observed, before)
     left = projected(grams.total(colours), grams.n_nuisance)
     root = cholesky(np.eye(grams.n_unknown) + left.information, lower=True)

@@ -16,6 +16,7 @@ from diagnosis.effects import Effect
 from diagnosis.fitting.fit import Fit, fit
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.contending import GROSS, Tell, best_of, contended, fitted_abroad
+from diagnosis.gap.elsewhere import elsewhere
 from diagnosis.gap.fewer import fewer
 from diagnosis.gap.linear import Linearised, applicable, linearised
 from diagnosis.gap.nuisances import widened
@@ -165,6 +166,7 @@ def search(
             best = refits[0]
         else:
             break
+        refits, best = moved(refits, best, stage, found)
         lin = renewed_among(best, stage, effects, found)
         after = examine(lin, observed, size, seed=seed + len(found.stages))
         gross = first and stage.candidate_found and after.left_over > GROSS
@@ -182,6 +184,15 @@ def search(
         found.settled.append(best)
         found.tried.append(tried)
     return found
+
+
+def moved(refits: list[Refit], best: Refit, stage: Stage, found: Search) -> tuple[list[Refit], Refit]:
+    """Refits and the best of them, where another size of the chosen effects fits better."""
+    one = elsewhere(best, stage.colours.best)
+    found.simulations += one.simulations - best.simulations
+    if one.lin is best.lin:
+        return refits, best
+    return [one, *refits[1:]], one
 
 
 def evidence_before(found: Search) -> float:

@@ -41,6 +41,7 @@ def searched(monkeypatch):
         monkeypatch.setattr(searching, "examine", examine)
         monkeypatch.setattr(searching, "refitted", lambda *_: [*refits])
         monkeypatch.setattr(searching, "contended", lambda refits, *_: (refits, refits[0]))
+        monkeypatch.setattr(searching, "moved", lambda refits, best, *_: (refits, best))
         monkeypatch.setattr(searching, "renewed_among", lambda best, *_: best.lin)
         monkeypatch.setattr(searching, "fitted_abroad", lambda *_: looked.append(1) or abroad)
         looked = []
@@ -132,3 +133,16 @@ def test_what_was_made_at_one_optimum_is_not_taken_for_another():
 
     assert path([0.5, 1.0]) == path([0.5, 1.0])
     assert path([0.5, 1.0]) != path([0.5, 1.1])
+
+
+def test_where_another_size_fits_better_it_is_the_best_refit(monkeypatch):
+    """And its simulations are counted whether it does or not."""
+    first, second = ({**vars(a_refit(name, 1.0)), "simulations": 5} for name in ("one", "two"))
+    first, second = SimpleNamespace(**first), SimpleNamespace(**second)
+    stage, found = SimpleNamespace(colours=COLOURS), SimpleNamespace(simulations=0)
+    for same in (True, False):
+        other = SimpleNamespace(lin=first.lin if same else object(), simulations=25)
+        monkeypatch.setattr(searching, "elsewhere", lambda *_, other=other: other)
+        refits, best = searching.moved([first, second], first, stage, found)
+        assert best is (first if same else other) and refits == [best, second]
+    assert found.simulations == 40

@@ -1,0 +1,59 @@
+"""Other amplitudes of a chosen effect, far from where the steps of its refit ended.
+
+What an effect does need not grow with its amplitude: a timetable that is moved by two hours meets another hour of the
+day, a limiter opens. Steps along straight lines then end in the nearest trough. So each chosen effect is simulated with
+amplitudes from all over its range, and where one of them, after what the parameters would make up for, promises a
+better fit, the refit begins there once more.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from diagnosis.gap.grams import Colour, Grams
+from diagnosis.gap.linear import linearised
+from diagnosis.gap.refit import Refit, inner, misfit, refit, rested, step_from
+from shared.errors import SimulationError
+
+GRID = 16
+"""Amplitudes of each effect."""
+WORTH = 4.0
+"""Log likelihood that another trough must gain."""
+
+
+def elsewhere(one: Refit, colours: dict[int, Colour]) -> Refit:
+    """The refit, or one that began with another amplitude and fits better; its simulations are added."""
+    best, count = one, one.simulations
+    first = len(one.lin.problem.system.parameters)
+    for k, effect in enumerate(one.lin.chosen):
+        grid = np.linspace(effect.lower, effect.upper, GRID) / effect.scale
+        low, high = (bound[first + k] for bound in inner(best.lin.problem))
+        # the effect's own derivative belongs to where it is now, and promises what it does not keep elsewhere
+        others = best.lin.by_unknown.copy()
+        others[..., first + k] = 0.0
+        promised, start = misfit(best.grams, colours) - WORTH, None
+        for amplitude in np.clip(grid, low, high):
+            z = best.lin.z.copy()
+            z[first + k] = amplitude
+            try:
+                there = linearised(best.lin.problem, z, best.lin.around, (), others, best.lin)
+            except SimulationError:
+                continue
+            count += there.simulations
+            grams = Grams(there, one.grams.observed, one.grams)
+            value = misfit(grams, colours) - step_from(there, grams, colours)[1]
+            if value < promised:
+                promised, start = value, z
+        if start is None:
+            continue
+        try:
+            begun = linearised(best.lin.problem, start, best.lin.around, (), None, best.lin)
+            made = rested(refit(Grams(begun, one.grams.observed, one.grams), colours, start, ()), colours)
+        except SimulationError:
+            continue
+        count += begun.simulations + made.simulations
+        if misfit(made.grams, colours) < misfit(best.grams, colours) - WORTH:
+            best = replace(made, evidence=made.evidence_with(colours))
+    return replace(best, simulations=count)

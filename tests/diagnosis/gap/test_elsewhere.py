@@ -1,0 +1,69 @@
+"""Effects whose best size lies in another trough than where the steps of a refit end."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from diagnosis.effects import build
+from diagnosis.gap import diagnose
+from diagnosis.gap.elsewhere import elsewhere
+from diagnosis.gap.grams import Grams
+from diagnosis.gap.linear import linearised
+from diagnosis.gap.refit import misfit, refit
+from shared.effects import InputEffect
+from tests.diagnosis.conftest import HOUR
+
+LATE = 5.0
+"""Hours by which the recorded heater is ahead of the real one."""
+
+
+def late_heater(system):
+    """The heater is late against its record."""
+    return build(
+        InputEffect(
+            name="late",
+            kind="input",
+            unit="h",
+            input="P",
+            operation="shift",
+            factor=HOUR,
+            scale=1.0,
+            lower=-8.0,
+            upper=8.0,
+        ),
+        system,
+    )
+
+
+@pytest.fixture(scope="module")
+def ahead(house_recorded, tmp_path_factory):
+    """A recording whose heater is written down too early."""
+    path = house_recorded(tmp_path_factory.mktemp("ahead"), hours=336, seed=3)
+    data = xr.load_dataset(path, decode_times=False)
+    data["P"].values[:] = np.roll(data["P"].values, -int(LATE))
+    path.unlink()
+    data.to_netcdf(path)
+    return path
+
+
+@pytest.mark.slow
+def test_another_trough_is_found_if_it_is_deeper(house, ahead):
+    """Readings at the ends of hours hardly tell shifts within one hour apart, so that five may be nearly six."""
+    system = house("me")
+    done = diagnose(system, ahead, effects=[late_heater(system)], tell=lambda _: None)
+    (there,), colours = done.search.settled, done.search.last.colours.best
+    place = len(system.parameters)
+    assert LATE - 0.1 < there.lin.z[place] < LATE + 1.0
+
+    def from_(hours):
+        z = np.where(np.arange(len(there.lin.z)) == place, hours, there.lin.z)
+        begun = linearised(there.lin.problem, z, there.lin.around, (), None, there.lin)
+        return refit(Grams(begun, there.grams.observed, there.grams), colours, z, ())
+
+    stuck = from_(-2.0)
+    assert misfit(stuck.grams, colours) > misfit(there.grams, colours) + 1000.0  # steps alone do not lead there
+    found = elsewhere(stuck, colours)
+    assert LATE - 0.1 < found.lin.z[place] < LATE + 1.0
+    assert misfit(found.grams, colours) < misfit(there.grams, colours) + 10.0
+    assert found.simulations > stuck.simulations
+    assert elsewhere(found, colours).lin is found.lin
