@@ -75,8 +75,10 @@ def _holding(
 ) -> Search | None:
     """The search that chooses an effect first, and what is best beside it; nothing if that cannot be simulated."""
     stage = now.stages[0]
-    made = replace(now, stages=[stage], refits=[], settled=[], tried=[], beside={}, simulations=0)
     places = [j for j, one in enumerate(stage.lin.effects) if one.name == held.name]
+    if not places:  # alone it cannot be simulated
+        return None
+    made = replace(now, stages=[stage], refits=[], settled=[], tried=[], beside={}, simulations=0)
     tell(f"looking at what else acts beside {held.name}")
     try:
         if (made.path, held.name) not in made.made:

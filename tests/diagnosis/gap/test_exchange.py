@@ -120,3 +120,10 @@ def test_exchanges_that_go_round_and_simulations_that_fail_leave_what_was_found(
 def test_one_effect_is_not_asked(monkeypatch):
     one = a_search("a")
     assert asked(monkeypatch, one)[0] is one
+
+
+def test_an_effect_that_works_beside_another_only_is_not_held_alone():
+    first = a_search("a", "b")
+    first.stages[0].lin.effects = [SimpleNamespace(name="a")]
+    found = exchanged(first, (), np.ones((1, 1), dtype=bool), np.ones(1), tell=lambda _: None)
+    assert [one.name for one in found.chosen] == ["a", "b"]
