@@ -1,4 +1,7 @@
-"""The answers of a blind check by condition, and how often each effect that was named first was a cause.
+"""The answers of a blind check by condition, how often each effect that was named first was a cause, and sizes.
+
+Of answers of ``none_of_these`` whose cause was in the library after all: how often the candidate nearest to the gap was
+it. Sizes are those of effects of the library that were rightly named, alone or as one of two.
 
 Run, on an opened set: ``python tests/benchmarks/by_condition.py SET ANSWERS VERDICTS``.
 """
@@ -44,6 +47,28 @@ def main() -> None:
             first[condition(one)[0], one.best].append(one.top)
     for (controllers, name), hits in sorted(first.items(), key=lambda item: -len(item[1])):
         print(f"| {controllers} | {name} | {sum(hits)} of {len(hits)} |")
+    near = [nearest(one) in one.effects for one in pairs if one.outcome.answer == "none_of_these" and one.single]
+    print(f"\nnone_of_these of a cause in the library: the nearest was it in {sum(near)} of {len(near)}")
+    print(
+        "\n| recording | controllers | persons | effect | true | told | 90 % interval |\n|---|---|---|---|---|---|---|"
+    )
+    for one in pairs:
+        verdict = one.outcome.verdict
+        if verdict is None or one.stratum not in ("library", "two"):
+            continue
+        true = {cause["effect"]: float(cause["amplitude"]) for cause in one.answer["causes"]}
+        for name in set(verdict.sizes) & set(true):
+            size = verdict.sizes[name]
+            print(
+                f"| {Path(one.outcome.file).stem} | {' | '.join(condition(one))} | {name} | {true[name]:.3g} "
+                f"| {size.value:.3g} | {size.low:.3g} to {size.high:.3g} |"
+            )
+
+
+def nearest(one: Row) -> str:
+    """The candidate that the evidence points to most; empty where it points to none."""
+    pointed = one.outcome.verdict.pointed if one.outcome.verdict is not None else {}
+    return max(pointed, key=lambda name: pointed[name], default="")
 
 
 if __name__ == "__main__":

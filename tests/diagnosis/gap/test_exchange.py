@@ -103,14 +103,13 @@ def test_an_effect_that_is_as_good_alone_is_named_alone(monkeypatch, worth, alon
 
 def test_exchanges_that_go_round_and_simulations_that_fail_leave_what_was_found(monkeypatch):
     first = a_search("a", "b")
-    rising = iter(range(10, 1000, 10))
+    partner, held = {"a": "b", "b": "c", "c": "a"}, []
 
-    class Round(dict):
-        def __getitem__(self, name):
-            return a_search(name, {"a": "b", "b": "c", "c": "a"}[name], worth=next(rising))
+    def always_better(now, effect, *_):
+        held.append(effect.name)
+        return a_search(effect.name, partner[effect.name], worth=10.0 * len(held))
 
-    held = []
-    monkeypatch.setattr(exchange, "_holding", lambda now, effect, *_: held.append(effect.name) or Round()[effect.name])
+    monkeypatch.setattr(exchange, "_holding", always_better)
     found = exchanged(first, (), np.ones((1, 1), dtype=bool), np.ones(1), tell=lambda _: None)
     assert [one.name for one in found.chosen] == ["a", "b"] and len(held) == ROUNDS
     found, _ = asked(monkeypatch, first, b=None)
