@@ -157,8 +157,9 @@ def search(
                 found.confirmed = gain >= STRONG or stage.misfits or stage.discrepancy
             if not refits or not found.confirmed or (not first and gain < CLEAR):
                 break
-            tried = straight = refits
-            refits, best = contended(straight, stage, found, tell)
+            tried = refits
+            refits, best = contended(tried, stage, found, tell)
+            anew = refits[1:] if refits is not tried else []  # others that were simulated anew, too
         elif first and (stage.misfits or stage.discrepancy):  # a gap, and no straight line that points to its cause
             refits, tried = fitted_abroad(stage, found, tell)
             if not refits or refits[0].evidence - evidence_before(found) < PLAIN:
@@ -172,7 +173,7 @@ def search(
         gross = first and stage.candidate_found and after.left_over > GROSS
         again, ranked = fitted_abroad(stage, found, tell) if gross else ([], [])
         if again:
-            tried, refits = ranked, best_of([*again, best, *(refits if refits is not straight else ())])
+            tried, refits = ranked, best_of([*again, best, *anew])
             if refits[0] is not best:
                 best = refits[0]
                 lin = renewed_among(best, stage, effects, found)

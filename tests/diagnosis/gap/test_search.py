@@ -41,7 +41,7 @@ def searched(monkeypatch):
         monkeypatch.setattr(searching, "examine", examine)
         monkeypatch.setattr(searching, "refitted", lambda *_: [*refits])
         monkeypatch.setattr(searching, "contended", lambda refits, *_: (refits, refits[0]))
-        monkeypatch.setattr(searching, "moved", lambda refits, best, *_: (refits, best))
+        monkeypatch.setattr(searching, "moved", lambda refits, best, *_: ([*refits], best))
         monkeypatch.setattr(searching, "renewed_among", lambda best, *_: best.lin)
         monkeypatch.setattr(searching, "fitted_abroad", lambda *_: looked.append(1) or abroad)
         looked = []
