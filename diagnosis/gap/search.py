@@ -188,12 +188,16 @@ def search(
 
 
 def moved(refits: list[Refit], best: Refit, stage: Stage, found: Search) -> tuple[list[Refit], Refit]:
-    """Refits and the best of them, where another size of the chosen effects fits better."""
+    """Refits and the best of them, where another size of the chosen effects fits better.
+
+    Among the refits it takes its place only if it is more plausible there as well: the others have not come to rest,
+    and may promise more than there is.
+    """
     one = elsewhere(best, stage.colours.best)
     found.simulations += one.simulations - best.simulations
     if one.lin is best.lin:
         return refits, best
-    return [one, *refits[1:]], one
+    return ([one, *refits[1:]] if one.evidence > refits[0].evidence else refits), one
 
 
 def evidence_before(found: Search) -> float:

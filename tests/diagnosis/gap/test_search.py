@@ -135,14 +135,15 @@ def test_what_was_made_at_one_optimum_is_not_taken_for_another():
     assert path([0.5, 1.0]) != path([0.5, 1.1])
 
 
-def test_where_another_size_fits_better_it_is_the_best_refit(monkeypatch):
-    """And its simulations are counted whether it does or not."""
-    first, second = ({**vars(a_refit(name, 1.0)), "simulations": 5} for name in ("one", "two"))
-    first, second = SimpleNamespace(**first), SimpleNamespace(**second)
+@pytest.mark.parametrize(("evidence", "listed"), [(2.0, True), (0.5, False)])
+def test_where_another_size_fits_better_it_is_the_best_refit(monkeypatch, evidence, listed):
+    """Weighed among the others only if it is more plausible, too; its simulations are counted in any case."""
+    first, second = (SimpleNamespace(**vars(a_refit(name, 1.0)), simulations=5) for name in ("one", "two"))
     stage, found = SimpleNamespace(colours=COLOURS), SimpleNamespace(simulations=0)
-    for same in (True, False):
-        other = SimpleNamespace(lin=first.lin if same else object(), simulations=25)
-        monkeypatch.setattr(searching, "elsewhere", lambda *_, other=other: other)
-        refits, best = searching.moved([first, second], first, stage, found)
-        assert best is (first if same else other) and refits == [best, second]
+    same = SimpleNamespace(lin=first.lin, simulations=25)
+    other = SimpleNamespace(lin=object(), simulations=25, evidence=evidence)
+    monkeypatch.setattr(searching, "elsewhere", lambda *_: same)
+    assert searching.moved([first, second], first, stage, found) == ([first, second], first)
+    monkeypatch.setattr(searching, "elsewhere", lambda *_: other)
+    assert searching.moved([first, second], first, stage, found) == ([other if listed else first, second], other)
     assert found.simulations == 40
