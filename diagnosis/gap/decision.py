@@ -21,28 +21,30 @@ from diagnosis.gap.weighing import named, softmax, weighed
 
 Verdict = Literal["effect", "ambiguous", "none_of_these", "no_gap"]
 
-LEAST = 0.17
-"""How often what is named holds no true cause where the best fit is not rejected: another law of another cause can look
-like it. This and what follows are frequencies in opened blind sets (docs/blind-check.md), worked out by
-``tests/benchmarks/decision.py``. Recordings with replayed actuators are no different as far as these sets can tell."""
-HALF = 0.36
+LEAST = {False: 0.19, True: 0.32}
+"""How often what is named holds no true cause where the best fit is not rejected, by whether actuators are replayed:
+another law of another cause can look like it, and in replay the controllers, whose answer tells causes apart, say
+nothing. This and what follows are frequencies in opened blind sets (docs/blind-check.md), worked out by
+``tests/benchmarks/decision.py``; these two are drawn towards their mean by the weight of ten recordings."""
+HALF = 0.35
 """Middle of the logistic curve over the share left of a best fit that is rejected. It rises from LEAST, so that what
-is named holds a true cause or none with equal chances at a share of 0.26."""
-STEEP = 0.25
+is named holds a true cause or none with equal chances at a share of 0.25, in replay of 0.15."""
+STEEP = 0.2
 """Of that curve."""
-OUTSIDE = 0.61
+OUTSIDE = 0.57
 """Of the mistakes, the share in which the cause is none of the candidates."""
-AFTER_ALL = 0.06
+AFTER_ALL = 0.07
 """Of the mistakes, the share in which there is no gap at all."""
-NOTHING = 0.39
+NOTHING = 0.36
 """Probability that there is no gap where none is found: most effects of half their usual size go unseen."""
-UNSEEN_OUTSIDE = 0.33
+UNSEEN_OUTSIDE = 0.31
 """Of the gaps that are not found, the share whose cause is none of the candidates."""
 
 
-def mistaken_by(share: float, rejected: bool) -> float:
+def mistaken_by(share: float, rejected: bool, replay: bool) -> float:
     """Probability that what is named holds no true cause, by the share of the gap that the best fit leaves."""
-    return float(LEAST + (1 - LEAST) * expit((share - HALF) / STEEP)) if rejected else LEAST
+    least = LEAST[replay]
+    return float(least + (1 - least) * expit((share - HALF) / STEEP)) if rejected else least
 
 
 @dataclass(frozen=True)
@@ -97,7 +99,7 @@ def decide(search: Search, where_p: float, where_left_p: float) -> Decision:
         return Decision("no_gap", likely, outside * (1 - nothing), nothing, 0.0, (), (), False)
     rejected = gap_found(last, where_left_p)
     share = search.share_left
-    mistaken = mistaken_by(share, rejected) if search.chosen else 1.0
+    mistaken = mistaken_by(share, rejected, last.lin.problem.replay) if search.chosen else 1.0
     nothing = AFTER_ALL * mistaken
     none = OUTSIDE * mistaken if tried else mistaken - nothing  # where nothing was tried, no candidate can be the cause
     even = (mistaken - none - nothing) / max(len(tried), 1)

@@ -33,7 +33,7 @@ WEIGHTS = {"none": 4, "library": 5, "form": 5, "outside": 4}
 WIDE = 1.0
 """Prior standard deviation of log STEEP about USUAL: few recordings are near the middle."""
 USUAL = 0.15
-ANOTHER = (1 - OUTSIDE - AFTER_ALL) * LEAST
+ANOTHER = (1 - OUTSIDE - AFTER_ALL) * LEAST[False]
 """How probable another candidate is than those that the evidence points to, whatever evidences are divided by."""
 TINY = 1e-9
 """Probability below which it is all one."""
@@ -47,10 +47,11 @@ def share_left(verdict: Verdict) -> float:
 
 def even(ones: list[tuple[float, bool, bool]]) -> tuple[float, float]:
     """HALF and STEEP of rejected fits (share left, mistaken, replayed), by the curve of :func:`.mistaken_by`."""
-    share, wrong, _ = np.array(ones, dtype=float).reshape(-1, 3).T
+    share, wrong, replayed = np.array(ones, dtype=float).reshape(-1, 3).T
+    least = np.where(replayed > 0, LEAST[True], LEAST[False])
 
     def loss(x: np.ndarray) -> float:
-        chance = LEAST + (1 - LEAST) * expit((share - x[0]) / np.exp(x[1]))
+        chance = least + (1 - least) * expit((share - x[0]) / np.exp(x[1]))
         chance = np.clip(chance, TINY, 1 - TINY)
         likely = np.where(wrong > 0, np.log(chance), np.log(1 - chance)).sum()
         return float(-likely + 0.5 * ((x[1] - np.log(USUAL)) / WIDE) ** 2)
@@ -120,7 +121,7 @@ def main() -> None:
             lines += [(f"HALF{said}", half, HALF, len(ones)), (f"STEEP{said}", steep, STEEP, len(ones))]
         fits = [(each[stratum], other) for stratum, other, replayed in kept if kind is None or replayed is kind]
         share = sum(weight for weight, other in fits if other) / max(sum(weight for weight, _ in fits), TINY)
-        lines.append((f"LEAST{said}", share, LEAST, len(fits)))
+        lines.append((f"LEAST{said}", share, np.nan if kind is None else LEAST[kind], len(fits)))
     mistakes = {name: each[name] * count for name, count in wrong.items()}
     for name, stratum, used_ in (("OUTSIDE", "outside", OUTSIDE), ("AFTER_ALL", "none", AFTER_ALL)):
         lines.append((name, mistakes.get(stratum, 0.0) / sum(mistakes.values()), used_, sum(wrong.values())))

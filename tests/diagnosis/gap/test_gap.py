@@ -18,7 +18,7 @@ def test_a_drifting_sensor_is_found_told_how_large_and_removed(drifted):
     first = report.effects[0]
     assert first.low < 3.0 < first.high
     assert first.high - first.low < 0.4
-    assert 1 - LEAST - 0.01 < first.probability < 1 - LEAST * OUTSIDE
+    assert 1 - LEAST[False] - 0.01 < first.probability < 1 - LEAST[False] * OUTSIDE
     (room,) = report.shrinkage
     assert room.share > 0.8 > room.placebo
     assert room.before > 2 * room.floor
