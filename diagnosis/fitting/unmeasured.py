@@ -22,6 +22,11 @@ HISTORY = (0.0, 0.25 * DAY, DAY, 3 * DAY)
 DRAWS = 4000
 NEGLIGIBLE = 1e-4
 """Share of the variance below which directions of the prior are left out."""
+RARE = 0.3
+"""Of the largest standard deviation of unknown persons, the least at half hours of the day at which somebody may come.
+
+They come at an unusual hour rarely, but then several at once: a normal prior with the variance of that takes the first
+early comer of a Saturday for a gap of the model."""
 
 
 def _joined(parts: Sequence[Nuisance]) -> Nuisance:
@@ -93,7 +98,9 @@ def _unknown_occupancy(system: System, place: int, driven: Drive, seed: int) -> 
     draws = draws / level[:, None]
     usual = draws.mean(axis=0)
     edges[-1] = driven.stop
-    inside = back + np.flatnonzero(draws[:, back:].std(axis=0) > NEGLIGIBLE * max(draws.std(), 1e-12))
+    comes = draws[:, back:].std(axis=0) > NEGLIGIBLE * max(draws.std(), 1e-12)
+    hour = np.floor(edges[back:-1] % DAY / PULSE + 1e-6).astype(int)
+    inside = back + np.flatnonzero(np.isin(hour, hour[comes]))
     begins, ends, heights = [edges[inside]], [edges[inside + 1]], [draws[:, inside]]
     for a, b in _spans(driven):
         rows = (edges[:-1] > a - PULSE / 2) & (edges[:-1] < b - PULSE / 2)
@@ -106,6 +113,10 @@ def _unknown_occupancy(system: System, place: int, driven: Drive, seed: int) -> 
         np.setdiff1d(np.arange(back, back + count), inside)
     ]
     stacked = np.concatenate(heights, axis=1)
+    covariance = np.atleast_2d(np.cov(stacked, rowvar=False))
+    variance = np.diag(covariance)[: len(inside)]
+    rare = np.maximum(RARE**2 * variance.max(initial=0.0) - variance, 0.0)
+    covariance = covariance + np.diag(np.append(rare, np.zeros(len(covariance) - len(inside))))
     begin, end = np.concatenate(begins), np.concatenate(ends)
     return (
         Nuisance(
@@ -115,7 +126,7 @@ def _unknown_occupancy(system: System, place: int, driven: Drive, seed: int) -> 
             turns=np.zeros(len(begin), dtype=bool),
             recorded=begin > driven.start - SNAP,
             mean=stacked.mean(axis=0),
-            factor=_factor(np.atleast_2d(np.cov(stacked, rowvar=False))),
+            factor=_factor(covariance),
             levels=(Level(place, float(np.log(level).mean()), float(np.log(level).std())),),
         ),
         Piecewise(edges[:-1], known, "previous"),

@@ -8,6 +8,7 @@ from datagen.simulating.simulator import Simulator
 from diagnosis.fitting.marginal import Marginal
 from diagnosis.fitting.nuisance import Level, Nuisance, responses
 from diagnosis.fitting.problem import Problem
+from diagnosis.fitting.unmeasured import RARE
 from diagnosis.recording import read_recording
 
 HOUR = 3600.0
@@ -102,3 +103,14 @@ def test_the_usual_day_and_its_level_are_those_of_the_sampler(house, house_recor
     ratio = persons.std(axis=0)[busy] / wanted.std(axis=0)[busy]
     assert busy.sum() > 30
     assert 0.9 < ratio.min() <= ratio.max() < 1.4
+
+
+def test_an_early_comer_of_a_saturday_is_rare_and_not_impossible(house, house_recording):
+    """Every day has pulses at the hours of which any has some, each as uncertain as several who come at once."""
+    system = house("me")
+    record = read_recording(house_recording(hours=168, count=False), system)
+    nuisance = Problem(Simulator(system), record, occupancy="unknown", history=False).nuisance
+    nuisance = nuisance.only(nuisance.guessed)
+    day, hour = np.divmod(nuisance.begin - record.start, 24 * HOUR)
+    assert len({tuple(hour[day == one]) for one in range(7)}) == 1
+    assert nuisance.sd.min() == pytest.approx(RARE * nuisance.sd.max(), rel=0.01)
