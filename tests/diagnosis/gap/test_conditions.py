@@ -18,6 +18,8 @@ from tests.diagnosis.gap.room_cases import ROOM, recorded, room, some
 
 FEW = ("infiltration.constant", "heater.derated", "sensor.CO2.gain", "sensor.temperature.drift")
 HOURS = 96.0
+WARM_UP = 48.0
+"""Enough for this, and two thirds of the time [h]."""
 
 
 def held_together(report):
@@ -93,7 +95,7 @@ def test_persons_whom_nobody_counted_are_not_moved_in_time(warm):
 
 @pytest.mark.slow
 def test_persons_counted(folder):
-    report = diagnose(room(), drifting(folder), effects=some(room(), *FEW)).report
+    report = diagnose(room(), drifting(folder), effects=some(room(), *FEW), warm_up=WARM_UP).report
     assert held_together(report) == {"sensor.temperature.drift"}
     assert report.occupancy == "measured"
     assert report.otherwise == []
@@ -101,7 +103,7 @@ def test_persons_counted(folder):
 
 @pytest.mark.slow
 def test_persons_not_counted_costs_what_the_report_says(folder):
-    report = diagnose(room(), drifting(folder), occupancy="unknown", effects=some(room(), *FEW)).report
+    report = diagnose(room(), drifting(folder), occupancy="unknown", effects=some(room(), *FEW), warm_up=WARM_UP).report
     assert "sensor.temperature.drift" in held_together(report)
     (other,) = report.otherwise
     assert other.condition == "counted"
@@ -118,7 +120,7 @@ def test_persons_not_counted_costs_what_the_report_says(folder):
 
 @pytest.mark.slow
 def test_replayed_actuators_cost_what_the_report_says(folder):
-    report = diagnose(room(), drifting(folder), replay=True, effects=some(room(), *FEW)).report
+    report = diagnose(room(), drifting(folder), replay=True, effects=some(room(), *FEW), warm_up=WARM_UP).report
     held_together(report)
     assert report.replayed == ["QHea", "mOA"]
     assert "heater.derated" in report.excluded
@@ -138,7 +140,7 @@ def test_an_effect_is_named_beside_one_that_a_parameter_imitates(folder):
         return outputs
 
     record = recorded(folder / "two.nc", room(), hours=HOURS, fmu={"effect.heater.derate": 0.8}, readings=readings)
-    report = diagnose(room(), record, effects=some(room(), *FEW)).report
+    report = diagnose(room(), record, effects=some(room(), *FEW), warm_up=WARM_UP).report
     assert "heater.derated" in held_together(report)
 
 
@@ -146,7 +148,7 @@ def test_an_effect_is_named_beside_one_that_a_parameter_imitates(folder):
 def test_the_command_begins_with_the_shipped_estimator(folder, capsys):
     path = folder / "command.nc"
     recorded(path, room(), hours=HOURS, fmu={"effect.heater.derate": 0.7})
-    words = ["run", ROOM, str(path), "--out", str(folder / "out"), "--run", "MixedAirCO2", "--json"]
+    words = ["run", ROOM, str(path), "--out", str(folder / "out"), "--run", "MixedAirCO2", "--json", "--warm-up", "48"]
     assert app(words) == 0
     report = Report.model_validate_json(capsys.readouterr().out)
     held_together(report)
