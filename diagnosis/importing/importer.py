@@ -18,6 +18,7 @@ from diagnosis.importing.report import Comparison, ImportReport, VariableReport
 from diagnosis.importing.series import Series
 from diagnosis.importing.writing import build_recording, write_recording
 from shared.errors import RecordingError
+from shared.places import check_folder
 from shared.store import sha256_of
 from shared.system import System, load_system
 
@@ -72,6 +73,7 @@ def import_recording(
     out = Path(out)
     if out.suffix != ".nc":
         raise RecordingError(f"{out}: ending is {out.suffix!r}; expected .nc")
+    check_folder(out.parent, RecordingError)
     measurements = read_measurements(Path(data), settings)
     length = float(measurements.utc[-1] - measurements.utc[0])
     interval = float(np.median(np.diff(measurements.utc)))

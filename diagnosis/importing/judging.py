@@ -21,6 +21,7 @@ from diagnosis.importing.quality import (
     make_signal,
     mark_impossible,
     mark_stuck,
+    possible_in_source,
     to_target,
 )
 from diagnosis.importing.reading import Measurements
@@ -181,6 +182,8 @@ class Judge:
                 raise RecordingError(f"{where}: every reading is {signal.values[0]:g} {unit}; expected one that varies")
             self.notes.append(f"column {column}: every reading is {signal.values[0]:g} {unit}")
         signal = mark_impossible(signal, source, density=density, where=where)
+        limits = possible_in_source(source, unit, density=density, where=where)
+        self.tell(plausible.about_impossible(column, signal, source, *limits))
         self.tell(plausible.about_noise(column, signal))
         if source.unit in ("percent", "%") and source.scale == 1 and 0 < float(np.nanmax(readings)) <= 1.0:
             self.notes.append(f"column {column}: declared in percent, but no reading is above 1; is it a fraction?")

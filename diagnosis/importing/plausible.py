@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from diagnosis.importing.clock import Clock
-from diagnosis.importing.mapping import Place
+from diagnosis.importing.mapping import Place, Source
 from diagnosis.importing.quality import DARK as FAINT
-from diagnosis.importing.quality import Signal
+from diagnosis.importing.quality import IMPOSSIBLE, Signal
 from diagnosis.importing.spacing import DAY, usual_interval
 from diagnosis.importing.weather import sun_position
 
@@ -68,6 +68,25 @@ def about_hold(column: str, signal: Signal) -> str | None:
         f"column {column}: taken for read all the time: a reading holds for {signal.holds / 3600:.3g} h at most{left}"
         f"{'; max_gap says otherwise' if left else ''}"
     )
+
+
+def about_impossible(column: str, signal: Signal, source: Source, low: float, high: float) -> str | None:
+    """A sentence if readings were left out as impossible, and what sets other limits than ``low`` to ``high``.
+
+    These are in the column's unit, and so is what ``valid`` says.
+    """
+    count = int(((signal.flags & IMPOSSIBLE) > 0).sum())
+    if not count:
+        return None
+    sets = "" if source.valid is not None else "; valid = [lowest, highest] says what else is possible"
+    codes = "" if source.valid is not None else ", or codes of nines"
+    limits = {
+        (True, True): f"not {low:.4g} to {high:.4g} {source.unit}",
+        (True, False): f"below {low:.4g} {source.unit}",
+        (False, True): f"above {high:.4g} {source.unit}",
+        (False, False): "no numbers of a sensor",
+    }[bool(np.isfinite(low)), bool(np.isfinite(high))]
+    return f"column {column}: {count} of {len(signal.values)} readings are left out: {limits}{codes}{sets}"
 
 
 def about_noise(column: str, signal: Signal) -> str | None:

@@ -220,6 +220,16 @@ def mark_impossible(signal: Signal, source: Source, *, density: float, where: st
     return replace(signal, values=values, flags=flags, floor=0.0 if below == "noise" else -np.inf)
 
 
+def possible_in_source(source: Source, unit: str, *, density: float, where: str) -> tuple[float, float]:
+    """Lowest and highest possible value in the declared unit of a column: what ``valid`` says, or would say."""
+    ends = [
+        source_value(end, source, unit, density=density, where=where) if np.isfinite(end) else end
+        for end in _possible(source, unit, density=density, where=where)[:2]
+    ]
+    each = source.persons or 1.0
+    return min(ends) / each, max(ends) / each
+
+
 def source_value(value: float, source: Source, unit: str, *, density: float, where: str) -> float:
     """A value of a signal back in the declared unit of its column."""
     return float(units.convert(value, unit, source.unit, density=density, where=where))

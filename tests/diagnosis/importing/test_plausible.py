@@ -95,6 +95,20 @@ def test_persons_keep_the_possible_values_of_a_presence(house):
     assert people.impossible == 0 and people.maximum == 2.0
 
 
+def test_what_is_left_out_as_impossible_is_told_with_its_limits(house):
+    """A reading of a boiler's water in a column of the room."""
+    frame, hours = measured()
+    frame["room"] = np.where((hours > 40) & (hours < 41), 75.0, frame["room"])
+    report = house(frame)
+    count = int(((hours > 40) & (hours < 41)).sum())
+    assert told(report, f"column room: {count} of {len(frame)} readings are left out: not -50 to 60 degC")
+    assert told(report, "valid = [lowest, highest] says what else is possible")
+    wider = MAPPING.replace("[variables.warmth]", "[variables.warmth]\nvalid = [-20, 90]")
+    assert not told(house(frame, wider, out="wider.nc"), "column room: ")
+    narrower = MAPPING.replace("[variables.warmth]", "[variables.warmth]\nvalid = [-20, 50]")
+    assert told(house(frame, narrower, out="narrower.nc"), "readings are left out: not -20 to 50 degC")
+
+
 def test_an_input_in_another_unit_than_its_weather_is_refused(tmp_path):
     (tmp_path / "house.toml").write_text(
         HOUSE.replace('name = "outdoors", unit = "K"', 'name = "outdoors", unit = "degC"')

@@ -77,7 +77,7 @@ def test_each_fault_is_a_sentence_and_no_file(house, tmp_path, change, mapping, 
 
 def test_a_folder_that_cannot_be_written_to(house, tmp_path):
     (tmp_path / "out").write_text("a file, not a folder")
-    with pytest.raises(RecordingError, match="cannot be written"):
+    with pytest.raises(RecordingError, match="nothing can be written there"):
         house(measured(days=2)[0])
     with pytest.raises(RecordingError, match=r"ending is '.csv'; expected .nc"):
         house(measured(days=2)[0], out="house.csv")
