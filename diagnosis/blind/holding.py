@@ -39,7 +39,7 @@ def sizes(rows: Sequence[Row], seed: int = 0) -> Held:
         verdict = row.outcome.verdict
         if verdict is None or row.stratum != "library":
             continue
-        true = {cause["effect"]: float(cause["amplitude"]) for cause in row.answer["causes"]}
+        true = row.true_sizes
         of_row = [
             _place(one.value, one.low, one.high, true[name])
             for name, one in verdict.sizes.items()

@@ -45,6 +45,11 @@ class Row:
         return self.truth == "effect" and len(self.effects) == 1
 
     @property
+    def true_sizes(self) -> dict[str, float]:
+        """Amplitudes of the causes that act by their candidates' own laws: another law has another unit, as a rule."""
+        return {one["effect"]: float(one["amplitude"]) for one in self.answer["causes"] if not one["form"]}
+
+    @property
     def found(self) -> bool:
         """Whether a gap was found."""
         return self.outcome.verdict is not None and self.outcome.verdict.verdict != "no_gap"

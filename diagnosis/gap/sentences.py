@@ -213,8 +213,8 @@ def limits(report: Report) -> list[str]:
         found.append(
             "Persons were not counted: whatever looks like people coming and going at other times than usual is taken"
             " for them. Effects that act when people are there are hard to see, and so is how large a leak or an"
-            " opening is: a room that leaks much looks like one with fewer people, and sizes of such have been told a"
-            " third to a tenth of what they were." + _cost(report, "counted", "Had they been counted")
+            " opening is: a room that leaks much looks like one with fewer people, and of five such sizes in blind"
+            " checks one was told a third of what it was." + _cost(report, "counted", "Had they been counted")
         )
     if report.replay:
         found.append(

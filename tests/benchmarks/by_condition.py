@@ -1,7 +1,7 @@
 """The answers of a blind check by condition, how often each effect that was named first was a cause, and sizes.
 
 Of answers of ``none_of_these`` whose cause was in the library after all: how often the candidate nearest to the gap was
-it. Sizes are those of effects of the library that were rightly named, alone or as one of two.
+it. Sizes are those of effects of the library, acting by its own law, that were rightly named, alone or as one of two.
 
 Run, on an opened set: ``python tests/benchmarks/by_condition.py SET ANSWERS VERDICTS``.
 """
@@ -56,7 +56,7 @@ def main() -> None:
         verdict = one.outcome.verdict
         if verdict is None or one.stratum not in ("library", "two"):
             continue
-        true = {cause["effect"]: float(cause["amplitude"]) for cause in one.answer["causes"]}
+        true = one.true_sizes
         for name in set(verdict.sizes) & set(true):
             size = verdict.sizes[name]
             print(

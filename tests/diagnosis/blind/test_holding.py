@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from diagnosis.blind.opened import Row
 from diagnosis.blind.scoring import score
-from diagnosis.blind.verdicts import Moved, Sized, Verdict
+from diagnosis.blind.verdicts import Moved, Outcome, Sized, Verdict
 from tests.diagnosis.blind.blind_cases import Case, write_results, write_set
 
 
@@ -87,3 +88,14 @@ def test_verdicts_without_intervals_are_not_counted(tmp_path):
     verdict = Verdict(verdict="effect", named=["a"], probabilities={"a": 0.9}, parameters=told)
     found = scored(tmp_path, [Case("library", ("a",), sizes=(2.0,), room=4.0, verdict=verdict)])
     assert all(one.held.n == 0 for one in found.values())
+
+
+def test_another_law_s_amplitude_is_no_size_of_its_candidate():
+    """0.05 kg/s of a power law at 4 m/s are not 0.05 kg/m of a straight line."""
+    causes = [
+        {"effect": "wind", "form": "power law", "amplitude": 0.05, "unit": "kg/s"},
+        {"effect": "clock", "form": "", "amplitude": -0.5, "unit": "h"},
+    ]
+    verdict = Verdict(verdict="no_gap", probabilities={}, none=0.5, nothing=0.5)
+    outcome = Outcome(file="0000.nc", sha256="", seconds=1.0, verdict=verdict)
+    assert Row({"causes": causes}, outcome, "two", "effect", ("wind", "clock"), 1.0).true_sizes == {"clock": -0.5}
