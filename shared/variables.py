@@ -11,6 +11,11 @@ from shared.effects import Effect as Effect
 from shared.signals import Table
 
 
+def spaced(unit: str) -> str:
+    """A unit as it stands after a number, with the space before it; nothing after a pure number, whose unit is 1."""
+    return "" if unit == "1" else f" {unit}"
+
+
 class Parameter(Table):
     """An estimated parameter and its prior: uniform in ``scale`` between ``min`` and ``max``."""
 

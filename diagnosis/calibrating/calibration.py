@@ -119,7 +119,8 @@ def calibrate(
         first = problem.unknowns(zero_shot)
         others = np.random.default_rng(seed).standard_normal((max(starts - 1, 0), problem.size))
         found = fit(problem, [first, *others], estimate_noise=estimate_noise)
-        report = summarise(found, zero_shot, str(run) if run is not None else "prior")
+        further = f" and {starts - 1} draws of the prior" if starts > 1 else ""
+        report = summarise(found, zero_shot, f"{run if run is not None else 'prior'}{further}")
     done = Calibrated(report, found)
     if out is not None:
         from diagnosis.calibrating.report import write_calibration

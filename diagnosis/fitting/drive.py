@@ -84,10 +84,10 @@ def drive(
                     meters[one.name] = meter
                 if (values == one.value).all():
                     assumed[one.name] = f"{one.value:g} {one.unit} throughout"
-            elif values is None:
+            elif values is None or one.name in recording.assumed:
                 assumed[one.name] = f"{one.value:g} {one.unit}, unused"
         if values is not None:
-            if one.name in recording.assumed:
+            if one.name in recording.assumed and one.source != "measured":
                 assumed.setdefault(one.name, recording.assumed[one.name])
             signals[one.name] = _extended(recording, values, repeats, day, held=one.interpolation == "previous")
         elif one.source == "weather":

@@ -91,9 +91,14 @@ def _lined(one: Refit, colours: dict[int, Colour], every: np.ndarray) -> tuple[L
 
 
 def _agreed(found: Search, fitted: np.ndarray) -> bool:
-    for stage, refits in zip(found.stages, found.refits, strict=False):
+    """Whether the fitted readings put first what all readings do, among what was refitted for each of the effects."""
+    for k, (own, ones) in enumerate(zip(found.stages, found.refits, strict=False)):
+        stage, refits = found.beside.get(k, (own, ones))
         like = Grams(stage.lin, fitted)
-        ones = [replace(one, grams=Grams(one.lin, fitted, like)) for one in refits]
-        if int(np.argmax([one.evidence_with(stage.colours.best) for one in ones])) != 0:
+        part = [replace(one, grams=Grams(one.lin, fitted, like)) for one in refits]
+        best, first = (
+            int(np.argmax([one.evidence_with(stage.colours.best) for one in some])) for some in (part, refits)
+        )
+        if best != (first if k in found.beside else 0):
             return False
     return True

@@ -96,7 +96,8 @@ def decide(search: Search, where_p: float, where_left_p: float) -> Decision:
         outside = UNSEEN_OUTSIDE if tried else 1.0
         chance = softmax({name: evidence[name] for name in tried})
         likely = {name: (1 - nothing) * (1 - outside) * p for name, p in chance.items()}
-        return Decision("no_gap", likely, outside * (1 - nothing), nothing, 0.0, (), (), False)
+        none = outside * (1 - nothing)
+        return Decision("no_gap", likely, none, nothing, none + nothing, (), (), False)
     rejected = gap_found(last, where_left_p)
     share = search.share_left
     mistaken = mistaken_by(share, rejected, last.lin.problem.replay) if search.chosen else 1.0

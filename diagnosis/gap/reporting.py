@@ -109,7 +109,7 @@ def _effects(search: Search, decision: Decision) -> list[NamedEffect]:
     fitted: dict[str, tuple[float, float, bool]] = {}
     for k, refits in enumerate(search.refits):
         told = decision.sets[k] if k < len(decision.sets) else ()
-        for one in reversed(refits):
+        for one in reversed(search.beside[k][1] if k in search.beside else refits):
             name = one.names[-1]
             if name in told or name not in fitted:  # a candidate of an earlier set is told as what it was there
                 fitted[name] = _amplitude(one, name)

@@ -52,7 +52,7 @@ class ShrinkageOf(_Table):
     """Of one channel, on the days that took no part in the fit that this is of.
 
     Root mean squares [unit], and the share of the gap above the noise that the chosen effects remove. Shares are
-    null where there is no gap above the noise, or too few ``readings`` on those days to tell.
+    null where no gap stands out from the noise, or too few ``readings`` on those days to tell.
     """
 
     channel: str

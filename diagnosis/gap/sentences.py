@@ -8,6 +8,7 @@ from statistics import median
 from diagnosis.calibrating.sentences import far_outside
 from diagnosis.gap.schema import FEWEST, NamedEffect, Report
 from diagnosis.gap.stages import LEVEL, PLAIN
+from shared.variables import spaced
 
 CHECKED = (
     "In the last nine blind checks, of versions close to this one and 1,500 one-week recordings of the default room,"
@@ -93,9 +94,10 @@ def _which(report: Report) -> str:
         )
     if report.verdict == "none_of_these":
         chosen = " with ".join(report.stages[-1].effects)
+        tried = sum(one.name not in report.excluded for one in report.effects)
         nearest = f"; the nearest is {chosen}, which is rejected on its own twins" if chosen else ""
         return (
-            f"Which: none of the {len(report.effects)} candidates explains it{nearest}. That the cause is none of them"
+            f"Which: none of the {tried} candidates explains it{nearest}. That the cause is none of them"
             f" is {report.none_of_these:.0%} sure: one of them may act otherwise than it is described."
         )
     rest = _left(report) if report.rejected else ""
@@ -138,7 +140,7 @@ def _sure(report: Report, name: str) -> str:
 def _amount(one: NamedEffect) -> str:
     if one.amplitude is None or one.low is None or one.high is None:
         return "an unknown amount"
-    return f"{one.amplitude:.3g} {one.unit} ({one.low:.3g} to {one.high:.3g})"
+    return f"{one.amplitude:.3g}{spaced(one.unit)} ({one.low:.3g} to {one.high:.3g})"
 
 
 def _how_far(report: Report) -> str:
@@ -197,7 +199,7 @@ def _cost(report: Report, condition: str, begin: str) -> str:
     said += " the size that they need here, at the median" if ratio else ""
     most = [name for name in sorted(ratio, key=lambda name: ratio[name])[:3] if ratio[name] < 0.8]
     if most:
-        each = [f"{name} from {other[name]:.2g} instead of {now[name]:.2g} {units[name]}" for name in most]
+        each = [f"{name} from {other[name]:.2g} instead of {now[name]:.2g}{spaced(units[name])}" for name in most]
         said += f"; most for {', '.join(each)}"
     if only:
         said += f"{';' if said else ' ' + begin + ','} seen only then: {', '.join(only)}"
@@ -222,7 +224,7 @@ def limits(report: Report) -> list[str]:
             " evidence, and errors of their meters act on the other outputs."
             + _cost(report, "controlled", "With the control loops simulated, had they been those of the model")
         )
-    blind = [one.name for one in report.detectability if one.smallest is None]
+    blind = [one.name for one in report.detectability if one.smallest is None and one.name not in report.excluded]
     if blind:
         found.append(f"Could not be seen in this recording at any size that is allowed: {', '.join(blind)}.")
     if report.sources_unknown:
@@ -236,8 +238,9 @@ def limits(report: Report) -> list[str]:
         for one in named
     ]
     found += [
-        f"The size of {one.name} stopped at the bound of what its description allows ({one.amplitude:.3g} {one.unit}):"
-        " more of it would fit better still. Either the bound is too narrow for this building, or the cause is another."
+        f"The size of {one.name} stopped at the bound of what its description allows ({one.amplitude:.3g}"
+        f"{spaced(one.unit)}): more of it would fit better still. Either the bound is too narrow for this building, or"
+        " the cause is another."
         for one in report.effects
         if one.named and one.at_bound and one.amplitude is not None
     ]

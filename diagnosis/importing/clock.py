@@ -106,12 +106,13 @@ def find_zone(name: str, where: str) -> tzinfo:
 
 
 def standard_offset(zone: tzinfo, utc: float) -> float:
-    """Standard time minus UTC [s] in the year of ``utc`` [s since 1970]: the smallest offset of its months.
+    """Standard time minus UTC [s] in the year that begins at ``utc`` [s since 1970]: the smallest offset of its months.
 
-    Not ``utcoffset - dst``: zones whose law calls winter time the daylight saving (Ireland) say otherwise there.
+    Not ``utcoffset - dst``: zones whose law calls winter time the daylight saving (Ireland) say otherwise there. Nor of
+    the calendar year: in November 2016 Istanbul had left the standard time that its January had.
     """
-    year = datetime.fromtimestamp(utc, UTC).year
-    offsets = [datetime(year, month, 15, 12, tzinfo=UTC).astimezone(zone).utcoffset() for month in range(1, 13)]
+    months = [datetime.fromtimestamp(utc + DAY * 365.25 * part / 12, UTC) for part in range(12)]
+    offsets = [month.astimezone(zone).utcoffset() for month in months]
     return min(one.total_seconds() for one in offsets if one is not None)
 
 

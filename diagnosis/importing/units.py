@@ -112,6 +112,7 @@ rounding of anemometers; or noise, of flow meters, which means need as it is."""
 # Possible values of quantities that buildings and their weather have, by the system's unit.
 _LIMITS: tuple[tuple[str, float, float, Below], ...] = (
     ("K", 223.15, 333.15, "impossible"),
+    ("degC", -50.0, 60.0, "impossible"),
     ("ppm", 300.0, 10000.0, "impossible"),
     ("W/m2", -20.0, 1500.0, "zero"),
     ("m/s", -0.1, 75.0, "zero"),

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 from diagnosis.where.bands import MEANING, WHOLE
+from shared.variables import spaced
 
 Kind = Literal["cell", "correlation", "episode", "source", "sensor"]
 
@@ -42,7 +43,7 @@ class Finding:
             return f" (r = {self.size:+.2f})"
         if self.kind == "sensor":
             return f" (log likelihood ratio {self.size:+.3g})"
-        return f" by {abs(self.size):.3g} {self.unit}"
+        return f" by {abs(self.size):.3g}{spaced(self.unit)}"
 
     def _place(self) -> str:
         words = []

@@ -51,20 +51,34 @@ class Where:
         found = []
         for name, ones in by_family.items():
             for one in ones:
-                p_value = self._p_of_all(name, abs(one.t))
+                p_value = float(self._p_of_all(name, abs(one.t)))
                 if p_value <= self.alpha:
                     found.append(replace(one, p_value=p_value))
         return found
 
-    def _p_of_all(self, family: str, size: float) -> float:
-        """Family-wise p over all families of a studentised value in one of them."""
+    def level(self, family: str) -> float:
+        """A family's own p up to which its places stand among all families: what its pictures mark; -1 if none does."""
+        tests: dict[str, CellTest | EpisodeTest | CorrelationTest | None] = {
+            "cells": self.cells,
+            "episodes": self.episodes,
+            "correlations": self.correlations,
+        }
+        one = tests[family]
+        if one is None:
+            return -1.0
+        some = one.test.adjusted <= self.alpha
+        stands = self._p_of_all(family, np.abs(one.test.t[some])) <= self.alpha
+        return float(one.test.adjusted[some][stands].max(initial=-1.0))
+
+    def _p_of_all(self, family: str, size: float | np.ndarray) -> np.ndarray:
+        """Family-wise p over all families of studentised values in one of them, of the same shape."""
         if family not in self.families:
-            return 1.0
+            return np.ones(np.shape(size))
         j = self.families.index(family)
         if not self.whole.kept[j]:
-            return 1.0
-        t = (size - self.whole.typical[j]) / self.whole.spread[j]
-        return float(rank_p(np.array([t]), self.whole.maxima[1:])[0])
+            return np.ones(np.shape(size))
+        t = (np.asarray(size) - self.whole.typical[j]) / self.whole.spread[j]
+        return rank_p(t, self.whole.maxima[1:])
 
     @property
     def verdict(self) -> Verdict:

@@ -81,7 +81,7 @@ def _of_input(source: str, column: str, name: str, unit: str, series: np.ndarray
         return []
     if source == "schedule":
         threshold = float((series.min() + series.max()) / 2)
-        return [Regime(f"{name} at its upper value", _above(name, threshold, unit), series > threshold)]
+        return [Regime(f"{name} in its upper half", _above(name, threshold, unit), series > threshold)]
     threshold = float(np.median(series[series != 0])) if (series != 0).any() else 0.0
     return [Regime(f"{name} high", _above(name, threshold, unit), series > threshold)]
 

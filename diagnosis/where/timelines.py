@@ -12,13 +12,14 @@ from diagnosis.where.episodes import EpisodeTest
 from diagnosis.where.ink import MEASURED, QUIET, TWINS, readable
 from diagnosis.where.series import DAY, Residuals
 from diagnosis.where.source import SourceTest
+from shared.variables import spaced
 
 _WIDTH = 150
 """So many letters of a title fit above a panel."""
 _SPAN = "#ee9944"
 
 
-def draw_episodes(residuals: Residuals, found: EpisodeTest) -> Figure:
+def draw_episodes(residuals: Residuals, found: EpisodeTest, *, level: float = 0.05) -> Figure:
     """The residual of each channel against time, what twins show, and the stretches that stand out."""
     down = len(found.channels)
     figure = Figure(figsize=(12.5, 2.1 * down + 0.9), layout="constrained")
@@ -33,7 +34,7 @@ def draw_episodes(residuals: Residuals, found: EpisodeTest) -> Figure:
         _weekends(axes, residuals, begin)
         heights = iter(np.tile([0.92, 0.78, 0.64], 10))
         for one, (first, last) in zip(found.findings, found.spans, strict=True):
-            if one.channel != residuals.names[k]:
+            if one.channel != residuals.names[k] or one.p_value > level:
                 continue
             first, last = (first - begin) / DAY, (last - begin) / DAY
             axes.axvspan(first, last, color=_SPAN, alpha=0.35, linewidth=0)
@@ -42,7 +43,7 @@ def draw_episodes(residuals: Residuals, found: EpisodeTest) -> Figure:
             axes.text(
                 (first + last) / 2,
                 next(heights),
-                f"{one.direction} by {abs(one.size):.3g} {one.unit}",
+                f"{one.direction} by {abs(one.size):.3g}{spaced(one.unit)}",
                 transform=axes.get_xaxis_transform(),
                 ha="left" if (first + last) / 2 < days[-1] * 0.12 else "right" if first > days[-1] * 0.88 else "center",
                 va="top",

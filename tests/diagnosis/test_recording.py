@@ -1,5 +1,7 @@
 """Recordings as they are read."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -80,6 +82,21 @@ def test_what_an_import_assumed_is_not_called_measured(default_system, tmp_path)
     found = read_recording(tmp_path / "other.nc", default_system)
     assert found.assumed == {"TSet": "constant of the mapping"}
     assert drive(default_system, found, warm_up=0.0).assumed["TSet"] == "constant of the mapping"
+
+
+@pytest.mark.parametrize(
+    ("replay", "told"), [(True, {}), (False, {"QHea_in": "0 W, unused", "mOA_in": "0 kg/s, unused"})]
+)
+def test_the_input_of_an_actuator_is_never_called_not_measured(default_system, tmp_path, replay, told):
+    """An import stands in for it, and its meter's readings take its place, or nothing uses it."""
+    simulate(default_system, hours=3.0, seed=1, out=tmp_path / "one.nc")
+    record = read_recording(tmp_path / "one.nc", default_system)
+    stand_ins = {"QHea_in": np.zeros(3), "mOA_in": np.zeros(3)}
+    record = replace(
+        record, inputs=record.inputs | stand_ins, assumed=dict.fromkeys(stand_ins, "assumed, not measured")
+    )
+    said = drive(default_system, record, warm_up=0.0, replay=replay).assumed
+    assert {name: said[name] for name in stand_ins if name in said} == told
 
 
 def test_a_replayed_meter_of_which_much_was_lost_is_told(default_system, tmp_path):

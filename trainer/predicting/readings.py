@@ -9,6 +9,7 @@ import numpy as np
 from shared.codes import CODES
 from shared.errors import RecordingError
 from shared.schema import EPOCH
+from shared.variables import spaced
 from trainer.reading.encoding import Encoding
 
 FARTHEST = 30.0
@@ -79,7 +80,7 @@ def comparable(
     if not far.any():
         return np.where(constant & np.isfinite(values), mean, values).astype(np.float32)
     i, at, k = (int(place) for place in np.unravel_index(np.argmax(far), far.shape))
-    unit = "" if encoding.units[k] == "1" else f" {encoding.units[k]}"
+    unit = spaced(encoding.units[k])
     whose = "" if systems[i] is None else f" of system {systems[i]}"
     found = f"{path}: {encoding.recorded[k]}{whose} is {values[i, at, k]:g}{unit} at {date_of(times[i, at])}"
     if constant[k]:

@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from pydantic import BaseModel, ConfigDict, model_validator
 
+from shared.variables import spaced
 from trainer.reading.encoding import Encoding
 from trainer.reading.windows import WindowSource
 
@@ -182,7 +183,7 @@ def unlike(values: np.ndarray, known: Familiar, encoding: Encoding) -> list[str]
     for k, name in enumerate(encoding.recorded):
         if name in encoding.constant or np.isnan(low[k]):
             continue
-        unit = "" if encoding.units[k] == "1" else f" {encoding.units[k]}"
+        unit = spaced(encoding.units[k])
         mean, hours = encoding.mean[k], encoding.step / 3600
         lowest, highest, least = known.lowest[k], known.highest[k], known.least_sd[k]
         if low[k] < lowest - MARGIN * abs(mean - lowest):

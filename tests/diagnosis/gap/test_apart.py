@@ -124,6 +124,9 @@ def test_whether_the_fitted_readings_alone_make_the_same_choice_is_told(drifted)
     assert len(refits) > 1
     other = replace(drifted.search, refits=[refits[::-1]])
     assert not fitted_apart(other, fitted).agreed
+    # of one that was asked again beside a second effect, whatever these readings put first is what all of them do
+    beside = replace(other, refits=[refits[:1]], beside={0: (drifted.search.stages[0], refits[::-1])})
+    assert fitted_apart(beside, fitted).agreed
 
 
 @pytest.mark.parametrize(

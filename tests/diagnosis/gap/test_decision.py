@@ -1,5 +1,6 @@
 """The rules between the search and the answer, on searches made up for the purpose."""
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -63,6 +64,7 @@ def test_nothing_significant_is_no_gap_and_probabilities_sum_to_one():
     only = stage(found=False, misfits=False, left_over=1.0, p=0.5, evidence=(0.0, 0.0, 0.0))
     done = decide(searched([only], []), 0.5, 0.5)
     assert done.verdict == "no_gap"
+    assert done.mistaken == pytest.approx(done.none + done.nothing)
     assert done.nothing == pytest.approx(NOTHING * 25 / 26)
     assert done.nothing + done.none + sum(done.probabilities.values()) == pytest.approx(1.0)
 
@@ -215,6 +217,11 @@ def test_a_rejected_fit_is_as_likely_right_as_wrong_where_the_documents_say(repl
     """docs/diagnosis.md and docs/blind-check.md. HALF is of the curve alone."""
     assert mistaken_by(share, True, replay) == pytest.approx(0.5, abs=0.01)
     assert mistaken_by(0.0, False, replay) == LEAST[replay] < 0.5 < mistaken_by(HALF, True, replay)
+
+
+def test_how_probable_none_of_these_is_at_most_stands_in_the_documents():
+    most = f"{OUTSIDE:.0%} at most ({1 - AFTER_ALL:.0%} where no candidate could be tried)".replace("%", " %")
+    assert most in " ".join(Path("docs/report.md").read_text(encoding="utf-8").split())
 
 
 def test_with_replayed_actuators_an_answer_is_less_sure():

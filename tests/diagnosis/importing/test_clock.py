@@ -165,6 +165,13 @@ def test_standard_time_knows_no_daylight_saving(zone, hours):
         assert standard_offset(find_zone(zone, "file"), moment) == hours * 3600
 
 
+@pytest.mark.parametrize(("month", "hours"), [(1, 2), (11, 3)])
+def test_a_country_that_left_its_standard_time_has_the_new_one_from_then_on(month, hours):
+    """Turkey kept the summer time of 2016."""
+    moment = datetime(2016, month, 3, tzinfo=UTC).timestamp()
+    assert standard_offset(find_zone("Europe/Istanbul", "file"), moment) == hours * 3600
+
+
 @settings(deadline=None)
 @given(st.dates(date(1990, 1, 1), date(2090, 12, 31)))
 def test_time_zero_is_a_monday_near_new_year(day):

@@ -128,6 +128,21 @@ def test_pictures_are_drawn(everything, picture):
     assert len([a for a in figure.axes if a.get_title(loc="left") or a.get_title() or picture == "episodes"]) >= panels
 
 
+def test_pictures_mark_what_the_list_names_and_nothing_else(everything):
+    """A place that stands out in its own family may not do so among all that was looked at."""
+    for family in ("cells", "correlations", "episodes"):
+        test = getattr(everything, family).test
+        marked = np.abs(test.t[test.adjusted <= everything.level(family)])
+        assert (everything._p_of_all(family, marked) <= 0.05).all()
+        twins = everything.whole.maxima + np.where(np.arange(len(everything.whole.maxima)) > 0, 1e9, 0.0)
+        none = replace(everything, whole=replace(everything.whole, maxima=twins))
+        assert (none.findings, none.level(family)) == ([], -1.0)
+    assert everything.level("cells") > 0
+    drawn = [draw_episodes(everything.residuals, everything.episodes, level=level).axes for level in (-1.0, 1.0)]
+    said = [sum(len(axes.texts) for axes in panels) for panels in drawn]
+    assert said == [0, len(everything.episodes.findings)]
+
+
 def test_the_heat_map_shows_the_offsets_in_the_channel_s_unit(everything):
     figure = draw_cells(everything.residuals, everything.cells)
     image = figure.axes[0].get_images()[0].get_array()
