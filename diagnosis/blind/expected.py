@@ -25,11 +25,13 @@ DETECTABLE = (
     "A gap is detectable when its length in units of the sensors' noise, beyond all that parameters and what else"
     " nobody is told can imitate (unmeasured inputs and, but in sets of older versions, uncertain constants and the"
     " errors of replayed meters, with the parameters fitted to the gap), exceeds that of 95 % of this set's"
-    " recordings without any effect and with the same actuators by as much as an observer needs who knows its shape"
-    " among as many as there are candidates (5 % false alarms in all, 90 % power). It is unlike the candidates when"
-    " that holds beyond any one of them as well; where the answer is an effect, beyond any other. It is of its"
-    " candidate's kind when that candidate can imitate at least half of its square: another law may look like"
-    " another effect, or like none. All were worked out when the set was made, and sealed with the answers."
+    " recordings without any effect and with the same actuators (of twenty or fewer, of all) by as much as an"
+    " observer needs who knows its shape among as many as there are candidates (5 % false alarms in all, 90 %"
+    " power). It is unlike the candidates when that holds beyond any one of them as well (with parameters along"
+    " straight lines, so that of a gap that fitted parameters shorten it says little); where the answer is an"
+    " effect, beyond any other. It is of its candidate's kind when that candidate can imitate at least half of its"
+    " square: another law may look like another effect, or like none. All were worked out when the set was made, and"
+    " sealed with the answers."
 )
 
 

@@ -112,6 +112,7 @@ def verdict_of(report: Report) -> Verdict:
         nothing=report.no_gap,
         mistaken=report.mistaken,
         named=[one.name for one in report.effects if one.named],
+        chosen=list(report.stages[-1].effects),
         sets=report.sets,
         alike={one.name: one.confusable for one in report.detectability},
         smallest={one.name: one.smallest for one in report.detectability},

@@ -167,7 +167,8 @@ Limits = dict[tuple[bool, str], float]
 def structural(rows: Sequence[Row], quantile: float = QUANTILE) -> Limits:
     """Gap over noise that recordings without any effect have, by (replay, channel): walls and sampling of the truth.
 
-    A quantile (the higher of its neighbours). Where no recording without effect has these actuators, all of them count.
+    A quantile (the higher of its neighbours: of twenty or fewer, the largest).
+    Where no recording without effect has these actuators, all of them count.
     """
     none = [row for row in rows if row.truth == "no_gap"]
     found: Limits = {}

@@ -154,6 +154,8 @@ def markdown(done: Score) -> str:
                 for c in done.shrinkage
             ],
         ),
+        "Shares removed are cut off at -1 and 1. Recordings without a verdict count as wrong answers, but have no part"
+        " in what is said of the most probable answer.",
         _table(
             ("parameter", "error before", "error after", "change"),
             [(p.parameter, number(p.before), number(p.after), number(p.change)) for p in done.parameters],

@@ -89,10 +89,10 @@ def score(
 
 
 VISIBLE = (
-    "A gap can be seen in a channel when the root mean square of the sealed difference (noise-free record less the base"
-    " model with the true parameters) is at least the noise of one reading, and larger than in 95 % of this set's"
-    " recordings without any effect and with the same actuators. An effect is visible when its gap can be seen in some"
-    " channel, whether or not other parameters would make the same gap."
+    "A gap can be seen in a channel when the root mean square of the sealed difference (noise-free record less the"
+    " base model with the true parameters) is at least the noise of one reading, and larger than in 95 % of this"
+    " set's recordings without any effect and with the same actuators (of twenty or fewer, in all). An effect is"
+    " visible when its gap can be seen in some channel, whether or not other parameters would make the same gap."
 )
 
 

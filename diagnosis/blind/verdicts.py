@@ -25,6 +25,8 @@ WITHOUT = "without"
 Answer = Literal["effect", "ambiguous", "none_of_these", "no_gap"]
 ANSWERS: tuple[Answer, ...] = ("effect", "ambiguous", "none_of_these", "no_gap")
 FAILED = "failed"
+POINTED = 1e-3
+"""Probability below which the evidence points to a candidate by rounding only."""
 
 
 class _Table(BaseModel):
@@ -77,11 +79,12 @@ class Verdict(_Table):
 
     ``probabilities`` by candidate, ``none`` that it is none of them and ``nothing`` that there is no gap; ``mistaken``
     that what the evidence points to holds no true cause, of which both are parts; ``named`` are the effects of the
-    answer (one, or a set that cannot be told apart), ``sets`` the same by cause found; ``alike`` by effect: the
-    candidates that it was declared to be confusable with before any was ranked; ``smallest``: the least amplitude [unit
-    of the effect] that was declared to be seen, None where none would be; ``sizes`` of the effects of the answer;
-    ``rejected``: whether the best fit is rejected on its own twins; ``left_over``: gain in log evidence of a
-    discrepancy without a cause, by number of effects.
+    answer (one, or a set that cannot be told apart), ``chosen`` what was fitted, of which parameters and share
+    of the gap are told (empty in verdicts of earlier programs), ``sets`` as ``named`` by cause found; ``alike`` by
+    effect: the candidates that it was declared to be confusable with before any was ranked; ``smallest``: the least
+    amplitude [unit of the effect] that was declared to be seen, None where none would be; ``sizes`` of the effects of
+    the answer; ``rejected``: whether the best fit is rejected on its own twins; ``left_over``: gain in log evidence of
+    a discrepancy without a cause, by number of effects.
     """
 
     verdict: Answer
@@ -90,6 +93,7 @@ class Verdict(_Table):
     nothing: float | None = None
     mistaken: float | None = None
     named: list[str] = []
+    chosen: list[str] = []
     sets: list[list[str]] = []
     alike: dict[str, list[str]] = {}
     smallest: dict[str, float | None] = {}
@@ -115,6 +119,13 @@ class Verdict(_Table):
         other = max((self.mistaken or 0.0) - (self.none or 0.0) - (self.nothing or 0.0), 0.0)
         even = other / max(len(self.probabilities), 1)
         return {name: max(p - even, 0.0) for name, p in self.probabilities.items()}
+
+    @property
+    def foremost(self) -> str:
+        """The candidate that the evidence points to most; empty where it points to none."""
+        pointed = self.pointed
+        best = max(pointed, key=lambda name: pointed[name], default="")
+        return best if pointed.get(best, 0.0) > POINTED else ""
 
 
 class Outcome(_Table):

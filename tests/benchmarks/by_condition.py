@@ -38,7 +38,7 @@ def main() -> None:
         quiet = [one for one in some if one.stratum == "none"]
         named = [one for one in some if one.named]
         right = sum(bool(set(one.named) & set(one.effects)) for one in named)
-        alarms = f"{sum(one.found for one in quiet)} of {len(quiet)}"
+        alarms = f"{sum(one.outcome.answer != 'no_gap' for one in quiet)} of {len(quiet)}"
         print(f"| {controllers} | {persons} | {alarms} | {right} of {len(named)} |")
     print("\n| controllers | named first | was a cause |\n|---|---|---|")
     first: dict[tuple[str, str], list[bool]] = defaultdict(list)
@@ -67,8 +67,8 @@ def main() -> None:
 
 def nearest(one: Row) -> str:
     """The candidate that the evidence points to most; empty where it points to none."""
-    pointed = one.outcome.verdict.pointed if one.outcome.verdict is not None else {}
-    return max(pointed, key=lambda name: pointed[name], default="")
+    verdict = one.outcome.verdict
+    return verdict.foremost if verdict is not None else ""
 
 
 if __name__ == "__main__":

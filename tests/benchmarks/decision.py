@@ -138,8 +138,8 @@ def main() -> None:
 
 
 def hidden(row: Row, verdict: Verdict) -> bool:
-    """Whether what was named holds no true cause; of an answer that names none, whether the most probable is none."""
-    likely = verdict.named or sorted(verdict.probabilities, key=lambda name: -verdict.probabilities[name])[:1]
+    """Whether what was named holds no true cause; of an answer that names none, whether the foremost is none."""
+    likely = verdict.named or [verdict.foremost]
     return not set(row.effects) & set(likely)
 
 

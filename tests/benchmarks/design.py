@@ -2,7 +2,7 @@
 
 For each variant of the default system: the mean limit of R2 over the parameters (7 days, temperature and CO2,
 occupancy unknown), noise-free and with sensor noise, and the share of hours within 5..40 degC and below 5000 ppm over
-random systems of the whole box. Run: ``python tests/benchmarks/design.py [--systems 8] [--workers 2]``.
+as many other random systems of the whole box. Run: ``python tests/benchmarks/design.py [--systems 8] [--workers 2]``.
 """
 
 from __future__ import annotations

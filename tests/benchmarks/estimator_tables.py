@@ -18,9 +18,9 @@ from typing import Any
 from resumed import resumed
 
 import trainer
-from shared.ceiling import fitting, read_ceilings
-from shared.store import DatasetFolder
-from trainer.evaluating.limit import constants_of, origin_of
+from diagnosis.blind.judging import program
+from shared.store import DatasetFolder, sha256_of
+from trainer.evaluating.limit import find_ceiling
 
 NOISES = {"none": "Clean readings", "sensor": "Noisy readings"}
 
@@ -44,13 +44,9 @@ def made(case: dict[str, Any]) -> dict[str, Any]:
 def limits(case: dict[str, Any], ceilings: Path) -> dict[str, float]:
     """The limit by parameter for a case's context, noise, sensors and constants; empty where there is none."""
     dataset, card = DatasetFolder(case["dataset"]), trainer.load_run(case["run"]).card
-    if not dataset.manifest.settings.get("excitation", True):
-        return {}
     channels = [name for name in card.encoding.recorded if name not in case["without"]]
-    condition = {"context_hours": case["hours"], "step": card.encoding.step, "noise": case["noise"]}
-    known = constants_of(dataset)
-    some = read_ceilings(ceilings).find(**condition, channels=channels, constants=known)
-    limit, _ = fitting(some, origin_of(dataset), known)
+    limit, said = find_ceiling(card, dataset, ceilings, hours=case["hours"], noise=case["noise"], channels=channels)
+    print(said)
     return {} if limit is None else {**limit.r2, "mean": limit.r2_mean}
 
 
@@ -85,7 +81,6 @@ def main() -> None:
     cases = [
         {
             "run": given.run,
-            "weights": card.weights_sha256,
             "dataset": rooms[name],
             "hours": hours,
             "noise": noise,
@@ -97,7 +92,9 @@ def main() -> None:
         for noise in NOISES
         for without, name in columns
     ]
-    answers = resumed(given.out / "cases.jsonl", cases, made, workers=given.workers)
+    of = {"program": program(), "run": card.weights_sha256}
+    of |= {one: sha256_of(Path(one) / "manifest.json") for one in rooms.values()}
+    answers = resumed(given.out / "cases.jsonl", cases, made, of=of, workers=given.workers)
     told = iter([(one, limits(case, given.ceilings)) for one, case in zip(answers, cases, strict=True)])
     found = {(hours, noise): [next(told) for _ in columns] for hours in contexts for noise in NOISES}
     heads = []

@@ -5,7 +5,8 @@
 Each room is simulated for a week by the truth of the blind check, which has finer walls, and by the model, with the
 same parameters and persons; the difference of all readings is what a fit would have to explain. Solved as straight
 lines, persons counted. Printed, means over rooms: how far that moves the parameters in posterior standard deviations
-(root mean square, and the largest), the mean of these [prior standard deviations], and what is left [squares of noise].
+(root mean square, and the largest), the mean of these [prior standard deviations], and the misfit then: what is left
+of the difference and what the prior takes for all moves together [squares].
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ HOURS = 168.0
 
 
 def moved(system: System, path: Path, values: dict[str, float], *, replay: bool, free: bool) -> tuple[float, ...]:
-    """Of one room: shift (rms, largest) [posterior sd], their mean [prior sd], and what is left [squares of noise]."""
+    """Of one room: shift (rms, largest) [posterior sd], their mean [prior sd], and the misfit then [squares]."""
     record = read_recording(path, system)
     finer = load_truth(default_truth(system), system).described(system)
     finer = finer.with_experiment(step=record.step, hours=HOURS)
@@ -55,7 +56,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=4000)
     options = parser.parse_args()
     system = load_system(options.system).with_experiment(hours=HOURS, start=(0.0, 8760.0 - HOURS))
-    print("| controllers | constants | shift / sd, rms | largest | sd | left |\n|---|---|---|---|---|---|")
+    print("| controllers | constants | shift / sd, rms | largest | sd | misfit |\n|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as folder:
         rooms = []
         for index in range(options.rooms):

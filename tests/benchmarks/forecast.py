@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from resumed import resumed
+from resumed import depends, resumed
 
 from datagen.driving.inputs import build_inputs
 from datagen.driving.sampling import sample_parameters
@@ -116,7 +116,8 @@ def main() -> None:
     common |= {"system": str(options.system), "folder": str(options.out)}
     common["run"] = str(options.run) if options.run else None
     cases = [{**common, "index": index} for index in range(options.systems)]
-    rows = resumed(options.out / "cases.jsonl", cases, made, workers=options.workers)
+    of = depends(options.system, run=options.run)
+    rows = resumed(options.out / "cases.jsonl", cases, made, of=of, workers=options.workers)
     good = [one for one in rows if "error" not in one]
     for one in rows:
         if "error" in one:

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from resumed import resumed
+from resumed import depends, resumed
 
 from datagen import simulate
 from diagnosis.calibrating.calibration import calibrate
@@ -145,7 +145,8 @@ def main() -> None:
         span = range(options.first, options.first + options.recordings)
         cases = [{**common, "kind": kind, "index": index} for kind in options.kinds for index in span]
         which = f"{options.hours / 24:g} days, {options.recordings} recordings, root seed {options.seed}"
-    rows = resumed(options.out / "cases.jsonl", cases, made, workers=options.workers)
+    of = depends(options.system, files=options.answers or ())
+    rows = resumed(options.out / "cases.jsonl", cases, made, of=of, workers=options.workers)
     names = load_system(options.system).parameter_names
     print(f"\n{which}\n")
     print(

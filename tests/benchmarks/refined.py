@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 from intervals import QUANTILE, noisy
-from resumed import resumed
+from resumed import depends, resumed
 
 from datagen import simulate
 from datagen.simulating.constants import constants, values_of
@@ -162,7 +162,8 @@ def main() -> None:
         for index in range(options.systems)
         for noise, without in conditions
     ]
-    rows = resumed(options.out / "cases.jsonl", cases, made, workers=options.workers)
+    of = depends(options.system, run=options.run)
+    rows = resumed(options.out / "cases.jsonl", cases, made, of=of, workers=options.workers)
     print(f"\n{options.systems} rooms, {options.hours:g} h, root seed {options.seed}, persons unknown")
     for noise, without in conditions:
         both = zip(cases, rows, strict=True)

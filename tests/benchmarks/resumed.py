@@ -14,18 +14,30 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+from diagnosis.blind.judging import program
+from shared.store import sha256_of
+from shared.system import load_system
+from trainer import load_run
+
 NICE = 15
 """A benchmark of an hour leaves the machine to others."""
 
 
 def resumed(
-    out: Path, cases: Sequence[dict[str, Any]], make: Callable[[dict[str, Any]], dict[str, Any]], *, workers: int = 1
+    out: Path,
+    cases: Sequence[dict[str, Any]],
+    make: Callable[[dict[str, Any]], dict[str, Any]],
+    *,
+    of: dict[str, str],
+    workers: int = 1,
 ) -> list[dict[str, Any]]:
     """What ``make`` gives for each case, in order; cases whose line is in ``out`` already are not made again.
 
-    A case and what is made of it are dictionaries of JSON values; ``make`` must be known by its module's name.
+    A case and what is made of it are dictionaries of JSON values; ``make`` must be known by its module's name. ``of``,
+    from :func:`depends`, says by what: a case that another program made, or one that failed, is made again.
     """
-    done = {_key(one["case"]): one["made"] for one in _lines(out)}
+    lines = [one for one in _lines(out) if one.get("of") == of and "error" not in one["made"]]
+    done = {_key(one["case"]): one["made"] for one in lines}
     left = [one for one in cases if _key(one) not in done]
     out.parent.mkdir(parents=True, exist_ok=True)
     began = time.perf_counter()
@@ -33,10 +45,19 @@ def resumed(
     with ProcessPoolExecutor(workers, mp_context=context, initializer=_gently) as pool, out.open("a") as file:
         for count, (case, made) in enumerate(zip(left, pool.map(make, left), strict=True), 1):
             done[_key(case)] = made
-            file.write(json.dumps({"case": case, "made": made}) + "\n")
+            file.write(json.dumps({"case": case, "of": of, "made": made}) + "\n")
             file.flush()
             print(f"{count} of {len(left)} ({time.perf_counter() - began:.0f} s): {_key(case)}", flush=True)
     return [done[_key(one)] for one in cases]
+
+
+def depends(system: Path | str, *, run: Path | str | None = None, files: Sequence[Path] = ()) -> dict[str, str]:
+    """Hashes of all that a case is made by: the program, system and FMU, an estimator's weights, and files by name."""
+    described = load_system(system)
+    found = {"program": program(), "system": described.hash(), "fmu": sha256_of(described.fmu_path)}
+    if run is not None:
+        found["run"] = load_run(run).card.weights_sha256 or ""
+    return found | {str(one): sha256_of(one) for one in files}
 
 
 def _lines(path: Path) -> list[dict[str, Any]]:

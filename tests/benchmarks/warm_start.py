@@ -38,7 +38,7 @@ import numpy as np
 import xarray as xr
 from intervals import noisy
 from optimisers import Counted, Spent, Trace, evolution, genetic, local
-from resumed import resumed
+from resumed import depends, resumed
 
 from datagen import simulate
 from datagen.simulating.simulator import Simulator
@@ -307,7 +307,8 @@ def main() -> None:
         "seed": options.seed, "limit": options.limit, "restarts": options.restarts, "drawn": options.drawn,
     }  # fmt: skip
     cases = [{**common, "index": k, "global": k < options.global_systems} for k in range(options.systems)]
-    rows = resumed(options.out / "cases.jsonl", cases, made, workers=options.workers)
+    of = depends(options.system, run=options.run)
+    rows = resumed(options.out / "cases.jsonl", cases, made, of=of, workers=options.workers)
     print(f"\n{options.systems} recordings of {options.hours:g} h, root seed {options.seed}", end="")
     speed(rows, 0.5 * len(load_system(options.system).parameters))
     accuracy(rows)

@@ -53,7 +53,7 @@ def test_shares_and_errors_are_those_worked_out(tmp_path):
     size = found["size of an effect of the library that was rightly named"]
     assert (size.held.value, size.held.n) == (0.5, 2)  # 5 to 7 holds 6, 3 to 5 does not
     assert size.error.value == pytest.approx(np.sqrt((0 + (2 * 1.645) ** 2) / 2))
-    after = found["parameters: a true cause named, after it is added"]
+    after = found["parameters: a true cause in the answer, after what was chosen is added"]
     assert after.held.n == 3
     assert after.held.value == pytest.approx((1 + 0.5 + 1) / 3)
     assert after.error.value == pytest.approx(1.645 * np.sqrt((0 + (1**2 + 2**2) / 2 + 0) / 3))
@@ -62,7 +62,9 @@ def test_shares_and_errors_are_those_worked_out(tmp_path):
     assert found["parameters: only wrong causes named, after they are added"].held.value == 0.5
     quiet = found["parameters: no gap found, and no effect there"]
     assert (quiet.held.value, quiet.held.n) == (0.5, 1)
-    assert found["parameters: a true cause named, before it is added"].held.n == 0  # no interval was stated
+    assert (
+        found["parameters: a true cause in the answer, before what was chosen is added"].held.n == 0
+    )  # no interval was stated
 
 
 def test_intervals_of_a_normal_posterior_are_honest(tmp_path):

@@ -23,3 +23,11 @@ def test_a_verdict_of_earlier_programs_points_where_its_probabilities_do():
 def test_where_there_is_no_gap_nothing_is_diagnosed_again():
     said = {"a": 0.3, "b": 0.1}
     assert contenders(Verdict(verdict="no_gap", probabilities=said, none=0.2, nothing=0.4, mistaken=0.0)) == []
+
+
+def test_where_the_evidence_points_to_nothing_nothing_is_foremost():
+    """All candidates are alike, but for rounding: none is what the evidence points to."""
+    said = {"a": 0.11 + 1e-9, "b": 0.11, "c": 0.11}
+    one = Verdict(verdict="none_of_these", probabilities=said, none=0.6, nothing=0.07, mistaken=1.0)
+    assert one.foremost == ""
+    assert Verdict(verdict="effect", probabilities={"a": 0.2, "b": 0.7}, none=0.1, nothing=0.0).foremost == "b"
