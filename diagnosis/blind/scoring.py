@@ -187,7 +187,7 @@ def _detectable(rows: Sequence[Row], expected: Expected) -> list[Rates]:
     """Of detectable gaps: the library's effects, other forms, both, where no other is like it, and of their kind."""
     single = [row for row in rows if row.single]
     library, form = ([row for row in single if row.stratum == name] for name in ("library", "form"))
-    apart = [row for row in single if expected.unlike(row, row.effects)]
+    apart = [row for row in [*library, *form] if expected.unlike(row, row.effects)]
     return [
         _rates("as the candidate has it, detectable", library),
         _rates("in another form, detectable", form),
