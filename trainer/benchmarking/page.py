@@ -104,8 +104,8 @@ def _head(plan: Plan, found: list[Finding], published: Published, command: str) 
     lines += [
         f"- fits of each condition: {plan.seeds}, with seeds from 0; mean ± standard deviation over seeds; in brackets"
         " the 90 % interval of that mean under resampling of systems",
-        "- R2 in the parameters' own units; `mean` columns are over the parameters (of accuracies, the median of all); weights are those that were best on"
-        " validation systems, which are in no score of `unseen`",
+        "- R2 in the parameters' own units; `mean` columns are over the parameters (of accuracies, the median of"
+        " all); weights are those that were best on validation systems, which are in no score of `unseen`",
         "- the ceiling is the linearised Bayesian limit under the same condition (`datagen identifiability`)",
         f"- machine: {os.cpu_count()} cores, {platform.machine()}, {platform.system()}; {plan.workers} fits at a time;"
         f" Python {platform.python_version()}, torch {torch.__version__}, zeroshot-fmu {shared.__version__}",

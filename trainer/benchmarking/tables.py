@@ -85,7 +85,10 @@ def _protocols(findings: Sequence[Finding | None]) -> list[str]:
 
 
 def as_csv(part: Part, findings: Sequence[Finding | None], published: Published) -> str:
-    """One row per line, protocol and parameter; the parameter ``mean`` is the mean over them, of relative accuracies their median."""
+    """One row per line, protocol and parameter.
+
+    The parameter ``mean`` is the mean over them, of relative accuracies the median of all.
+    """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     figures = ["r2", "r2_sd", "r2_low", "r2_high", "ceiling", "published", "relative_accuracy"]
