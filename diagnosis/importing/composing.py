@@ -35,7 +35,7 @@ class Composer:
     """Makes the series of a system's variables.
 
     ``edges`` of the grid, shape (steps + 1,) [s of the clock]; ``notes`` are sentences on what was done, ``used`` the
-    columns that were read.
+    columns that were read, ``planned`` the inputs for which a schedule stands in, and its name.
     """
 
     system: System
@@ -45,6 +45,7 @@ class Composer:
     edges: np.ndarray
     judge: Judge = field(init=False)
     outdoors: Outdoors = field(init=False)
+    planned: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.judge = Judge(self.mapping, self.data, self.clock, self.edges)
@@ -94,19 +95,19 @@ class Composer:
             return self.judge.assumed(target, 0.0, "no excitation")
         if isinstance(one, ScheduleInput):
             planned = schedule_signal(self.system.schedules[one.schedule], self.edges[0], self.edges[-1])
-            self._tell_of_daylight_saving(one.name, one.schedule)
+            self.planned[one.name] = one.schedule
             table = merge({one.name: planned}, self.edges[0], self.edges[-1])
             values = table.means(self.edges)[:, 0] if target.method == "mean" else planned.at(self.edges[1:])
             return self.judge.assumed(target, values, f"schedule {one.schedule} of the description")
         return None
 
-    def _tell_of_daylight_saving(self, name: str, schedule: str) -> None:
-        """A note where a schedule stands in on days on which clocks show an hour more than the recording's."""
+    def tell_of_daylight_saving(self, first: int, last: int) -> None:
+        """A note where a schedule stands in on days, of steps ``first`` to ``last``, with daylight saving."""
         zone = find_zone(self.clock.zone, str(self.mapping.path))
-        days = np.unique(np.floor(self.clock.utc(self.edges[:-1]) / DAY)) * DAY + DAY / 2
-        offsets = [datetime.fromtimestamp(day, UTC).astimezone(zone).utcoffset() for day in days]
-        moved = sum(one is not None and one.total_seconds() != self.clock.offset for one in offsets)
-        if moved:
+        days = np.unique(np.floor(self.edges[first:last] / DAY)) * DAY + DAY / 2
+        moments = [datetime.fromtimestamp(one, UTC).astimezone(zone).utcoffset() for one in self.clock.utc(days)]
+        moved = sum(one is not None and one.total_seconds() != self.clock.offset for one in moments)
+        for name, schedule in self.planned.items() if moved else ():
             self.notes.append(
                 f"{name}: not measured; schedule {schedule!r} stands in for it, in standard time, an hour late by the"
                 f" clocks of {moved} of {len(days)} days with daylight saving"

@@ -85,6 +85,7 @@ def import_recording(
     composer.outdoors.check_sun(series)
     composer.outdoors.tell_unused()
     first, last = _stretch(composer, series, ahead)
+    composer.tell_of_daylight_saving(first, last)
     for one in series:
         one.cut(first, last)
     time = composer.edges[first + 1 : last + 1]

@@ -212,6 +212,9 @@ def test_a_schedule_that_stands_in_says_where_clocks_show_another_hour(house):
     said = [note for note in report.notes if "daylight saving" in note and "stands in" in note]
     assert len(said) == 1 and said[0].startswith("wish: not measured")
     assert "an hour late by the clocks of 3 of 7 days with daylight saving" in said[0]
+    frame, hours = measured()
+    frame.loc[hours < 80, ["outside", "room"]] = np.nan  # of these days nothing is kept
+    assert not [note for note in house(frame).notes if "daylight saving" in note and "stands in" in note]
 
 
 def test_a_logger_that_writes_a_row_for_each_sensor_loses_none(house):
