@@ -147,7 +147,7 @@ def test_an_effect_is_named_beside_one_that_a_parameter_imitates(folder):
 @pytest.mark.slow
 def test_the_command_begins_with_the_shipped_estimator(folder, capsys):
     path = folder / "command.nc"
-    recorded(path, room(), hours=HOURS, fmu={"effect.heater.derate": 0.7})
+    recorded(path, room(), hours=0.5 * HOURS, fmu={"effect.heater.derate": 0.7})
     words = ["run", ROOM, str(path), "--out", str(folder / "out"), "--run", "MixedAirCO2", "--json", "--warm-up", "48"]
     assert app(words) == 0
     report = Report.model_validate_json(capsys.readouterr().out)
