@@ -33,7 +33,7 @@ wheels: $(READY)
 	ZEROSHOT_PYTHONS="$(PYTHONS)" $(BIN)/python -m pytest -rA tests/packaging
 
 test: check
-	$(BIN)/python -m pytest -n 2 --dist worksteal
+	$(BIN)/python -m pytest -n 2
 
 clean:
 	rm -rf demo .mypy_cache .ruff_cache .pytest_cache build dist *.egg-info
