@@ -54,9 +54,6 @@ def parameters(rows: Sequence[Row], estimated: Sequence[Parameter], seed: int = 
     """Intervals of the parameters: as they are stated in the end, and by what the answer was worth."""
     named = [row for row in rows if row.named]
     right = [row for row in named if set(row.effects) & set(row.named)]
-    # what is fitted may be another member of a set that cannot be told apart
-    added = [row for row in right if (verdict := row.outcome.verdict) is not None and verdict.chosen]
-    only = [row for row in added if set(row.outcome.verdict.chosen) <= set(row.effects)]  # type: ignore[union-attr]
     wrong = [row for row in named if not set(row.effects) & set(row.named)]
     quiet = [row for row in rows if row.outcome.answer == "no_gap"]
     kinds: list[tuple[str, list[Row], bool]] = [
@@ -66,7 +63,7 @@ def parameters(rows: Sequence[Row], estimated: Sequence[Parameter], seed: int = 
         ("a true cause in the answer, after what was chosen is added", right, True),
         ("the same, controllers simulated", [row for row in right if not row.answer["replay"]], True),
         ("the same, in replay", [row for row in right if row.answer["replay"]], True),
-        ("the same, only true causes added", only, True),
+        ("the same, nothing but true causes added", [row for row in right if row.only_true_added], True),
         ("only wrong causes named, after they are added", wrong, True),
         ("none of these", [row for row in rows if row.outcome.answer == "none_of_these"], False),
     ]

@@ -67,6 +67,15 @@ class Row:
         return tuple(verdict.named) if verdict is not None and named else ()
 
     @property
+    def only_true_added(self) -> bool:
+        """Whether all that was fitted is a true cause; in a set that cannot be told apart it may be another member.
+
+        Not told of verdicts of programs that did not say what was fitted.
+        """
+        verdict = self.outcome.verdict
+        return verdict is not None and bool(verdict.chosen) and set(verdict.chosen) <= set(self.effects)
+
+    @property
     def top(self) -> bool:
         """Whether the first named is right."""
         return self.best in self.effects

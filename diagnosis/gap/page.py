@@ -67,20 +67,22 @@ def _pictures(done: Diagnosis) -> dict[str, str]:
     where, scan = done.where, done.search.stages[0].scan
     made: dict[str, Figure] = {
         "outputs": draw_outputs(done),
-        "episodes": draw_episodes(where.residuals, where.episodes, level=where.level("episodes")),
+        "episodes": draw_episodes(where.residuals, where.episodes, alpha=where.alpha_in("episodes")),
         "parameters": draw_parameters(done),
     }
     looked = [where.residuals.names[k] for k in where.cells.channels]
     named = [name for name in looked if name in {one.channel for one in done.report.where if one.kind != "source"}]
     for name, only in (("cells", named), ("other_cells", [name for name in looked if name not in named])):
         if only:
-            made[name] = draw_cells(where.residuals, where.cells, only=only, level=where.level("cells"))
+            made[name] = draw_cells(where.residuals, where.cells, only=only, alpha=where.alpha_in("cells"))
     if scan.effects:
         made["candidates"] = draw_candidates(done)
     if (scan.expected > SHOWN).any():
         made["angles"] = draw_angles(done)
     if where.correlations is not None:
-        made["correlations"] = draw_correlations(where.residuals, where.correlations, level=where.level("correlations"))
+        made["correlations"] = draw_correlations(
+            where.residuals, where.correlations, alpha=where.alpha_in("correlations")
+        )
     if where.sources is not None:
         made["sources"] = draw_sources(where.residuals, where.sources)
     if any(one.share is not None for one in done.report.shrinkage):

@@ -56,7 +56,7 @@ class Where:
                     found.append(replace(one, p_value=p_value))
         return found
 
-    def level(self, family: str) -> float:
+    def alpha_in(self, family: str) -> float:
         """A family's own p up to which its places stand among all families: what its pictures mark; -1 if none does."""
         tests: dict[str, CellTest | EpisodeTest | CorrelationTest | None] = {
             "cells": self.cells,

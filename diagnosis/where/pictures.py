@@ -20,11 +20,11 @@ _UNTESTED = "#dddddd"
 
 
 def draw_cells(
-    residuals: Residuals, cells: CellTest, *, only: Collection[str] | None = None, level: float = 0.05
+    residuals: Residuals, cells: CellTest, *, only: Collection[str] | None = None, alpha: float = 0.05
 ) -> Figure:
     """Offsets by hour and state, and scatter by speed and state: a row of two panels for each channel.
 
-    ``only``: names of the channels that are drawn; all of them if not given. ``level``: the family's own p up to which
+    ``only``: names of the channels that are drawn; all of them if not given. ``alpha``: the family's own p up to which
     cells are framed.
     """
     rows = _rows(cells)
@@ -35,8 +35,8 @@ def draw_cells(
         len(drawn), 2, squeeze=False, gridspec_kw={"width_ratios": [2.9, len(cells.bands) * 0.28 + 0.2]}
     )
     for row, c in enumerate(drawn):
-        _draw_offsets(figure, panels[row, 0], residuals, cells, c, rows, level)
-        _draw_scatter(figure, panels[row, 1], cells, c, rows, level)
+        _draw_offsets(figure, panels[row, 0], residuals, cells, c, rows, alpha)
+        _draw_scatter(figure, panels[row, 1], cells, c, rows, alpha)
     figure.suptitle(
         "Where measurement and calibrated model differ\n"
         "Left: red measured higher, blue lower.  Right: red more scatter than in twins without a gap, blue less.\n"
@@ -62,11 +62,11 @@ def _draw_offsets(
     cells: CellTest,
     c: int,
     rows: list[tuple[str, int, str]],
-    level: float,
+    alpha: float,
 ) -> None:
     k, mean, whole = cells.channels[c], STATISTICS.index("mean"), cells.bands.index(WHOLE)
     apart = cells.laid_out(cells.test.observed - cells.test.typical)[c, :, mean]
-    sure = cells.laid_out(cells.test.adjusted)[c, :, mean] <= level
+    sure = cells.laid_out(cells.test.adjusted)[c, :, mean] <= alpha
     hours = sorted({(w.start, w.stop) for w in cells.windows if w.stop - w.start < 6} or {(0, 24)})
     spans = [*hours, (0, 24)] if hours != [(0, 24)] else hours
     at = {(w.start, w.stop, w.day_type): j for j, w in enumerate(cells.windows)}
@@ -98,12 +98,12 @@ def _draw_offsets(
 
 
 def _draw_scatter(
-    figure: Figure, axes: Axes, cells: CellTest, c: int, rows: list[tuple[str, int, str]], level: float
+    figure: Figure, axes: Axes, cells: CellTest, c: int, rows: list[tuple[str, int, str]], alpha: float
 ) -> None:
     variance = STATISTICS.index("variance")
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = (cells.laid_out(cells.test.observed) / cells.laid_out(cells.test.typical))[c, :, variance] ** 1.5
-    sure = cells.laid_out(cells.test.adjusted)[c, :, variance] <= level
+    sure = cells.laid_out(cells.test.adjusted)[c, :, variance] <= alpha
     at = {w.day_type: j for j, w in enumerate(cells.windows) if (w.start, w.stop) == (0, 24)}
     image = np.array([[ratio[b, regime, at[day]] for b in range(len(cells.bands))] for _, regime, day in rows])
     bound = max(2.0, float(np.nanmax(np.maximum(image, 1 / image)))) if np.isfinite(image).any() else 2.0
@@ -128,10 +128,10 @@ def _draw_scatter(
     bar.ax.yaxis.set_minor_formatter(NullFormatter())
 
 
-def draw_correlations(residuals: Residuals, found: CorrelationTest, *, level: float = 0.05, most: int = 3) -> Figure:
+def draw_correlations(residuals: Residuals, found: CorrelationTest, *, alpha: float = 0.05, most: int = 3) -> Figure:
     """Stems of each channel's residual against the inputs it follows most, with the twins' bands.
 
-    ``level``: the family's own p up to which they are red.
+    ``alpha``: the family's own p up to which they are red.
     """
     t = np.abs(found.test.t.reshape(found.correlation.shape))
     strongest = np.where(np.isfinite(t), t, 0.0).max(axis=2)
@@ -147,7 +147,7 @@ def draw_correlations(residuals: Residuals, found: CorrelationTest, *, level: fl
             for values in (found.correlation, found.simultaneous_low, found.simultaneous_high)
         )
         for axes, i in zip(panels[c], chosen, strict=True):
-            sure = found.adjusted[c, i] <= level
+            sure = found.adjusted[c, i] <= alpha
             axes.fill_between(hours, found.low[c, i], found.high[c, i], color=TWINS, alpha=0.6, linewidth=0)
             for edge in (found.simultaneous_low, found.simultaneous_high):
                 axes.plot(hours, edge[c, i], color="black", linewidth=0.8, linestyle="--")

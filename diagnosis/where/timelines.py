@@ -19,7 +19,7 @@ _WIDTH = 150
 _SPAN = "#ee9944"
 
 
-def draw_episodes(residuals: Residuals, found: EpisodeTest, *, level: float = 0.05) -> Figure:
+def draw_episodes(residuals: Residuals, found: EpisodeTest, *, alpha: float = 0.05) -> Figure:
     """The residual of each channel against time, what twins show, and the stretches that stand out."""
     down = len(found.channels)
     figure = Figure(figsize=(12.5, 2.1 * down + 0.9), layout="constrained")
@@ -34,7 +34,7 @@ def draw_episodes(residuals: Residuals, found: EpisodeTest, *, level: float = 0.
         _weekends(axes, residuals, begin)
         heights = iter(np.tile([0.92, 0.78, 0.64], 10))
         for one, (first, last) in zip(found.findings, found.spans, strict=True):
-            if one.channel != residuals.names[k] or one.p_value > level:
+            if one.channel != residuals.names[k] or one.p_value > alpha:
                 continue
             first, last = (first - begin) / DAY, (last - begin) / DAY
             axes.axvspan(first, last, color=_SPAN, alpha=0.35, linewidth=0)

@@ -3,7 +3,7 @@
 Of answers of ``none_of_these`` whose cause was in the library after all: how often the candidate nearest to the gap was
 it. Sizes are those of effects of the library, acting by its own law, that were rightly named, alone or as one of two.
 
-Run, on an opened set: ``python tests/benchmarks/by_condition.py SET ANSWERS VERDICTS``.
+Run, on an opened set: ``python tests/benchmarks/by_condition.py SET ANSWERS VERDICTS [--first N]``.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ from __future__ import annotations
 import argparse
 from collections import defaultdict
 from pathlib import Path
+
+import numpy as np
 
 from diagnosis.blind.opened import Row, side_by_side
 from diagnosis.blind.sealed import open_answers
@@ -27,8 +29,11 @@ def main() -> None:
     parser.add_argument("set", type=Path)
     parser.add_argument("answers", type=Path)
     parser.add_argument("verdicts", type=Path)
+    parser.add_argument("--first", type=int, help="so many recordings only, of a run that was stopped")
     options = parser.parse_args()
-    pairs = side_by_side(open_answers(options.set, options.answers), options.verdicts, read_run(options.verdicts))
+    opened = open_answers(options.set, options.answers)
+    opened = {**opened, "recordings": opened["recordings"][: options.first]}
+    pairs = side_by_side(opened, options.verdicts, read_run(options.verdicts))
     groups: dict[tuple[str, str], list[Row]] = defaultdict(list)
     for one in pairs:
         groups[condition(one)].append(one)
@@ -49,6 +54,9 @@ def main() -> None:
         print(f"| {controllers} | {name} | {sum(hits)} of {len(hits)} |")
     near = [nearest(one) in one.effects for one in pairs if one.outcome.answer == "none_of_these" and one.single]
     print(f"\nnone_of_these of a cause in the library: the nearest was it in {sum(near)} of {len(near)}")
+    spent = [one.outcome.cpu_seconds for one in pairs if one.outcome.cpu_seconds is not None]
+    median, most, longest = np.quantile(spent, [0.5, 0.9, 1.0], method="higher")
+    print(f"processor time [s]: median {median:.0f}, of nine in ten at most {most:.0f}, longest {longest:.0f}")
     print(
         "\n| recording | controllers | persons | effect | true | told | 90 % interval |\n|---|---|---|---|---|---|---|"
     )

@@ -101,3 +101,14 @@ def test_another_law_s_amplitude_is_no_size_of_its_candidate():
     verdict = Verdict(verdict="no_gap", probabilities={}, none=0.5, nothing=0.5)
     outcome = Outcome(file="0000.nc", sha256="", seconds=1.0, verdict=verdict)
     assert Row({"causes": causes}, outcome, "two", "effect", ("wind", "clock"), 1.0).true_sizes == {"clock": -0.5}
+
+
+def test_an_answer_whose_fit_was_of_another_cause_is_told_apart(tmp_path):
+    """Of a set that cannot be told apart another member than the true one may have been fitted."""
+    good, off = moved((1.0, 0.5, 2.0), (10.0, 9.0, 11.0)), moved((10.0, 1.0, 5.0), (14.0, 12.0, 16.0))
+    either = named("a", (6.0, 5.0, 7.0), off).model_copy(update={"named": ["a", "b"], "chosen": ["b"]})
+    true = named("a", (6.0, 5.0, 7.0), good).model_copy(update={"chosen": ["a"]})
+    found = scored(tmp_path, [Case("library", ("a",), sizes=(2.0,), room=4.0, verdict=one) for one in (either, true)])
+    assert found["parameters: a true cause in the answer, after what was chosen is added"].held.n == 2
+    only = found["parameters: the same, nothing but true causes added"].held
+    assert (only.value, only.n) == (1.0, 1)

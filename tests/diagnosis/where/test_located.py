@@ -132,13 +132,13 @@ def test_pictures_mark_what_the_list_names_and_nothing_else(everything):
     """A place that stands out in its own family may not do so among all that was looked at."""
     for family in ("cells", "correlations", "episodes"):
         test = getattr(everything, family).test
-        marked = np.abs(test.t[test.adjusted <= everything.level(family)])
+        marked = np.abs(test.t[test.adjusted <= everything.alpha_in(family)])
         assert (everything._p_of_all(family, marked) <= 0.05).all()
         twins = everything.whole.maxima + np.where(np.arange(len(everything.whole.maxima)) > 0, 1e9, 0.0)
         none = replace(everything, whole=replace(everything.whole, maxima=twins))
-        assert (none.findings, none.level(family)) == ([], -1.0)
-    assert everything.level("cells") > 0
-    drawn = [draw_episodes(everything.residuals, everything.episodes, level=level).axes for level in (-1.0, 1.0)]
+        assert (none.findings, none.alpha_in(family)) == ([], -1.0)
+    assert everything.alpha_in("cells") > 0
+    drawn = [draw_episodes(everything.residuals, everything.episodes, alpha=alpha).axes for alpha in (-1.0, 1.0)]
     said = [sum(len(axes.texts) for axes in panels) for panels in drawn]
     assert said == [0, len(everything.episodes.findings)]
 
