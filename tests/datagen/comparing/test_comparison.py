@@ -15,7 +15,6 @@ import pytest
 from datagen.comparing.comparison import Comparison, compare
 from datagen.comparing.matching import handed_on, inputs_for, unmatched
 from datagen.comparing.recorded import load_recorded, series_of
-from datagen.comparing.regimes import months, regimes
 from datagen.comparing.report import NUMBERS, PICTURE, TABLE, write_report
 from datagen.driving.inputs import build_inputs
 from datagen.driving.tables import InputTable, Piecewise
@@ -159,46 +158,6 @@ def test_inputs_that_only_one_has_are_told(default):
     (said,) = unmatched(constant, default, fmu)
     assert said.endswith("does not have rest at their declared values: CO2Out (420 ppm)")
     assert compare(default, default, systems=1, hours=24).notes == ()
-
-
-# ---------------------------------------------------------------- regimes
-
-
-def steps_of(default, *columns):
-    """An input table of five one-hour steps in which the named inputs have these means."""
-    names = tuple(default.input_names)
-    values = np.zeros((5, len(names)))
-    for name, column in columns:
-        values[:, names.index(name)] = column
-    time = 3600.0 * np.arange(6)
-    return InputTable(names, time, values, values.copy(), np.zeros(6, dtype=bool)), time
-
-
-def test_regimes_follow_from_the_description(default):
-    table, edges = steps_of(
-        default,
-        ("nPer", [0, 2, 2, 0, 0]),
-        ("HFac", [0, 0, 400, 60, 40]),
-        ("excHea", [100, -100, 0, 100, 0]),
-    )
-    outputs = np.zeros((4, 5))
-    # at rest, at 5 kW, saturated, saturated, at rest: with the excitation on top
-    outputs[default.output_names.index("QHea")] = [100, 4900, 10000, 10100, 0]
-    found = regimes(default, table, edges, outputs)
-    assert found["nPer: occupied"].tolist() == [False, True, True, False, False]
-    assert found["HFac: sun"].tolist() == [False, False, True, True, False]
-    assert found["QHea: at its lowest"].tolist() == [True, False, False, False, True]
-    assert found["QHea: in between"].tolist() == [False, True, False, False, False]
-    assert found["QHea: at its highest"].tolist() == [False, False, True, True, False]
-    assert found["mOA: at its lowest"].all()  # it never moves
-
-
-def test_a_step_belongs_to_the_month_in_which_it_lies():
-    day = 86400.0
-    found = months(np.array([day, 31 * day, 31 * day + 3600, 365 * day]))
-    assert found["January"].tolist() == [True, True, False, False]
-    assert found["February"].tolist() == [False, False, True, False]
-    assert found["December"].tolist() == [False, False, False, True]
 
 
 # ---------------------------------------------------------------- recorded trajectories

@@ -169,7 +169,7 @@ def test_scores_by_hand():
 def test_a_recording_counts_for_less_than_the_fit_believes_and_the_page_says_so(house, house_recording):
     """Each parameter's information is divided by 1.5 squared; the prior's, which is one, is not."""
     done = calibrate(house("me"), house_recording(hours=48), starts=1)
-    assert done.report.widened == 1.5
+    assert (done.report.widened, done.report.started_from) == (1.5, "prior")
     stated = np.array(done.report.covariance)
     np.testing.assert_allclose(np.diag(stated), 1 / (1 + (done.fit.sd**-2 - 1) / 1.5**2), rtol=1e-6)
     np.linalg.cholesky(stated)

@@ -282,3 +282,24 @@ def test_a_size_that_stopped_at_its_bound_is_a_limit_of_an_answer_that_names_it(
     found = limits(report(effects=[ends, other, named("load")]))
     (said,) = [one for one in found if "stopped at the bound" in one]
     assert said.startswith("The size of valve") and "(-4 W)" in said
+
+
+def test_a_share_has_no_unit():
+    one = named("fan").model_copy(update={"unit": "1", "amplitude": 0.253, "low": 0.2, "high": 0.31})
+    said = summary(report(effects=[one], sets=[["fan"]], stages=[stage(0.001, 0.001, ["fan"])]))[1]
+    assert "by 0.253 (0.2 to 0.31), with probability" in said
+
+
+def test_a_candidate_that_could_not_be_simulated_was_not_looked_for():
+    found = limits(report(detectability=seen(a=None, b=None), excluded={"b": "its simulation fails"}))
+    (blind,) = [one for one in found if one.startswith("Could not be seen")]
+    assert blind.endswith(": a.")
+    assert any("Not tried: b (its simulation fails)" in one for one in found)
+    none = report(
+        verdict="none_of_these",
+        effects=[named("a", answer=False), named("b", answer=False)],
+        excluded={"b": "its simulation fails"},
+        none_of_these=0.5,
+        stages=[stage(0.001, 0.001)],
+    )
+    assert "none of the 1 candidates" in summary(none)[1]

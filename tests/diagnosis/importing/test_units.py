@@ -75,6 +75,11 @@ def test_units_that_do_not_fit(unit, target, said):
         one(1.0, unit, target)
 
 
+def test_a_temperature_has_the_same_limits_in_either_unit():
+    low, high, below = limits("K", "K")
+    assert limits("degC", "degC") == (pytest.approx(low - 273.15), pytest.approx(high - 273.15), below)
+
+
 def test_what_a_column_may_be_in():
     low, high, _ = limits("K", "K")
     assert "degC" in alternatives(21.0, "K", low, high, density=1.2)
