@@ -31,8 +31,8 @@ _SLOW = 0.02
 class Trajectory:
     """The outputs of one simulation.
 
-    ``time`` (steps,) ends of the output steps [s]; ``outputs`` (outputs, steps) and ``inputs`` (inputs, steps) in the
-    order and units of the system description; ``states`` (steps + 1, states), from the start on, or empty;
+    ``time`` (steps,) ends of the output steps [s]; ``outputs`` (outputs, steps) and ``inputs`` (inputs, steps), or
+    none, in the order and units of the system description; ``states`` (steps + 1, states), from the start on, or empty;
     ``statistics`` counts right-hand sides, indicator calls and events, or communication steps.
     """
 
@@ -93,6 +93,7 @@ class Simulator:
         replay: bool = False,
         initial_states: np.ndarray | None = None,
         record_states: bool = False,
+        driven: bool = True,
         timeout: float | None = None,
     ) -> Trajectory:
         """Simulate from ``start`` to ``stop`` and record every ``step`` from ``record_from`` on (all [s]).
@@ -107,6 +108,8 @@ class Simulator:
             Measured actuators replace the control loops: sets the description's ``replay`` table.
         initial_states
             Continuous states at ``start`` in place of the FMU's own, shape (states,).
+        driven
+            Whether the inputs of each step are wanted as well.
         timeout
             Wall-clock limit of the simulation [s]. An FMU that hangs in one of its own functions is not interrupted:
             only another process can end that.
@@ -170,12 +173,10 @@ class Simulator:
         counts = {"right_hand_sides": calls.RHS_CALLS, "indicator_calls": calls.INDICATOR_CALLS, "events": calls.EVENTS}
         if self.fmu.cosimulation:
             counts = {"communication_steps": calls.STEPS}
-        driven = np.where(self._held[:, None], inputs.means(grid).T, inputs.at(grid[1:]).T)
-        driven[self._directions] %= 360.0  # as a vane shows it; the FMU's has no jump from 360 to 0
         return Trajectory(
             time=grid[1:],
             outputs=outputs,
-            inputs=driven,
+            inputs=self._driven(inputs, grid) if driven else np.empty((0, count)),
             states=records.states,
             statistics={name: int(plan[place]) for name, place in counts.items()},
         )
@@ -246,6 +247,12 @@ class Simulator:
         except ValueError as error:
             raise SimulationError(f"{self.fmu.path.name}: {error}") from None
         return cosimulation.march(plan, *steps, records.points, records.quadratures, reached)
+
+    def _driven(self, inputs: InputTable, grid: np.ndarray) -> np.ndarray:
+        """Inputs of each step between the points of a grid, shape (inputs, steps): means of what is held, else ends."""
+        found = np.where(self._held[:, None], inputs.means(grid).T, inputs.at(grid[1:]).T)
+        found[self._directions] %= 360.0  # as a vane shows it; the FMU's has no jump from 360 to 0
+        return found
 
     def _arranged(self, table: InputTable) -> InputTable:
         """The table with discrete inputs last, as the compiled code wants it."""

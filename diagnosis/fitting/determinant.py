@@ -47,8 +47,9 @@ def determinant(problem: Problem, around: Linearisation) -> Determinant:
     within = problem.nuisance.recorded
     if not within.any():
         return Determinant(around.z, np.zeros(size), np.zeros((size, size)))
-    some, factor = problem.nuisance.only(within), problem.nuisance.factor[within]
+    some = problem.nuisance.only(within)
     weight = around.marginal.inverse(around.marginal.by_unknown).T
+    wide = weight.shape[0] > weight.shape[1]
     low, high = problem.bounds
 
     def answer(z: np.ndarray) -> np.ndarray:
@@ -64,17 +65,20 @@ def determinant(problem: Problem, around: Linearisation) -> Determinant:
 
     products = []
     for k in range(size):
-        change = np.zeros_like(around.response[:, :, within])
+        change = np.zeros_like(around.response)
         for way in (WIDTH, -WIDTH):
             z = around.z.copy()
             z[k] += way
             if not low[k] <= z[k] <= high[k]:
                 continue
             with suppress(SimulationError):
-                change = (answer(z) - around.response[:, :, within]) / way
+                change[:, :, within] = (answer(z) - around.response[:, :, within]) / way
                 break
-        products.append(weight @ problem.standardised(change @ factor))
-    gained = np.array([[np.sum(a * b.T) for b in products] for a in products])
+        derivative = problem.standardised(problem.nuisance.by_unknown(change))
+        # traces of products are the same whichever factor comes first: of two, the smaller matrix
+        products.append(derivative @ weight if wide else weight @ derivative)
+    flat = np.stack([one.ravel() for one in products])
+    gained = flat @ np.stack([one.T.ravel() for one in products]).T
     values, vectors = eigh(0.5 * (gained + gained.T))
     root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
     return Determinant(around.z, np.array([np.trace(one) for one in products]), root)

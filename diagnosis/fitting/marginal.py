@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import eigh
+
+from diagnosis.fitting.principal import principal
+
+UNFELT = 1e-6
+"""Eigenvalue up to which a direction is left out."""
 
 
 class Marginal:
@@ -15,17 +20,19 @@ class Marginal:
     the covariance of the residual is S = I + B B'. :meth:`root` applies S^(-1/2).
     """
 
-    def __init__(self, by_unknown: np.ndarray) -> None:
-        self._by = by_unknown
+    def __init__(self, by_unknown: np.ndarray | Callable[[], np.ndarray]) -> None:
+        """``by_unknown`` may be a function that gives it: it is asked when it is first needed."""
+        self._given = by_unknown
+
+    @cached_property
+    def by_unknown(self) -> np.ndarray:
+        """B, shape (rows, unknowns)."""
+        return self._given() if callable(self._given) else self._given
 
     @cached_property
     def _decomposed(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Eigenvalues and vectors of B'B, and an orthonormal basis of B; made when first asked for."""
-        gram = self._by.T @ self._by
-        values, vectors = eigh(gram) if gram.size else (np.empty(0), np.empty((0, 0)))
-        keep = values > 1e-6
-        values, vectors = values[keep], vectors[:, keep]
-        return values, vectors, self._by @ (vectors / np.sqrt(values))
+        return principal(self.by_unknown, UNFELT)
 
     @property
     def _values(self) -> np.ndarray:
@@ -52,12 +59,12 @@ class Marginal:
 
     def unknowns(self, residual: np.ndarray) -> np.ndarray:
         """Posterior mean of the unknowns given a standardised residual (rows,), shape (unknowns,)."""
-        projected = self._vectors.T @ (self._by.T @ residual)
+        projected = self._vectors.T @ (self.by_unknown.T @ residual)
         return np.asarray(self._vectors @ (projected / (1 + self._values)))
 
     def unknowns_factor(self) -> np.ndarray:
         """A factor of the posterior covariance of the unknowns given the rest, shape (unknowns, unknowns)."""
-        count = self._by.shape[1]
+        count = self.by_unknown.shape[1]
         return np.asarray(np.eye(count) - self._vectors * (1 - 1 / np.sqrt(1 + self._values)) @ self._vectors.T)
 
     def inverse(self, rows: np.ndarray) -> np.ndarray:
@@ -65,8 +72,3 @@ class Marginal:
         inside = self._basis.T @ rows
         shrink = self._values / (1 + self._values)
         return np.asarray(rows - self._basis @ (shrink * inside.T).T)
-
-    @property
-    def by_unknown(self) -> np.ndarray:
-        """B, shape (rows, unknowns)."""
-        return self._by

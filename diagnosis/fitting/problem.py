@@ -276,7 +276,8 @@ class Problem:
 
     def marginal(self, response: np.ndarray) -> Marginal:
         """What integrates the nuisance out, for a response (outputs, steps, pulses)."""
-        return Marginal(self.standardised(response @ self.nuisance.factor))
+        nuisance = self.nuisance
+        return Marginal(lambda: self.standardised(nuisance.by_unknown(response, self.observed.any(axis=1))))
 
     def likely_nuisance(self, z: np.ndarray, around: Linearisation) -> np.ndarray:
         """Posterior mean of the nuisance given ``z``, standard normal before, shape (nuisance unknowns,)."""

@@ -61,7 +61,8 @@ class Warmed:
         return found
 
     def _simulated(self, run: Run, inputs: InputTable, **span: Any) -> Trajectory:
-        return self.simulator.run(run.parameters, inputs, replay=run.replay, tolerance=run.tolerance, **span)
+        span |= {"replay": run.replay, "tolerance": run.tolerance, "driven": False}
+        return self.simulator.run(run.parameters, inputs, **span)
 
     def _whole(self, run: Run) -> np.ndarray:
         span = {"start": run.start, "stop": run.stop, "record_from": run.record_from}

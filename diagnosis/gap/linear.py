@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import eigh
 
 from diagnosis.effects import Effect, clash
 from diagnosis.fitting.differences import one_sided
 from diagnosis.fitting.linearisation import Linearisation
+from diagnosis.fitting.principal import principal
 from diagnosis.fitting.problem import STEP, Problem
 from shared.errors import SimulationError
 
@@ -190,14 +190,15 @@ def felt_nuisance(problem: Problem, around: Linearisation) -> tuple[np.ndarray, 
     """Response to independent standard normal unknowns (outputs, steps, unknowns) [unit of each], and their turn.
 
     The nuisance's unknowns are turned to principal directions, and those that all readings together hardly feel are
-    left out: of a thousand pulses a few hundred directions remain.
+    left out: of a thousand pulses a few hundred directions remain. Outputs without readings do not respond.
     """
-    response = around.response @ problem.nuisance.factor
     used = problem.observed.any(axis=1)
+    response = problem.nuisance.by_unknown(around.response, used)
     rows = (response[used] / problem.floor[used, None, None]).reshape(-1, response.shape[2])
-    values, vectors = eigh(rows.T @ rows) if rows.size else (np.empty(0), np.empty((0, 0)))
-    turn = vectors[:, values > UNFELT**2] if rows.size else np.empty((response.shape[2], 0))
-    return np.asarray(response @ turn), turn
+    _, turn, _ = principal(rows, UNFELT**2)
+    felt = np.zeros((*response.shape[:-1], turn.shape[1]))
+    felt[used] = response[used] @ turn
+    return felt, turn
 
 
 def _simulated(problem: Problem, cases: list[np.ndarray], heights: np.ndarray) -> list[np.ndarray | None]:
