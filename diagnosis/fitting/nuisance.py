@@ -32,10 +32,10 @@ from diagnosis.recording import DAY
 
 SPACING = DAY
 """Pulses this far apart share a simulation [s]: what one does is over, or nearly, when the next one comes."""
-TURNED = 1 / 6
-"""The same of pulses that turn, in shares of the spacing: what takes back as much as it gives is over sooner. Followed
-for four hours in place of two days, in three weeks of the default room, their answers lost 0.02 % of their square in
-replay and 0.1 to 0.2 % with controllers, as they do in a day."""
+TURNED = 0.5
+"""The same of pulses that turn, in shares of the spacing: what takes back as much as it gives is over sooner. In the
+default room four hours would do (0.02 % of the square of what is followed for two days is lost in replay, and 0.2 %
+with controllers, as in a day), but not in a house that forgets within three: sizes of effects were wrong there."""
 HEIGHT = 0.5
 """Height of a pulse in the difference, in prior standard deviations."""
 

@@ -77,7 +77,7 @@ def test_nobody_is_fewer_than_none_but_a_meter_errs_either_way():
 
 
 def test_pulses_that_share_a_simulation_answer_as_alone(house, house_recording):
-    """This house forgets by a factor of 50 in half a day; pulses that turn are followed for 4 h, others for a day."""
+    """This house forgets by a factor of 50 in half a day; pulses that turn are followed as long, others twice that."""
     system = house("me")
     record = read_recording(house_recording(hours=96, count=False), system)
     problem = Problem(Simulator(system), record, occupancy="unknown", history=False)
@@ -89,8 +89,8 @@ def test_pulses_that_share_a_simulation_answer_as_alone(house, house_recording):
 
     together = responses(problem.nuisance, simulate, base, problem.time)
     alone = responses(problem.nuisance, simulate, base, problem.time, spacing=1e9)
-    np.testing.assert_allclose(together, alone, atol=7e-2 * np.abs(alone).max())
-    assert np.sum((together - alone) ** 2) < 2e-3 * np.sum(alone**2)
+    np.testing.assert_allclose(together, alone, atol=1e-2 * np.abs(alone).max())
+    assert np.sum((together - alone) ** 2) < 1e-4 * np.sum(alone**2)
     assert np.abs(alone).max() > 0
 
 

