@@ -55,6 +55,7 @@ class Grams:
     like: Grams | None = None
     _cache: dict[tuple[int, Colour], Product] = field(default_factory=dict)
     _nuisance: dict[int, tuple[Colour, np.ndarray, np.ndarray]] = field(default_factory=dict)
+    _root: dict[tuple[Colour, ...], np.ndarray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         lin = self.lin
@@ -65,8 +66,9 @@ class Grams:
         self.n_nuisance, self.n_unknown = lin.by_nuisance.shape[2], lin.by_unknown.shape[2]
         self.rows = np.where(np.isfinite(lin.residual), lin.residual, 0.0) + lin.by_unknown @ lin.z
         self.channels = [k for k in range(len(self.rows)) if self.observed[k].any()]
-        if self.like is not None and self.like.lin.by_nuisance is lin.by_nuisance:
-            self._nuisance = self.like._nuisance  # the same columns: whitened once
+        like = self.like
+        if like and like.lin.by_nuisance is lin.by_nuisance and np.array_equal(like.observed, self.observed):
+            self._nuisance, self._root = like._nuisance, like._root  # the same columns: whitened and factorised once
 
     @property
     def inner(self) -> np.ndarray:
@@ -123,6 +125,15 @@ class Grams:
         for one in parts[1:]:
             whole = whole + one
         return whole
+
+    def without_nuisance(self, colours: dict[int, Colour]) -> Projected:
+        """All other columns when the nuisance has explained what it can; its factor is kept for the last colours."""
+        product, key = self.total(colours), tuple(colours[k] for k in self.channels)
+        found = projected(product, self.n_nuisance, self._root.get(key))
+        if key not in self._root:
+            self._root.clear()
+            self._root[key] = found.root
+        return found
 
     def evidence(self, colours: dict[int, Colour], effects: float = 0.0) -> float:
         """Log evidence; the candidates' amplitudes are N(0, ``effects``^2) scales as well, or zero."""
@@ -182,9 +193,10 @@ class Projected:
         return np.asarray(cho_solve((self.root, True), scores[: len(self.root)]))
 
 
-def projected(product: Product, inner: int) -> Projected:
-    """Integrate out the first ``inner`` columns."""
-    root = cholesky(np.eye(inner) + product.gram[:inner, :inner], lower=True)
+def projected(product: Product, inner: int, root: np.ndarray | None = None) -> Projected:
+    """Integrate out the first ``inner`` columns; ``root`` is the factor of their precision, where it is known."""
+    if root is None:
+        root = cholesky(np.eye(inner) + product.gram[:inner, :inner], lower=True)
     across = cho_solve((root, True), product.gram[:inner, inner:])
     left = product.gram[inner:, inner:] - product.gram[inner:, :inner] @ across
     score = product.score[inner:] - across.T @ product.score[:inner]

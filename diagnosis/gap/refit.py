@@ -16,7 +16,7 @@ from scipy.optimize import lsq_linear
 
 from diagnosis.effects import Effect
 from diagnosis.fitting.problem import Problem
-from diagnosis.gap.grams import AMPLITUDE, Colour, Grams, projected
+from diagnosis.gap.grams import AMPLITUDE, Colour, Grams
 from diagnosis.gap.linear import Linearised, linearised
 from diagnosis.gap.scan import mass
 from shared.errors import SimulationError
@@ -121,7 +121,7 @@ def refit(
         count += here.simulations
     settled = settled or step_from(here, before, colours)[1] < 20 * SETTLED
     grams = Grams(here, before.observed, before)
-    left = projected(grams.total(colours), grams.n_nuisance)
+    left = grams.without_nuisance(colours)
     covariance = np.linalg.inv(np.eye(grams.n_unknown) + left.information)
     found = Refit(here, grams, 0.0, np.sqrt(np.diag(covariance)) * grams.spread, settled, count)
     return replace(found, evidence=found.evidence_with(colours))
@@ -219,7 +219,7 @@ def _at(problem: Problem, z: np.ndarray, near: Linearised, *, derivatives: bool 
 def _cost(lin: Linearised, before: Grams, colours: dict[int, Colour]) -> float:
     """Half the square of the residual at ``z``, nuisance integrated out, and of the unknowns."""
     grams = Grams(replace(lin, by_unknown=np.zeros((*lin.residual.shape, 0)), z=np.zeros(0)), before.observed, before)
-    left = projected(grams.total(colours), grams.n_nuisance)
+    left = grams.without_nuisance(colours)
     return 0.5 * (left.square + float(np.sum((lin.z / _spread(lin)) ** 2)))
 
 
@@ -233,7 +233,7 @@ def _spread(lin: Linearised) -> np.ndarray:
 def step_from(lin: Linearised, before: Grams, colours: dict[int, Colour]) -> tuple[np.ndarray, float]:
     """Best step within bounds, shape (unknowns,), and the gain in log likelihood that it promises."""
     grams = Grams(lin, before.observed, before)
-    left = projected(grams.total(colours), grams.n_nuisance)
+    left = grams.without_nuisance(colours)
     root = cholesky(np.eye(grams.n_unknown) + left.information, lower=True)
     low, high = (bound / grams.spread for bound in lin.problem.bounds)
     target = solve_triangular(root, left.score, lower=True)

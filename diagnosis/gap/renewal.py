@@ -16,7 +16,7 @@ from scipy.linalg import cho_solve
 from diagnosis.fitting.linearisation import Linearisation
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.colours import estimated_colours
-from diagnosis.gap.grams import Colour, Grams, projected
+from diagnosis.gap.grams import Colour, Grams
 from diagnosis.gap.linear import Linearised, linearised
 from diagnosis.gap.refit import Refit, at_rest, misfit, refit
 from shared.errors import SimulationError
@@ -156,6 +156,6 @@ def relinearised(grams: Grams, colours: dict[int, Colour], z: np.ndarray, every:
 def likely(grams: Grams, colours: dict[int, Colour], z: np.ndarray) -> np.ndarray:
     """Posterior mean of the nuisance where the unknowns are ``z``, standard normal before, (nuisance unknowns,)."""
     product, n = grams.total(colours), grams.n_nuisance
-    left = projected(product, n)
+    left = grams.without_nuisance(colours)
     score = product.score[:n] - product.gram[:n, n : n + grams.n_unknown] @ (z / grams.spread)
     return np.asarray(grams.lin.turn @ cho_solve((left.root, True), score))

@@ -16,7 +16,7 @@ from scipy.optimize import lsq_linear
 
 from diagnosis.gap.apart import Apart
 from diagnosis.gap.colours import Colours
-from diagnosis.gap.grams import AMPLITUDE, Grams, projected
+from diagnosis.gap.grams import AMPLITUDE, Grams
 from diagnosis.gap.linear import Linearised
 from diagnosis.gap.schema import FEWEST
 from diagnosis.gap.stages import Stage
@@ -118,7 +118,7 @@ def _bare(lin: Linearised, observed: np.ndarray) -> Grams:
 def left_by(lin: Linearised, colours: Colours, observed: np.ndarray) -> np.ndarray:
     """Residual with the most likely nuisance over the whole recording, shape (outputs, steps) [unit of each]."""
     grams = _bare(lin, observed)
-    left = projected(grams.total(colours.best), grams.n_nuisance)
+    left = grams.without_nuisance(colours.best)
     product = grams.total(colours.best)
     return np.asarray(lin.residual - lin.by_nuisance @ cho_solve((left.root, True), product.score))
 
@@ -128,7 +128,7 @@ def _floor(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mean square that noise leaves on scored readings, and its standard deviation, both (outputs,)."""
     grams = _bare(lin, observed)
-    left = projected(grams.total(colours.best), grams.n_nuisance)
+    left = grams.without_nuisance(colours.best)
     series = lin.by_nuisance @ rng.standard_normal((grams.n_nuisance, FLOOR_DRAWS))
     scores = np.zeros((grams.n_nuisance, FLOOR_DRAWS))
     for k in grams.channels:
@@ -167,7 +167,7 @@ def _placebos(
             colour = (0.0, AMPLITUDE * float(sizes[k, j]), MEMORY)
             drawn[k, :, j] = draw_errors([(colour, 1.0)], lin.problem.time, 1, rng)[:, 0]
         grams = Grams(replace(line, by_effect=drawn), apart.fitted, like)
-        left = projected(grams.total(first.colours.best), grams.n_nuisance)
+        left = grams.without_nuisance(first.colours.best)
         root = cholesky(np.eye(len(left.score)) + left.information, lower=True)
         x = lsq_linear(root.T, solve_triangular(root, left.score, lower=True), (low, high)).x
         way = x[: grams.n_unknown] * grams.spread - line.z

@@ -92,6 +92,28 @@ def test_what_is_left_is_what_generalised_least_squares_leaves():
     assert left.square == pytest.approx(r @ weight @ r)
 
 
+def test_what_is_kept_of_the_nuisance_is_that_of_the_same_readings_and_colours():
+    """Residuals and other columns change; what was kept for others is not taken, and the same is taken again."""
+    rng = np.random.default_rng(4)
+    lin = problem_of(rng)
+    lin.residual = rng.standard_normal(lin.residual.shape)
+    observed = seen(lin)
+    one, two = {0: (1.0, 0.0, HOUR), 1: (2.0, 0.0, HOUR)}, {0: (1.0, 0.5, 5 * HOUR), 1: (2.0, 0.0, HOUR)}
+    like = Grams(lin, observed)
+    for colours in (one, two, one):
+        like.without_nuisance(colours)
+        other = SimpleNamespace(**{**vars(lin), "residual": rng.standard_normal(lin.residual.shape)})
+        for some in (observed, seen(lin, 0.5)):
+            for each in (one, two):
+                left, fresh = Grams(other, some, like).without_nuisance(each), Grams(other, some)
+                whole = projected(fresh.total(each), fresh.n_nuisance)
+                np.testing.assert_allclose(left.information, whole.information, rtol=1e-9, atol=1e-9)
+                np.testing.assert_allclose(left.score, whole.score, rtol=1e-9, atol=1e-9)
+                assert left.square == pytest.approx(whole.square, rel=1e-9)
+    root = like.without_nuisance(one).root
+    assert Grams(other, observed, like).without_nuisance(one).root is root
+
+
 def drawn(rng, lin, colours, amplitude=0.0):
     """A recording of the linear model with one effect."""
     made = lin.by_nuisance @ rng.standard_normal(lin.by_nuisance.shape[2]) + amplitude * lin.by_effect[..., 1]
