@@ -24,6 +24,8 @@ DAY = 24 * HOUR
 WEEK, YEAR = np.timedelta64(7, "D"), np.timedelta64(372, "D")
 ZERO = np.datetime64(EPOCH, "s")
 """Time zero of simulated years."""
+ROUNDED = 0.1
+"""By how much the end of a recording may move where its step is taken for a whole number of milliseconds [s]."""
 
 
 @dataclass(frozen=True)
@@ -102,6 +104,7 @@ def read_recording(path: Path | str, system: System) -> Recording:
         )
     if not np.allclose(steps, steps[0], rtol=0, atol=1e-3):
         raise RecordingError(f"{path}: time is not regular (steps of {steps.min():g} to {steps.max():g} s)")
+    step, time = _exact(time)
 
     methods = methods_of(system)
 
@@ -125,10 +128,21 @@ def read_recording(path: Path | str, system: System) -> Recording:
     for name, values in inputs.items():
         if not np.isfinite(values).all():
             raise RecordingError(f"{path}: input {name!r} has gaps; expected a finite value at every step")
-    zero = _zero(time[0] - steps[0], str(data["time"].encoding.get("units", "")))
+    zero = _zero(time[0] - step, str(data["time"].encoding.get("units", "")))
     time = time - _after_time_zero(zero)
     assumed = {name: str(data[name].attrs.get("comment", "assumed")) for name in inputs if _assumed(data, name)}
-    return Recording(path, float(steps[0]), time, outputs, inputs, zero, assumed)
+    return Recording(path, step, time, outputs, inputs, zero, assumed)
+
+
+def _exact(time: np.ndarray) -> tuple[float, np.ndarray]:
+    """The step [s] and times (steps,) that are whole numbers of it apart, of times that are so but for rounding.
+
+    Numbers of hours since 1900 tell no instant to better than a microsecond, and every simulation adds the first step
+    up over the whole recording.
+    """
+    mean = float(time[-1] - time[0]) / (len(time) - 1)
+    step = round(mean, 3) if abs(mean - round(mean, 3)) * (len(time) - 1) < ROUNDED else mean
+    return step, round(float(time[0]), 3) + step * np.arange(len(time))
 
 
 def _assumed(data: xr.Dataset, name: str) -> bool:

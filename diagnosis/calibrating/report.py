@@ -157,7 +157,7 @@ def _inputs(done: Calibrated) -> str:
         panel.plot(_days(done), shown, lw=0.9, color=GREY)
         panel.set_ylabel(f"{one.name}\n[{unit}]", fontsize=8)
     levels = done.problem.values(done.fit.z)[problem.size - len(nuisance.levels) :]
-    for panel, (place, (begin, heights)) in zip(panels[len(moving) :], found.items(), strict=True):
+    for panel, (place, (begin, heights)) in zip(panels[len(moving) :], found.items(), strict=False):
         level = next((x for one, x in zip(nuisance.levels, levels, strict=True) if one.column == place), 1.0)
         grid = np.arange(problem.drive.start, problem.drive.stop, 0.5 * HOUR)
         persons = np.zeros(len(grid))

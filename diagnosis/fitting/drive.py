@@ -132,7 +132,7 @@ def _actuator(system: System, recording: Recording, one: MeasuredInput, noise: M
     """A measured actuator: its own column, or the output that measures it, cleared of the meter's noise."""
     own = recording.inputs.get(one.name)
     if own is not None and not (own == one.value).all():
-        return Cleared(own)
+        return cleared(own, noise.get(one.column, 0.0), recording.step)
     if one.column in system.output_names:
         readings = recording.outputs[system.output_names.index(one.column)]
         if np.isfinite(readings).any():

@@ -177,17 +177,18 @@ def responses(
     result = np.zeros((*base.shape, nuisance.size))
     height = HEIGHT * nuisance.sd
     combs: list[list[int]] = []
-    last: list[float] = []
+    over: list[float] = []  # when the last pulse of each has been followed for long enough
     for k in np.argsort(nuisance.begin, kind="stable"):
-        apart = TURNED * spacing if nuisance.turns[k] else spacing
-        for c, reached in enumerate(last):
-            if nuisance.recorded[k] and nuisance.begin[k] >= reached + apart - SNAP:
+        followed = TURNED * spacing if nuisance.turns[k] else spacing
+        until = nuisance.begin[k] + max(followed, 2 * (nuisance.end[k] - nuisance.begin[k]))
+        for c, earliest in enumerate(over):
+            if nuisance.recorded[k] and nuisance.begin[k] >= earliest - SNAP:
                 combs[c].append(k)
-                last[c] = nuisance.begin[k]
+                over[c] = until
                 break
         else:
             combs.append([k])
-            last.append(nuisance.begin[k] if nuisance.recorded[k] else np.inf)
+            over.append(until if nuisance.recorded[k] else np.inf)
     runs = []
     for comb in combs:
         heights = np.zeros(nuisance.size)

@@ -17,11 +17,12 @@ from diagnosis.calibrating.calibration import calibrate
 from diagnosis.calibrating.checks import check_recording
 from diagnosis.calibrating.schema import Calibration, read_calibration
 from diagnosis.calibrating.seen import check_unseen
-from diagnosis.fitting.noise import NoiseModel, errors_under
+from diagnosis.fitting.noise import errors_under
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.renewing import renewed
 from diagnosis.fitting.side_by_side import side_by_side
-from diagnosis.recording import DAY, HOUR, Recording, check_warm_up, read_recording
+from diagnosis.forecasting.given import check_constants, check_given, noise_of
+from diagnosis.recording import HOUR, Recording, check_warm_up, read_recording
 from diagnosis.scores import Score, score
 from shared.errors import RecordingError, SimulationError
 from shared.places import check_folder
@@ -157,10 +158,9 @@ def forecast(
         report, noise_model = done.report, done.problem.noise
     else:
         report = given
-        if report.system_hash != described.hash():
-            raise RecordingError(f"{calibration}: is a calibration of {report.system}; expected one of this system")
+        check_given(report, calibration, described, replay=replay)
         check_unseen(report, record, described.output_names, split, end)
-        noise_model = _noise_of(report, described, noise)
+        noise_model = noise_of(report, described, noise)
     z, covariance = np.array(report.z), np.array(report.covariance)
     simulator = Simulator(described)
     with side_by_side(simulator, workers=workers, scheduler=scheduler) as runner:
@@ -174,7 +174,7 @@ def forecast(
                 f" constants, which makes {len(z)} unknowns; the forecast has {problem.size}, with persons"
                 f" {problem.occupancy} and {len(problem.constants)} constants: give both the same occupancy and system"
             )
-        _check_constants(report, problem, z)
+        check_constants(report, problem, z)
         tell("simulating")
         seen = np.zeros(problem.observed.shape, dtype=bool)
         seen[:, :split] = True
@@ -230,29 +230,6 @@ def _steps(record: Recording, hours: float) -> int:
             " a context and a time ahead of whole steps"
         )
     return round(steps)
-
-
-def _check_constants(report: Calibration, problem: Problem, z: np.ndarray) -> None:
-    """Refuse a calibration whose uncertain constants are not the description's: they are no part of its hash."""
-    factors = problem.values(z)[problem.unknown.places_of_constants]
-    for told, one, factor in zip(report.constants, problem.constants, factors, strict=True):
-        if told.name != one.name or not np.isclose(told.factor, factor, rtol=1e-6):
-            raise RecordingError(
-                f"the calibration's uncertain constant {told.name!r} is {told.factor:.4g}; the description has"
-                f" {one.name!r} there, which makes it {float(factor):.4g}: expected the same uncertain constants"
-            )
-
-
-def _noise_of(report: Calibration, system: System, preset: str) -> NoiseModel:
-    """The noise that a calibration found; of outputs that it did not see that of a preset."""
-    white = errors_under(system, preset)
-    slow, memory = np.zeros_like(white), np.full_like(white, DAY)
-    for k, name in enumerate(system.output_names):
-        one = report.outputs.get(name)
-        if one is not None and one.used:
-            white[k], slow[k] = one.noise, one.slow_noise
-            memory[k] = one.slow_hours * HOUR if one.slow_noise > 0 else DAY
-    return NoiseModel(white, slow, memory)
 
 
 def band(draws: np.ndarray, level: float = LEVEL) -> tuple[np.ndarray, np.ndarray]:

@@ -213,7 +213,7 @@ def _concluded(
     where_left = place(found.last, whole.observed, []) if found.chosen else None
     decision = decide(found, where.p_value, where_left.p_value if where_left is not None else where.p_value)
     apart, shrinkage = None, []
-    if found.chosen:
+    if found.chosen and (whole.observed & ~scored).any():
         tell("scoring on a part that is kept from the fit")
         apart = fitted_apart(found, whole.observed & ~scored)
         spent += apart.simulations

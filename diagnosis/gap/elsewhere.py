@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from diagnosis.effects import Effect
 from diagnosis.gap.grams import Colour, Grams
 from diagnosis.gap.linear import linearised
 from diagnosis.gap.refit import Refit, inner, misfit, refit, rested, step_from
@@ -19,8 +20,15 @@ from shared.errors import SimulationError
 
 GRID = 16
 """Amplitudes of each effect."""
+FAR = 8.0
+"""How far they go where an effect's bounds are farther, or infinite [scales]."""
 WORTH = 4.0
 """Log likelihood that another trough must gain."""
+
+
+def grid(effect: Effect) -> np.ndarray:
+    """Amplitudes from all over an effect's range, shape (GRID,) [scales]."""
+    return np.linspace(max(effect.lower / effect.scale, -FAR), min(effect.upper / effect.scale, FAR), GRID)
 
 
 def elsewhere(one: Refit, colours: dict[int, Colour]) -> Refit:
@@ -28,13 +36,12 @@ def elsewhere(one: Refit, colours: dict[int, Colour]) -> Refit:
     best, count = one, one.simulations
     first = len(one.lin.problem.system.parameters)
     for k, effect in enumerate(one.lin.chosen):
-        grid = np.linspace(effect.lower, effect.upper, GRID) / effect.scale
         low, high = (bound[first + k] for bound in inner(best.lin.problem))
         # the effect's own derivative belongs to where it is now, and promises what it does not keep elsewhere
         others = best.lin.by_unknown.copy()
         others[..., first + k] = 0.0
         promised, start = misfit(best.grams, colours) - WORTH, None
-        for amplitude in np.clip(grid, low, high):
+        for amplitude in np.clip(grid(effect), low, high):
             z = best.lin.z.copy()
             z[first + k] = amplitude
             try:

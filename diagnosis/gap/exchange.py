@@ -55,7 +55,7 @@ def exchanged(
             break
         if len(other.chosen) < 2:
             alone = best_of([*other.refits[0], *found.refits[0]])
-            if alone[0] is other.settled[0]:  # it is the more plausible one by itself, too
+            if alone[0].names == other.settled[0].names:  # it is the more plausible one by itself, too
                 now = replace(other, refits=[alone], tried=[alone])
             break
         now = other
@@ -86,10 +86,8 @@ def _holding(
             one = made.made[made.path, held.name] = refit(stage.grams, stage.colours.best, start, [held])
             made.simulations += one.simulations
         alone = made.made[made.path, held.name]
-        (best, *_), _ = contended([alone], stage, made, tell)
-        refits = [best]
+        refits, best = contended([alone], stage, made, tell)
         while True:
-            best = settled_refit(refits[0], stage, made) if made.chosen else refits[0]
             after = examine(renewed_among(best, stage, effects, made), observed, size, seed=seed + len(made.stages))
             if made.chosen and not (worth_more(stage, after) and told(stage, refits, after, refits)):
                 return made
@@ -101,6 +99,7 @@ def _holding(
             gain = refits[0].evidence - evidence_before(made) if refits else -np.inf
             if len(made.chosen) == 2 or gain < CLEAR:
                 return made
+            best = settled_refit(refits[0], stage, made)
     except SimulationError:
         return None
 

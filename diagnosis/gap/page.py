@@ -46,6 +46,7 @@ def render(done: Diagnosis) -> str:
         begin=str(begin).replace("T", " "),
         units={one.name: one.unit for one in done.report.effects},
         better={one.condition: one.smallest for one in done.report.otherwise},
+        apart=done.apart is not None,
         days=done.report.steps * done.report.step / DAY,
         shown=SHOWN_TWINS,
         against=_against(done),

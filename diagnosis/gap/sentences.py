@@ -95,10 +95,11 @@ def _which(report: Report) -> str:
     if report.verdict == "none_of_these":
         chosen = " with ".join(report.stages[-1].effects)
         tried = sum(one.name not in report.excluded for one in report.effects)
+        otherwise = ": one of them may act otherwise than it is described" if tried else ""
         nearest = f"; the nearest is {chosen}, which is rejected on its own twins" if chosen else ""
         return (
             f"Which: none of the {tried} candidates explains it{nearest}. That the cause is none of them"
-            f" is {report.none_of_these:.0%} sure: one of them may act otherwise than it is described."
+            f" is {report.none_of_these:.0%} sure{otherwise}."
         )
     rest = _left(report) if report.rejected else ""
     if report.verdict == "ambiguous":
@@ -111,7 +112,8 @@ def _which(report: Report) -> str:
 def _left(report: Report) -> str:
     """What is left of the gap, and which candidate would be next: of two causes the first found may be neither."""
     last = report.stages[-1]
-    if last.best is None or last.evidence < PLAIN:
+    named = {name for one in report.sets for name in one}
+    if last.best is None or last.best in named or last.evidence < PLAIN:
         return " Something more is left that these do not explain."
     return (
         f" Something more is left that these do not explain: of the other candidates {last.best} stands out most, and"
@@ -150,6 +152,11 @@ def _how_far(report: Report) -> str:
     if not chosen:
         return (
             "How far: no candidate explains enough of the gap to be fitted, so nothing is known that would shrink it."
+        )
+    if not report.shrinkage:
+        return (
+            "How far: that is told on a part that is kept from a fit to the rest, and one of the two has no readings; a"
+            " longer recording would tell."
         )
     shares = [one for one in report.shrinkage if one.share is not None]
     few = [one.channel for one in report.shrinkage if one.few]

@@ -21,6 +21,8 @@ GRID = 6 * HOUR
 """Beginnings and ends of stretches lie this far apart [s]."""
 _SAME = 0.5
 """Stretches that share this part of the shorter one are the same."""
+MOST_EDGES = 400
+"""In how many parts a stretch is looked at more closely at most: their number squared is looked at."""
 _SEEN = 0.5
 """A stretch and the rest must hold this share of their readings."""
 
@@ -145,8 +147,9 @@ def _refined(values: np.ndarray, start: int, stop: int, statistic: str) -> tuple
     seen = np.isfinite(values)
     apart = np.where(seen, values - np.nanmean(values), 0.0)
     n, first, second = (np.concatenate([[0.0], np.cumsum(v)]) for v in (seen, apart, apart**2))
-    begins = np.array([0]) if start == 0 else np.arange(max(0, start - length), min(start + length // 2, steps - 1) + 1)
-    ends = np.array([stop]) if stop == steps else np.arange(max(stop - length // 2, 1), min(stop + length, steps) + 1)
+    grain = -(-length // MOST_EDGES)
+    begins = np.array([0]) if start == 0 else _edges(max(0, start - length), start + length // 2, steps - 1, grain)
+    ends = np.array([stop]) if stop == steps else _edges(max(stop - length // 2, 1), stop + length, steps, grain)
     i, j = (grid.ravel() for grid in np.meshgrid(begins, ends, indexing="ij"))
     keep = j - i >= max(2, length // 2)
     i, j = i[keep], j[keep]
@@ -164,6 +167,11 @@ def _refined(values: np.ndarray, start: int, stop: int, statistic: str) -> tuple
         return start, stop
     best = int(np.argmin(cost))
     return int(i[best]), int(j[best])
+
+
+def _edges(first: int, last: int, most: int, grain: int) -> np.ndarray:
+    """Places from one to another, but no farther than the most, so many steps apart."""
+    return np.arange(first, min(last, most) + 1, grain)
 
 
 def _finding(

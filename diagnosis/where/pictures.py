@@ -142,10 +142,9 @@ def draw_correlations(residuals: Residuals, found: CorrelationTest, *, alpha: fl
     hours = found.lags / HOUR
     for c, k in enumerate(found.channels):
         chosen = np.argsort(-strongest[c])[:across]
-        limit = 1.15 * max(
-            float(np.nanmax(np.abs(values[c, chosen])))
-            for values in (found.correlation, found.simultaneous_low, found.simultaneous_high)
-        )
+        values = (found.correlation, found.simultaneous_low, found.simultaneous_high)
+        largest = max(float(np.abs(np.nan_to_num(one[c, chosen])).max()) for one in values)
+        limit = 1.15 * largest or 1.0  # of a channel that was hardly read there are none
         for axes, i in zip(panels[c], chosen, strict=True):
             sure = found.adjusted[c, i] <= alpha
             axes.fill_between(hours, found.low[c, i], found.high[c, i], color=TWINS, alpha=0.6, linewidth=0)

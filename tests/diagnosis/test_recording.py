@@ -52,6 +52,28 @@ def test_a_recording_keeps_its_dates_in_whatever_units(default_system, tmp_path,
     assert found.time[0] // 86400 % 7 == 3  # a Thursday
 
 
+@pytest.mark.parametrize("minutes", [5, 10, 20, 60])
+@pytest.mark.parametrize("units", ["hours since 1900-01-01", "days since 1900-01-01", "days since 1970-01-01"])
+def test_times_that_are_rounded_are_whole_steps_apart(default_system, tmp_path, units, minutes):
+    """Numbers of days since 1900 tell no instant to a microsecond; four weeks of five minutes add that up."""
+    simulate(default_system, hours=3.0, seed=1, out=tmp_path / "one.nc")
+    data = xr.load_dataset(tmp_path / "one.nc", decode_times=False)
+    steps, step = 28 * 24 * 60 // minutes, 60.0 * minutes
+    since = (np.datetime64("2022-02-03") - np.datetime64(units[-10:])) / np.timedelta64(1, "s")
+    time = (since + step * np.arange(1, steps + 1)) / (86400.0 if units.startswith("days") else 3600.0)
+    long = data.isel(time=np.zeros(steps, dtype=int)).drop_vars("time_bnds")
+    for one in long.data_vars.values():
+        if one.attrs.get("cell_methods", "").startswith("time: mean"):
+            one.attrs["cell_methods"] = f"time: mean (interval: {minutes} min)"
+    long.assign_coords(time=("time", time, {"units": units})).to_netcdf(tmp_path / "long.nc")
+    found = read_recording(tmp_path / "long.nc", default_system)
+    assert found.step == step
+    assert found.start + steps * found.step == pytest.approx(found.stop, rel=0, abs=1e-9 * step)
+    assert found.zero + np.timedelta64(round(found.time[0]), "s") == np.datetime64("2022-02-03") + np.timedelta64(
+        round(step), "s"
+    )
+
+
 @pytest.mark.parametrize(
     ("name", "said", "sentence"),
     [
@@ -108,3 +130,22 @@ def test_a_replayed_meter_of_which_much_was_lost_is_told(default_system, tmp_pat
     record.outputs[heat, 40] = np.nan
     said = drive(default_system, record, warm_up=0.0, replay=True).assumed
     assert "27% of its meter's readings, bridged; the longest loss is 12 h" in said.values()
+
+
+def test_an_actuator_is_cleared_under_its_own_name_as_under_its_output_s(default_system, tmp_path):
+    """The same readings with the same meter's noise: what drives the model must not depend on what they are called."""
+    simulate(default_system, hours=48.0, seed=1, out=tmp_path / "one.nc")
+    record = read_recording(tmp_path / "one.nc", default_system)
+    record.outputs[:] += 100.0 * np.random.default_rng(2).standard_normal(record.outputs.shape)
+    noise = dict.fromkeys(default_system.output_names, 100.0)
+    own = {
+        one.name: record.outputs[default_system.output_names.index(one.column)]
+        for one in default_system.inputs
+        if one.source == "measured"
+    }
+    by_output = drive(default_system, record, warm_up=0.0, replay=True, noise=noise)
+    by_name = drive(default_system, replace(record, inputs=record.inputs | own), warm_up=0.0, replay=True, noise=noise)
+    assert by_output.meters.keys() == by_name.meters.keys() == own.keys()
+    for name, readings in own.items():
+        np.testing.assert_array_equal(by_output.meters[name].values, by_name.meters[name].values)
+        assert by_name.meters[name].values.std() < readings.std()

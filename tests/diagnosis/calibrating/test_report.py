@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagnosis.calibrating.report import _fit, _residuals
+from diagnosis.calibrating.report import _fit, _inputs, _residuals
 
 NAMES = ["flow", "room"]
 
@@ -46,3 +46,16 @@ def test_the_grey_band_is_of_the_declared_noise_whatever_the_fit_found(monkeypat
     assert [(band.y0, band.y1) for band in bands] == [
         (pytest.approx(-1.96 * declared), pytest.approx(1.96 * declared)) for declared in (0.01, 0.1)
     ]
+
+
+@pytest.mark.parametrize("inputs", [[], ["ambient"]])
+def test_inputs_of_which_none_moves_are_an_empty_picture(monkeypatch, inputs):
+    """A tank in a room whose temperature stays, whose persons were counted, or which has no inputs at all."""
+    done = done_with(np.zeros((2, 24)))
+    done.problem.recording.step, done.problem.size, done.problem.values = 3600.0, 0, np.asarray
+    done.problem.system.inputs = [SimpleNamespace(name=name, source="weather", unit="K") for name in inputs]
+    done.problem.drive.signals = {name: SimpleNamespace(at=np.zeros_like) for name in inputs}
+    done.problem.nuisance, done.fit.z = SimpleNamespace(levels=()), np.empty(0)
+    monkeypatch.setattr("diagnosis.calibrating.report.embedded", lambda made: made)
+    (panel,) = _inputs(done).axes
+    assert not panel.lines and panel.get_xlabel().startswith("days since")

@@ -94,6 +94,26 @@ def test_pulses_that_share_a_simulation_answer_as_alone(house, house_recording):
     assert np.abs(alone).max() > 0
 
 
+def test_what_follows_a_pulse_is_its_own_for_as_long_as_it_is_followed():
+    """Persons are followed for a day, and what turns for half a day, whichever comes first in a shared simulation."""
+    time = HOUR * np.arange(1, 97)
+    begin = HOUR * np.array([7.0, 20.0, 33.0, 46.0, 70.0])
+    turns = np.array([False, True, True, False, True])
+    pulses = Nuisance(
+        column=np.zeros(5, dtype=int),
+        begin=begin,
+        end=begin + HOUR,
+        turns=turns,
+        recorded=np.ones(5, dtype=bool),
+        mean=np.zeros(5),
+        factor=np.eye(5),
+    )
+    lasts = HOUR * np.where(turns, 12.0, 24.0)
+    alone = ((time[:, None] > begin + 1.0) & (time[:, None] <= begin + lasts + 1.0)) * np.linspace(1.0, 2.0, 5)
+    found = responses(pulses, lambda runs: [(alone @ run)[None] for run in runs], np.zeros((1, 96)), time)[0]
+    np.testing.assert_allclose(found, alone, atol=1e-12)
+
+
 def test_the_usual_day_and_its_level_are_those_of_the_sampler(house, house_recording):
     """Pulses drawn from the prior, times levels drawn from theirs, have the mean and spread of the sampler."""
     from datagen.driving.occupancy import occupancy_prior

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from diagnosis.calibrating.calibration import calibrate
-from diagnosis.forecasting.forecast import _check_constants, band, forecast
+from diagnosis.calibrating.schema import read_calibration
+from diagnosis.forecasting.forecast import band, forecast
+from diagnosis.forecasting.given import check_constants
 from diagnosis.forecasting.report import _days
 from diagnosis.recording import read_recording
 from shared.errors import RecordingError
@@ -57,6 +59,15 @@ def test_a_calibration_from_a_file_has_the_bands_of_one_that_was_just_made(house
     again = forecast(system, path, calibration=tmp_path / "calibration", **common)
     np.testing.assert_allclose(again.high - again.low, fresh.high - fresh.low, rtol=1e-3)
     assert again.report.outputs["room"].covered > 0.8
+    given = read_calibration(tmp_path / "calibration")
+    other = given.model_copy(update={"fmu_sha256": "0" * 64})
+    with pytest.raises(RecordingError, match=r"was made with another \S+\.fmu than there is now"):
+        forecast(system, path, calibration=other, **common)
+    other = given.model_copy(update={"replay": True})
+    with pytest.raises(
+        RecordingError, match="made with replayed actuators, and the forecast has simulated controllers"
+    ):
+        forecast(system, path, calibration=other, **common)
     with pytest.raises(RecordingError, match=r"persons measured and 0 uncertain .* 4 unknowns; .* has 5, with"):
         forecast(system, path, calibration=tmp_path / "calibration", occupancy="unknown", **common)
 
@@ -123,7 +134,7 @@ def test_a_calibration_with_other_uncertain_constants_is_refused(names, relative
         unknown=SimpleNamespace(places_of_constants=range(2)),
     )
     if said is None:
-        _check_constants(SimpleNamespace(constants=told), problem, z)
+        check_constants(SimpleNamespace(constants=told), problem, z)
         return
     with pytest.raises(RecordingError, match=said):
-        _check_constants(SimpleNamespace(constants=told), problem, z)
+        check_constants(SimpleNamespace(constants=told), problem, z)

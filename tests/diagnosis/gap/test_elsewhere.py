@@ -5,8 +5,9 @@ import pytest
 import xarray as xr
 
 from diagnosis.effects import build
+from diagnosis.effects.base import Nothing
 from diagnosis.gap import diagnose
-from diagnosis.gap.elsewhere import elsewhere
+from diagnosis.gap.elsewhere import FAR, GRID, elsewhere, grid
 from diagnosis.gap.grams import Grams
 from diagnosis.gap.linear import linearised
 from diagnosis.gap.refit import misfit, refit
@@ -67,3 +68,13 @@ def test_another_trough_is_found_if_it_is_deeper(house, ahead):
     assert misfit(found.grams, colours) < misfit(there.grams, colours) + 10.0
     assert found.simulations > stuck.simulations
     assert elsewhere(found, colours).lin is found.lin
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "ends"),
+    [(-1.0, 3.0, (-0.5, 1.5)), (-np.inf, np.inf, (-FAR, FAR)), (0.0, np.inf, (0.0, FAR)), (-99.0, 4.0, (-FAR, 2.0))],
+)
+def test_amplitudes_are_from_all_over_the_range_which_may_be_endless(lower, upper, ends):
+    found = grid(Nothing("some", lower=lower, upper=upper, scale=2.0))
+    assert (found[0], found[-1]) == pytest.approx(ends)
+    np.testing.assert_allclose(np.diff(found), (ends[1] - ends[0]) / (GRID - 1))

@@ -126,3 +126,24 @@ def test_an_effect_that_works_beside_another_only_is_not_held_alone():
     first.stages[0].lin.effects = [SimpleNamespace(name="a")]
     found = exchanged(first, (), np.ones((1, 1), dtype=bool), np.ones(1), tell=lambda _: None)
     assert [one.name for one in found.chosen] == ["a", "b"]
+
+
+def test_an_effect_that_is_held_is_judged_where_it_was_simulated_anew(monkeypatch):
+    """Not where the line of the base model's fit left it."""
+    effect = SimpleNamespace(name="b")
+    stage = SimpleNamespace(
+        lin=SimpleNamespace(effects=[effect], chosen=(), z=np.zeros(1)), colours=SimpleNamespace(best={}), grams=None
+    )
+    raw, anew = SimpleNamespace(names=("b",), evidence=1.0), SimpleNamespace(names=("b",), evidence=3.0)
+    now = searching.Search([stage], SimpleNamespace(), None)
+    now.made[now.path, "b"] = raw
+    drawn = []
+    after = SimpleNamespace(
+        lin=SimpleNamespace(chosen=(effect,), z=np.ones(1)), colours=SimpleNamespace(best={}), candidate_found=False
+    )
+    monkeypatch.setattr(exchange, "contended", lambda refits, *_: (refits, anew))
+    monkeypatch.setattr(exchange, "renewed_among", lambda best, *_: drawn.append(best))
+    monkeypatch.setattr(exchange, "examine", lambda *_, **__: after)
+    found = exchange._holding(now, effect, (), np.ones((1, 1), dtype=bool), np.ones(1), 0, lambda _: None)
+    assert found.settled == [anew] and drawn == [anew]
+    assert found.refits == [[raw]] and found.chosen == (effect,)

@@ -206,9 +206,10 @@ def test_too_few_readings_to_tell_how_far_are_not_called_a_gap_that_does_not_sta
         for name, count in (("room", 6), ("air", 24))
     )
     fitted = [stage(0.01, 0.01), stage(0.5, 0.5, ["valve"])]
-    for shrinkage in ([], [few]):
-        far = summary(report(effects=[named("valve")], shrinkage=shrinkage, stages=fitted))[2]
-        assert "fewer than 12 readings of any channel, too few to say" in far and "stands out" not in far
+    far = summary(report(effects=[named("valve")], shrinkage=[few], stages=fitted))[2]
+    assert "fewer than 12 readings of any channel, too few to say" in far and "stands out" not in far
+    far = summary(report(effects=[named("valve")], shrinkage=[], stages=fitted))[2]
+    assert "one of the two has no readings" in far and "stands out" not in far
     far = summary(report(effects=[named("valve")], shrinkage=[few, quiet], stages=fitted))[2]
     assert "no channel's gap stands out" in far and far.endswith("Of room there are too few readings on them to tell.")
     far = summary(report(effects=[named("valve")], shrinkage=[quiet], stages=fitted))[2]
@@ -244,6 +245,17 @@ def test_what_is_left_is_said_to_look_like_a_cause_that_was_passed_over():
         which = summary(said.model_copy(update={"stages": [said.stages[0], last]}))[1]
         assert "Something more is left" in which
         assert ("of the other candidates valve stands out most" in which) == names
+    # one of a set that is named already is no other candidate
+    last = found.model_copy(update={"best": "valve", "evidence": PLAIN})
+    update = {"verdict": "ambiguous", "sets": [["a", "valve"]], "stages": [said.stages[0], last]}
+    update["effects"] = [named("a"), named("valve")]
+    which = summary(said.model_copy(update=update))[1]
+    assert which.endswith("Something more is left that these do not explain.")
+
+
+def test_without_candidates_none_of_them_may_act_otherwise():
+    which = summary(report(verdict="none_of_these", none_of_these=0.6, effects=[], stages=[stage(0.5, 0.01)]))[1]
+    assert which.endswith("none of the 0 candidates explains it. That the cause is none of them is 60% sure.")
 
 
 def test_a_missing_source_that_could_not_be_worked_out_is_said():

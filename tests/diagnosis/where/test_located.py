@@ -1,6 +1,7 @@
 import base64
 import io
 import json
+import tracemalloc
 from dataclasses import replace
 
 import matplotlib.image
@@ -9,7 +10,7 @@ import pytest
 
 from diagnosis.where import Regime, locate
 from diagnosis.where.correlation import scan_correlations
-from diagnosis.where.episodes import scan_episodes
+from diagnosis.where.episodes import _refined, scan_episodes
 from diagnosis.where.ink import as_base64
 from diagnosis.where.pictures import draw_cells, draw_correlations
 from diagnosis.where.timelines import draw_episodes, draw_sources
@@ -113,6 +114,16 @@ def test_the_report_s_part_is_plain_json(everything):
     assert "p = " in first["text"]
 
 
+def test_a_channel_that_was_hardly_read_is_drawn(quiet, inputs):
+    """Whitening needs the first steps; what is left of two readings has no correlation with anything."""
+    seen = np.stack([np.isin(np.arange(STEPS), [0, 2]), np.full(STEPS, True)])
+    series = (np.where(seen, one, np.nan) for one in (quiet.observed, quiet.replicates))
+    residuals = replace(quiet, **dict(zip(("observed", "replicates"), series, strict=True)))
+    found = locate(residuals, inputs=inputs, measured=residuals.observed)
+    for figure in (draw_cells(residuals, found.cells), draw_correlations(residuals, found.correlations)):
+        assert figure.axes
+
+
 @pytest.mark.parametrize("picture", ["cells", "correlations", "episodes", "sources"])
 def test_pictures_are_drawn(everything, picture):
     draw = {
@@ -168,3 +179,16 @@ def test_no_sensor_is_suspected_where_no_place_stands_out(quiet, inputs):
         said = "explains more than in twins without a gap, but not once all places are tested together"
         assert odd.words(odd.sources[0], "the thermometer") == said
         assert said in " ".join(draw_sources(quiet, odd).axes[0].get_title(loc="left").split())
+
+
+def test_the_ends_of_a_long_stretch_are_found_in_little_memory():
+    """Four weeks of minutes, of which eight days are higher: within a four-hundredth of them, as with every minute."""
+    steps, first, last = 40_320, 14_000, 25_520
+    values = 0.5 * np.random.default_rng(1).standard_normal(steps)
+    values[first:last] += 1.0
+    tracemalloc.start()
+    start, stop = _refined(values, first - 3000, last + 2000, "mean")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 200e6
+    assert abs(start - first) <= 50 and abs(stop - last) <= 50

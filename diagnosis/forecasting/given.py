@@ -1,0 +1,69 @@
+"""A calibration that was made before: whether a forecast may go on from it, and with what noise."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from datagen.fmi.fmu import fmu_sha256
+from diagnosis.calibrating.schema import Calibration
+from diagnosis.fitting.noise import NoiseModel, errors_under
+from diagnosis.fitting.problem import Problem
+from diagnosis.recording import DAY, HOUR
+from shared.errors import RecordingError
+from shared.system import System
+
+
+def check_given(report: Calibration, path: object, system: System, *, replay: bool) -> None:
+    """Refuse a calibration of another model, or made with controllers where the forecast has none.
+
+    Parameters
+    ----------
+    path
+        Where it came from, for what is said.
+
+    Raises
+    ------
+    RecordingError
+        If the description, the FMU's contents or the mode is not the calibration's.
+    """
+    if report.system_hash != system.hash():
+        raise RecordingError(f"{path}: is a calibration of {report.system}; expected one of this system")
+    if report.fmu_sha256 != fmu_sha256(system.fmu_path):
+        raise RecordingError(
+            f"{path}: was made with another {Path(system.fmu_path).name} than there is now; expected a calibration made"
+            " with this one"
+        )
+    if report.replay != replay:
+        had, has = (("replayed actuators" if one else "simulated controllers") for one in (report.replay, replay))
+        raise RecordingError(f"{path}: was made with {had}, and the forecast has {has}; expected the same in both")
+
+
+def check_constants(report: Calibration, problem: Problem, z: np.ndarray) -> None:
+    """Refuse a calibration whose uncertain constants are not the description's: they are no part of its hash.
+
+    Raises
+    ------
+    RecordingError
+        If a name or a factor is another one.
+    """
+    factors = problem.values(z)[problem.unknown.places_of_constants]
+    for told, one, factor in zip(report.constants, problem.constants, factors, strict=True):
+        if told.name != one.name or not np.isclose(told.factor, factor, rtol=1e-6):
+            raise RecordingError(
+                f"the calibration's uncertain constant {told.name!r} is {told.factor:.4g}; the description has"
+                f" {one.name!r} there, which makes it {float(factor):.4g}: expected the same uncertain constants"
+            )
+
+
+def noise_of(report: Calibration, system: System, preset: str) -> NoiseModel:
+    """The noise that a calibration found; of outputs that it did not see that of a preset."""
+    white = errors_under(system, preset)
+    slow, memory = np.zeros_like(white), np.full_like(white, DAY)
+    for k, name in enumerate(system.output_names):
+        one = report.outputs.get(name)
+        if one is not None and one.used:
+            white[k], slow[k] = one.noise, one.slow_noise
+            memory[k] = one.slow_hours * HOUR if one.slow_noise > 0 else DAY
+    return NoiseModel(white, slow, memory)
