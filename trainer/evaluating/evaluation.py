@@ -139,7 +139,7 @@ def evaluate(
     )
     folder = Path(out) if out is not None else run.results
     if folder is not None:
-        if folder == run.folder and not cut_short:
+        if folder == run.folder:
             check_not_replaced(run)
         make_folder(folder)
         write_report(result, card, folder)

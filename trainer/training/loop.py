@@ -24,6 +24,7 @@ from trainer.figures import draw_loss_curve
 from trainer.models.base import Estimator, Recipe
 from trainer.reading.windows import Batch, Sampler
 from trainer.runs.checkpoint import CARD, Card, Errors, Stop, forward_in_chunks, save_run
+from trainer.runs.pair import digest
 from trainer.runs.state import (
     STATE,
     Tensors,
@@ -36,6 +37,7 @@ from trainer.runs.state import (
     write_state,
 )
 from trainer.runs.versions import other_version, versions_here
+from trainer.runs.weights import weights_data
 from trainer.training.optimisers import make_optimisers, scale_rates
 from trainer.training.place import remove_findings
 
@@ -93,7 +95,6 @@ class Loop:
         self.best: dict[str, torch.Tensor] | None = None
         self.optimisers = make_optimisers(network, recipe) if network.iterates else []
         self.step, self.total, self.counted = 0, 0.0, 0
-        self.replaced = False
         self.begin = self.saved = self.kept = time.monotonic()
 
     @property
@@ -255,10 +256,9 @@ class Loop:
         return True
 
     def _save(self) -> None:
-        """Write the estimator; before the first time, what was said of the one in its place goes."""
-        if not self.replaced:
+        """Write the estimator; what was said of other weights in its place goes before."""
+        if digest(weights_data(self.network)) != self.card.weights_sha256:
             remove_findings(self.folder)
-            self.replaced = True
         save_run(self.folder, self.card, self.network)
         self.saved = time.monotonic()
 
