@@ -236,8 +236,10 @@ def fit(
                 raise EstimatorError(f"{folder}: holds an estimator by now; choose another folder, or overwrite it")
             if resume and not (folder / STATE).exists() and (folder / CARD).exists():
                 done = read_card(folder)
-                if done.training.stopped in ("steps", "minutes"):
-                    check_settings(folder / CARD, settings_of(done, None if minutes else done.training.steps), settings)
+                finished = done.training.stopped in ("steps", "minutes")
+                told = done.training.steps if finished else done.training.planned or recipe.steps
+                check_settings(folder / CARD, settings_of(done, None if minutes else told), settings)
+                if finished:
                     return load_run(folder)
             if not resume:
                 (folder / STATE).unlink(missing_ok=True)
