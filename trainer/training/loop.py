@@ -155,7 +155,10 @@ class Loop:
                 scale_rates(self.optimisers, rise * (0.5 + 0.5 * math.cos(math.pi * share)))
             network.train()
             batch = self.sampler.draw(recipe.batch_size)
-            loss = torch.nn.functional.mse_loss(network(batch.windows, batch.time), batch.targets)
+            try:
+                loss = torch.nn.functional.mse_loss(network(batch.windows, batch.time), batch.targets)
+            except torch.linalg.LinAlgError:  # equations of numbers that are none have no solution
+                return self.step + 1, "not a number"
             value = loss.item()
             if not math.isfinite(value):
                 return self.step + 1, "not a number"
@@ -236,7 +239,10 @@ class Loop:
 
     def _validate(self, step: int, training_loss: float) -> bool:
         """Validate, remember the weights if they are the best so far; False if the loss is not finite."""
-        answers = forward_in_chunks(self.network, self.held_out.windows, self.held_out.time)
+        try:
+            answers = forward_in_chunks(self.network, self.held_out.windows, self.held_out.time)
+        except torch.linalg.LinAlgError:
+            answers = torch.full_like(self.held_out.targets, math.nan)
         loss = torch.nn.functional.mse_loss(answers, self.held_out.targets).item()
         self.curve.rows.append((step, self.seconds, training_loss, loss))
         figures = fields(step=step, training_loss=training_loss, validation_loss=loss, run=str(self.folder))
