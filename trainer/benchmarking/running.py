@@ -88,6 +88,8 @@ def benchmark(
         When all else is done and written, if a fit failed.
     DatasetError
         If the dataset cannot be used.
+    ZeroshotError
+        If the file of ceilings cannot be.
     """
     theirs = read_published(published)  # before hours of work, not after
     plan = make_plan(
