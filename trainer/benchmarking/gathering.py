@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -156,5 +157,7 @@ def failures(plan: Plan) -> list[str]:
     for fit in plan.fits:
         path = plan.folder(fit) / FAILED
         if path.exists():
-            found.append(f"{fit.title()}: {path.read_text(encoding='utf-8', errors='replace').strip()}")
+            why = path.read_text(encoding="utf-8", errors="replace").strip()
+            # the page goes to other people: where it was written is nothing to them
+            found.append(f"{fit.title()}: {why.replace(f'{plan.out}{os.sep}', '')}")
     return found

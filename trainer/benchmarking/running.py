@@ -183,6 +183,7 @@ def _in_processes(plan: Plan, fits: list[Fit], say: Callable[[str], None]) -> It
 def _start(plan: Plan, fit: Fit, environment: dict[str, str]) -> subprocess.Popen[bytes]:
     folder = plan.folder(fit)
     make_folder(folder)
+    (folder / FAILED).unlink(missing_ok=True)  # of an earlier time; a child may die before it can say anything
     write_atomically(folder / SPEC, (fit.model_dump_json(indent=1) + "\n").encode())
     paths = [plan.dataset, folder] + ([plan.ceiling] if plan.ceiling else [])
     words = children.command("trainer.benchmarking.job", *(str(path.resolve()) for path in paths))
@@ -193,6 +194,8 @@ def _start(plan: Plan, fit: Fit, environment: dict[str, str]) -> subprocess.Pope
 
 
 def _why(folder: Path, code: int) -> str:
-    if (folder / FAILED).exists():
-        return (folder / FAILED).read_text(encoding="utf-8", errors="replace").strip()
-    return f"its process ended with code {code}; {folder / 'log.txt'} holds what it said"
+    """Why a fit's process ended; where it could not say so itself it is written for the page, too."""
+    if not (folder / FAILED).exists():
+        said = f"its process ended with code {code}; {folder / 'log.txt'} holds what it said"
+        write_atomically(folder / FAILED, f"{said}\n".encode())
+    return (folder / FAILED).read_text(encoding="utf-8", errors="replace").strip()
