@@ -12,6 +12,7 @@ from pathlib import Path
 
 from shared import children
 from shared.errors import EstimatorError, IncompleteError, ZeroshotError
+from shared.interrupts import interrupts_held
 from shared.lock import FolderLock
 from shared.logs import fields, logger
 from shared.progress import progress_bar
@@ -189,7 +190,7 @@ def _start(plan: Plan, fit: Fit, environment: dict[str, str]) -> subprocess.Pope
     words = children.command("trainer.benchmarking.job", *(str(path.resolve()) for path in paths))
     alone = children.environment(environment)
     # the pipe is what tells the child when this process is gone, however it went
-    with open(folder / "log.txt", "wb") as log:
+    with open(folder / "log.txt", "wb") as log, interrupts_held():
         return subprocess.Popen(words, stdin=subprocess.PIPE, stdout=log, stderr=log, env=alone)
 
 

@@ -160,6 +160,15 @@ def test_a_fit_whose_process_died_is_on_the_page(finished, short, monkeypatch):
     assert "**failed**" not in (finished / "results.md").read_text()
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="signals as POSIX has them")
+def test_fits_side_by_side_do_not_hear_ctrl_c(short, tmp_path, monkeypatch):
+    plan = make_plan(short, tmp_path, **QUICK)
+    heard = "import os, signal; os.kill(os.getpid(), signal.SIGINT); os._exit(9)"
+    monkeypatch.setattr(running.children, "command", lambda *_: [sys.executable, "-c", heard])
+    with running._start(plan, plan.fits[0], dict(os.environ)) as child:
+        assert child.wait() == 9
+
+
 def test_a_loss_that_is_not_a_number_is_scored_with_a_warning(short, tmp_path, monkeypatch):
     from ..training.test_fitting import poison
 
