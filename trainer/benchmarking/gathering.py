@@ -68,8 +68,8 @@ class Finding:
     trainings: list[Training]
     training_systems: int
     warnings: list[str]
-    first: Path
-    """run folder of the first finished seed"""
+    folders: list[Path]
+    """run folders of the seeds that are finished, in their order"""
 
     def limit(self, k: int) -> float | None:
         """Ceiling of parameter ``k``; of the mean over parameters where ``k`` is -1."""
@@ -114,7 +114,7 @@ def gather(plan: Plan, condition: Condition) -> Finding | None:
         trainings=[card.training for card in cards],
         training_systems=len(cards[0].training_systems.indices),
         warnings=[one.warning for one in done if one.warning],
-        first=folders[0],
+        folders=folders,
     )
 
 

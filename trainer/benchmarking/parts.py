@@ -169,7 +169,8 @@ def _figure5(ground: Ground) -> Part:
     part = Part(
         "figure5",
         "Figure 5: relative accuracy against context",
-        "Relative accuracy is 1 - |p - estimate| / p; the table gives R2 and the median of it.",
+        "Relative accuracy is 1 - |p - estimate| / p; the table gives R2 and the median of it. The boxes of the"
+        " pictures are of all seeds, too; outliers are not drawn.",
         ("estimator", "context [h]"),
         "accuracy",
     )
