@@ -135,7 +135,8 @@ def _table4(ground: Ground) -> Part:
     part = Part(
         "table4",
         "Table 4: estimators and context",
-        "Every estimator with the same budget; `mean` looks at nothing, `ridge` is linear in summary statistics.",
+        "Every estimator with the same budget of steps or minutes, and its own number of windows a step; `mean` looks"
+        " at nothing, `ridge` is linear in summary statistics.",
         ("context [h]", "estimator"),
         "scores",
     )

@@ -94,6 +94,7 @@ def test_the_page_says_how_its_numbers_came_about(results):
         "identifiability.json does not exist",
         "2,000 simulations",
         "2000 training iterations",
+        "in the unit that\n  was given, steps or minutes; windows a step are each model's own",
         "hourly",
     ):
         assert words in page, words
