@@ -156,10 +156,10 @@ class Card(_Table):
     validation_errors: list[Errors] = []
     """The same condition by condition; none in a card of the first version, or of a training that was interrupted."""
     familiar: list[Familiar] = []
-    """What windows of the training look like, length by length; none in cards of earlier versions."""
+    """What windows of the training and of the one it began with look like, by length; none in cards of old."""
     held: list[str] | None = None
-    """Uncertain constants of the description that all systems of the training had as declared; None where it is not
-    known, in cards of earlier versions."""
+    """Uncertain constants of the description that all systems of both had as declared; None where it is not known, in
+    cards of earlier versions and of what began with these."""
     training: Training
     versions: dict[str, str]
     weights_sha256: str = ""

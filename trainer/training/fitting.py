@@ -40,7 +40,7 @@ from trainer.runs.state import STATE, check_settings
 from trainer.runs.validation import measured_errors
 from trainer.runs.versions import versions_here
 from trainer.seeds import check_seed, check_threads, noise_seed, torch_state
-from trainer.training.beginning import check_same_model, encoding_of, take_weights
+from trainer.training.beginning import check_same_model, encoding_of, take_memory, take_weights
 from trainer.training.loop import Loop
 from trainer.training.material import material_of, recipe_of
 from trainer.training.place import check_place
@@ -223,8 +223,7 @@ def fit(
             versions=versions_here(),
         )
         if first is not None:
-            card.training_systems = card.training_systems.with_those(first.card.training_systems)
-            card.validation_systems = card.validation_systems.with_those(first.card.validation_systems)
+            take_memory(card, first.card)
         settings = settings_of(card, None if minutes else recipe.steps)
         make_folder(folder)
 

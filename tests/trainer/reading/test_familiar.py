@@ -15,7 +15,7 @@ from shared.store import DatasetFolder
 from trainer.predicting.prediction import predict
 from trainer.reading.data import load_records
 from trainer.reading.encoding import make_encoding
-from trainer.reading.familiar import Familiar, Rest, familiar, looks, stuck, unlike
+from trainer.reading.familiar import Familiar, Rest, familiar, looks, of_both, stuck, unlike
 from trainer.reading.noise import Sensors
 from trainer.reading.windows import WindowSource
 from trainer.runs.checkpoint import load_run
@@ -172,3 +172,23 @@ def test_where_a_training_rests_is_remembered(tanks):
     source = WindowSource(still, encoding, Sensors(dataset.system, ["level"], "none"), torch.Generator())
     (found,) = familiar(source, train, 1)
     assert [(one.hours, one.lowest, one.highest) for one in found.rests] == [(24.0, [1.5], [1.5])]
+
+
+def test_of_two_trainings_the_farther_extreme_counts():
+    def known(length, low, high, sd, still, *rests):
+        return Familiar(
+            length=length, windows=5, lowest=low, highest=high, least_sd=sd, longest_still=still, rests=list(rests)
+        )
+
+    one = known(
+        *(8, [1.0, 5.0], [2.0, 9.0], [0.1, 0.5], [3, 4]),
+        *(Rest(hours=24.0, lowest=[1.5, None], highest=[1.7, None]), Rest(hours=72.0, lowest=[1, 1], highest=[2, 2])),
+    )
+    other = known(
+        *(8, [0.5, 6.0], [2.5, 8.0], [0.2, 0.4], [2, 6]), Rest(hours=24.0, lowest=[None, 6.0], highest=[None, 7.0])
+    )
+    both = known(
+        *(8, [0.5, 5.0], [2.5, 9.0], [0.1, 0.4], [3, 6]), Rest(hours=24.0, lowest=[1.5, 6.0], highest=[1.7, 7.0])
+    ).model_copy(update={"windows": 10})
+    assert of_both([one], [other]) == of_both([other], [one]) == [both]
+    assert of_both([one], [other.model_copy(update={"length": 9})]) == of_both([], [other]) == []
