@@ -183,7 +183,6 @@ class Loop:
 
     def _keep(self) -> None:
         """Write the state between two steps."""
-        summary = self.card.training
         parts = {
             "network": self.network.state_dict(),
             "best": self.best or {},
@@ -198,8 +197,8 @@ class Loop:
             "counted": self.counted,
             "seconds": self.seconds,
             "curve": self.curve.rows,
-            "best_step": summary.best_step,
-            "validation_loss": summary.validation_loss,
+            "best_step": self.card.training.best_step,
+            "validation_loss": self.card.training.validation_loss,
             "validation_rmse": self.card.validation_rmse,
         }
         write_state(self.folder / STATE, parts, facts)
