@@ -19,6 +19,7 @@ from trainer.reading.familiar import Familiar, Rest, familiar, looks, of_both, s
 from trainer.reading.noise import Sensors
 from trainer.reading.windows import WindowSource
 from trainer.runs.checkpoint import load_run
+from trainer.training.fitting import fit
 
 from ..conftest import tank_system
 
@@ -83,6 +84,17 @@ def test_a_sensor_that_stands_still_throughout_is_refused(ridge_run, tanks, tmp_
     sentence = r"dead\.nc: level of system 1 is 2 m throughout the window of 24 h, and in the run's training never for"
     with pytest.raises(RecordingError, match=sentence):
         predict(ridge_run, tmp_path / "dead.nc")
+
+
+def test_the_level_of_a_dead_sensor_is_told_whose_first_reading_is_lost(tanks, tmp_path):
+    settings = {"model": "multiscale-transformer", "options": {"width": 16, "layers": 1, "heads": 2}, "steps": 1}
+    run = fit(tanks, tmp_path / "run", **settings)
+    with xr.open_dataset(tanks / "shards" / "000.nc") as opened:
+        recording = opened.load()[["level"]].isel(system=[0], time=slice(0, 48))
+    recording["level"].values[:] = [NAN] + 47 * [2.0]
+    recording.to_netcdf(tmp_path / "dead.nc")
+    with pytest.raises(RecordingError, match=r"level of system \d+ is 2 m throughout the window"):
+        predict(run, tmp_path / "dead.nc")
 
 
 def test_a_lost_reading_now_and_then_does_not_make_a_dead_sensor_move(ridge_run):
