@@ -102,7 +102,8 @@ def fit(
     steps, minutes
         Budget: optimiser steps, or wall-clock time [min]; the model's own number of steps by default.
     batch_size, lr
-        Windows a step and learning rate of Adamax; the model's own by default (the paper's 16 and 1e-3).
+        Windows a step and learning rate; the model's own by default (the paper's 16 and 1e-3). Where Muon steps the
+        inner matrices, the rate is AdamW's, and Muon has ``MUON_RATIO`` times it.
     patch
         Samples of a patch, for a model that has patches.
     options
