@@ -224,7 +224,7 @@ class DatasetFolder:
         Raises
         ------
         DatasetError
-            If a channel is unknown, or a shard is missing or damaged (it is named).
+            If a channel is unknown, a shard is missing or damaged (it is named), or memory does not hold what is read.
         """
         wanted = list(self.system.estimator.channels if channels is None else channels)
         known = [*self.system.output_names, *self.system.input_names]
@@ -264,6 +264,11 @@ class DatasetFolder:
                     seeds[to] = self.manifest.seed_of(entry)
                     if "start" in shard.variables:
                         starts[to] = _finite(shard, "start")[here]
+                except MemoryError as error:
+                    size = f"{len(chosen)} systems x {len(wanted)} channels x {len(time)} samples"
+                    raise DatasetError(
+                        f"{self.folder}: not enough memory for {size} ({why(error)}); expected fewer systems"
+                    ) from None
                 except _DAMAGED as error:
                     raise DatasetError(f"{self.shard_path(entry)}: damaged or incomplete ({why(error)})") from None
         return Records(wanted, values, parameters, listed[chosen], splits, time, seeds, starts)

@@ -101,9 +101,10 @@ def fit(
     batch_size
         Windows a step; the model's own by default (16 for the paper's).
     lr
-        Learning rate of Adamax; the model's own by default (1e-3 for the paper's).
+        Learning rate; the model's own by default (1e-3 for the paper's). For the multiscale and the regression
+        transformer it is AdamW's, and Muon has 20 times it.
     patch
-        Samples of a patch (patch-transformer; the paper's 12 by default).
+        Samples of a patch, for the transformers (the paper's 12 by default).
     option
         A further option of the model, for example `--option.width 32`.
     options

@@ -201,6 +201,22 @@ def test_a_shard_with_other_systems_than_the_manifest_lists_is_named(folder):
         DatasetFolder(folder).load()
 
 
+def test_too_little_memory_is_not_told_as_damage(folder, monkeypatch):
+    empty = np.empty
+
+    def full(shape, *rest, **more):
+        if isinstance(shape, tuple) and shape == (7, 1, 48):
+            raise MemoryError("Unable to allocate 1. TiB")
+        return empty(shape, *rest, **more)
+
+    monkeypatch.setattr(np, "empty", full)
+    sentence = (
+        r"not enough memory for 7 systems x 1 channels x 48 samples \(Unable to allocate 1\. TiB\); expected fewer"
+    )
+    with pytest.raises(DatasetError, match=sentence):
+        DatasetFolder(folder).load(["CO2"])
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="no limit of a file's size there")
 def test_a_full_disk_is_an_error_of_the_host_and_leaves_all_as_it_was(tmp_path, system):
     path = tmp_path / "a.nc"

@@ -29,7 +29,7 @@ class Condition(_Frozen):
 
 
 class Budget(_Frozen):
-    """What each fit may take: wall-clock minutes or optimiser steps."""
+    """What each fit may take: wall-clock minutes or optimiser steps. Windows a step are each model's own."""
 
     minutes: float | None = None
     steps: int | None = None

@@ -50,7 +50,7 @@ def point(scores: Scores) -> Point:
 def _scatter(part: Part, labels: tuple[str, ...], finding: Finding, folder: Path) -> Path:
     clouds = {
         name: (one.truth, one.estimate, r2(one.truth, one.estimate))
-        for name, one in read_answers(finding.first).items()
+        for name, one in read_answers(finding.folders[0]).items()
     }
     title = f"{' '.join(labels)}, {finding.condition.context_hours:g} h, noise {finding.condition.noise}"
     path = folder / f"{part.name}-{labels[0]}.png"
@@ -61,8 +61,10 @@ def _scatter(part: Part, labels: tuple[str, ...], finding: Finding, folder: Path
 def _accuracy(part: Part, model: str, known: list[tuple[tuple[str, ...], Finding]], folder: Path) -> Path:
     boxes: dict[str, list[tuple[str, np.ndarray]]] = {}
     for labels, finding in known:
-        for name, one in read_answers(finding.first).items():
-            boxes.setdefault(name, []).append((labels[1], relative_accuracy(one.truth, one.estimate)))
+        answers = [read_answers(folder) for folder in finding.folders]
+        for name in answers[0]:  # of all seeds, as in the table
+            every = [relative_accuracy(one[name].truth, one[name].estimate) for one in answers]
+            boxes.setdefault(name, []).append((labels[1], np.concatenate(every)))
     path = folder / f"{part.name}-{model}.png"
     draw_accuracy(boxes, known[0][1].parameters, f"{part.title}: {model}", path)
     return path

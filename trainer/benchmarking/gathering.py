@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -67,8 +68,8 @@ class Finding:
     trainings: list[Training]
     training_systems: int
     warnings: list[str]
-    first: Path
-    """run folder of the first finished seed"""
+    folders: list[Path]
+    """run folders of the seeds that are finished, in their order"""
 
     def limit(self, k: int) -> float | None:
         """Ceiling of parameter ``k``; of the mean over parameters where ``k`` is -1."""
@@ -113,7 +114,7 @@ def gather(plan: Plan, condition: Condition) -> Finding | None:
         trainings=[card.training for card in cards],
         training_systems=len(cards[0].training_systems.indices),
         warnings=[one.warning for one in done if one.warning],
-        first=folders[0],
+        folders=folders,
     )
 
 
@@ -156,5 +157,7 @@ def failures(plan: Plan) -> list[str]:
     for fit in plan.fits:
         path = plan.folder(fit) / FAILED
         if path.exists():
-            found.append(f"{fit.title()}: {path.read_text(encoding='utf-8', errors='replace').strip()}")
+            why = path.read_text(encoding="utf-8", errors="replace").strip()
+            # the page goes to other people: where it was written is nothing to them
+            found.append(f"{fit.title()}: {why.replace(f'{plan.out}{os.sep}', '')}")
     return found

@@ -28,8 +28,9 @@ READINGS = f"""## Where the paper contradicts itself, and how it is read here
   year in hourly steps. Read as hourly: contexts of 30 days and a patch of 12 that "corresponds to a 12 h window" exist
   only there. Patch sizes ({", ".join(map(str, PATCHES))}) are in samples.
 - **"2000 training iterations"** at a batch of 16 are 32,000 windows and half a minute of one core; the paper also says
-  one to two hours on sixteen cores. Read as epochs of a virtual epoch whose size is not given. So budgets here are
-  stated in steps, windows seen and minutes, and are equal for all estimators of a table.
+  one to two hours on sixteen cores. Read as epochs of a virtual epoch whose size is not given. So what each estimator
+  took is stated in steps, windows seen and minutes. Budgets are equal for all estimators of a table in the unit that
+  was given, steps or minutes; windows a step are each model's own.
 - **Held out or not?** Section 4.1 calls its snippets held out and draws them from the full dataset in the same
   paragraph. Both are reported: `paper` draws windows of all systems, of which most were trained on; `unseen` draws
   windows of test systems only. With 80 training systems the paper's figures are plausible only under the first.

@@ -135,7 +135,8 @@ def _table4(ground: Ground) -> Part:
     part = Part(
         "table4",
         "Table 4: estimators and context",
-        "Every estimator with the same budget; `mean` looks at nothing, `ridge` is linear in summary statistics.",
+        "Every estimator with the same budget of steps or minutes, and its own number of windows a step; `mean` looks"
+        " at nothing, `ridge` is linear in summary statistics.",
         ("context [h]", "estimator"),
         "scores",
     )
@@ -169,7 +170,8 @@ def _figure5(ground: Ground) -> Part:
     part = Part(
         "figure5",
         "Figure 5: relative accuracy against context",
-        "Relative accuracy is 1 - |p - estimate| / p; the table gives R2 and the median of it.",
+        "Relative accuracy is 1 - |p - estimate| / p; the table gives R2 and the median of it. The boxes of the"
+        " pictures are of all seeds, too; outliers are not drawn.",
         ("estimator", "context [h]"),
         "accuracy",
     )

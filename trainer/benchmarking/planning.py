@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from shared.ceiling import FILE_NAME, read_ceilings
 from shared.errors import EstimatorError
 from shared.reading import read_json, shown
 from shared.store import DatasetFolder
@@ -101,6 +102,8 @@ def make_plan(
         If an argument is wrong, or ``out`` belongs to another dataset or has fits of other versions.
     DatasetError
         If the dataset cannot be used.
+    ZeroshotError
+        If the file of ceilings cannot be.
     """
     for name, value in (("seeds", seeds), ("windows", windows), ("workers", workers)):
         if value < 1:
@@ -113,6 +116,9 @@ def make_plan(
     for model in ours or []:
         estimator_class(model)
     dataset = DatasetFolder(dataset_dir)
+    limits = dataset.folder / FILE_NAME if ceiling is None else ceiling
+    if ceiling is not None or limits.exists():
+        read_ceilings(limits)  # before hours of work, not after
     index = load_records(dataset, [])
     training = len(rows_of(index, "train", dataset.folder))
     step = float(index.time[1] - index.time[0]) if len(index.time) > 1 else dataset.system.experiment.step

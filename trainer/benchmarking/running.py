@@ -12,6 +12,7 @@ from pathlib import Path
 
 from shared import children
 from shared.errors import EstimatorError, IncompleteError, ZeroshotError
+from shared.interrupts import interrupts_held
 from shared.lock import FolderLock
 from shared.logs import fields, logger
 from shared.progress import progress_bar
@@ -88,6 +89,8 @@ def benchmark(
         When all else is done and written, if a fit failed.
     DatasetError
         If the dataset cannot be used.
+    ZeroshotError
+        If the file of ceilings cannot be.
     """
     theirs = read_published(published)  # before hours of work, not after
     plan = make_plan(
@@ -181,16 +184,19 @@ def _in_processes(plan: Plan, fits: list[Fit], say: Callable[[str], None]) -> It
 def _start(plan: Plan, fit: Fit, environment: dict[str, str]) -> subprocess.Popen[bytes]:
     folder = plan.folder(fit)
     make_folder(folder)
+    (folder / FAILED).unlink(missing_ok=True)  # of an earlier time; a child may die before it can say anything
     write_atomically(folder / SPEC, (fit.model_dump_json(indent=1) + "\n").encode())
     paths = [plan.dataset, folder] + ([plan.ceiling] if plan.ceiling else [])
     words = children.command("trainer.benchmarking.job", *(str(path.resolve()) for path in paths))
     alone = children.environment(environment)
     # the pipe is what tells the child when this process is gone, however it went
-    with open(folder / "log.txt", "wb") as log:
+    with open(folder / "log.txt", "wb") as log, interrupts_held():
         return subprocess.Popen(words, stdin=subprocess.PIPE, stdout=log, stderr=log, env=alone)
 
 
 def _why(folder: Path, code: int) -> str:
-    if (folder / FAILED).exists():
-        return (folder / FAILED).read_text(encoding="utf-8", errors="replace").strip()
-    return f"its process ended with code {code}; {folder / 'log.txt'} holds what it said"
+    """Why a fit's process ended; where it could not say so itself it is written for the page, too."""
+    if not (folder / FAILED).exists():
+        said = f"its process ended with code {code}; {folder / 'log.txt'} holds what it said"
+        write_atomically(folder / FAILED, f"{said}\n".encode())
+    return (folder / FAILED).read_text(encoding="utf-8", errors="replace").strip()

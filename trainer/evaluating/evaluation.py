@@ -76,6 +76,8 @@ def evaluate(
         replaced meanwhile.
     DatasetError
         If the dataset cannot be used.
+    ZeroshotError
+        If the file of ceilings cannot be.
     """
     check_seed(seed)
     run = run if isinstance(run, Run) else load_run(run)
@@ -96,6 +98,11 @@ def evaluate(
             f"{dataset.folder}: the run has trained on or been validated by all of its systems that count;"
             " expected at least one test system: simulate more, or another root seed"
         )
+    hours = length * card.encoding.step / 3600
+    channels = [name for name in card.encoding.channels if name not in (without or [])]
+    limit, note = find_ceiling(  # before the work: the file may not be one
+        card, dataset, None if ceiling is None else Path(ceiling), hours=hours, noise=preset, channels=channels
+    )
     seeds = np.random.SeedSequence(seed).generate_state(2)
     drawn = {
         name: disjoint_windows(chosen, len(index.time), length, windows, np.random.default_rng(seeds[1]))
@@ -121,11 +128,6 @@ def evaluate(
         estimate = card.encoding.estimates(run.answers(batch.windows, batch.time))
         protocols[name] = figures_of_merit(card.encoding.parameters, truth, estimate, where, seen)
         answers[name] = Answers(index.seeds[where], index.systems[where], batch.time.numpy(), truth, estimate)
-    hours = length * card.encoding.step / 3600
-    channels = [name for name in card.encoding.channels if name not in (without or [])]
-    limit, note = find_ceiling(
-        card, dataset, None if ceiling is None else Path(ceiling), hours=hours, noise=preset, channels=channels
-    )
     result = Evaluation(
         model=card.model,
         unfinished=cut_short,
@@ -139,7 +141,7 @@ def evaluate(
     )
     folder = Path(out) if out is not None else run.results
     if folder is not None:
-        if folder == run.folder and not cut_short:
+        if folder == run.folder:
             check_not_replaced(run)
         make_folder(folder)
         write_report(result, card, folder)

@@ -1,4 +1,4 @@
-"""A patch transformer that reads its outputs at several scales: the default estimator.
+"""A patch transformer that reads its outputs at several scales.
 
 What sets systems apart are small deviations under a large common signal: how CO2 settles in the last per cent, how the
 temperature bends in an hour. So each output is also given as differences, and through asinh at several scales, which

@@ -123,7 +123,7 @@ def calibration(
     )
     folder = Path(out) if out is not None else run.results
     if folder is not None:
-        if folder == run.folder and not cut_short:
+        if folder == run.folder:
             check_not_replaced(run)
             check_posterior_not_replaced(posterior)
         make_folder(folder)

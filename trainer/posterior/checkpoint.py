@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
-from safetensors.torch import save as save_tensors
 
 from shared.errors import EstimatorError
 from shared.reading import read_json, validated
@@ -17,7 +16,7 @@ from trainer.posterior.inference import Posterior
 from trainer.posterior.prior import Prior
 from trainer.runs.checkpoint import Run, Systems
 from trainer.runs.pair import digest, write_pair
-from trainer.runs.weights import check_card_version, load_weights
+from trainer.runs.weights import check_card_version, load_weights, weights_data
 
 SCHEMA_VERSION = 2
 CARD = "posterior.json"
@@ -69,7 +68,7 @@ def prior_of(run: Run, logarithmic: list[bool]) -> Prior:
 
 def save_posterior(folder: Path, card: PosteriorCard, flow: PosteriorFlow) -> None:
     """Write weights, and the card that names their hash, which take the place of others at one moment."""
-    data = save_tensors({name: one.detach().contiguous().clone() for name, one in flow.state_dict().items()})
+    data = weights_data(flow)
     card.weights_sha256 = digest(data)
     write_pair(folder / WEIGHTS, data, folder / CARD, card.model_dump_json(indent=1) + "\n")
 

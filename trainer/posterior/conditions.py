@@ -1,6 +1,7 @@
 """Windows under the conditions of an estimator's own training, as contexts: computed once, used in every epoch.
 
-Lengths, sensor presets, missing channels and gaps are drawn as they were for the estimator; its card says which.
+Sensor presets, missing channels and gaps are drawn as they were for the estimator; its card says which. Lengths are
+the estimator's, too, but their shares are not: see :data:`MAIN`.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ from trainer.reading.windows import WindowSource
 from trainer.runs.checkpoint import Run
 
 MAIN = 0.4
-"""Share of the windows that have the run's main length, where there are others; these share the rest evenly."""
+"""Share of the windows that have the run's main length, where there are others; these share the rest evenly.
+For the estimator's training half have it, and of the others long ones are drawn less often."""
 CHUNK = 1024
 """Windows gathered at a time."""
 
@@ -64,7 +66,7 @@ def draw_contexts(
     per_system: int,
     seed: int,
 ) -> Contexts:
-    """Contexts of ``per_system`` windows of each of some systems.
+    """Contexts of ``per_system`` windows of each of some systems, of all lengths that the run reads.
 
     Parameters
     ----------

@@ -67,8 +67,8 @@ def fit_posterior(
 ) -> Posterior:
     """Fit a flow for the parameters given what the estimator makes of a window; write it into the run folder.
 
-    Windows are drawn under the conditions of the estimator's own training. Writes posterior.safetensors and
-    posterior.json.
+    Windows are drawn under the conditions of the estimator's own training, but for how often each length is drawn.
+    Writes posterior.safetensors and posterior.json.
 
     Parameters
     ----------

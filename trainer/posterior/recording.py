@@ -36,9 +36,11 @@ def write_samples(
         for k, (name, unit) in enumerate(zip(parameters, units, strict=True))
     }
     coordinates = {} if alone else {"system": systems}
+    # a seed may be any whole number, a number in NetCDF has 64 bits
+    facts = {name: one if isinstance(one, str) or one < 1 << 63 else str(one) for name, one in attributes.items()}
     temporary = temporary_name(path)
     try:
-        xr.Dataset(variables, coordinates, attributes).to_netcdf(temporary, engine="netcdf4")
+        xr.Dataset(variables, coordinates, facts).to_netcdf(temporary, engine="netcdf4")
         os.replace(temporary, path)
     except (OSError, RuntimeError) as error:
         raise EstimatorError(f"{path}: cannot be written ({error})") from None

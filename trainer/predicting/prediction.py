@@ -215,7 +215,8 @@ def _check_moving(path: Path, window: Window, known: Familiar, encoding: Encodin
         return
     name, unit = encoding.recorded[at[1]], encoding.units[at[1]]
     hours = len(window.stamps) * encoding.step / 3600
-    found = f"{window.values[at[0], 0, at[1]]:g}{'' if unit == '1' else f' {unit}'}"
+    level = np.nanmin(window.values[at[0], :, at[1]])  # some readings may be missing
+    found = f"{level:g}{'' if unit == '1' else f' {unit}'}"
     whose = "" if window.systems[at[0]] is None else f" of system {window.systems[at[0]]}"
     longest = known.longest_still[at[1]] * encoding.step / 3600
     never = f"never for more than {longest:.3g} h on end" if longest < hours else "never so long there"

@@ -28,22 +28,30 @@ def date_of(stamp: float) -> str:
     return str(np.datetime64(EPOCH, "s") + np.timedelta64(round(stamp), "s"))
 
 
-def check_gaps(path: Path, name: str, values: np.ndarray, largest: float) -> None:
+def check_gaps(path: Path, name: str, values: np.ndarray, systems: list[int | None], largest: float) -> None:
     """Refuse infinite values, and more missing ones than the share ``largest`` of a window.
+
+    ``values`` are those of a channel, shape (systems, length).
 
     Raises
     ------
     RecordingError
-        If there are such.
+        If there are such; of several systems the one that has most of them is named.
     """
-    bad = ~np.isfinite(values)
-    allowed = int(largest * values.shape[-1])
-    if np.isinf(values).any() or (bad.sum(axis=-1) > allowed).any():
-        raise RecordingError(
-            f"{path}: {name} has {int(bad.sum())} missing or infinite values in its last {values.shape[-1]} samples;"
-            f" expected {f'at most {allowed}' if allowed else 'none'}: fill them first, for example by holding the last"
-            " value"
-        )
+    length = values.shape[-1]
+    allowed = int(largest * length)
+    finite = "expected numbers: check the unit, and declare what is missing so (NaN)"
+    filled = f"expected {f'at most {allowed}' if allowed else 'none'}: fill them first, for example by holding the last"
+    for what, found, most, expected in (
+        ("infinite", np.isinf(values), 0, finite),
+        ("missing", np.isnan(values), allowed, f"{filled} value"),
+    ):
+        counts = found.sum(axis=-1)
+        worst = int(counts.argmax())
+        if counts[worst] > most:
+            whose = "" if systems[worst] is None else f" of system {systems[worst]}"
+            many = f"{counts[worst]} {what} value{'' if counts[worst] == 1 else 's'}"
+            raise RecordingError(f"{path}: {name}{whose} has {many} in its last {length} samples; {expected}")
 
 
 def comparable(

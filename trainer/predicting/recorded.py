@@ -51,14 +51,14 @@ def read_window(path: Path, encoding: Encoding) -> Window:
     ]
     # a channel that all systems share may come without the dimension system
     values = np.stack(np.broadcast_arrays(*(one[..., -length:] for one in series)), axis=-1)
-    for k, name in enumerate(encoding.recorded):
-        if name not in absent:
-            check_gaps(path, name, values[..., k], encoding.largest_gap if k < encoding.outputs else 0.0)
     indices: list[int | None] = [None]
     if values.ndim == 3:
         known = "system" in recording.coords and recording["system"].dtype.kind in "iu"
         indices = [int(i) for i in recording["system"].values] if known else list(range(len(values)))
     values = values.reshape(-1, length, len(encoding.recorded))
+    for k, name in enumerate(encoding.recorded):
+        if name not in absent:
+            check_gaps(path, name, values[..., k], indices, encoding.largest_gap if k < encoding.outputs else 0.0)
     begins = recorded_begins(path, recording, len(values))
     values = comparable(path, values, begins[:, None] + stamps, indices, encoding)
     return Window(values, stamps, begins, indices, absent)

@@ -7,6 +7,7 @@ estimate says which of them a recording passes.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -140,6 +141,42 @@ def _rest(long: np.ndarray, level: np.ndarray, hours: float) -> Rest:
         lowest=[one if there else None for one, there in zip(low.tolist(), some, strict=True)],
         highest=[one if there else None for one, there in zip(high.tolist(), some, strict=True)],
     )
+
+
+def of_both(one: list[Familiar], other: list[Familiar]) -> list[Familiar]:
+    """The extremes over the windows of two trainings on the same channels, for the lengths that both remember."""
+    first = {known.length: known for known in one}
+    return [_joined(first[known.length], known) for known in other if known.length in first]
+
+
+def _joined(one: Familiar, other: Familiar) -> Familiar:
+    rests = {rest.hours: rest for rest in one.rests}
+    return Familiar(
+        length=one.length,
+        windows=one.windows + other.windows,
+        lowest=np.minimum(one.lowest, other.lowest).tolist(),
+        highest=np.maximum(one.highest, other.highest).tolist(),
+        least_sd=np.minimum(one.least_sd, other.least_sd).tolist(),
+        longest_still=np.maximum(one.longest_still, other.longest_still).tolist(),
+        rests=[
+            Rest(
+                hours=rest.hours,
+                lowest=_farther(min, rests[rest.hours].lowest, rest.lowest),
+                highest=_farther(max, rests[rest.hours].highest, rest.highest),
+            )
+            for rest in other.rests
+            if rest.hours in rests
+        ],
+    )
+
+
+def _farther(
+    choose: Callable[[Iterable[float]], float], one: list[float | None], other: list[float | None]
+) -> list[float | None]:
+    """Of each channel the lower or the higher level; that of the one training in which it rested, if it was one."""
+    pairs = zip(one, other, strict=True)
+    known = [[level for level in pair if level is not None] for pair in pairs]
+    return [choose(levels) if levels else None for levels in known]
 
 
 def _elsewhere(known: Familiar, encoding: Encoding, k: int, still: float, level: float) -> Rest | None:

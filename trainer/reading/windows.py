@@ -12,6 +12,7 @@ import torch
 
 from shared.errors import EstimatorError
 from shared.store import Records
+from trainer.memory import memory_for
 from trainer.reading.encoding import Encoding
 from trainer.reading.noise import Sensors
 
@@ -58,6 +59,11 @@ class WindowSource:
         Where sensor noise comes from.
     gaps
         What makes readings go missing, if anything does.
+
+    Raises
+    ------
+    EstimatorError
+        If memory does not hold the records a second time.
     """
 
     def __init__(
@@ -69,7 +75,8 @@ class WindowSource:
         gaps: Callable[[torch.Tensor, torch.Generator], torch.Tensor] | None = None,
     ) -> None:
         # (systems, time, channels): a window is then one contiguous piece of memory
-        self.values = torch.from_numpy(np.ascontiguousarray(records.values.transpose(0, 2, 1), dtype=np.float32))
+        with memory_for(f"a copy of the records of {len(records.values)} systems"):
+            self.values = torch.from_numpy(np.ascontiguousarray(records.values.transpose(0, 2, 1), dtype=np.float32))
         self.time = torch.from_numpy(records.time.astype(np.float64))
         self.begin = torch.from_numpy(records.starts.astype(np.float64))
         self.targets = encoding.targets(records.parameters)

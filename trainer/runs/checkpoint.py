@@ -11,7 +11,6 @@ from typing import Any, Literal
 import numpy as np
 import torch
 from pydantic import BaseModel, ConfigDict, field_serializer, field_validator, model_validator
-from safetensors.torch import save as save_tensors
 
 from shared.errors import EstimatorError
 from shared.reading import read_json, validated
@@ -23,7 +22,7 @@ from trainer.reading.encoding import Encoding
 from trainer.reading.familiar import Familiar
 from trainer.runs.pair import digest, write_pair
 from trainer.runs.spans import packed, unpacked
-from trainer.runs.weights import check_card_version, load_weights
+from trainer.runs.weights import check_card_version, load_weights, weights_data
 
 SCHEMA_VERSION = 4
 """The first version has no errors by condition; before the third it is not said which channels are means of a step, and
@@ -157,10 +156,10 @@ class Card(_Table):
     validation_errors: list[Errors] = []
     """The same condition by condition; none in a card of the first version, or of a training that was interrupted."""
     familiar: list[Familiar] = []
-    """What windows of the training look like, length by length; none in cards of earlier versions."""
+    """What windows of the training and of the one it began with look like, by length; none in cards of old."""
     held: list[str] | None = None
-    """Uncertain constants of the description that all systems of the training had as declared; None where it is not
-    known, in cards of earlier versions."""
+    """Uncertain constants of the description that all systems of both had as declared; None where it is not known, in
+    cards of earlier versions and of what began with these."""
     training: Training
     versions: dict[str, str]
     weights_sha256: str = ""
@@ -255,7 +254,7 @@ def make_folder(folder: Path) -> None:
 def save_run(folder: Path, card: Card, model: Estimator) -> None:
     """Write a run folder: weights, and the card that names their hash, which take the place of others at one moment."""
     make_folder(folder)
-    data = save_tensors({name: one.detach().contiguous().clone() for name, one in model.state_dict().items()})
+    data = weights_data(model)
     card.weights_sha256 = digest(data)
     write_pair(folder / WEIGHTS, data, folder / CARD, card.model_dump_json(indent=1) + "\n")
 

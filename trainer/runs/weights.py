@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 import torch
 from safetensors import SafetensorError
 from safetensors.torch import load as load_tensors
+from safetensors.torch import save as save_tensors
 from torch import nn
 from torch.utils._python_dispatch import TorchDispatchMode
 
@@ -48,6 +49,11 @@ class _Budget(TorchDispatchMode):
         if self.room < 0 or self.operations < 0:
             raise ValueError("it is too large a network for its weights")
         return made
+
+
+def weights_data(network: nn.Module) -> bytes:
+    """The weights of a network as a file holds them: of equal weights the bytes are equal."""
+    return save_tensors({name: one.detach().contiguous().clone() for name, one in network.state_dict().items()})
 
 
 def load_weights(path: Path, sha256: str, card: str, again: str, build: Callable[[], Network]) -> Network:

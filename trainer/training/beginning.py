@@ -12,7 +12,8 @@ from shared.logs import logger
 from trainer.models import estimator_class
 from trainer.models.base import Estimator
 from trainer.reading.encoding import LATER, MEASURED, Encoding
-from trainer.runs.checkpoint import Run
+from trainer.reading.familiar import of_both
+from trainer.runs.checkpoint import Card, Run
 from trainer.runs.unfinished import unfinished
 
 _log = logger(__name__)
@@ -92,3 +93,16 @@ def take_weights(network: Estimator, earlier: Run) -> str:
             )
     network.load_state_dict(own | given)
     return earlier.card.weights_sha256
+
+
+def take_memory(card: Card, earlier: Card) -> None:
+    """Let a card count as seen what the training that it began with had seen as well.
+
+    What the earlier one does not remember is not known of both: which constants were as declared, and what windows of a
+    length look like.
+    """
+    card.training_systems = card.training_systems.with_those(earlier.training_systems)
+    card.validation_systems = card.validation_systems.with_those(earlier.validation_systems)
+    card.familiar = of_both(earlier.familiar, card.familiar)
+    known = earlier.held
+    card.held = None if known is None or card.held is None else [name for name in card.held if name in known]

@@ -40,7 +40,7 @@ from trainer.runs.state import STATE, check_settings
 from trainer.runs.validation import measured_errors
 from trainer.runs.versions import versions_here
 from trainer.seeds import check_seed, check_threads, noise_seed, torch_state
-from trainer.training.beginning import check_same_model, encoding_of, take_weights
+from trainer.training.beginning import check_same_model, encoding_of, take_memory, take_weights
 from trainer.training.loop import Loop
 from trainer.training.material import material_of, recipe_of
 from trainer.training.place import check_place
@@ -102,7 +102,8 @@ def fit(
     steps, minutes
         Budget: optimiser steps, or wall-clock time [min]; the model's own number of steps by default.
     batch_size, lr
-        Windows a step and learning rate of Adamax; the model's own by default (the paper's 16 and 1e-3).
+        Windows a step and learning rate; the model's own by default (the paper's 16 and 1e-3). Where Muon steps the
+        inner matrices, the rate is AdamW's, and Muon has ``MUON_RATIO`` times it.
     patch
         Samples of a patch, for a model that has patches.
     options
@@ -223,8 +224,7 @@ def fit(
             versions=versions_here(),
         )
         if first is not None:
-            card.training_systems = card.training_systems.with_those(first.card.training_systems)
-            card.validation_systems = card.validation_systems.with_those(first.card.validation_systems)
+            take_memory(card, first.card)
         settings = settings_of(card, None if minutes else recipe.steps)
         make_folder(folder)
 
@@ -236,8 +236,10 @@ def fit(
                 raise EstimatorError(f"{folder}: holds an estimator by now; choose another folder, or overwrite it")
             if resume and not (folder / STATE).exists() and (folder / CARD).exists():
                 done = read_card(folder)
-                if done.training.stopped in ("steps", "minutes"):
-                    check_settings(folder / CARD, settings_of(done, None if minutes else done.training.steps), settings)
+                finished = done.training.stopped in ("steps", "minutes")
+                told = done.training.steps if finished else done.training.planned or recipe.steps
+                check_settings(folder / CARD, settings_of(done, None if minutes else told), settings)
+                if finished:
                     return load_run(folder)
             if not resume:
                 (folder / STATE).unlink(missing_ok=True)

@@ -24,6 +24,7 @@ from trainer.figures import draw_loss_curve
 from trainer.models.base import Estimator, Recipe
 from trainer.reading.windows import Batch, Sampler
 from trainer.runs.checkpoint import CARD, Card, Errors, Stop, forward_in_chunks, save_run
+from trainer.runs.pair import digest
 from trainer.runs.state import (
     STATE,
     Tensors,
@@ -36,6 +37,7 @@ from trainer.runs.state import (
     write_state,
 )
 from trainer.runs.versions import other_version, versions_here
+from trainer.runs.weights import weights_data
 from trainer.training.optimisers import make_optimisers, scale_rates
 from trainer.training.place import remove_findings
 
@@ -93,7 +95,6 @@ class Loop:
         self.best: dict[str, torch.Tensor] | None = None
         self.optimisers = make_optimisers(network, recipe) if network.iterates else []
         self.step, self.total, self.counted = 0, 0.0, 0
-        self.replaced = False
         self.begin = self.saved = self.kept = time.monotonic()
 
     @property
@@ -154,7 +155,10 @@ class Loop:
                 scale_rates(self.optimisers, rise * (0.5 + 0.5 * math.cos(math.pi * share)))
             network.train()
             batch = self.sampler.draw(recipe.batch_size)
-            loss = torch.nn.functional.mse_loss(network(batch.windows, batch.time), batch.targets)
+            try:
+                loss = torch.nn.functional.mse_loss(network(batch.windows, batch.time), batch.targets)
+            except torch.linalg.LinAlgError:  # equations of numbers that are none have no solution
+                return self.step + 1, "not a number"
             value = loss.item()
             if not math.isfinite(value):
                 return self.step + 1, "not a number"
@@ -179,7 +183,6 @@ class Loop:
 
     def _keep(self) -> None:
         """Write the state between two steps."""
-        summary = self.card.training
         parts = {
             "network": self.network.state_dict(),
             "best": self.best or {},
@@ -194,8 +197,8 @@ class Loop:
             "counted": self.counted,
             "seconds": self.seconds,
             "curve": self.curve.rows,
-            "best_step": summary.best_step,
-            "validation_loss": summary.validation_loss,
+            "best_step": self.card.training.best_step,
+            "validation_loss": self.card.training.validation_loss,
             "validation_rmse": self.card.validation_rmse,
         }
         write_state(self.folder / STATE, parts, facts)
@@ -235,7 +238,10 @@ class Loop:
 
     def _validate(self, step: int, training_loss: float) -> bool:
         """Validate, remember the weights if they are the best so far; False if the loss is not finite."""
-        answers = forward_in_chunks(self.network, self.held_out.windows, self.held_out.time)
+        try:
+            answers = forward_in_chunks(self.network, self.held_out.windows, self.held_out.time)
+        except torch.linalg.LinAlgError:
+            answers = torch.full_like(self.held_out.targets, math.nan)
         loss = torch.nn.functional.mse_loss(answers, self.held_out.targets).item()
         self.curve.rows.append((step, self.seconds, training_loss, loss))
         figures = fields(step=step, training_loss=training_loss, validation_loss=loss, run=str(self.folder))
@@ -255,10 +261,9 @@ class Loop:
         return True
 
     def _save(self) -> None:
-        """Write the estimator; before the first time, what was said of the one in its place goes."""
-        if not self.replaced:
+        """Write the estimator; what was said of other weights in its place goes before."""
+        if digest(weights_data(self.network)) != self.card.weights_sha256:
             remove_findings(self.folder)
-            self.replaced = True
         save_run(self.folder, self.card, self.network)
         self.saved = time.monotonic()
 

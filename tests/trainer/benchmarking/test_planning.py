@@ -5,7 +5,7 @@ import json
 import pytest
 
 import trainer
-from shared.errors import EstimatorError
+from shared.errors import EstimatorError, ZeroshotError
 from trainer.benchmarking.parts import PARTS, channel_sets
 from trainer.benchmarking.planning import make_plan
 from trainer.runs.checkpoint import read_card
@@ -78,6 +78,17 @@ def test_more_systems_are_a_line_each(tmp_path):
 def test_wrong_arguments_are_named(tanks, tmp_path, arguments, words):
     with pytest.raises(EstimatorError, match=words):
         make_plan(tanks, tmp_path / "out", **arguments)
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_a_file_of_ceilings_that_is_none_is_told_before_anything_is_fitted(tmp_path, named):
+    dataset = make_dataset(tmp_path / "ds", systems=20)
+    path = tmp_path / "typo.json" if named else dataset / "identifiability.json"
+    if not named:
+        path.write_text("{")
+    with pytest.raises(ZeroshotError, match=f"{path.name}: {'no such file' if named else ''}"):
+        trainer.benchmark(dataset, tmp_path / "out", parts=["channels"], steps=1, ceiling=path if named else None)
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,9 @@ import trainer
 from shared.ceiling import Ceiling, Ceilings, Origin, write_ceilings
 from shared.errors import EstimatorError
 from shared.metrics import r2
+from trainer.benchmarking import drawing
 from trainer.benchmarking.gathering import gather, read_evaluation, scores_of
+from trainer.benchmarking.parts import Part, Row
 from trainer.benchmarking.planning import make_plan
 from trainer.benchmarking.published import read_published
 from trainer.evaluating.report import Answers
@@ -63,7 +65,7 @@ def test_the_ceiling_is_that_of_the_file_named_now(finished, short, tmp_path):
     condition = plan.parts[0].rows[0].condition
     found = gather(plan, condition)
     assert found.ceiling is None and "does not exist" in found.ceiling_note
-    card = read_card(found.first)
+    card = read_card(found.folders[0])
     condition_of = {"context_hours": condition.context_hours, "step": card.encoding.step, "noise": condition.noise}
     limit = Ceiling(
         **condition_of,
@@ -92,6 +94,7 @@ def test_the_page_says_how_its_numbers_came_about(results):
         "identifiability.json does not exist",
         "2,000 simulations",
         "2000 training iterations",
+        "in the unit that\n  was given, steps or minutes; windows a step are each model's own",
         "hourly",
     ):
         assert words in page, words
@@ -151,3 +154,15 @@ def test_pictures_of_the_paper(short, tmp_path):
     header = rows_of(tmp_path / "figure5.csv")[0]
     assert 0 < float(header["relative_accuracy"]) <= 1
     assert "accuracy unseen" in (tmp_path / "figure5.md").read_text()
+
+
+def test_boxes_of_relative_accuracy_are_of_all_seeds_as_is_the_table(results, short, tmp_path, monkeypatch):
+    plan = make_plan(short, results, **QUICK)
+    condition = plan.parts[0].rows[0].condition
+    found, drawn = gather(plan, condition), {}
+    monkeypatch.setattr(drawing, "draw_accuracy", lambda boxes, *_: drawn.update(boxes))
+    drawing.draw(Part("a", "A", "", ("b", "c"), "accuracy", [Row(("lstm", "48"), condition)]), [found], tmp_path)
+    for name, scores in found.protocols.items():
+        (label, values), *others = drawn[name]
+        assert (label, len(values), others) == ("48", 2 * scores.windows, [])
+        np.testing.assert_allclose(np.median(values, axis=0), scores.accuracy[:-1])

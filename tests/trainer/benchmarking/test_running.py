@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from shared.lock import FolderLock
 from shared.store import DatasetFolder
 from trainer.benchmarking import running
 from trainer.benchmarking.conditions import Budget, Condition, Fit
-from trainer.benchmarking.job import DONE, SPEC, do, is_done
+from trainer.benchmarking.job import DONE, FAILED, SPEC, do, is_done
 from trainer.benchmarking.planning import make_plan
 from trainer.evaluating.report import read_answers
 from trainer.reading.data import fingerprint
@@ -141,6 +142,31 @@ def test_a_fit_that_fails_is_told_and_the_others_are_done(short, tmp_path, monke
     monkeypatch.undo()
     trainer.benchmark(short, tmp_path, **QUICK)
     assert "**failed**" not in (tmp_path / "results.md").read_text()
+
+
+def test_a_fit_whose_process_died_is_on_the_page(finished, short, monkeypatch):
+    plan = make_plan(short, finished, **QUICK)
+    folder = plan.folder(plan.fits[-1])
+    (folder / DONE).unlink()
+    (folder / FAILED).write_text("what it had failed of the day before")
+    dead = [sys.executable, "-c", "import os; os._exit(9)"]
+    monkeypatch.setattr(running.children, "command", lambda *_: dead)
+    with pytest.raises(IncompleteError, match=r"1 of 12 fits failed; .*: its process ended with code 9; "):
+        trainer.benchmark(short, finished, workers=2, **QUICK)
+    said = f"its process ended with code 9; {Path('fits') / folder.name / 'log.txt'} holds what it said"
+    assert f"- **failed**: {plan.fits[-1].title()}: {said}\n" in (finished / "results.md").read_text()
+    monkeypatch.undo()
+    trainer.benchmark(short, finished, **QUICK)
+    assert "**failed**" not in (finished / "results.md").read_text()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals as POSIX has them")
+def test_fits_side_by_side_do_not_hear_ctrl_c(short, tmp_path, monkeypatch):
+    plan = make_plan(short, tmp_path, **QUICK)
+    heard = "import os, signal; os.kill(os.getpid(), signal.SIGINT); os._exit(9)"
+    monkeypatch.setattr(running.children, "command", lambda *_: [sys.executable, "-c", heard])
+    with running._start(plan, plan.fits[0], dict(os.environ)) as child:
+        assert child.wait() == 9
 
 
 def test_a_loss_that_is_not_a_number_is_scored_with_a_warning(short, tmp_path, monkeypatch):

@@ -267,13 +267,18 @@ def test_ceilings_with_excitation_are_not_shown_for_data_without(tmp_path, text,
 def test_without_a_ceiling_a_sentence_says_why(ridge_run, tanks, tmp_path):
     found = evaluate(ridge_run, tanks, windows=20, out=tmp_path)
     assert "`datagen identifiability` writes one" in found.ceiling_note
-    with pytest.raises(ZeroshotError, match="no such file"):
-        evaluate(ridge_run, tanks, windows=20, ceiling=tmp_path / "none.json", out=tmp_path)
     other = ceilings_for(ridge_run)
     other.system_hash = "f" * 64
     write_ceilings(tmp_path / "other.json", other)
     found = evaluate(ridge_run, tanks, windows=20, ceiling=tmp_path / "other.json", out=tmp_path)
     assert "is of another system" in found.ceiling_note
+
+
+def test_a_ceiling_that_cannot_be_read_is_told_before_the_work(ridge_run, tanks, tmp_path, monkeypatch):
+    monkeypatch.setattr(Run, "answers", lambda *_: pytest.fail("it has begun to estimate"))
+    with pytest.raises(ZeroshotError, match="no such file"):
+        evaluate(ridge_run, tanks, windows=20, ceiling=tmp_path / "none.json", out=tmp_path)
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_dataset_of_another_system_is_refused(ridge_run, tmp_path):

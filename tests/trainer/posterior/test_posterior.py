@@ -259,6 +259,13 @@ def test_predictions_carry_intervals_samples_and_a_corner_plot(fitted, many_tank
         predict(fitted, recording, out=tmp_path / "new" / "here" / "all.nc" / "more" / "s.nc")
 
 
+def test_samples_under_a_seed_that_a_file_has_no_number_for(fitted, many_tanks, tmp_path):
+    for seed, written in ((2**63 - 1, 2**63 - 1), (2**70, str(2**70))):
+        predict(fitted, many_tanks / "shards" / "000.nc", samples=20, seed=seed, out=tmp_path / "s.nc")
+        with xr.open_dataset(tmp_path / "s.nc") as opened:
+            assert opened.attrs["seed"] == written
+
+
 @pytest.mark.parametrize("samples", [-1, 0, 1, 19])
 def test_an_interval_of_too_few_samples_is_refused_before_anything_is_written(fitted, many_tanks, tmp_path, samples):
     words = rf"samples: is {samples}; expected at least 20, so that one lies beyond each end of the 90 % interval"

@@ -15,10 +15,11 @@ from shared.store import DatasetFolder
 from trainer.predicting.prediction import predict
 from trainer.reading.data import load_records
 from trainer.reading.encoding import make_encoding
-from trainer.reading.familiar import Familiar, Rest, familiar, looks, stuck, unlike
+from trainer.reading.familiar import Familiar, Rest, familiar, looks, of_both, stuck, unlike
 from trainer.reading.noise import Sensors
 from trainer.reading.windows import WindowSource
 from trainer.runs.checkpoint import load_run
+from trainer.training.fitting import fit
 
 from ..conftest import tank_system
 
@@ -83,6 +84,17 @@ def test_a_sensor_that_stands_still_throughout_is_refused(ridge_run, tanks, tmp_
     sentence = r"dead\.nc: level of system 1 is 2 m throughout the window of 24 h, and in the run's training never for"
     with pytest.raises(RecordingError, match=sentence):
         predict(ridge_run, tmp_path / "dead.nc")
+
+
+def test_the_level_of_a_dead_sensor_is_told_whose_first_reading_is_lost(tanks, tmp_path):
+    settings = {"model": "multiscale-transformer", "options": {"width": 16, "layers": 1, "heads": 2}, "steps": 1}
+    run = fit(tanks, tmp_path / "run", **settings)
+    with xr.open_dataset(tanks / "shards" / "000.nc") as opened:
+        recording = opened.load()[["level"]].isel(system=[0], time=slice(0, 48))
+    recording["level"].values[:] = [NAN] + 47 * [2.0]
+    recording.to_netcdf(tmp_path / "dead.nc")
+    with pytest.raises(RecordingError, match=r"level of system \d+ is 2 m throughout the window"):
+        predict(run, tmp_path / "dead.nc")
 
 
 def test_a_lost_reading_now_and_then_does_not_make_a_dead_sensor_move(ridge_run):
@@ -172,3 +184,23 @@ def test_where_a_training_rests_is_remembered(tanks):
     source = WindowSource(still, encoding, Sensors(dataset.system, ["level"], "none"), torch.Generator())
     (found,) = familiar(source, train, 1)
     assert [(one.hours, one.lowest, one.highest) for one in found.rests] == [(24.0, [1.5], [1.5])]
+
+
+def test_of_two_trainings_the_farther_extreme_counts():
+    def known(length, low, high, sd, still, *rests):
+        return Familiar(
+            length=length, windows=5, lowest=low, highest=high, least_sd=sd, longest_still=still, rests=list(rests)
+        )
+
+    one = known(
+        *(8, [1.0, 5.0], [2.0, 9.0], [0.1, 0.5], [3, 4]),
+        *(Rest(hours=24.0, lowest=[1.5, None], highest=[1.7, None]), Rest(hours=72.0, lowest=[1, 1], highest=[2, 2])),
+    )
+    other = known(
+        *(8, [0.5, 6.0], [2.5, 8.0], [0.2, 0.4], [2, 6]), Rest(hours=24.0, lowest=[None, 6.0], highest=[None, 7.0])
+    )
+    both = known(
+        *(8, [0.5, 5.0], [2.5, 9.0], [0.1, 0.4], [3, 6]), Rest(hours=24.0, lowest=[1.5, 6.0], highest=[1.7, 7.0])
+    ).model_copy(update={"windows": 10})
+    assert of_both([one], [other]) == of_both([other], [one]) == [both]
+    assert of_both([one], [other.model_copy(update={"length": 9})]) == of_both([], [other]) == []

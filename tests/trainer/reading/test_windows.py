@@ -37,6 +37,16 @@ def test_gathered_windows_are_slices_of_the_records(source, records):
     np.testing.assert_allclose(source.encoding.estimates(batch.targets), records.parameters[[3, 17]], rtol=1e-5)
 
 
+def test_records_that_memory_does_not_hold_twice_are_told(source, records, monkeypatch):
+    def full(*_, **__):
+        raise MemoryError("Unable to allocate 1. TiB")
+
+    monkeypatch.setattr(np, "ascontiguousarray", full)
+    sentence = r"not enough memory for a copy of the records of 100 systems \(Unable .*\); expected less"
+    with pytest.raises(EstimatorError, match=sentence):
+        WindowSource(records, source.encoding, source.sensors, torch.Generator())
+
+
 def test_systems_and_starts_are_drawn_uniformly(source):
     rows = np.array([5, 7, 11, 13])
     which, starts = Sampler(source, rows, seed=3).indices(20_000)

@@ -8,7 +8,7 @@ import pytest
 from shared.errors import EstimatorError
 from shared.lock import FolderLock
 from trainer.evaluating.evaluation import evaluate
-from trainer.runs.checkpoint import load_run, read_card
+from trainer.runs.checkpoint import load_run, read_card, save_run
 from trainer.runs.unfinished import unfinished
 from trainer.training.fitting import fit
 
@@ -137,6 +137,31 @@ def test_an_evaluation_is_not_put_beside_another_estimator(own_ridge, tanks, mon
     with pytest.raises(EstimatorError, match="run: its estimator was replaced while it was at work with"):
         evaluate(own_ridge, tanks, windows=20)
     assert not (own_ridge / "evaluation.json").exists()
+
+
+@pytest.mark.parametrize("found", ["evaluation", "calibration"])
+def test_a_training_that_is_at_work_replaces_what_is_being_read(own_ridge, tanks, tmp_path, monkeypatch, found):
+    """`fit --overwrite`, whose first estimator comes while the old one is looked at."""
+    from trainer.evaluating import evaluation
+    from trainer.posterior import assessment, calibration, fit_posterior
+
+    fit_posterior(own_ridge, tanks, epochs=1, windows_per_system=2)
+    other = fit(tanks, tmp_path / "other", model="mean")
+    module = evaluation if found == "evaluation" else assessment
+    look = module.unseen_rows
+
+    def slow(*arguments):
+        save_run(own_ridge, other.card, other.model)
+        return look(*arguments)
+
+    monkeypatch.setattr(module, "unseen_rows", slow)
+    sentence = "run: its estimator was replaced while it was at work with"
+    with FolderLock(own_ridge), pytest.raises(EstimatorError, match=sentence):
+        if found == "evaluation":
+            evaluate(own_ridge, tanks, windows=20)
+        else:
+            calibration(own_ridge, tanks, windows=20, samples=20)
+    assert not (own_ridge / f"{found}.json").exists()
 
 
 @pytest.mark.parametrize(

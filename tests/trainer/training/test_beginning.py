@@ -9,6 +9,7 @@ import torch
 
 from shared.errors import EstimatorError
 from shared.store import DatasetFolder
+from trainer.reading.familiar import unlike
 from trainer.training.fitting import fit
 
 from ..conftest import TANK, make_dataset
@@ -74,3 +75,43 @@ def test_a_training_that_begins_with_weights_of_another_dataset_reads_windows_as
     (elsewhere / "manifest.json").write_text(json.dumps(manifest | {"settings": manifest["settings"] | {"calm": 0.5}}))
     with pytest.raises(EstimatorError, match=r"dataset was '.*' and is '.*' now; resume with the same, or overwrite"):
         fit(elsewhere, tmp_path / "again", begin_with=tmp_path / "first", resume=True, **settings)
+
+
+PIPE = '[[uncertain]]\nname = "pipe"\nparameters = ["tank.pipe"]\nrelative = 0.3\n'
+
+
+@pytest.mark.parametrize("drawn", ["first", "last", "neither", "not known"])
+def test_a_run_remembers_the_constants_that_either_training_has_seen_drawn(tmp_path, drawn):
+    text, settings = (
+        f"{TANK}\n{PIPE}",
+        {"model": "multiscale-transformer", "options": SMALL | {"patch": 12}, "steps": 1},
+    )
+    datasets = [
+        make_dataset(tmp_path / name, systems=20, root_seed=k, text=text, settings={"uncertain": []} if one else None)
+        for k, (name, one) in enumerate([("a", drawn == "first"), ("b", drawn == "last")])
+    ]
+    first = fit(datasets[0], tmp_path / "first", **settings)
+    assert first.card.held == ([] if drawn == "first" else ["pipe"])
+    if drawn == "not known":  # as in cards of earlier versions
+        path = tmp_path / "first" / "estimator.json"
+        path.write_text(json.dumps(json.loads(path.read_text()) | {"held": None, "familiar": []}))
+    again = fit(datasets[1], tmp_path / "again", begin_with=tmp_path / "first", **settings).card
+    assert again.held == {"neither": ["pipe"], "not known": None}.get(drawn, [])
+    assert [one.length for one in again.familiar] == ([] if drawn == "not known" else [48])
+
+
+def test_what_either_training_has_seen_is_familiar(tanks, tmp_path):
+    settings = {"model": "multiscale-transformer", "options": SMALL | {"patch": 12}, "steps": 1}
+    fit(tanks, tmp_path / "first", **settings)
+    # two tanks are far from what eighty are
+    few = make_dataset(tmp_path / "few", systems=10, root_seed=2)
+    alone = fit(few, tmp_path / "alone", **settings, systems=2).card
+    again = fit(few, tmp_path / "again", begin_with=tmp_path / "first", **settings, systems=2).card
+    records = DatasetFolder(tanks).load(["level"])
+    windows = [records.values[row, :, :48].T for row in records.of_split("train")]
+
+    def odd(card):
+        return sum(bool(unlike(window, card.familiar[0], card.encoding)) for window in windows)
+
+    assert odd(alone) > 20
+    assert odd(again) == 0

@@ -7,6 +7,7 @@ import torch
 from shared.errors import DatasetError, EstimatorError, OptionsError
 from shared.store import DatasetFolder
 from trainer.evaluating.evaluation import evaluate
+from trainer.models.regressions import Regressions
 from trainer.reading.windows import Sampler
 from trainer.runs.checkpoint import load_run
 from trainer.training.fitting import fit
@@ -305,3 +306,24 @@ def test_a_gradient_that_is_no_number_ends_the_training_with_a_sentence(tanks, t
     with pytest.raises(EstimatorError, match=r"not a finite number at step 30; the estimator of step \d+ is kept"):
         fit(tanks, tmp_path / "run", model="multiscale-transformer", options=SMALL | {"patch": 12}, steps=40)
     assert load_run(tmp_path / "run").card.training.stopped == "not a number"
+
+
+@pytest.mark.parametrize(("training", "at"), [(True, 6), (False, 4)])
+def test_equations_that_cannot_be_solved_end_the_training_with_a_sentence(tanks, tmp_path, monkeypatch, training, at):
+    """torch says of a matrix that is none that it has no factors, by an error of its own."""
+    solve, seen = Regressions._solve, []
+
+    def fails(self, moments):
+        seen.append(self.training)
+        # the validation after every second step is of a single forward pass
+        last = self.training == training and seen.count(training) == (6 if training else 2)
+        return solve(self, moments * torch.nan if last else moments)
+
+    monkeypatch.setattr("trainer.training.loop.CHECKS", 20)
+    monkeypatch.setattr(Regressions, "_solve", fails)
+    with pytest.raises(OptionsError, match=rf"not a finite number at step {at}; the estimator of step \d+ is kept"):
+        fit(
+            tanks, tmp_path / "run", model="regression-transformer", options=SMALL | {"patch": 12, "views": 1}, steps=40
+        )
+    run = load_run(tmp_path / "run")
+    assert (run.card.training.stopped, run.card.training.best_step) == ("not a number", 4 if training else 2)

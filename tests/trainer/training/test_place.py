@@ -14,12 +14,14 @@ from trainer.reading.windows import Sampler
 from trainer.runs.checkpoint import load_run
 from trainer.runs.state import STATE, read_state
 from trainer.training.fitting import fit
+from trainer.training.loop import Loop
 
 SMALL = {"width": 16, "layers": 1, "heads": 2, "feedforward": 32}
 SETTINGS = {"options": SMALL, "context_hours": 12.0}
 CHILD = """
 import json, sys
 from trainer.training.fitting import fit
+from trainer.training.loop import Loop
 fit(sys.argv[1], sys.argv[2], **json.loads(sys.argv[3]))
 """
 
@@ -132,3 +134,23 @@ def test_a_resumption_that_is_refused_takes_nothing_away(tanks, old, monkeypatch
     with pytest.raises(EstimatorError, match="seed was 0 and is 1 now"):
         fit(tanks, old, resume=True, steps=4, seed=1, **SETTINGS)
     assert contents(old) == before
+
+
+@pytest.mark.parametrize("stay", [False, True])
+def test_scores_of_a_training_under_way_stay_beside_the_very_weights_only(tanks, tmp_path, monkeypatch, stay):
+    monkeypatch.setattr("trainer.training.loop.SAVE_SECONDS", -1.0)
+    save, finish, ends, saved = Loop._save, Loop._finish, [], []
+
+    def evaluated(self):
+        save(self)
+        if bool(ends) == stay and not saved:
+            evaluate(self.folder, tanks, windows=20)
+            saved.append(self.card.weights_sha256)
+
+    monkeypatch.setattr(Loop, "_save", evaluated)
+    monkeypatch.setattr(Loop, "_finish", lambda self, stopped: ends.append(stopped) or finish(self, stopped))
+    run = fit(tanks, tmp_path / "run", steps=40, **SETTINGS)
+    found = {"evaluation.json", "evaluation.md", "evaluation.csv", "answers.csv", "scatter.png"}
+    rest = {"estimator.json", "weights.safetensors", "curve.csv", "curve.png"}
+    assert (saved == [run.card.weights_sha256]) == stay
+    assert set(contents(run.folder)) == (found | rest if stay else rest)

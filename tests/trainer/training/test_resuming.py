@@ -174,6 +174,24 @@ def test_another_training_is_not_resumed_and_can_be_overwritten(tanks, tmp_path,
     assert not (tmp_path / "run" / STATE).exists()
 
 
+def test_another_training_does_not_take_the_place_of_one_whose_state_is_gone(tanks, tmp_path, cut_short):
+    run = tmp_path / "run"
+    (run / STATE).unlink()
+    (run / "posterior.json").write_text("{}")
+    before = {path.name: path.read_bytes() for path in run.iterdir() if path.name != ".lock"}
+    for name, other, words in (
+        ("noise", "none", "noise was 'gauge' and is 'none' now"),
+        ("steps", 41, "steps was 40 and is 41 now"),
+    ):
+        with pytest.raises(EstimatorError, match=rf"estimator\.json: {words}; resume with the same, or overwrite"):
+            fit(tanks, run, resume=True, **cut_short | {name: other})
+    assert {path.name: path.read_bytes() for path in run.iterdir() if path.name != ".lock"} == before
+    path = run / "estimator.json"  # of an earlier version, which did not write what was planned
+    card = json.loads(path.read_text())
+    path.write_text(json.dumps(card | {"training": card["training"] | {"planned": None}}))
+    assert fit(tanks, run, resume=True, **cut_short).card.training.steps == 40
+
+
 @pytest.mark.parametrize("theirs", ["1.0", None])
 def test_a_state_of_another_version_is_told_and_gone_on_with(tanks, tmp_path, cut_short, caplog, theirs):
     settings = cut_short
