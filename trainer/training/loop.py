@@ -145,9 +145,9 @@ class Loop:
         while True:
             share = self.seconds / (60 * self.minutes) if self.minutes else self.step / recipe.steps
             if share >= 1:
-                if self.counted or self.best is None:  # preparing may have taken the whole budget
-                    self._validate(self.step, self.total / self.counted if self.counted else math.nan)
-                return self.step, "minutes" if self.minutes else "steps"
+                due = self.counted or self.best is None  # preparing may have taken the whole budget
+                fine = not due or self._validate(self.step, self.total / self.counted if self.counted else math.nan)
+                return self.step, ("minutes" if self.minutes else "steps") if fine else "not a number"
             if time.monotonic() - self.kept > SAVE_SECONDS:
                 self._keep()
             if recipe.schedule == "cosine":
