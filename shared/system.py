@@ -31,6 +31,7 @@ from shared.variables import (
     Parameter,
     ScheduleInput,
     WeatherInput,
+    names_fault,
 )
 
 WHOLE = 1e-6
@@ -90,11 +91,9 @@ class System(Table):
 
     @model_validator(mode="after")
     def _consistent(self) -> System:
-        for kind, items in (("parameters", self.parameters), ("inputs", self.inputs), ("outputs", self.outputs)):
-            names = [item.name for item in items]
-            twice = sorted({name for name in names if names.count(name) > 1})
-            if twice:
-                raise ValueError(f"{kind}: {twice[0]!r} is declared twice")
+        for kind in ("parameters", "inputs", "outputs", "uncertain"):
+            if wrong := names_fault(kind, [item.name for item in getattr(self, kind)]):
+                raise ValueError(wrong)
         for name in sorted({*self.parameter_names, *self.input_names}):
             if (name in self.output_names) + (name in self.input_names) + (name in self.parameter_names) > 1:
                 raise ValueError(f"{name!r} is the name of two things; expected one")

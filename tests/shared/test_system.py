@@ -61,6 +61,27 @@ def test_each_mistake_is_one_sentence(old, new, words):
         assert word in message
 
 
+# one name of each kind in the default room, and what takes its place
+KINDS = {
+    "parameters": ('name = "roo.V"', 'name = "{}"'),
+    "inputs": ('name = "nPer"', 'name = "{}"'),
+    "outputs": ('name = "CO2"', 'name = "{}"\nvariable = "CO2"'),
+    "uncertain": ('name = "floor.capacity"', 'name = "{}"'),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", ["time", "system", "start", "split", "time_bnds", "bnds", "room/V"])
+def test_no_variable_takes_the_place_of_a_field_of_a_shard(kind, name):
+    old, new = KINDS[kind]
+    text = TOML.read_text()
+    assert old in text
+    with pytest.raises(SystemDescriptionError) as caught:
+        parse_system(text.replace(old, new.format(name), 1), Path("mine.toml"))
+    assert f"{kind}: {name!r} is " in str(caught.value)
+    assert ("variable =" in str(caught.value)) == (kind == "outputs")
+
+
 def test_missing_file_is_a_sentence(tmp_path):
     with pytest.raises(SystemDescriptionError, match="no such file"):
         load_system(tmp_path / "nowhere.toml")
