@@ -169,6 +169,17 @@ def test_sensitivities_predict_a_finite_change(window, default_system):
 
 
 @pytest.mark.slow
+def test_a_window_in_which_nobody_ever_comes_has_a_limit_as_well(default_system):
+    nobody = default_system.occupancy.model_copy(update={"weekend": 0.0})
+    saturdays = default_system.with_experiment(hours=24.0, start=(120.0, 120.0))
+    window = random_window(saturdays.model_copy(update={"occupancy": nobody}), 24.0, 3, 0)
+    assert window.occupancy.shape == (4, 24, 0) and not len(window.occupancy_steps)
+    for channels in (["TRoo", "CO2"], ["TRoo", "CO2", "nPer"]):
+        found = posterior_variance(saturdays, window, np.eye(window.states.shape[2]), "sensor", channels)
+        assert ((found > 0) & (found <= 1)).all()
+
+
+@pytest.mark.slow
 def test_less_noise_and_more_channels_tell_more(window, default_system):
     sd = np.cov(window.visited, rowvar=False)
     two = ["TRoo", "CO2"]
