@@ -7,7 +7,6 @@ data.
 from __future__ import annotations
 
 import json
-import threading
 from collections.abc import Mapping
 from itertools import chain
 from pathlib import Path
@@ -23,7 +22,7 @@ from datagen.farming.failures import Failures
 from datagen.farming.package import package_hash, weather_hashes
 from datagen.farming.plan import adopt, missing
 from datagen.farming.versions import all_here, note
-from datagen.farming.worker import TIMEOUT, Job
+from datagen.farming.worker import TIMEOUT, Job, check_timeout
 from datagen.fmi.fmu import fmu_sha256
 from datagen.simulating.liveness import check_live_apart
 from datagen.simulating.simulator import Simulator
@@ -37,8 +36,6 @@ from shared.store import Manifest, read_manifest, write_atomically, write_manife
 from shared.system import System, load_system
 
 _log = logger(__name__)
-_SHORTEST = 0.001
-"""Of a system's timeout [s]; faulthandler, which watches over it, counts in microseconds."""
 _FIXED = ("system_hash", "fmu_sha256", "root_seed", "shard_size", "settings")
 
 
@@ -132,8 +129,7 @@ def run(
         raise DatasetError(f"seed is {seed}; expected at least 0")
     if not 0 <= failure_budget <= 1:  # of a NaN no comparison holds
         raise DatasetError(f"failure_budget is {failure_budget:g}; expected a share from 0 to 1 of the systems")
-    if not _SHORTEST <= timeout <= threading.TIMEOUT_MAX:
-        raise DatasetError(f"timeout is {timeout:g} s; expected {_SHORTEST:g} to {threading.TIMEOUT_MAX:g} s")
+    check_timeout(timeout)
     places: dict[str, Any] = {"workers": workers, "scheduler": scheduler, "cluster": cluster, "host": host}
     places["options"] = cluster_options
     check_places(**places)

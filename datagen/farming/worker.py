@@ -39,6 +39,20 @@ RETRY_TOLERANCES = (1.0, 0.1, 0.01)
 """A system that fails is tried again with the tolerance times these, in this order, then given up."""
 TIMEOUT = 600.0
 """Seconds that one system may take by default before its process is killed."""
+_SHORTEST, _LONGEST = 0.001, 1e9
+"""Of it [s]; faulthandler, which watches over it, counts in microseconds, and twice as long in a child process."""
+
+
+def check_timeout(timeout: float) -> None:
+    """Refuse a time for one system [s] that no watch can keep.
+
+    Raises
+    ------
+    DatasetError
+        If it is too short, too long, or no number.
+    """
+    if not _SHORTEST <= timeout <= _LONGEST:  # of a NaN no comparison holds
+        raise DatasetError(f"timeout is {timeout:g} s; expected {_SHORTEST:g} to {_LONGEST:g} s")
 
 
 @dataclass(frozen=True)
