@@ -70,9 +70,11 @@ def repair(
     """
     check_timeout(timeout)
     dataset = DatasetFolder(folder)
-    manifest = dataset.manifest
     described = _find_system(dataset, system)
     with FolderLock(dataset.folder, str(described.path.resolve())):
+        dataset = DatasetFolder(folder)  # another run may have ended before the lock was ours
+        described = _find_system(dataset, described.path)
+        manifest = dataset.manifest
         broken = {fault.entry.file: fault.entry for fault in find_faults(dataset) if fault.entry is not None}
         failures = Failures.read(dataset.folder)
         weather = weather_hashes(described)
