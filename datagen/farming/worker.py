@@ -30,7 +30,7 @@ from datagen.simulating.constants import sample_factors
 from datagen.simulating.drawn import simulate_system
 from datagen.simulating.simulator import Simulator, Trajectory
 from shared import __version__
-from shared.errors import DatasetError, SimulationError
+from shared.errors import DatasetError, FmuError, SimulationError
 from shared.schema import build_shard
 from shared.store import ShardEntry, write_shard
 from shared.system import System, system_from_canonical
@@ -115,7 +115,8 @@ def attempt(work: tuple[Job, int]) -> Trajectory:
     """
     job, index = work
     simulator = simulator_for(job.system, job.system_path, job.package)
-    assert simulator is not None
+    if simulator is None:  # whoever asked for this looks at the files again, and drops what came of it
+        raise FmuError(f"{job.system_path}: its FMU or a weather file changed; expected those that the run began with")
     last = SimulationError("")
     for factor in RETRY_TOLERANCES:
         try:
@@ -164,14 +165,25 @@ def simulate_shard(job: Job, file: str, indices: Sequence[int], guarded: bool = 
     with _ONE_AT_A_TIME:
         unpack_in_scratch()
         began = time.perf_counter()
-        if simulator_for(job.system, job.system_path, job.package) is None:
-            simulator_for.cache_clear()
+        outcomes = _simulated(job, indices, guarded)
+        if outcomes is None:
             return ShardResult(lacks_package=True, worker=address())
-        outcomes = _under_guard(job, indices) if guarded else [_outcome(job, index) for index in indices]
         result = _deliver(job, file, indices, outcomes)
         rss = psutil.Process().memory_info().rss
         recycle(job.recycle, rss)
         return ShardResult(**result, worker=address(), pid=os.getpid(), rss=rss, seconds=time.perf_counter() - began)
+
+
+def _simulated(job: Job, indices: Sequence[int], guarded: bool) -> list[Any] | None:
+    """What comes of each system with the files of the job's package; None if they are not on this machine."""
+    files = (job.system, job.system_path, job.package)
+    while (simulator := simulator_for(*files)) is not None:
+        outcomes = _under_guard(job, indices) if guarded else [_outcome(job, index) for index in indices]
+        if locate(*files) == simulator.system:
+            return outcomes
+        simulator_for.cache_clear()  # a file changed since the simulator was made: nobody knows of what these are
+    simulator_for.cache_clear()
+    return None
 
 
 def _check_versions(job: Job) -> None:
