@@ -10,7 +10,7 @@ import os
 import tempfile
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -248,9 +248,14 @@ def _deliver(job: Job, file: str, indices: Sequence[int], outcomes: list[Any]) -
 
 def _write(job: Job, file: str, shard: Any, done: list[int]) -> tuple[ShardEntry, bytes | None]:
     """Write a shard into the dataset's folder if this worker sees it, else hand it back as bytes."""
+
+    def still_ours() -> None:
+        if not sees_folder(job.folder, job.token):  # a worker may outlive its run, and another may be at work there
+            raise OSError(f"{job.folder}: no longer of the run that this is for")
+
     if sees_folder(job.folder, job.token):
         try:
-            return _write_here(Path(job.folder) / "shards" / file, shard, done), None
+            return _write_here(Path(job.folder) / "shards" / file, shard, done, still_ours), None
         except (OSError, RuntimeError):  # read-only here, or full: then the client says so
             pass
     try:
@@ -261,7 +266,7 @@ def _write(job: Job, file: str, shard: Any, done: list[int]) -> tuple[ShardEntry
         raise DatasetError(f"a worker cannot write to {tempfile.gettempdir()}: {error}; expected free space") from None
 
 
-def _write_here(path: Path, shard: Any, done: list[int]) -> ShardEntry:
+def _write_here(path: Path, shard: Any, done: list[int], before: Callable[[], None] = lambda: None) -> ShardEntry:
     # inside a Dask worker xarray would ask the scheduler for a lock on the file, which is nobody else's anyway
     with dask.config.set(scheduler="synchronous"):
-        return write_shard(path, shard, done)
+        return write_shard(path, shard, done, before=before)

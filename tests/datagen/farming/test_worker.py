@@ -1,15 +1,18 @@
 """What a worker holds its files against, and what it does where they are others."""
 
 import shutil
+from dataclasses import replace
 
 import pytest
 
 from datagen.driving.weather import weather_path
 from datagen.farming import package, worker
-from datagen.farming.package import package_files, package_hash, receive, weather_hashes
+from datagen.farming.package import package_files, package_hash, receive, sees_folder, weather_hashes
 from datagen.farming.worker import Job, simulate_shard
 from datagen.fmi.fmu import fmu_sha256
+from shared import store
 from shared.errors import FmuError
+from shared.lock import FolderLock
 
 
 @pytest.fixture
@@ -73,3 +76,28 @@ def test_a_child_without_the_files_says_so(job, tmp_path):
     with pytest.raises(FmuError, match="a weather file changed"):
         worker.attempt((job, 0))
     worker.simulator_for.cache_clear()
+
+
+def test_a_folder_is_a_runs_only_while_the_run_has_it(tmp_path):
+    with FolderLock(tmp_path) as lock:
+        assert sees_folder(str(tmp_path), lock.token)
+    assert not sees_folder(str(tmp_path), lock.token)
+
+
+def test_a_worker_that_outlives_its_run_hands_its_file_back(job, tmp_path, monkeypatch):
+    folder = tmp_path / "ds"
+    (folder / "shards").mkdir(parents=True)
+    with FolderLock(folder) as lock:
+        mine = replace(job, folder=str(folder), token=lock.token)
+        found = simulate_shard(mine, "shard-000000.nc", [0])
+        assert found.data is None and (folder / "shards" / found.entry.file).exists()
+        (folder / "shards" / found.entry.file).unlink()
+
+        def write(dataset, path, encoding):
+            netcdf(dataset, path, encoding)
+            lock.__exit__(None, None, None)  # the run ends while the file is written
+
+        netcdf = store.write_netcdf
+        monkeypatch.setattr(store, "write_netcdf", write)
+        again = simulate_shard(mine, "shard-000000.nc", [0])
+    assert again.data is not None and not list((folder / "shards").iterdir())
