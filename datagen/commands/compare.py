@@ -24,7 +24,7 @@ def compare(
     recorded: Path | None = None,
     data: Path | None = None,
     systems: Positive = 5,
-    seed: NotNegative = 0,
+    seed: NotNegative | None = None,
     hours: float | None = None,
     step: float | None = None,
     excitation: bool = True,
@@ -53,7 +53,7 @@ def compare(
     systems
         How many random systems; of recorded ones, at most so many.
     seed
-        Root seed of what is drawn.
+        Root seed of what is drawn, 0 by default. Neither it nor the next three go with `--recorded`.
     hours
         Length of each record [h]; by default the first description's.
     step

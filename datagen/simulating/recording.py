@@ -50,6 +50,10 @@ def simulate(
     """
     described = system if isinstance(system, System) else load_system(system)
     described = described.with_experiment(hours=hours, step=step)
+    if uncertain and not described.uncertain:
+        raise SystemDescriptionError(
+            f"uncertain is set; expected an [[uncertain]] table in {described.path}, which has none"
+        )
     simulator = Simulator(described)
     given = dict(parameters or {})
     for name in given:

@@ -95,6 +95,18 @@ def test_identifiability_is_kept_and_copied(default_system, tmp_path, capsys):
         ([*PRESET, "--step", "0"], FAULT, "experiment.step: Input should be greater than 0 (found 0.0)"),
         ([*RUN, "--cluster", "slurm"], FAULT, "jobs on other nodes do not reach 127.0.0.1; expected --cluster-option"),
         ([*RUN, "--cluster", "slurp"], FAULT, "cluster is 'slurp'; expected local or slurm"),
+        ([*RUN, "--cluster-option", "queue=a"], FAULT, "cluster options queue are given and no cluster; expected"),
+        ([*RUN, "--scheduler", "tcp://a:1", "--cluster", "slurm"], FAULT, "and cluster is given; expected one of both"),
+        ([*RUN, "--scheduler", "tcp://a:1", "--workers", "2"], FAULT, "and workers is given; expected one of both"),
+        ([*RUN, "--scheduler", "tcp://a:1", "--host", "b"], FAULT, "and host is given; expected one of both"),
+        (["compare", "TOML", "--recorded", "a.toml", "--hours", "24"], FAULT, "a.toml: hours is given; expected none"),
+        (["compare", "TOML", "--recorded", "a.toml", "--step", "600"], FAULT, "a.toml: step is given; expected none"),
+        (["compare", "TOML", "--recorded", "a.toml", "--seed", "0"], FAULT, "a.toml: seed is given; expected none"),
+        (["compare", "TOML", "--recorded", "a.toml", "--no-excitation"], FAULT, "a.toml: excitation is given"),
+        (["compare", "TOML", "TOML", "--data", "csv"], FAULT, "data is 'csv' and nothing is recorded; expected both"),
+        (["verify", "nowhere", "--system", "TOML"], FAULT, "--system is given without --repair; expected both"),
+        (["verify", "nowhere", "--timeout", "9"], FAULT, "--timeout is given without --repair; expected both"),
+        (["simulate", "BARE", "--out", "x.nc", "--uncertain"], FAULT, "uncertain is set; expected an [[uncertain]]"),
         (
             ["identifiability", "TOML", "--channels", "TRoo,C02"],
             FAULT,
@@ -104,9 +116,13 @@ def test_identifiability_is_kept_and_copied(default_system, tmp_path, capsys):
         (["fly"], USAGE, "fly"),
     ],
 )
-def test_each_slip_is_a_sentence(default_system, words, code, said, tmp_path, monkeypatch, capsys):
+def test_each_slip_is_a_sentence(default_system, words, code, said, tmp_path, tmp_path_factory, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    assert run(*[str(default_system.path) if w == "TOML" else w for w in words]) == code
+    bare = tmp_path_factory.mktemp("bare") / "system.toml"  # without constants that are uncertain
+    text = default_system.path.read_text(encoding="utf-8").partition("[[uncertain]]")[0]
+    bare.write_text(text.replace('fmu = "', f'fmu = "{default_system.path.parent}/', 1), encoding="utf-8")
+    paths = {"TOML": str(default_system.path), "BARE": str(bare)}
+    assert run(*[paths.get(w, w) for w in words]) == code
     captured = capsys.readouterr()
     assert said in " ".join((captured.err + captured.out).split())
     assert "Traceback" not in captured.err
