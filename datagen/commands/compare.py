@@ -10,7 +10,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
-from shared.console import OK, NotNegative, Positive, new_console
+from shared.console import OK, NotNegative, Place, Positive, new_console
 from shared.logs import USUAL, Reporting
 
 console = new_console()
@@ -28,7 +28,7 @@ def compare(
     hours: float | None = None,
     step: float | None = None,
     excitation: bool = True,
-    out: Path | None = None,
+    out: Place | None = None,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
     report: Reporting = USUAL,
 ) -> int:

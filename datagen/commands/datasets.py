@@ -10,7 +10,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
-from shared.console import FAULT, OK, new_console
+from shared.console import FAULT, OK, Place, new_console
 from shared.errors import DatasetError
 from shared.logs import USUAL, Reporting
 
@@ -84,7 +84,7 @@ def verify(
     return FAULT if faults else OK
 
 
-def merge(folders: Annotated[list[Path], Parameter(consume_multiple=True, negative=())], /, *, out: Path) -> int:
+def merge(folders: Annotated[list[Path], Parameter(consume_multiple=True, negative=())], /, *, out: Place) -> int:
     """Join datasets of one system, made from different root seeds, into a new one.
 
     Parameters

@@ -13,6 +13,7 @@ from datagen.simulating.constants import sample_factors
 from datagen.simulating.drawn import simulate_system
 from datagen.simulating.simulator import Simulator
 from shared.errors import DatasetError, SystemDescriptionError
+from shared.places import check_folder
 from shared.schema import CLOCK, STEP_END, build_shard
 from shared.store import write_shard
 from shared.system import System, load_system
@@ -48,6 +49,7 @@ def simulate(
     DatasetError
         If ``out`` cannot be written; a file that was there is as it was.
     """
+    path = _place(out) if out is not None else None
     described = system if isinstance(system, System) else load_system(system)
     described = described.with_experiment(hours=hours, step=step)
     if uncertain and not described.uncertain:
@@ -90,8 +92,7 @@ def simulate(
         },
     )
     record = on_the_clock(shard.isel(system=0))
-    if out is not None:
-        path = Path(out)
+    if path is not None:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             write_shard(path, record, [index])
@@ -101,6 +102,15 @@ def simulate(
                 "free space"
             ) from None
     return record
+
+
+def _place(out: Path | str) -> Path:
+    """Where the record goes, looked at before long work."""
+    path = Path(out)
+    if not path.name or path.is_dir():
+        raise DatasetError(f"{str(out)!r}: is a folder, or has no name; expected the name of a NetCDF file to write")
+    check_folder(path.parent, DatasetError)
+    return path
 
 
 def on_the_clock(record: xr.Dataset) -> xr.Dataset:

@@ -106,6 +106,13 @@ def test_identifiability_is_kept_and_copied(default_system, tmp_path, capsys):
         (["compare", "TOML", "TOML", "--data", "csv"], FAULT, "data is 'csv' and nothing is recorded; expected both"),
         (["verify", "nowhere", "--system", "TOML"], FAULT, "--system is given without --repair; expected both"),
         (["verify", "nowhere", "--timeout", "9"], FAULT, "--timeout is given without --repair; expected both"),
+        (["simulate", "TOML", "--out", "."], FAULT, "'.': is a folder, or has no name; expected the name of a NetCDF"),
+        (["simulate", "TOML", "--out", "/"], FAULT, "'/': is a folder, or has no name; expected the name of a NetCDF"),
+        (["simulate", "TOML", "--out", "TOML/x.nc"], FAULT, "nothing can be written there, because"),
+        (["simulate", "TOML", "--out", ""], USAGE, "it is empty; expected a path"),
+        (["run", "TOML", "--out", "", "--systems", "2"], USAGE, "it is empty; expected a path"),
+        (["merge", "a", "b", "--out", " "], USAGE, "it is empty; expected a path"),
+        (["compare", "TOML", "TOML", "--out", ""], USAGE, "it is empty; expected a path"),
         (["simulate", "BARE", "--out", "x.nc", "--uncertain"], FAULT, "uncertain is set; expected an [[uncertain]]"),
         (
             ["identifiability", "TOML", "--channels", "TRoo,C02"],
@@ -122,7 +129,9 @@ def test_each_slip_is_a_sentence(default_system, words, code, said, tmp_path, tm
     text = default_system.path.read_text(encoding="utf-8").partition("[[uncertain]]")[0]
     bare.write_text(text.replace('fmu = "', f'fmu = "{default_system.path.parent}/', 1), encoding="utf-8")
     paths = {"TOML": str(default_system.path), "BARE": str(bare)}
-    assert run(*[paths.get(w, w) for w in words]) == code
+    for name, path in paths.items():
+        words = [word.replace(name, path) for word in words]
+    assert run(*words) == code
     captured = capsys.readouterr()
     assert said in " ".join((captured.err + captured.out).split())
     assert "Traceback" not in captured.err
