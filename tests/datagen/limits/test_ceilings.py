@@ -12,8 +12,9 @@ from datagen.farming.package import weather_hashes
 from datagen.limits.ceilings import ceilings_of, identifiability, posterior_variance
 from datagen.limits.sensitivities import HOUR, SPIN_UP_HOURS, Window, random_window
 from shared.ceiling import Ceilings, read_ceilings
-from shared.errors import SystemDescriptionError
+from shared.errors import SimulationError, SystemDescriptionError
 from shared.system import parse_system
+from tests.datagen.faults import faulty
 from tests.house import ROOM_AND_PERSONS
 
 HOUSE = """
@@ -338,3 +339,11 @@ def test_another_fmu_of_the_same_description_is_loaded_anew(default_system, monk
         with pytest.raises(Enough):
             random_window(default_system, 24.0, 1, 0)
         assert len(loaded) == count
+
+
+@pytest.mark.slow
+def test_an_fmu_that_takes_its_process_down_is_a_sentence(tmp_path):
+    faulty.build(tmp_path)
+    crashing = faulty.describe(tmp_path, fault=1, above=0)
+    with pytest.raises(SimulationError, match=r"faulty\.fmu: took a process down that simulated windows of 24 h"):
+        identifiability(crashing, context=24.0, systems=2, workers=2)
