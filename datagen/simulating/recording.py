@@ -60,7 +60,8 @@ def simulate(
     given = dict(parameters or {})
     for name in given:
         variable = simulator.fmu.variables.get(name)
-        if variable is None or variable.causality != "parameter":
+        estimated = name in described.parameter_names  # which may be an input of the FMU
+        if not estimated and (variable is None or variable.causality != "parameter"):
             raise SystemDescriptionError(
                 f"{described.path}: {name!r} is not a parameter of {simulator.fmu.path.name}; "
                 f"estimated ones are {', '.join(described.parameter_names)}"
