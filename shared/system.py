@@ -36,6 +36,7 @@ from shared.variables import (
 
 WHOLE = 1e-6
 """By so many steps a length may differ from a whole number of them."""
+MOST_STEPS = 1e9  # of a record; of more nobody could tell whether they are whole
 
 
 class Experiment(Table):
@@ -129,6 +130,8 @@ class System(Table):
             if not 0 <= span[0] <= span[1]:
                 raise ValueError(f"{where}: start is {span[0]:g} to {span[1]:g} h; expected 0 <= first <= last")
         steps = self.experiment.hours * 3600 / self.experiment.step  # hours of whole steps are rounded: 385 / 12
+        if not steps <= MOST_STEPS:
+            raise ValueError(f"experiment: hours over step are {steps:.3g} steps; expected at most {MOST_STEPS:.0e}")
         if round(steps) < 1 or abs(steps - round(steps)) > WHOLE:
             raise ValueError(f"experiment: step {self.experiment.step:g} s does not divide {self.experiment.hours:g} h")
         return self
@@ -293,6 +296,6 @@ def load_system(path: Path | str) -> System:
     path = resolved(path)
     if path.is_dir():
         path = path / "system.toml"
-    names = ", ".join(shipped_systems())
-    expected = f"a system description (TOML), or the name of one that comes with the package ({names})"
+    shipped = ", ".join(shipped_systems())
+    expected = f"a system description (TOML), or the name of one that comes with the package ({shipped})"
     return parse_system(read_text(path, SystemDescriptionError, expected, most=MOST_TOML), path)

@@ -28,6 +28,8 @@ QUEUES = {"slurm": slurm}
 """Kinds of cluster whose workers are jobs of a queue: each makes one of so many jobs, from the users' options and the
 scheduler's own."""
 _CONFIG = SETTINGS
+_MOST_WORKERS = 100_000
+"""More than any cluster starts; Dask would try for ever."""
 ANSWER = 20.0
 """A scheduler that runs already answers within so long [s]."""
 
@@ -54,8 +56,10 @@ def check_places(
             raise ClusterError(f"{what} is {name!r}; expected its address or name, or none given at all")
     if cluster not in ("local", *QUEUES):
         raise ClusterError(f"cluster is {cluster!r}; expected {' or '.join(['local', *QUEUES])}")
-    if workers is not None and workers < 1:
-        raise ClusterError(f"workers is {workers}; expected at least 1")
+    if workers is not None and not 1 <= workers <= _MOST_WORKERS:
+        raise ClusterError(
+            f"workers is {workers}; expected at least 1{'' if workers < 1 else f', at most {_MOST_WORKERS}'}"
+        )
     given = {"workers": workers is not None, "host": host is not None, "cluster": cluster != "local"}
     if scheduler and (beside := [name for name, one in given.items() if one]):
         raise ClusterError(

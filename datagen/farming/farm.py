@@ -20,7 +20,7 @@ from datagen.farming.dispatch import PATIENCE
 from datagen.farming.failures import FILE_NAME as FAILURES_FILE
 from datagen.farming.failures import Failures
 from datagen.farming.package import package_hash, weather_hashes
-from datagen.farming.plan import adopt, missing
+from datagen.farming.plan import adopt, check_sizes, missing
 from datagen.farming.versions import all_here, note
 from datagen.farming.worker import TIMEOUT, Job, check_timeout
 from datagen.fmi.fmu import fmu_sha256
@@ -112,10 +112,6 @@ def run(
         described = described.with_experiment(start=chosen.start)
     if systems is None:
         raise DatasetError("systems is missing; expected a number of systems, or a preset")
-    if systems < 1:
-        raise DatasetError(f"systems is {systems}; expected at least 1")
-    if shard_size < 1:
-        raise DatasetError(f"shard_size is {shard_size}; expected at least 1")
     if not 0 <= calm < 1 or (calm and not excitation):
         raise DatasetError(
             f"calm is {calm:g}{'' if excitation else ' and excitation is off'}; expected a share from 0 to less than 1"
@@ -134,6 +130,7 @@ def run(
     places["options"] = cluster_options
     check_places(**places)
     described = described.with_experiment(hours=hours, step=step)
+    check_sizes(described, systems, shard_size)
     fmu_hash = Simulator(described).fmu.sha256
     weather = weather_hashes(described)
     settings = {**described.experiment.model_dump(mode="json"), "excitation": excitation, "weather": weather}

@@ -134,3 +134,9 @@ def test_whole_steps_divide_their_length_and_others_do_not(steps, step):
 def test_less_than_a_step_is_no_length():
     with pytest.raises(SystemDescriptionError, match="step 3600 s does not divide 1e-09 h"):
         load_system(TOML).with_experiment(step=3600.0, hours=1e-9)
+
+
+@pytest.mark.parametrize("given", [{"hours": 1e300}, {"hours": 1.7e308}, {"step": 1e-300}])
+def test_no_record_is_beyond_all_memory(given):
+    with pytest.raises(SystemDescriptionError, match=r"hours over step are .* steps; expected at most 1e\+09"):
+        load_system(TOML).with_experiment(**given)
