@@ -222,7 +222,7 @@ def _with_recorded(system: System, mapping: Path, data: Path | str | None, count
         time, measured, table = series_of(spec, case, described)
         rows, keep = compared(spec, time)
         late = AFTER if spec.jumps == "after" else 0.0  # ours are values just before a jump
-        begin, step = float(rows[0]) + late, float(time[1] - time[0])
+        begin, step = float(rows[0]) + late, float(rows[-1] - rows[0]) / (len(rows) - 1)
         stop = float(rows[-1]) + late
         a = simulator.run(case.parameters, table, start=float(time[0]), stop=stop, record_from=begin, step=step)
         found = regimes(described, table, rows, a.outputs)
