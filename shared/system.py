@@ -44,7 +44,7 @@ class Experiment(Table):
 
     step: float = Field(3600.0, gt=0, description="output step [s]")
     hours: float = Field(8760.0, gt=0, description="length of the record [h]")
-    start: tuple[float, float] = Field((0.0, 0.0), description="hours of the year between which a record may begin [h]")
+    start: tuple[float, float] = Field((0.0, 0.0), description="a record begins at a midnight between these hours [h]")
     warm_up_hours: float = Field(0.0, ge=0, description="simulated before the record begins and dropped [h]")
     tolerance: float = Field(1e-6, gt=0, le=1e-2, description="relative tolerance of the integrator")
 
@@ -62,7 +62,7 @@ class Preset(Table):
     systems: int = Field(ge=1)
     hours: float | None = Field(None, gt=0, description="length of the record [h]")
     step: float | None = Field(None, gt=0, description="output step [s]")
-    start: tuple[float, float] | None = Field(None, description="hours between which a record may begin [h]")
+    start: tuple[float, float] | None = Field(None, description="as that of the experiment [h]")
     description: str = ""
 
 

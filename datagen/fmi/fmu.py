@@ -256,7 +256,7 @@ def check_system(system: System, fmu: Fmu) -> None:
                 f"{where}: output {output.name!r} is not a {real} but a {kind} in {fmu.path.name}"
             )
     for table, values in (("fixed", system.fixed), ("replay", system.replay)):
-        for name, value in values.items():
+        for name, given in values.items():
             found = variable(table, name)
             if found.causality not in ("parameter", "input"):
                 raise SystemDescriptionError(f"{where}: {table} {name!r} cannot be set in {fmu.path.name}")
@@ -264,7 +264,7 @@ def check_system(system: System, fmu: Fmu) -> None:
                 raise SystemDescriptionError(
                     f"{where}: {table} {name!r} is one of [[inputs]], which drives it; expected it in one of the two"
                 )
-            if wrong := value_fault(found, value):
+            if wrong := value_fault(found, given):
                 raise SystemDescriptionError(f"{where}: {table} {name!r} {wrong}")
     for uncertain in system.uncertain:
         for name in uncertain.parameters:
