@@ -11,6 +11,7 @@ from shared.lock import FolderLock
 from shared.store import read_manifest
 from tests.datagen.faults import InThisProcess, failing, faulty, shards_in
 
+pytestmark = pytest.mark.slow
 SIZE = {"systems": 10, "seed": 3, "shard_size": 3, "hours": 1.0, "failure_budget": 1.0, "quiet": True}
 
 
