@@ -13,16 +13,19 @@ def assignments(items: Iterable[str]) -> dict[str, float]:
     Raises
     ------
     SystemDescriptionError
-        Naming the first item that is something else.
+        Naming the first item that is something else, or sets a name anew.
     """
-    values = {}
+    values: dict[str, float] = {}
     for item in items:
         name, equals, text = item.partition("=")
         try:
             if not equals:
                 raise ValueError
-            values[name.strip()] = float(text)
+            value = float(text)
         except ValueError:
             sentence = f"--set {item!r}: expected NAME=VALUE with a number, like volume=150"
             raise SystemDescriptionError(sentence) from None
+        if name.strip() in values:
+            raise SystemDescriptionError(f"--set {item!r}: {name.strip()!r} is set twice; expected one value of it")
+        values[name.strip()] = value
     return values

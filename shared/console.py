@@ -9,6 +9,7 @@ import shlex
 import sys
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import cyclopts
@@ -39,6 +40,16 @@ NotNegative = Annotated[int, cyclopts.Parameter(validator=cyclopts.validators.Nu
 """Of an option: a seed or an index; numpy's generators take no negative one."""
 Positive = Annotated[int, cyclopts.Parameter(validator=cyclopts.validators.Number(gte=1))]
 """Of an option: how many."""
+
+
+def _named(_: Any, tokens: Sequence[Any]) -> Path:
+    if not tokens[0].value.strip():  # a shell's variable that is not set would be the folder that one happens to be in
+        raise ValueError("it is empty; expected a path")
+    return Path(tokens[0].value)
+
+
+Place = Annotated[Path, cyclopts.Parameter(converter=_named)]
+"""Of an option: where something is to be written."""
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 _resumable: dict[Callable[..., Any], tuple[tuple[str, ...], tuple[str, ...]]] = {}
 _log = logger(__name__)

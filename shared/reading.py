@@ -235,9 +235,9 @@ def why(cause: BaseException) -> str:
     return short((str(cause).strip().splitlines() or [type(cause).__name__])[0])
 
 
-def short(text: str) -> str:
-    """A text of at most :data:`MOST_SAID` characters: its beginning and its end."""
-    return text if len(text) <= MOST_SAID else f"{text[: MOST_SAID - 100]} ... {text[-90:]}"
+def short(text: str, most: int = MOST_SAID) -> str:
+    """A text of at most ``most`` characters, no fewer than 200: its beginning and its end."""
+    return text if len(text) <= most else f"{text[: most - 100]} ... {text[-90:]}"
 
 
 def listed(names: Iterable[object]) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import os
 import socket
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -76,10 +77,13 @@ def read_manifest(folder: Path | str) -> Manifest:
     return validated(Manifest, raw, f"{path}", DatasetError)
 
 
-def write_shard(path: Path, dataset: xr.Dataset, systems: list[int]) -> ShardEntry:
+def write_shard(
+    path: Path, dataset: xr.Dataset, systems: list[int], *, before: Callable[[], None] = lambda: None
+) -> ShardEntry:
     """Write a shard, or the record of one system, whole, and return its manifest entry.
 
-    The content hash is also written into the file, so that a shard can be held against itself.
+    The content hash is also written into the file, so that a shard can be held against itself. ``before`` is called
+    when all is written and the file is about to get its name; where it raises, the file gets none.
 
     Raises
     ------
@@ -99,6 +103,7 @@ def write_shard(path: Path, dataset: xr.Dataset, systems: list[int]) -> ShardEnt
     try:
         write_netcdf(dataset, temporary, encoding)
         digest = sha256_of(temporary)
+        before()
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)

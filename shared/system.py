@@ -31,10 +31,12 @@ from shared.variables import (
     Parameter,
     ScheduleInput,
     WeatherInput,
+    names_fault,
 )
 
 WHOLE = 1e-6
 """By so many steps a length may differ from a whole number of them."""
+MOST_STEPS = 1e9  # of a record; of more nobody could tell whether they are whole
 
 
 class Experiment(Table):
@@ -42,7 +44,7 @@ class Experiment(Table):
 
     step: float = Field(3600.0, gt=0, description="output step [s]")
     hours: float = Field(8760.0, gt=0, description="length of the record [h]")
-    start: tuple[float, float] = Field((0.0, 0.0), description="hours of the year between which a record may begin [h]")
+    start: tuple[float, float] = Field((0.0, 0.0), description="a record begins at a midnight between these hours [h]")
     warm_up_hours: float = Field(0.0, ge=0, description="simulated before the record begins and dropped [h]")
     tolerance: float = Field(1e-6, gt=0, le=1e-2, description="relative tolerance of the integrator")
 
@@ -60,7 +62,7 @@ class Preset(Table):
     systems: int = Field(ge=1)
     hours: float | None = Field(None, gt=0, description="length of the record [h]")
     step: float | None = Field(None, gt=0, description="output step [s]")
-    start: tuple[float, float] | None = Field(None, description="hours between which a record may begin [h]")
+    start: tuple[float, float] | None = Field(None, description="as that of the experiment [h]")
     description: str = ""
 
 
@@ -90,11 +92,9 @@ class System(Table):
 
     @model_validator(mode="after")
     def _consistent(self) -> System:
-        for kind, items in (("parameters", self.parameters), ("inputs", self.inputs), ("outputs", self.outputs)):
-            names = [item.name for item in items]
-            twice = sorted({name for name in names if names.count(name) > 1})
-            if twice:
-                raise ValueError(f"{kind}: {twice[0]!r} is declared twice")
+        for kind in ("parameters", "inputs", "outputs", "uncertain"):
+            if wrong := names_fault(kind, [item.name for item in getattr(self, kind)]):
+                raise ValueError(wrong)
         for name in sorted({*self.parameter_names, *self.input_names}):
             if (name in self.output_names) + (name in self.input_names) + (name in self.parameter_names) > 1:
                 raise ValueError(f"{name!r} is the name of two things; expected one")
@@ -130,6 +130,8 @@ class System(Table):
             if not 0 <= span[0] <= span[1]:
                 raise ValueError(f"{where}: start is {span[0]:g} to {span[1]:g} h; expected 0 <= first <= last")
         steps = self.experiment.hours * 3600 / self.experiment.step  # hours of whole steps are rounded: 385 / 12
+        if not steps <= MOST_STEPS:
+            raise ValueError(f"experiment: hours over step are {steps:.3g} steps; expected at most {MOST_STEPS:.0e}")
         if round(steps) < 1 or abs(steps - round(steps)) > WHOLE:
             raise ValueError(f"experiment: step {self.experiment.step:g} s does not divide {self.experiment.hours:g} h")
         return self
@@ -294,6 +296,6 @@ def load_system(path: Path | str) -> System:
     path = resolved(path)
     if path.is_dir():
         path = path / "system.toml"
-    names = ", ".join(shipped_systems())
-    expected = f"a system description (TOML), or the name of one that comes with the package ({names})"
+    shipped = ", ".join(shipped_systems())
+    expected = f"a system description (TOML), or the name of one that comes with the package ({shipped})"
     return parse_system(read_text(path, SystemDescriptionError, expected, most=MOST_TOML), path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Literal
 
 import numpy as np
@@ -9,6 +10,33 @@ from pydantic import Field, model_validator
 
 from shared.effects import Effect as Effect
 from shared.signals import Table
+
+RESERVED = ("bnds", "split", "start", "system", "time", "time_bnds")
+"""What a shard calls its own fields and dimensions: a variable of that name would take the place of one."""
+
+
+def names_fault(kind: str, names: Sequence[str]) -> str:
+    """What is wrong with the names of a table of variables, as a sentence; empty if nothing is.
+
+    Parameters
+    ----------
+    kind
+        The table, for example ``outputs``.
+    """
+    for k, name in enumerate(names):
+        if name in names[:k]:
+            return f"{kind}: {name!r} is declared twice"
+        if name not in RESERVED and "/" not in name:
+            continue
+        why = (
+            "what datasets call a field of their own" if name in RESERVED else "no name for a variable of a NetCDF file"
+        )
+        another = {
+            "outputs": 'another name, with the FMU\'s own as `variable = "..."`',
+            "uncertain": "another name",
+        }.get(kind, "an FMU that calls it otherwise")
+        return f"{kind}: {name!r} is {why}; expected {another}"
+    return ""
 
 
 def spaced(unit: str) -> str:

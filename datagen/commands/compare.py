@@ -10,7 +10,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
-from shared.console import OK, NotNegative, Positive, new_console
+from shared.console import OK, NotNegative, Place, Positive, new_console
 from shared.logs import USUAL, Reporting
 
 console = new_console()
@@ -24,11 +24,11 @@ def compare(
     recorded: Path | None = None,
     data: Path | None = None,
     systems: Positive = 5,
-    seed: NotNegative = 0,
+    seed: NotNegative | None = None,
     hours: float | None = None,
     step: float | None = None,
     excitation: bool = True,
-    out: Path | None = None,
+    out: Place | None = None,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
     report: Reporting = USUAL,
 ) -> int:
@@ -53,7 +53,7 @@ def compare(
     systems
         How many random systems; of recorded ones, at most so many.
     seed
-        Root seed of what is drawn.
+        Root seed of what is drawn, 0 by default. Neither it nor the next three go with `--recorded`.
     hours
         Length of each record [h]; by default the first description's.
     step

@@ -10,7 +10,8 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
-from shared.console import FAULT, OK, new_console
+from shared.console import FAULT, OK, Place, new_console
+from shared.errors import DatasetError
 from shared.logs import USUAL, Reporting
 
 console = new_console()
@@ -45,6 +46,7 @@ def verify(
     *,
     repair: Annotated[bool, Parameter(negative=())] = False,
     system: Path | None = None,
+    timeout: float | None = None,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
     report: Reporting = USUAL,
 ) -> int:
@@ -58,13 +60,19 @@ def verify(
         Simulate damaged and missing shards again; they must come out as the manifest says.
     system
         System description for a repair, if the dataset was not made on this machine.
+    timeout
+        Seconds that one system of a repair may take before it counts as failed; 600 by default.
     as_json
         Print JSON.
     """
     from datagen import repair as repair_
     from datagen import verify as verify_
 
-    mended = repair_(folder, system, quiet=report.quiet) if repair else []
+    for name, value in (("system", system), ("timeout", timeout)):
+        if value is not None and not repair:
+            raise DatasetError(f"--{name} is given without --repair; expected both, or neither")
+    allowed = {} if timeout is None else {"timeout": timeout}
+    mended = repair_(folder, system, quiet=report.quiet, **allowed) if repair else []
     faults = verify_(folder, quiet=report.quiet)
     if as_json:
         found = {"folder": str(folder), "ok": not faults, "faults": faults, **({"repaired": mended} if repair else {})}
@@ -76,7 +84,7 @@ def verify(
     return FAULT if faults else OK
 
 
-def merge(folders: Annotated[list[Path], Parameter(consume_multiple=True, negative=())], /, *, out: Path) -> int:
+def merge(folders: Annotated[list[Path], Parameter(consume_multiple=True, negative=())], /, *, out: Place) -> int:
     """Join datasets of one system, made from different root seeds, into a new one.
 
     Parameters

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
-from shared.console import OK, NotNegative, Positive, new_console
+from shared.console import OK, NotNegative, Place, Positive, new_console
 from shared.logs import USUAL, Reporting
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def identifiability(
     seed: NotNegative = 1,
     workers: Positive = 2,
     uncertain: Annotated[bool, Parameter(negative=())] = False,
-    out: Path | None = None,
+    out: Place | None = None,
     overwrite: Annotated[bool, Parameter(negative=())] = False,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
     report: Reporting = USUAL,

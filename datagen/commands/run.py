@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from shared.console import OK, PARTLY, new_console, resumable
+from shared.console import OK, PARTLY, Place, new_console, resumable
 from shared.errors import ZeroshotError
 from shared.logs import USUAL, Reporting
 
@@ -18,7 +18,7 @@ console = new_console()
 def run(
     system: Path,
     *,
-    out: Path,
+    out: Place,
     systems: int | None = None,
     preset: str | None = None,
     hours: float | None = None,

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from shared.assignments import assignments
-from shared.console import OK, NotNegative, new_console
+from shared.console import OK, NotNegative, Place, new_console
 
 console = new_console()
 
@@ -17,7 +17,7 @@ console = new_console()
 def simulate(
     system: Path,
     *,
-    out: Path,
+    out: Place,
     set_: Annotated[list[str] | None, Parameter(name="--set", consume_multiple=True, negative=())] = None,
     hours: float | None = None,
     step: float | None = None,

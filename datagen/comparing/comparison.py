@@ -20,7 +20,7 @@ from datagen.comparing.regimes import months, regimes
 from datagen.driving.inputs import build_inputs
 from datagen.driving.sampling import record_start, sample_parameters
 from datagen.simulating.simulator import Simulator
-from shared.errors import SystemDescriptionError
+from shared.errors import RecordingError, SystemDescriptionError
 from shared.logs import logger
 from shared.progress import tracked
 from shared.system import System, load_system
@@ -123,7 +123,7 @@ def compare(
     recorded: Path | str | None = None,
     data: Path | str | None = None,
     systems: int = 5,
-    seed: int = 0,
+    seed: int | None = None,
     hours: float | None = None,
     step: float | None = None,
     excitation: bool = True,
@@ -143,8 +143,10 @@ def compare(
         Folder of those CSV files; by default the TOML's.
     systems
         How many random systems; of recorded ones, at most so many.
+    seed
+        Root seed of the systems, 0 by default; not with recorded trajectories, which have their own.
     hours, step
-        Length [h] and output step [s], by default the first description's; recorded trajectories have their own.
+        Length [h] and output step [s], by default the first description's; not with recorded trajectories either.
     excitation
         Whether the description's sinusoids act; never against recorded trajectories, unless a column holds them.
 
@@ -166,10 +168,17 @@ def compare(
     if systems < 1:
         raise SystemDescriptionError(f"systems is {systems}; expected at least 1")
     if recorded is not None:
+        settings = {"seed": seed, "hours": hours, "step": step, "excitation": None if excitation else False}
+        if meant := [name for name, one in settings.items() if one is not None]:
+            raise RecordingError(
+                f"{recorded}: {meant[0]} is given; expected none, for recorded trajectories are as they are"
+            )
         return _with_recorded(system, Path(recorded), data, systems, quiet)
     assert second is not None
+    if data is not None:
+        raise SystemDescriptionError(f"data is {str(data)!r} and nothing is recorded; expected both, or neither")
     other = second if isinstance(second, System) else load_system(second)
-    return _with_system(system.with_experiment(hours=hours, step=step), other, systems, seed, excitation, quiet)
+    return _with_system(system.with_experiment(hours=hours, step=step), other, systems, seed or 0, excitation, quiet)
 
 
 def _with_system(system: System, other: System, count: int, seed: int, excitation: bool, quiet: bool) -> Comparison:
@@ -213,7 +222,7 @@ def _with_recorded(system: System, mapping: Path, data: Path | str | None, count
         time, measured, table = series_of(spec, case, described)
         rows, keep = compared(spec, time)
         late = AFTER if spec.jumps == "after" else 0.0  # ours are values just before a jump
-        begin, step = float(rows[0]) + late, float(time[1] - time[0])
+        begin, step = float(rows[0]) + late, float(rows[-1] - rows[0]) / (len(rows) - 1)
         stop = float(rows[-1]) + late
         a = simulator.run(case.parameters, table, start=float(time[0]), stop=stop, record_from=begin, step=step)
         found = regimes(described, table, rows, a.outputs)

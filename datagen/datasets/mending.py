@@ -9,15 +9,15 @@ from pathlib import Path
 from datagen.datasets.inspection import find_faults
 from datagen.farming.card import write_card
 from datagen.farming.cluster import connect
-from datagen.farming.collection import FAILURE_BUDGET, Collection
+from datagen.farming.collection import Collection
 from datagen.farming.failures import Failures
 from datagen.farming.farm import settings_text
 from datagen.farming.package import package_hash, weather_hashes
 from datagen.farming.plan import Piece
 from datagen.farming.versions import in_words
-from datagen.farming.worker import Job, ShardResult
+from datagen.farming.worker import TIMEOUT, Job, ShardResult, check_timeout
 from datagen.fmi.fmu import fmu_sha256
-from shared.errors import DatasetError
+from shared.errors import DatasetError, SimulationError
 from shared.lock import FolderLock, read_holder
 from shared.store import DatasetFolder
 from shared.system import System, load_system
@@ -28,9 +28,15 @@ class _Repair(Collection):
 
     def take(self, piece: Piece, result: ShardResult) -> None:
         old = self._entries[piece.file]
+        path = self.folder / "shards" / piece.file
+        for failure in result.failures:  # none of them had failed when the shard was made
+            raise SimulationError(
+                f"{path}: system {failure['system']} could not be simulated again: {failure['cause']}; the shard was "
+                "left as it is"
+            )
         if result.entry is None or result.entry.content_hash != old.content_hash:
             raise DatasetError(
-                f"{self.folder / 'shards' / piece.file}: simulated again, its content differs from the manifest's; it "
+                f"{path}: simulated again, its content differs from the manifest's; it "
                 f"was left as it is. Made with {' or '.join(in_words(self.manifest))}; expected the same versions here"
             )
         seed = old.root_seed
@@ -38,23 +44,37 @@ class _Repair(Collection):
         super().take(piece, replace(result, entry=entry))
 
 
-def repair(folder: Path | str, system: Path | str | None = None, *, workers: int = 1, quiet: bool = True) -> list[str]:
+def repair(
+    folder: Path | str,
+    system: Path | str | None = None,
+    *,
+    workers: int = 1,
+    timeout: float = TIMEOUT,
+    quiet: bool = True,
+) -> list[str]:
     """Simulate every damaged or missing shard again; returns the files that were mended.
 
     Parameters
     ----------
     system
         The system description; by default the one that the last run on this machine used.
+    timeout
+        Seconds that one system may take.
 
     Raises
     ------
     DatasetError
         If the system or its FMU is not the dataset's, or what comes out is not what the manifest promises.
+    SimulationError
+        If a system cannot be simulated any more.
     """
+    check_timeout(timeout)
     dataset = DatasetFolder(folder)
-    manifest = dataset.manifest
     described = _find_system(dataset, system)
     with FolderLock(dataset.folder, str(described.path.resolve())):
+        dataset = DatasetFolder(folder)  # another run may have ended before the lock was ours
+        described = _find_system(dataset, described.path)
+        manifest = dataset.manifest
         broken = {fault.entry.file: fault.entry for fault in find_faults(dataset) if fault.entry is not None}
         failures = Failures.read(dataset.folder)
         weather = weather_hashes(described)
@@ -69,6 +89,7 @@ def repair(folder: Path | str, system: Path | str | None = None, *, workers: int
             folder=str(dataset.folder.resolve()),
             settings=settings_text(manifest),
             package=package_hash(manifest.fmu_sha256, weather),
+            timeout=timeout,
             token="",  # workers hand their files back: nothing is overwritten before it has been compared
         )
         by_seed: dict[int, list[Piece]] = {}
@@ -79,7 +100,8 @@ def repair(folder: Path | str, system: Path | str | None = None, *, workers: int
             with connect(workers=workers) as client:
                 for seed, pieces in by_seed.items():
                     one = replace(job, root_seed=seed)
-                    collection = _Repair(dataset.folder, manifest, failures, one, described, budget=FAILURE_BUDGET)
+                    # what had failed when the dataset was made stays so, and none of it is simulated here
+                    collection = _Repair(dataset.folder, manifest, failures, one, described, budget=1.0)
                     collection.collect(client, iter(pieces), quiet=quiet)
         write_card(dataset.folder, manifest, dataset.system)
     return sorted(broken)

@@ -13,8 +13,12 @@ from datagen.farming.failures import Failures
 from datagen.farming.versions import note
 from shared.ceiling import FILE_NAME as CEILING_FILE
 from shared.errors import DatasetError
+from shared.lock import FILE_NAME as LOCK_FILE
+from shared.lock import FolderLock, at_work
 from shared.store import DatasetFolder, Manifest, ShardEntry, Source, sha256_of, temporary_name, write_manifest
 
+_DRAFT = ".merging"
+"""In a folder that was there before: what becomes its content. A merge that was killed leaves it."""
 _SAME = ("system_hash", "fmu_sha256", "settings")
 
 
@@ -32,7 +36,7 @@ def merge(folders: Sequence[Path | str], out: Path | str) -> Manifest:
         raise DatasetError(f"{len(datasets)} dataset to merge; expected at least two")
     sources = _check(datasets)
     target = Path(out)
-    if target.exists() and (not target.is_dir() or any(target.iterdir())):
+    if target.exists() and (not target.is_dir() or any(path.name != _DRAFT for path in target.iterdir())):
         raise DatasetError(f"{target}: already there; expected a new folder")
     first = datasets[0].manifest
     try:
@@ -68,18 +72,22 @@ def _whole(target: Path) -> Iterator[Path]:
     Half a dataset without a manifest would pass for a run that was stopped early, and bar the way of the next merge.
     """
     there = target.is_dir()  # what is above it may be another file system then, or another user's
-    draft = target / ".merging" if there else temporary_name(target)
+    draft = target / _DRAFT if there else temporary_name(target)
     draft.parent.mkdir(parents=True, exist_ok=True)
-    if not there:
-        shutil.rmtree(draft, ignore_errors=True)  # of a process that was killed and had this one's number
+    if found := at_work(draft):
+        raise DatasetError(f"{target}: another merge is at it ({found}); expected a new folder")
+    shutil.rmtree(draft, ignore_errors=True)  # of a process that was killed
     draft.mkdir()  # not of tempfile, whose folders nobody else may read
     try:
-        yield draft
         if not there:
+            yield draft
             draft.rename(target)
             return
-        for path in sorted(draft.iterdir(), key=lambda one: one.name == "manifest.json"):  # a reader looks for that
-            path.rename(target / path.name)
+        with FolderLock(draft):
+            yield draft
+            made = [path for path in draft.iterdir() if path.name != LOCK_FILE]
+            for path in sorted(made, key=lambda one: one.name == "manifest.json"):  # a reader looks for that
+                path.rename(target / path.name)
     finally:
         shutil.rmtree(draft, ignore_errors=True)
 

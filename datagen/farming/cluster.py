@@ -28,6 +28,8 @@ QUEUES = {"slurm": slurm}
 """Kinds of cluster whose workers are jobs of a queue: each makes one of so many jobs, from the users' options and the
 scheduler's own."""
 _CONFIG = SETTINGS
+_MOST_WORKERS = 100_000
+"""More than any cluster starts; Dask would try for ever."""
 ANSWER = 20.0
 """A scheduler that runs already answers within so long [s]."""
 
@@ -45,8 +47,8 @@ def check_places(
     Raises
     ------
     ClusterError
-        If the kind of cluster is unknown, a place has an empty name, there would be no worker, or jobs on other nodes
-        would not reach us.
+        If the kind of cluster is unknown, a place has an empty name, there would be no worker, jobs on other nodes
+        would not reach us, or one thing is given that another has no use for.
     """
     interface = (options or {}).get("interface")
     for what, name in (("host", host), ("scheduler", scheduler), ("cluster option interface", interface)):
@@ -54,9 +56,22 @@ def check_places(
             raise ClusterError(f"{what} is {name!r}; expected its address or name, or none given at all")
     if cluster not in ("local", *QUEUES):
         raise ClusterError(f"cluster is {cluster!r}; expected {' or '.join(['local', *QUEUES])}")
-    if workers is not None and workers < 1:
-        raise ClusterError(f"workers is {workers}; expected at least 1")
-    if cluster in QUEUES and not scheduler and host is None and interface is None:
+    if workers is not None and not 1 <= workers <= _MOST_WORKERS:
+        raise ClusterError(
+            f"workers is {workers}; expected at least 1{'' if workers < 1 else f', at most {_MOST_WORKERS}'}"
+        )
+    given = {"workers": workers is not None, "host": host is not None, "cluster": cluster != "local"}
+    if scheduler and (beside := [name for name, one in given.items() if one]):
+        raise ClusterError(
+            f"scheduler is {scheduler!r} and {beside[0]} is given; expected one of both: a scheduler that runs already"
+            " has workers of its own"
+        )
+    if options and cluster not in QUEUES:
+        raise ClusterError(
+            f"cluster options {', '.join(options)} are given and no cluster; expected --cluster {' or '.join(QUEUES)}"
+            " with them, or none of them"
+        )
+    if cluster in QUEUES and host is None and interface is None:
         raise ClusterError(
             f"cluster {cluster}: neither an interface nor a host is given, and jobs on other nodes do not reach "
             f"{LOOPBACK}; expected --cluster-option interface=NAME or --host ADDRESS of this machine in the nodes' "

@@ -10,10 +10,14 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict
 
 from shared.errors import DatasetError
-from shared.reading import parse_json, read_text, validated
-from shared.store import write_atomically
+from shared.reading import parse_json, read_text, short, validated
+from shared.store import MOST_MANIFEST, write_atomically
 
 FILE_NAME = "failures.jsonl"
+MOST = MOST_MANIFEST
+"""Bytes; every system of a dataset may have failed."""
+_MOST_CAUSE = 2000
+"""Characters; an FMU may say what it likes, and does so anew for each system."""
 
 
 class _Record(BaseModel):
@@ -45,7 +49,7 @@ class Failures:
         expected = "one JSON object a line, made by `datagen run`"
         if not path.exists():
             return cls()
-        lines = read_text(path, DatasetError, expected).split("\n")
+        lines = read_text(path, DatasetError, expected, most=MOST).split("\n")
         found = []
         for number, line in enumerate(lines, 1):
             if line.strip():
@@ -59,7 +63,10 @@ class Failures:
         write_atomically(folder / FILE_NAME, text.encode())
 
     def put(self, record: dict[str, Any]) -> None:
-        """Add a failure in place of the one of the same system."""
+        """Add a failure in place of the one of the same system; of a long cause the beginning and the end."""
+        cause = record.get("cause")
+        if isinstance(cause, str):
+            record = {**record, "cause": short(cause, _MOST_CAUSE)}
         self._by_system[record["root_seed"], record["system"]] = record
 
     def drop(self, root_seed: int, systems: Iterable[int]) -> int:

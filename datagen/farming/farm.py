@@ -7,7 +7,6 @@ data.
 from __future__ import annotations
 
 import json
-import threading
 from collections.abc import Mapping
 from itertools import chain
 from pathlib import Path
@@ -21,9 +20,9 @@ from datagen.farming.dispatch import PATIENCE
 from datagen.farming.failures import FILE_NAME as FAILURES_FILE
 from datagen.farming.failures import Failures
 from datagen.farming.package import package_hash, weather_hashes
-from datagen.farming.plan import adopt, missing
+from datagen.farming.plan import adopt, check_sizes, missing
 from datagen.farming.versions import all_here, note
-from datagen.farming.worker import TIMEOUT, Job
+from datagen.farming.worker import TIMEOUT, Job, check_timeout
 from datagen.fmi.fmu import fmu_sha256
 from datagen.simulating.liveness import check_live_apart
 from datagen.simulating.simulator import Simulator
@@ -37,8 +36,6 @@ from shared.store import Manifest, read_manifest, write_atomically, write_manife
 from shared.system import System, load_system
 
 _log = logger(__name__)
-_SHORTEST = 0.001
-"""Of a system's timeout [s]; faulthandler, which watches over it, counts in microseconds."""
 _FIXED = ("system_hash", "fmu_sha256", "root_seed", "shard_size", "settings")
 
 
@@ -115,10 +112,6 @@ def run(
         described = described.with_experiment(start=chosen.start)
     if systems is None:
         raise DatasetError("systems is missing; expected a number of systems, or a preset")
-    if systems < 1:
-        raise DatasetError(f"systems is {systems}; expected at least 1")
-    if shard_size < 1:
-        raise DatasetError(f"shard_size is {shard_size}; expected at least 1")
     if not 0 <= calm < 1 or (calm and not excitation):
         raise DatasetError(
             f"calm is {calm:g}{'' if excitation else ' and excitation is off'}; expected a share from 0 to less than 1"
@@ -132,12 +125,12 @@ def run(
         raise DatasetError(f"seed is {seed}; expected at least 0")
     if not 0 <= failure_budget <= 1:  # of a NaN no comparison holds
         raise DatasetError(f"failure_budget is {failure_budget:g}; expected a share from 0 to 1 of the systems")
-    if not _SHORTEST <= timeout <= threading.TIMEOUT_MAX:
-        raise DatasetError(f"timeout is {timeout:g} s; expected {_SHORTEST:g} to {threading.TIMEOUT_MAX:g} s")
+    check_timeout(timeout)
     places: dict[str, Any] = {"workers": workers, "scheduler": scheduler, "cluster": cluster, "host": host}
     places["options"] = cluster_options
     check_places(**places)
     described = described.with_experiment(hours=hours, step=step)
+    check_sizes(described, systems, shard_size)
     fmu_hash = Simulator(described).fmu.sha256
     weather = weather_hashes(described)
     settings = {**described.experiment.model_dump(mode="json"), "excitation": excitation, "weather": weather}

@@ -9,7 +9,6 @@ from __future__ import annotations
 import getpass
 import hashlib
 import tempfile
-from functools import lru_cache
 from pathlib import Path
 
 from datagen.driving.weather import weather_path
@@ -52,9 +51,13 @@ def package_hash(fmu_hash: str, weather: dict[str, str]) -> str:
 
 def package_files(system: System) -> dict[str, bytes]:
     """Contents by the names they get on a worker."""
-    own = weather_files(system)
-    files = {f"weather-{k}": weather_path(file, system.path.parent).read_bytes() for k, file in enumerate(own)}
+    files = {kept: weather_path(file, system.path.parent).read_bytes() for file, kept in _kept_as(system).items()}
     return {"model.fmu": system.fmu_path.read_bytes(), **files}
+
+
+def _kept_as(system: System) -> dict[str, str]:
+    """Names that a description's own weather files get on a worker: with their endings, which say how to read them."""
+    return {file: f"weather-{k}{Path(file).suffix}" for k, file in enumerate(weather_files(system))}
 
 
 def _home(package: str) -> Path:
@@ -75,7 +78,7 @@ def locate(canonical: str, system_path: str, package: str) -> System | None:
     if not package or _is(system, package):
         return system
     folder = _home(package)
-    names = {file: str(folder / f"weather-{k}") for k, file in enumerate(weather_files(system))}
+    names = {file: str(folder / kept) for file, kept in _kept_as(system).items()}
     changes: dict[str, object] = {"fmu": str(folder / "model.fmu")}
     if system.weather is not None:
         files = [names.get(file, file) for file in system.weather.files]
@@ -94,7 +97,6 @@ def _is(system: System, package: str, names: dict[str, str] | None = None) -> bo
         return False
 
 
-@lru_cache(maxsize=16)
 def sees_folder(folder: str, token: str) -> bool:
     """Whether this process sees the very dataset folder that a run with this token writes to."""
     from shared.lock import read_holder

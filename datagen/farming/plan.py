@@ -12,8 +12,14 @@ from pathlib import Path
 
 from datagen.farming.failures import Failures
 from shared.errors import DatasetError
+from shared.netcdf import MOST
+from shared.reading import MIB
 from shared.schema import CONTENT_HASH, split_of
 from shared.store import DatasetFolder, Manifest, ShardEntry, sha256_of
+from shared.system import System
+
+_MOST_SYSTEMS = 2**63 - 1
+"""What the manifest and a shard's int64 hold."""
 
 
 @dataclass(frozen=True)
@@ -23,6 +29,30 @@ class Piece:
     file: str
     systems: range | tuple[int, ...]
     root_seed: int
+
+
+def check_sizes(system: System, systems: int, shard_size: int) -> None:
+    """Refuse a plan that no manifest can hold, or shards that no reader takes.
+
+    Raises
+    ------
+    DatasetError
+        If there are no systems or too many, or a shard holds more numbers than :data:`shared.netcdf.MOST`.
+    """
+    for name, count in (("systems", systems), ("shard_size", shard_size)):
+        if not 1 <= count <= _MOST_SYSTEMS:
+            raise DatasetError(
+                f"{name} is {count}; expected at least 1{'' if count < 1 else f', at most {_MOST_SYSTEMS}'}"
+            )
+    steps = round(system.experiment.hours * 3600 / system.experiment.step)
+    channels, largest = len(system.inputs) + len(system.outputs), min(systems, shard_size)
+    each = len(system.parameters) + len(system.uncertain) + 3  # and its index, start and split
+    size = steps * (4 * channels * largest + 24) + 8 * each * largest  # float32, and float64 for all but series
+    if size > MOST:
+        raise DatasetError(
+            f"shard_size is {shard_size}: {largest} systems with {channels} channels of {steps} steps are"
+            f" {size / MIB:.0f} MiB; expected at most {MOST / MIB:.0f}, more of which no reader takes in one file"
+        )
 
 
 def shard_name(number: int) -> str:

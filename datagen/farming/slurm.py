@@ -67,7 +67,8 @@ def slurm(jobs: int, options: dict[str, str], listening: dict[str, str]) -> Any:
             **settings,
         )
     except (TypeError, ValueError) as error:
-        raise ClusterError(f"cluster options: {error}; expected those of dask_jobqueue.SLURMCluster") from None
+        words = str(error).partition("\n")[0].partition(". ")[0]  # its own go on with all options, over several lines
+        raise ClusterError(f"cluster options: {words}; expected those of dask_jobqueue.SLURMCluster") from None
     except OSError as error:
         where = settings["log_directory"]
         raise ClusterError(

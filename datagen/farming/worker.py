@@ -10,7 +10,7 @@ import os
 import tempfile
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -30,7 +30,7 @@ from datagen.simulating.constants import sample_factors
 from datagen.simulating.drawn import simulate_system
 from datagen.simulating.simulator import Simulator, Trajectory
 from shared import __version__
-from shared.errors import DatasetError, SimulationError
+from shared.errors import DatasetError, FmuError, SimulationError
 from shared.schema import build_shard
 from shared.store import ShardEntry, write_shard
 from shared.system import System, system_from_canonical
@@ -39,6 +39,20 @@ RETRY_TOLERANCES = (1.0, 0.1, 0.01)
 """A system that fails is tried again with the tolerance times these, in this order, then given up."""
 TIMEOUT = 600.0
 """Seconds that one system may take by default before its process is killed."""
+_SHORTEST, _LONGEST = 0.001, 1e9
+"""Of it [s]; faulthandler, which watches over it, counts in microseconds, and twice as long in a child process."""
+
+
+def check_timeout(timeout: float) -> None:
+    """Refuse a time for one system [s] that no watch can keep.
+
+    Raises
+    ------
+    DatasetError
+        If it is too short, too long, or no number.
+    """
+    if not _SHORTEST <= timeout <= _LONGEST:  # of a NaN no comparison holds
+        raise DatasetError(f"timeout is {timeout:g} s; expected {_SHORTEST:g} to {_LONGEST:g} s")
 
 
 @dataclass(frozen=True)
@@ -101,7 +115,8 @@ def attempt(work: tuple[Job, int]) -> Trajectory:
     """
     job, index = work
     simulator = simulator_for(job.system, job.system_path, job.package)
-    assert simulator is not None
+    if simulator is None:  # whoever asked for this looks at the files again, and drops what came of it
+        raise FmuError(f"{job.system_path}: its FMU or a weather file changed; expected those that the run began with")
     last = SimulationError("")
     for factor in RETRY_TOLERANCES:
         try:
@@ -150,14 +165,25 @@ def simulate_shard(job: Job, file: str, indices: Sequence[int], guarded: bool = 
     with _ONE_AT_A_TIME:
         unpack_in_scratch()
         began = time.perf_counter()
-        if simulator_for(job.system, job.system_path, job.package) is None:
-            simulator_for.cache_clear()
+        outcomes = _simulated(job, indices, guarded)
+        if outcomes is None:
             return ShardResult(lacks_package=True, worker=address())
-        outcomes = _under_guard(job, indices) if guarded else [_outcome(job, index) for index in indices]
         result = _deliver(job, file, indices, outcomes)
         rss = psutil.Process().memory_info().rss
         recycle(job.recycle, rss)
         return ShardResult(**result, worker=address(), pid=os.getpid(), rss=rss, seconds=time.perf_counter() - began)
+
+
+def _simulated(job: Job, indices: Sequence[int], guarded: bool) -> list[Any] | None:
+    """What comes of each system with the files of the job's package; None if they are not on this machine."""
+    files = (job.system, job.system_path, job.package)
+    while (simulator := simulator_for(*files)) is not None:
+        outcomes = _under_guard(job, indices) if guarded else [_outcome(job, index) for index in indices]
+        if locate(*files) == simulator.system:
+            return outcomes
+        simulator_for.cache_clear()  # a file changed since the simulator was made: nobody knows of what these are
+    simulator_for.cache_clear()
+    return None
 
 
 def _check_versions(job: Job) -> None:
@@ -222,9 +248,14 @@ def _deliver(job: Job, file: str, indices: Sequence[int], outcomes: list[Any]) -
 
 def _write(job: Job, file: str, shard: Any, done: list[int]) -> tuple[ShardEntry, bytes | None]:
     """Write a shard into the dataset's folder if this worker sees it, else hand it back as bytes."""
+
+    def still_ours() -> None:
+        if not sees_folder(job.folder, job.token):  # a worker may outlive its run, and another may be at work there
+            raise OSError(f"{job.folder}: no longer of the run that this is for")
+
     if sees_folder(job.folder, job.token):
         try:
-            return _write_here(Path(job.folder) / "shards" / file, shard, done), None
+            return _write_here(Path(job.folder) / "shards" / file, shard, done, still_ours), None
         except (OSError, RuntimeError):  # read-only here, or full: then the client says so
             pass
     try:
@@ -235,7 +266,7 @@ def _write(job: Job, file: str, shard: Any, done: list[int]) -> tuple[ShardEntry
         raise DatasetError(f"a worker cannot write to {tempfile.gettempdir()}: {error}; expected free space") from None
 
 
-def _write_here(path: Path, shard: Any, done: list[int]) -> ShardEntry:
+def _write_here(path: Path, shard: Any, done: list[int], before: Callable[[], None] = lambda: None) -> ShardEntry:
     # inside a Dask worker xarray would ask the scheduler for a lock on the file, which is nobody else's anyway
     with dask.config.set(scheduler="synchronous"):
-        return write_shard(path, shard, done)
+        return write_shard(path, shard, done, before=before)

@@ -151,6 +151,8 @@ class Fmu:
     def set_value(self, name: str, value: float | bool) -> None:
         """Set a number or a boolean by name."""
         variable = self.variables[name]
+        if wrong := value_fault(variable, value):
+            raise SystemDescriptionError(f"{self.path}: {name!r} {wrong}")
         if not self.interface.set_value(variable, value):
             what = f"an array of {variable.type}" if variable.shape else f"a {variable.type}"
             raise SystemDescriptionError(f"{self.path}: {name!r} is {what}; expected a number or a boolean")
@@ -163,6 +165,31 @@ class Fmu:
 
 def _type(variable: ScalarVariable) -> str:
     return f"array of {variable.type}" if variable.shape else str(variable.type)
+
+
+def value_fault(variable: ScalarVariable, value: float | bool) -> str:
+    """Why a variable cannot hold a value, to follow its name; empty if it can, or is neither a number nor a boolean."""
+    if variable.type == "Boolean":
+        return "" if value in (0, 1) else f"is set to {value:g} and is a Boolean; expected true or false"
+    kind = _WHOLE.get(str(variable.type))
+    if kind is None:
+        return ""
+    low, high = kind
+    if float(value).is_integer() and low <= value <= high:
+        return ""
+    return f"is set to {value:g} and is {_a(variable.type)}; expected a whole number from {low} to {high}"
+
+
+_WHOLE = {
+    **{f"Int{bits}": (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
+    **{f"UInt{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
+    **dict.fromkeys(("Integer", "Enumeration"), (-(2**31), 2**31 - 1)),
+}
+"""Types of whole numbers, and the first and last that each holds."""
+
+
+def _a(kind: str) -> str:
+    return f"{'an' if kind[0] in 'IE' else 'a'} {kind}"
 
 
 def unit_of(variable: ScalarVariable) -> str:
@@ -229,9 +256,16 @@ def check_system(system: System, fmu: Fmu) -> None:
                 f"{where}: output {output.name!r} is not a {real} but a {kind} in {fmu.path.name}"
             )
     for table, values in (("fixed", system.fixed), ("replay", system.replay)):
-        for name in values:
-            if variable(table, name).causality not in ("parameter", "input"):
+        for name, given in values.items():
+            found = variable(table, name)
+            if found.causality not in ("parameter", "input"):
                 raise SystemDescriptionError(f"{where}: {table} {name!r} cannot be set in {fmu.path.name}")
+            if name in system.input_names:
+                raise SystemDescriptionError(
+                    f"{where}: {table} {name!r} is one of [[inputs]], which drives it; expected it in one of the two"
+                )
+            if wrong := value_fault(found, given):
+                raise SystemDescriptionError(f"{where}: {table} {name!r} {wrong}")
     for uncertain in system.uncertain:
         for name in uncertain.parameters:
             found = variable(f"uncertain {uncertain.name!r}:", name)

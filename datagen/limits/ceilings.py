@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -28,7 +29,7 @@ from scipy.linalg import cho_factor, cho_solve
 from datagen.farming.package import weather_hashes
 from datagen.limits.sensitivities import HOUR, Window, crowd_inputs, random_window
 from shared.ceiling import Ceiling, Origin, Unknown, unknown_constants
-from shared.errors import SystemDescriptionError
+from shared.errors import SimulationError, SystemDescriptionError
 from shared.interrupts import interrupts_held
 from shared.progress import progress_bar
 from shared.system import WHOLE, System, load_system
@@ -81,6 +82,8 @@ def ceilings_of(
         channel, channels without any output, or constants that are to be uncertain where the description declares none.
     WeatherError
         If a weather file cannot be read.
+    SimulationError
+        If a simulation did not reach its end, or took its process down.
     """
     described = system if isinstance(system, System) else load_system(system)
     if uncertain and not described.uncertain:
@@ -219,4 +222,10 @@ def _windows(
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         with interrupts_held():
             found = pool.map(random_window, *zip(*jobs, strict=True))
-        yield from found
+        try:
+            yield from found
+        except BrokenProcessPool:
+            raise SimulationError(
+                f"{system.fmu_path}: took a process down that simulated windows of {context:g} h, or memory ran out;"
+                " expected an FMU that bears every parameter within its range, or fewer workers"
+            ) from None

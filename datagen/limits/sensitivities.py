@@ -140,9 +140,10 @@ def random_window(system: System, context: float, seed: int, index: int, uncerta
 
         draws = occupancy_prior(system.occupancy, edges, max(PRIOR_DRAWS, DRAWS_EACH * (len(edges) - 1)), seed)
         some = np.flatnonzero(np.ptp(draws, axis=0) > 0)  # nobody comes at night
-        covariance, within = np.atleast_2d(np.cov(draws[:, some], rowvar=False)), some // each
-        pulses = list(pairwise(edges))
-        by_pulse = responses(response, [pulses[k] for k in some], begin + step * np.arange(1, shape[1] + 1))
+        if some.size:  # nor at weekends, say
+            covariance, within = np.atleast_2d(np.cov(draws[:, some], rowvar=False)), some // each
+            pulses = list(pairwise(edges))
+            by_pulse = responses(response, [pulses[k] for k in some], begin + step * np.arange(1, shape[1] + 1))
 
     def stacked(columns: list[np.ndarray]) -> np.ndarray:
         return np.stack(columns, axis=-1) if columns else np.empty(shape)

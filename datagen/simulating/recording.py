@@ -13,6 +13,7 @@ from datagen.simulating.constants import sample_factors
 from datagen.simulating.drawn import simulate_system
 from datagen.simulating.simulator import Simulator
 from shared.errors import DatasetError, SystemDescriptionError
+from shared.places import check_folder
 from shared.schema import CLOCK, STEP_END, build_shard
 from shared.store import write_shard
 from shared.system import System, load_system
@@ -48,13 +49,19 @@ def simulate(
     DatasetError
         If ``out`` cannot be written; a file that was there is as it was.
     """
+    path = _place(out) if out is not None else None
     described = system if isinstance(system, System) else load_system(system)
     described = described.with_experiment(hours=hours, step=step)
+    if uncertain and not described.uncertain:
+        raise SystemDescriptionError(
+            f"uncertain is set; expected an [[uncertain]] table in {described.path}, which has none"
+        )
     simulator = Simulator(described)
     given = dict(parameters or {})
     for name in given:
         variable = simulator.fmu.variables.get(name)
-        if variable is None or variable.causality != "parameter":
+        estimated = name in described.parameter_names  # which may be an input of the FMU
+        if not estimated and (variable is None or variable.causality != "parameter"):
             raise SystemDescriptionError(
                 f"{described.path}: {name!r} is not a parameter of {simulator.fmu.path.name}; "
                 f"estimated ones are {', '.join(described.parameter_names)}"
@@ -86,8 +93,7 @@ def simulate(
         },
     )
     record = on_the_clock(shard.isel(system=0))
-    if out is not None:
-        path = Path(out)
+    if path is not None:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             write_shard(path, record, [index])
@@ -97,6 +103,15 @@ def simulate(
                 "free space"
             ) from None
     return record
+
+
+def _place(out: Path | str) -> Path:
+    """Where the record goes, looked at before long work."""
+    path = Path(out)
+    if not path.name or path.is_dir():
+        raise DatasetError(f"{str(out)!r}: is a folder, or has no name; expected the name of a NetCDF file to write")
+    check_folder(path.parent, DatasetError)
+    return path
 
 
 def on_the_clock(record: xr.Dataset) -> xr.Dataset:

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import psutil
 
+from datagen.farming import worker
+from shared.errors import SimulationError
 from shared.store import read_manifest
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -107,3 +109,28 @@ def kill(pid):
 def hashes(folder):
     """Content hashes by file."""
     return {entry.file: entry.content_hash for entry in read_manifest(folder).shards}
+
+
+class InThisProcess:
+    """A dispatcher without workers."""
+
+    def __init__(self, client, function, arguments, source, **_):
+        self.work = ((task, function, arguments) for task in source)
+
+    def __iter__(self):
+        return ((task, function(*arguments(task))) for task, function, arguments in self.work)
+
+
+def failing(monkeypatch, *systems):
+    """Let these systems fail from now on, and no others."""
+    real = failing.real
+
+    def attempt(work):
+        if work[1] in systems:
+            raise SimulationError(f"system {work[1]} does not want to")
+        return real(work)
+
+    monkeypatch.setattr(worker, "attempt", attempt)
+
+
+failing.real = worker.attempt

@@ -86,7 +86,17 @@ def test_identifiability_is_kept_and_copied(default_system, tmp_path, capsys):
         ([*RUN, "--workers", "0"], FAULT, "workers is 0; expected at least 1"),
         ([*RUN, "--timeout", "0"], FAULT, "timeout is 0 s; expected 0.001 to"),
         ([*RUN, "--timeout", "nan"], FAULT, "timeout is nan s; expected 0.001 to"),
-        ([*RUN, "--timeout", "1e12"], FAULT, "timeout is 1e+12 s; expected 0.001 to"),
+        ([*RUN, "--timeout", "5e9"], FAULT, "timeout is 5e+09 s; expected 0.001 to 1e+09 s"),
+        ([*RUN, "--shard-size", "0"], FAULT, "shard_size is 0; expected at least 1"),
+        ([*RUN, "--shard-size", f"{10**19}"], FAULT, f"shard_size is {10**19}; expected at least 1, at most"),
+        ([*RUN[:-1], f"{10**19}"], FAULT, f"systems is {10**19}; expected at least 1, at most"),
+        ([*RUN, "--workers", f"{10**19}"], FAULT, f"workers is {10**19}; expected at least 1, at most"),
+        ([*RUN, "--hours", "1e300"], FAULT, "hours over step are 1e+300 steps; expected at most 1e+09"),
+        (
+            [*RUN[:-1], "9999", "--shard-size", "5000"],
+            FAULT,
+            "5000 systems with 19 channels of 8760 steps are 3175 MiB",
+        ),
         ([*RUN, "--failure-budget", "5"], FAULT, "failure_budget is 5; expected a share from 0 to 1"),
         ([*RUN, "--failure-budget", "nan"], FAULT, "failure_budget is nan; expected a share from 0 to 1"),
         ([*RUN, "--failure-budget", "-1"], FAULT, "failure_budget is -1; expected a share from 0 to 1"),
@@ -95,6 +105,25 @@ def test_identifiability_is_kept_and_copied(default_system, tmp_path, capsys):
         ([*PRESET, "--step", "0"], FAULT, "experiment.step: Input should be greater than 0 (found 0.0)"),
         ([*RUN, "--cluster", "slurm"], FAULT, "jobs on other nodes do not reach 127.0.0.1; expected --cluster-option"),
         ([*RUN, "--cluster", "slurp"], FAULT, "cluster is 'slurp'; expected local or slurm"),
+        ([*RUN, "--cluster-option", "queue=a"], FAULT, "cluster options queue are given and no cluster; expected"),
+        ([*RUN, "--scheduler", "tcp://a:1", "--cluster", "slurm"], FAULT, "and cluster is given; expected one of both"),
+        ([*RUN, "--scheduler", "tcp://a:1", "--workers", "2"], FAULT, "and workers is given; expected one of both"),
+        ([*RUN, "--scheduler", "tcp://a:1", "--host", "b"], FAULT, "and host is given; expected one of both"),
+        (["compare", "TOML", "--recorded", "a.toml", "--hours", "24"], FAULT, "a.toml: hours is given; expected none"),
+        (["compare", "TOML", "--recorded", "a.toml", "--step", "600"], FAULT, "a.toml: step is given; expected none"),
+        (["compare", "TOML", "--recorded", "a.toml", "--seed", "0"], FAULT, "a.toml: seed is given; expected none"),
+        (["compare", "TOML", "--recorded", "a.toml", "--no-excitation"], FAULT, "a.toml: excitation is given"),
+        (["compare", "TOML", "TOML", "--data", "csv"], FAULT, "data is 'csv' and nothing is recorded; expected both"),
+        (["verify", "nowhere", "--system", "TOML"], FAULT, "--system is given without --repair; expected both"),
+        (["verify", "nowhere", "--timeout", "9"], FAULT, "--timeout is given without --repair; expected both"),
+        (["simulate", "TOML", "--out", "."], FAULT, "'.': is a folder, or has no name; expected the name of a NetCDF"),
+        (["simulate", "TOML", "--out", "/"], FAULT, "'/': is a folder, or has no name; expected the name of a NetCDF"),
+        (["simulate", "TOML", "--out", "TOML/x.nc"], FAULT, "nothing can be written there, because"),
+        (["simulate", "TOML", "--out", ""], USAGE, "it is empty; expected a path"),
+        (["run", "TOML", "--out", "", "--systems", "2"], USAGE, "it is empty; expected a path"),
+        (["merge", "a", "b", "--out", " "], USAGE, "it is empty; expected a path"),
+        (["compare", "TOML", "TOML", "--out", ""], USAGE, "it is empty; expected a path"),
+        (["simulate", "BARE", "--out", "x.nc", "--uncertain"], FAULT, "uncertain is set; expected an [[uncertain]]"),
         (
             ["identifiability", "TOML", "--channels", "TRoo,C02"],
             FAULT,
@@ -104,9 +133,15 @@ def test_identifiability_is_kept_and_copied(default_system, tmp_path, capsys):
         (["fly"], USAGE, "fly"),
     ],
 )
-def test_each_slip_is_a_sentence(default_system, words, code, said, tmp_path, monkeypatch, capsys):
+def test_each_slip_is_a_sentence(default_system, words, code, said, tmp_path, tmp_path_factory, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    assert run(*[str(default_system.path) if w == "TOML" else w for w in words]) == code
+    bare = tmp_path_factory.mktemp("bare") / "system.toml"  # without constants that are uncertain
+    text = default_system.path.read_text(encoding="utf-8").partition("[[uncertain]]")[0]
+    bare.write_text(text.replace('fmu = "', f'fmu = "{default_system.path.parent}/', 1), encoding="utf-8")
+    paths = {"TOML": str(default_system.path), "BARE": str(bare)}
+    for name, path in paths.items():
+        words = [word.replace(name, path) for word in words]
+    assert run(*words) == code
     captured = capsys.readouterr()
     assert said in " ".join((captured.err + captured.out).split())
     assert "Traceback" not in captured.err

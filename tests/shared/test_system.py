@@ -61,6 +61,27 @@ def test_each_mistake_is_one_sentence(old, new, words):
         assert word in message
 
 
+# one name of each kind in the default room, and what takes its place
+KINDS = {
+    "parameters": ('name = "roo.V"', 'name = "{}"'),
+    "inputs": ('name = "nPer"', 'name = "{}"'),
+    "outputs": ('name = "CO2"', 'name = "{}"\nvariable = "CO2"'),
+    "uncertain": ('name = "floor.capacity"', 'name = "{}"'),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", ["time", "system", "start", "split", "time_bnds", "bnds", "room/V"])
+def test_no_variable_takes_the_place_of_a_field_of_a_shard(kind, name):
+    old, new = KINDS[kind]
+    text = TOML.read_text()
+    assert old in text
+    with pytest.raises(SystemDescriptionError) as caught:
+        parse_system(text.replace(old, new.format(name), 1), Path("mine.toml"))
+    assert f"{kind}: {name!r} is " in str(caught.value)
+    assert ("variable =" in str(caught.value)) == (kind == "outputs")
+
+
 def test_missing_file_is_a_sentence(tmp_path):
     with pytest.raises(SystemDescriptionError, match="no such file"):
         load_system(tmp_path / "nowhere.toml")
@@ -113,3 +134,9 @@ def test_whole_steps_divide_their_length_and_others_do_not(steps, step):
 def test_less_than_a_step_is_no_length():
     with pytest.raises(SystemDescriptionError, match="step 3600 s does not divide 1e-09 h"):
         load_system(TOML).with_experiment(step=3600.0, hours=1e-9)
+
+
+@pytest.mark.parametrize("given", [{"hours": 1e300}, {"hours": 1.7e308}, {"step": 1e-300}])
+def test_no_record_is_beyond_all_memory(given):
+    with pytest.raises(SystemDescriptionError, match=r"hours over step are .* steps; expected at most 1e\+09"):
+        load_system(TOML).with_experiment(**given)

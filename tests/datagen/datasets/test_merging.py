@@ -10,6 +10,7 @@ import pytest
 from datagen import info, merge, run, verify
 from datagen.datasets import mending
 from shared.errors import DatasetError, SystemDescriptionError
+from shared.lock import FolderLock
 from shared.store import DatasetFolder, read_manifest, write_manifest
 from shared.system import load_system
 from tests.datagen.cf_checks import cf_faults
@@ -116,6 +117,18 @@ def test_a_merge_that_fails_leaves_nothing_and_bars_no_second_one(two, tmp_path,
     assert out.stat().st_mode == two[0].stat().st_mode  # others may read it as any folder
     with pytest.raises(DatasetError, match="already there"):
         merge(two, out)
+
+
+def test_what_a_killed_merge_left_bars_no_second_one_but_a_living_one_does(two, tmp_path):
+    out = tmp_path / "both"
+    draft = out / ".merging"
+    (draft / "shards").mkdir(parents=True)
+    (draft / "README.md").write_text("half of it")
+    with FolderLock(draft), pytest.raises(DatasetError, match=r"both: another merge is at it \(process \d+ on "):
+        merge(two, out)
+    merge(two, out)
+    assert verify(out) == []
+    assert sorted(path.name for path in out.iterdir()) == ["README.md", "failures.jsonl", "manifest.json", "shards"]
 
 
 @pytest.mark.slow

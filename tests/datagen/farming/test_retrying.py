@@ -9,9 +9,8 @@ import pytest
 
 from datagen import run, verify
 from datagen.farming import worker
-from shared.errors import SimulationError
 from shared.store import DatasetFolder, read_manifest
-from tests.datagen.faults import faulty, hashes, shards_in
+from tests.datagen.faults import InThisProcess, failing, faulty, hashes, shards_in
 
 SIZE = {"systems": 6, "seed": 3, "shard_size": 3, "hours": 1.0, "failure_budget": 1.0, "quiet": True}
 BAD = 4
@@ -20,31 +19,6 @@ BAD = 4
 
 class Killed(BaseException):
     """In place of ``kill -9``."""
-
-
-class InThisProcess:
-    """A dispatcher without workers."""
-
-    def __init__(self, client, function, arguments, source, **_):
-        self.work = ((task, function, arguments) for task in source)
-
-    def __iter__(self):
-        return ((task, function(*arguments(task))) for task, function, arguments in self.work)
-
-
-def failing(monkeypatch, *systems):
-    """Let these systems fail from now on, and no others."""
-    real = failing.real
-
-    def attempt(work):
-        if work[1] in systems:
-            raise SimulationError(f"system {work[1]} does not want to")
-        return real(work)
-
-    monkeypatch.setattr(worker, "attempt", attempt)
-
-
-failing.real = worker.attempt
 
 
 @pytest.fixture(autouse=True)

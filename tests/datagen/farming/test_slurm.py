@@ -63,6 +63,13 @@ def test_an_option_that_is_not_known_is_a_sentence():
         slurm(1, {"nonsense": "1"}, LISTENING)
 
 
+def test_the_queue_knows_its_options():
+    with pytest.raises(
+        ClusterError, match="cluster options: Got unexpected keyword argument 'waltime'; expected those"
+    ):
+        slurm(1, {"waltime": "1"}, {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"})
+
+
 @pytest.mark.usefixtures("queue")
 def test_jobs_write_into_a_home_or_where_they_are_told(tmp_path, monkeypatch):
     assert slurm(1, {}, LISTENING).options["log_directory"] == str(tmp_path / ".zeroshot-fmu" / "slurm")

@@ -1,15 +1,17 @@
 """A description that does not fit its FMU is refused, by name."""
 
+import zipfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from datagen.cli import app as datagen_app
-from datagen.fmi.fmu import Fmu, check_system
+from datagen.fmi.fmu import Fmu, check_system, value_fault
 from datagen.simulating.liveness import HARDLY, _judged, check_live, check_live_apart, responses
 from datagen.simulating.simulator import Simulator
 from shared.errors import FmuError, SystemDescriptionError
-from shared.system import parse_system
+from shared.system import load_system, parse_system
 from tests.datagen.faults import faulty
 
 
@@ -28,6 +30,8 @@ def toml(default_system):
         ('[[outputs]]\nname = "TRoo"', '[[outputs]]\nname = "TRoo"\nvariable = "TAir"', ["'TAir'"]),
         ("[fixed]", '[fixed]\n"conHea.kk" = 1.0', ["fixed", "'conHea.kk'", "conHea.k"]),
         ('name = "excOut"', 'name = "fraWin"', ["input 'fraWin'"]),
+        ("[fixed]", "[fixed]\nreplay = 0.5", ["fixed 'replay' is set to 0.5 and is a Boolean; expected true or false"]),
+        ("[fixed]", "[fixed]\nTSky = 280.0", ["fixed 'TSky' is one of [[inputs]]", "expected it in one of the two"]),
     ],
 )
 def test_each_misfit_is_one_sentence(toml, default_system, old, new, words):
@@ -38,6 +42,46 @@ def test_each_misfit_is_one_sentence(toml, default_system, old, new, words):
         check_system(system, Fmu(system.fmu_path))
     for word in ["mine.toml", *words]:
         assert word in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "said"),
+    [
+        ("Integer", 2.7, "is set to 2.7 and is an Integer; expected a whole number from -2147483648 to 2147483647"),
+        ("Enumeration", 1e10, "is set to 1e+10 and is an Enumeration; expected a whole number"),
+        ("Int8", 128.0, "is set to 128 and is an Int8; expected a whole number from -128 to 127"),
+        ("UInt16", -1.0, "is set to -1 and is a UInt16; expected a whole number from 0 to 65535"),
+        ("Int32", float("nan"), "is set to nan and is an Int32; expected a whole number"),
+        ("Boolean", 2.0, "is set to 2 and is a Boolean; expected true or false"),
+        ("Integer", 2.0, ""),
+        ("UInt8", 255.0, ""),
+        ("Boolean", True, ""),
+        ("Boolean", 1.0, ""),
+        ("Float32", 2.7, ""),
+    ],
+)
+def test_a_value_is_of_the_kind_of_its_variable(kind, value, said):
+    found = value_fault(SimpleNamespace(type=kind), value)
+    assert found.startswith(said) and bool(found) == bool(said)
+
+
+def test_a_value_of_another_kind_is_not_rounded(tmp_path):
+    path = faulty.build(tmp_path)
+    with zipfile.ZipFile(path) as archive:
+        files = {name: archive.read(name) for name in archive.namelist()}
+    old, new = b'<Real start="0"/>', b'<Integer start="0"/>'
+    assert old in files["modelDescription.xml"]
+    files["modelDescription.xml"] = files["modelDescription.xml"].replace(old, new)
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
+    with pytest.raises(
+        SystemDescriptionError, match=r"fixed 'fault' is set to 2\.7 and is an Integer; expected a whole"
+    ):
+        Simulator(load_system(faulty.describe(tmp_path, fault=2.7)))
+    simulator = Simulator(load_system(faulty.describe(tmp_path)))
+    with pytest.raises(SystemDescriptionError, match=r"faulty\.fmu: 'fault' is set to 0\.5 and is an Integer"):
+        simulator.fmu.set_value("fault", 0.5)
 
 
 def test_an_input_that_nobody_declares_is_refused(toml):

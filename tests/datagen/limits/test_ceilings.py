@@ -12,8 +12,9 @@ from datagen.farming.package import weather_hashes
 from datagen.limits.ceilings import ceilings_of, identifiability, posterior_variance
 from datagen.limits.sensitivities import HOUR, SPIN_UP_HOURS, Window, random_window
 from shared.ceiling import Ceilings, read_ceilings
-from shared.errors import SystemDescriptionError
+from shared.errors import SimulationError, SystemDescriptionError
 from shared.system import parse_system
+from tests.datagen.faults import faulty
 from tests.house import ROOM_AND_PERSONS
 
 HOUSE = """
@@ -166,6 +167,17 @@ def test_sensitivities_predict_a_finite_change(window, default_system):
     for pulse, hour in list(enumerate(window.occupancy_steps))[::7]:
         assert np.abs(window.occupancy[co2, :hour, pulse]).max(initial=0.0) < 1e-3
         assert window.occupancy[co2, hour, pulse] > 0.1
+
+
+@pytest.mark.slow
+def test_a_window_in_which_nobody_ever_comes_has_a_limit_as_well(default_system):
+    nobody = default_system.occupancy.model_copy(update={"weekend": 0.0})
+    saturdays = default_system.with_experiment(hours=24.0, start=(120.0, 120.0))
+    window = random_window(saturdays.model_copy(update={"occupancy": nobody}), 24.0, 3, 0)
+    assert window.occupancy.shape == (4, 24, 0) and not len(window.occupancy_steps)
+    for channels in (["TRoo", "CO2"], ["TRoo", "CO2", "nPer"]):
+        found = posterior_variance(saturdays, window, np.eye(window.states.shape[2]), "sensor", channels)
+        assert ((found > 0) & (found <= 1)).all()
 
 
 @pytest.mark.slow
@@ -327,3 +339,11 @@ def test_another_fmu_of_the_same_description_is_loaded_anew(default_system, monk
         with pytest.raises(Enough):
             random_window(default_system, 24.0, 1, 0)
         assert len(loaded) == count
+
+
+@pytest.mark.slow
+def test_an_fmu_that_takes_its_process_down_is_a_sentence(tmp_path):
+    faulty.build(tmp_path)
+    crashing = faulty.describe(tmp_path, fault=1, above=0)
+    with pytest.raises(SimulationError, match=r"faulty\.fmu: took a process down that simulated windows of 24 h"):
+        identifiability(crashing, context=24.0, systems=2, workers=2)

@@ -6,7 +6,7 @@ import pytest
 
 from datagen import simulate
 from datagen.simulating import recording
-from shared.errors import DatasetError
+from shared.errors import DatasetError, SystemDescriptionError
 from tests.small_disk import SAID, small_disk
 
 
@@ -29,5 +29,16 @@ def test_a_full_disk_is_a_sentence_and_no_file(default_system, tmp_path, monkeyp
 
 def test_a_folder_that_cannot_be_made_is_a_sentence(default_system, tmp_path):
     (tmp_path / "file").write_text("no folder")
-    with pytest.raises(DatasetError, match=r"a\.nc: cannot be written \((File exists|Not a directory)\); expected a"):
+    with pytest.raises(DatasetError, match=r"file: nothing can be written there, because .*file is a file; expec"):
         simulate(default_system, hours=24, out=tmp_path / "file" / "a.nc")
+
+
+def test_an_estimated_parameter_that_is_an_input_of_the_fmu_can_be_set(small_system):
+    system = small_system(
+        "feedthrough", outputs={"y": "point"}, parameters=("gain", "u"), inputs={"switch": "previous"}, hours=0.01
+    )
+    record = simulate(system, parameters={"gain": 2.0, "u": 1.5})
+    assert float(record["u"]) == 1.5
+    assert record["y"].values.tolist() == [3.0] * record.sizes["time"]
+    with pytest.raises(SystemDescriptionError, match=r"'switch' is not a parameter .* estimated ones are gain, u"):
+        simulate(system, parameters={"switch": 1.0})

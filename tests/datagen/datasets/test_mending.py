@@ -1,0 +1,82 @@
+"""A repair has the whole dataset in view: what had failed before, what fails now, and what others did meanwhile."""
+
+from contextlib import nullcontext
+
+import pytest
+
+from datagen import run, verify
+from datagen.datasets import mending
+from shared.errors import SimulationError
+from shared.lock import FolderLock
+from shared.store import read_manifest
+from tests.datagen.faults import InThisProcess, failing, faulty, shards_in
+
+pytestmark = pytest.mark.slow
+SIZE = {"systems": 10, "seed": 3, "shard_size": 3, "hours": 1.0, "failure_budget": 1.0, "quiet": True}
+
+
+@pytest.fixture(autouse=True)
+def in_this_process(monkeypatch):
+    for module in ("datagen.farming.farm", "datagen.datasets.mending"):
+        monkeypatch.setattr(f"{module}.connect", lambda **_: nullcontext())
+    monkeypatch.setattr("datagen.farming.farm.check_live_apart", lambda *_: None)
+    monkeypatch.setattr("datagen.farming.collection.Dispatcher", InThisProcess)
+
+
+@pytest.fixture(scope="module")
+def system(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("faulty")
+    faulty.build(folder)
+    return faulty.describe(folder)
+
+
+@pytest.fixture
+def damaged(system, tmp_path, monkeypatch):
+    """A dataset of which two systems in ten have failed, and two shards are gone; the shards' bytes before that."""
+    failing(monkeypatch, 4, 8)
+    run(system, tmp_path / "ds", **SIZE)
+    failing(monkeypatch)
+    before = {path.name: path.read_bytes() for path in shards_in(tmp_path / "ds")}
+    for path in shards_in(tmp_path / "ds")[1:3]:
+        path.write_bytes(path.read_bytes()[:100])
+    return tmp_path / "ds", before
+
+
+def test_systems_that_had_failed_before_do_not_stop_it(damaged):
+    folder, before = damaged
+    assert mending.repair(folder) == ["shard-000001.nc", "shard-000002.nc"]
+    assert {path.name: path.read_bytes() for path in shards_in(folder)} == before
+    assert verify(folder) == []
+
+
+def test_a_system_that_fails_now_is_told_with_its_cause(damaged, monkeypatch):
+    folder, _ = damaged
+    failing(monkeypatch, 7)
+    with pytest.raises(SimulationError, match=r"shard-000002\.nc: system 7 could not .* system 7 does not want to; "):
+        mending.repair(folder)
+    assert len(read_manifest(folder).shards) == 4
+
+
+def test_its_systems_have_the_time_that_is_asked_for(damaged, monkeypatch):
+    folder, _ = damaged
+    asked = []
+    monkeypatch.setattr(
+        "datagen.datasets.mending._Repair.collect", lambda self, *_, **__: asked.append(self.job.timeout)
+    )
+    mending.repair(folder, timeout=1234.0)
+    assert asked == [1234.0]
+
+
+def test_what_another_run_did_before_the_lock_was_had_stays(damaged, system, monkeypatch):
+    folder, _ = damaged
+
+    def late(*arguments):
+        run(system, folder, extend=True, **{**SIZE, "systems": 13})
+        return FolderLock(*arguments)
+
+    monkeypatch.setattr(mending, "FolderLock", late)
+    for path in shards_in(folder)[1:3]:
+        path.unlink()
+    mending.repair(folder)
+    assert read_manifest(folder).systems == 13
+    assert verify(folder) == []
