@@ -119,7 +119,7 @@ def _modes(acts: Acts) -> list[str]:
 
 
 def _amplitude(acts: Acts, truth: Truth, rng: np.random.Generator) -> float:
-    """Log-uniform over the range of sizes, of either sign where both are possible."""
+    """Log-uniform over the range of sizes, cut off at its limit, of either sign where both are possible."""
     low, high = np.log(truth.amplitudes)
     size, sign = np.exp(low + (high - low) * rng.random()), rng.random()
     if isinstance(acts, Form):

@@ -29,7 +29,7 @@ class Wander(Table):
     hours: float = Field(gt=0, description="correlation time [h]")
     low: float = -1e9
     high: float = 1e9
-    key: str = Field("", description="wanders of one key take the same path")
+    key: str = Field("", description="inputs' wanders of one key take the same path")
 
 
 class Daily(Table):
@@ -88,7 +88,7 @@ class Glare(Table):
     kind: Literal["glare"]
     series: str
     presence: str
-    limit: Span = Field(description="drawn anew for each closing [unit of the series]")
+    limit: Span = Field(description="drawn anew for each step [unit of the series]")
     patience: float = Field(ge=0, le=1, description="probability that nobody opens them on a morning")
 
 
@@ -214,7 +214,7 @@ class Constant(Table):
 
 
 class Truth(Table):
-    """The TOML; see the module. ``amplitudes`` is the range of amplitude over scale, log-uniform."""
+    """The TOML; see the module. ``amplitudes`` is the range of amplitude over scale: log-uniform, cut off at limits."""
 
     system: str
     fmu: str

@@ -231,6 +231,13 @@ def test_night_throttle_takes_its_share_of_the_flow(simulator, season, effects):
     np.testing.assert_allclose(made[3][night & low], 0.6 * base[3][night & low], rtol=0.02)
 
 
+def test_a_flow_that_is_replayed_is_not_throttled_once_more(season, effects):
+    """The meter has read what the fan really moved: there is nothing to find, and nothing is looked for."""
+    recording = season[1]
+    assert effects["ventilation.night"].obstacle(recording, replay=True) == "measured actuators leave it no way to act"
+    assert effects["ventilation.night"].obstacle(recording, replay=False) == ""
+
+
 def test_timetable_loads_warm_the_working_day(simulator, season, effects):
     base, made = season[3][0], acted(simulator, season, effects["plug.timetable"], 1500.0)[0]
     recording = season[1]

@@ -332,5 +332,5 @@ def test_equations_that_cannot_be_solved_end_the_training_with_a_sentence(tanks,
 def test_a_last_validation_that_is_no_number_is_told_where_none_came_before(tanks, tmp_path, monkeypatch):
     """A budget of minutes that ends before the first validation; no estimator is there to be loaded."""
     monkeypatch.setattr("trainer.training.loop.Loop._validate", lambda *_: False)
-    with pytest.raises(OptionsError, match="the loss is not a finite number at step [0-9]+; none is kept"):
+    with pytest.raises(OptionsError, match=r"the loss is not a finite number at step [0-9]+; none is kept"):
         fit(tanks, tmp_path / "run", model="lstm", minutes=1e-3)
