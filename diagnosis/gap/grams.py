@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.linalg import cho_solve, cholesky
+from scipy.linalg import LinAlgError, cho_solve, cholesky, eigh
 
 from diagnosis.fitting.noise import NoiseModel
 from diagnosis.gap.linear import Linearised
@@ -202,4 +202,15 @@ def projected(product: Product, inner: int, root: np.ndarray | None = None) -> P
     score = product.score[inner:] - across.T @ product.score[:inner]
     explained = float(product.score[:inner] @ cho_solve((root, True), product.score[:inner]))
     whole = np.diag(product.gram)[inner:].copy()
-    return Projected(0.5 * (left + left.T), score, whole, product.square - explained, root, across)
+    left = _no_less_than_nothing(0.5 * (left + left.T))
+    return Projected(left, score, whole, product.square - explained, root, across)
+
+
+def _no_less_than_nothing(information: np.ndarray) -> np.ndarray:
+    """Information of which rounding has made some negative, where nearly all of a very large one was explained."""
+    try:
+        cholesky(np.eye(len(information)) + information, lower=True)
+    except LinAlgError:
+        values, vectors = eigh(information)
+        return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
+    return information

@@ -114,6 +114,20 @@ def test_what_is_kept_of_the_nuisance_is_that_of_the_same_readings_and_colours()
     assert Grams(other, observed, like).without_nuisance(one).root is root
 
 
+def test_what_rounding_makes_negative_of_information_is_none():
+    """A column that is a thousand million times the noise and nearly all explained leaves no less than nothing."""
+    rng = np.random.default_rng(6)
+    lin = problem_of(rng)
+    lin.residual = rng.standard_normal(lin.residual.shape)
+    observed = seen(lin)
+    colours = {0: (1.0, 0.0, HOUR), 1: (1.0, 0.0, HOUR)}
+    for scale in (1e8, 1e9, 1e10):
+        lin.by_nuisance[..., 0] *= 1e6
+        lin.by_unknown[..., 0] = scale * lin.by_nuisance[..., 0]
+        left = Grams(lin, observed).without_nuisance(colours)
+        assert np.linalg.eigvalsh(np.eye(len(left.information)) + left.information).min() > 0.0
+
+
 def drawn(rng, lin, colours, amplitude=0.0):
     """A recording of the linear model with one effect."""
     made = lin.by_nuisance @ rng.standard_normal(lin.by_nuisance.shape[2]) + amplitude * lin.by_effect[..., 1]
