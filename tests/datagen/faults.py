@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import nullcontext
 from pathlib import Path
 
 import psutil
@@ -134,3 +135,17 @@ def failing(monkeypatch, *systems):
 
 
 failing.real = worker.attempt
+
+
+def stay_in_this_process(monkeypatch):
+    """Let runs and repairs simulate here, one system after another, and try no FMU beforehand."""
+    for module in ("datagen.farming.farm", "datagen.datasets.mending"):
+        monkeypatch.setattr(f"{module}.connect", lambda **_: nullcontext())
+    monkeypatch.setattr("datagen.farming.farm.check_live_apart", lambda *_: None)
+    monkeypatch.setattr("datagen.farming.collection.Dispatcher", InThisProcess)
+
+
+def faulty_system(folder):
+    """The faulty FMU, built into a folder, and its description there."""
+    faulty.build(folder)
+    return faulty.describe(folder)

@@ -1,7 +1,5 @@
 """A repair has the whole dataset in view: what had failed before, what fails now, and what others did meanwhile."""
 
-from contextlib import nullcontext
-
 import pytest
 
 from datagen import run, verify
@@ -9,7 +7,7 @@ from datagen.datasets import mending
 from shared.errors import SimulationError
 from shared.lock import FolderLock
 from shared.store import read_manifest
-from tests.datagen.faults import InThisProcess, failing, faulty, shards_in
+from tests.datagen.faults import failing, faulty_system, shards_in, stay_in_this_process
 
 pytestmark = pytest.mark.slow
 SIZE = {"systems": 10, "seed": 3, "shard_size": 3, "hours": 1.0, "failure_budget": 1.0, "quiet": True}
@@ -17,17 +15,12 @@ SIZE = {"systems": 10, "seed": 3, "shard_size": 3, "hours": 1.0, "failure_budget
 
 @pytest.fixture(autouse=True)
 def in_this_process(monkeypatch):
-    for module in ("datagen.farming.farm", "datagen.datasets.mending"):
-        monkeypatch.setattr(f"{module}.connect", lambda **_: nullcontext())
-    monkeypatch.setattr("datagen.farming.farm.check_live_apart", lambda *_: None)
-    monkeypatch.setattr("datagen.farming.collection.Dispatcher", InThisProcess)
+    stay_in_this_process(monkeypatch)
 
 
 @pytest.fixture(scope="module")
 def system(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("faulty")
-    faulty.build(folder)
-    return faulty.describe(folder)
+    return faulty_system(tmp_path_factory.mktemp("faulty"))
 
 
 @pytest.fixture

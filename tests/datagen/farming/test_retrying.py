@@ -3,14 +3,14 @@
 import json
 import os
 import shutil
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 
 import pytest
 
 from datagen import run, verify
 from datagen.farming import worker
 from shared.store import DatasetFolder, read_manifest
-from tests.datagen.faults import InThisProcess, failing, faulty, hashes, shards_in
+from tests.datagen.faults import failing, faulty_system, hashes, shards_in, stay_in_this_process
 
 SIZE = {"systems": 6, "seed": 3, "shard_size": 3, "hours": 1.0, "failure_budget": 1.0, "quiet": True}
 BAD = 4
@@ -23,16 +23,12 @@ class Killed(BaseException):
 
 @pytest.fixture(autouse=True)
 def in_this_process(monkeypatch):
-    monkeypatch.setattr("datagen.farming.farm.connect", lambda **_: nullcontext())
-    monkeypatch.setattr("datagen.farming.farm.check_live_apart", lambda *_: None)
-    monkeypatch.setattr("datagen.farming.collection.Dispatcher", InThisProcess)
+    stay_in_this_process(monkeypatch)
 
 
 @pytest.fixture(scope="module")
 def system(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("faulty")
-    faulty.build(folder)
-    return faulty.describe(folder)
+    return faulty_system(tmp_path_factory.mktemp("faulty"))
 
 
 @pytest.fixture
