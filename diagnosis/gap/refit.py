@@ -26,6 +26,9 @@ SETTLED = 0.05
 """A step that promises less gain in log likelihood than this ends the search."""
 RESTING = 30
 """Steps, at most, of what is told."""
+TELLING = 1e-4
+"""A step shorter than this [prior standard deviations] corrects no derivative: what it shows is the integrator's error,
+and divided by a step that is but the rounding of a bound that would be a derivative of any size."""
 REST = 5e-4
 """The same, where the optimum itself is asked for: within a thirtieth of a standard deviation."""
 
@@ -210,7 +213,7 @@ def _at(problem: Problem, z: np.ndarray, near: Linearised, *, derivatives: bool 
     known = None if derivatives else near.by_unknown
     made = linearised(problem, z, near.around, (), known, near)
     way = z - near.z
-    if derivatives or not way.any():
+    if derivatives or way @ way < TELLING**2:
         return made
     missed = made.outputs - near.outputs - near.by_unknown @ way
     return replace(made, by_unknown=near.by_unknown + missed[..., None] * way / (way @ way))
