@@ -64,7 +64,7 @@ def detectability(simulator: Simulator, recording: Path, answer: dict[str, Any],
         replay=answer["replay"],
     )
     low, high = problem.bounds
-    z = np.clip(problem.unknowns(answer["parameters"]), INSIDE * low, INSIDE * high)
+    z = np.clip(problem.unknowns(answer["parameters"] | answer.get("constants", {})), INSIDE * low, INSIDE * high)
     usable, _ = applicable(problem, effects)
     problem, around = metered(problem, problem.linearise(z))
     lin = linearised(problem, z, around, usable)

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from datagen.driving.tables import Piecewise
-from diagnosis.blind.processes import autoregressive
 from diagnosis.blind.truth import Fault
 from diagnosis.effects.kinds import lagged
 from diagnosis.recording import DAY, HOUR
@@ -19,7 +18,7 @@ def erring(
     y: np.ndarray,
     time: np.ndarray,
     followed: Mapping[str, np.ndarray | Piecewise],
-    path: np.ndarray,
+    path: Piecewise,
 ) -> np.ndarray:
     """What a sensor with a fault shows, shape (steps,) [unit of the output].
 
@@ -34,17 +33,19 @@ def erring(
     followed
         States of the FMU (steps,), inputs and weather columns by name.
     path
-        The fault's wander: an AR(1) series of unit variance, hourly from the recording's start, long enough.
+        The fault's wander: see :func:`diagnosis.blind.processes.wandering`.
     """
     step, elapsed = float(time[1] - time[0]), time - time[0]
     match fault.kind:
         case "wander":
-            return y + size * (1.0 + fault.sd * np.interp(elapsed, HOUR * np.arange(len(path)), path))
+            return np.asarray(y + size * (1.0 + fault.sd * path.at(time)))
         case "walk":
             days = elapsed / DAY
             trend = (1.0 - np.exp(-days / 15.0)) / (1.0 - np.exp(-2.0))
-            walk = np.cumsum(path) / np.sqrt(2.0 * fault.hours * 30.0 * 24.0)  # unit variance after thirty days
-            return y + size * (trend + fault.sd * np.interp(elapsed, HOUR * np.arange(len(walk)), walk))
+            hourly = time[0] + HOUR * np.arange(np.ceil(elapsed[-1] / HOUR) + 1)
+            unit = np.sqrt(2.0 * fault.hours * 30.0 * 24.0)  # the standard deviation after thirty days
+            walk = np.cumsum(path.at(hourly)) / unit
+            return y + size * (trend + fault.sd * np.interp(time, hourly, walk))
         case "curve":
             away = y - fault.about
             return np.asarray(y + size * away * np.abs(away) / fault.span)
@@ -58,8 +59,3 @@ def erring(
             series = followed[fault.series]
             x = series.at(time) if isinstance(series, Piecewise) else series
             return np.asarray(y + size * (x - fault.origin) / fault.reference)
-
-
-def wander_path(fault: Fault, rng: np.random.Generator, hours: float) -> np.ndarray:
-    """The path that a fault's wander takes: AR(1), hourly, shape (hours + 2,)."""
-    return autoregressive(rng, int(np.ceil(hours)) + 2, fault.hours)

@@ -14,10 +14,11 @@ import numpy as np
 from datagen.driving.inputs import build_inputs, system_weather
 from datagen.driving.sampling import record_start, sample_parameters
 from datagen.driving.tables import InputTable, Piecewise, merge
+from datagen.simulating.constants import constants, sample_factors, values_of
 from datagen.simulating.simulator import Simulator
 from diagnosis.blind.draw import Case, Cause, draw_case
-from diagnosis.blind.faults import erring, wander_path
-from diagnosis.blind.processes import Window, drive
+from diagnosis.blind.faults import erring
+from diagnosis.blind.processes import Window, drive, wandering
 from diagnosis.blind.room import Lived, coarse, live
 from diagnosis.blind.truth import Driven, Fault, Form, Occupant, Truth
 from diagnosis.effects import Effect, library
@@ -35,8 +36,9 @@ class Made:
     """One recording and its answer.
 
     ``clean`` and ``base`` (outputs, steps) [unit of each]: what the sensors would show without noise, and what the
-    base model says with the true parameters, driven by what was recorded. ``case`` is the answer; ``inputs`` are those
-    that were recorded, without their errors, each (steps,).
+    base model says with the true parameters and constants, driven by what was recorded. ``case`` is the answer;
+    ``inputs`` are those that were recorded, without their errors, each (steps,). ``constants``: by what each uncertain
+    constant is multiplied.
     """
 
     case: Case
@@ -46,6 +48,7 @@ class Made:
     base: np.ndarray
     inputs: dict[str, np.ndarray]
     parameters: dict[str, float]
+    constants: dict[str, float]
     controllers: dict[str, float]
 
 
@@ -70,6 +73,7 @@ class Generator:
         self.true_system = truth.described(self.system)
         self.effects = library(system)
         self.model, self.room = Simulator(self.system), Simulator(self.true_system)
+        self.constants = constants(system, self.model.fmu) if truth.measuring.constants else ()
 
     def make(self, seed: int, index: int) -> Made:
         """Live, and compare with the base model; no noise yet."""
@@ -85,6 +89,8 @@ class Generator:
         recorded = signals_of(table)
         drawn = sample_parameters(self.system, case.seed, case.index).tolist()
         parameters = dict(zip(self.system.parameter_names, drawn, strict=True))
+        factors = sample_factors(self.system, case.seed, case.index)[: len(self.constants)]
+        building = parameters | values_of(self.constants, factors)
         controllers = self._controllers(case)
         time = start + self.step * np.arange(1, round((stop - start) / self.step) + 1)
         steps = _Span(begin, start, stop, time)
@@ -92,9 +98,9 @@ class Generator:
         guess = np.zeros((len(self.system.outputs), len(time)))
         follows = any(getattr(one.acts, "follows", frozenset()) for one in case.causes)
         if follows:
-            guess = self._base(parameters, recorded, steps)
+            guess = self._base(building, recorded, steps)
         for _ in range(ROUNDS if follows else 1):
-            lived, signals = self._live({**parameters, **controllers}, case, recorded, steps, guess)
+            lived, signals = self._live({**building, **controllers}, case, recorded, steps, guess)
             warm = round((start - begin) / self.truth.step)
             shown = self._shown(case, lived, signals, warm, steps)
             guess = 0.5 * (guess + shown)
@@ -102,8 +108,10 @@ class Generator:
             if not isinstance(cause.acts, Form):
                 shown = cause.acts.outputs(cause.amplitude, shown, time)
         replayed = self._actuators(lived, shown, warm, steps) if case.replay else None
-        base = self._base(parameters, {**recorded, **(replayed or {})}, steps, replay=case.replay)
-        return Made(case, start, time, shown, base, self._recorded(case, table, steps), parameters, controllers)
+        base = self._base(building, {**recorded, **(replayed or {})}, steps, replay=case.replay)
+        multiplied = {one.name: float(factor) for one, factor in zip(self.constants, factors, strict=True)}
+        inputs = self._recorded(case, table, steps)
+        return Made(case, start, time, shown, base, inputs, parameters, multiplied, controllers)
 
     def _live(
         self,
@@ -150,7 +158,7 @@ class Generator:
                 if fault.kind == "series" and fault.series not in followed:
                     weather = system_weather(self.system, case.seed, case.index)
                     followed[fault.series] = weather.signal(fault.series, steps.begin, steps.stop)
-                path = wander_path(fault, case.rng(_purpose(cause.acts, k, fault)), self.hours)
+                path = wandering(case.rng(_purpose(cause.acts, k, fault)), steps.begin, steps.stop, fault.hours)
                 for name in fault.outputs:
                     row = self.system.output_names.index(name)
                     size = cause.amplitude * fault.amount

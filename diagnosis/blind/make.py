@@ -206,8 +206,8 @@ def answer_of(made: Made, noises: dict[str, dict[str, float]], system: System) -
     """What is sealed of one recording.
 
     ``verdict`` and ``effects`` are the right answer; ``gap`` is the root mean square of what the base model with the
-    true parameters misses of the noise-free record [unit of each output], and ``gap_over_noise`` that over the noise;
-    ``clean`` and ``base`` are the two series.
+    true parameters and constants misses of the noise-free record [unit of each output], and ``gap_over_noise`` that
+    over the noise; ``clean`` and ``base`` are the two series.
     """
     case = made.case
     effects = [cause.label for cause in case.causes]
@@ -223,6 +223,7 @@ def answer_of(made: Made, noises: dict[str, dict[str, float]], system: System) -
         "replay": case.replay,
         "start": made.start,
         "parameters": made.parameters,
+        "constants": made.constants,
         "controllers": made.controllers,
         "noise": noises,
         "gap": dict(zip(system.output_names, gap.tolist(), strict=True)),

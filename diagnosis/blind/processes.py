@@ -28,6 +28,15 @@ def autoregressive(rng: np.random.Generator, count: int, memory: float) -> np.nd
     return np.asarray(lfilter([1.0], [1.0, -phi], white))
 
 
+def wandering(rng: np.random.Generator, start: float, stop: float, hours: float) -> Piecewise:
+    """An AR(1) series of unit variance and correlation time ``hours``, hourly from ``start`` to ``stop`` [s].
+
+    Equal streams and spans make equal paths, whether an input takes them or a sensor's error.
+    """
+    every = np.arange(np.floor(start / HOUR), np.ceil(stop / HOUR) + 1)
+    return Piecewise(every * HOUR, autoregressive(rng, len(every), hours))
+
+
 def drive(
     one: Driven, amplitude: float, signals: Mapping[str, Piecewise], start: float, stop: float, rng: np.random.Generator
 ) -> Piecewise:
@@ -60,11 +69,11 @@ def process_signal(
         return _episodes(process, signals[process.presence], start, stop, rng)
     if isinstance(process, Glare):
         return _glare(process, signals, start, stop, rng)
+    if isinstance(process, Wander):
+        path = wandering(rng, start, stop, process.hours)
+        return Piecewise(path.times, np.clip(process.mean + process.sd * path.values, process.low, process.high))
     hours = np.arange(np.floor(start / HOUR), np.ceil(stop / HOUR) + 1)
     times = hours * HOUR
-    if isinstance(process, Wander):
-        path = process.mean + process.sd * autoregressive(rng, len(hours), process.hours)
-        return Piecewise(times, np.clip(path, process.low, process.high))
     if isinstance(process, Daily):
         swing = process.swing * np.cos(2 * np.pi * (hours - process.peak) / 24)
         return Piecewise(times, process.mean + swing + process.sd * autoregressive(rng, len(hours), process.hours))

@@ -51,6 +51,7 @@ class _Answer(_Open):
     causes: list[_Cause]
     start: float
     parameters: dict[str, float]
+    constants: dict[str, Annotated[float, Field(gt=0)]] = {}
     gap_over_noise: dict[str, float]
     clean: Series
     base: Series

@@ -29,7 +29,7 @@ class Wander(Table):
     hours: float = Field(gt=0, description="correlation time [h]")
     low: float = -1e9
     high: float = 1e9
-    key: str = Field("", description="inputs' wanders of one key take the same path")
+    key: str = Field("", description="wanders of one key, of inputs and of faults, take the same path")
 
 
 class Daily(Table):
@@ -145,7 +145,7 @@ class Fault(Table):
     reference: float = 1.0
     sd: float = Field(0.3, ge=0)
     hours: float = Field(96.0, gt=0)
-    key: str = ""
+    key: str = Field("", description="see that of a wander")
 
 
 class Form(Table):
@@ -168,6 +168,15 @@ class Form(Table):
     def _acts(self) -> Form:
         if not (self.parameters or self.inputs or self.faults):
             raise ValueError(f"{self.name!r} does nothing; expected parameters, inputs or faults")
+        lengths: dict[str, float] = {}
+        wanders: list[Wander | Fault] = [*self.faults]
+        wanders += [one.process for one in self.inputs if isinstance(one.process, Wander)]
+        for one in wanders:
+            if one.key and lengths.setdefault(one.key, one.hours) != one.hours:
+                raise ValueError(
+                    f"{self.name!r}: wanders of key {one.key!r} have hours of {lengths[one.key]:g} and {one.hours:g};"
+                    " expected one length for one path"
+                )
         if sum(isinstance(one.process, Occupant) for one in self.inputs) > 1:
             raise ValueError(f"{self.name!r} has two occupants; expected one at most")
         return self
@@ -191,6 +200,9 @@ class Strata(Table):
 class Measuring(Table):
     """How a campaign measures: conditions that vary, and errors beyond the system's own sensor noise.
 
+    ``constants``: no building is as described, so the system's uncertain constants are drawn for each recording, and
+    the truth's FMU has them by the same names; or else all are as described.
+
     ``slow`` is the share of a sensor's variance that is correlated over ``hours`` (drawn within); ``inputs`` the
     standard deviations of errors of recorded inputs [unit of each]; ``controllers`` by what factors the true
     controllers' parameters differ where the actuators are replayed, so that nobody needs to know the control.
@@ -202,6 +214,7 @@ class Measuring(Table):
     inputs: dict[str, float] = {}
     unknown_occupancy: float = Field(ge=0, le=1)
     replay: float = Field(ge=0, le=1)
+    constants: bool = True
     controllers: dict[str, tuple[float, float, float]] = Field({}, description="(value, least, greatest factor)")
 
 

@@ -79,7 +79,10 @@ class Unknowns:
         return made
 
     def of(self, values: Mapping[str, float]) -> np.ndarray:
-        """The unknowns of given values by name; zero (middle of the prior, no effect) for others, shape (unknowns,)."""
+        """The unknowns of given values by name; zero (middle of the prior, no effect) for others.
+
+        Of constants the factors. Shape (unknowns,).
+        """
         z = np.zeros(self.size)
         for k, one in enumerate(self.system.parameters):
             if one.name in values:
@@ -89,6 +92,8 @@ class Unknowns:
                 z[k] = np.clip(ndtri(np.clip((value - low) / (high - low), 0, 1)), -LIMIT, LIMIT)
         for k, effect in enumerate(self.effects, len(self.system.parameters)):
             z[k] = values.get(effect.name, 0.0) / effect.scale
+        for k, constant in zip(self.places_of_constants, self.constants, strict=True):
+            z[k] = np.clip(np.log(values.get(constant.name, 1.0)) / constant.relative, -LIMIT, LIMIT)
         return z
 
     def parameters(self, z: np.ndarray) -> dict[str, float]:

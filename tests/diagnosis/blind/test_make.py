@@ -231,6 +231,27 @@ def test_without_a_cause_the_base_model_misses_little(generator, truth, default_
     assert (answer["verdict"], answer["effects"]) == ("no_gap", [])
 
 
+def test_no_building_is_as_described(generator, truth, default_system):
+    """The truth's constants are drawn; the answer tells them, and the base model of the answer has them."""
+    case = case_of(truth, default_system, "", 0.0, COLD)
+    made = generator.make_case(case)
+    drawn = np.log(list(made.constants.values())) / [one.relative for one in default_system.uncertain]
+    assert list(made.constants) == [one.name for one in default_system.uncertain]
+    assert np.all(np.abs(drawn) < 4.0) and np.all(drawn != 0.0)
+    known = truth.model_copy(update={"measuring": truth.measuring.model_copy(update={"constants": False})})
+    described = Generator(default_system, known, hours=HOURS).make_case(case)
+    assert described.constants == {}
+    assert described.parameters == made.parameters
+    room, heat = default_system.output_names.index("TRoo"), default_system.output_names.index("QHea")
+    for series in ("clean", "base"):
+        there, other = getattr(made, series), getattr(described, series)
+        assert np.std((there - other)[heat]) > 20.0 or np.std((there - other)[room]) > 0.1
+    gap = np.sqrt(np.mean((made.clean - made.base) ** 2, axis=1))
+    assert 0 < gap[room] < 0.25
+    answer = answer_of(made, measured(made, default_system, truth)[1], default_system)
+    assert answer["constants"] == made.constants
+
+
 @pytest.mark.parametrize(
     ("name", "amplitude", "channel", "sign"),
     [

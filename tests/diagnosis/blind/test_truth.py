@@ -11,13 +11,14 @@ from datagen.driving.sampling import sample_parameters
 from datagen.driving.tables import Piecewise, merge
 from datagen.simulating.simulator import Simulator
 from diagnosis.blind.faults import erring
-from diagnosis.blind.processes import Window, autoregressive, process_signal
+from diagnosis.blind.processes import Window, autoregressive, drive, process_signal, wandering
 from diagnosis.blind.room import coarse, live
 from diagnosis.blind.truth import (
     Daily,
     Damped,
     Episodes,
     Fault,
+    Form,
     Glare,
     Hump,
     Occupant,
@@ -32,6 +33,7 @@ from fmus.truth import build as truth_build
 from shared.errors import SystemDescriptionError
 
 PPM = 28.9647 / 44.0095 * 1e6
+STILL = Piecewise.constant(0.0)
 T_OUT, N, FLOW, POWER = 273.15, 6.0, 0.12, 1800.0
 
 
@@ -264,23 +266,57 @@ def test_faults_by_hand(fault, size, expected):
     time = 600.0 * np.arange(1, 1000)
     y = 293.0 + 3 * np.sin(2 * np.pi * time / DAY)
     followed = {"wall": np.full(999, 280.0), "dew": Piecewise.constant(285.0)}
-    shown = erring(Fault(outputs=["T"], **fault), size, y, time, followed, np.zeros(200))
+    shown = erring(Fault(outputs=["T"], **fault), size, y, time, followed, STILL)
     np.testing.assert_allclose(shown, expected(y, time), atol=1e-9)
 
 
 def test_clock_and_lags_delay_as_they_should():
     time = 600.0 * np.arange(1, 4321)
     y = np.sin(2 * np.pi * time / DAY)
-    late = erring(Fault(outputs=["T"], kind="clock"), 1800.0, y, time, {}, np.zeros(800))
+    late = erring(Fault(outputs=["T"], kind="clock"), 1800.0, y, time, {}, STILL)
     middle = len(time) // 2
     assert late[middle] == pytest.approx(np.sin(2 * np.pi * (time[middle] + 1800.0) / DAY), abs=2e-3)
-    slow = erring(Fault(outputs=["T"], kind="slow"), 7200.0, y, time, {}, np.zeros(800))
+    slow = erring(Fault(outputs=["T"], kind="slow"), 7200.0, y, time, {}, STILL)
     w = 2 * np.pi * 3600.0 / DAY
     expected = np.sin(2 * np.pi * time / DAY - 2 * np.arctan(w)) / (1 + w**2)
     np.testing.assert_allclose(slow[-144:], expected[-144:], atol=1e-3)
-    drift = erring(Fault(outputs=["T"], kind="walk", sd=0.0), 2.0, y, time, {}, np.zeros(800)) - y
+    drift = erring(Fault(outputs=["T"], kind="walk", sd=0.0), 2.0, y, time, {}, STILL) - y
     assert drift[0] == 0
     assert drift[-1] == pytest.approx(2.0, abs=0.01)
+
+
+def test_one_sensor_that_controller_and_recording_read_errs_by_one_path(truth, default_system):
+    """What the thermostat reads too much it takes off its set point, and the recording shows."""
+    (form,) = [one for one in truth.forms if one.name == "thermostat that wanders"]
+    (driven,), (fault,) = form.inputs, form.faults
+    assert driven.process.key == fault.key
+    begin, stop, size = 5 * DAY, 12 * DAY, 2.0
+    time = np.arange(begin + HOUR, stop, HOUR)
+    set_point = {driven.input: Piecewise(np.array([begin, 8 * DAY]), np.array([294.0, 291.0]), "previous")}
+    moved = drive(driven, size, set_point, begin, stop, np.random.default_rng(1)).at(time) - set_point["TSet"].at(time)
+    path = wandering(np.random.default_rng(1), begin, stop, fault.hours)
+    error = erring(fault, size * fault.amount, np.zeros(len(time)), time, {}, path)
+    np.testing.assert_allclose(moved[:-1], -0.5 * (error[:-1] + error[1:]), atol=1e-9)  # the set point by the hour
+    assert error.mean() == pytest.approx(size, abs=0.3 * size)
+    assert 0.1 * size < error.std() < 0.6 * size
+
+
+def test_a_walk_goes_on_from_where_the_recording_begins():
+    time = 10 * DAY + 600.0 * np.arange(1, 145)
+    path = Piecewise(np.array([9 * DAY, 11 * DAY]), np.array([1.0, 1.0]))
+    fault = Fault(outputs=["T"], kind="walk", sd=1.0, hours=96.0)
+    walk = erring(fault, 1.0, np.zeros(144), time, {}, path)
+    walk -= erring(fault.model_copy(update={"sd": 0.0}), 1.0, np.zeros(144), time, {}, path)
+    assert walk[0] == pytest.approx(1.0 / np.sqrt(2 * 96 * 720))
+    np.testing.assert_allclose(np.diff(walk), 1.0 / 6 / np.sqrt(2 * 96 * 720))
+
+
+def test_wanders_of_one_key_have_one_length(truth):
+    (form,) = [one for one in truth.forms if one.name == "thermostat that wanders"]
+    raw = form.model_dump()
+    raw["faults"][0]["hours"] = 24.0
+    with pytest.raises(ValueError, match=r"wanders of key 'error' have hours of 24 and 72; expected one length"):
+        Form.model_validate(raw)
 
 
 def test_coarse_steps_are_the_last_instant_or_the_mean():

@@ -37,6 +37,8 @@ def test_constants_are_multiplied_between_effects_and_levels(room, simulator):
     # floor.layer[1].C of the FMU is 18829.8 J/(m2.K)
     assert given["floor.layer[1].C"] == pytest.approx(18829.8 * np.exp(0.6))
     assert given["floor.layer[1].R"] == pytest.approx(0.126667)
+    factors = {"idle": 2.0} | dict(zip([one.name for one in known], unknown.values(z)[first + 1 :], strict=True))
+    np.testing.assert_allclose(unknown.of(factors), z, atol=1e-12)
     assert all(low == -high for low, high in zip(*unknown.bounds, strict=True) if np.isfinite(high))
 
 
