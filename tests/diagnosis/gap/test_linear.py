@@ -44,6 +44,14 @@ def problem_of(rng, *, effects=3, chosen=0, outputs=2, steps=STEPS, nuisance=4, 
     )
 
 
+def noisy_problem(seed, **shape):
+    """A linearised recording with a residual of white noise, and which of its readings are observed."""
+    rng = np.random.default_rng(seed)
+    lin = problem_of(rng, **shape)
+    lin.residual = rng.standard_normal(lin.residual.shape)
+    return lin, seen(lin)
+
+
 def seen(lin, share=0.9, seed=5):
     return np.random.default_rng(seed).random(lin.residual.shape) < share
 
@@ -55,10 +63,7 @@ def covariance_of(colour, time):
 
 @pytest.mark.parametrize("chosen", [0, 1])
 def test_the_evidence_is_that_of_a_multivariate_normal(chosen):
-    rng = np.random.default_rng(1)
-    lin = problem_of(rng, chosen=chosen)
-    lin.residual = rng.standard_normal(lin.residual.shape)
-    observed = seen(lin)
+    lin, observed = noisy_problem(1, chosen=chosen)
     colours = {0: (1.0, 0.5, 5 * HOUR), 1: (0.7, 0.0, HOUR)}
     spread = np.array([1.0, 1.0] + [AMPLITUDE] * chosen)
     columns = np.concatenate([lin.by_nuisance, lin.by_unknown * spread, 2.0 * lin.by_effect], axis=2)
@@ -74,10 +79,7 @@ def test_the_evidence_is_that_of_a_multivariate_normal(chosen):
 
 
 def test_what_is_left_is_what_generalised_least_squares_leaves():
-    rng = np.random.default_rng(2)
-    lin = problem_of(rng)
-    lin.residual = rng.standard_normal(lin.residual.shape)
-    observed = seen(lin)
+    lin, observed = noisy_problem(2)
     colours = {0: (1.0, 0.0, HOUR), 1: (2.0, 0.0, HOUR)}
     grams = Grams(lin, observed)
     left = projected(grams.total(colours), grams.inner.size)
@@ -94,10 +96,8 @@ def test_what_is_left_is_what_generalised_least_squares_leaves():
 
 def test_what_is_kept_of_the_nuisance_is_that_of_the_same_readings_and_colours():
     """Residuals and other columns change; what was kept for others is not taken, and the same is taken again."""
-    rng = np.random.default_rng(4)
-    lin = problem_of(rng)
-    lin.residual = rng.standard_normal(lin.residual.shape)
-    observed = seen(lin)
+    rng = np.random.default_rng(44)
+    lin, observed = noisy_problem(4)
     one, two = {0: (1.0, 0.0, HOUR), 1: (2.0, 0.0, HOUR)}, {0: (1.0, 0.5, 5 * HOUR), 1: (2.0, 0.0, HOUR)}
     like = Grams(lin, observed)
     for colours in (one, two, one):
@@ -116,10 +116,7 @@ def test_what_is_kept_of_the_nuisance_is_that_of_the_same_readings_and_colours()
 
 def test_what_rounding_makes_negative_of_information_is_none():
     """A column that is a thousand million times the noise and nearly all explained leaves no less than nothing."""
-    rng = np.random.default_rng(6)
-    lin = problem_of(rng)
-    lin.residual = rng.standard_normal(lin.residual.shape)
-    observed = seen(lin)
+    lin, observed = noisy_problem(6)
     colours = {0: (1.0, 0.0, HOUR), 1: (1.0, 0.0, HOUR)}
     for scale in (1e8, 1e9, 1e10):
         lin.by_nuisance[..., 0] *= 1e6
