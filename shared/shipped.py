@@ -25,10 +25,15 @@ def resolved(path: Path | str) -> Path:
 
 
 def resolved_estimator(path: Path | str) -> Path:
-    """A run folder as it is; or, where none lies there and it names a shipped system, that system's estimator."""
+    """A path as it is; or, where nothing lies there and it names a shipped system, that system's estimator."""
     path = Path(path)
-    folder = resolved(path)
-    return path if folder == path else folder / ESTIMATOR
+    return path if path.exists() else shipped_estimator(path) or path
+
+
+def shipped_estimator(name: Path) -> Path | None:
+    """The estimator of the shipped system of this name, if there is one."""
+    folder = shipped_systems().get(name.name) if len(name.parts) == 1 else None
+    return None if folder is None else folder / ESTIMATOR
 
 
 def estimators() -> str:

@@ -198,7 +198,8 @@ def evaluate(
 ) -> None:
     """R2 on windows of the full dataset ("paper") and of systems never trained on ("unseen"), beside the ceiling.
 
-    Writes evaluation.json, evaluation.md, evaluation.csv and scatter.png. Intervals are 90 %, resampled by system.
+    Writes evaluation.json, evaluation.md, evaluation.csv, answers.csv and scatter.png. Intervals are 90 %,
+    resampled by system.
 
     Parameters
     ----------
@@ -243,7 +244,8 @@ def evaluate(
     else:
         new_console().print(terminal_table(result))
         print("\n".join(notes(result)))
-        print(f"written to {out or loaded.results}: evaluation.json, evaluation.md, evaluation.csv, scatter.png")
+        files = "evaluation.json, evaluation.md, evaluation.csv, answers.csv, scatter.png"
+        print(f"written to {out or loaded.results}: {files}")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -12,6 +12,7 @@ from datagen.farming.card import write_card
 from datagen.farming.failures import Failures
 from datagen.farming.versions import note
 from shared.ceiling import FILE_NAME as CEILING_FILE
+from shared.ceiling import read_ceilings, write_ceilings
 from shared.errors import DatasetError
 from shared.lock import FILE_NAME as LOCK_FILE
 from shared.lock import FolderLock, at_work
@@ -45,9 +46,7 @@ def merge(folders: Sequence[Path | str], out: Path | str) -> Manifest:
             entries = [_copy(dataset, entry, draft) for dataset in datasets for entry in dataset.manifest.shards]
             failures = Failures(one for dataset in datasets for one in Failures.read(dataset.folder))
             failures.write(draft)
-            ceilings = datasets[0].folder / CEILING_FILE
-            if ceilings.exists():
-                shutil.copyfile(ceilings, draft / CEILING_FILE)
+            _limits(datasets, draft)
             changes = {"shards": entries, "sources": sources, "stages": []}
             merged = first.model_copy(update={**changes, "systems": sum(one.systems for one in sources)})
             for dataset in datasets[1:]:
@@ -118,6 +117,18 @@ def _check(datasets: Sequence[DatasetFolder]) -> list[Source]:
             owners[source.root_seed] = dataset.folder
             sources.append(source)
     return sources
+
+
+def _limits(datasets: Sequence[DatasetFolder], draft: Path) -> None:
+    """What is known of the limit in any of the datasets; of the same condition and season the first one's counts."""
+    paths = [one.folder / CEILING_FILE for one in datasets]
+    known = [read_ceilings(path) for path in paths if path.exists()]
+    if not known:
+        return
+    joined = known[0].model_copy(update={"ceilings": []})
+    for ceiling in [ceiling for one in reversed(known) for ceiling in one.ceilings]:
+        joined.put(ceiling)
+    write_ceilings(draft / CEILING_FILE, joined)
 
 
 def _copy(dataset: DatasetFolder, entry: ShardEntry, target: Path) -> ShardEntry:

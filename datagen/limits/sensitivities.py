@@ -1,6 +1,7 @@
 """How the outputs of a random window of a random system move with all that is unknown about it.
 
-All derivatives are central differences of whole simulations, so saturation and events are in them.
+All derivatives are differences of whole simulations, so saturation and events are in them: central ones, but for
+persons, of whom one more is simulated (:mod:`datagen.limits.pulses`).
 :mod:`datagen.limits.ceilings` makes limits of them.
 """
 

@@ -2,9 +2,10 @@ from pathlib import Path
 
 import pytest
 
-from shared.errors import SystemDescriptionError
-from shared.shipped import resolved, resolved_estimator, shipped_systems
+from shared.errors import EstimatorError, SystemDescriptionError
+from shared.shipped import resolved, resolved_estimator, shipped_estimator, shipped_systems
 from shared.system import load_system
+from trainer.runs.checkpoint import load_run
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -32,3 +33,16 @@ def test_an_unknown_name_is_told_what_there_is(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SystemDescriptionError, match=r"Room: no such file; expected .* \(MixedAirCO2\)"):
         load_system("Room")
+
+
+def test_a_folder_that_hides_an_estimator_is_told(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "MixedAirCO2").mkdir()
+    (tmp_path / "other").mkdir()
+    shipped = shipped_estimator(Path("MixedAirCO2"))
+    assert shipped == shipped_systems()["MixedAirCO2"] / "estimator"
+    with pytest.raises(EstimatorError, match=r"hides the estimator of that name; expected .*/MixedAirCO2/estimator$"):
+        load_run("MixedAirCO2")
+    with pytest.raises(EstimatorError, match=r"^other/estimator\.json: no such file"):
+        load_run("other")
+    assert load_run(shipped).card.system_name == "MixedAirCO2"

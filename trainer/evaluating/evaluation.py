@@ -234,7 +234,7 @@ def window_length(card: Card, hours: float | None) -> int:
     hours = card.context_hours if hours is None else hours
     exact, known = hours * 3600 / card.encoding.step, card.encoding.lengths
     length = round(exact) if math.isfinite(exact) else 0
-    if length not in known:
+    if length not in known or abs(exact - length) > 1e-6:
         found = ", ".join(f"{one * card.encoding.step / 3600:g} h" for one in known)
         raise EstimatorError(f"context is {hours:g} h; the run was trained on {found}")
     return length

@@ -55,6 +55,8 @@ def read_window(path: Path, encoding: Encoding) -> Window:
     if values.ndim == 3:
         known = "system" in recording.coords and recording["system"].dtype.kind in "iu"
         indices = [int(i) for i in recording["system"].values] if known else list(range(len(values)))
+    if not len(indices):
+        raise RecordingError(f"{path}: its dimension system is empty; expected at least one system")
     values = values.reshape(-1, length, len(encoding.recorded))
     for k, name in enumerate(encoding.recorded):
         if name not in absent:

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, field_serializer, field_validator, m
 
 from shared.errors import EstimatorError
 from shared.reading import read_json, validated
-from shared.shipped import estimators, resolved_estimator
+from shared.shipped import estimators, resolved_estimator, shipped_estimator
 from shared.store import Records
 from trainer.models import build
 from trainer.models.base import Estimator, Shape
@@ -283,6 +283,11 @@ def load_run(folder: Path | str) -> Run:
         If the folder holds none, or one of its files is damaged or newer than this version.
     """
     given, folder = Path(folder), resolved_estimator(folder)
+    if folder == given and given.is_dir() and not (given / CARD).exists() and (shipped := shipped_estimator(given)):
+        raise EstimatorError(
+            f"{given}: a folder without {CARD}, which hides the estimator of that name; expected a run folder, or the"
+            f" path of that estimator, {shipped}"
+        )
     card = read_card(folder)
     try:
         model = load_weights(

@@ -9,6 +9,8 @@ import pytest
 
 from datagen import info, merge, run, verify
 from datagen.datasets import mending
+from shared.ceiling import FILE_NAME as CEILING_FILE
+from shared.ceiling import Ceiling, Ceilings, read_ceilings, write_ceilings
 from shared.errors import DatasetError, SystemDescriptionError
 from shared.lock import FolderLock
 from shared.store import DatasetFolder, read_manifest, write_manifest
@@ -75,6 +77,30 @@ def test_what_does_not_belong_together_is_refused(teams, tmp_path):
     (spoilt / "shards" / "shard-000000.nc").write_bytes(b"rubbish")
     with pytest.raises(DatasetError, match=r"shard-000000\.nc: not what its manifest says"):
         merge([teams / "a", spoilt], tmp_path / "c")
+
+
+def ceilings(team, **values):
+    """A file of limits for a dataset: context [h] and the mean."""
+    manifest = DatasetFolder(team).manifest
+    common = {"step": 60.0, "noise": "none", "channels": ["y"], "r2": {"a": 0.5}, "systems": 1, "seed": 0}
+    ones = [
+        Ceiling(context_hours=float(hours[1:]), r2_mean=mean, r2_mean_low=None, r2_mean_high=None, **common)
+        for hours, mean in values.items()
+    ]
+    facts = {name: getattr(manifest, name) for name in ("system_name", "system_hash", "fmu_sha256")}
+    write_ceilings(team / CEILING_FILE, Ceilings(outputs=["y"], ceilings=ones, **facts))
+
+
+def test_limits_of_all_parts_are_kept_and_the_first_ones_count(two, tmp_path):
+    """Whichever of the parts has them."""
+    a, b = two
+    ceilings(b, h24=0.5, h48=0.7)
+    merge([a, b], tmp_path / "one")
+    assert read_ceilings(tmp_path / "one" / CEILING_FILE) == read_ceilings(b / CEILING_FILE)
+    ceilings(a, h24=0.6, h12=0.3)
+    merge([a, b], tmp_path / "both")
+    found = read_ceilings(tmp_path / "both" / CEILING_FILE).ceilings
+    assert {one.context_hours: one.r2_mean for one in found} == {24.0: 0.6, 48.0: 0.7, 12.0: 0.3}
 
 
 @pytest.fixture

@@ -304,7 +304,7 @@ def test_a_dataset_of_another_step_or_too_short_is_refused(ridge_run, tmp_path):
         evaluate(ridge_run, short, out=tmp_path)
 
 
-@pytest.mark.parametrize("hours", [12.0, -24.0, float("nan"), 1e306])
+@pytest.mark.parametrize("hours", [12.0, 24.2, -24.0, float("nan"), 1e306])
 def test_a_context_that_was_not_trained_is_refused(ridge_run, tanks, tmp_path, hours):
     with pytest.raises(EstimatorError, match=r"context is \S+ h; the run was trained on 24 h"):
         evaluate(ridge_run, tanks, context_hours=hours, out=tmp_path)

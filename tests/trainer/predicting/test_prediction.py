@@ -63,6 +63,12 @@ def test_constants_that_a_training_had_as_declared_are_told(tanks, recording, tm
     assert (said in " ".join(capsys.readouterr().out.split())) == (not drawn)
 
 
+def test_a_recording_of_no_system_is_refused(ridge_run, shard, tmp_path):
+    path = write(shard.isel(system=[]).drop_encoding(), tmp_path / "none.nc")
+    with pytest.raises(RecordingError, match=r"none\.nc: its dimension system is empty; expected at least one system"):
+        predict(ridge_run, path)
+
+
 def test_one_recording_uses_its_last_window(ridge_run, recording, tmp_path, tanks):
     found = predict(ridge_run, write(recording, tmp_path / "r.nc")).predictions
     assert len(found) == 1
