@@ -83,7 +83,7 @@ def main() -> None:
     began = time.monotonic()
 
     def step(number: int, text: str) -> None:
-        console.print(f"\n[bold cyan]{number}. {text}[/] [dim]({time.monotonic() - began:.0f} s)[/]")
+        console.print(f"\n[bold cyan]{number}. {text}[/] [dim]({time.monotonic() - began:.0f} s)[/]", markup=True)
 
     if out.exists():
         shutil.rmtree(out)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 BLUE, ORANGE, GREY, RED = "#1f5fa8", "#d9730d", "#8a8f98", "#b3261e"
 
@@ -22,11 +23,26 @@ def figure(rows: int = 1, *, height: float = 2.0, width: float = 10.0, sharex: b
     return made, list(panels)
 
 
+def as_png(made: Figure, dpi: int = 110) -> bytes:
+    """A figure as PNG, all text in it as it stands.
+
+    Between two dollars matplotlib reads a formula, and ends in a traceback where it is none: loggers and users name
+    columns, outputs and files as they like. Its own formulas are the labels of logarithmic axes.
+    """
+    for text in made.findobj(Text):
+        text.set_parse_math(False)
+    for axes in made.axes:
+        for axis, scale in ((axes.xaxis, axes.get_xscale()), (axes.yaxis, axes.get_yscale())):
+            for label in axis.get_ticklabels(which="both") if scale == "log" else ():
+                label.set_parse_math(True)
+    buffer = io.BytesIO()
+    made.savefig(buffer, format="png", dpi=dpi)
+    return buffer.getvalue()
+
+
 def embedded(made: Figure) -> str:
     """A figure as the source of an HTML image."""
-    buffer = io.BytesIO()
-    made.savefig(buffer, format="png", dpi=110)
-    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+    return "data:image/png;base64," + base64.b64encode(as_png(made)).decode()
 
 
 def readable(values: np.ndarray, unit: str) -> tuple[np.ndarray, str]:

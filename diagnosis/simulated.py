@@ -10,6 +10,7 @@ import numpy as np
 
 from datagen.simulating.simulator import Simulator
 from diagnosis.recording import HOUR, check_warm_up, read_recording, recorded_inputs
+from diagnosis.scores import score
 from shared.errors import RecordingError, SystemDescriptionError
 from shared.system import System, load_system
 
@@ -37,9 +38,8 @@ def residuals(
     Returns
     -------
     dict
-        ``parameters`` used, and for each measured output: ``rmse`` and ``bias`` (measured minus simulated) [unit],
-        ``cvrmse`` and ``nmbe`` (ASHRAE Guideline 14, shares of the mean; None for temperatures, whose mean above
-        absolute zero is no yardstick), ``autocorrelation`` of the residual at one step, ``steps``.
+        ``parameters`` used, and for each measured output the figures of :class:`diagnosis.scores.Score` and the
+        ``autocorrelation`` of the residual at one step.
 
     Raises
     ------
@@ -64,10 +64,7 @@ def residuals(
     for k, output in enumerate(described.outputs):
         seen = np.isfinite(record.outputs[k])
         if seen.any():
-            compared = _compare(record.outputs[k], trajectory.outputs[k])
-            if output.unit in _NO_SHARE:
-                compared |= {"cvrmse": None, "nmbe": None}
-            found[output.name] = {"unit": output.unit, **compared}
+            found[output.name] = _compare(record.outputs[k], trajectory.outputs[k], output.unit)
     return {"recording": str(recording), "parameters": values, "outputs": found}
 
 
@@ -89,23 +86,11 @@ def _parameters(
     return {name: float(values[name]) for name in system.parameter_names}
 
 
-_NO_SHARE = ("K", "degC", "degF")
-
-
-def _compare(measured: np.ndarray, simulated: np.ndarray) -> dict[str, float | None]:
+def _compare(measured: np.ndarray, simulated: np.ndarray, unit: str) -> dict[str, Any]:
+    found = score(measured, simulated, unit)
     seen = np.isfinite(measured)
-    left = measured[seen] - simulated[seen]
-    rmse, bias, mean = float(np.sqrt(np.mean(left**2))), float(left.mean()), float(measured[seen].mean())
     both = seen[1:] & seen[:-1]
-    series = np.where(seen, measured - simulated, 0.0) - bias
-    spread = float(np.sum(np.where(seen, series, 0.0) ** 2))
+    series = np.where(seen, measured - simulated - found.bias, 0.0)
+    spread = float(np.sum(series**2))
     lagged = float(np.sum((series[1:] * series[:-1])[both])) / spread if spread > 0 else 0.0
-    share = abs(mean) if mean else np.nan
-    return {
-        "rmse": rmse,
-        "bias": bias,
-        "cvrmse": rmse / share,
-        "nmbe": bias / share,
-        "autocorrelation": lagged,
-        "steps": int(seen.sum()),
-    }
+    return {**found.model_dump(), "autocorrelation": lagged}

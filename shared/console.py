@@ -56,8 +56,11 @@ _log = logger(__name__)
 
 
 def new_console() -> Console:
-    """A console for results on standard output."""
-    console = Console(highlight=False)
+    """A console for results on standard output, which prints text as it stands.
+
+    Users name what they like, and units stand in brackets: rich would take `[degC]` for a style and leave it out.
+    """
+    console = Console(highlight=False, markup=False)
     if not console.is_terminal:
         console.width = max(console.width, _PIPED_WIDTH)
     return console

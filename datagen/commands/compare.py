@@ -84,7 +84,7 @@ def compare(
     )
     written = write_report(found, out) if out is not None else []
     if as_json:
-        sys.stdout.write(json.dumps(records(found), indent=1) + "\n")
+        sys.stdout.write(json.dumps(records(found), indent=1, allow_nan=False) + "\n")
         return OK
     console.print(f"{found.names[1]} minus {found.names[0]}: rms (bias)", markup=False)
     table = Table("", "", "steps", *(f"{one.name} [{one.unit}]" for one in found.outputs), box=None)

@@ -31,7 +31,7 @@ def info(folder: Path, *, as_json: Annotated[bool, Parameter(name="--json", nega
 
     found = info_(folder)
     if as_json:
-        sys.stdout.write(json.dumps(found, indent=1) + "\n")
+        sys.stdout.write(json.dumps(found, indent=1, allow_nan=False) + "\n")
         return OK
     table = Table(box=None, show_header=False)
     for name, value in found.items():
@@ -76,7 +76,7 @@ def verify(
     faults = verify_(folder, quiet=report.quiet)
     if as_json:
         found = {"folder": str(folder), "ok": not faults, "faults": faults, **({"repaired": mended} if repair else {})}
-        sys.stdout.write(json.dumps(found, indent=1) + "\n")
+        sys.stdout.write(json.dumps(found, indent=1, allow_nan=False) + "\n")
     else:
         for file in mended:
             console.print(f"{file}: simulated again", markup=False)

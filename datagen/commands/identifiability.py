@@ -99,7 +99,7 @@ def identifiability(
         kept.put(one)
     write_ceilings(path, kept)
     if as_json:
-        sys.stdout.write(json.dumps([one.model_dump() for one in found], indent=1) + "\n")
+        sys.stdout.write(json.dumps([one.model_dump() for one in found], indent=1, allow_nan=False) + "\n")
         return OK
     how = f", {in_words(found[0].constants)}" if uncertain else ""
     console.print(f"Linearised limit of R2, mean of {systems} systems{how}", markup=False)

@@ -71,7 +71,7 @@ def make(
             progress=lambda done, _: bar.update(done),
         )
     if as_json:
-        sys.stdout.write(json.dumps(manifest, indent=1) + "\n")
+        sys.stdout.write(json.dumps(manifest, indent=1, allow_nan=False) + "\n")
         return OK
     console.print(f"{len(manifest['recordings'])} recordings in {out}", markup=False)
     console.print(f"answers sealed with sha256 {manifest['answers_sha256']}", markup=False, soft_wrap=True)
@@ -147,7 +147,7 @@ def run(
     code = PARTLY if verdicts[FAILED] else OK
     if as_json:
         said = {"recordings": len(files), "verdicts": verdicts, "seconds": seconds, "verdicts_sha256": sha256}
-        sys.stdout.write(json.dumps(said, indent=1) + "\n")
+        sys.stdout.write(json.dumps(said, indent=1, allow_nan=False) + "\n")
         return code
     counts = ", ".join(f"{count} {answer.replace('_', ' ')}" for answer, count in sorted(verdicts.items()))
     console.print(f"{len(files)} recordings, {seconds:.0f} s each: {counts}", markup=False, soft_wrap=True)

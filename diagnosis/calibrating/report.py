@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +26,7 @@ def write_calibration(done: Calibrated, folder: Path) -> None:
     """Write ``calibration.json`` and ``calibration.html`` into a folder, both or none."""
     page = render(done)
     with whole(folder) as draft:
-        text = json.dumps(done.report.model_dump(mode="json"), indent=1)
+        text = done.report.model_dump_json(indent=1)
         (draft / "calibration.json").write_text(text + "\n", encoding="utf-8")
         (draft / "calibration.html").write_text(page, encoding="utf-8")
 

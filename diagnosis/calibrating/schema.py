@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from diagnosis.scores import Score
 from shared.errors import RecordingError
 from shared.reading import read_json, shown, validated
 
-SCHEMA_VERSION = 6
+SCHEMA_VERSION = 7
 
 
 class _Table(BaseModel):
@@ -78,7 +79,8 @@ class Pair(_Table):
 class Day(_Table):
     """A day that was fitted: begin of its first step by the recording's clock, its steps.
 
-    ``sha256`` is that of the readings of each output that moved: see :mod:`diagnosis.calibrating.seen`.
+    ``sha256`` is that of the readings of each output that moved, of none where they do not tell the day from others:
+    see :mod:`diagnosis.calibrating.seen`.
     """
 
     begin: str
@@ -92,8 +94,8 @@ class Calibration(_Table):
     ``covariance`` (unknowns, unknowns) is that of the posterior in which the recording counts for 1 / ``widened``^2 of
     what it is worth to the model: see :mod:`diagnosis.fitting.doubt`. Schema 2 added ``explained`` to the outputs,
     schema 3 ``constants``, which are among the unknowns since, schema 5 the ``days`` that were fitted, and of outputs
-    whose sensor has no declared noise as how exact they were taken (``undeclared``), and schema 6 the days' hashes
-    output by output, and each output's ``declared`` noise.
+    whose sensor has no declared noise as how exact they were taken (``undeclared``), schema 6 the days' hashes
+    output by output, and each output's ``declared`` noise, and schema 7 the days whose readings do not tell them.
     """
 
     schema_version: int = SCHEMA_VERSION
@@ -104,7 +106,7 @@ class Calibration(_Table):
     steps: int
     step: float
     start: float
-    days: list[Day]
+    days: Annotated[list[Day], Field(min_length=1)]
     replay: bool
     occupancy: str
     assumed: dict[str, str]
@@ -145,7 +147,7 @@ def read_calibration(path: Path | str) -> Calibration:
     version = raw.get("schema_version") if isinstance(raw, dict) else None
     if isinstance(version, int) and version < SCHEMA_VERSION:
         raise RecordingError(
-            f"{path}: schema_version is {shown(version)}, which does not say, output by output, which days the"
-            f" calibration has seen; expected {SCHEMA_VERSION}, {expected} of this version: calibrate again"
+            f"{path}: schema_version is {shown(version)}, which does not say, output by output, all days that"
+            f" the calibration has seen; expected {SCHEMA_VERSION}, {expected} of this version: calibrate again"
         )
     return validated(Calibration, raw, f"{path}", RecordingError, expected)

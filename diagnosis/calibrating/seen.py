@@ -18,7 +18,9 @@ import numpy as np
 from diagnosis.calibrating.schema import Calibration, Day
 from diagnosis.recording import HOUR, Recording
 from shared.errors import RecordingError
+from shared.logs import logger
 
+_log = logger(__name__)
 NEAR = 1e-3
 """Steps are the same that differ by less than this share."""
 TELLING = 8
@@ -29,41 +31,62 @@ same in many rooms."""
 def days_of(recording: Recording, names: Sequence[str]) -> list[Day]:
     """The days of a recording by its own clock, the first and the last as far as they reach.
 
-    Outputs, whose names are ``names``, are left out where they hardly move: then they are alike in recordings that have
-    nothing to do with each other. So are days without any other.
+    Outputs, whose names are ``names``, have no hash where they hardly move: then they are alike in recordings that have
+    nothing to do with each other. A day without any hash was fitted all the same, and is known by its neighbours.
     """
     begins = _begins(recording)
     date = begins.astype("datetime64[D]")
     edges = [0, *(np.flatnonzero(date[1:] != date[:-1]) + 1).tolist(), len(date)]
-    made = [
+    return [
         Day(begin=str(begins[a]), steps=b - a, sha256=_hashes(recording, names, slice(a, b)))
         for a, b in pairwise(edges)
     ]
-    return [one for one in made if one.sha256]
 
 
 def check_unseen(report: Calibration, record: Recording, names: Sequence[str], split: int, end: int) -> None:
     """Refuse a calibration that has seen any of the steps ``split`` to ``end``: scores would be those of a fit.
 
-    It has if it was made from this file, or from any day of it, and reaches there. ``names`` are those of the outputs.
+    It has if it was made from this file, or from any day of it, and reaches there: all that lies between the first and
+    the last day of a calibration was fitted. Where no day of it can be told from those of other recordings, and its
+    dates are among those ahead, a warning says that nothing could be checked. ``names`` are those of the outputs.
 
     Raises
     ------
     RecordingError
-        Naming the first day that was seen.
+        Naming the first step that was seen.
     """
-    begins = _begins(record)
-    same = Path(report.recording).resolve() == record.path.resolve()
-    same = same or any(_is_in(day, report.step, record, names) for day in report.days)
-    if not same or not report.days:
+    begin, after = _span(report)
+    ahead = _begins(record)[split:end]
+    seen = ahead[(ahead >= begin) & (ahead < after)]
+    if not len(seen):
         return
-    seen = [at for day in report.days if (at := _first_ahead(day, report.step, begins[split:end])) is not None]
-    if seen:
+    first = str(seen[0].astype("datetime64[m]")).replace("T", " ")
+    known = [_is_in(day, report.step, record, names) for day in report.days]
+    if _same_file(report, record) or any(known):
         raise RecordingError(
-            f"{record.path}: {str(min(seen)).replace('T', ' ')} and what follows is to be forecast, but is among what"
+            f"{record.path}: {first} and what follows is to be forecast, but is among what"
             f" the given calibration was made from ({report.recording}); expected one that has seen none of the"
             f" {(end - split) * record.step / HOUR:g} h ahead, or none, to calibrate on the context"
         )
+    if all(one is None for one in known):
+        _log.warning(
+            "%s: whether the given calibration (of %s) has seen %s and what follows could not be checked: no day that"
+            " both have can be told by its readings, and by their dates it may have",
+            record.path,
+            report.recording,
+            first,
+        )
+
+
+def _same_file(report: Calibration, record: Recording) -> bool:
+    return Path(report.recording).resolve() == record.path.resolve()
+
+
+def _span(report: Calibration) -> tuple[np.datetime64, np.datetime64]:
+    """From when until when a calibration has seen readings, by its recording's clock."""
+    first, last = report.days[0], report.days[-1]
+    after = np.datetime64(last.begin, "s") + np.timedelta64(round(last.steps * report.step), "s")
+    return np.datetime64(first.begin, "s"), after
 
 
 def _begins(recording: Recording) -> np.ndarray:
@@ -72,25 +95,22 @@ def _begins(recording: Recording) -> np.ndarray:
     return np.asarray(recording.zero.astype("datetime64[s]") + seconds)
 
 
-def _is_in(day: Day, step: float, record: Recording, names: Sequence[str]) -> bool:
-    """Whether a recording has the readings that a day had in one of steps of ``step`` [s], of any output."""
+def _is_in(day: Day, step: float, record: Recording, names: Sequence[str]) -> bool | None:
+    """Whether a recording has the readings that a day had in one of steps of ``step`` [s], of any output.
+
+    None where nothing tells: it has no such day, or no output whose readings could be compared.
+    """
     same = abs(step - record.step) <= NEAR * step
-    if not same and not (_divides_an_hour(step) and _divides_an_hour(record.step)):
-        return False
+    if not day.sha256 or (not same and not (_divides_an_hour(step) and _divides_an_hour(record.step))):
+        return None
     begin, span = np.datetime64(day.begin, "s"), np.timedelta64(round(day.steps * step), "s")
     begins = _begins(record)
     inside = np.flatnonzero((begins >= begin) & (begins < begin + span))
     if len(inside) != round(day.steps * step / record.step) or begins[inside[0]] != begin:
-        return False
+        return None
     found = _hashes(record, names, slice(int(inside[0]), int(inside[-1]) + 1))
-    return any(found.get(name) == one for name, one in day.sha256.items())
-
-
-def _first_ahead(day: Day, step: float, ahead: np.ndarray) -> np.datetime64 | None:
-    """The first of the steps ahead that lies in a day as far as it was seen; None if none does."""
-    begin = np.datetime64(day.begin, "s")
-    inside = (ahead >= begin) & (ahead < begin + np.timedelta64(round(day.steps * step), "s"))
-    return np.datetime64(ahead[np.argmax(inside)], "m") if inside.any() else None
+    compared = [found[name] == one for name, one in day.sha256.items() if name in found]
+    return any(compared) if compared else None
 
 
 def _divides_an_hour(step: float) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,7 @@ def write_forecast(done: Forecasted, folder: Path) -> None:
     """Write ``forecast.json`` and ``forecast.html`` into a folder, both or none."""
     page = render(done)
     with whole(folder) as draft:
-        text = json.dumps(done.report.model_dump(mode="json"), indent=1)
+        text = done.report.model_dump_json(indent=1)
         (draft / "forecast.json").write_text(text + "\n", encoding="utf-8")
         (draft / "forecast.html").write_text(page, encoding="utf-8")
 

@@ -32,6 +32,8 @@ SINCE = datetime(1980, 1, 1, tzinfo=UTC).timestamp()
 _OFFSET = re.compile(r"([+-])(\d{2}):?(\d{2})$")
 _YEAR = re.compile(r"(?<!%)(?:%%)*%[YyGcx]")
 _UTC = ("Z", "UTC", "GMT")
+_END_OF_DAY = r"(?<![\d:])24(?=:00(?::00(?:[.,]0+)?)?(?![\d:]))"
+"""The hour of a day's last instant, as some loggers write the next day's first."""
 _STAMPED = r"(?:[Zz]|[+-]\d{2}:?\d{2}|[+-]\d{2})$"
 
 
@@ -170,16 +172,17 @@ def read_stamps(
             odd = int(np.flatnonzero(~stamped)[0])
             raise RecordingError(
                 f"{where}: row {odd + 1} ({shown(texts.iloc[odd])}) has no offset from UTC but others have; "
-                "expected all or none"
+                f"expected all or none{_cut_off(texts, odd)}"
             )
         aware = bool(stamped.all())
         try:
-            parsed = pd.to_datetime(texts, format=settings.format, errors="coerce", utc=aware)
+            parsed, notes = _parsed(texts, settings.format, aware)
             _all_read(parsed.isna().to_numpy(), texts, settings, where)
             if aware:
                 utc = seconds_of(pd.DatetimeIndex(parsed))
             else:
-                utc, notes = of_wall_clock(pd.DatetimeIndex(parsed), zone, name, where, sensors)
+                utc, told = of_wall_clock(pd.DatetimeIndex(parsed), zone, name, where, sensors)
+                notes += told
         except TypeError:
             raise RecordingError(
                 f"{where}: offsets from UTC cannot be read; expected ISO 8601 with colons, 2022-10-30 02:15:00+01:00,"
@@ -200,10 +203,29 @@ def read_stamps(
         raise RecordingError(
             f"{where}: time runs backwards from row {k + 1} ({shown(texts.iloc[k])}) to row {k + 2} "
             f"({shown(texts.iloc[k + 1])}) in {back.size} place(s); expected rows in the order of time"
+            f"{_cut_off(texts, k + 1)}"
         )
     if settings.format not in ("ISO8601", "unix"):
         _no_months_for_days(utc, texts, settings, where)
     return utc, notes
+
+
+def _parsed(texts: pd.Series, form: str, aware: bool) -> tuple[pd.Series, list[str]]:
+    """Stamps as dates, NaT where they are none, (rows,); 24:00 is the next day's 00:00, which is told."""
+    parsed = pd.to_datetime(texts, format=form, errors="coerce", utc=aware)
+    ends = parsed.isna() & texts.str.contains(_END_OF_DAY, regex=True)
+    if not ends.any():
+        return parsed, []
+    begins = texts[ends].str.replace(_END_OF_DAY, "00", regex=True)
+    parsed[ends] = pd.to_datetime(begins, format=form, errors="coerce", utc=aware) + pd.Timedelta(days=1)
+    return parsed, [f"{int(ends.sum())} time stamps of 24:00 are taken as 00:00 of the next day"]
+
+
+def _cut_off(texts: pd.Series, k: int) -> str:
+    """What may be wrong with a stamp that is the last one and shorter than the one before it; else empty."""
+    if k < len(texts) - 1 or not k or len(texts.iloc[k]) >= len(texts.iloc[k - 1]):
+        return ""
+    return "; it is the last one and shorter than the one before: is the file cut off there?"
 
 
 def _check_format(form: str, where: str) -> None:
@@ -256,4 +278,5 @@ def _all_read(bad: np.ndarray, texts: pd.Series, settings: Time, where: str) -> 
         raise RecordingError(
             f"{where}: row {k + 1} ({shown(texts.iloc[k])}) is not a time of format {settings.format!r}; expected "
             "ISO 8601 as 2022-10-30 02:15:00+01:00, or time.format set to 'unix' or for example '%d/%m/%Y %H:%M'"
+            f"{_cut_off(texts, k)}"
         )

@@ -16,7 +16,7 @@ from diagnosis.importing.quality import ASSUMED, COMPUTED, IMPOSSIBLE, INTERPOLA
 from diagnosis.importing.reading import Measurements, read_measurements
 from diagnosis.importing.report import Comparison, ImportReport, VariableReport
 from diagnosis.importing.series import Series
-from diagnosis.importing.writing import build_recording, write_recording
+from diagnosis.importing.writing import build_recording, check_free, write_recording
 from shared.errors import RecordingError
 from shared.places import check_folder
 from shared.store import sha256_of
@@ -74,6 +74,7 @@ def import_recording(
     if out.suffix != ".nc":
         raise RecordingError(f"{out}: ending is {out.suffix!r}; expected .nc")
     check_folder(out.parent, RecordingError)
+    check_free(out, out.with_suffix(".png"))
     measurements = read_measurements(Path(data), settings)
     length = float(measurements.utc[-1] - measurements.utc[0])
     interval = float(np.median(np.diff(measurements.utc)))

@@ -215,7 +215,8 @@ class Judge:
         if target.role == "input":
             fill = source.fill if source.fill is not None else self._usual_fill(source)
             if fill == "interpolate":
-                values, flags = interpolate_short(values, flags, round(source.fill_up_to * 3600.0 / self.step))
+                most = int(source.fill_up_to * 3600.0 / self.step + 1e-9)  # whole steps: no longer gap is filled
+                values, flags = interpolate_short(values, flags, most)
             elif isinstance(fill, float):
                 plain = Source(constant=fill, unit=source.unit, persons=source.persons)
                 values, flags = fill_constant(values, flags, self.converted(fill, plain, target.unit, where))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from typing import Any
 
@@ -16,6 +15,7 @@ from diagnosis.importing.clock import Clock
 from diagnosis.importing.filling import runs
 from diagnosis.importing.quality import ASSUMED, IMPOSSIBLE, INTERPOLATED, STUCK
 from diagnosis.importing.series import Series
+from diagnosis.pictures import as_png
 
 matplotlib.use("Agg")
 
@@ -41,9 +41,7 @@ def draw_recording(series: Sequence[Series], time: np.ndarray, clock: Clock, tit
     hours = clock.offset / 3600.0
     panels[-1].set_xlabel(f"local standard time (UTC{hours:+g} h, no daylight saving)")
     figure.suptitle(title, fontsize=11)
-    data = io.BytesIO()
-    figure.savefig(data, format="png", dpi=110)
-    return data.getvalue()
+    return as_png(figure)
 
 
 def _panel(axes: Axes, one: Series, time: np.ndarray, clock: Clock) -> None:

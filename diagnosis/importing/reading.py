@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import csv
 import io
+import re
 import warnings
 from collections import Counter
 from dataclasses import dataclass, field
@@ -101,6 +102,7 @@ def read_measurements(path: Path, mapping: Mapping) -> Measurements:
     text = _text(path, settings)
     check_columns(text, settings.separator, f"{path}", RecordingError)
     frame = _table(text, settings, path)
+    broken = _broken_lines(frame, settings, path) if '"' in text else []
     names = _names(text, settings, path)
     frame.columns = frame.columns.str.strip()
     name = mapping.time.column
@@ -114,7 +116,8 @@ def read_measurements(path: Path, mapping: Mapping) -> Measurements:
     if len(frame) < 2:
         raise RecordingError(f"{path}: has {len(frame)} rows; expected at least a day of measurements")
     where = f"{path}: column {name!r}"
-    utc, notes = read_stamps(frame[name].fillna(""), mapping.time, where, partial(_read, frame, mapping))
+    utc, told = read_stamps(frame[name].fillna(""), mapping.time, where, partial(_read, frame, mapping))
+    notes = [*broken, *told]
     keep = np.concatenate([[True], np.diff(utc) > 0])
     columns = frame.drop(columns=name).fillna("")
     if not keep.all():  # a logger may write a row for each of its sensors
@@ -218,6 +221,42 @@ def _separated(text: str, settings: File) -> str:
     return f"; is file.separator {found[0]!r}{comma}?"
 
 
+def _broken_lines(frame: pd.DataFrame, settings: File, path: Path) -> list[str]:
+    """Sentences on cells of several lines; refused where these are rows, lost between two stray quotation marks."""
+    notes = []
+    for k, name in enumerate(frame.columns):
+        column = frame.iloc[:, k].fillna("")
+        breaks = column.str.count("\n")
+        if not breaks.any():
+            continue
+        # from one cell of a column to the one below it there are as many separators as in a line
+        rows = column.str.count(re.escape(settings.separator)) >= breaks * max(frame.shape[1] - 1, 1)
+        lost = np.flatnonzero((breaks > 0) & rows)
+        if lost.size:
+            at = int(lost[0])
+            raise RecordingError(
+                f"{path}: row {at + 1}: column {name!r}: a cell goes on over {breaks.iloc[at] + 1} lines, which are"
+                " rows of the table; expected a cell to end in its line: a quotation mark that is not closed?"
+            )
+        notes.append(f"column {name}: {int((breaks > 0).sum())} cells hold line breaks")
+    return notes
+
+
+def _why_no_table(error: Exception, settings: File) -> str:
+    """What is wrong with a text that pandas does not take for a table."""
+    if found := re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error)):
+        fields, line, saw = found.groups()
+        return (
+            f"line {line} has {saw} fields, separated by {settings.separator!r}, and lines before it {fields}; expected"
+            " as many in every line, and quotation marks around text that holds the separator"
+        )
+    if found := re.search(r"EOF inside string starting at row (\d+)", str(error)):
+        return (
+            f"a quotation mark in line {int(found[1]) + 1} is not closed until the end; expected two of them, or none"
+        )
+    return f"not readable as CSV ({why(error)})"
+
+
 def _table(text: str, settings: File, path: Path) -> pd.DataFrame:
     """A CSV's rows as text under its column names; a separator that ends every row but the header's makes no column."""
 
@@ -247,4 +286,4 @@ def _table(text: str, settings: File, path: Path) -> pd.DataFrame:
             )
         return read(index_col=False)
     except (ValueError, ArithmeticError, LookupError, MemoryError) as error:  # what pandas meets in text that is no CSV
-        raise RecordingError(f"{path}: not readable as CSV ({why(error)})") from None
+        raise RecordingError(f"{path}: {_why_no_table(error, settings)}") from None

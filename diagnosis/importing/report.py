@@ -117,7 +117,7 @@ def print_report(report: ImportReport, console: Console) -> None:
             ", ".join(left) or "-",
             ", ".join(filled) or "-",
         )
-    console.print(table)
+    console.print(table, markup=False)
     for pair in report.comparisons:
         together = f"correlation {pair.correlation:.2f} " if pair.correlation is not None else ""
         console.print(
@@ -133,6 +133,7 @@ def print_report(report: ImportReport, console: Console) -> None:
         console.print(
             f"not recorded: {', '.join(report.not_recorded)}: a simulation of this recording needs them from elsewhere",
             style="yellow",
+            markup=False,
         )
     if report.unused_columns:
         console.print(f"columns not used: {', '.join(report.unused_columns)}", markup=False, soft_wrap=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -54,9 +55,20 @@ def on_the_plane(
     dni, dhi
         Measured direct normal and diffuse horizontal irradiance of the same readings, NaN where there is none, (n,).
     """
-    sun, azimuth = _sun_within(ghi, clock, place)
     values = np.where(np.isfinite(ghi.values), np.maximum(ghi.values, 0.0), 0.0)
-    total, direct, diffuse = split(values, sun, dni, dhi)
+    poa = np.empty(len(values))
+    for some, parts in _alike(ghi):
+        sun, azimuth = _sun_within(ghi, some, parts, clock, place)
+        beam, sky = (None if one is None else one[some] for one in (dni, dhi))
+        poa[some] = _carried(split(values[some], sun, beam, sky), sun, azimuth, plane)
+    return replace(ghi, values=poa, flags=ghi.flags | np.int8(COMPUTED))
+
+
+def _carried(
+    parts: tuple[np.ndarray, np.ndarray, np.ndarray], sun: Sun, azimuth: np.ndarray, plane: Weather
+) -> np.ndarray:
+    """Mean irradiance of a tilted plane (n,) of global, direct normal and diffuse one in parts (n, parts) [W/m2]."""
+    total, direct, diffuse = parts
     z = sun.zenith.ravel()
     carried = pvlib.irradiance.get_total_irradiance(
         plane.surface_tilt,
@@ -75,8 +87,7 @@ def on_the_plane(
     tilt = np.radians(plane.surface_tilt)
     dusk = total.ravel() * ((1 + np.cos(tilt)) / 2 + plane.albedo * (1 - np.cos(tilt)) / 2)
     carried = np.where(np.isfinite(carried) & (z < 90.0), carried, dusk)
-    poa = np.maximum(carried, 0.0).reshape(sun.zenith.shape).mean(axis=1)
-    return replace(ghi, values=poa, flags=ghi.flags | np.int8(COMPUTED))
+    return np.asarray(np.maximum(carried, 0.0).reshape(sun.zenith.shape).mean(axis=1))
 
 
 def global_of(readings: Signal, dni: np.ndarray, dhi: np.ndarray, clock: Clock, place: Place) -> Signal:
@@ -87,16 +98,30 @@ def global_of(readings: Signal, dni: np.ndarray, dhi: np.ndarray, clock: Clock, 
     there = np.isfinite(dni) & np.isfinite(dhi)
     begin, end = readings.begin[there], readings.end[there]
     base = replace(readings, begin=begin, end=end, values=dhi[there], flags=np.full(there.sum(), COMPUTED, np.int8))
-    sun, _ = _sun_within(base, clock, place)
-    return replace(base, values=closed(np.maximum(dni[there], 0.0), np.maximum(dhi[there], 0.0), sun))
+    beam, sky = (np.maximum(one[there], 0.0) for one in (dni, dhi))
+    values = np.empty(len(begin))
+    for some, parts in _alike(base):
+        sun, _ = _sun_within(base, some, parts, clock, place)
+        values[some] = closed(beam[some], sky[some], sun)
+    return replace(base, values=values)
 
 
-def _sun_within(signal: Signal, clock: Clock, place: Place) -> tuple[Sun, np.ndarray]:
-    """Where the sun stands in equal parts of each reading's interval, and its azimuth [degree], (n, parts)."""
-    longest = float((signal.end - signal.begin).max(initial=0.0))
-    parts = max(1, int(np.ceil(longest / _FINEST - 1e-9)))
+def _alike(signal: Signal) -> Iterator[tuple[np.ndarray, int]]:
+    """Places of the readings (some,) whose intervals are split into so many parts, for each such number.
+
+    Of a logger that writes on change one interval lasts a night and others a minute: with the parts of the longest for
+    all, a year would not fit into memory.
+    """
+    parts = np.maximum(np.ceil((signal.end - signal.begin) / _FINEST - 1e-9), 1).astype(int)
+    for count in np.unique(parts):
+        yield np.flatnonzero(parts == count), int(count)
+
+
+def _sun_within(signal: Signal, some: np.ndarray, parts: int, clock: Clock, place: Place) -> tuple[Sun, np.ndarray]:
+    """Where the sun stands in equal parts of some readings' intervals, and its azimuth [degree], (some, parts)."""
+    begin, end = signal.begin[some], signal.end[some]
     share = (np.arange(parts) + 0.5) / parts
-    utc = clock.utc(signal.begin[:, None] + share * (signal.end - signal.begin)[:, None])
+    utc = clock.utc(begin[:, None] + share * (end - begin)[:, None])
     zenith, azimuth = sun_position(utc, place)
     day = pd.to_datetime(utc.ravel(), unit="s").day_of_year.to_numpy().reshape(utc.shape)
     return Sun(zenith, day), azimuth

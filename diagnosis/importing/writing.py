@@ -83,8 +83,23 @@ def build_recording(
     return xr.Dataset(variables, {"time": (("time",), time, about)}, attrs)
 
 
+def check_free(*paths: Path) -> None:
+    """Refuse a path that is a folder, before any work.
+
+    Raises
+    ------
+    RecordingError
+        Naming it.
+    """
+    for one in paths:
+        if one.is_dir():
+            raise RecordingError(f"{one}: is a folder; expected a file, or a name that is free")
+
+
 def write_recording(dataset: xr.Dataset, path: Path, picture: bytes, picture_path: Path) -> None:
     """Write a recording and its picture: both are whole under temporary names before either gets its own.
+
+    The recording gets it first: a picture beside another recording, or none, would be of data that nobody has.
 
     Raises
     ------
@@ -105,8 +120,8 @@ def write_recording(dataset: xr.Dataset, path: Path, picture: bytes, picture_pat
     try:
         write_netcdf(dataset, temporary, encoding)
         temporary_picture.write_bytes(picture)
-        os.replace(temporary_picture, picture_path)
         os.replace(temporary, path)
+        os.replace(temporary_picture, picture_path)
     except OSError as error:
         raise RecordingError(f"{path}: cannot be written ({error.strerror or error})") from None
     finally:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import base64
-import io
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+
+from diagnosis.pictures import as_png
 
 MEASURED = "#cc3311"
 TWINS = "#bbbbbb"
@@ -19,9 +20,7 @@ DIVERGING = "RdBu_r"
 
 def as_base64(figure: Figure, dpi: int = 110) -> str:
     """A figure as PNG in base64, to be embedded in a page."""
-    data = io.BytesIO()
-    figure.savefig(data, format="png", dpi=dpi)
-    return base64.b64encode(data.getvalue()).decode("ascii")
+    return base64.b64encode(as_png(figure, dpi)).decode("ascii")
 
 
 def outline(axes: Axes, mask: np.ndarray) -> None:

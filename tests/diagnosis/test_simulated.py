@@ -64,11 +64,24 @@ def test_figures_are_those_of_the_guideline(recording, truth, default_system, tm
     assert after["nmbe"] == pytest.approx(after["bias"] / mean, rel=1e-5)
 
 
-def test_no_share_of_an_absolute_temperature(recording, truth, default_system):
+def test_errors_of_a_temperature_are_shares_of_its_range(recording, truth, default_system):
     found = residuals(default_system, recording, parameters=truth)["outputs"]
-    assert found["TRoo"]["cvrmse"] is None
-    assert found["TRoo"]["nmbe"] is None
-    assert found["QHea"]["cvrmse"] is not None
+    low, high = np.quantile(xr.load_dataset(recording)["TRoo"], [0.025, 0.975])
+    assert found["TRoo"]["cvrmse"] == pytest.approx(found["TRoo"]["rmse"] / (high - low), rel=1e-4)
+    assert (found["TRoo"]["share_of"], found["QHea"]["share_of"]) == ("95 % range", "mean")
+
+
+def test_a_heater_that_is_off_throughout_has_no_shares_and_json_stays_json(
+    recording, truth, default_system, tmp_path, capsys
+):
+    data = xr.load_dataset(recording, decode_times=False)
+    data["QHea"].values[:] = 0.0
+    data.to_netcdf(tmp_path / "off.nc")
+    values = [f"{name}={value}" for name, value in truth.items()]
+    command = ["residuals", str(default_system.path), str(tmp_path / "off.nc"), "--set", *values, "--json"]
+    assert start(app, command) == OK
+    found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)["outputs"]["QHea"]
+    assert (found["cvrmse"], found["nmbe"]) == (None, None)
 
 
 def test_recorded_inputs_are_the_recordings(recording, default_system):

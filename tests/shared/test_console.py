@@ -9,8 +9,9 @@ from typing import Annotated
 
 import pytest
 from cyclopts import Parameter
+from rich.table import Table
 
-from shared.console import ENDED, FAULT, OK, PARTLY, STOPPED, USAGE, new_app, resumable, start
+from shared.console import ENDED, FAULT, OK, PARTLY, STOPPED, USAGE, new_app, new_console, resumable, start
 from shared.errors import DatasetError, IncompleteError
 from shared.logs import USUAL, Reporting
 
@@ -130,3 +131,11 @@ def test_no_command_and_help_are_no_mistake(capsys):
     assert start(app, ["do", "--help"]) == OK
     said = capsys.readouterr().out
     assert "--quiet" in said and "--verbose" in said and "--log" in said
+
+
+def test_units_in_brackets_are_printed_as_they_stand(capsys):
+    table = Table("room [degC]", "[h]", box=None, title="of [/min]")
+    table.add_row("gas [/min]", "[bold]")
+    new_console().print(table)
+    said = capsys.readouterr().out
+    assert all(text in said for text in ("room [degC]", "[h]", "of [/min]", "gas [/min]", "[bold]"))

@@ -119,7 +119,7 @@ def _print_plan(made: Plan, json: bool) -> None:
     if json:
         parts_found = {part.name: {"lines": len(part.rows), "skipped": part.notes} for part in made.parts}
         facts = {"fits": len(made.fits), "left": len(left), "minutes": expected, "with_overheads": whole}
-        sys.stdout.write(json_text.dumps(facts | {"parts": parts_found}, indent=1) + "\n")
+        sys.stdout.write(json_text.dumps(facts | {"parts": parts_found}, indent=1, allow_nan=False) + "\n")
         return
     table = Table(title=f"{made.training} training systems, {made.budget.text()} a fit, {made.seeds} seeds")
     for column in ("part", "line", "estimator", "context [h]", "channels", "noise", "systems", ""):

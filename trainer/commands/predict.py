@@ -63,7 +63,8 @@ def predict(
             )
         elif one.unlike:
             console.print(
-                "[bold]Unlike all that the run was trained on[/bold], so that errors are larger than is said:"
+                "[bold]Unlike all that the run was trained on[/bold], so that errors are larger than is said:",
+                markup=True,
             )
             for note in one.unlike:
                 console.print(f"- {note}", markup=False)

@@ -123,9 +123,9 @@ def test_a_file_that_is_no_calibration_is_told(tmp_path):
     (tmp_path / "calibration.json").write_text('{"z": [1.0]}')
     with pytest.raises(RecordingError, match="expected a file of `diagnosis calibrate`"):
         read_calibration(tmp_path)
-    for version in (4, 5):
+    for version in (4, 5, 6):
         (tmp_path / "calibration.json").write_text(f'{{"schema_version": {version}, "readings_sha256": "0"}}')
-        with pytest.raises(RecordingError, match=rf"is {version}, .* which days .*; expected 6, .*: calibrate again"):
+        with pytest.raises(RecordingError, match=rf"is {version}, .* all days .*; expected 7, .*: calibrate again"):
             read_calibration(tmp_path)
 
 

@@ -1,5 +1,6 @@
 """Calibrations know the days that they have seen, whatever file these are forecast from."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -32,22 +33,64 @@ def cut(record, first, last, path="cut.nc"):
     return replace(record, path=Path(path), time=record.time[part] - 7 * 24 * HOUR, outputs=outputs, zero=zero)
 
 
-def calibrated(record):
-    return SimpleNamespace(recording=str(record.path), step=record.step, days=days_of(record, NAMES))
+def calibrated(record, names=NAMES):
+    return SimpleNamespace(recording=str(record.path), step=record.step, days=days_of(record, names))
 
 
-def test_days_are_those_of_the_clock_and_still_ones_are_left_out():
+def test_days_are_those_of_the_clock_and_still_outputs_do_not_tell_them():
     record = month(hours=4 * 24)
     record.outputs[:, 14 : 14 + 24] = 3.0
     record.outputs[1, 14 + 24 : 14 + 48] = np.nan
-    assert [(day.begin, day.steps) for day in days_of(record, NAMES)] == [
-        ("2022-01-03T10:00:00", 14),
-        ("2022-01-05T00:00:00", 24),
-        ("2022-01-06T00:00:00", 24),
-        ("2022-01-07T00:00:00", 10),
+    assert [(day.begin, day.steps, sorted(day.sha256)) for day in days_of(record, NAMES)] == [
+        ("2022-01-03T10:00:00", 14, ["one", "two"]),
+        ("2022-01-04T00:00:00", 24, []),
+        ("2022-01-05T00:00:00", 24, ["one"]),
+        ("2022-01-06T00:00:00", 24, ["one", "two"]),
+        ("2022-01-07T00:00:00", 10, ["one", "two"]),
     ]
     still = replace(record, outputs=np.full_like(record.outputs, np.nan))
-    assert days_of(still, NAMES) == []
+    assert [day.sha256 for day in days_of(still, NAMES)] == [{}] * 5
+
+
+def coarse(path="coarse.nc", *, hours=28 * 24):
+    """One output by a thermometer of half a kelvin: no day has eight different readings."""
+    time = HOUR * np.arange(1, hours + 1)
+    outputs = 20 + np.round(0.6 * np.sin(2 * np.pi * time / (24 * HOUR)) / 0.5)[None] * 0.5
+    return Recording(Path(path), HOUR, time, outputs, {}, MONDAY)
+
+
+def test_a_coarse_thermometer_hides_no_day_of_the_same_file():
+    record = coarse()
+    assert not any(day.sha256 for day in days_of(record, NAMES[:1]))
+    with pytest.raises(RecordingError, match="2022-01-10 00:00 and what follows is to be forecast"):
+        check_unseen(calibrated(record, NAMES[:1]), record, NAMES[:1], 168, 504)
+    check_unseen(
+        calibrated(replace(record, outputs=record.outputs[:, :168], time=record.time[:168]), NAMES[:1]),
+        record,
+        NAMES[:1],
+        168,
+        504,
+    )
+
+
+def test_days_that_do_not_tell_lie_in_the_span_of_those_that_do():
+    """One lively day of the context is enough to know a copy by."""
+    record = coarse()
+    record.outputs[0, 24:48] += np.linspace(0, 1, 24)
+    with pytest.raises(RecordingError, match="2022-01-10 00:00 and what follows is to be forecast"):
+        check_unseen(calibrated(record, NAMES[:1]), replace(record, path=Path("copy.nc")), NAMES[:1], 168, 504)
+
+
+def test_what_could_not_be_checked_is_said(caplog):
+    report, copy = calibrated(coarse(), NAMES[:1]), coarse("copy.nc")
+    with caplog.at_level("WARNING", logger="zeroshot"):
+        check_unseen(report, copy, NAMES[:1], 168, 504)
+    assert re.search(r"copy\.nc: whether .*\(of coarse\.nc\) has seen 2022-01-10 00:00 .* not be checked", caplog.text)
+    caplog.clear()
+    with caplog.at_level("WARNING", logger="zeroshot"):
+        check_unseen(report, replace(copy, zero=MONDAY + np.timedelta64(364, "D")), NAMES[:1], 168, 504)  # other dates
+        check_unseen(calibrated(month("one.nc")), month("two.nc", seed=1), NAMES, 168, 504)  # another room
+    assert not caplog.text
 
 
 @pytest.mark.parametrize(

@@ -139,6 +139,27 @@ def test_a_format_that_reads_no_time_is_named(form, text, said):
         stamps([text, text], Time(column="t", zone="Europe/Amsterdam", format=form))
 
 
+@pytest.mark.parametrize(
+    ("form", "texts"),
+    [
+        ("ISO8601", ["2022-03-01 23:00", "2022-03-01 24:00", "2022-03-02 01:00"]),
+        ("ISO8601", ["2022-03-01T23:00:00+01:00", "2022-03-01T24:00:00+01:00", "2022-03-02T01:00:00+01:00"]),
+        ("%d.%m.%Y %H:%M", ["24.03.2022 23:00", "24.03.2022 24:00", "25.03.2022 01:00"]),
+        ("%H:%M:%S %d/%m/%y", ["23:00:00 31/12/21", "24:00:00 31/12/21", "01:00:00 01/01/22"]),
+    ],
+)
+def test_the_end_of_a_day_is_the_next_ones_beginning(form, texts):
+    utc, notes = read_stamps(pd.Series(texts), Time(column="t", zone="Europe/Amsterdam", format=form), "here")
+    np.testing.assert_array_equal(np.diff(utc), [3600.0, 3600.0])
+    assert notes == ["1 time stamps of 24:00 are taken as 00:00 of the next day"]
+
+
+@pytest.mark.parametrize("text", ["2022-03-01 24:10", "2022-03-01 25:00", "2022-13-01 24:00"])
+def test_what_is_no_end_of_a_day_is_no_time(text):
+    with pytest.raises(RecordingError, match="is not a time of format"):
+        stamps(["2022-03-01 23:00", text, "2022-03-02 01:00"])
+
+
 def test_an_unknown_zone_gets_suggestions():
     with pytest.raises(RecordingError, match=r"zone is 'Europe/Amsterdm'.*did you mean Europe/Amsterdam"):
         find_zone("Europe/Amsterdm", "file")

@@ -1,5 +1,6 @@
 """A CSV with all that goes wrong in measurements becomes a recording."""
 
+import io
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -8,9 +9,11 @@ import pandas as pd
 import pytest
 import xarray as xr
 from matplotlib.image import imread
+from rich.console import Console
 
 from diagnosis.importing import import_recording
 from diagnosis.importing.quality import ASSUMED, COMPUTED, IMPOSSIBLE, INTERPOLATED, MISSING, PARTLY, STUCK
+from diagnosis.importing.report import print_report
 from shared.errors import RecordingError
 from shared.schema import EPOCH
 from tests.diagnosis.importing.house_cases import MAPPING, measured, warmth
@@ -205,6 +208,55 @@ def test_the_picture_shows_what_was_left_out(house):
     marked = imread(house(frame).picture)
     red = [float(((p[..., 0] > 0.7) & (p[..., 1] < 0.3) & (p[..., 2] < 0.2)).sum()) for p in (clean, marked)]
     assert clean.shape[0] > 900 and red[0] == 0 and red[1] > 50
+
+
+def test_the_picture_takes_dollars_in_names_as_they_stand(house):
+    """As of a building management system that writes odd characters as $ and their code."""
+    frame, _ = measured()
+    column, meter = "Room$20Air_$2dTemp", "Room$20Air$2dTemp_{2}"
+    mapping = MAPPING.replace('"room"', f'"{column}"').replace('"room 2"', f'"{meter}"')
+    report = house(frame.rename(columns={"room": column, "room 2": meter}), mapping, out="out/a$b_$.nc")
+    assert imread(report.picture).shape[1] > 1000
+
+
+@pytest.mark.parametrize("write", [True, False])
+def test_neither_a_recording_nor_anything_beside_it_is_touched_where_it_cannot_be_written(
+    house, tmp_path, write, monkeypatch
+):
+    frame, _ = measured()
+    (tmp_path / "out" / "dir.nc").mkdir(parents=True)
+    (tmp_path / "out" / "dir.png").write_bytes(b"of another import")
+    if write:  # a folder that came after the look at it
+        monkeypatch.setattr("diagnosis.importing.importer.check_free", lambda *_: None)
+    with pytest.raises(RecordingError, match=r"dir\.nc: (cannot be written|is a folder; expected a file)"):
+        house(frame, out="out/dir.nc")
+    assert (tmp_path / "out" / "dir.png").read_bytes() == b"of another import"
+    assert sorted(one.name for one in (tmp_path / "out").iterdir()) == ["dir.nc", "dir.png"]
+
+
+def test_text_in_brackets_is_printed_as_it_stands(house):
+    frame, _ = measured()
+    names = {"room": "room_degC [degC]", "kilowatts": "gas [/min]"}
+    mapping = MAPPING
+    for old, new in names.items():
+        mapping = mapping.replace(f'"{old}"', f'"{new}"')
+    report = house(frame.rename(columns=names), mapping)
+    report.not_recorded.append("wish [/h]")
+    console = Console(file=io.StringIO(), width=200)
+    print_report(report, console)
+    assert all(text in console.file.getvalue() for text in (*names.values(), "wish [/h]"))
+
+
+@pytest.mark.parametrize(("step", "hours"), [(1800.0, 3.0), (7200.0, 2.0)])
+def test_no_gap_is_filled_that_is_longer_than_the_mapping_allows(house, step, hours):
+    """Of steps of two hours one is bridged in three hours, not two."""
+    frame, elapsed = measured()
+    for first, long in ((49.0, hours), (97.0, hours + step / 3600)):  # the first row is of 23:00 standard time
+        frame.loc[(elapsed > first) & (elapsed <= first + long), "valve"] = np.nan
+    mapping = MAPPING.replace("[place]", f"[grid]\nstep = {step}\n[place]")
+    report = house(frame, mapping.replace("fill = 0.0", 'fill = "interpolate"\nfill_up_to = 3.0'))
+    assert next(one for one in report.variables if one.name == "air").interpolated == round(hours * 3600 / step)
+    assert report.end == "2022-11-01 00:00"  # the second gap, a step longer, cuts the recording
 
 
 def test_a_schedule_that_stands_in_says_where_clocks_show_another_hour(house):

@@ -49,6 +49,30 @@ def test_line_ends_and_marks_of_any_system(read, end, encoding):
         (TEXT.replace("note", "°C").encode("latin-1"), {}, r"expected .* file\.encoding, such as 'utf-16' or 'cp1252'"),
         (TEXT.encode(), {"encoding": "a\0b"}, "cannot be read as text in 'a.x00b'"),
         (TEXT.replace("note", "x" * 200_000).encode(), {}, "line of column names: .*; expected the names"),
+        (
+            TEXT.replace(",c\n", ',"c\n').replace("22,\n", '22,\n2022-03-01 03:00,22,d"\n').encode(),
+            {},
+            r"row 2: column 'note': a cell goes on over 3 lines, which are rows of the table; .* not closed\?",
+        ),
+        (
+            TEXT.replace('"a, b"', '"a').replace(",c\n", ',"c\n').encode(),
+            {},
+            "row 1: column 'note': a cell goes on over 2 lines",
+        ),
+        (TEXT.replace(",c\n", ',"c\n').encode(), {}, "a quotation mark in line 3 is not closed until the end"),
+        (b"\n\n" + TEXT.replace(",c\n", ',"c\n').encode(), {}, "a quotation mark in line 5 is not closed until the"),
+        (
+            TEXT.encode() + b"2022-03-01 03:00,22,d,\n",
+            {},
+            "line 5 has 4 fields, separated by ',', and lines before it 3",
+        ),
+        (
+            b"a\nb\n" + TEXT.encode() + b"2022-03-01 03:00,22,d,\n",
+            {"skip": 2},
+            "line 7 has 4 fields, separated by ',', and lines before it 3",
+        ),
+        (TEXT.encode() + b"2022-1", {}, r"row 4 \('2022-1'\) .*; it is the last one and shorter .*cut off there\?"),
+        (TEXT.encode() + b"2022-03-", {}, r"row 4 \('2022-03-'\) .*; it is the last one .*cut off there\?"),
         (b"", {}, "not readable as CSV"),
         (TEXT.splitlines()[0].encode(), {}, "has 0 rows; expected at least a day"),
     ],
@@ -56,6 +80,12 @@ def test_line_ends_and_marks_of_any_system(read, end, encoding):
 def test_what_is_no_such_text_is_refused(read, content, file, said):
     with pytest.raises(RecordingError, match=rf"log\.csv: .*{said}"):
         read(content, **file)
+
+
+def test_a_remark_of_several_lines_is_told(read):
+    found = read(TEXT.replace("a, b", "opened,\nand closed").encode())
+    assert found.notes == ["column note: 1 cells hold line breaks"]
+    assert len(found.utc) == 3
 
 
 def test_a_separator_beyond_ascii_is_used_without_a_warning(read):

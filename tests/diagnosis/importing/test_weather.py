@@ -5,10 +5,11 @@ import pandas as pd
 import pvlib
 import pytest
 
+from diagnosis.importing import weather
 from diagnosis.importing.clock import find_zone, make_clock
 from diagnosis.importing.mapping import Place
 from diagnosis.importing.quality import COMPUTED, IMPOSSIBLE, Signal
-from diagnosis.importing.weather import cloud_cover, on_the_plane, sky, sun_clock
+from diagnosis.importing.weather import cloud_cover, global_of, on_the_plane, sky, sun_clock, sun_position
 from shared.signals import Weather
 
 PLACE = Place(latitude=52.5, longitude=6.1, altitude=5.0)
@@ -58,6 +59,32 @@ def test_a_facade_on_clear_days(step):
     assert made.mean() == pytest.approx(truth.mean(), rel=0.12)
     assert np.corrcoef(made, truth)[0, 1] > 0.99
     assert made[truth == 0].max() < 5.0
+
+
+def test_each_reading_has_parts_of_its_own_length(monkeypatch):
+    """Two thousand of a minute and one of a night: the former are not split as the latter is."""
+    begin = (
+        means(np.zeros(1), 60).begin[0] + 8 * 3600.0 + np.concatenate([60.0 * np.arange(2001), [2000 * 60.0 + 50400]])
+    )
+    values = 300 + 200 * np.sin(np.arange(2001) / 300)
+    held = Signal(begin[:-1], begin[1:], values, np.zeros(2001, dtype=np.int8), "hold", 60.0, "W/m2")
+    asked = []
+
+    def counted(utc, place):
+        asked.append(np.size(utc))
+        return sun_position(utc, place)
+
+    monkeypatch.setattr(weather, "sun_position", counted)
+    made = on_the_plane(held, CLOCK, PLACE, SOUTH).values
+    closed = global_of(held, 0.6 * values, 0.3 * values, CLOCK, PLACE).values
+    assert sum(asked) == 2 * (2000 + 168)
+    monkeypatch.setattr(weather, "_alike", lambda signal: [(np.arange(2001), 168)])  # those of the longest for all
+    former = on_the_plane(held, CLOCK, PLACE, SOUTH).values
+    assert (
+        np.isclose(made, former, rtol=1e-3).mean() > 0.99
+    )  # the rest are at the edges of the model's classes of skies
+    assert made[-1] == former[-1] and made.mean() == pytest.approx(former.mean(), rel=1e-3)
+    np.testing.assert_allclose(closed, global_of(held, 0.6 * values, 0.3 * values, CLOCK, PLACE).values, rtol=1e-3)
 
 
 def test_an_impossible_irradiance_stays_marked():
