@@ -45,7 +45,8 @@ def score(
         The page (HTML); JSON and Markdown are written beside it.
     first
         How many recordings are scored, from the beginning of the set; all if not given. For a run that was stopped:
-        how far it comes has nothing to do with how right it is, and the score says that it is of so many.
+        how far it comes has nothing to do with how right it is, and the score says that it is of so many. What can be
+        seen at all is worked out from all sealed answers of the set, however many are scored.
     seed
         Of the bootstraps.
 
@@ -65,8 +66,7 @@ def score(
         raise RecordingError(f"first is {count}; {folder} holds {planned} recordings; expected 1 to {planned}")
     said = digest(results, [one["file"] for one in published["recordings"][:count]])  # before anything is opened
     opened = open_answers(folder, answers)
-    opened = {**opened, "recordings": opened["recordings"][:count]}
-    rows = side_by_side(opened, results, run)
+    rows = side_by_side(opened, results, run, count)
     _same_recordings(rows, folder)
     made = _scored(rows, left_out(rows, results), run, opened, _places(rows, folder, opened["step"]), seed)
     made = made.model_copy(
@@ -74,7 +74,7 @@ def score(
             "answers_sha256": sha256_of(Path(answers)),
             "verdicts_sha256": said,
             "planned": planned,
-            "commands": _commands(opened, run, folder, Path(answers), results, out, seed, planned),
+            "commands": _commands(opened, run, folder, Path(answers), results, out, seed, count),
         }
     )
     if out is not None:
@@ -102,9 +102,9 @@ def _scored(
     none = [row for row in rows if row.truth == "no_gap"]
     outside = [row for row in rows if row.truth == "none_of_these"]
     seen = [one for one in ones if one.row.visible]
-    expected = Expected(rows, run.library)
+    expected = Expected(opened["recordings"], run.library)
     beyond = [row for row in rows if expected.detectable(row)]
-    found, lost = removed(rows, structural(rows, 0.5))
+    found, lost = removed(rows, structural(opened["recordings"], 0.5))
     named = [row for row in rows if row.named and row.truth == "effect"]
     lifts = [(one.lift, one.chance) for one in places if one.lift is not None and one.chance is not None]
     return Score(
@@ -240,10 +240,10 @@ def _commands(
     results: Path,
     out: Path | str | None,
     seed: int,
-    planned: int,
+    count: int,
 ) -> list[str]:
     """The three commands that make, run and score this set again."""
-    count, system = len(opened["recordings"]), f"{run.system_name}/system.toml"
+    planned, system = len(opened["recordings"]), f"{run.system_name}/system.toml"
     make = ["make", folder, "--system", system, "--recordings", planned, "--seed", opened["seed"]]
     made = ["run", system, folder, "--out", results, "--seed", run.settings.get("seed", 0)]
     made += ["--run", run.settings["estimator"]] if run.settings.get("estimator") else []

@@ -32,8 +32,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, help="so many recordings only, of a run that was stopped")
     options = parser.parse_args()
     opened = open_answers(options.set, options.answers)
-    opened = {**opened, "recordings": opened["recordings"][: options.first]}
-    pairs = side_by_side(opened, options.verdicts, read_run(options.verdicts))
+    pairs = side_by_side(opened, options.verdicts, read_run(options.verdicts), options.first)
     groups: dict[tuple[str, str], list[Row]] = defaultdict(list)
     for one in pairs:
         groups[condition(one)].append(one)

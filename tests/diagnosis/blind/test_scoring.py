@@ -335,3 +335,18 @@ def test_a_score_sees_verdicts_and_answers_and_no_more(scored):
     assert inside == {"set/manifest.json", "set.answers.json", "results/run.json", *recordings, *verdicts}
     assert not [name for name in found["modules"] if name.startswith(("diagnosis.gap", "diagnosis.blind.judging"))]
     assert done.recordings == 12
+
+
+def test_what_can_be_seen_is_that_of_the_whole_set_however_few_recordings_are_scored(tmp_path):
+    """Twenty-five walls, the largest first: of the first five the largest is the limit, of all the second largest."""
+    walls = [Case("none", truth="no_gap", room=3.0, length=3.0, verdict=QUIET)]
+    walls += [Case("none", truth="no_gap", room=0.5, length=0.5, verdict=QUIET) for _ in range(24)]
+    between = [Case("library", ("a",), room=2.0, length=6.0, verdict=said("a")) for _ in range(2)]
+    ones = [*walls[:4], *between, *walls[4:]]
+    folder, answers = write_set(tmp_path / "set", ones)
+    results = write_results(tmp_path / "results", folder, ones)
+    for k in (4, 5):  # the two effects
+        for first in (k + 1, None):
+            done = score(folder, answers, results, first=first)
+            seen = {one.what: one for one in done.effects}["as the candidate has it, visible"]
+            assert counts(seen.top) == counts(done.detectable[0].top) == ((1, 1) if first == 5 else (2, 2))
