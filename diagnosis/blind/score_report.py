@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from diagnosis.blind import score_pictures as pictures
 from diagnosis.blind.intervals import Figure, Share
+from diagnosis.blind.naming import Names, Sized
 from diagnosis.blind.rates import LeftOutScore
 from diagnosis.blind.score_schema import Score
 from diagnosis.blind.shrinking import Shrinkage
@@ -14,6 +15,7 @@ from diagnosis.pages import page_environment
 Lines = list[tuple[str, str, str]]
 LEAST = "the same, where effects were named without a figure counted as nothing removed"
 UNKNOWN = "named, but no gap above the noise on the scored part"
+NAMED = ("effects that an answer names", "a true cause is among them", "if as many were drawn at random")
 OWN_FORM = "as the candidate has it; declared after parameters have compensated"
 
 
@@ -45,6 +47,33 @@ def against_oracle(one: Shrinkage) -> str:
 def bound(one: Shrinkage) -> str:
     """The ratio if nothing was removed where no share is known."""
     return "–" if one.least is None else number(one.least)
+
+
+def lengths(one: Names) -> str:
+    """How many effects answers name."""
+    largest = "–" if one.largest is None else f"{one.largest}"
+    return (
+        f"Of answers that name effects: names in the median {number(one.median)}, in nine of ten at most"
+        f" {number(one.nine_in_ten)}, in the longest {largest}."
+    )
+
+
+def by_size(one: Names) -> Lines:
+    """How often answers of so many names hold a true cause, and how often as many drawn at random would."""
+    return [(_so_many(sized), percent(sized.held), by_chance(sized.chance)) for sized in one.by_size]
+
+
+def _so_many(one: Sized) -> str:
+    if one.most is None:
+        return "any number" if one.least == 1 else f"{one.least} or more"
+    return f"{one.least}" if one.least == one.most else f"{one.least} to {one.most}"
+
+
+def by_chance(one: Figure) -> str:
+    """An expected share with its interval, and how many that are."""
+    if one.value is None:
+        return "–"
+    return f"{one.value:.0%} ({one.low:.0%} to {one.high:.0%}; {one.value * one.n:.1f} of {one.n})"
 
 
 def headline(done: Score) -> Lines:
@@ -93,6 +122,7 @@ def further(done: Score) -> Lines:
         ("right of all", percent(done.right), "first effect, none of these, or no gap"),
         ("named an effect where there is none", percent(done.named_without_cause), "of recordings without any effect"),
         ("of answers that name effects, a true cause is among them", percent(done.named_rightly), "all strata"),
+        ("the same, if as many were drawn at random", by_chance(done.names.by_size[0].chance), "what chance gives"),
         ("library effects that the diagnosis declared it would see: top-1", percent(done.declared.top), OWN_FORM),
         ("set coverage, the same", percent(done.declared.covered), ""),
         ("two effects: a gap found", percent(done.two.found), ""),
@@ -147,6 +177,8 @@ def markdown(done: Score) -> str:
         _table(("figure", "value", "target"), headline(done)),
         _table(("further", "value", ""), further(done)),
         _table(("stratum", *done.strata.columns), _matrix(done)),
+        lengths(done.names),
+        _table(NAMED, by_size(done.names)),
         _table(
             ("channel", "share removed", "oracle", "ratio", "median ratio", UNKNOWN, "ratio if they removed nothing"),
             [
@@ -189,6 +221,9 @@ def page(done: Score) -> str:
         headline=headline(done),
         further=further(done),
         held=held(done),
+        lengths=lengths(done.names),
+        named=NAMED,
+        by_size=by_size(done.names),
         unknown=UNKNOWN,
         strata_picture=pictures.confusion(done.strata, "stratum", "verdict"),
         confusion_picture=pictures.confusion(done.confusion, "true effect", "named first"),

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
-from diagnosis.blind import rates
+from diagnosis.blind import naming, rates
 from diagnosis.blind.holding import Held
 from diagnosis.blind.intervals import Figure, Share
 from diagnosis.blind.shrinking import Error, Shrinkage
@@ -59,7 +59,7 @@ class Score(_Table):
     ``recordings`` were scored, of ``planned`` in the set.
     """
 
-    schema_version: int = 7
+    schema_version: int = 8
     commands: list[str]
     seed: int
     bootstrap_seed: int
@@ -107,6 +107,7 @@ class Score(_Table):
     parameters: list[Error]
     parameters_right: list[Error]
     held: list[Held] = []
+    names: naming.Names = Field(default_factory=lambda: naming.names([]))
 
 
 def read_score(path: Path | str) -> Score:

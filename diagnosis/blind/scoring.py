@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.blind import holding, rates
+from diagnosis.blind import holding, naming, rates
 from diagnosis.blind.expected import DETECTABLE, Expected
 from diagnosis.blind.intervals import Figure, figure, median, share
 from diagnosis.blind.opened import LeftOut, Row, left_out, side_by_side, structural
@@ -165,6 +165,7 @@ def _scored(
         parameters=errors(named, run.parameters, seed),
         parameters_right=errors([row for row in named if row.covered], run.parameters, seed),
         held=[holding.sizes(rows, seed), *holding.parameters(rows, run.parameters, seed)],
+        names=naming.names(rows, seed),
     )
 
 

@@ -1,5 +1,8 @@
 """The answers of a blind check by condition, how often each effect that was named first was a cause, and sizes.
 
+How many effects answers name, and how often as many drawn at random would hold a true cause. Intervals of shares are
+95 %.
+
 Of answers of ``none_of_these`` whose cause was in the library after all: how often the candidate nearest to the gap was
 it. Sizes are those of effects of the library, acting by its own law, that were rightly named, alone or as one of two.
 
@@ -14,7 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
+from diagnosis.blind.naming import names
 from diagnosis.blind.opened import Row, side_by_side
+from diagnosis.blind.score_report import NAMED, by_chance, by_size, lengths
 from diagnosis.blind.sealed import open_answers
 from diagnosis.blind.verdicts import read_run
 
@@ -37,13 +42,18 @@ def main() -> None:
     for one in pairs:
         groups[condition(one)].append(one)
         groups[condition(one)[0], "all"].append(one)
-    print("| controllers | persons | false alarms | a true cause is in the answer |\n|---|---|---|---|")
+    print("| controllers | persons | false alarms | a true cause is in the answer | if as many were drawn at random |")
+    print("|---|---|---|---|---|")
     for (controllers, persons), some in sorted(groups.items()):
         quiet = [one for one in some if one.stratum == "none"]
-        named = [one for one in some if one.named]
-        right = sum(bool(set(one.named) & set(one.effects)) for one in named)
         alarms = f"{sum(one.outcome.answer != 'no_gap' for one in quiet)} of {len(quiet)}"
-        print(f"| {controllers} | {persons} | {alarms} | {right} of {len(named)} |")
+        found = names(some).by_size[0]
+        right, chance = f"{found.held.hits} of {found.held.n}", by_chance(found.chance)
+        print(f"| {controllers} | {persons} | {alarms} | {right} | {chance} |")
+    found = names(pairs)
+    print(f"\n{lengths(found)}\n\n| {' | '.join(NAMED)} |\n|---|---|---|")
+    for line in by_size(found):
+        print(f"| {' | '.join(line)} |")
     print("\n| controllers | named first | was a cause |\n|---|---|---|")
     first: dict[tuple[str, str], list[bool]] = defaultdict(list)
     for one in pairs:
