@@ -13,7 +13,7 @@ from diagnosis.blind.shrinking import Shrinkage
 from diagnosis.pages import page_environment
 
 Lines = list[tuple[str, str, str]]
-LEAST = "the same, where effects were named without a figure counted as nothing removed"
+LEAST = "the same, with nothing removed where there is no figure"
 UNKNOWN = "named, but no gap above the noise on the scored part"
 NAMED = ("effects that an answer names", "a true cause is among them", "if as many were drawn at random")
 OWN_FORM = "as the candidate has it; declared after parameters have compensated"

@@ -104,7 +104,7 @@ def _scored(
     seen = [one for one in ones if one.row.visible]
     expected = Expected(opened["recordings"], run.library)
     beyond = [row for row in rows if expected.detectable(row)]
-    found, lost = removed(rows, structural(opened["recordings"], 0.5))
+    found, lost, unseen = removed(rows, structural(opened["recordings"], 0.5))
     named = [row for row in rows if row.named and row.truth == "effect"]
     lifts = [(one.lift, one.chance) for one in places if one.lift is not None and one.chance is not None]
     return Score(
@@ -157,10 +157,7 @@ def _scored(
         ),
         shrinkage=[*by_channel(found, lost, seed), where_largest(found, lost, seed=seed)],
         shrinkage_detectable=where_largest(
-            [one for one in found if expected.detectable(one.row)],
-            [one for one in lost if expected.detectable(one.row)],
-            beyond,
-            seed,
+            *([one for one in some if expected.detectable(one.row)] for some in (found, lost, unseen)), seed=seed
         ),
         parameters=errors(named, run.parameters, seed),
         parameters_right=errors([row for row in named if row.covered], run.parameters, seed),
