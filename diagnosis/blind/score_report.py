@@ -26,6 +26,11 @@ def percent(one: Share) -> str:
     return f"{one.value:.0%} ({one.low:.0%} to {one.high:.0%}; {one.hits} of {one.n})"
 
 
+def either(one: Share | Figure) -> str:
+    """Whichever of both it is."""
+    return percent(one) if isinstance(one, Share) else number(one)
+
+
 def number(one: Figure) -> str:
     """A figure with its interval."""
     if one.value is None:
@@ -150,7 +155,7 @@ def further(done: Score) -> Lines:
 
 def held(done: Score) -> Lines:
     """Whether stated intervals hold the truth: of what, the share of them, and how far off they are."""
-    return [(one.what, number(one.held), number(one.error)) for one in done.held]
+    return [(one.what, either(one.held), number(one.error)) for one in done.held]
 
 
 def _again(one: LeftOutScore) -> str:
