@@ -173,6 +173,16 @@ def of_the_set(done: Score) -> str:
     return f"the first {done.recordings} of {done.planned} recordings" if some else f"{done.recordings} recordings"
 
 
+def partly_withheld(done: Score) -> str:
+    """That only some recordings were diagnosed again without single candidates, which no command can say."""
+    if done.withheld in (0, done.recordings):
+        return ""
+    return (
+        f"{done.withheld} of the {done.recordings} recordings were also diagnosed with effects withheld: by the second"
+        " command with --leave-one-out, and nothing else in it changed."
+    )
+
+
 def markdown(done: Score) -> str:
     """The tables, with what it takes to make them again."""
     parts = [
@@ -200,9 +210,10 @@ def markdown(done: Score) -> str:
         _table(("90 % intervals of", "that hold the truth", "error in standard deviations, rms"), held(done)),
         done.detectable_definition + " " + done.visible_definition,
         "```sh\n" + "\n".join(done.commands) + "\n```",
+        partly_withheld(done),
         f"Answers sha256 `{done.answers_sha256}`, verdicts sha256 `{done.verdicts_sha256}`.",
     ]
-    return "\n\n".join(parts)
+    return "\n\n".join(part for part in parts if part)
 
 
 def _matrix(done: Score) -> list[tuple[str, ...]]:
@@ -222,6 +233,7 @@ def page(done: Score) -> str:
     environment.filters["bound"] = bound
     return environment.get_template("blind_score.html.j2").render(
         of_the_set=of_the_set(done),
+        partly_withheld=partly_withheld(done),
         score=done,
         headline=headline(done),
         further=further(done),

@@ -56,7 +56,8 @@ class Where(_Table):
 class Score(_Table):
     """All figures; the file's schema is ``schema_version``.
 
-    ``recordings`` were scored, of ``planned`` in the set.
+    ``recordings`` were scored, of ``planned`` in the set; ``withheld`` of these were also asked to be diagnosed without
+    single candidates.
     """
 
     schema_version: int = 8
@@ -70,6 +71,7 @@ class Score(_Table):
     system: str
     recordings: int
     planned: int = 0
+    withheld: int = 0
     hours: float
     library: list[str]
     without: list[str]

@@ -17,7 +17,7 @@ from diagnosis.blind.places import Hit, hit, inputs_of
 from diagnosis.blind.score_schema import Both, Rates, Score, Where
 from diagnosis.blind.sealed import open_answers, read_manifest
 from diagnosis.blind.shrinking import by_channel, errors, removed, where_largest
-from diagnosis.blind.verdicts import Run, digest, read_run
+from diagnosis.blind.verdicts import WITHOUT, Run, digest, name_of, read_run
 from shared.errors import RecordingError
 from shared.store import sha256_of, write_atomically
 
@@ -64,7 +64,9 @@ def score(
     count = planned if first is None else first
     if not 1 <= count <= planned:
         raise RecordingError(f"first is {count}; {folder} holds {planned} recordings; expected 1 to {planned}")
-    said = digest(results, [one["file"] for one in published["recordings"][:count]])  # before anything is opened
+    files = [one["file"] for one in published["recordings"][:count]]
+    said = digest(results, files)  # before anything is opened
+    withheld = sum((results / WITHOUT / name_of(file)).exists() for file in files)
     opened = open_answers(folder, answers)
     rows = side_by_side(opened, results, run, count)
     _same_recordings(rows, folder)
@@ -74,7 +76,8 @@ def score(
             "answers_sha256": sha256_of(Path(answers)),
             "verdicts_sha256": said,
             "planned": planned,
-            "commands": _commands(opened, run, folder, Path(answers), results, out, seed, count),
+            "withheld": withheld,
+            "commands": _commands(opened, run, folder, Path(answers), results, out, seed, count, withheld == count),
         }
     )
     if out is not None:
@@ -239,14 +242,15 @@ def _commands(
     out: Path | str | None,
     seed: int,
     count: int,
+    leave_one_out: bool,
 ) -> list[str]:
-    """The three commands that make, run and score this set again."""
+    """The three commands that make, run and score this set again; leave-one-out only where all had it."""
     planned, system = len(opened["recordings"]), f"{run.system_name}/system.toml"
     make = ["make", folder, "--system", system, "--recordings", planned, "--seed", opened["seed"]]
     made = ["run", system, folder, "--out", results, "--seed", run.settings.get("seed", 0)]
     made += ["--run", run.settings["estimator"]] if run.settings.get("estimator") else []
     made += ["--without", *run.without] if run.without else []
-    made += ["--leave-one-out"] if (results / "without").exists() else []
+    made += ["--leave-one-out"] if leave_one_out else []
     scored = ["score", folder, answers, results, "--out", out or "score.html", "--seed", seed]
     scored += ["--first", count] if count < planned else []
     make += ["--hours", f"{opened['hours']:g}"]
