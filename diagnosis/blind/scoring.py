@@ -17,7 +17,7 @@ from diagnosis.blind.places import Hit, hit, inputs_of
 from diagnosis.blind.score_schema import Both, Rates, Score, Where
 from diagnosis.blind.sealed import open_answers, read_manifest
 from diagnosis.blind.shrinking import by_channel, errors, removed, where_largest
-from diagnosis.blind.verdicts import WITHOUT, Run, digest, name_of, read_run
+from diagnosis.blind.verdicts import LIMIT, WITHOUT, Run, digest, name_of, read_run
 from shared.errors import RecordingError
 from shared.store import sha256_of, write_atomically
 
@@ -250,6 +250,8 @@ def _commands(
     made = ["run", system, folder, "--out", results, "--seed", run.settings.get("seed", 0)]
     made += ["--run", run.settings["estimator"]] if run.settings.get("estimator") else []
     made += ["--without", *run.without] if run.without else []
+    limit = run.settings.get("limit", LIMIT)
+    made += ["--limit", f"{limit:g}"] if limit != LIMIT else []
     made += ["--leave-one-out"] if leave_one_out else []
     scored = ["score", folder, answers, results, "--out", out or "score.html", "--seed", seed]
     scored += ["--first", count] if count < planned else []
