@@ -20,7 +20,7 @@ class _Table(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
 
-class Sized(_Table):
+class Named(_Table):
     """Of answers that name ``least`` to ``most`` effects: how often a true cause is among them.
 
     ``chance``: how often one would be, on average, if as many names were drawn at random from the candidates that could
@@ -42,7 +42,7 @@ class Names(_Table):
     median: Figure
     nine_in_ten: Figure
     largest: int | None
-    by_size: list[Sized]
+    by_size: list[Named]
 
 
 def names(rows: Sequence[Row], seed: int = 0) -> Names:
@@ -53,7 +53,7 @@ def names(rows: Sequence[Row], seed: int = 0) -> Names:
         median=figure(lengths, median, seed=seed),
         nine_in_ten=figure(lengths, _nine_in_ten, seed=seed),
         largest=max((len(row.named) for row in named), default=None),
-        by_size=[_sized(named, least, most, seed) for least, most in SIZES],
+        by_size=[_of_length(named, least, most, seed) for least, most in SIZES],
     )
 
 
@@ -61,9 +61,9 @@ def _nine_in_ten(drawn: np.ndarray) -> np.ndarray:
     return np.asarray(np.quantile(drawn, MOST, axis=1, method="higher"))
 
 
-def _sized(named: Sequence[Row], least: int, most: int | None, seed: int) -> Sized:
+def _of_length(named: Sequence[Row], least: int, most: int | None, seed: int) -> Named:
     ones = [row for row in named if least <= len(row.named) <= (most or len(row.named))]
-    return Sized(
+    return Named(
         least=least,
         most=most,
         held=share([bool(set(row.effects) & set(row.named)) for row in ones]),

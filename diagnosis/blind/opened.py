@@ -212,12 +212,24 @@ def visible(row: Row, limits: Limits) -> tuple[str, ...]:
 
 
 def left_out(rows: Sequence[Row], results: Path | str) -> list[LeftOut]:
-    """Recordings of one effect of the library, diagnosed without it; empty where that was not asked for."""
+    """Recordings of one effect of the library, diagnosed without it; empty where that was not asked for.
+
+    Raises
+    ------
+    RecordingError
+        If one of these verdicts is on another recording.
+    """
     found = []
     for row in rows:
         again = read_withheld(results, row.answer["file"]) if row.single else None
         if again is None:
             continue
+        for one in again.outcomes.values():
+            if (one.file, one.sha256) != (row.outcome.file, row.outcome.sha256):
+                raise RecordingError(
+                    f"{results}: found a verdict on {one.file} ({one.sha256}) among those on {row.answer['file']} with"
+                    f" effects withheld; expected {row.outcome.sha256}"
+                )
         name = row.effects[0]
         outcome = again.outcomes.get(name, row.outcome)
         said = row.outcome.verdict or outcome.verdict

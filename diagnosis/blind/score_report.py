@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from diagnosis.blind import score_pictures as pictures
 from diagnosis.blind.intervals import Figure, Share
-from diagnosis.blind.naming import Names, Sized
+from diagnosis.blind.naming import Named, Names
 from diagnosis.blind.rates import LeftOutScore
 from diagnosis.blind.score_schema import Score
 from diagnosis.blind.shrinking import Shrinkage
@@ -65,10 +65,10 @@ def lengths(one: Names) -> str:
 
 def by_size(one: Names) -> Lines:
     """How often answers of so many names hold a true cause, and how often as many drawn at random would."""
-    return [(_so_many(sized), percent(sized.held), by_chance(sized.chance)) for sized in one.by_size]
+    return [(_so_many(named), percent(named.held), by_chance(named.chance)) for named in one.by_size]
 
 
-def _so_many(one: Sized) -> str:
+def _so_many(one: Named) -> str:
     if one.most is None:
         return "any number" if one.least == 1 else f"{one.least} or more"
     return f"{one.least}" if one.least == one.most else f"{one.least} to {one.most}"

@@ -15,9 +15,9 @@ from diagnosis.blind.intervals import Figure, figure, median, share
 from diagnosis.blind.opened import LeftOut, Row, left_out, side_by_side, structural
 from diagnosis.blind.places import Hit, hit, inputs_of
 from diagnosis.blind.score_schema import Both, Rates, Score, Where
-from diagnosis.blind.sealed import open_answers, read_manifest
+from diagnosis.blind.sealed import MANIFEST, open_answers, read_manifest
 from diagnosis.blind.shrinking import by_channel, errors, removed, where_largest
-from diagnosis.blind.verdicts import LIMIT, WITHOUT, Run, digest, name_of, read_run
+from diagnosis.blind.verdicts import LIMIT, RUN, WITHOUT, Run, digest, name_of, read_run
 from shared.errors import RecordingError
 from shared.store import sha256_of, write_atomically
 
@@ -53,9 +53,11 @@ def score(
     Raises
     ------
     RecordingError
-        If the answers are not those that were sealed, or the verdicts are incomplete or those of another set.
+        If the answers are not those that were sealed, the verdicts are incomplete or those of another set, or the page
+        would take the place of what is read.
     """
-    folder, results = Path(folder), Path(results)
+    folder, answers, results = Path(folder), Path(answers), Path(results)
+    out = None if out is None else _page(Path(out), (answers, folder / MANIFEST, results / RUN))
     run = read_run(results)
     published = read_manifest(folder)
     if run.answers_sha256 != published["answers_sha256"]:
@@ -73,22 +75,31 @@ def score(
     made = _scored(rows, left_out(rows, results), run, opened, _places(rows, folder, opened["step"]), seed)
     made = made.model_copy(
         update={
-            "answers_sha256": sha256_of(Path(answers)),
+            "answers_sha256": sha256_of(answers),
             "verdicts_sha256": said,
             "planned": planned,
             "withheld": withheld,
-            "commands": _commands(opened, run, folder, Path(answers), results, out, seed, count, withheld == count),
+            "commands": _commands(opened, run, folder, answers, results, out, seed, count, withheld == count),
         }
     )
     if out is not None:
         from diagnosis.blind.score_report import markdown, page
 
-        out = Path(out)
         out.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(out.with_suffix(".json"), (made.model_dump_json(indent=1) + "\n").encode())
         write_atomically(out.with_suffix(".md"), (markdown(made) + "\n").encode())
         write_atomically(out, page(made).encode())
     return made
+
+
+def _page(out: Path, read: Sequence[Path]) -> Path:
+    """Where the page goes, unless it or the JSON beside it would be written over what else there is."""
+    if out.suffix in (".json", ".md"):
+        raise RecordingError(f"{out}: ending is {out.suffix!r}; expected .html, beside which .json and .md are written")
+    for path in read:
+        if out.with_suffix(".json").resolve() == path.resolve():
+            raise RecordingError(f"{out}: its JSON would be written over {path}; expected another name")
+    return out
 
 
 VISIBLE = (
@@ -108,6 +119,7 @@ def _scored(
     expected = Expected(opened["recordings"], run.library)
     beyond = [row for row in rows if expected.detectable(row)]
     found, lost, unseen = removed(rows, structural(opened["recordings"], 0.5))
+    clear = [[one for one in some if expected.detectable(one.row)] for some in (found, lost, unseen)]
     named = [row for row in rows if row.named and row.truth == "effect"]
     lifts = [(one.lift, one.chance) for one in places if one.lift is not None and one.chance is not None]
     return Score(
@@ -159,9 +171,7 @@ def _scored(
             lift=_median([lift for lift, _ in lifts], seed),
         ),
         shrinkage=[*by_channel(found, lost, seed), where_largest(found, lost, seed=seed)],
-        shrinkage_detectable=where_largest(
-            *([one for one in some if expected.detectable(one.row)] for some in (found, lost, unseen)), seed=seed
-        ),
+        shrinkage_detectable=where_largest(*clear, seed=seed),
         parameters=errors(named, run.parameters, seed),
         parameters_right=errors([row for row in named if row.covered], run.parameters, seed),
         held=[holding.sizes(rows, seed), *holding.parameters(rows, run.parameters, seed)],
@@ -239,7 +249,7 @@ def _commands(
     folder: Path,
     answers: Path,
     results: Path,
-    out: Path | str | None,
+    out: Path | None,
     seed: int,
     count: int,
     leave_one_out: bool,
@@ -261,4 +271,4 @@ def _commands(
 
 def _short(word: object) -> str:
     """A word of a command; of paths the last part, wherever the folder was."""
-    return word.name if isinstance(word, Path) else str(word)
+    return word.absolute().name if isinstance(word, Path) else str(word)

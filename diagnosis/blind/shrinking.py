@@ -115,7 +115,7 @@ def by_channel(found: Sequence[Removed], lost: Sequence[Removed], seed: int = 0)
 
 
 def where_largest(
-    found: Sequence[Removed], lost: Sequence[Removed], unseen: Sequence[Removed] = (), seed: int = 0
+    found: Sequence[Removed], lost: Sequence[Removed], unseen: Sequence[Removed] = (), *, seed: int = 0
 ) -> Shrinkage:
     """The same, of each recording only the channel where its sealed gap over noise is largest.
 
