@@ -11,6 +11,7 @@ these" be expected.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 from scipy.stats import norm
@@ -39,16 +40,23 @@ class Expected:
     """Which recordings of a set are detectable, and which unlike the candidates.
 
     A set without sealed lengths has none.
+
+    Parameters
+    ----------
+    answers
+        Of all recordings of the set, also of those that nobody diagnosed.
+    library
+        The candidates.
     """
 
-    def __init__(self, rows: Sequence[Row], library: Sequence[str]) -> None:
+    def __init__(self, answers: Sequence[dict[str, Any]], library: Sequence[str]) -> None:
         self.library = library
         self.needed = float(norm.isf(ALARMS / max(len(library), 1)) + norm.ppf(POWER))
-        nothing = [row for row in rows if row.truth == "no_gap" and row.length is not None]
+        nothing = [one for one in answers if one["verdict"] == "no_gap" and one.get("detectability") is not None]
         self.walls = {}
         for replay in (False, True):
-            like = [row for row in nothing if row.answer["replay"] == replay] or nothing
-            lengths = [row.length or 0.0 for row in like]
+            like = [one for one in nothing if one["replay"] == replay] or nothing
+            lengths = [float(one["detectability"]["length"]) for one in like]
             self.walls[replay] = float(np.quantile(lengths, QUANTILE, method="higher")) if lengths else 0.0
 
     def detectable(self, row: Row) -> bool:

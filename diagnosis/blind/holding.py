@@ -16,14 +16,14 @@ class Held(BaseModel):
     """Of the intervals of one kind.
 
     ``held`` by recording: of its intervals the share that holds the truth, averaged over recordings, which are the
-    independent draws; ``error``: root mean square of the estimate's distance to the truth over the half-width of the
-    side that the truth lies on, times 1.645 (1 for honest intervals of a normal posterior); ``by_parameter``: each
-    parameter's share.
+    independent draws; where each has but one interval, a share of recordings as any other; ``error``: root mean square
+    of the estimate's distance to the truth over the half-width of the side that the truth lies on, times 1.645 (1 for
+    honest intervals of a normal posterior); ``by_parameter``: each parameter's share.
     """
 
     model_config = ConfigDict(extra="forbid")
     what: str
-    held: Figure
+    held: Share | Figure
     error: Figure
     by_parameter: dict[str, Share] = {}
 
@@ -100,11 +100,12 @@ def _place(value: float, low: float, high: float, true: float) -> tuple[bool, fl
 
 
 def _held(what: str, found: Sequence[Sequence[tuple[bool, float]]], names: Sequence[str] = (), seed: int = 0) -> Held:
+    single = all(len(row) == 1 for row in found)
     held = np.array([np.mean([one for one, _ in row]) for row in found])
     square = np.array([np.mean([off**2 for _, off in row]) for row in found])
     return Held(
         what=what,
-        held=figure(held, seed=seed),
+        held=share(held) if single else figure(held, seed=seed),
         error=figure(square, lambda drawn: np.sqrt(drawn.mean(axis=1)), seed=seed),
         by_parameter={name: share([row[k][0] for row in found]) for k, name in enumerate(names)} if found else {},
     )

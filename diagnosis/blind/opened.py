@@ -147,8 +147,14 @@ class LeftOut:
         return bool(verdict.named) and set(verdict.named) <= set(self.alike)
 
 
-def side_by_side(opened: dict[str, Any], results: Path | str, run: Run) -> list[Row]:
+def side_by_side(opened: dict[str, Any], results: Path | str, run: Run, first: int | None = None) -> list[Row]:
     """Join answers and verdicts.
+
+    Parameters
+    ----------
+    first
+        How many recordings, from the beginning of the set; all if not given. What can be seen is that of the whole
+        set either way: it needs no verdict.
 
     Raises
     ------
@@ -156,7 +162,7 @@ def side_by_side(opened: dict[str, Any], results: Path | str, run: Run) -> list[
         If the verdict on a recording is missing, or on another one.
     """
     rows = []
-    for answer in opened["recordings"]:
+    for answer in opened["recordings"][:first]:
         outcome = read_outcome(results, answer["file"])
         if outcome.file != answer["file"]:
             raise RecordingError(f"{results}: found the verdict on {outcome.file}; expected that on {answer['file']}")
@@ -166,25 +172,30 @@ def side_by_side(opened: dict[str, Any], results: Path | str, run: Run) -> list[
             stratum, truth = WITHHELD, "none_of_these"
         sizes = [abs(one["amplitude"]) / one["scale"] for one in answer["causes"]]
         rows.append(Row(answer, outcome, stratum, truth, effects, max(sizes, default=None)))
-    limits = structural(rows)
+    limits = structural(opened["recordings"])
     return [replace(row, visible=visible(row, limits)) for row in rows]
 
 
 Limits = dict[tuple[bool, str], float]
 
 
-def structural(rows: Sequence[Row], quantile: float = QUANTILE) -> Limits:
+def structural(answers: Sequence[dict[str, Any]], quantile: float = QUANTILE) -> Limits:
     """Gap over noise that recordings without any effect have, by (replay, channel): walls and sampling of the truth.
 
     A quantile (the higher of its neighbours: of twenty or fewer, the largest).
     Where no recording without effect has these actuators, all of them count.
+
+    Parameters
+    ----------
+    answers
+        Of all recordings of the set, also of those that nobody diagnosed.
     """
-    none = [row for row in rows if row.truth == "no_gap"]
+    none = [one for one in answers if one["verdict"] == "no_gap"]
     found: Limits = {}
     for replay in (False, True):
-        like = [row for row in none if row.answer["replay"] == replay] or none
-        for channel in rows[0].gap if rows else []:
-            gaps = [row.gap[channel] for row in like]
+        like = [one for one in none if one["replay"] == replay] or none
+        for channel in answers[0]["gap_over_noise"] if answers else []:
+            gaps = [one["gap_over_noise"][channel] for one in like]
             found[replay, channel] = float(np.quantile(gaps, quantile, method="higher")) if gaps else 0.0
     return found
 
@@ -201,12 +212,24 @@ def visible(row: Row, limits: Limits) -> tuple[str, ...]:
 
 
 def left_out(rows: Sequence[Row], results: Path | str) -> list[LeftOut]:
-    """Recordings of one effect of the library, diagnosed without it; empty where that was not asked for."""
+    """Recordings of one effect of the library, diagnosed without it; empty where that was not asked for.
+
+    Raises
+    ------
+    RecordingError
+        If one of these verdicts is on another recording.
+    """
     found = []
     for row in rows:
         again = read_withheld(results, row.answer["file"]) if row.single else None
         if again is None:
             continue
+        for one in again.outcomes.values():
+            if (one.file, one.sha256) != (row.outcome.file, row.outcome.sha256):
+                raise RecordingError(
+                    f"{results}: found a verdict on {one.file} ({one.sha256}) among those on {row.answer['file']} with"
+                    f" effects withheld; expected {row.outcome.sha256}"
+                )
         name = row.effects[0]
         outcome = again.outcomes.get(name, row.outcome)
         said = row.outcome.verdict or outcome.verdict

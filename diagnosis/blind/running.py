@@ -20,7 +20,7 @@ from typing import Any
 
 from diagnosis.blind.judging import Diagnoser, Judge, program
 from diagnosis.blind.sealed import read_manifest
-from diagnosis.blind.verdicts import RUN, VERDICTS, WITHOUT, Parameter, Run, name_of, read_run, write_run
+from diagnosis.blind.verdicts import LIMIT, RUN, VERDICTS, WITHOUT, Parameter, Run, name_of, read_run, write_run
 from diagnosis.blind.working import CHANCE, Job, lost, work
 from diagnosis.effects import library
 from shared import __version__
@@ -32,8 +32,6 @@ from shared.store import sha256_of
 from shared.system import System, load_system
 
 _log = logger(__name__)
-LIMIT = 3600.0
-"""A diagnosis that takes longer is stopped and counts as a failure [s]."""
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 Progress = Callable[[int, int], object]
@@ -108,6 +106,7 @@ def run(
         settings={
             "estimator": None if estimator is None else str(estimator),
             "seed": seed,
+            "limit": float(limit),
             "chance": CHANCE,
             "declared": _hash(described),
             "estimator_files": _files(estimator if estimator is not None else estimator_beside(described.path)),
@@ -199,11 +198,18 @@ def _begin(results: Path, asked: Run) -> None:
         return
     begun = read_run(results)
     for field in Run.model_fields:
-        if getattr(begun, field) != getattr(asked, field):
-            raise RecordingError(
-                f"{results / RUN}: {field} was {getattr(begun, field)!r}; expected {getattr(asked, field)!r}, "
-                "or a new folder"
-            )
+        was, now = getattr(begun, field), getattr(asked, field)
+        if field == "settings":
+            was, now = _apart(was, now)
+        if was != now:
+            raise RecordingError(f"{results / RUN}: {field} was {was!r}; expected {now!r}, or a new folder")
+
+
+def _apart(was: dict[str, Any], now: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The settings that differ; runs of programs that did not note the limit go on with any."""
+    names = [name for name in {**was, **now} if name in was or name != "limit"]
+    names = [name for name in names if (name in was, was.get(name)) != (name in now, now.get(name))]
+    return {name: was[name] for name in names if name in was}, {name: now[name] for name in names if name in now}
 
 
 def _hash(system: System) -> str:

@@ -6,14 +6,16 @@ from collections.abc import Sequence
 
 from diagnosis.blind import score_pictures as pictures
 from diagnosis.blind.intervals import Figure, Share
+from diagnosis.blind.naming import Named, Names
 from diagnosis.blind.rates import LeftOutScore
 from diagnosis.blind.score_schema import Score
 from diagnosis.blind.shrinking import Shrinkage
 from diagnosis.pages import page_environment
 
 Lines = list[tuple[str, str, str]]
-LEAST = "the same, where effects were named without a figure counted as nothing removed"
+LEAST = "the same, with nothing removed where there is no figure"
 UNKNOWN = "named, but no gap above the noise on the scored part"
+NAMED = ("effects that an answer names", "a true cause is among them", "if as many were drawn at random")
 OWN_FORM = "as the candidate has it; declared after parameters have compensated"
 
 
@@ -22,6 +24,11 @@ def percent(one: Share) -> str:
     if one.value is None:
         return "–"
     return f"{one.value:.0%} ({one.low:.0%} to {one.high:.0%}; {one.hits} of {one.n})"
+
+
+def either(one: Share | Figure) -> str:
+    """Whichever of both it is."""
+    return percent(one) if isinstance(one, Share) else number(one)
 
 
 def number(one: Figure) -> str:
@@ -45,6 +52,33 @@ def against_oracle(one: Shrinkage) -> str:
 def bound(one: Shrinkage) -> str:
     """The ratio if nothing was removed where no share is known."""
     return "–" if one.least is None else number(one.least)
+
+
+def lengths(one: Names) -> str:
+    """How many effects answers name."""
+    largest = "–" if one.largest is None else f"{one.largest}"
+    return (
+        f"Of answers that name effects: names in the median {number(one.median)}, in nine of ten at most"
+        f" {number(one.nine_in_ten)}, in the longest {largest}."
+    )
+
+
+def by_size(one: Names) -> Lines:
+    """How often answers of so many names hold a true cause, and how often as many drawn at random would."""
+    return [(_so_many(named), percent(named.held), by_chance(named.chance)) for named in one.by_size]
+
+
+def _so_many(one: Named) -> str:
+    if one.most is None:
+        return "any number" if one.least == 1 else f"{one.least} or more"
+    return f"{one.least}" if one.least == one.most else f"{one.least} to {one.most}"
+
+
+def by_chance(one: Figure) -> str:
+    """An expected share with its interval, and how many that are."""
+    if one.value is None:
+        return "–"
+    return f"{one.value:.0%} ({one.low:.0%} to {one.high:.0%}; {one.value * one.n:.1f} of {one.n})"
 
 
 def headline(done: Score) -> Lines:
@@ -93,6 +127,7 @@ def further(done: Score) -> Lines:
         ("right of all", percent(done.right), "first effect, none of these, or no gap"),
         ("named an effect where there is none", percent(done.named_without_cause), "of recordings without any effect"),
         ("of answers that name effects, a true cause is among them", percent(done.named_rightly), "all strata"),
+        ("the same, if as many were drawn at random", by_chance(done.names.by_size[0].chance), "what chance gives"),
         ("library effects that the diagnosis declared it would see: top-1", percent(done.declared.top), OWN_FORM),
         ("set coverage, the same", percent(done.declared.covered), ""),
         ("two effects: a gap found", percent(done.two.found), ""),
@@ -120,7 +155,7 @@ def further(done: Score) -> Lines:
 
 def held(done: Score) -> Lines:
     """Whether stated intervals hold the truth: of what, the share of them, and how far off they are."""
-    return [(one.what, number(one.held), number(one.error)) for one in done.held]
+    return [(one.what, either(one.held), number(one.error)) for one in done.held]
 
 
 def _again(one: LeftOutScore) -> str:
@@ -138,6 +173,16 @@ def of_the_set(done: Score) -> str:
     return f"the first {done.recordings} of {done.planned} recordings" if some else f"{done.recordings} recordings"
 
 
+def partly_withheld(done: Score) -> str:
+    """That only some recordings were diagnosed again without single candidates, which no command can say."""
+    if done.withheld in (0, done.recordings):
+        return ""
+    return (
+        f"{done.withheld} of the {done.recordings} recordings were also diagnosed with effects withheld: by the second"
+        " command with --leave-one-out, and nothing else in it changed."
+    )
+
+
 def markdown(done: Score) -> str:
     """The tables, with what it takes to make them again."""
     parts = [
@@ -147,6 +192,8 @@ def markdown(done: Score) -> str:
         _table(("figure", "value", "target"), headline(done)),
         _table(("further", "value", ""), further(done)),
         _table(("stratum", *done.strata.columns), _matrix(done)),
+        lengths(done.names),
+        _table(NAMED, by_size(done.names)),
         _table(
             ("channel", "share removed", "oracle", "ratio", "median ratio", UNKNOWN, "ratio if they removed nothing"),
             [
@@ -163,9 +210,10 @@ def markdown(done: Score) -> str:
         _table(("90 % intervals of", "that hold the truth", "error in standard deviations, rms"), held(done)),
         done.detectable_definition + " " + done.visible_definition,
         "```sh\n" + "\n".join(done.commands) + "\n```",
+        partly_withheld(done),
         f"Answers sha256 `{done.answers_sha256}`, verdicts sha256 `{done.verdicts_sha256}`.",
     ]
-    return "\n\n".join(parts)
+    return "\n\n".join(part for part in parts if part)
 
 
 def _matrix(done: Score) -> list[tuple[str, ...]]:
@@ -185,10 +233,14 @@ def page(done: Score) -> str:
     environment.filters["bound"] = bound
     return environment.get_template("blind_score.html.j2").render(
         of_the_set=of_the_set(done),
+        partly_withheld=partly_withheld(done),
         score=done,
         headline=headline(done),
         further=further(done),
         held=held(done),
+        lengths=lengths(done.names),
+        named=NAMED,
+        by_size=by_size(done.names),
         unknown=UNKNOWN,
         strata_picture=pictures.confusion(done.strata, "stratum", "verdict"),
         confusion_picture=pictures.confusion(done.confusion, "true effect", "named first"),

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
-from diagnosis.blind import rates
+from diagnosis.blind import naming, rates
 from diagnosis.blind.holding import Held
 from diagnosis.blind.intervals import Figure, Share
 from diagnosis.blind.shrinking import Error, Shrinkage
@@ -56,10 +56,11 @@ class Where(_Table):
 class Score(_Table):
     """All figures; the file's schema is ``schema_version``.
 
-    ``recordings`` were scored, of ``planned`` in the set.
+    ``recordings`` were scored, of ``planned`` in the set; ``withheld`` of these were also asked to be diagnosed without
+    single candidates.
     """
 
-    schema_version: int = 7
+    schema_version: int = 8
     commands: list[str]
     seed: int
     bootstrap_seed: int
@@ -70,6 +71,7 @@ class Score(_Table):
     system: str
     recordings: int
     planned: int = 0
+    withheld: int = 0
     hours: float
     library: list[str]
     without: list[str]
@@ -107,6 +109,7 @@ class Score(_Table):
     parameters: list[Error]
     parameters_right: list[Error]
     held: list[Held] = []
+    names: naming.Names = Field(default_factory=lambda: naming.names([]))
 
 
 def read_score(path: Path | str) -> Score:

@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.blind import holding, rates
+from diagnosis.blind import holding, naming, rates
 from diagnosis.blind.expected import DETECTABLE, Expected
 from diagnosis.blind.intervals import Figure, figure, median, share
 from diagnosis.blind.opened import LeftOut, Row, left_out, side_by_side, structural
 from diagnosis.blind.places import Hit, hit, inputs_of
 from diagnosis.blind.score_schema import Both, Rates, Score, Where
-from diagnosis.blind.sealed import open_answers, read_manifest
+from diagnosis.blind.sealed import MANIFEST, open_answers, read_manifest
 from diagnosis.blind.shrinking import by_channel, errors, removed, where_largest
-from diagnosis.blind.verdicts import Run, digest, read_run
+from diagnosis.blind.verdicts import LIMIT, RUN, WITHOUT, Run, digest, name_of, read_run
 from shared.errors import RecordingError
 from shared.store import sha256_of, write_atomically
 
@@ -45,16 +45,19 @@ def score(
         The page (HTML); JSON and Markdown are written beside it.
     first
         How many recordings are scored, from the beginning of the set; all if not given. For a run that was stopped:
-        how far it comes has nothing to do with how right it is, and the score says that it is of so many.
+        how far it comes has nothing to do with how right it is, and the score says that it is of so many. What can be
+        seen at all is worked out from all sealed answers of the set, however many are scored.
     seed
         Of the bootstraps.
 
     Raises
     ------
     RecordingError
-        If the answers are not those that were sealed, or the verdicts are incomplete or those of another set.
+        If the answers are not those that were sealed, the verdicts are incomplete or those of another set, or the page
+        would take the place of what is read.
     """
-    folder, results = Path(folder), Path(results)
+    folder, answers, results = Path(folder), Path(answers), Path(results)
+    out = None if out is None else _page(Path(out), (answers, folder / MANIFEST, results / RUN))
     run = read_run(results)
     published = read_manifest(folder)
     if run.answers_sha256 != published["answers_sha256"]:
@@ -63,29 +66,40 @@ def score(
     count = planned if first is None else first
     if not 1 <= count <= planned:
         raise RecordingError(f"first is {count}; {folder} holds {planned} recordings; expected 1 to {planned}")
-    said = digest(results, [one["file"] for one in published["recordings"][:count]])  # before anything is opened
+    files = [one["file"] for one in published["recordings"][:count]]
+    said = digest(results, files)  # before anything is opened
+    withheld = sum((results / WITHOUT / name_of(file)).exists() for file in files)
     opened = open_answers(folder, answers)
-    opened = {**opened, "recordings": opened["recordings"][:count]}
-    rows = side_by_side(opened, results, run)
+    rows = side_by_side(opened, results, run, count)
     _same_recordings(rows, folder)
     made = _scored(rows, left_out(rows, results), run, opened, _places(rows, folder, opened["step"]), seed)
     made = made.model_copy(
         update={
-            "answers_sha256": sha256_of(Path(answers)),
+            "answers_sha256": sha256_of(answers),
             "verdicts_sha256": said,
             "planned": planned,
-            "commands": _commands(opened, run, folder, Path(answers), results, out, seed, planned),
+            "withheld": withheld,
+            "commands": _commands(opened, run, folder, answers, results, out, seed, count, withheld == count),
         }
     )
     if out is not None:
         from diagnosis.blind.score_report import markdown, page
 
-        out = Path(out)
         out.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(out.with_suffix(".json"), (made.model_dump_json(indent=1) + "\n").encode())
         write_atomically(out.with_suffix(".md"), (markdown(made) + "\n").encode())
         write_atomically(out, page(made).encode())
     return made
+
+
+def _page(out: Path, read: Sequence[Path]) -> Path:
+    """Where the page goes, unless it or the JSON beside it would be written over what else there is."""
+    if out.suffix in (".json", ".md"):
+        raise RecordingError(f"{out}: ending is {out.suffix!r}; expected .html, beside which .json and .md are written")
+    for path in read:
+        if out.with_suffix(".json").resolve() == path.resolve():
+            raise RecordingError(f"{out}: its JSON would be written over {path}; expected another name")
+    return out
 
 
 VISIBLE = (
@@ -102,9 +116,10 @@ def _scored(
     none = [row for row in rows if row.truth == "no_gap"]
     outside = [row for row in rows if row.truth == "none_of_these"]
     seen = [one for one in ones if one.row.visible]
-    expected = Expected(rows, run.library)
+    expected = Expected(opened["recordings"], run.library)
     beyond = [row for row in rows if expected.detectable(row)]
-    found, lost = removed(rows, structural(rows, 0.5))
+    found, lost, unseen = removed(rows, structural(opened["recordings"], 0.5))
+    clear = [[one for one in some if expected.detectable(one.row)] for some in (found, lost, unseen)]
     named = [row for row in rows if row.named and row.truth == "effect"]
     lifts = [(one.lift, one.chance) for one in places if one.lift is not None and one.chance is not None]
     return Score(
@@ -156,15 +171,11 @@ def _scored(
             lift=_median([lift for lift, _ in lifts], seed),
         ),
         shrinkage=[*by_channel(found, lost, seed), where_largest(found, lost, seed=seed)],
-        shrinkage_detectable=where_largest(
-            [one for one in found if expected.detectable(one.row)],
-            [one for one in lost if expected.detectable(one.row)],
-            beyond,
-            seed,
-        ),
+        shrinkage_detectable=where_largest(*clear, seed=seed),
         parameters=errors(named, run.parameters, seed),
         parameters_right=errors([row for row in named if row.covered], run.parameters, seed),
         held=[holding.sizes(rows, seed), *holding.parameters(rows, run.parameters, seed)],
+        names=naming.names(rows, seed),
     )
 
 
@@ -238,17 +249,20 @@ def _commands(
     folder: Path,
     answers: Path,
     results: Path,
-    out: Path | str | None,
+    out: Path | None,
     seed: int,
-    planned: int,
+    count: int,
+    leave_one_out: bool,
 ) -> list[str]:
-    """The three commands that make, run and score this set again."""
-    count, system = len(opened["recordings"]), f"{run.system_name}/system.toml"
+    """The three commands that make, run and score this set again; leave-one-out only where all had it."""
+    planned, system = len(opened["recordings"]), f"{run.system_name}/system.toml"
     make = ["make", folder, "--system", system, "--recordings", planned, "--seed", opened["seed"]]
     made = ["run", system, folder, "--out", results, "--seed", run.settings.get("seed", 0)]
     made += ["--run", run.settings["estimator"]] if run.settings.get("estimator") else []
     made += ["--without", *run.without] if run.without else []
-    made += ["--leave-one-out"] if (results / "without").exists() else []
+    limit = run.settings.get("limit", LIMIT)
+    made += ["--limit", f"{limit:g}"] if limit != LIMIT else []
+    made += ["--leave-one-out"] if leave_one_out else []
     scored = ["score", folder, answers, results, "--out", out or "score.html", "--seed", seed]
     scored += ["--first", count] if count < planned else []
     make += ["--hours", f"{opened['hours']:g}"]
@@ -257,4 +271,4 @@ def _commands(
 
 def _short(word: object) -> str:
     """A word of a command; of paths the last part, wherever the folder was."""
-    return word.name if isinstance(word, Path) else str(word)
+    return word.absolute().name if isinstance(word, Path) else str(word)

@@ -26,8 +26,8 @@ class Shrinkage(_Table):
     ``share``: mean of what was removed (nothing where no effect was named); ``oracle``: of what an oracle would have;
     ``ratio``: mean of the first over mean of the second; ``median``: median of the recordings' own ratios. ``unknown``:
     recordings without a figure, because the diagnosis named effects but saw no gap above the noise on the part that it
-    scored; ``least``: the ratio if nothing had been removed from any of these. ``unseen``: further recordings that were
-    asked about whose gap can be seen in no channel.
+    scored; ``unseen``: further recordings that were asked about whose gap can be seen in no channel; ``least``: the
+    ratio if nothing had been removed from any of both.
     """
 
     channel: str
@@ -67,28 +67,36 @@ class Removed:
     oracle: float
 
 
-def removed(rows: Sequence[Row], limits: Limits) -> tuple[list[Removed], list[Removed]]:
+def removed(rows: Sequence[Row], limits: Limits) -> tuple[list[Removed], list[Removed], list[Removed]]:
     """Shares of recordings with causes of the library, in the channels where the gap can be seen; and those without.
 
-    Of the latter the diagnosis has no share: it stands as nothing.
+    Of the second the diagnosis has no share: it stands as nothing. So it does of the third, whose gap can be seen in no
+    channel: they stand with the one where it is largest over noise.
 
     The oracle knows cause and amplitude and takes the whole sealed gap away, but for what recordings without any effect
     have as well (the truth's finer walls; the median of those with the same actuators): 1 - structural^2 / gap^2. A
     share above one, where what is left is below the noise that was assumed, is all of the gap and no more.
     """
-    found, lost = [], []
+    found, lost, unseen = [], [], []
     for row in rows:
         if row.truth != "effect":
             continue
+        if not row.visible:
+            channel = _largest(row, tuple(row.gap))
+            unseen.append(Removed(row, channel, 0.0, _oracle(row, channel, limits)))
         for channel in row.visible:
-            left = limits[row.answer["replay"], channel]
-            oracle = 1.0 - min(left / row.gap[channel], 1.0) ** 2
+            oracle = _oracle(row, channel, limits)
             share = _share(row.outcome.verdict, channel) if row.named else 0.0
             if share is None:
                 lost.append(Removed(row, channel, 0.0, oracle))
             else:
                 found.append(Removed(row, channel, min(max(share, WORST), 1.0), oracle))
-    return found, lost
+    return found, lost, unseen
+
+
+def _oracle(row: Row, channel: str, limits: Limits) -> float:
+    left, gap = limits[row.answer["replay"], channel], row.gap[channel]
+    return 1.0 - (left / gap) ** 2 if gap > left else 0.0
 
 
 def _share(verdict: Verdict | None, channel: str) -> float | None:
@@ -107,26 +115,31 @@ def by_channel(found: Sequence[Removed], lost: Sequence[Removed], seed: int = 0)
 
 
 def where_largest(
-    found: Sequence[Removed], lost: Sequence[Removed], rows: Sequence[Row] = (), seed: int = 0
+    found: Sequence[Removed], lost: Sequence[Removed], unseen: Sequence[Removed] = (), *, seed: int = 0
 ) -> Shrinkage:
     """The same, of each recording only the channel where its sealed gap over noise is largest.
 
     Parameters
     ----------
-    rows
-        The recordings that are asked about; those without a cause of the library do not count.
+    unseen
+        Recordings that are asked about, too, though no channel shows their gap.
     """
-    ones, unknown = ([one for one in some if one.channel == _largest(one.row)] for some in (found, lost))
-    unseen = sum(row.truth == "effect" and not row.visible for row in rows)
+    ones, unknown = (
+        [one for one in some if one.channel == _largest(one.row, one.row.visible)] for some in (found, lost)
+    )
     return _scored("where the gap is largest", ones, unknown, seed, unseen)
 
 
-def _largest(row: Row) -> str:
-    return max(row.visible, key=lambda channel: row.gap[channel])
+def _largest(row: Row, channels: Sequence[str]) -> str:
+    return max(channels, key=lambda channel: row.gap[channel])
 
 
-def _scored(channel: str, ones: Sequence[Removed], unknown: Sequence[Removed], seed: int, unseen: int = 0) -> Shrinkage:
+def _scored(
+    channel: str, ones: Sequence[Removed], unknown: Sequence[Removed], seed: int, unseen: Sequence[Removed] = ()
+) -> Shrinkage:
     both = _pairs(ones)
+    # of a gap that is no larger than the walls' an oracle removes nothing either: such a recording moves no ratio
+    least = [*ones, *unknown, *(one for one in unseen if one.oracle > 0)]
     return Shrinkage(
         channel=channel,
         share=figure(both[:, 0], seed=seed),
@@ -134,8 +147,8 @@ def _scored(channel: str, ones: Sequence[Removed], unknown: Sequence[Removed], s
         ratio=figure(both, _ratio, seed=seed),
         median=figure(both, lambda rows: median(rows[..., 0] / rows[..., 1]), seed=seed),
         unknown=len(unknown),
-        least=figure(_pairs([*ones, *unknown]), _ratio, seed=seed),
-        unseen=unseen,
+        least=figure(_pairs(least), _ratio, seed=seed),
+        unseen=len(unseen),
     )
 
 

@@ -25,6 +25,8 @@ WITHOUT = "without"
 Answer = Literal["effect", "ambiguous", "none_of_these", "no_gap"]
 ANSWERS: tuple[Answer, ...] = ("effect", "ambiguous", "none_of_these", "no_gap")
 FAILED = "failed"
+LIMIT = 3600.0
+"""A diagnosis that takes longer is stopped and counts as a failure, unless a run says otherwise [s]."""
 POINTED = 1e-3
 """Probability below which the evidence points to a candidate by rounding only."""
 

@@ -73,6 +73,7 @@ def write_set(folder, cases, seed=7):
                     for name, size in zip(names, case.sizes or (1.0,) * len(names), strict=True)
                 ],
                 "replay": case.replay,
+                "occupancy": "measured",
                 "start": 0.0,
                 "parameters": case.parameters,
                 "gap": {name: rms * noise[name] for name, rms in gaps.items()},

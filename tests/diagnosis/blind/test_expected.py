@@ -16,7 +16,7 @@ NONE = Verdict(verdict="none_of_these", none=1.0)
 
 def row(truth, length, beside=None, effects=(), replay=False):
     sealed = None if length is None else {"length": length, "beside": beside or {}}
-    answer = {"replay": replay, "detectability": sealed}
+    answer = {"verdict": truth, "replay": replay, "detectability": sealed}
     return Row(answer, Outcome(file="x", sha256="", seconds=0.0), "library", truth, tuple(effects), 1.0)
 
 
@@ -29,7 +29,7 @@ def test_needed_is_the_length_that_gives_the_power():
 
 def test_walls_of_the_same_actuators_are_added():
     nothing = [row("no_gap", 2.0), row("no_gap", 3.0), row("no_gap", 9.0, replay=True)]
-    expected = Expected(nothing, LIBRARY)
+    expected = Expected([one.answer for one in nothing], LIBRARY)
     least = 3.0 + expected.needed
     assert expected.detectable(row("effect", least + 0.01, effects=["a"]))
     assert not expected.detectable(row("effect", least - 0.01, effects=["a"]))
@@ -39,7 +39,7 @@ def test_walls_of_the_same_actuators_are_added():
 
 
 def test_a_gap_is_unlike_the_candidates_if_none_of_them_imitates_it():
-    expected = Expected([row("no_gap", 0.0)], LIBRARY)
+    expected = Expected([row("no_gap", 0.0).answer], LIBRARY)
     far, near = expected.needed + 1.0, expected.needed - 1.0
     beside = {"a": near, "b": far}
     assert not expected.unlike(row("none_of_these", far, beside))

@@ -123,6 +123,24 @@ def test_another_run_of_the_same_folder_is_refused(blind_set, default_system, tm
         run(default_system, blind_set, out, workers=0, judge=HandJudge())
 
 
+def test_a_run_goes_on_with_the_limit_of_its_beginning(blind_set, default_system, tmp_path):
+    """One that is older than the note of it goes on with any, and stays as it was noted."""
+    out = tmp_path / "out"
+    run(default_system, blind_set, out, workers=0, judge=HandJudge(), limit=60)
+    with pytest.raises(RecordingError, match=r"settings was \{'limit': 60.0\}; expected \{'limit': 3600.0\}, or a new"):
+        run(default_system, blind_set, out, workers=0, judge=HandJudge())
+    done = score(blind_set, tmp_path / "set.answers.json", out)
+    assert "--seed 0 --limit 60" in done.commands[1]
+    noted = json.loads((out / "run.json").read_text())
+    del noted["settings"]["limit"]
+    (out / "run.json").write_text(json.dumps(noted))
+    run(default_system, blind_set, out, workers=0, judge=HandJudge())
+    assert "limit" not in read_run(out).settings
+    assert "--limit" not in score(blind_set, tmp_path / "set.answers.json", out).commands[1]
+    with pytest.raises(RecordingError, match=r"settings was \{'seed': 0\}; expected \{'seed': 1\}, or a new folder"):
+        run(default_system, blind_set, out, workers=0, judge=HandJudge(), seed=1)
+
+
 def test_a_program_that_changes_while_it_runs_is_noticed(blind_set, default_system, tmp_path, monkeypatch):
     programs = iter(["first", "second"])
     monkeypatch.setattr(running, "program", lambda: next(programs))

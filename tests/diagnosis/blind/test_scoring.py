@@ -218,6 +218,49 @@ def test_leave_one_out_counts_both_ways(tmp_path):
     assert (counts(done.none), counts(done.none_or_alike), counts(done.quiet)) == ((1, 4), (2, 4), (0, 4))
 
 
+def test_verdicts_without_an_effect_are_on_the_recording_that_they_stand_for(tmp_path):
+    ones = [Case("library", ("a",), room=room, verdict=said("a")) for room in (3.0, 4.0)]
+    folder, answers = write_set(tmp_path / "set", ones)
+    results = write_results(tmp_path / "results", folder, ones)
+    other = read_outcome(results, "recordings/0001.nc")
+    write_withheld(results, Withheld(file="recordings/0000.nc", outcomes={"a": other}))
+    with pytest.raises(RecordingError, match=r"found a verdict on recordings/0001\.nc .* those on recordings/0000\.nc"):
+        score(folder, answers, results)
+
+
+@pytest.mark.parametrize(
+    ("out", "why"),
+    [
+        ("score.json", r"ending is '.json'; expected .html"),
+        ("score.md", r"ending is '.md'; expected .html"),
+        ("set.answers.html", r"its JSON would be written over .*set\.answers\.json"),
+        ("results/run.html", r"its JSON would be written over .*run\.json"),
+        ("set/../set/manifest", r"its JSON would be written over .*manifest\.json"),
+    ],
+)
+def test_a_page_takes_the_place_of_nothing_that_is_read(tmp_path, out, why):
+    folder, answers = write_set(tmp_path / "set", cases()[:1])
+    results = write_results(tmp_path / "results", folder, cases()[:1])
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    with pytest.raises(RecordingError, match=why):
+        score(folder, answers, results, out=tmp_path / out)
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+
+
+@pytest.mark.parametrize("again", [0, 2, 3])
+def test_the_command_of_a_run_says_leave_one_out_only_of_all_recordings(tmp_path, again):
+    ones = [Case("library", ("a",), room=3.0, verdict=said("a")) for _ in range(4)]
+    folder, answers = write_set(tmp_path / "set", ones)
+    results = write_results(tmp_path / "results", folder, ones)
+    for k in range(again):
+        write_withheld(results, Withheld(file=f"recordings/{k:04}.nc", outcomes={}))
+    done = score(folder, answers, results, first=3, out=tmp_path / "score.html")
+    assert ("--leave-one-out" in done.commands[1]) == (again == 3)
+    told = "2 of the 3 recordings were also diagnosed with effects withheld: by the second command with --leave-one-out"
+    for text in (markdown(done), (tmp_path / "score.html").read_text()):
+        assert (told in text) == (again == 2)
+
+
 def test_what_was_withheld_from_the_library_is_none_of_these(tmp_path):
     ones = [
         Case("library", ("a",), room=3.0, verdict=NONE),
@@ -335,3 +378,18 @@ def test_a_score_sees_verdicts_and_answers_and_no_more(scored):
     assert inside == {"set/manifest.json", "set.answers.json", "results/run.json", *recordings, *verdicts}
     assert not [name for name in found["modules"] if name.startswith(("diagnosis.gap", "diagnosis.blind.judging"))]
     assert done.recordings == 12
+
+
+def test_what_can_be_seen_is_that_of_the_whole_set_however_few_recordings_are_scored(tmp_path):
+    """Twenty-five walls, the largest first: of the first five the largest is the limit, of all the second largest."""
+    walls = [Case("none", truth="no_gap", room=3.0, length=3.0, verdict=QUIET)]
+    walls += [Case("none", truth="no_gap", room=0.5, length=0.5, verdict=QUIET) for _ in range(24)]
+    between = [Case("library", ("a",), room=2.0, length=6.0, verdict=said("a")) for _ in range(2)]
+    ones = [*walls[:4], *between, *walls[4:]]
+    folder, answers = write_set(tmp_path / "set", ones)
+    results = write_results(tmp_path / "results", folder, ones)
+    for k in (4, 5):  # the two effects
+        for first in (k + 1, None):
+            done = score(folder, answers, results, first=first)
+            seen = {one.what: one for one in done.effects}["as the candidate has it, visible"]
+            assert counts(seen.top) == counts(done.detectable[0].top) == ((1, 1) if first == 5 else (2, 2))

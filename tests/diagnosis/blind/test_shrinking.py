@@ -15,8 +15,8 @@ def test_a_share_above_one_is_all_of_the_gap_and_makes_up_for_no_other(share, co
         truth="effect", visible=["room"], gap={"room": 2.0}, named=("one",), answer={"replay": False},
         outcome=SimpleNamespace(verdict=verdict),
     )  # fmt: skip
-    (found,), lost = removed([row], {(False, "room"): 1.0})
-    assert found.share == counted and found.oracle == pytest.approx(0.75) and not lost
+    (found,), lost, unseen = removed([row], {(False, "room"): 1.0})
+    assert found.share == counted and found.oracle == pytest.approx(0.75) and not lost and not unseen
 
 
 def test_recordings_without_a_figure_are_told_and_what_they_could_make_of_it():
@@ -30,16 +30,19 @@ def test_recordings_without_a_figure_are_told_and_what_they_could_make_of_it():
             (("one",), given, {}),
             ((), silent, {}),
             (("one",), silent, {}),
-            (("one",), given, {"visible": []}),
+            (("one",), given, {"visible": [], "gap": {"air": 0.5, "room": 1.25}}),
+            (("one",), given, {"visible": [], "gap": {"air": 0.5, "room": 0.9}}),  # no more than walls make
             (("one",), given, {"truth": "none_of_these", "visible": []}),
         )
     ]
-    done = where_largest(*removed(rows, {(False, "room"): 1.0}), rows)
-    assert (done.share.n, done.unknown, done.unseen, done.asked) == (2, 1, 1, 4)
+    limits = {(False, "room"): 1.0, (False, "air"): 0.0}
+    done = where_largest(*removed(rows, limits))
+    assert (done.share.n, done.unknown, done.unseen, done.asked) == (2, 1, 2, 5)
     assert done.ratio.value == pytest.approx(0.3 / 0.75)
-    assert done.least.n == 3 and done.least.value == pytest.approx(0.2 / 0.75)
+    # of the gap that no channel shows an oracle leaves 1 / 1.25 ** 2
+    assert done.least.n == 4 and done.least.value == pytest.approx(0.6 / (3 * 0.75 + 0.36))
     said = against_oracle(done)
-    assert said.startswith(f"{number(done.ratio)}; 2 of 4 have a figure, 1 named effects but saw no gap on the scored")
-    assert said.endswith("1 with a gap that no channel shows") and bound(done) == number(done.least)
-    whole = where_largest(*removed(rows[:2], {(False, "room"): 1.0}), rows[:2])
+    assert said.startswith(f"{number(done.ratio)}; 2 of 5 have a figure, 1 named effects but saw no gap on the scored")
+    assert said.endswith("2 with a gap that no channel shows") and bound(done) == number(done.least)
+    whole = where_largest(*removed(rows[:2], limits))
     assert against_oracle(whole) == number(whole.ratio)
