@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import multiprocessing
 import os
@@ -9,6 +10,7 @@ import secrets
 import shutil
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,7 @@ from diagnosis.blind.generator import Generator, Made, describe
 from diagnosis.blind.measuring import measured, published, write
 from diagnosis.blind.sealed import publish, salt_of, seal
 from diagnosis.blind.truth import default_truth, load_truth
+from diagnosis.effects import library
 from shared.errors import RecordingError
 from shared.interrupts import interrupts_held
 from shared.reading import read_json
@@ -85,12 +88,22 @@ def make(
         "system_name": described.name,
         "system_hash": described.hash(),
         "fmu_sha256": sha256_of(described.fmu_path),
+        "uncertain_sha256": _uncertain(described),
         "step": described.experiment.step,
         "hours": hours,
     }
     part = sealed.with_name(f"{sealed.name}.part")
-    begun = {**about, "recordings": recordings, "truth": sha256_of(where), "truth_fmu": sha256_of(fmu)}
-    chosen = _begin(part, begun | {"effects": [one.model_dump(mode="json") for one in described.effects]}, seed)
+    begun = {
+        **about,
+        "recordings": recordings,
+        "truth": sha256_of(where),
+        "truth_fmu": sha256_of(fmu),
+        # the system's own hash leaves out what it may be simulated with, and what diagnosis tries
+        "description": hashlib.sha256(described.canonical().encode()).hexdigest(),
+        "library": [one.name for one in library(described)],
+        "program": _program(),
+    }
+    chosen = _begin(part, begun, seed)
     jobs = [(chosen, index, part) for index in range(recordings) if not _answer(part, index).exists()]
     _work_off(described, where, hours, jobs, workers, lambda done: progress and progress(done, recordings), recordings)
 
@@ -111,6 +124,25 @@ def make(
     publish(folder, manifest)
     shutil.rmtree(part)
     return manifest
+
+
+def _uncertain(system: System) -> str:
+    """The sha256 of the uncertain constants: rooms differ in them, and the system's hash leaves them out."""
+    declared = [one.model_dump(mode="json") for one in system.uncertain]
+    return hashlib.sha256(json.dumps(declared, sort_keys=True).encode()).hexdigest()
+
+
+def _program() -> str:
+    """The sha256 of all source that a recording depends on, so that those of two programs are not mixed."""
+    whole = hashlib.sha256()
+    for package in ("shared", "datagen", "diagnosis"):
+        found = find_spec(package)
+        if found is None or found.origin is None:
+            continue
+        root = Path(found.origin).parent
+        for path in sorted(root.rglob("*.py")):
+            whole.update(f"{package}/{path.relative_to(root).as_posix()}\n".encode() + path.read_bytes())
+    return whole.hexdigest()
 
 
 def _refuse(folder: Path, sealed: Path) -> None:

@@ -63,6 +63,7 @@ class _Set(BaseModel):
     system_name: str
     system_hash: str
     fmu_sha256: str
+    uncertain_sha256: str | None = None
     step: float = Field(gt=0)
     hours: float = Field(gt=0)
 

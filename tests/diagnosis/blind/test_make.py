@@ -20,6 +20,7 @@ from diagnosis.blind.truth import Form, default_truth, load_truth
 from diagnosis.effects import library
 from diagnosis.recording import HOUR, read_recording
 from shared.errors import RecordingError, SystemDescriptionError, ZeroshotError
+from shared.system import system_from_canonical
 
 HOURS, SEED, COUNT = 72.0, 20, 6
 
@@ -78,7 +79,8 @@ def test_nothing_but_recordings_and_their_conditions_is_published(blind_set, ans
     assert not sealed.with_name(f"{sealed.name}.part").exists()
     manifest = read_manifest(folder)
     assert set(manifest) == {
-        "schema", "system_name", "system_hash", "fmu_sha256", "step", "hours", "answers_sha256", "recordings",
+        "schema", "system_name", "system_hash", "fmu_sha256", "uncertain_sha256", "step", "hours", "answers_sha256",
+        "recordings",
     }  # fmt: skip
     assert all(set(one) == {"file", "sha256", "occupancy", "replay"} for one in manifest["recordings"])
     words = [effect.name for effect in library(default_system)] + [form.name for form in truth.forms]
@@ -158,6 +160,49 @@ def test_the_same_seed_gives_the_same_bytes_in_any_order_and_after_an_interrupti
     for file in published_files(folder):
         assert (again / file).read_bytes() == (folder / file).read_bytes()
     assert again.with_name("again.answers.json").read_bytes() == sealed.read_bytes()
+
+
+def changed(system, **fields):
+    """A system with other fields than that of the file."""
+    raw = json.loads(system.canonical())
+    for name, values in fields.items():
+        raw[name] = [*values] if isinstance(values, list) else raw[name] | values
+    return system_from_canonical(json.dumps(raw), system.path)
+
+
+def stop_after(monkeypatch, count):
+    """Let `make` be interrupted after so many recordings, whose answers and files say nothing."""
+    import diagnosis.blind.make as module
+
+    written = []
+
+    def stopped(generator, seed, index, part):
+        if len(written) == count:
+            raise KeyboardInterrupt
+        written.append(index)
+        (part / f"{index}.nc").write_bytes(b"")
+        (part / f"{index}.json").write_text("{}")
+
+    monkeypatch.setattr(module, "write_one", stopped)
+
+
+@pytest.mark.parametrize("what", ["uncertain", "tolerance", "warm-up", "program"])
+def test_a_set_does_not_go_on_under_other_constants_tolerance_or_program(default_system, tmp_path, monkeypatch, what):
+    stop_after(monkeypatch, 1)
+    with pytest.raises(KeyboardInterrupt):
+        make(default_system, tmp_path / "set", recordings=2, seed=SEED, hours=HOURS)
+    uncertain = [one.model_dump(mode="json") | {"relative": 0.1} for one in default_system.uncertain]
+    other = {
+        "uncertain": lambda: changed(default_system, uncertain=uncertain),
+        "tolerance": lambda: changed(default_system, experiment={"tolerance": 1e-5}),
+        "warm-up": lambda: changed(default_system, experiment={"warm_up_hours": 120.0}),
+        "program": lambda: default_system,
+    }[what]()
+    assert other.hash() == default_system.hash()
+    if what == "program":
+        monkeypatch.setattr("diagnosis.blind.make._program", lambda: "another")
+    with pytest.raises(RecordingError, match=r"set\.answers\.json\.part: was begun with other settings"):
+        make(other, tmp_path / "set", recordings=2, seed=SEED, hours=HOURS)
 
 
 def test_where_nothing_was_made_another_set_may_be_begun(default_system, tmp_path, monkeypatch):
