@@ -23,12 +23,14 @@ from diagnosis.blind.room import Lived, coarse, live
 from diagnosis.blind.truth import Driven, Fault, Form, Occupant, Truth
 from diagnosis.effects import Effect, library
 from diagnosis.recording import HOUR, Recording
-from shared.errors import SystemDescriptionError
+from shared.errors import SimulationError, SystemDescriptionError
 from shared.system import System
 
 YEAR_HOURS = 8760.0
-ROUNDS = 6
-"""How often a candidate that follows a measured output is simulated until output and effect agree."""
+ROUNDS, MOST_ROUNDS = 6, 60
+"""How often a candidate that follows a measured output is simulated, at least and at most, until both agree."""
+DAMPED = 0.7
+"""By how much steps towards agreement get shorter where output and effect have come no nearer."""
 
 
 @dataclass(frozen=True)
@@ -94,16 +96,8 @@ class Generator:
         controllers = self._controllers(case)
         time = start + self.step * np.arange(1, round((stop - start) / self.step) + 1)
         steps = _Span(begin, start, stop, time)
-
-        guess = np.zeros((len(self.system.outputs), len(time)))
-        follows = any(getattr(one.acts, "follows", frozenset()) for one in case.causes)
-        if follows:
-            guess = self._base(building, recorded, steps)
-        for _ in range(ROUNDS if follows else 1):
-            lived, signals = self._live({**building, **controllers}, case, recorded, steps, guess)
-            warm = round((start - begin) / self.truth.step)
-            shown = self._shown(case, lived, signals, warm, steps)
-            guess = 0.5 * (guess + shown)
+        warm = round((start - begin) / self.truth.step)
+        lived, shown = self._agreed(building, controllers, case, recorded, steps, warm)
         for cause in case.causes:
             if not isinstance(cause.acts, Form):
                 shown = cause.acts.outputs(cause.amplitude, shown, time)
@@ -112,6 +106,46 @@ class Generator:
         multiplied = {one.name: float(factor) for one, factor in zip(self.constants, factors, strict=True)}
         inputs = self._recorded(case, table, steps)
         return Made(case, start, time, shown, base, inputs, parameters, multiplied, controllers)
+
+    def _agreed(
+        self,
+        building: dict[str, float],
+        controllers: dict[str, float],
+        case: Case,
+        recorded: dict[str, Piecewise],
+        steps: _Span,
+        warm: int,
+    ) -> tuple[Lived, np.ndarray]:
+        """The room, and what its sensors show (outputs, steps), where candidates follow what is shown.
+
+        Raises
+        ------
+        SimulationError
+            If what is shown does not settle to within each output's accuracy: nothing is then as the candidate has it.
+        """
+
+        def once(measured: np.ndarray) -> tuple[Lived, np.ndarray]:
+            lived, signals = self._live({**building, **controllers}, case, recorded, steps, measured)
+            return lived, self._shown(case, lived, signals, warm, steps)
+
+        following = [one.label for one in case.causes if getattr(one.acts, "follows", frozenset())]
+        if not following:
+            return once(np.zeros((len(self.system.outputs), len(steps.time))))
+        accuracy = np.array([[one.accuracy] for one in self.system.outputs])
+        guess = self._base(building, recorded, steps)
+        damping, off = 0.5, np.inf
+        for turn in range(1, MOST_ROUNDS + 1):
+            lived, shown = once(guess)
+            before, off = off, float(np.max(np.abs(shown - guess) / accuracy))
+            if turn >= ROUNDS and off < 1.0:
+                return lived, shown
+            if turn > ROUNDS and off >= before:
+                damping *= DAMPED
+            guess = (1.0 - damping) * guess + damping * shown
+        raise SimulationError(
+            f"{self.truth.path}: {', '.join(following)} and the outputs that it follows do not agree after"
+            f" {MOST_ROUNDS} simulations; expected a change within their accuracy, it is {off:.3g} times that"
+        )
 
     def _live(
         self,

@@ -19,7 +19,7 @@ from diagnosis.blind.sealed import open_answers, read_manifest
 from diagnosis.blind.truth import Form, default_truth, load_truth
 from diagnosis.effects import library
 from diagnosis.recording import HOUR, read_recording
-from shared.errors import RecordingError, SystemDescriptionError, ZeroshotError
+from shared.errors import RecordingError, SimulationError, SystemDescriptionError, ZeroshotError
 from shared.system import system_from_canonical
 
 HOURS, SEED, COUNT = 72.0, 20, 6
@@ -322,6 +322,30 @@ def test_causes_act_with_the_expected_sign(generator, truth, default_system, nam
     assert np.sqrt(np.mean(gap**2)) > 3 * floor
     if sign is not None:
         assert np.mean(gap) * sign > 0
+
+
+def test_a_window_that_follows_the_room_is_as_the_candidate_has_it(default_system, truth, monkeypatch):
+    """The room of this case still changed by 2.4 K and 178 ppm in the sixth round, and was sealed as it was then."""
+    import diagnosis.blind.generator as module
+
+    generator = Generator(default_system, truth, hours=168.0)
+    window = next(one for one in generator.effects if one.name == "window.warm")
+    case = Case(777, 1, "library", (Cause(window, 0.6),), unknown_occupancy=False, replay=False)
+    followed, live = [], generator._live
+
+    def watched(parameters, case, recorded, steps, measured):
+        followed.append(measured)
+        return live(parameters, case, recorded, steps, measured)
+
+    monkeypatch.setattr(generator, "_live", watched)
+    made = generator.make_case(case)
+    accuracy = np.array([one.accuracy for one in default_system.outputs])
+    assert len(followed) > module.ROUNDS
+    assert (np.abs(made.clean - followed[-1]).max(axis=1) < accuracy).all()
+    assert np.abs(made.clean - followed[module.ROUNDS - 1])[0].max() > 20 * accuracy[0]
+    monkeypatch.setattr(module, "MOST_ROUNDS", 8)
+    with pytest.raises(SimulationError, match=r"window\.warm and the outputs that it follows do not agree after 8 sim"):
+        generator.make_case(case)
 
 
 COLD, WARM = 11, 0
