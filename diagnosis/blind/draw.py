@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeVar
@@ -37,7 +38,10 @@ class Cause:
 
 @dataclass(frozen=True)
 class Case:
-    """What a recording is of. ``unknown_occupancy`` and ``replay`` are what the campaign could measure."""
+    """What a recording is of. ``unknown_occupancy`` and ``replay`` are what the campaign could measure.
+
+    ``attempt`` counts the draws before this one that could not be simulated.
+    """
 
     seed: int
     index: int
@@ -45,21 +49,33 @@ class Case:
     causes: tuple[Cause, ...]
     unknown_occupancy: bool
     replay: bool
+    attempt: int = 0
+
+    @property
+    def root(self) -> int:
+        """The root seed of this recording's streams: the set's own but where it is drawn anew."""
+        return _root(self.seed, self.attempt)
 
     def rng(self, purpose: str) -> np.random.Generator:
         """The stream of randomness of this recording for one purpose."""
-        return stream(self.seed, self.index, f"blind.{purpose}")
+        return stream(self.root, self.index, f"blind.{purpose}")
 
 
-def draw_case(truth: Truth, system: System, effects: list[Effect], seed: int, index: int) -> Case:
-    """Draw one case. Strata come in shuffled blocks and causes in shuffled rounds, so that all occur about equally."""
+def draw_case(truth: Truth, system: System, effects: list[Effect], seed: int, index: int, attempt: int = 0) -> Case:
+    """Draw one case. Strata come in shuffled blocks and causes in shuffled rounds, so that all occur about equally.
+
+    Another ``attempt`` has the same stratum and causes; all else is drawn anew.
+    """
     order = truth.strata.order
     block, place = divmod(index, len(order))
     shuffled = _shuffled(order, seed, f"strata.{block}")
     stratum = shuffled[place]
     turn = block * order.count(stratum) + shuffled[:place].count(stratum)
-    causes = _causes(truth, effects, seed, index, stratum, turn)
-    conditions = stream(seed, index, "blind.conditions").random(2)
+    root = _root(seed, attempt)
+    acts = _acts(truth, effects, seed, index, stratum, turn)
+    rng = stream(root, index, "blind.amplitudes")
+    causes = tuple(Cause(one, _amplitude(one, truth, rng)) for one in acts)
+    conditions = stream(root, index, "blind.conditions").random(2)
     modes = set.intersection({"control", "replay"}, *(set(_modes(one.acts)) for one in causes))
     wanted = "replay" if conditions[1] < truth.measuring.replay else "control"
     return Case(
@@ -69,10 +85,17 @@ def draw_case(truth: Truth, system: System, effects: list[Effect], seed: int, in
         causes,
         unknown_occupancy=bool(conditions[0] < truth.measuring.unknown_occupancy),
         replay="replay" in modes and (wanted == "replay" or "control" not in modes),
+        attempt=attempt,
     )
 
 
-def _causes(truth: Truth, effects: list[Effect], seed: int, index: int, stratum: str, turn: int) -> tuple[Cause, ...]:
+def _root(seed: int, attempt: int) -> int:
+    if not attempt:
+        return seed
+    return int.from_bytes(hashlib.sha256(f"blind attempt {attempt} of {seed}".encode()).digest()[:7], "big")
+
+
+def _acts(truth: Truth, effects: list[Effect], seed: int, index: int, stratum: str, turn: int) -> list[Acts]:
     def pick(acts: Sequence[Acts], purpose: str) -> Acts:
         round_, place = divmod(turn, len(acts))
         return _shuffled(acts, seed, f"{purpose}.{round_}")[place]
@@ -91,8 +114,7 @@ def _causes(truth: Truth, effects: list[Effect], seed: int, index: int, stratum:
         every: list[Acts] = [*effects, *other]
         rest = [one for one in every if _together(first, one, effects)]
         chosen = [first, rest[int(rng.integers(len(rest)))]]
-    rng = stream(seed, index, "blind.amplitudes")
-    return tuple(Cause(acts, _amplitude(acts, truth, rng)) for acts in chosen)
+    return chosen
 
 
 def _together(first: Acts, second: Acts, effects: list[Effect]) -> bool:

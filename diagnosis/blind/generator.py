@@ -1,6 +1,7 @@
 """One recording of a blind check: the true room is lived in, measured, and set beside what the model would say.
 
-Everything depends on (seed, index) alone: recordings can be made in any order by any number of processes.
+Everything depends on (seed, index) alone, also which of its draws is the first that can be simulated: recordings can be
+made in any order by any number of processes.
 """
 
 from __future__ import annotations
@@ -77,21 +78,27 @@ class Generator:
         self.model, self.room = Simulator(self.system), Simulator(self.true_system)
         self.constants = constants(system, self.model.fmu) if truth.measuring.constants else ()
 
-    def make(self, seed: int, index: int) -> Made:
-        """Live, and compare with the base model; no noise yet."""
-        case = draw_case(self.truth, self.system, self.effects, seed, index)
+    def make(self, seed: int, index: int, attempt: int = 0) -> Made:
+        """Live, and compare with the base model; no noise yet.
+
+        Raises
+        ------
+        SimulationError
+            If this draw cannot be simulated; another ``attempt`` may be.
+        """
+        case = draw_case(self.truth, self.system, self.effects, seed, index, attempt)
         return self.make_case(case)
 
     def make_case(self, case: Case) -> Made:
         """The same for a given case."""
-        start = record_start(self.system, case.seed, case.index)
+        start = record_start(self.system, case.root, case.index)
         stop = start + self.hours * HOUR
         begin = start - self.system.experiment.warm_up_hours * HOUR
-        table = build_inputs(self.true_system, root_seed=case.seed, index=case.index, start=begin, stop=stop)
+        table = build_inputs(self.true_system, root_seed=case.root, index=case.index, start=begin, stop=stop)
         recorded = signals_of(table)
-        drawn = sample_parameters(self.system, case.seed, case.index).tolist()
+        drawn = sample_parameters(self.system, case.root, case.index).tolist()
         parameters = dict(zip(self.system.parameter_names, drawn, strict=True))
-        factors = sample_factors(self.system, case.seed, case.index)[: len(self.constants)]
+        factors = sample_factors(self.system, case.root, case.index)[: len(self.constants)]
         building = parameters | values_of(self.constants, factors)
         controllers = self._controllers(case)
         time = start + self.step * np.arange(1, round((stop - start) / self.step) + 1)
@@ -190,7 +197,7 @@ class Generator:
         for cause in case.causes:
             for k, fault in enumerate(cause.acts.faults if isinstance(cause.acts, Form) else []):
                 if fault.kind == "series" and fault.series not in followed:
-                    weather = system_weather(self.system, case.seed, case.index)
+                    weather = system_weather(self.system, case.root, case.index)
                     followed[fault.series] = weather.signal(fault.series, steps.begin, steps.stop)
                 path = wandering(case.rng(_purpose(cause.acts, k, fault)), steps.begin, steps.stop, fault.hours)
                 for name in fault.outputs:

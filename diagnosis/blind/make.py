@@ -10,6 +10,7 @@ import secrets
 import shutil
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ from diagnosis.blind.measuring import measured, published, write
 from diagnosis.blind.sealed import publish, salt_of, seal
 from diagnosis.blind.truth import default_truth, load_truth
 from diagnosis.effects import library
-from shared.errors import RecordingError
+from shared.errors import RecordingError, SimulationError, ZeroshotError
 from shared.interrupts import interrupts_held
 from shared.reading import read_json
 from shared.store import sha256_of, write_atomically
@@ -30,6 +31,8 @@ from shared.system import System, load_system
 
 HOURS = 672.0
 RECORDINGS = "recordings"
+ATTEMPTS = 5
+"""How often a recording is drawn that cannot be simulated."""
 _DIGITS = 7
 """Significant digits of the sealed series: below the sensors' floor."""
 
@@ -200,33 +203,62 @@ def _work_off(
         return
     context = multiprocessing.get_context("spawn")  # loading an FMU changes the folder of its process
     with ProcessPoolExecutor(workers, context, _prepare, (system, truth, hours)) as pool:
-        with interrupts_held():  # the first one starts the processes
-            futures = [pool.submit(_work, job) for job in jobs]
         try:
+            with interrupts_held():  # the first one starts the processes
+                futures = [pool.submit(_work, job) for job in jobs]
             for k, future in enumerate(as_completed(futures), done + 1):
                 future.result()
                 tell(k)
+        except BrokenProcessPool:
+            raise SimulationError(
+                f"{system.fmu_path} or the FMU of {truth}: took a process down that made recordings of {hours:g} h, or"
+                " memory ran out; expected FMUs that bear every parameter within its range, or fewer workers; what was"
+                " made is kept, and the same call goes on from there"
+            ) from None
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
 
 
-_generator: Generator | None = None
+_generator: Generator | ZeroshotError | None = None
 
 
 def _prepare(system: System, truth: Path, hours: float) -> None:
     global _generator
-    _generator = Generator(system, load_truth(truth, system), hours=hours)
+    try:
+        _generator = Generator(system, load_truth(truth, system), hours=hours)
+    except ZeroshotError as error:  # raised here it would take the pool down and say nothing
+        _generator = error
 
 
 def _work(job: Job) -> None:
+    if isinstance(_generator, ZeroshotError):
+        raise _generator
     assert _generator is not None
     write_one(_generator, *job)
 
 
 def write_one(generator: Generator, seed: int, index: int, part: Path) -> None:
-    """Make one recording: write it and then its answer."""
-    made = generator.make(seed, index)
+    """Make one recording: write it and then its answer. What cannot be simulated is drawn anew, a few times.
+
+    Raises
+    ------
+    SimulationError
+        If no draw could be simulated.
+    """
+    for attempt in range(ATTEMPTS):
+        try:
+            return _write(generator, seed, index, attempt, part)
+        except SimulationError as error:
+            last = error
+    raise SimulationError(
+        f"{generator.truth.path}: recording {index} of this seed could not be made, none of its {ATTEMPTS} draws;"
+        f" expected FMUs that bear every parameter within its range; the last draw: {last}"
+    )
+
+
+def _write(generator: Generator, seed: int, index: int, attempt: int, part: Path) -> None:
+    made = generator.make(seed, index, attempt)
     outputs, noises = measured(made, generator.system, generator.truth)
     write(_recording(part, index), published(made, outputs, generator.system, generator.truth))
     answer = answer_of(made, noises, generator.system)
@@ -239,7 +271,7 @@ def answer_of(made: Made, noises: dict[str, dict[str, float]], system: System) -
 
     ``verdict`` and ``effects`` are the right answer; ``gap`` is the root mean square of what the base model with the
     true parameters and constants misses of the noise-free record [unit of each output], and ``gap_over_noise`` that
-    over the noise; ``clean`` and ``base`` are the two series.
+    over the noise; ``clean`` and ``base`` are the two series; ``attempt`` counts draws that could not be simulated.
     """
     case = made.case
     effects = [cause.label for cause in case.causes]
@@ -248,6 +280,7 @@ def answer_of(made: Made, noises: dict[str, dict[str, float]], system: System) -
     sds = np.hypot([noises[o.name]["sd"] for o in system.outputs], [o.accuracy for o in system.outputs])
     return {
         "stratum": case.stratum,
+        "attempt": case.attempt,
         "verdict": verdict,
         "effects": [name for name in effects if name],
         "causes": [describe(cause) for cause in case.causes],

@@ -4,6 +4,8 @@ import hashlib
 import json
 import shutil
 from collections import Counter
+from concurrent.futures import Future
+from concurrent.futures.process import BrokenProcessPool
 
 import numpy as np
 import pytest
@@ -203,6 +205,79 @@ def test_a_set_does_not_go_on_under_other_constants_tolerance_or_program(default
         monkeypatch.setattr("diagnosis.blind.make._program", lambda: "another")
     with pytest.raises(RecordingError, match=r"set\.answers\.json\.part: was begun with other settings"):
         make(other, tmp_path / "set", recordings=2, seed=SEED, hours=HOURS)
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """No lengths beyond imitation: they take most of the time, and here nothing looks at them."""
+    monkeypatch.setattr("diagnosis.blind.make.detectability", lambda *_: {"length": 0.0, "beside": {}})
+
+
+@pytest.mark.parametrize("where", ["make_case", "detectability"])
+def test_what_cannot_be_simulated_is_drawn_anew_and_counted(default_system, tmp_path, monkeypatch, quick, where):
+    make(default_system, tmp_path / "whole", recordings=2, seed=SEED, hours=48.0)
+    made, failed = Generator.make_case, []
+
+    def fails(self, case):
+        if case.index == 1 and case.attempt < 2:
+            failed.append(case)
+            raise SimulationError("stiff")
+        return made(self, case)
+
+    def fails_late(_, path, answer, *__):
+        if path.name == "1.nc" and answer["attempt"] < 2:
+            failed.append(answer)
+            raise SimulationError("stiff")
+        return {"length": 0.0, "beside": {}}
+
+    if where == "make_case":
+        monkeypatch.setattr(Generator, "make_case", fails)
+    else:
+        monkeypatch.setattr("diagnosis.blind.make.detectability", fails_late)
+    make(default_system, tmp_path / "set", recordings=2, seed=SEED, hours=48.0)
+    assert len(failed) == 2
+    before, after = (
+        open_answers(tmp_path / name, tmp_path / f"{name}.answers.json")["recordings"] for name in ("whole", "set")
+    )
+    assert after[0] == before[0]
+    assert [one["attempt"] for one in after] == [0, 2]
+    assert after[1]["stratum"] == before[1]["stratum"]
+    assert [one["effect"] for one in after[1]["causes"]] == [one["effect"] for one in before[1]["causes"]]
+    for drawn in ("parameters", "constants", "start"):
+        assert after[1][drawn] != before[1][drawn]
+    read_recording(tmp_path / "set" / after[1]["file"], default_system)
+
+
+def test_a_recording_that_no_draw_can_make_is_told(default_system, tmp_path, monkeypatch):
+    def fails(self, case):
+        raise SimulationError(f"stiff at {case.attempt}")
+
+    monkeypatch.setattr(Generator, "make_case", fails)
+    with pytest.raises(
+        SimulationError, match=r"truth\.toml: recording 0 of this seed .* none of its 5 draws; .* draw: stiff at 4"
+    ):
+        make(default_system, tmp_path / "set", recordings=1, seed=SEED, hours=48.0)
+
+
+def test_a_process_that_died_is_a_sentence(default_system, tmp_path, monkeypatch):
+    class Dead:
+        def __init__(self, *_):
+            pass
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            return None
+
+        def submit(self, *_):
+            future = Future()
+            future.set_exception(BrokenProcessPool("terminated abruptly"))
+            return future
+
+    monkeypatch.setattr("diagnosis.blind.make.ProcessPoolExecutor", Dead)
+    with pytest.raises(SimulationError, match=r"took a process down that made recordings of 48 h, .* fewer workers"):
+        make(default_system, tmp_path / "set", recordings=2, seed=SEED, hours=48.0, workers=2)
 
 
 def test_where_nothing_was_made_another_set_may_be_begun(default_system, tmp_path, monkeypatch):
