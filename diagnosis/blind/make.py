@@ -20,7 +20,7 @@ import numpy as np
 from diagnosis.blind.detectability import detectability
 from diagnosis.blind.generator import Generator, Made, describe
 from diagnosis.blind.measuring import measured, published, write
-from diagnosis.blind.sealed import publish, salt_of, seal
+from diagnosis.blind.sealed import publish, read_manifest, salt_of, seal
 from diagnosis.blind.truth import default_truth, load_truth
 from diagnosis.effects import library
 from shared.errors import RecordingError, SimulationError, ZeroshotError
@@ -83,9 +83,10 @@ def make(
     fmu = where.parent / load_truth(where, described).fmu
     folder = Path(out)
     sealed = Path(answers) if answers is not None else folder.with_name(f"{folder.name}.answers.json")
-    _refuse(folder, sealed)
+    part = sealed.with_name(f"{sealed.name}.part")
     if recordings < 1:
         raise ValueError(f"recordings is {recordings}; expected at least 1")
+    _refuse(folder, sealed, all_made=all(_answer(part, index).exists() for index in range(recordings)))
     described.with_experiment(hours=hours)  # hours that no simulation can have are refused before anything is begun
     about = {
         "system_name": described.name,
@@ -95,7 +96,6 @@ def make(
         "step": described.experiment.step,
         "hours": hours,
     }
-    part = sealed.with_name(f"{sealed.name}.part")
     begun = {
         **about,
         "recordings": recordings,
@@ -111,18 +111,20 @@ def make(
     _work_off(described, where, hours, jobs, workers, lambda done: progress and progress(done, recordings), recordings)
 
     width = max(len(str(recordings - 1)), 4)
+    files = [f"{RECORDINGS}/{index:0{width}}.nc" for index in range(recordings)]
+    opened = [
+        {"file": file, **read_json(_answer(part, index), RecordingError, "an answer of a set that is being made")}
+        for index, file in enumerate(files)
+    ]
+    digest = seal(sealed, {"salt": salt_of(chosen), "seed": chosen, **about, "recordings": opened})
     (folder / RECORDINGS).mkdir(parents=True, exist_ok=True)
-    opened, listed = [], []
-    for index in range(recordings):
+    listed = []
+    for index, (file, answer) in enumerate(zip(files, opened, strict=True)):
         # written anew and in order: when a file was made would tell how long its simulation took
-        file = f"{RECORDINGS}/{index:0{width}}.nc"
         write_atomically(folder / file, _recording(part, index).read_bytes())
         os.utime(folder / file, (0, 0))
-        answer = read_json(_answer(part, index), RecordingError, "an answer of a set that is being made")
         conditions = {"occupancy": answer["occupancy"], "replay": answer["replay"]}
-        opened.append({"file": file, **answer})
         listed.append({"file": file, "sha256": sha256_of(folder / file), **conditions})
-    digest = seal(sealed, {"salt": salt_of(chosen), "seed": chosen, **about, "recordings": opened})
     manifest = {**about, "answers_sha256": digest, "recordings": listed}
     publish(folder, manifest)
     shutil.rmtree(part)
@@ -148,10 +150,13 @@ def _program() -> str:
     return whole.hexdigest()
 
 
-def _refuse(folder: Path, sealed: Path) -> None:
+def _refuse(folder: Path, sealed: Path, *, all_made: bool) -> None:
+    """Refuse what is there already, but for the very set that this call would have finished (``all_made``)."""
     if (folder / RECORDINGS).exists() and any(folder.glob("manifest.json")):
-        raise RecordingError(f"{folder}: holds a blind set; expected a new folder")
-    if sealed.exists():
+        stopped = all_made and sealed.is_file()
+        if not stopped or read_manifest(folder)["answers_sha256"] != sha256_of(sealed):
+            raise RecordingError(f"{folder}: holds a blind set; expected a new folder")
+    if sealed.exists() and not all_made:
         raise RecordingError(f"{sealed}: exists; expected a new file for the answers")
     if folder.resolve() in sealed.resolve().parents:
         raise RecordingError(f"{sealed}: lies in {folder}, which is published; expected another place for the answers")

@@ -248,6 +248,38 @@ def test_what_cannot_be_simulated_is_drawn_anew_and_counted(default_system, tmp_
     read_recording(tmp_path / "set" / after[1]["file"], default_system)
 
 
+@pytest.mark.parametrize("where", ["publish", "shutil.rmtree"])
+def test_a_set_that_is_sealed_and_not_published_is_finished_by_the_same_call(
+    default_system, tmp_path, monkeypatch, quick, where
+):
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    sets = [tmp_path / name for name in ("whole", "set", "other")]
+    for folder, seed in zip(sets, (SEED, SEED, SEED + 1), strict=True):
+        with monkeypatch.context() as patch:
+            if folder != sets[0]:
+                patch.setattr(f"diagnosis.blind.make.{where}", stopped)
+                with pytest.raises(KeyboardInterrupt):
+                    make(default_system, folder, recordings=1, seed=seed, hours=48.0)
+            else:
+                make(default_system, folder, recordings=1, seed=seed, hours=48.0)
+    whole, again, other = (folder.with_name(f"{folder.name}.answers.json") for folder in sets)
+    made = again.read_bytes()
+    again.write_bytes(other.read_bytes())  # sealed, but not what this call would seal
+    with pytest.raises(RecordingError, match=r"expected a new f(ile for the answers|older)$"):
+        make(default_system, sets[1], recordings=1, seed=SEED, hours=48.0)
+    again.write_bytes(made)
+    make(default_system, sets[1], recordings=1, seed=SEED, hours=48.0)
+    assert published_files(sets[1]) == published_files(sets[0])
+    for file in published_files(sets[0]):
+        assert (sets[1] / file).read_bytes() == (sets[0] / file).read_bytes()
+    assert again.read_bytes() == whole.read_bytes()
+    assert not again.with_name(f"{again.name}.part").exists()
+    with pytest.raises(RecordingError, match="holds a blind set; expected a new folder"):
+        make(default_system, sets[1], recordings=1, seed=SEED, hours=48.0)
+
+
 def test_a_recording_that_no_draw_can_make_is_told(default_system, tmp_path, monkeypatch):
     def fails(self, case):
         raise SimulationError(f"stiff at {case.attempt}")
