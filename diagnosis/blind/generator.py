@@ -76,7 +76,10 @@ class Generator:
         self.true_system = truth.described(self.system)
         self.effects = library(system)
         self.model, self.room = Simulator(self.system), Simulator(self.true_system)
-        self.constants = constants(system, self.model.fmu) if truth.measuring.constants else ()
+        drawn = truth.measuring.constants
+        self.constants = constants(system, self.model.fmu) if drawn else ()
+        # the truth's author may have given them other values on purpose
+        self.true_constants = constants(self.true_system, self.room.fmu) if drawn else ()
 
     def make(self, seed: int, index: int, attempt: int = 0) -> Made:
         """Live, and compare with the base model; no noise yet.
@@ -101,10 +104,11 @@ class Generator:
         factors = sample_factors(self.system, case.root, case.index)[: len(self.constants)]
         building = parameters | values_of(self.constants, factors)
         controllers = self._controllers(case)
+        room = parameters | values_of(self.true_constants, factors) | controllers
         time = start + self.step * np.arange(1, round((stop - start) / self.step) + 1)
         steps = _Span(begin, start, stop, time)
         warm = round((start - begin) / self.truth.step)
-        lived, shown = self._agreed(building, controllers, case, recorded, steps, warm)
+        lived, shown = self._agreed(building, room, case, recorded, steps, warm)
         for cause in case.causes:
             if not isinstance(cause.acts, Form):
                 shown = cause.acts.outputs(cause.amplitude, shown, time)
@@ -117,7 +121,7 @@ class Generator:
     def _agreed(
         self,
         building: dict[str, float],
-        controllers: dict[str, float],
+        room: dict[str, float],
         case: Case,
         recorded: dict[str, Piecewise],
         steps: _Span,
@@ -132,7 +136,7 @@ class Generator:
         """
 
         def once(measured: np.ndarray) -> tuple[Lived, np.ndarray]:
-            lived, signals = self._live({**building, **controllers}, case, recorded, steps, measured)
+            lived, signals = self._live(room, case, recorded, steps, measured)
             return lived, self._shown(case, lived, signals, warm, steps)
 
         following = [one.label for one in case.causes if getattr(one.acts, "follows", frozenset())]

@@ -2,7 +2,9 @@
 
 import hashlib
 import json
+import re
 import shutil
+import zipfile
 from collections import Counter
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
@@ -402,6 +404,51 @@ def test_no_building_is_as_described(generator, truth, default_system):
     assert 0 < gap[room] < 0.25
     answer = answer_of(made, measured(made, default_system, truth)[1], default_system)
     assert answer["constants"] == made.constants
+
+
+@pytest.fixture
+def heavier(truth, default_system, tmp_path):
+    """The truth with an FMU whose author gave a layer another start value, and one whose FMU lacks that layer."""
+    name = default_system.uncertain[0].parameters[0]
+    with zipfile.ZipFile(truth.path.parent / truth.fmu) as archive:
+        content = {one: archive.read(one) for one in archive.namelist()}
+    described = content["modelDescription.xml"].decode()
+    variable = re.search(rf'<ScalarVariable[^>]*name="{re.escape(name)}".*?</ScalarVariable>', described, re.S) or (
+        re.search(rf'<Float64[^>]*name="{re.escape(name)}"[^>]*>', described)
+    )
+    start = re.search(r'start="([^"]*)"', variable[0])
+    other = variable[0].replace(start[0], f'start="{3.0 * float(start[1])!r}"')
+    texts = {
+        "heavy": described.replace(variable[0], other),
+        "lacking": described.replace(variable[0], variable[0].replace(name, "another")),
+    }
+    for fmu, text in texts.items():
+        with zipfile.ZipFile(tmp_path / f"{fmu}.fmu", "w") as archive:
+            for one, data in (content | {"modelDescription.xml": text.encode()}).items():
+                archive.writestr(one, data)
+    moved = {fmu: truth.model_copy(update={"path": tmp_path / "truth.toml", "fmu": f"{fmu}.fmu"}) for fmu in texts}
+    return name, float(start[1]), moved
+
+
+def test_a_constant_of_the_truth_keeps_its_author_s_value(heavier, default_system, monkeypatch):
+    name, start, truths = heavier
+    generator = Generator(default_system, truths["heavy"], hours=HOURS)
+    set_, base, live = [], generator._base, generator._live
+    monkeypatch.setattr(generator, "_live", lambda values, *more: set_.append(values[name]) or live(values, *more))
+    monkeypatch.setattr(
+        generator, "_base", lambda values, *more, **m: set_.append(values[name]) or base(values, *more, **m)
+    )
+    made = generator.make_case(case_of(truths["heavy"], default_system, "", 0.0))
+    factor = made.constants[default_system.uncertain[0].name]
+    assert set_ == pytest.approx([3.0 * start * factor, start * factor])
+
+
+def test_a_truth_that_lacks_a_constant_is_told_unless_none_is_drawn(heavier, default_system):
+    name, _, truths = heavier
+    with pytest.raises(SystemDescriptionError, match=rf"{re.escape(name)}' is not a variable of lacking\.fmu"):
+        Generator(default_system, truths["lacking"], hours=HOURS)
+    measuring = truths["lacking"].measuring.model_copy(update={"constants": False})
+    Generator(default_system, truths["lacking"].model_copy(update={"measuring": measuring}), hours=HOURS)
 
 
 @pytest.mark.parametrize(
