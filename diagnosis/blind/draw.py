@@ -5,12 +5,12 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from datagen.driving.sampling import stream
-from diagnosis.blind.truth import Form, Truth
+from diagnosis.blind.truth import Driven, Fault, Form, Truth
 from diagnosis.effects import Effect, clash
 from shared.system import System
 
@@ -154,3 +154,22 @@ def _amplitude(acts: Acts, truth: Truth, rng: np.random.Generator) -> float:
 def _shuffled(items: Sequence[Item], seed: int, purpose: str) -> list[Item]:
     order = stream(seed, 0, f"blind.order.{purpose}").permutation(len(items))
     return [items[k] for k in order]
+
+
+def purpose(acts: Effect | Form, place: int, one: Driven | Fault) -> str:
+    """What a stream of randomness is for: things of one key share it."""
+    key = one.key if isinstance(one, Fault) else getattr(one.process, "key", "")
+    return f"{acts.name}.{key}" if key else f"{acts.name}.{type(one).__name__}.{place}"
+
+
+def describe(cause: Cause) -> dict[str, Any]:
+    """A cause for the sealed file."""
+    acts = cause.acts
+    return {
+        "effect": cause.label,
+        "form": cause.form,
+        "description": acts.description,
+        "amplitude": cause.amplitude,
+        "unit": acts.unit,
+        "scale": acts.scale,
+    }

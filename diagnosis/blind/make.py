@@ -6,19 +6,20 @@ import hashlib
 import json
 import multiprocessing
 import os
-import secrets
 import shutil
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from importlib.util import find_spec
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from diagnosis.blind.begun import begin, program_sha256, uncertain_sha256
 from diagnosis.blind.detectability import detectability
-from diagnosis.blind.generator import Generator, Made, describe
+from diagnosis.blind.draw import describe
+from diagnosis.blind.generator import Generator, Made
 from diagnosis.blind.measuring import measured, published, write
 from diagnosis.blind.sealed import publish, read_manifest, salt_of, seal
 from diagnosis.blind.truth import default_truth, load_truth
@@ -92,7 +93,7 @@ def make(
         "system_name": described.name,
         "system_hash": described.hash(),
         "fmu_sha256": sha256_of(described.fmu_path),
-        "uncertain_sha256": _uncertain(described),
+        "uncertain_sha256": uncertain_sha256(described),
         "step": described.experiment.step,
         "hours": hours,
     }
@@ -104,9 +105,9 @@ def make(
         # the system's own hash leaves out what it may be simulated with, and what diagnosis tries
         "description": hashlib.sha256(described.canonical().encode()).hexdigest(),
         "library": [one.name for one in library(described)],
-        "program": _program(),
+        "program": program_sha256(),
     }
-    chosen = _begin(part, begun, seed)
+    chosen = begin(part, begun, seed)
     jobs = [(chosen, index, part) for index in range(recordings) if not _answer(part, index).exists()]
     _work_off(described, where, hours, jobs, workers, lambda done: progress and progress(done, recordings), recordings)
 
@@ -131,25 +132,6 @@ def make(
     return manifest
 
 
-def _uncertain(system: System) -> str:
-    """The sha256 of the uncertain constants: rooms differ in them, and the system's hash leaves them out."""
-    declared = [one.model_dump(mode="json") for one in system.uncertain]
-    return hashlib.sha256(json.dumps(declared, sort_keys=True).encode()).hexdigest()
-
-
-def _program() -> str:
-    """The sha256 of all source that a recording depends on, so that those of two programs are not mixed."""
-    whole = hashlib.sha256()
-    for package in ("shared", "datagen", "diagnosis"):
-        found = find_spec(package)
-        if found is None or found.origin is None:
-            continue
-        root = Path(found.origin).parent
-        for path in sorted(root.rglob("*.py")):
-            whole.update(f"{package}/{path.relative_to(root).as_posix()}\n".encode() + path.read_bytes())
-    return whole.hexdigest()
-
-
 def _refuse(folder: Path, sealed: Path, *, all_made: bool) -> None:
     """Refuse what is there already, but for the very set that this call would have finished (``all_made``)."""
     if (folder / RECORDINGS).exists() and any(folder.glob("manifest.json")):
@@ -160,21 +142,6 @@ def _refuse(folder: Path, sealed: Path, *, all_made: bool) -> None:
         raise RecordingError(f"{sealed}: exists; expected a new file for the answers")
     if folder.resolve() in sealed.resolve().parents:
         raise RecordingError(f"{sealed}: lies in {folder}, which is published; expected another place for the answers")
-
-
-def _begin(part: Path, about: dict[str, Any], seed: int | None) -> int:
-    """The seed of a set that is begun, or of one that was begun before with the same settings."""
-    path = part / "settings.json"
-    if path.exists() and any(part.glob("[0-9]*.json")):  # where nothing was made, nothing was begun
-        found = read_json(path, RecordingError, "settings of a set that is being made")
-        before = found.pop("seed", None) if isinstance(found, dict) else None
-        if not isinstance(before, int) or found != about or seed not in (None, before):
-            raise RecordingError(f"{part}: was begun with other settings; expected the same, or remove it")
-        return int(before)
-    part.mkdir(parents=True, exist_ok=True)
-    chosen = secrets.randbits(60) if seed is None else seed
-    write_atomically(path, json.dumps({**about, "seed": chosen}).encode())
-    return chosen
 
 
 def _recording(part: Path, index: int) -> Path:
@@ -267,7 +234,9 @@ def _write(generator: Generator, seed: int, index: int, attempt: int, part: Path
     outputs, noises = measured(made, generator.system, generator.truth)
     write(_recording(part, index), published(made, outputs, generator.system, generator.truth))
     answer = answer_of(made, noises, generator.system)
-    answer["detectability"] = detectability(generator.model, _recording(part, index), answer, generator.effects)
+    answer["detectability"] = detectability(
+        generator.model, _recording(part, index), answer, generator.effects, partial(generator.signature, made)
+    )
     write_atomically(_answer(part, index), json.dumps(answer).encode())
 
 

@@ -16,9 +16,10 @@ from cyclopts import App
 
 from diagnosis.blind.command import app as blind_app
 from diagnosis.blind.draw import Case, Cause, draw_case
-from diagnosis.blind.generator import Generator, signals_of
+from diagnosis.blind.generator import Generator
 from diagnosis.blind.make import answer_of, make
 from diagnosis.blind.measuring import measured
+from diagnosis.blind.processes import signals_of
 from diagnosis.blind.sealed import open_answers, read_manifest
 from diagnosis.blind.truth import Form, default_truth, load_truth
 from diagnosis.effects import library
@@ -204,7 +205,7 @@ def test_a_set_does_not_go_on_under_other_constants_tolerance_or_program(default
     }[what]()
     assert other.hash() == default_system.hash()
     if what == "program":
-        monkeypatch.setattr("diagnosis.blind.make._program", lambda: "another")
+        monkeypatch.setattr("diagnosis.blind.make.program_sha256", lambda: "another")
     with pytest.raises(RecordingError, match=r"set\.answers\.json\.part: was begun with other settings"):
         make(other, tmp_path / "set", recordings=2, seed=SEED, hours=HOURS)
 
