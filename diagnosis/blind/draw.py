@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from datagen.driving.sampling import stream
-from diagnosis.blind.truth import Form, Truth
+from diagnosis.blind.truth import Driven, Fault, Form, Truth
 from diagnosis.effects import Effect, clash
 from shared.system import System
 
@@ -37,7 +38,10 @@ class Cause:
 
 @dataclass(frozen=True)
 class Case:
-    """What a recording is of. ``unknown_occupancy`` and ``replay`` are what the campaign could measure."""
+    """What a recording is of. ``unknown_occupancy`` and ``replay`` are what the campaign could measure.
+
+    ``attempt`` counts the draws before this one that could not be simulated.
+    """
 
     seed: int
     index: int
@@ -45,21 +49,33 @@ class Case:
     causes: tuple[Cause, ...]
     unknown_occupancy: bool
     replay: bool
+    attempt: int = 0
+
+    @property
+    def root(self) -> int:
+        """The root seed of this recording's streams: the set's own but where it is drawn anew."""
+        return _root(self.seed, self.attempt)
 
     def rng(self, purpose: str) -> np.random.Generator:
         """The stream of randomness of this recording for one purpose."""
-        return stream(self.seed, self.index, f"blind.{purpose}")
+        return stream(self.root, self.index, f"blind.{purpose}")
 
 
-def draw_case(truth: Truth, system: System, effects: list[Effect], seed: int, index: int) -> Case:
-    """Draw one case. Strata come in shuffled blocks and causes in shuffled rounds, so that all occur about equally."""
+def draw_case(truth: Truth, system: System, effects: list[Effect], seed: int, index: int, attempt: int = 0) -> Case:
+    """Draw one case. Strata come in shuffled blocks and causes in shuffled rounds, so that all occur about equally.
+
+    Another ``attempt`` has the same stratum and causes; all else is drawn anew.
+    """
     order = truth.strata.order
     block, place = divmod(index, len(order))
     shuffled = _shuffled(order, seed, f"strata.{block}")
     stratum = shuffled[place]
     turn = block * order.count(stratum) + shuffled[:place].count(stratum)
-    causes = _causes(truth, effects, seed, index, stratum, turn)
-    conditions = stream(seed, index, "blind.conditions").random(2)
+    root = _root(seed, attempt)
+    acts = _acts(truth, effects, seed, index, stratum, turn)
+    rng = stream(root, index, "blind.amplitudes")
+    causes = tuple(Cause(one, _amplitude(one, truth, rng)) for one in acts)
+    conditions = stream(root, index, "blind.conditions").random(2)
     modes = set.intersection({"control", "replay"}, *(set(_modes(one.acts)) for one in causes))
     wanted = "replay" if conditions[1] < truth.measuring.replay else "control"
     return Case(
@@ -69,10 +85,17 @@ def draw_case(truth: Truth, system: System, effects: list[Effect], seed: int, in
         causes,
         unknown_occupancy=bool(conditions[0] < truth.measuring.unknown_occupancy),
         replay="replay" in modes and (wanted == "replay" or "control" not in modes),
+        attempt=attempt,
     )
 
 
-def _causes(truth: Truth, effects: list[Effect], seed: int, index: int, stratum: str, turn: int) -> tuple[Cause, ...]:
+def _root(seed: int, attempt: int) -> int:
+    if not attempt:
+        return seed
+    return int.from_bytes(hashlib.sha256(f"blind attempt {attempt} of {seed}".encode()).digest()[:7], "big")
+
+
+def _acts(truth: Truth, effects: list[Effect], seed: int, index: int, stratum: str, turn: int) -> list[Acts]:
     def pick(acts: Sequence[Acts], purpose: str) -> Acts:
         round_, place = divmod(turn, len(acts))
         return _shuffled(acts, seed, f"{purpose}.{round_}")[place]
@@ -91,8 +114,7 @@ def _causes(truth: Truth, effects: list[Effect], seed: int, index: int, stratum:
         every: list[Acts] = [*effects, *other]
         rest = [one for one in every if _together(first, one, effects)]
         chosen = [first, rest[int(rng.integers(len(rest)))]]
-    rng = stream(seed, index, "blind.amplitudes")
-    return tuple(Cause(acts, _amplitude(acts, truth, rng)) for acts in chosen)
+    return chosen
 
 
 def _together(first: Acts, second: Acts, effects: list[Effect]) -> bool:
@@ -132,3 +154,22 @@ def _amplitude(acts: Acts, truth: Truth, rng: np.random.Generator) -> float:
 def _shuffled(items: Sequence[Item], seed: int, purpose: str) -> list[Item]:
     order = stream(seed, 0, f"blind.order.{purpose}").permutation(len(items))
     return [items[k] for k in order]
+
+
+def purpose(acts: Effect | Form, place: int, one: Driven | Fault) -> str:
+    """What a stream of randomness is for: things of one key share it."""
+    key = one.key if isinstance(one, Fault) else getattr(one.process, "key", "")
+    return f"{acts.name}.{key}" if key else f"{acts.name}.{type(one).__name__}.{place}"
+
+
+def describe(cause: Cause) -> dict[str, Any]:
+    """A cause for the sealed file."""
+    acts = cause.acts
+    return {
+        "effect": cause.label,
+        "form": cause.form,
+        "description": acts.description,
+        "amplitude": cause.amplitude,
+        "unit": acts.unit,
+        "scale": acts.scale,
+    }

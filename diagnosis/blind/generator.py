@@ -1,6 +1,7 @@
 """One recording of a blind check: the true room is lived in, measured, and set beside what the model would say.
 
-Everything depends on (seed, index) alone: recordings can be made in any order by any number of processes.
+Everything depends on (seed, index) alone, also which of its draws is the first that can be simulated: recordings can be
+made in any order by any number of processes.
 """
 
 from __future__ import annotations
@@ -16,19 +17,21 @@ from datagen.driving.sampling import record_start, sample_parameters
 from datagen.driving.tables import InputTable, Piecewise, merge
 from datagen.simulating.constants import constants, sample_factors, values_of
 from datagen.simulating.simulator import Simulator
-from diagnosis.blind.draw import Case, Cause, draw_case
+from diagnosis.blind.draw import Case, draw_case, purpose
 from diagnosis.blind.faults import erring
-from diagnosis.blind.processes import Window, drive, wandering
+from diagnosis.blind.processes import Window, drive, signals_of, wandering
 from diagnosis.blind.room import Lived, coarse, live
-from diagnosis.blind.truth import Driven, Fault, Form, Occupant, Truth
+from diagnosis.blind.truth import Form, Occupant, Truth
 from diagnosis.effects import Effect, library
 from diagnosis.recording import HOUR, Recording
-from shared.errors import SystemDescriptionError
+from shared.errors import SimulationError, SystemDescriptionError
 from shared.system import System
 
 YEAR_HOURS = 8760.0
-ROUNDS = 6
-"""How often a candidate that follows a measured output is simulated until output and effect agree."""
+ROUNDS, MOST_ROUNDS = 6, 60
+"""How often a candidate that follows a measured output is simulated, at least and at most, until both agree."""
+DAMPED = 0.7
+"""By how much steps towards agreement get shorter where output and effect have come no nearer."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +41,8 @@ class Made:
     ``clean`` and ``base`` (outputs, steps) [unit of each]: what the sensors would show without noise, and what the
     base model says with the true parameters and constants, driven by what was recorded. ``case`` is the answer;
     ``inputs`` are those that were recorded, without their errors, each (steps,). ``constants``: by what each uncertain
-    constant is multiplied.
+    constant is multiplied. ``driven`` and ``building``: all true inputs, warm-up included, with the actuators as they
+    were recorded in replay, and the parameters, constants included, from which the base model makes ``base``.
     """
 
     case: Case
@@ -50,6 +54,8 @@ class Made:
     parameters: dict[str, float]
     constants: dict[str, float]
     controllers: dict[str, float]
+    driven: dict[str, Piecewise]
+    building: dict[str, float]
 
 
 class Generator:
@@ -73,45 +79,109 @@ class Generator:
         self.true_system = truth.described(self.system)
         self.effects = library(system)
         self.model, self.room = Simulator(self.system), Simulator(self.true_system)
-        self.constants = constants(system, self.model.fmu) if truth.measuring.constants else ()
+        drawn = truth.measuring.constants
+        self.constants = constants(system, self.model.fmu) if drawn else ()
+        # the truth's author may have given them other values on purpose
+        self.true_constants = constants(self.true_system, self.room.fmu) if drawn else ()
 
-    def make(self, seed: int, index: int) -> Made:
-        """Live, and compare with the base model; no noise yet."""
-        case = draw_case(self.truth, self.system, self.effects, seed, index)
+    def make(self, seed: int, index: int, attempt: int = 0) -> Made:
+        """Live, and compare with the base model; no noise yet.
+
+        Raises
+        ------
+        SimulationError
+            If this draw cannot be simulated; another ``attempt`` may be.
+        """
+        case = draw_case(self.truth, self.system, self.effects, seed, index, attempt)
         return self.make_case(case)
 
     def make_case(self, case: Case) -> Made:
         """The same for a given case."""
-        start = record_start(self.system, case.seed, case.index)
-        stop = start + self.hours * HOUR
-        begin = start - self.system.experiment.warm_up_hours * HOUR
-        table = build_inputs(self.true_system, root_seed=case.seed, index=case.index, start=begin, stop=stop)
+        start = record_start(self.system, case.root, case.index)
+        steps = self._span(start)
+        table = build_inputs(
+            self.true_system, root_seed=case.root, index=case.index, start=steps.begin, stop=steps.stop
+        )
         recorded = signals_of(table)
-        drawn = sample_parameters(self.system, case.seed, case.index).tolist()
+        drawn = sample_parameters(self.system, case.root, case.index).tolist()
         parameters = dict(zip(self.system.parameter_names, drawn, strict=True))
-        factors = sample_factors(self.system, case.seed, case.index)[: len(self.constants)]
+        factors = sample_factors(self.system, case.root, case.index)[: len(self.constants)]
         building = parameters | values_of(self.constants, factors)
         controllers = self._controllers(case)
-        time = start + self.step * np.arange(1, round((stop - start) / self.step) + 1)
-        steps = _Span(begin, start, stop, time)
-
-        guess = np.zeros((len(self.system.outputs), len(time)))
-        follows = any(getattr(one.acts, "follows", frozenset()) for one in case.causes)
-        if follows:
-            guess = self._base(building, recorded, steps)
-        for _ in range(ROUNDS if follows else 1):
-            lived, signals = self._live({**building, **controllers}, case, recorded, steps, guess)
-            warm = round((start - begin) / self.truth.step)
-            shown = self._shown(case, lived, signals, warm, steps)
-            guess = 0.5 * (guess + shown)
+        room = parameters | values_of(self.true_constants, factors) | controllers
+        warm = round((start - steps.begin) / self.truth.step)
+        lived, shown = self._agreed(building, room, case, recorded, steps, warm)
         for cause in case.causes:
             if not isinstance(cause.acts, Form):
-                shown = cause.acts.outputs(cause.amplitude, shown, time)
-        replayed = self._actuators(lived, shown, warm, steps) if case.replay else None
-        base = self._base(building, {**recorded, **(replayed or {})}, steps, replay=case.replay)
+                shown = cause.acts.outputs(cause.amplitude, shown, steps.time)
+        driven = recorded | (self._actuators(case, lived, shown, warm, steps) if case.replay else {})
+        base = self._base(building, driven, steps, replay=case.replay)
         multiplied = {one.name: float(factor) for one, factor in zip(self.constants, factors, strict=True)}
         inputs = self._recorded(case, table, steps)
-        return Made(case, start, time, shown, base, inputs, parameters, multiplied, controllers)
+        return Made(case, start, steps.time, shown, base, inputs, parameters, multiplied, controllers, driven, building)
+
+    def signature(self, made: Made, effect: Effect, amplitude: float) -> np.ndarray:
+        """What a candidate of an amplitude [its unit] does to ``base``, shape (outputs, steps) [unit of each].
+
+        It acts as a cause does, on the true inputs over warm-up and recording and, in replay, on the recorded
+        actuators. What follows a measured output follows ``clean``, which has felt the cause already: nothing is fed
+        back.
+
+        Raises
+        ------
+        SimulationError
+            If the base model cannot be simulated with it.
+        """
+        recording = Recording(path=Path("truth"), step=self.step, time=made.time, outputs=made.clean, inputs={})
+        values = made.building | effect.parameters(amplitude)
+        signals = effect.inputs(amplitude, made.driven, recording)
+        outputs = self._base(values, signals, self._span(made.start), replay=made.case.replay)
+        return np.asarray(effect.outputs(amplitude, outputs, made.time) - made.base)
+
+    def _span(self, start: float) -> _Span:
+        stop = start + self.hours * HOUR
+        time = start + self.step * np.arange(1, round((stop - start) / self.step) + 1)
+        return _Span(start - self.system.experiment.warm_up_hours * HOUR, start, stop, time)
+
+    def _agreed(
+        self,
+        building: dict[str, float],
+        room: dict[str, float],
+        case: Case,
+        recorded: dict[str, Piecewise],
+        steps: _Span,
+        warm: int,
+    ) -> tuple[Lived, np.ndarray]:
+        """The room, and what its sensors show (outputs, steps), where candidates follow what is shown.
+
+        Raises
+        ------
+        SimulationError
+            If what is shown does not settle to within each output's accuracy: nothing is then as the candidate has it.
+        """
+
+        def once(measured: np.ndarray) -> tuple[Lived, np.ndarray]:
+            lived, signals = self._live(room, case, recorded, steps, measured)
+            return lived, self._shown(case, lived, signals, warm, steps)
+
+        following = [one.label for one in case.causes if getattr(one.acts, "follows", frozenset())]
+        if not following:
+            return once(np.zeros((len(self.system.outputs), len(steps.time))))
+        accuracy = np.array([[one.accuracy] for one in self.system.outputs])
+        guess = self._base(building, recorded, steps)
+        damping, off = 0.5, np.inf
+        for turn in range(1, MOST_ROUNDS + 1):
+            lived, shown = once(guess)
+            before, off = off, float(np.max(np.abs(shown - guess) / accuracy))
+            if turn >= ROUNDS and off < 1.0:
+                return lived, shown
+            if turn > ROUNDS and off >= before:
+                damping *= DAMPED
+            guess = (1.0 - damping) * guess + damping * shown
+        raise SimulationError(
+            f"{self.truth.path}: {', '.join(following)} and the outputs that it follows do not agree after"
+            f" {MOST_ROUNDS} simulations; expected a change within their accuracy, it is {off:.3g} times that"
+        )
 
     def _live(
         self,
@@ -128,7 +198,7 @@ class Generator:
                 form = cause.acts
                 values |= {**form.constants, **{k: v * cause.amplitude for k, v in form.parameters.items()}}
                 for k, one in enumerate(form.inputs):
-                    rng = case.rng(_purpose(form, k, one))
+                    rng = case.rng(purpose(form, k, one))
                     if isinstance(one.process, Occupant):
                         window = (one.input, one.process.room, Window(one.process, signals, rng))
                     signals[one.input] = drive(one, cause.amplitude, signals, steps.begin, steps.stop, rng)
@@ -156,9 +226,9 @@ class Generator:
         for cause in case.causes:
             for k, fault in enumerate(cause.acts.faults if isinstance(cause.acts, Form) else []):
                 if fault.kind == "series" and fault.series not in followed:
-                    weather = system_weather(self.system, case.seed, case.index)
+                    weather = system_weather(self.system, case.root, case.index)
                     followed[fault.series] = weather.signal(fault.series, steps.begin, steps.stop)
-                path = wandering(case.rng(_purpose(cause.acts, k, fault)), steps.begin, steps.stop, fault.hours)
+                path = wandering(case.rng(purpose(cause.acts, k, fault)), steps.begin, steps.stop, fault.hours)
                 for name in fault.outputs:
                     row = self.system.output_names.index(name)
                     size = cause.amplitude * fault.amount
@@ -175,11 +245,19 @@ class Generator:
         )
         return made.outputs
 
-    def _actuators(self, lived: Lived, shown: np.ndarray, warm: int, steps: _Span) -> dict[str, Piecewise]:
-        """The actuators as they were recorded, warm-up before them, by the inputs that replay them."""
+    def _actuators(self, case: Case, lived: Lived, shown: np.ndarray, warm: int, steps: _Span) -> dict[str, Piecewise]:
+        """The actuators as they were recorded, warm-up before them, by the inputs that replay them.
+
+        A candidate's meter reads before the recording as it does in it: whatever clears the one clears the other.
+        """
         ratio = round(self.step / self.truth.step)
         before = coarse(lived.outputs[:, :warm], [one.method for one in self.system.outputs], ratio)
         ends = np.concatenate([steps.time[0] - self.step * np.arange(before.shape[1], 0, -1), steps.time])
+        replayed = {one.name for one in self.system.inputs if one.source == "measured"}
+        for cause in case.causes:
+            if not isinstance(cause.acts, Form) and cause.acts.changes & replayed:
+                whole = cause.acts.outputs(cause.amplitude, np.concatenate([before, shown], axis=1), ends)
+                before = whole[:, : before.shape[1]]
         signals = {}
         for one in self.system.inputs:
             if one.source == "measured" and one.column in self.system.output_names:
@@ -223,36 +301,3 @@ class _Span:
     start: float
     stop: float
     time: np.ndarray
-
-
-def _purpose(acts: Effect | Form, place: int, one: Driven | Fault) -> str:
-    """What a stream of randomness is for: things of one key share it."""
-    key = one.key if isinstance(one, Fault) else getattr(one.process, "key", "")
-    return f"{acts.name}.{key}" if key else f"{acts.name}.{type(one).__name__}.{place}"
-
-
-def signals_of(table: InputTable) -> dict[str, Piecewise]:
-    """The inputs of a table as signals again: steps where each is level between knots, straight lines elsewhere."""
-    signals = {}
-    for k, name in enumerate(table.names):
-        left, right = table.left[:, k], table.right[:, k]
-        if (left == right).all():
-            changes = np.flatnonzero(np.diff(left)) + 1
-            keep = np.concatenate([[0], changes])
-            signals[name] = Piecewise(table.time[keep], left[keep], "previous")
-        else:
-            signals[name] = Piecewise(table.time, np.append(left, right[-1]))
-    return signals
-
-
-def describe(cause: Cause) -> dict[str, Any]:
-    """A cause for the sealed file."""
-    acts = cause.acts
-    return {
-        "effect": cause.label,
-        "form": cause.form,
-        "description": acts.description,
-        "amplitude": cause.amplitude,
-        "unit": acts.unit,
-        "scale": acts.scale,
-    }

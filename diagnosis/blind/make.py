@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import multiprocessing
 import os
-import secrets
 import shutil
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from diagnosis.blind.begun import begin, program_sha256, uncertain_sha256
 from diagnosis.blind.detectability import detectability
-from diagnosis.blind.generator import Generator, Made, describe
+from diagnosis.blind.draw import describe
+from diagnosis.blind.generator import Generator, Made
 from diagnosis.blind.measuring import measured, published, write
-from diagnosis.blind.sealed import publish, salt_of, seal
+from diagnosis.blind.sealed import publish, read_manifest, salt_of, seal
 from diagnosis.blind.truth import default_truth, load_truth
-from shared.errors import RecordingError
+from diagnosis.effects import library
+from shared.errors import RecordingError, SimulationError, ZeroshotError
 from shared.interrupts import interrupts_held
 from shared.reading import read_json
 from shared.store import sha256_of, write_atomically
@@ -27,6 +32,8 @@ from shared.system import System, load_system
 
 HOURS = 672.0
 RECORDINGS = "recordings"
+ATTEMPTS = 5
+"""How often a recording is drawn that cannot be simulated."""
 _DIGITS = 7
 """Significant digits of the sealed series: below the sensors' floor."""
 
@@ -77,64 +84,64 @@ def make(
     fmu = where.parent / load_truth(where, described).fmu
     folder = Path(out)
     sealed = Path(answers) if answers is not None else folder.with_name(f"{folder.name}.answers.json")
-    _refuse(folder, sealed)
+    part = sealed.with_name(f"{sealed.name}.part")
     if recordings < 1:
         raise ValueError(f"recordings is {recordings}; expected at least 1")
+    _refuse(folder, sealed, all_made=all(_answer(part, index).exists() for index in range(recordings)))
     described.with_experiment(hours=hours)  # hours that no simulation can have are refused before anything is begun
     about = {
         "system_name": described.name,
         "system_hash": described.hash(),
         "fmu_sha256": sha256_of(described.fmu_path),
+        "uncertain_sha256": uncertain_sha256(described),
         "step": described.experiment.step,
         "hours": hours,
     }
-    part = sealed.with_name(f"{sealed.name}.part")
-    begun = {**about, "recordings": recordings, "truth": sha256_of(where), "truth_fmu": sha256_of(fmu)}
-    chosen = _begin(part, begun | {"effects": [one.model_dump(mode="json") for one in described.effects]}, seed)
+    begun = {
+        **about,
+        "recordings": recordings,
+        "truth": sha256_of(where),
+        "truth_fmu": sha256_of(fmu),
+        # the system's own hash leaves out what it may be simulated with, and what diagnosis tries
+        "description": hashlib.sha256(described.canonical().encode()).hexdigest(),
+        "library": [one.name for one in library(described)],
+        "program": program_sha256(),
+    }
+    chosen = begin(part, begun, seed)
     jobs = [(chosen, index, part) for index in range(recordings) if not _answer(part, index).exists()]
     _work_off(described, where, hours, jobs, workers, lambda done: progress and progress(done, recordings), recordings)
 
     width = max(len(str(recordings - 1)), 4)
+    files = [f"{RECORDINGS}/{index:0{width}}.nc" for index in range(recordings)]
+    opened = [
+        {"file": file, **read_json(_answer(part, index), RecordingError, "an answer of a set that is being made")}
+        for index, file in enumerate(files)
+    ]
+    digest = seal(sealed, {"salt": salt_of(chosen), "seed": chosen, **about, "recordings": opened})
     (folder / RECORDINGS).mkdir(parents=True, exist_ok=True)
-    opened, listed = [], []
-    for index in range(recordings):
+    listed = []
+    for index, (file, answer) in enumerate(zip(files, opened, strict=True)):
         # written anew and in order: when a file was made would tell how long its simulation took
-        file = f"{RECORDINGS}/{index:0{width}}.nc"
         write_atomically(folder / file, _recording(part, index).read_bytes())
         os.utime(folder / file, (0, 0))
-        answer = read_json(_answer(part, index), RecordingError, "an answer of a set that is being made")
         conditions = {"occupancy": answer["occupancy"], "replay": answer["replay"]}
-        opened.append({"file": file, **answer})
         listed.append({"file": file, "sha256": sha256_of(folder / file), **conditions})
-    digest = seal(sealed, {"salt": salt_of(chosen), "seed": chosen, **about, "recordings": opened})
     manifest = {**about, "answers_sha256": digest, "recordings": listed}
     publish(folder, manifest)
     shutil.rmtree(part)
     return manifest
 
 
-def _refuse(folder: Path, sealed: Path) -> None:
+def _refuse(folder: Path, sealed: Path, *, all_made: bool) -> None:
+    """Refuse what is there already, but for the very set that this call would have finished (``all_made``)."""
     if (folder / RECORDINGS).exists() and any(folder.glob("manifest.json")):
-        raise RecordingError(f"{folder}: holds a blind set; expected a new folder")
-    if sealed.exists():
+        stopped = all_made and sealed.is_file()
+        if not stopped or read_manifest(folder)["answers_sha256"] != sha256_of(sealed):
+            raise RecordingError(f"{folder}: holds a blind set; expected a new folder")
+    if sealed.exists() and not all_made:
         raise RecordingError(f"{sealed}: exists; expected a new file for the answers")
     if folder.resolve() in sealed.resolve().parents:
         raise RecordingError(f"{sealed}: lies in {folder}, which is published; expected another place for the answers")
-
-
-def _begin(part: Path, about: dict[str, Any], seed: int | None) -> int:
-    """The seed of a set that is begun, or of one that was begun before with the same settings."""
-    path = part / "settings.json"
-    if path.exists() and any(part.glob("[0-9]*.json")):  # where nothing was made, nothing was begun
-        found = read_json(path, RecordingError, "settings of a set that is being made")
-        before = found.pop("seed", None) if isinstance(found, dict) else None
-        if not isinstance(before, int) or found != about or seed not in (None, before):
-            raise RecordingError(f"{part}: was begun with other settings; expected the same, or remove it")
-        return int(before)
-    part.mkdir(parents=True, exist_ok=True)
-    chosen = secrets.randbits(60) if seed is None else seed
-    write_atomically(path, json.dumps({**about, "seed": chosen}).encode())
-    return chosen
 
 
 def _recording(part: Path, index: int) -> Path:
@@ -168,37 +175,68 @@ def _work_off(
         return
     context = multiprocessing.get_context("spawn")  # loading an FMU changes the folder of its process
     with ProcessPoolExecutor(workers, context, _prepare, (system, truth, hours)) as pool:
-        with interrupts_held():  # the first one starts the processes
-            futures = [pool.submit(_work, job) for job in jobs]
         try:
+            with interrupts_held():  # the first one starts the processes
+                futures = [pool.submit(_work, job) for job in jobs]
             for k, future in enumerate(as_completed(futures), done + 1):
                 future.result()
                 tell(k)
+        except BrokenProcessPool:
+            raise SimulationError(
+                f"{system.fmu_path} or the FMU of {truth}: took a process down that made recordings of {hours:g} h, or"
+                " memory ran out; expected FMUs that bear every parameter within its range, or fewer workers; what was"
+                " made is kept, and the same call goes on from there"
+            ) from None
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
 
 
-_generator: Generator | None = None
+_generator: Generator | ZeroshotError | None = None
 
 
 def _prepare(system: System, truth: Path, hours: float) -> None:
     global _generator
-    _generator = Generator(system, load_truth(truth, system), hours=hours)
+    try:
+        _generator = Generator(system, load_truth(truth, system), hours=hours)
+    except ZeroshotError as error:  # raised here it would take the pool down and say nothing
+        _generator = error
 
 
 def _work(job: Job) -> None:
+    if isinstance(_generator, ZeroshotError):
+        raise _generator
     assert _generator is not None
     write_one(_generator, *job)
 
 
 def write_one(generator: Generator, seed: int, index: int, part: Path) -> None:
-    """Make one recording: write it and then its answer."""
-    made = generator.make(seed, index)
+    """Make one recording: write it and then its answer. What cannot be simulated is drawn anew, a few times.
+
+    Raises
+    ------
+    SimulationError
+        If no draw could be simulated.
+    """
+    for attempt in range(ATTEMPTS):
+        try:
+            return _write(generator, seed, index, attempt, part)
+        except SimulationError as error:
+            last = error
+    raise SimulationError(
+        f"{generator.truth.path}: recording {index} of this seed could not be made, none of its {ATTEMPTS} draws;"
+        f" expected FMUs that bear every parameter within its range; the last draw: {last}"
+    )
+
+
+def _write(generator: Generator, seed: int, index: int, attempt: int, part: Path) -> None:
+    made = generator.make(seed, index, attempt)
     outputs, noises = measured(made, generator.system, generator.truth)
     write(_recording(part, index), published(made, outputs, generator.system, generator.truth))
     answer = answer_of(made, noises, generator.system)
-    answer["detectability"] = detectability(generator.model, _recording(part, index), answer, generator.effects)
+    answer["detectability"] = detectability(
+        generator.model, _recording(part, index), answer, generator.effects, partial(generator.signature, made)
+    )
     write_atomically(_answer(part, index), json.dumps(answer).encode())
 
 
@@ -207,7 +245,7 @@ def answer_of(made: Made, noises: dict[str, dict[str, float]], system: System) -
 
     ``verdict`` and ``effects`` are the right answer; ``gap`` is the root mean square of what the base model with the
     true parameters and constants misses of the noise-free record [unit of each output], and ``gap_over_noise`` that
-    over the noise; ``clean`` and ``base`` are the two series.
+    over the noise; ``clean`` and ``base`` are the two series; ``attempt`` counts draws that could not be simulated.
     """
     case = made.case
     effects = [cause.label for cause in case.causes]
@@ -216,6 +254,7 @@ def answer_of(made: Made, noises: dict[str, dict[str, float]], system: System) -
     sds = np.hypot([noises[o.name]["sd"] for o in system.outputs], [o.accuracy for o in system.outputs])
     return {
         "stratum": case.stratum,
+        "attempt": case.attempt,
         "verdict": verdict,
         "effects": [name for name in effects if name],
         "causes": [describe(cause) for cause in case.causes],

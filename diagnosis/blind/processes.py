@@ -11,7 +11,7 @@ import numpy as np
 from scipy.signal import lfilter
 from scipy.special import expit
 
-from datagen.driving.tables import SNAP, Piecewise
+from datagen.driving.tables import SNAP, InputTable, Piecewise
 from diagnosis.blind.truth import Daily, Damped, Driven, Episodes, Glare, Hump, Occupant, Process, Spans, Wander
 from diagnosis.effects.shapes import joined
 from diagnosis.recording import DAY, HOUR
@@ -35,6 +35,20 @@ def wandering(rng: np.random.Generator, start: float, stop: float, hours: float)
     """
     every = np.arange(np.floor(start / HOUR), np.ceil(stop / HOUR) + 1)
     return Piecewise(every * HOUR, autoregressive(rng, len(every), hours))
+
+
+def signals_of(table: InputTable) -> dict[str, Piecewise]:
+    """The inputs of a table as signals again: steps where each is level between knots, straight lines elsewhere."""
+    signals = {}
+    for k, name in enumerate(table.names):
+        left, right = table.left[:, k], table.right[:, k]
+        if (left == right).all():
+            changes = np.flatnonzero(np.diff(left)) + 1
+            keep = np.concatenate([[0], changes])
+            signals[name] = Piecewise(table.time[keep], left[keep], "previous")
+        else:
+            signals[name] = Piecewise(table.time, np.append(left, right[-1]))
+    return signals
 
 
 def drive(

@@ -63,6 +63,7 @@ class _Set(BaseModel):
     system_name: str
     system_hash: str
     fmu_sha256: str
+    uncertain_sha256: str | None = None
     step: float = Field(gt=0)
     hours: float = Field(gt=0)
 
@@ -78,9 +79,20 @@ class _Answers(_Set):
 
 
 def seal(path: Path, answers: dict[str, Any]) -> str:
-    """Write the answers and return their sha256. ``answers`` has a salt, so that nobody can guess their content."""
-    write_atomically(path, (json.dumps({"schema": SCHEMA, **answers}, separators=(",", ":")) + "\n").encode())
-    return sha256_of(path)
+    """Write the answers and return their sha256. ``answers`` has a salt, so that nobody can guess their content.
+
+    Raises
+    ------
+    RecordingError
+        If there are others.
+    """
+    content = (json.dumps({"schema": SCHEMA, **answers}, separators=(",", ":")) + "\n").encode()
+    digest = hashlib.sha256(content).hexdigest()
+    if not path.exists():
+        write_atomically(path, content)
+    elif not path.is_file() or sha256_of(path) != digest:  # the same are those of a call that was stopped
+        raise RecordingError(f"{path}: exists; expected a new file for the answers")
+    return digest
 
 
 def salt_of(seed: int) -> str:

@@ -200,8 +200,9 @@ class Strata(Table):
 class Measuring(Table):
     """How a campaign measures: conditions that vary, and errors beyond the system's own sensor noise.
 
-    ``constants``: no building is as described, so the system's uncertain constants are drawn for each recording, and
-    the truth's FMU has them by the same names; or else all are as described.
+    ``constants``: no building is as described, so the system's uncertain constants are multiplied by factors that are
+    drawn for each recording: in the model those of its FMU, in the room those of the truth's, which has them by the
+    same names with start values of its own; or else all are as the FMUs have them.
 
     ``slow`` is the share of a sensor's variance that is correlated over ``hours`` (drawn within); ``inputs`` the
     standard deviations of errors of recorded inputs [unit of each]; ``controllers`` by what factors the true
@@ -255,6 +256,8 @@ class Truth(Table):
         raw["fmu"] = str((self.path.parent / self.fmu).resolve())
         raw["inputs"] += [{**one.model_dump(), "source": "constant"} for one in self.inputs]
         raw["effects"] = []
+        if not self.measuring.constants:
+            raw["uncertain"] = []  # an FMU whose constants nobody draws may lack them
         raw["experiment"]["step"] = self.step
         return system_from_canonical(json.dumps(raw), system.path)
 

@@ -2,8 +2,12 @@
 
 import hashlib
 import json
+import re
 import shutil
+import zipfile
 from collections import Counter
+from concurrent.futures import Future
+from concurrent.futures.process import BrokenProcessPool
 
 import numpy as np
 import pytest
@@ -12,14 +16,16 @@ from cyclopts import App
 
 from diagnosis.blind.command import app as blind_app
 from diagnosis.blind.draw import Case, Cause, draw_case
-from diagnosis.blind.generator import Generator, signals_of
+from diagnosis.blind.generator import Generator
 from diagnosis.blind.make import answer_of, make
 from diagnosis.blind.measuring import measured
+from diagnosis.blind.processes import signals_of
 from diagnosis.blind.sealed import open_answers, read_manifest
 from diagnosis.blind.truth import Form, default_truth, load_truth
 from diagnosis.effects import library
 from diagnosis.recording import HOUR, read_recording
-from shared.errors import RecordingError, SystemDescriptionError, ZeroshotError
+from shared.errors import RecordingError, SimulationError, SystemDescriptionError, ZeroshotError
+from shared.system import system_from_canonical
 
 HOURS, SEED, COUNT = 72.0, 20, 6
 
@@ -78,7 +84,8 @@ def test_nothing_but_recordings_and_their_conditions_is_published(blind_set, ans
     assert not sealed.with_name(f"{sealed.name}.part").exists()
     manifest = read_manifest(folder)
     assert set(manifest) == {
-        "schema", "system_name", "system_hash", "fmu_sha256", "step", "hours", "answers_sha256", "recordings",
+        "schema", "system_name", "system_hash", "fmu_sha256", "uncertain_sha256", "step", "hours", "answers_sha256",
+        "recordings",
     }  # fmt: skip
     assert all(set(one) == {"file", "sha256", "occupancy", "replay"} for one in manifest["recordings"])
     words = [effect.name for effect in library(default_system)] + [form.name for form in truth.forms]
@@ -158,6 +165,154 @@ def test_the_same_seed_gives_the_same_bytes_in_any_order_and_after_an_interrupti
     for file in published_files(folder):
         assert (again / file).read_bytes() == (folder / file).read_bytes()
     assert again.with_name("again.answers.json").read_bytes() == sealed.read_bytes()
+
+
+def changed(system, **fields):
+    """A system with other fields than that of the file."""
+    raw = json.loads(system.canonical())
+    for name, values in fields.items():
+        raw[name] = [*values] if isinstance(values, list) else raw[name] | values
+    return system_from_canonical(json.dumps(raw), system.path)
+
+
+def stop_after(monkeypatch, count):
+    """Let `make` be interrupted after so many recordings, whose answers and files say nothing."""
+    import diagnosis.blind.make as module
+
+    written = []
+
+    def stopped(generator, seed, index, part):
+        if len(written) == count:
+            raise KeyboardInterrupt
+        written.append(index)
+        (part / f"{index}.nc").write_bytes(b"")
+        (part / f"{index}.json").write_text("{}")
+
+    monkeypatch.setattr(module, "write_one", stopped)
+
+
+@pytest.mark.parametrize("what", ["uncertain", "tolerance", "warm-up", "program"])
+def test_a_set_does_not_go_on_under_other_constants_tolerance_or_program(default_system, tmp_path, monkeypatch, what):
+    stop_after(monkeypatch, 1)
+    with pytest.raises(KeyboardInterrupt):
+        make(default_system, tmp_path / "set", recordings=2, seed=SEED, hours=HOURS)
+    uncertain = [one.model_dump(mode="json") | {"relative": 0.1} for one in default_system.uncertain]
+    other = {
+        "uncertain": lambda: changed(default_system, uncertain=uncertain),
+        "tolerance": lambda: changed(default_system, experiment={"tolerance": 1e-5}),
+        "warm-up": lambda: changed(default_system, experiment={"warm_up_hours": 120.0}),
+        "program": lambda: default_system,
+    }[what]()
+    assert other.hash() == default_system.hash()
+    if what == "program":
+        monkeypatch.setattr("diagnosis.blind.make.program_sha256", lambda: "another")
+    with pytest.raises(RecordingError, match=r"set\.answers\.json\.part: was begun with other settings"):
+        make(other, tmp_path / "set", recordings=2, seed=SEED, hours=HOURS)
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """No lengths beyond imitation: they take most of the time, and here nothing looks at them."""
+    monkeypatch.setattr("diagnosis.blind.make.detectability", lambda *_: {"length": 0.0, "beside": {}})
+
+
+@pytest.mark.parametrize("where", ["make_case", "detectability"])
+def test_what_cannot_be_simulated_is_drawn_anew_and_counted(default_system, tmp_path, monkeypatch, quick, where):
+    make(default_system, tmp_path / "whole", recordings=2, seed=SEED, hours=48.0)
+    made, failed = Generator.make_case, []
+
+    def fails(self, case):
+        if case.index == 1 and case.attempt < 2:
+            failed.append(case)
+            raise SimulationError("stiff")
+        return made(self, case)
+
+    def fails_late(_, path, answer, *__):
+        if path.name == "1.nc" and answer["attempt"] < 2:
+            failed.append(answer)
+            raise SimulationError("stiff")
+        return {"length": 0.0, "beside": {}}
+
+    if where == "make_case":
+        monkeypatch.setattr(Generator, "make_case", fails)
+    else:
+        monkeypatch.setattr("diagnosis.blind.make.detectability", fails_late)
+    make(default_system, tmp_path / "set", recordings=2, seed=SEED, hours=48.0)
+    assert len(failed) == 2
+    before, after = (
+        open_answers(tmp_path / name, tmp_path / f"{name}.answers.json")["recordings"] for name in ("whole", "set")
+    )
+    assert after[0] == before[0]
+    assert [one["attempt"] for one in after] == [0, 2]
+    assert after[1]["stratum"] == before[1]["stratum"]
+    assert [one["effect"] for one in after[1]["causes"]] == [one["effect"] for one in before[1]["causes"]]
+    for drawn in ("parameters", "constants", "start"):
+        assert after[1][drawn] != before[1][drawn]
+    read_recording(tmp_path / "set" / after[1]["file"], default_system)
+
+
+@pytest.mark.parametrize("where", ["publish", "shutil.rmtree"])
+def test_a_set_that_is_sealed_and_not_published_is_finished_by_the_same_call(
+    default_system, tmp_path, monkeypatch, quick, where
+):
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    sets = [tmp_path / name for name in ("whole", "set", "other")]
+    for folder, seed in zip(sets, (SEED, SEED, SEED + 1), strict=True):
+        with monkeypatch.context() as patch:
+            if folder != sets[0]:
+                patch.setattr(f"diagnosis.blind.make.{where}", stopped)
+                with pytest.raises(KeyboardInterrupt):
+                    make(default_system, folder, recordings=1, seed=seed, hours=48.0)
+            else:
+                make(default_system, folder, recordings=1, seed=seed, hours=48.0)
+    whole, again, other = (folder.with_name(f"{folder.name}.answers.json") for folder in sets)
+    made = again.read_bytes()
+    again.write_bytes(other.read_bytes())  # sealed, but not what this call would seal
+    with pytest.raises(RecordingError, match=r"expected a new f(ile for the answers|older)$"):
+        make(default_system, sets[1], recordings=1, seed=SEED, hours=48.0)
+    again.write_bytes(made)
+    make(default_system, sets[1], recordings=1, seed=SEED, hours=48.0)
+    assert published_files(sets[1]) == published_files(sets[0])
+    for file in published_files(sets[0]):
+        assert (sets[1] / file).read_bytes() == (sets[0] / file).read_bytes()
+    assert again.read_bytes() == whole.read_bytes()
+    assert not again.with_name(f"{again.name}.part").exists()
+    with pytest.raises(RecordingError, match="holds a blind set; expected a new folder"):
+        make(default_system, sets[1], recordings=1, seed=SEED, hours=48.0)
+
+
+def test_a_recording_that_no_draw_can_make_is_told(default_system, tmp_path, monkeypatch):
+    def fails(self, case):
+        raise SimulationError(f"stiff at {case.attempt}")
+
+    monkeypatch.setattr(Generator, "make_case", fails)
+    with pytest.raises(
+        SimulationError, match=r"truth\.toml: recording 0 of this seed .* none of its 5 draws; .* draw: stiff at 4"
+    ):
+        make(default_system, tmp_path / "set", recordings=1, seed=SEED, hours=48.0)
+
+
+def test_a_process_that_died_is_a_sentence(default_system, tmp_path, monkeypatch):
+    class Dead:
+        def __init__(self, *_):
+            pass
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            return None
+
+        def submit(self, *_):
+            future = Future()
+            future.set_exception(BrokenProcessPool("terminated abruptly"))
+            return future
+
+    monkeypatch.setattr("diagnosis.blind.make.ProcessPoolExecutor", Dead)
+    with pytest.raises(SimulationError, match=r"took a process down that made recordings of 48 h, .* fewer workers"):
+        make(default_system, tmp_path / "set", recordings=2, seed=SEED, hours=48.0, workers=2)
 
 
 def test_where_nothing_was_made_another_set_may_be_begun(default_system, tmp_path, monkeypatch):
@@ -252,6 +407,51 @@ def test_no_building_is_as_described(generator, truth, default_system):
     assert answer["constants"] == made.constants
 
 
+@pytest.fixture
+def heavier(truth, default_system, tmp_path):
+    """The truth with an FMU whose author gave a layer another start value, and one whose FMU lacks that layer."""
+    name = default_system.uncertain[0].parameters[0]
+    with zipfile.ZipFile(truth.path.parent / truth.fmu) as archive:
+        content = {one: archive.read(one) for one in archive.namelist()}
+    described = content["modelDescription.xml"].decode()
+    variable = re.search(rf'<ScalarVariable[^>]*name="{re.escape(name)}".*?</ScalarVariable>', described, re.S) or (
+        re.search(rf'<Float64[^>]*name="{re.escape(name)}"[^>]*>', described)
+    )
+    start = re.search(r'start="([^"]*)"', variable[0])
+    other = variable[0].replace(start[0], f'start="{3.0 * float(start[1])!r}"')
+    texts = {
+        "heavy": described.replace(variable[0], other),
+        "lacking": described.replace(variable[0], variable[0].replace(name, "another")),
+    }
+    for fmu, text in texts.items():
+        with zipfile.ZipFile(tmp_path / f"{fmu}.fmu", "w") as archive:
+            for one, data in (content | {"modelDescription.xml": text.encode()}).items():
+                archive.writestr(one, data)
+    moved = {fmu: truth.model_copy(update={"path": tmp_path / "truth.toml", "fmu": f"{fmu}.fmu"}) for fmu in texts}
+    return name, float(start[1]), moved
+
+
+def test_a_constant_of_the_truth_keeps_its_author_s_value(heavier, default_system, monkeypatch):
+    name, start, truths = heavier
+    generator = Generator(default_system, truths["heavy"], hours=HOURS)
+    set_, base, live = [], generator._base, generator._live
+    monkeypatch.setattr(generator, "_live", lambda values, *more: set_.append(values[name]) or live(values, *more))
+    monkeypatch.setattr(
+        generator, "_base", lambda values, *more, **m: set_.append(values[name]) or base(values, *more, **m)
+    )
+    made = generator.make_case(case_of(truths["heavy"], default_system, "", 0.0))
+    factor = made.constants[default_system.uncertain[0].name]
+    assert set_ == pytest.approx([3.0 * start * factor, start * factor])
+
+
+def test_a_truth_that_lacks_a_constant_is_told_unless_none_is_drawn(heavier, default_system):
+    name, _, truths = heavier
+    with pytest.raises(SystemDescriptionError, match=rf"{re.escape(name)}' is not a variable of lacking\.fmu"):
+        Generator(default_system, truths["lacking"], hours=HOURS)
+    measuring = truths["lacking"].measuring.model_copy(update={"constants": False})
+    Generator(default_system, truths["lacking"].model_copy(update={"measuring": measuring}), hours=HOURS)
+
+
 @pytest.mark.parametrize(
     ("name", "amplitude", "channel", "sign"),
     [
@@ -277,6 +477,30 @@ def test_causes_act_with_the_expected_sign(generator, truth, default_system, nam
     assert np.sqrt(np.mean(gap**2)) > 3 * floor
     if sign is not None:
         assert np.mean(gap) * sign > 0
+
+
+def test_a_window_that_follows_the_room_is_as_the_candidate_has_it(default_system, truth, monkeypatch):
+    """The room of this case still changed by 2.4 K and 178 ppm in the sixth round, and was sealed as it was then."""
+    import diagnosis.blind.generator as module
+
+    generator = Generator(default_system, truth, hours=168.0)
+    window = next(one for one in generator.effects if one.name == "window.warm")
+    case = Case(777, 1, "library", (Cause(window, 0.6),), unknown_occupancy=False, replay=False)
+    followed, live = [], generator._live
+
+    def watched(parameters, case, recorded, steps, measured):
+        followed.append(measured)
+        return live(parameters, case, recorded, steps, measured)
+
+    monkeypatch.setattr(generator, "_live", watched)
+    made = generator.make_case(case)
+    accuracy = np.array([one.accuracy for one in default_system.outputs])
+    assert len(followed) > module.ROUNDS
+    assert (np.abs(made.clean - followed[-1]).max(axis=1) < accuracy).all()
+    assert np.abs(made.clean - followed[module.ROUNDS - 1])[0].max() > 20 * accuracy[0]
+    monkeypatch.setattr(module, "MOST_ROUNDS", 8)
+    with pytest.raises(SimulationError, match=r"window\.warm and the outputs that it follows do not agree after 8 sim"):
+        generator.make_case(case)
 
 
 COLD, WARM = 11, 0
