@@ -13,6 +13,7 @@ from datagen.simulating.simulator import Simulator
 from diagnosis.calibrating.checks import opened
 from diagnosis.effects import Effect, library
 from diagnosis.effects.baselines import check_baselines
+from diagnosis.effects.edges import foreseen
 from diagnosis.fitting.fit import Fit
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.run import Run
@@ -21,6 +22,7 @@ from diagnosis.gap.apart import Apart, fitted_apart
 from diagnosis.gap.conditions import Otherwise, otherwise
 from diagnosis.gap.decision import Decision, decide, gap_found
 from diagnosis.gap.exchange import exchanged
+from diagnosis.gap.linear import applicable
 from diagnosis.gap.missing import operators
 from diagnosis.gap.parts import kept_for_scoring
 from diagnosis.gap.places import place
@@ -157,6 +159,7 @@ def diagnose(
             warm_up=warm_up * HOUR,
             runner=held,
         )
+        whole = whole.with_observed(foreseen(applicable(whole, candidates)[0], record))
         scored = kept_for_scoring(record)
         tell("fitting the base model")
         origin = begun(whole, estimated)
