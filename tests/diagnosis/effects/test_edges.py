@@ -70,6 +70,7 @@ def test_a_clock_that_may_invent_more_than_a_quarter_is_not_tried(default_system
     assert "more than a quarter of the readings" in clock(default_system, -4.0, 4.0).obstacle(day, replay=False)
 
 
+@pytest.mark.slow
 def test_a_diagnosis_leaves_them_out_before_it_fits(house, house_recording, monkeypatch):
     class Seen(Exception):
         pass
