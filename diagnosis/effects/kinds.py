@@ -21,11 +21,15 @@ MOST = 0.25
 
 @dataclass(frozen=True)
 class _Kind:
-    """An effect that was declared; ``input_names`` and ``output_names`` are the system's, in its order."""
+    """An effect that was declared; ``input_names`` and ``output_names`` are the system's, in its order.
+
+    ``means``: outputs that are means over the recording's steps.
+    """
 
     spec: Declared
     input_names: tuple[str, ...]
     output_names: tuple[str, ...]
+    means: frozenset[str] = frozenset()
 
     @property
     def name(self) -> str:
@@ -149,7 +153,10 @@ class Shaped(FmuParameters):
         """The inputs with the shape in place of its input."""
         if amplitude == 0:
             return inputs
-        return {**inputs, self.spec.input: shape_signal(self.spec.shape, inputs, recording, self.output_names)}
+        return {
+            **inputs,
+            self.spec.input: shape_signal(self.spec.shape, inputs, recording, self.output_names, self.means),
+        }
 
     def _shapes(self) -> list[Shape]:
         return self.spec.shape
@@ -185,7 +192,7 @@ class ChangedInput(_Kind):
         if self.spec.operation == "shift":
             new = Piecewise(old.times + size, old.values, old.kind)
         else:
-            shape = shape_signal(self.spec.shape, inputs, recording, self.output_names)
+            shape = shape_signal(self.spec.shape, inputs, recording, self.output_names, self.means)
             adds = self.spec.operation == "add"
             new = joined(old, shape, (lambda x, y: x + size * y) if adds else (lambda x, y: _gained(x, size * y)))
         return {**inputs, self.spec.input: new}
