@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from diagnosis.where import Regime, Residuals, locate
+from diagnosis.where.cells import scan_cells
 from diagnosis.where.correlation import _joined, scan_correlations
 from diagnosis.where.episodes import _refined, scan_episodes
 from diagnosis.where.ink import as_base64
@@ -232,6 +233,17 @@ def test_the_heat_map_shows_the_offsets_in_the_channel_s_unit(everything):
     pick = (hours >= 15) & (hours < 16) & seen
     typical = everything.residuals.replicates[:, 0][:, pick].mean()
     assert image[0, 15] == pytest.approx(everything.residuals.observed[0, pick].mean() - typical, rel=1e-9)
+
+
+@pytest.mark.parametrize(("hours", "labels"), [(1, 8), (4, 2), (6, 4), (12, 0)])
+def test_the_heat_map_has_a_column_for_the_shortest_hours_that_there_are(hours, labels):
+    calm = twins(4, outputs=1, steps=14 * 24 // hours, twins=19, step=3600.0 * hours)
+    axes = draw_cells(calm, scan_cells(calm)).axes[0]
+    columns = axes.get_images()[0].get_array().shape[1]
+    assert columns == (1 if hours > 6 else 24 // hours + 1)
+    assert [label.get_text() for label in axes.get_xticklabels()][-1] == "all"
+    assert len(axes.get_xticklabels()) == labels + 1
+    assert axes.get_xlabel() == "hour of the day (standard time)"
 
 
 def test_no_sensor_is_suspected_where_no_place_stands_out(quiet, inputs):
