@@ -273,6 +273,14 @@ def test_combination_acts_in_turn_and_refuses_a_clash(default_system, recording,
         ({"kind": "sensor", "outputs": ["CO2"], "operation": "lag", "lower": -1.0}, "expected lower = 0"),
         ({"kind": "parameter", "parameters": {"x": 1.0}, "lower": 0.5}, "expected a range with 0"),
         ({"kind": "sensor", "outputs": ["CO2"], "operation": "gain", "lower": -1.0}, "expected more than 0"),
+        (
+            {"kind": "sensor", "outputs": ["CO2"], "operation": "gain", "factor": -1.0, "upper": 1.5},
+            "reaches a gain of -0.5; expected more than 0",
+        ),
+        (
+            {"kind": "sensor", "outputs": ["CO2"], "operation": "lag", "factor": -3600.0},
+            "a lag with factor -3600; expected more than 0",
+        ),
     ],
 )
 def test_wrong_declarations_are_refused_with_a_sentence(default_system, change, sentence):
