@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
@@ -88,12 +89,18 @@ def draw_outputs(done: Diagnosis) -> Figure:
         panel.plot(days, base[k], color=ORANGE, lw=0.9, label="base model")
         if found is not None:
             panel.plot(days, found[k], color=BLUE, lw=0.9, label="with the effects found")
-            shade = panel.get_xaxis_transform()
-            panel.fill_between(days, 0, 1, where=done.scored, transform=shade, color=GREY, alpha=0.12)
+            _shade(panel, days - problem.recording.step / DAY, days, done.scored)
         panel.set_ylabel(f"{output.name} [{readable(np.zeros(1), output.unit)[1].replace('°C', 'K')}]")
     panels[0].legend(loc="lower right", bbox_to_anchor=(1, 1), fontsize=8, ncols=2, frameon=False)
     panels[-1].set_xlabel("days of the recording")
     return made
+
+
+def _shade(panel: Axes, begins: np.ndarray, ends: np.ndarray, scored: np.ndarray) -> None:
+    """Shade runs of scored steps from the begin of the first to the end of the last, all (steps,) [d]."""
+    turns = np.flatnonzero(np.diff(scored.astype(int), prepend=0, append=0))
+    for first, after in zip(turns[::2], turns[1::2], strict=True):
+        panel.axvspan(begins[first], ends[after - 1], color=GREY, alpha=0.12, lw=0)
 
 
 def draw_parameters(done: Diagnosis) -> Figure:
