@@ -173,6 +173,8 @@ class SensorEffect(_Effect):
     def _fits(self) -> SensorEffect:
         if self.operation == "lag" and self.lower < 0:
             raise ValueError(f"{self.name!r} is a lag from {self.lower:g} on; expected lower = 0")
+        if self.operation == "lag" and self.factor <= 0:
+            raise ValueError(f"{self.name!r} is a lag with factor {self.factor:g}; expected more than 0")
         if self.fed_back and self.operation != "bias":
             raise ValueError(f"{self.name!r} is fed back; expected a bias, found a {self.operation}")
         if self.replayed and self.operation not in ("bias", "gain", "shift"):
@@ -180,8 +182,9 @@ class SensorEffect(_Effect):
         for name in self.replayed:
             if name not in self.outputs:
                 raise ValueError(f"{self.name!r} is replayed for {name!r}, which is not one of its outputs")
-        if self.operation == "gain" and self.lower * self.factor <= -1:
-            raise ValueError(f"{self.name!r} reaches a gain of {1 + self.lower * self.factor:g}; expected more than 0")
+        least = min(self.lower * self.factor, self.upper * self.factor)
+        if self.operation == "gain" and least <= -1:
+            raise ValueError(f"{self.name!r} reaches a gain of {1 + least:g}; expected more than 0")
         return self
 
 

@@ -15,13 +15,21 @@ from shared.effects import DiurnalShape, InputEffect, ParameterEffect, SensorEff
 Declared = ParameterEffect | ShapedEffect | InputEffect | SensorEffect
 
 
+MOST = 0.25
+"""An effect that would invent more than this share of an output's readings is not tried."""
+
+
 @dataclass(frozen=True)
 class _Kind:
-    """An effect that was declared; ``input_names`` and ``output_names`` are the system's, in its order."""
+    """An effect that was declared; ``input_names`` and ``output_names`` are the system's, in its order.
+
+    ``means``: outputs that are means over the recording's steps.
+    """
 
     spec: Declared
     input_names: tuple[str, ...]
     output_names: tuple[str, ...]
+    means: frozenset[str] = frozenset()
 
     @property
     def name(self) -> str:
@@ -86,7 +94,13 @@ class _Kind:
         for name in sorted(self.follows):
             if not np.isfinite(recording.outputs[self.output_names.index(name)]).any():
                 return f"{name} was not measured"
+        if (self.invented(recording.time).mean(axis=1) > MOST).any():
+            return "it may take more than a quarter of the readings from beyond the recording"
         return ""
+
+    def invented(self, time: np.ndarray) -> np.ndarray:
+        """Readings, shape (outputs, steps), that some amplitude takes from beyond the recording's ``time`` (steps,)."""
+        return np.zeros((len(self.output_names), len(time)), dtype=bool)
 
     def parameters(self, amplitude: float) -> dict[str, float]:
         """No parameter."""
@@ -139,7 +153,10 @@ class Shaped(FmuParameters):
         """The inputs with the shape in place of its input."""
         if amplitude == 0:
             return inputs
-        return {**inputs, self.spec.input: shape_signal(self.spec.shape, inputs, recording, self.output_names)}
+        return {
+            **inputs,
+            self.spec.input: shape_signal(self.spec.shape, inputs, recording, self.output_names, self.means),
+        }
 
     def _shapes(self) -> list[Shape]:
         return self.spec.shape
@@ -161,6 +178,12 @@ class ChangedInput(_Kind):
         """Its input where the operation is a shift."""
         return self.changes if self.spec.operation == "shift" else frozenset()
 
+    def invented(self, time: np.ndarray) -> np.ndarray:
+        """What comes after an input that was moved to be earlier: all outputs follow it."""
+        earliest = min(self.lower * self.spec.factor, self.upper * self.spec.factor)
+        late = (time > time[-1] + earliest) & (self.spec.operation == "shift")
+        return np.tile(late, (len(self.output_names), 1))
+
     def inputs(self, amplitude: float, inputs: dict[str, Piecewise], recording: Recording) -> dict[str, Piecewise]:
         """The inputs with the changed one in its place."""
         if amplitude == 0:
@@ -169,7 +192,7 @@ class ChangedInput(_Kind):
         if self.spec.operation == "shift":
             new = Piecewise(old.times + size, old.values, old.kind)
         else:
-            shape = shape_signal(self.spec.shape, inputs, recording, self.output_names)
+            shape = shape_signal(self.spec.shape, inputs, recording, self.output_names, self.means)
             adds = self.spec.operation == "add"
             new = joined(old, shape, (lambda x, y: x + size * y) if adds else (lambda x, y: _gained(x, size * y)))
         return {**inputs, self.spec.input: new}
@@ -221,6 +244,14 @@ class Sensor(_Kind):
                 case "shift":
                     changed[name] = Piecewise(read.times + size, read.values, read.kind)
         return {**inputs, **changed}
+
+    def invented(self, time: np.ndarray) -> np.ndarray:
+        """What a clock that is late shows at the end, and one that is early at the start."""
+        found = super().invented(time)
+        if self.spec.operation == "shift":
+            ends = sorted((self.lower * self.spec.factor, self.upper * self.spec.factor))
+            found[self._rows()] = (time + ends[0] < time[0]) | (time + ends[1] > time[-1])
+        return found
 
     def outputs(self, amplitude: float, outputs: np.ndarray, time: np.ndarray) -> np.ndarray:
         """What the sensors show, shape (outputs, steps) [unit of each output]."""

@@ -80,7 +80,7 @@ def build(spec: Declared, system: System) -> Effect:
         if not isinstance(shape, TimetableShape | DiurnalShape):
             known(shape.series, inputs + outputs, "an input or output")
     kind = {"parameter": FmuParameters, "shaped": Shaped, "input": ChangedInput, "sensor": Sensor}[spec.kind]
-    return kind(spec, inputs, outputs)
+    return kind(spec, inputs, outputs, frozenset(one.name for one in system.outputs if one.method == "mean"))
 
 
 def _loaded(entry: EntryPoint, system: System) -> list[Effect]:

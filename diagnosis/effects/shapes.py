@@ -6,7 +6,7 @@ recording's start as its first day (as :func:`diagnosis.recording.recorded_input
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 from scipy.special import expit
@@ -29,11 +29,15 @@ def span(inputs: dict[str, Piecewise], recording: Recording) -> tuple[float, flo
 
 
 def shape_signal(
-    shapes: Sequence[Shape], inputs: dict[str, Piecewise], recording: Recording, outputs: Sequence[str]
+    shapes: Sequence[Shape],
+    inputs: dict[str, Piecewise],
+    recording: Recording,
+    outputs: Sequence[str],
+    means: Collection[str] = (),
 ) -> Piecewise:
     """The product of shapes over the span of the inputs; 1 without any.
 
-    ``outputs``: the names of the recording's outputs, in their order.
+    ``outputs``: the names of the recording's outputs, in their order; ``means`` of those that are means over steps.
 
     Raises
     ------
@@ -42,18 +46,24 @@ def shape_signal(
     """
     made = Piecewise.constant(1.0)
     for shape in shapes:
-        made = joined(made, _one(shape, inputs, recording, outputs), np.multiply)
+        made = joined(made, _one(shape, inputs, recording, outputs, means), np.multiply)
     return made
 
 
-def _one(shape: Shape, inputs: dict[str, Piecewise], recording: Recording, outputs: Sequence[str]) -> Piecewise:
+def _one(
+    shape: Shape,
+    inputs: dict[str, Piecewise],
+    recording: Recording,
+    outputs: Sequence[str],
+    means: Collection[str],
+) -> Piecewise:
     start, stop = span(inputs, recording)
     if isinstance(shape, TimetableShape):
         return timetable(shape, start, stop)
     if isinstance(shape, DiurnalShape):
         hours = np.arange(np.floor(start / HOUR), np.ceil(stop / HOUR) + 1)
         return Piecewise(hours * HOUR, np.cos(2 * np.pi * (hours - shape.peak) / 24))
-    series = followed(shape.series, inputs, recording, outputs)
+    series = followed(shape.series, inputs, recording, outputs, means)
     return Piecewise(series.times, shape_value(shape, series.values), series.kind)
 
 
@@ -81,8 +91,17 @@ def timetable(shape: TimetableShape, start: float, stop: float) -> Piecewise:
     return Piecewise(at, np.minimum(open_spans, 1.0), "previous")
 
 
-def followed(name: str, inputs: dict[str, Piecewise], recording: Recording, outputs: Sequence[str]) -> Piecewise:
-    """A series by its name: an input as it is, or a measured output with straight lines over its gaps."""
+def followed(
+    name: str,
+    inputs: dict[str, Piecewise],
+    recording: Recording,
+    outputs: Sequence[str],
+    means: Collection[str] = (),
+) -> Piecewise:
+    """A series by its name: an input as it is, or a measured output with straight lines over its gaps.
+
+    An instant is joined to the next by a straight line; a mean holds over its step.
+    """
     if name in inputs:
         return inputs[name]
     values = recording.outputs[list(outputs).index(name)] if name in outputs else np.full(len(recording.time), np.nan)
@@ -95,7 +114,8 @@ def followed(name: str, inputs: dict[str, Piecewise], recording: Recording, outp
     repeats = -(-lead // day)
     before = np.tile(values[:day], repeats)
     time = recording.time[0] - recording.step * np.arange(repeats * day, 0, -1)
-    return Piecewise(np.concatenate([time, recording.time]), np.concatenate([before, values]))
+    time, values = np.concatenate([time, recording.time]), np.concatenate([before, values])
+    return Piecewise(time - recording.step, values, "previous") if name in means else Piecewise(time, values)
 
 
 def joined(first: Piecewise, second: Piecewise, function: Function) -> Piecewise:

@@ -42,7 +42,7 @@ def _picture(done: Forecasted) -> str:
     for k, (panel, output) in enumerate(zip(panels, done.system.outputs, strict=True)):
         low, unit = readable(done.low[k], output.unit)
         high, _ = readable(done.high[k], output.unit)
-        panel.axvspan(days[0], days[done.context - 1], color=BLUE, alpha=0.06, lw=0)
+        panel.axvspan(0.0, days[done.context - 1], color=BLUE, alpha=0.06, lw=0)
         panel.fill_between(days, low, high, color=ORANGE, alpha=0.25, lw=0, label=f"{done.report.level:.0%} band")
         panel.plot(days, readable(done.measured[k], output.unit)[0], lw=1.0, color=BLUE, label="measured")
         panel.plot(days, readable(done.centre[k], output.unit)[0], "--", lw=1.0, color=ORANGE, label="model")

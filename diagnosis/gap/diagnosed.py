@@ -13,6 +13,7 @@ from datagen.simulating.simulator import Simulator
 from diagnosis.calibrating.checks import opened
 from diagnosis.effects import Effect, library
 from diagnosis.effects.baselines import check_baselines
+from diagnosis.effects.edges import foreseen
 from diagnosis.fitting.fit import Fit
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.run import Run
@@ -21,9 +22,10 @@ from diagnosis.gap.apart import Apart, fitted_apart
 from diagnosis.gap.conditions import Otherwise, otherwise
 from diagnosis.gap.decision import Decision, decide, gap_found
 from diagnosis.gap.exchange import exchanged
+from diagnosis.gap.linear import applicable
 from diagnosis.gap.missing import operators
 from diagnosis.gap.parts import kept_for_scoring
-from diagnosis.gap.places import place
+from diagnosis.gap.places import check_places, place
 from diagnosis.gap.schema import Report
 from diagnosis.gap.search import Search, at_its_optimum, search
 from diagnosis.gap.sentences import noiseless
@@ -133,8 +135,8 @@ def diagnose(
     Raises
     ------
     RecordingError
-        If the recording is shorter than a day or does not fit the system; if there is no warm-up; if the folder cannot
-        be written to.
+        If the recording is shorter than a day or than four steps, was hardly read, or does not fit the system; if there
+        is no warm-up; if the folder cannot be written to.
     SystemDescriptionError, FmuError, SimulationError, EstimatorError
         If the system, its effects, its FMU or the estimator cannot be used.
     """
@@ -157,6 +159,8 @@ def diagnose(
             warm_up=warm_up * HOUR,
             runner=held,
         )
+        whole = whole.with_observed(foreseen(applicable(whole, candidates)[0], record))
+        check_places(record, whole.observed)
         scored = kept_for_scoring(record)
         tell("fitting the base model")
         origin = begun(whole, estimated)

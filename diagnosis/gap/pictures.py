@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
-from diagnosis.gap.scan import LEVEL
+from diagnosis.gap.scan import LEVEL, NEGLIGIBLE
 from diagnosis.gap.shrinkage import left_by
 from diagnosis.pictures import BLUE, GREY, ORANGE, RED, figure, readable
 from diagnosis.recording import DAY
@@ -25,17 +26,21 @@ _MOST = 14
 
 
 def draw_candidates(done: Diagnosis) -> Figure:
-    """Log-likelihood ratios of all candidates beside what they must reach, all of them considered."""
+    """What is tested of all candidates' log-likelihood ratios beside what it must reach, all of them considered."""
     scan = done.search.stages[0].scan
-    order = np.argsort(-scan.ratio / scan.threshold, kind="stable")[:_MOST][::-1]  # by what each is tested
+    order = np.argsort(-scan.beyond / scan.threshold, kind="stable")[:_MOST][::-1]
     made = Figure(figsize=(10, 0.28 * len(order) + 1.0), layout="constrained")
     axes = made.subplots()
     names = [scan.effects[j].name for j in order]
     named = {name for one in done.report.sets for name in one}
-    axes.barh(names, np.maximum(scan.ratio[order], 0.05), color=[BLUE if n in named else GREY for n in names])
+    shortest = min(0.05, float(scan.threshold.min(initial=1.0)) / 2)
+    axes.barh(names, np.maximum(scan.beyond[order], shortest), color=[BLUE if n in named else GREY for n in names])
     axes.scatter(scan.threshold[order], names, marker="|", s=90, color=RED, zorder=3)
     axes.set_xscale("log")
-    axes.set_xlabel("log-likelihood ratio, each with the parameters refitted on the straight line (log scale)")
+    axes.set_xlabel(
+        f"log-likelihood ratio beyond that of {NEGLIGIBLE:g} of the usual size, "
+        "each with the parameters refitted on the straight line (log scale)"
+    )
     axes.set_title(
         f"Red: in {LEVEL:.0%} of the twins, which have no gap, some candidate reaches its own mark. Blue: the answer.",
         fontsize=9,
@@ -84,12 +89,18 @@ def draw_outputs(done: Diagnosis) -> Figure:
         panel.plot(days, base[k], color=ORANGE, lw=0.9, label="base model")
         if found is not None:
             panel.plot(days, found[k], color=BLUE, lw=0.9, label="with the effects found")
-            shade = panel.get_xaxis_transform()
-            panel.fill_between(days, 0, 1, where=done.scored, transform=shade, color=GREY, alpha=0.12)
+            _shade(panel, days - problem.recording.step / DAY, days, done.scored)
         panel.set_ylabel(f"{output.name} [{readable(np.zeros(1), output.unit)[1].replace('°C', 'K')}]")
     panels[0].legend(loc="lower right", bbox_to_anchor=(1, 1), fontsize=8, ncols=2, frameon=False)
     panels[-1].set_xlabel("days of the recording")
     return made
+
+
+def _shade(panel: Axes, begins: np.ndarray, ends: np.ndarray, scored: np.ndarray) -> None:
+    """Shade runs of scored steps from the begin of the first to the end of the last, all (steps,) [d]."""
+    turns = np.flatnonzero(np.diff(scored.astype(int), prepend=0, append=0))
+    for first, after in zip(turns[::2], turns[1::2], strict=True):
+        panel.axvspan(begins[first], ends[after - 1], color=GREY, alpha=0.12, lw=0)
 
 
 def draw_parameters(done: Diagnosis) -> Figure:

@@ -9,8 +9,36 @@ import numpy as np
 
 from diagnosis.gap.stages import Stage
 from diagnosis.gap.twins import SHOWN
+from diagnosis.recording import HOUR, Recording
 from diagnosis.where import Finding, Operator, Residuals, Where, find_regimes, locate
+from diagnosis.where.colour import ORDER
 from diagnosis.where.episodes import period
+from shared.errors import RecordingError
+
+
+def check_places(recording: Recording, observed: np.ndarray) -> None:
+    """Refuse what has no places: fewer steps than can be told apart, or no reading but those that begin a course.
+
+    Parameters
+    ----------
+    observed
+        All readings that count, fitted or not, shape (outputs, steps).
+
+    Raises
+    ------
+    RecordingError
+        Naming the file.
+    """
+    steps = observed.shape[1]
+    if steps <= ORDER:
+        raise RecordingError(
+            f"{recording.path}: has {steps} steps of {recording.step / HOUR:g} h; expected at least {ORDER + 1}"
+        )
+    if not observed[:, ORDER:].any():
+        raise RecordingError(
+            f"{recording.path}: no output that counts was measured after the first {ORDER} steps;"
+            " expected readings of one throughout"
+        )
 
 
 def place(stage: Stage, observed: np.ndarray, operators: list[Operator]) -> Where:

@@ -84,6 +84,7 @@ def reported(
         system_hash=problem.system.hash(),
         fmu_sha256=problem.simulator.fmu.sha256,
         recording=str(problem.recording.path),
+        zero=str(problem.recording.zero),
         start=problem.recording.start,
         steps=len(problem.time),
         step=problem.recording.step,

@@ -45,7 +45,9 @@ class Scan:
     log-likelihood ratio at one scale; ``amplitude`` [scales], ``ratio`` and ``evidence`` (log Bayes factor) found;
     ``adjusted`` family-wise p, and ``foremost`` the candidate with the least; ``cosines`` (candidates, candidates)
     between what cannot be imitated. ``p_value`` of the family, ``misfit_p`` of the residual's whole square.
-    ``threshold``: ratios of which some candidate reaches its own in a share LEVEL of the twins.
+    ``beyond``: what of ``ratio`` no amplitude that is negligible explains, which is what is tested; ``threshold``: what
+    some candidate reaches of its own in a share LEVEL of the twins. A candidate is beyond its own exactly where
+    ``adjusted`` is at most LEVEL.
     """
 
     effects: tuple[Effect, ...]
@@ -60,6 +62,7 @@ class Scan:
     p_value: float
     misfit: float
     misfit_p: float
+    beyond: np.ndarray
     threshold: np.ndarray
 
     @property
@@ -119,7 +122,8 @@ def scan(twins: Twins, effects: tuple[Effect, ...], misfit: float) -> Scan:
     found = ratio[:, 0] * kept
     # over the best amplitude that does not matter; the twins' ratios are over none at all, which errs to the safe side
     small = np.minimum(high, NEGLIGIBLE)
-    beyond = (ratio - ratios(left, left.score[:, None], np.maximum(low, -NEGLIGIBLE), small)[1])[:, 0] * kept / unit
+    more = (ratio - ratios(left, left.score[:, None], np.maximum(low, -NEGLIGIBLE), small)[1])[:, 0] * kept
+    beyond = more / unit
     largest = float(beyond.max(initial=0.0))
     length = np.sqrt(np.maximum(size, 1e-12))
     return Scan(
@@ -135,8 +139,15 @@ def scan(twins: Twins, effects: tuple[Effect, ...], misfit: float) -> Scan:
         p_value=float(rank_p(np.array([largest]), most)[0]),
         misfit=misfit,
         misfit_p=float(rank_p(np.array([misfit]), twins.misfits)[0]),
-        threshold=max(float(np.quantile(most, 1 - LEVEL)), 1e-9) * unit,
+        beyond=more,
+        threshold=max(_least_beyond(most), 1e-9) * unit,
     )
+
+
+def _least_beyond(most: np.ndarray) -> float:
+    """What is above this has a p of LEVEL at most among twins' largest (twins,); of few twins it is the largest."""
+    above = int(LEVEL * (len(most) + 1) + 1e-9)
+    return float(np.sort(most)[min(len(most) - above, len(most) - 1)])
 
 
 def _bounds(effects: tuple[Effect, ...]) -> tuple[np.ndarray, np.ndarray]:

@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from diagnosis.gap.decision import Verdict
 
-SCHEMA_VERSION = 8
+SCHEMA_VERSION = 9
 NOTICED = 0.02
 """Candidates of less probability are told together."""
 FEWEST = 12
@@ -214,7 +214,10 @@ class Report(_Table):
     system_hash: str
     fmu_sha256: str
     recording: str
-    start: float
+    zero: str = Field(
+        description="date from which times run, in local standard time: the recording begins at zero + start"
+    )
+    start: float = Field(description="when the recording begins [s since zero]")
     steps: int
     step: float
     fitted_share: float = Field(description="share of the steps fitted for the shrinkage; the rest was scored on")

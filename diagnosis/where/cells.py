@@ -7,14 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.where.bands import WHOLE, band_names, split
+from diagnosis.where.bands import EDGES, WHOLE, band_names, split
 from diagnosis.where.finding import Finding
-from diagnosis.where.regimes import ANY, Regime
-from diagnosis.where.series import Residuals
+from diagnosis.where.offsets import Offsets, band_scatter
+from diagnosis.where.regimes import Regime, everywhere
+from diagnosis.where.series import DAY, Residuals
 from diagnosis.where.significance import MaxTest, max_test
 from diagnosis.where.windows import Window, all_windows
 
 STATISTICS = ("mean", "variance")
+_WORDS = {"mean": ("measured higher", "measured lower"), "variance": ("more scatter", "less scatter")}
 _DAYS = 2
 """A cell must be seen on as many days: a single day is an episode's business."""
 _SAMPLES = 8
@@ -27,6 +29,10 @@ _OFFSET_SHARE = 1 / 2
 """A mean is named before a variance of its channel from this share of the variance's studentised value on."""
 _SAME = 0.5
 """Cells of a channel that share this part of the steps at which one or the other holds are one place, named once."""
+_SEEN = 0.5
+"""An excess over what was named before is told where the residual itself shows this share of it."""
+_ROUNDS = 2
+"""Times as many cells are looked at as are named at most: of some nothing is said."""
 _FLOOR = 1e-6
 """Variances below the square of this share of the channel's spread are rounding."""
 
@@ -57,11 +63,6 @@ class CellTest:
     def laid_out(self, values: np.ndarray) -> np.ndarray:
         """Values of cells, each read where its alias lies, in the layout of ``shape``."""
         return values[self.alias].reshape(self.shape)
-
-
-def everywhere(steps: int) -> Regime:
-    """The regime that always holds."""
-    return Regime(ANY, "always", np.ones(steps, bool))
 
 
 def scan_cells(residuals: Residuals, regimes: Sequence[Regime] = (), *, alpha: float = 0.05, most: int = 8) -> CellTest:
@@ -103,6 +104,9 @@ def scan_cells(residuals: Residuals, regimes: Sequence[Regime] = (), *, alpha: f
         ).reshape(shape[1:])
     unresolved = share < _RESOLVED
     unresolved[:, :, STATISTICS.index("variance")] = False
+    # what changes over days is nearly the same at all hours of one: which of them is named would be chance
+    of_days = np.array([EDGES.get(band, 0.0) > DAY for band in bands])
+    unresolved |= of_days[:, None, None, None] & np.array([one.hours != "any" for one in windows])
     statistics[:, unresolved] = np.nan
     test = max_test(statistics.reshape(len(stack), -1))
     found = CellTest(test, channels, bands, states, windows, alias.ravel(), share.ravel(), [])
@@ -148,7 +152,7 @@ def _tested(
     """Which (regimes, windows) are tested, and the index of the one that stands for each."""
     seen = np.isfinite(observed)
     masks = (np.stack([_row(s.mask, 0) for s in states])[:, None] & holds & seen).reshape(-1, len(seen))
-    _, number = np.unique(day, return_inverse=True)
+    number = np.unique(day, return_inverse=True)[1]
     days = np.eye(number.max() + 1)[number]
     enough = (masks @ days > 0).sum(axis=1) >= _DAYS
     _, first, inverse = np.unique(np.packbits(masks, axis=1), axis=0, return_index=True, return_inverse=True)
@@ -176,16 +180,16 @@ def _peel(residuals: Residuals, cells: CellTest, holds: np.ndarray, alpha: float
     its channel's scatter stands out far more. What holds at nearly the same steps as a cell that was named is not named
     again, in whatever band: of an excess that is no offset something is left.
     """
-    left = residuals.stacked[0].copy()
     floors = [_floor(residuals.stacked[:, k]) for k in cells.channels]
     states = [Regime(r.label, r.rule, np.atleast_2d(r.mask)[:1]) for r in cells.regimes]
-    scatter: dict[int, list[float]] = {}
-    masks = [np.stack([one.mask[0] & holds for one in states]) & np.isfinite(left[k]) for k in cells.channels]
+    seen = np.isfinite(residuals.stacked[0])
+    masks = [np.stack([one.mask[0] & holds for one in states]) & seen[k] for k in cells.channels]
     statistics = np.where(cells.test.kept, cells.test.observed, np.nan)
     t, adjusted = cells.test.t, cells.test.adjusted
     open_ = np.ones((cells.shape[0], *cells.shape[3:]), dtype=bool)
+    taken: dict[int, Offsets] = {}
     found: list[Finding] = []
-    while len(found) < most:
+    for _ in range(_ROUNDS * most):
         size = np.where(cells.test.kept & (adjusted <= alpha), np.abs(t), -np.inf).reshape(cells.shape)
         size = np.where(open_[:, None, None], size, -np.inf)
         mean, variance = size.copy(), size.copy()
@@ -193,63 +197,68 @@ def _peel(residuals: Residuals, cells: CellTest, holds: np.ndarray, alpha: float
         widest = variance.max(axis=(1, 2, 3, 4), keepdims=True)
         mean[mean < _OFFSET_SHARE * widest] = -np.inf
         named = (mean if np.isfinite(mean).any() else variance).ravel()
-        if not np.isfinite(named).any():
+        if len(found) == most or not np.isfinite(named).any():
             break
         top = _simplest(np.flatnonzero(named >= _AS_STRONG * named.max()), named, cells)
         c, _, _, r, w = (int(i) for i in np.unravel_index(top, cells.shape))
         k = cells.channels[c]
         inside = masks[c][r, w]
-        if c not in scatter:
-            scatter[c] = _scatter(residuals.stacked[1:, k], residuals.step, floors[c])
+        if c not in taken:
+            scatter = band_scatter(residuals.stacked[1:, k], residuals.step, floors[c])
+            taken[c] = Offsets(residuals.stacked[0, k], residuals.step, scatter)
         both = masks[c][..., inside].sum(axis=-1)
         open_[c] &= both < _SAME * (masks[c].sum(axis=-1) + inside.sum() - both)
-        left[k], amount = _taken_off(left[k], inside, top, float(statistics[top]), residuals.step, cells, scatter[c])
-        found.append(_finding(residuals, cells, top, amount, float(t[top]), float(adjusted[top])))
+        stands = float(t[top]), float(adjusted[top])
+        said = _taken_off(taken[c], inside, top, float(statistics[top]), stands, cells, residuals, alpha)
+        if said is not None:
+            found.append(_finding(residuals, cells, top, *said))
         block = statistics.reshape(cells.shape)
-        block[c] = _statistics(left[k][None], states, holds, residuals.step, floors[c])[0]
+        block[c] = _statistics(taken[c].left[None], states, holds, residuals.step, floors[c])[0]
         statistics = np.where(cells.test.kept, block.ravel(), np.nan)
         t, adjusted = cells.test.restudentise(statistics)
     return found
 
 
-def _offset(series: np.ndarray, inside: np.ndarray, step: float, scatter: list[float]) -> float:
-    """The offset within a cell [unit] that fits a channel's series (steps,) best, each band weighted by its scatter.
-
-    One band alone would not do: a wave looks in it like an offset that is far larger than the wave.
-    """
-    parts = list(split(series, step).values())[1:] or [series]
-    shapes = list(split(np.where(np.isfinite(series), inside.astype(float), np.nan), step).values())[1:]
-    shapes = shapes or [inside.astype(float)]
-    across = sum(float(np.nansum(a * b)) / v for a, b, v in zip(parts, shapes, scatter, strict=True))
-    return across / sum(float(np.nansum(b * b)) / v for b, v in zip(shapes, scatter, strict=True))
-
-
-def _scatter(values: np.ndarray, step: float, floor: float) -> list[float]:
-    """Variance of each band of a channel's twins (rows, steps), the whole left out unless it is all there is."""
-    parts = list(split(values, step).values())
-    return [max(float(np.nanvar(one)), floor) for one in parts[1:] or parts]
-
-
 def _taken_off(
-    series: np.ndarray,
+    taken: Offsets,
     inside: np.ndarray,
     top: int,
     value: float,
-    step: float,
+    stands: tuple[float, float],
     cells: CellTest,
-    scatter: list[float],
-) -> tuple[np.ndarray, float]:
-    """A channel's series (steps,) without the excess of a cell, and the excess [unit]."""
-    _, b, s, _, _ = (int(i) for i in np.unravel_index(top, cells.shape))
-    usual, peeled = float(cells.test.typical[top]), series.copy()
-    if STATISTICS[s] == "mean":
-        amount, seen = _offset(series, inside, step, scatter), value - usual
-        peeled[inside] -= amount
-        return peeled, seen if cells.bands[b] == WHOLE or amount * seen <= 0 else amount
-    part = split(series, step)[cells.bands[b]][inside]
-    sd, usual_sd = value**1.5, max(usual, 0.0) ** 1.5
-    peeled[inside] += (part - part.mean()) * (usual_sd / sd - 1)
-    return peeled, sd - usual_sd
+    residuals: Residuals,
+    alpha: float,
+) -> tuple[str, float, float, float] | None:
+    """Take the excess of a cell off its channel; what is to be said of it: words, size [unit], studentised value and p.
+
+    None if nothing is true. ``stands``: studentised value and p of the cell in what is left.
+
+    The excess is one over what was named before, but what is said is of the residual itself: where an offset of
+    everything does not hold, nothing is measured higher than the model has it, only higher than elsewhere.
+    """
+    c, b, s, r, w = (int(i) for i in np.unravel_index(top, cells.shape))
+    usual, t = float(cells.test.typical[top]), stands[0]
+    if STATISTICS[s] == "variance":
+        part = split(taken.left, residuals.step)[cells.bands[b]][inside]
+        sd, usual_sd = value**1.5, max(usual, 0.0) ** 1.5
+        taken.change(inside, (part - part.mean()) * (usual_sd / sd - 1))
+        return (_WORDS["variance"][t < 0], sd - usual_sd, *stands) if cells.test.t[top] * t > 0 else None
+    words, overlaps = _WORDS["mean"][t < 0], taken.overlap(inside)
+    amount = taken.add(inside)
+    raw = int(cells.alias[np.ravel_multi_index((c, cells.bands.index(WHOLE), s, r, w), cells.shape)])
+    apart = float(cells.test.observed[raw] - cells.test.typical[raw])
+    if apart * t > 0 and cells.test.adjusted[raw] <= alpha:
+        # beside an offset that was named the cell must stand out on its own as well
+        itself = float(cells.test.t[raw]), float(cells.test.adjusted[raw])
+        return words, apart, *(min(stands, itself, key=lambda one: abs(one[0])) if overlaps else stands)
+    if apart * t > 0 and amount * t > 0 and not overlaps:
+        return words, amount, *stands
+    rows = residuals.stacked[:, cells.channels[c]]
+    beside = np.isfinite(rows[0]) & ~inside
+    means = [rows[0, one].mean() - np.nanmean(rows[1:, one]) for one in (inside, beside) if one.any()]
+    contrast = float(means[0] - means[-1])
+    seen = contrast * t > 0 and abs(contrast) >= _SEEN * abs(amount)
+    return (f"{words} than elsewhere", contrast, *stands) if seen else None
 
 
 def _simplest(candidates: np.ndarray, size: np.ndarray, cells: CellTest) -> int:
@@ -263,10 +272,11 @@ def _simplest(candidates: np.ndarray, size: np.ndarray, cells: CellTest) -> int:
     return int(candidates[order[0]])
 
 
-def _finding(residuals: Residuals, cells: CellTest, top: int, amount: float, t: float, adjusted: float) -> Finding:
+def _finding(
+    residuals: Residuals, cells: CellTest, top: int, words: str, amount: float, t: float, p_value: float
+) -> Finding:
     c, b, s, r, w = (int(i) for i in np.unravel_index(top, cells.shape))
     k, window = cells.channels[c], cells.windows[w]
-    words = {"mean": ("measured higher", "measured lower"), "variance": ("more scatter", "less scatter")}
     return Finding(
         kind="cell",
         channel=residuals.names[k],
@@ -279,12 +289,12 @@ def _finding(residuals: Residuals, cells: CellTest, top: int, amount: float, t: 
             "band": cells.bands[b],
             "statistic": STATISTICS[s],
         },
-        p_value=adjusted,
-        direction=words[STATISTICS[s]][0 if amount > 0 else 1],
+        p_value=p_value,
+        direction=words,
         size=amount,
         unit=residuals.units[k],
         t=t,
     )
 
 
-__all__ = ["WHOLE", "CellTest", "everywhere", "scan_cells"]
+__all__ = ["WHOLE", "CellTest", "scan_cells"]

@@ -20,6 +20,10 @@ from diagnosis.where.significance import MaxTest, max_test
 
 LONGEST = 24 * HOUR
 """Longest lag either way [s]."""
+CLOSE = 6 * HOUR
+"""Lags up to this one are looked at by every step, longer ones by the hour [s]."""
+FINEST = HOUR / 6
+"""Shorter steps are joined to this long ones [s]: lags by the minute would be more than can be looked at."""
 
 
 @dataclass(frozen=True)
@@ -70,40 +74,58 @@ def scan_correlations(
     if not names:
         return None
     channels = residuals.measured
-    lags = _lags(residuals.step, len(residuals.time))
-    stack = residuals.stacked
+    together = max(1, round(FINEST / residuals.step))
+    step, lags = together * residuals.step, _lags(together * residuals.step, len(residuals.time) // together)
+    stack = _joined(residuals.stacked, together)
+    coarse = {name: _joined(inputs[name], together) for name in names}
     found = np.empty((len(stack), len(channels), len(names), len(lags)))
     series = []
     for c, k in enumerate(channels):
         colour = fit_colour(stack[:, k])
         white = np.where(np.isfinite(stack[:, k]), whiten(fill(stack[:, k]), colour), np.nan)
-        driven = np.stack([whiten(inputs[name] - inputs[name].mean(), colour) for name in names])
+        driven = np.stack([whiten(coarse[name] - coarse[name].mean(), colour) for name in names])
         found[:, c] = _correlate(white, driven, lags)
         series.append((white[0], driven))
     test = max_test(_fisher(found).reshape(len(stack), -1))
     shape = found.shape[1:]
     low, high = np.quantile(found[1:], [0.025, 0.975], axis=0)
     half = test.level(0.05) * test.spread
-    together = [np.tanh(test.typical + sign * half).reshape(shape) for sign in (-1, 1)]
+    around = [np.tanh(test.typical + sign * half).reshape(shape) for sign in (-1, 1)]
     return CorrelationTest(
         test=test,
         channels=channels,
         inputs=names,
-        lags=lags * residuals.step,
+        lags=lags * step,
         correlation=found[0],
         low=low,
         high=high,
-        simultaneous_low=together[0],
-        simultaneous_high=together[1],
-        findings=_peel(residuals, channels, names, lags, series, test, alpha),
+        simultaneous_low=around[0],
+        simultaneous_high=around[1],
+        findings=_peel(residuals, channels, names, lags, step, series, test, alpha),
     )
 
 
 def _lags(step: float, steps: int) -> np.ndarray:
-    """Lags in steps: every step of an hourly record, hourly in a finer one."""
-    apart = max(1, round(HOUR / step))
-    each = min(int(LONGEST // (apart * step)), steps // (4 * apart))
-    return np.arange(-each, each + 1) * apart
+    """Lags in steps: every one up to CLOSE, by the hour up to a day; a quarter of the record at most.
+
+    Innovations of ten minutes know an effect half an hour later at no full hour.
+    """
+    apart, close = max(1, round(HOUR / step)), int(CLOSE / step + 1e-6)
+    each = np.arange(int(LONGEST / step + 1e-6) + 1)
+    each = each[((each <= close) | (each % apart == 0)) & (each <= steps // 4)]
+    return np.concatenate([-each[:0:-1], each])
+
+
+def _joined(series: np.ndarray, together: int) -> np.ndarray:
+    """Means of so many steps (..., steps), the first ones left out that are not as many; NaN where most are missing."""
+    if together == 1:
+        return series
+    first = series.shape[-1] % together
+    parts = series[..., first:].reshape(*series.shape[:-1], -1, together)
+    seen = np.isfinite(parts)
+    count = seen.sum(axis=-1)
+    mean = np.where(seen, parts, 0.0).sum(axis=-1) / np.maximum(count, 1)
+    return np.where(2 * count >= together, mean, np.nan)
 
 
 def _correlate(white: np.ndarray, driven: np.ndarray, lags: np.ndarray) -> np.ndarray:
@@ -132,6 +154,7 @@ def _peel(
     channels: list[int],
     names: list[str],
     lags: np.ndarray,
+    step: float,
     series: list[tuple[np.ndarray, np.ndarray]],
     test: MaxTest,
     alpha: float,
@@ -148,7 +171,7 @@ def _peel(
         if not np.isfinite(size).any():
             break
         c, i, j = (int(v) for v in np.unravel_index(int(np.argmax(size)), shape))
-        hours = lags[j] * residuals.step / HOUR
+        hours = float(lags[j]) * step / HOUR
         found.append(_finding(residuals, channels[c], names[i], hours, current[c, i, j], adjusted[c, i, j], t[c, i, j]))
         open_[c, i] = False
         left[c] = _without(left[c], series[c][1][i], lags, int(lags[j]))
@@ -179,7 +202,8 @@ def _fisher(correlation: np.ndarray) -> np.ndarray:
 def _finding(
     residuals: Residuals, k: int, name: str, hours: float, correlation: float, p_value: float, t: float
 ) -> Finding:
-    when = "at the same step" if not hours else f"{abs(hours):g} h {'after' if hours > 0 else 'before'} it"
+    size = f"{abs(hours):g} h" if abs(hours) >= 1 else f"{60 * abs(hours):g} min"
+    when = "at the same step" if not hours else f"{size} {'after' if hours > 0 else 'before'} it"
     return Finding(
         kind="correlation",
         channel=residuals.names[k],

@@ -23,6 +23,9 @@ _SAME = 0.5
 """Stretches that share this part of the shorter one are the same."""
 MOST_EDGES = 400
 """In how many parts a stretch is looked at more closely at most: their number squared is looked at."""
+_ROUNDS = 2
+"""Times as many stretches are looked at as are named at most: of some nothing is said."""
+REST = "than in the rest of the recording"
 _SEEN = 0.5
 """A stretch and the rest must hold this share of their readings."""
 
@@ -51,7 +54,8 @@ def scan_episodes(residuals: Residuals, *, alpha: float = 0.05, most: int = 5) -
     Returns
     -------
     EpisodeTest
-        ``spans`` (first, last) [s] belong to ``findings``; their ``size`` is the difference to the rest of the record.
+        ``spans`` (first, last) [s] belong to ``findings``; their ``size`` is the difference to the rest of the record,
+        without the stretches that were named before.
     """
     starts, stops = _stretches(residuals.step, len(residuals.time))
     channels = residuals.measured
@@ -60,14 +64,14 @@ def scan_episodes(residuals: Residuals, *, alpha: float = 0.05, most: int = 5) -
     shape = (len(channels), len(STATISTICS), len(starts))
     test = max_test((parts[..., 0, :] - parts[..., 1, :]).reshape(len(stack), -1))
     usual, now = parts[1:].mean(axis=0), parts[0]
-    left = stack[0].copy()
+    left, rest = stack[0].copy(), np.ones(stack.shape[1:], bool)
     t, adjusted = test.t, test.adjusted
     found: list[Finding] = []
     spans: list[tuple[float, float]] = []
     open_ = np.ones(shape, bool)
-    while len(found) < most:
+    for _ in range(_ROUNDS * most):
         size = np.where(test.kept & (open_ & _is_odd(now, usual)).ravel() & (adjusted <= alpha), np.abs(t), -np.inf)
-        if not np.isfinite(size).any():
+        if len(found) == most or not np.isfinite(size).any():
             break
         means = np.where(np.arange(size.size) // shape[2] % 2 == 0, size, -np.inf)
         top = int(np.argmax(means if np.isfinite(means).any() else size))
@@ -87,12 +91,24 @@ def scan_episodes(residuals: Residuals, *, alpha: float = 0.05, most: int = 5) -
         open_[c, s] &= shared < _SAME * np.minimum(stops - starts, stop - start)
         # nor in the other statistic, if it is nearly the same stretch: one place is named once
         open_[c] &= shared < _SAME * (np.maximum(stops, stop) - np.minimum(starts, start))
-        first, last = residuals.time[start] - residuals.step, residuals.time[stop - 1]
-        found.append(_finding(residuals, k, STATISTICS[s], amount, float(t[top]), float(adjusted[top]), first, last))
-        spans.append((float(first), float(last)))
+        rest[k] &= ~inside
+        said = _against_rest(stack[0, k], inside, rest[k], STATISTICS[s])
+        if said * amount > 0:
+            first, last = residuals.time[start] - residuals.step, residuals.time[stop - 1]
+            found.append(_finding(residuals, k, STATISTICS[s], said, float(t[top]), float(adjusted[top]), first, last))
+            spans.append((float(first), float(last)))
         now = np.stack([_parts(left[j][None], starts, stops)[0] for j in channels])
         t, adjusted = test.restudentise((now[..., 0, :] - now[..., 1, :]).ravel())
     return EpisodeTest(test, channels, starts, stops, spans, found)
+
+
+def _against_rest(values: np.ndarray, inside: np.ndarray, rest: np.ndarray, statistic: str) -> float:
+    """Mean or standard deviation of a stretch less that of the rest [unit]; 0 where the rest has no reading."""
+    parts = [values[one & np.isfinite(values)] for one in (inside, rest)]
+    if not all(len(one) for one in parts):
+        return 0.0
+    inner, outer = (float(one.mean() if statistic == "mean" else one.std()) for one in parts)
+    return inner - outer
 
 
 def _stretches(step: float, steps: int) -> tuple[np.ndarray, np.ndarray]:
@@ -185,7 +201,7 @@ def _finding(
         label=residuals.labels[k],
         cell=period(begin, first, last, float(residuals.time[-1])) | {"statistic": statistic},
         p_value=p_value,
-        direction=words[statistic][0 if amount > 0 else 1],
+        direction=f"{words[statistic][0 if amount > 0 else 1]} {REST}",
         size=amount,
         unit=residuals.units[k],
         t=t,

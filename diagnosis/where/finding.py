@@ -15,8 +15,9 @@ Kind = Literal["cell", "correlation", "episode", "source", "sensor"]
 class Finding:
     """A significant difference.
 
-    ``cell`` says where it lies, in words by name; ``size`` is the difference in ``unit`` (for scatter that of the
-    standard deviations), ``t`` its studentised value and ``p_value`` the family-wise one.
+    ``cell`` says where it lies, in words by name; ``size`` is the difference in ``unit``: measured less simulated, to
+    the rest of the recording where ``direction`` says "than elsewhere" or "than in the rest of the recording", and for
+    scatter that of the standard deviations. ``t`` is its studentised value and ``p_value`` the family-wise one.
     """
 
     kind: Kind

@@ -67,7 +67,8 @@ def _draw_offsets(
     k, mean, whole = cells.channels[c], STATISTICS.index("mean"), cells.bands.index(WHOLE)
     apart = cells.laid_out(cells.test.observed - cells.test.typical)[c, :, mean]
     sure = cells.laid_out(cells.test.adjusted)[c, :, mean] <= alpha
-    hours = sorted({(w.start, w.stop) for w in cells.windows if w.stop - w.start < 6} or {(0, 24)})
+    shortest = min(w.stop - w.start for w in cells.windows)
+    hours = sorted({(w.start, w.stop) for w in cells.windows if w.stop - w.start == shortest})
     spans = [*hours, (0, 24)] if hours != [(0, 24)] else hours
     at = {(w.start, w.stop, w.day_type): j for j, w in enumerate(cells.windows)}
     image = np.full((len(rows), len(spans)), np.nan)
@@ -90,7 +91,7 @@ def _draw_offsets(
     axes.set_yticks(range(len(rows)), [label for label, _, _ in rows], fontsize=8)
     ticks = [j for j, (start, _) in enumerate(spans[:-1]) if start % 3 == 0]
     axes.set_xticks([*ticks, len(spans) - 1], [*(f"{spans[j][0]:02d}" for j in ticks), "all"], fontsize=8)
-    axes.set_xlabel("hour of the day", fontsize=8)
+    axes.set_xlabel("hour of the day (standard time)", fontsize=8)
     axes.set_title(f"{residuals.labels[k]}: measured minus model", fontsize=10, loc="left", fontweight="bold")
     bar = figure.colorbar(shown, ax=axes, pad=0.01, fraction=0.04)
     bar.set_label(residuals.units[k], fontsize=8)

@@ -31,6 +31,11 @@ class Regime:
     mask: np.ndarray
 
 
+def everywhere(steps: int) -> Regime:
+    """The regime that always holds."""
+    return Regime(ANY, "always", np.ones(steps, bool))
+
+
 def find_regimes(system: System, inputs: Mapping[str, np.ndarray], simulated: np.ndarray) -> list[Regime]:
     """Derive regimes from the kinds of inputs and from where outputs dwell.
 

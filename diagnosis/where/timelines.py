@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from diagnosis.where.episodes import EpisodeTest
+from diagnosis.where.episodes import REST, EpisodeTest
 from diagnosis.where.ink import MEASURED, QUIET, TWINS, readable
 from diagnosis.where.series import DAY, Residuals
 from diagnosis.where.source import SourceTest
@@ -37,13 +37,14 @@ def draw_episodes(residuals: Residuals, found: EpisodeTest, *, alpha: float = 0.
             if one.channel != residuals.names[k] or one.p_value > alpha:
                 continue
             first, last = (first - begin) / DAY, (last - begin) / DAY
+            briefly = one.direction.replace(REST, "than the rest").removeprefix("measured ")
             axes.axvspan(first, last, color=_SPAN, alpha=0.35, linewidth=0)
             for edge in (first, last):
                 axes.axvline(edge, color=MEASURED, linewidth=1.0, linestyle="--")
             axes.text(
                 (first + last) / 2,
                 next(heights),
-                f"{one.direction} by {abs(one.size):.3g}{spaced(one.unit)}",
+                f"{briefly} by {abs(one.size):.3g}{spaced(one.unit)}",
                 transform=axes.get_xaxis_transform(),
                 ha="left" if (first + last) / 2 < days[-1] * 0.12 else "right" if first > days[-1] * 0.88 else "center",
                 va="top",
@@ -54,7 +55,8 @@ def draw_episodes(residuals: Residuals, found: EpisodeTest, *, alpha: float = 0.
     panels[0].legend(fontsize=8, loc="upper right", bbox_to_anchor=(1, 1.22), ncols=2, frameon=False)
     panels[-1].set_xlabel("day of the record", fontsize=9)
     figure.suptitle(
-        "When the residual (measured minus model) changes\nOrange: significant stretches.  Light stripes: weekends.",
+        "When the residual (measured minus model) changes\n"
+        "Orange: stretches that differ from the rest of the recording.  Light stripes: weekends.",
         fontsize=10,
     )
     return figure

@@ -1,15 +1,16 @@
 """The generic kinds of effects and their shapes, by hand-made signals; the library, its bounds and its errors."""
 
+from dataclasses import replace
 from importlib import import_module
 from importlib.metadata import EntryPoint
 
 import numpy as np
 import pytest
 
-from datagen.driving.tables import Piecewise
+from datagen.driving.tables import Piecewise, merge
 from diagnosis.effects import Combination, Effect, Nothing, build, clash, library
 from diagnosis.effects.kinds import _gained, lagged
-from diagnosis.effects.shapes import joined, ramped, shape_signal, timetable
+from diagnosis.effects.shapes import followed, joined, ramped, shape_signal, timetable
 from diagnosis.recording import DAY, HOUR, Recording
 from shared.effects import InputEffect, PresenceShape, SensorEffect, ShapedEffect, ThresholdShape, TimetableShape
 from shared.errors import RecordingError, SystemDescriptionError
@@ -150,6 +151,37 @@ def test_gap_in_a_followed_series_is_bridged(default_system, recording, inputs):
     assert np.isfinite(made.values).all()
 
 
+def test_a_mean_that_is_followed_holds_over_its_own_step(default_system, recording, inputs):
+    """Hourly means of a power: 1000 W from eight to sixteen have their middle at noon."""
+    hour = (recording.time - recording.step) / HOUR % 24
+    outputs = recording.outputs.copy()
+    outputs[2] = np.where((hour >= 8) & (hour < 16), 1000.0, 0.0)
+    read = replace(recording, outputs=outputs)
+    names, means = default_system.output_names, {o.name for o in default_system.outputs if o.method == "mean"}
+    power = followed("QHea", inputs, read, names, means)
+    edges = np.append(read.start, read.time)
+    table = merge({"QHea": power}, read.start - DAY, read.stop)
+    np.testing.assert_allclose(table.means(edges)[:, 0], outputs[2])
+    fine = read.start + 60.0 * (np.arange(24 * 60) + 0.5)
+    assert np.average((fine - read.start) / HOUR, weights=power.at(fine)) == pytest.approx(12.0)
+    assert power.times[0] <= read.start - 5 * DAY
+    # instants are joined by straight lines, and what is built from the description knows which are which
+    assert followed("TRoo", inputs, read, names, means).kind == "linear"
+    spec = ShapedEffect(
+        name="heated",
+        kind="shaped",
+        unit="1",
+        parameters={"x": 1.0},
+        input="nPer",
+        shape=[{"form": "series", "series": "QHea", "reference": 1000.0}],
+        scale=1.0,
+        lower=0.0,
+        upper=1.0,
+    )
+    made = build(spec, default_system).inputs(1.0, inputs, read)["nPer"]
+    assert (made.kind, made.at(read.start + 8.5 * HOUR), made.at(read.start + 16.5 * HOUR)) == ("previous", 1.0, 0.0)
+
+
 def test_input_effects_by_hand(default_system, recording, inputs):
     found, t = effects(default_system), recording.time[:-1] - 600.0
     sun = found["outdoor.temperature.sun"].inputs(4.0, inputs, recording)["TDryBul"]
@@ -241,6 +273,14 @@ def test_combination_acts_in_turn_and_refuses_a_clash(default_system, recording,
         ({"kind": "sensor", "outputs": ["CO2"], "operation": "lag", "lower": -1.0}, "expected lower = 0"),
         ({"kind": "parameter", "parameters": {"x": 1.0}, "lower": 0.5}, "expected a range with 0"),
         ({"kind": "sensor", "outputs": ["CO2"], "operation": "gain", "lower": -1.0}, "expected more than 0"),
+        (
+            {"kind": "sensor", "outputs": ["CO2"], "operation": "gain", "factor": -1.0, "upper": 1.5},
+            "reaches a gain of -0.5; expected more than 0",
+        ),
+        (
+            {"kind": "sensor", "outputs": ["CO2"], "operation": "lag", "factor": -3600.0},
+            "a lag with factor -3600; expected more than 0",
+        ),
     ],
 )
 def test_wrong_declarations_are_refused_with_a_sentence(default_system, change, sentence):

@@ -12,6 +12,7 @@ from diagnosis.calibrating.schema import read_calibration
 from diagnosis.forecasting.forecast import band, forecast
 from diagnosis.forecasting.given import check_constants
 from diagnosis.forecasting.report import _days
+from diagnosis.pages import page_environment
 from diagnosis.recording import read_recording
 from shared.errors import RecordingError
 
@@ -118,6 +119,22 @@ def test_a_fit_is_not_called_a_forecast_and_the_page_says_why_not_to_believe(hou
     page = " ".join((tmp_path / "ahead" / "forecast.html").read_text().split())
     assert f"Parameters from a calibration on 96 h of {path}" in page
     assert "Intervals are about 1.5 times as wide as the recording alone makes them" in page
+
+
+@pytest.mark.parametrize(
+    ("steps", "said"), [(13, "Parameters from the context."), (14, "from a calibration on 2.33333 h of room.nc")]
+)
+def test_parameters_of_the_context_are_said_to_be_its_own_whatever_its_length(steps, said):
+    """Of 7800 s an hour's fraction of seconds is not the same number any more."""
+    hours = 13 * 600.0 / 3600.0
+    assert 3600 * hours != 13 * 600.0
+    used = SimpleNamespace(recording="room.nc", steps=steps, step=600.0, parameters=[])
+    report = SimpleNamespace(
+        system="room", recording="room.nc", begin="2001-01-01 00:00", calibration=used, context_hours=hours,
+        ahead_hours=1.0, occupancy="measured", outputs={}, replayed=[], level=0.9,
+    )  # fmt: skip
+    page = page_environment().get_template("forecast.html.j2").render(report=report, summary=[], picture="")
+    assert said in " ".join(page.split())
 
 
 @pytest.mark.parametrize(

@@ -7,11 +7,12 @@ import pytest
 
 from diagnosis.gap import Report, diagnose
 from diagnosis.gap.decision import LEAST, NOTHING, OUTSIDE
+from diagnosis.recording import read_recording
 from tests.diagnosis.gap.gap_cases import candidates, changed
 
 
 @pytest.mark.slow
-def test_a_drifting_sensor_is_found_told_how_large_and_removed(drifted):
+def test_a_drifting_sensor_is_found_told_how_large_and_removed(drifted, house):
     report, out = drifted.done.report, drifted.out
     assert report.verdict == "effect"
     assert [one.name for one in report.effects if one.named] == ["drift"]
@@ -27,7 +28,10 @@ def test_a_drifting_sensor_is_found_told_how_large_and_removed(drifted):
     assert total == pytest.approx(1.0, abs=1e-6)
     again = Report.model_validate(json.loads((out / "report.json").read_text(encoding="utf-8")))
     assert again == report
+    begin = np.datetime64(again.zero) + np.timedelta64(round(again.start), "s")
+    assert str(begin.astype("datetime64[m]")).replace("T", " ") == read_recording(drifted.path, house("me")).began
     page = (out / "report.html").read_text(encoding="utf-8")
+    assert "Hours are of standard time" in page
     assert page.count("data:image/png;base64,") >= 6
     assert "http://" not in page and "https://" not in page
     assert page.index(report.summary[0][:20]) < page.index("<img")

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from diagnosis.gap import pictures
 from diagnosis.gap.pictures import LEAST, draw_outputs, draw_parameters, draw_shares
 from diagnosis.gap.schema import ShrinkageOf
 from diagnosis.gap.sentences import _share
@@ -43,28 +44,49 @@ def test_shares_are_drawn_as_they_are_said(share, low, high):
     assert (one.share, one.low, one.high) == (share, low, high)  # report.json has what was found
 
 
-def test_the_legend_of_the_residuals_covers_none_of_them():
-    steps = 96
-    left = np.zeros((2, steps))
-    left[0, -20:] = 5.0  # at the upper right, where a legend would like to be
+def residuals_of(left):
+    """A stage whose residual (2, steps) is by the hour, from its start on."""
     outputs = [SimpleNamespace(name=name, unit="K") for name in ("room", "wall")]
     problem = SimpleNamespace(
-        time=3600.0 * np.arange(1, steps + 1),
-        recording=SimpleNamespace(start=0.0),
+        time=3600.0 * np.arange(1, left.shape[1] + 1),
+        recording=SimpleNamespace(start=0.0, step=3600.0),
         system=SimpleNamespace(outputs=outputs),
     )
-    stage = SimpleNamespace(
+    return SimpleNamespace(
         twins=SimpleNamespace(residual=left),
         lin=SimpleNamespace(problem=problem),
         grams=SimpleNamespace(channels=[0, 1]),
         colours=SimpleNamespace(best={0: (0.1, 0.0, 1.0), 1: (0.1, 0.0, 1.0)}),
     )
+
+
+def test_the_legend_of_the_residuals_covers_none_of_them():
+    left = np.zeros((2, 96))
+    left[0, -20:] = 5.0  # at the upper right, where a legend would like to be
+    stage = residuals_of(left)
     made = draw_outputs(SimpleNamespace(search=SimpleNamespace(stages=[stage]), apart=None))
     made.draw_without_rendering()
     first = made.axes[0]
     assert first.get_legend().get_window_extent().y0 >= first.get_window_extent().y1 - 1
     low, high = first.get_ylim()
     assert low < left[0].min() and high > left[0].max()
+
+
+def test_kept_days_are_shaded_from_their_midnight_to_their_midnight(monkeypatch):
+    """A step's time is its end: the first of a day is an hour after its begin."""
+    monkeypatch.setattr(pictures, "left_by", lambda one, *_: one)
+    left = np.zeros((2, 96))
+    stage = residuals_of(left)
+    scored = (np.arange(96) // 24 == 1) | (np.arange(96) // 24 == 3)
+    done = SimpleNamespace(
+        search=SimpleNamespace(stages=[stage], last=stage),
+        apart=SimpleNamespace(before=left, after=left),
+        whole=SimpleNamespace(observed=None),
+        scored=scored,
+    )
+    panel = draw_outputs(done).axes[0]
+    spans = [(one.get_x(), one.get_x() + one.get_width()) for one in panel.patches]
+    assert [one for one in spans if one[0] > 0] == [pytest.approx((1.0, 2.0)), pytest.approx((3.0, 4.0))]
 
 
 def test_parameters_are_drawn_in_the_scale_of_their_priors():

@@ -122,6 +122,30 @@ def test_a_wave_that_is_no_offset_is_named_once_for_each_place(quiet):
     assert hours[0] <= 15 <= hours[1]
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_where_an_offset_of_the_rest_does_not_hold_nothing_is_measured_higher(seed):
+    """Half a kelvin low except while it is warm outside, without a course of the day."""
+    rng = np.random.default_rng(seed)
+    rows = 0.3 * wander(rng, (100, 1, 672), 0.5)
+    plain = Residuals((np.arange(672) + 1) * 3600.0, rows[0], rows[1:], ["y"], ["K"])
+    outside = wander(rng, (672,), 0.99)
+    warm, cold = (
+        Regime(label, "", sign * outside > np.quantile(sign * outside, 0.7))
+        for label, sign in (("warm outside", 1.0), ("cold outside", -1.0))
+    )
+    observed = plain.observed - 0.5 * ~warm.mask
+    found = scan_cells(with_observed(plain, observed), [warm, cold]).findings
+    assert {one.direction for one in found} <= {"measured lower", "measured higher than elsewhere"}
+    lower = [one for one in found if one.direction == "measured lower"]
+    higher = [one for one in found if one not in lower]
+    assert {one.cell["hours"] for one in found} == {"any"}
+    assert any(one.cell["regime"] == "any" for one in lower)
+    assert all(-0.6 < one.size < -0.25 for one in lower)
+    assert higher and all(one.cell["regime"] == "warm outside" for one in higher)
+    assert all(0.25 < one.size < 0.6 for one in higher)
+    assert "y: measured higher than elsewhere by 0." in higher[0].text
+
+
 @settings(max_examples=8, deadline=None)
 @given(seed=st.integers(0, 100), scales=st.tuples(st.floats(1e-6, 1e3), st.floats(1e-2, 1e6)), swap=st.booleans())
 def test_units_and_order_of_channels_do_not_matter(seed, scales, swap):

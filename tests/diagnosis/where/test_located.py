@@ -8,8 +8,9 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from diagnosis.where import Regime, locate
-from diagnosis.where.correlation import scan_correlations
+from diagnosis.where import Regime, Residuals, locate
+from diagnosis.where.cells import scan_cells
+from diagnosis.where.correlation import _joined, scan_correlations
 from diagnosis.where.episodes import _refined, scan_episodes
 from diagnosis.where.ink import as_base64
 from diagnosis.where.pictures import draw_cells, draw_correlations
@@ -57,6 +58,46 @@ def test_inputs_that_merely_follow_the_cause_are_not_named(quiet, inputs):
     assert [(f.channel, f.cell["input"], f.cell["lag_hours"]) for f in found.findings] == [("y1", "sun", "0")]
 
 
+@pytest.mark.parametrize(("lag", "said"), [(0, "at the same step"), (3, "30 min after it"), (33, "5.5 h after it")])
+def test_a_lag_between_full_hours_is_found_as_often_as_none(lag, said):
+    """At steps of ten minutes, in noise whose innovations are small beside it."""
+    found = []
+    for seed in range(6):
+        calm = twins(seed, outputs=1, steps=720, twins=39, step=600.0)
+        rng = np.random.default_rng(100 + seed)
+        wind = wander(rng, (720,), 0.9)
+        observed = calm.observed.copy()
+        observed[0, lag:] += 0.15 * wind[: 720 - lag]
+        scanned = scan_correlations(with_observed(calm, observed), {"wind": wind, "sun": wander(rng, (720,), 0.95)})
+        found += [(one.cell["input"], one.cell["lag"]) for one in scanned.findings]
+    assert found.count(("wind", said)) >= 5
+    assert len(found) <= 7
+
+
+def test_steps_of_minutes_are_joined_and_a_gap_of_most_of_them_stays():
+    calm = twins(3, outputs=1, steps=1445, twins=19, step=120.0)
+    observed = calm.observed.copy()
+    observed[0, 20:23] = observed[0, 30:32] = np.nan
+    found = scan_correlations(with_observed(calm, observed), {"sun": np.sin(calm.time / 9000.0)})
+    assert found.lags[len(found.lags) // 2 + 1] == 600.0
+    assert np.isfinite(found.correlation).all()
+    series = np.arange(11.0)
+    series[[4, 5, 6]] = np.nan
+    np.testing.assert_array_equal(_joined(series, 5), [2.0, 8.5])
+    series[3] = np.nan
+    assert np.isnan(_joined(series, 5)[0])
+
+
+@pytest.mark.slow
+def test_correlations_at_short_steps_raise_false_alarms_as_rarely_as_promised():
+    alarms = 0
+    for seed in range(200):
+        calm = twins(seed, outputs=1, steps=288, twins=19, step=600.0)
+        rng = np.random.default_rng(1000 + seed)
+        alarms += scan_correlations(calm, {"wind": wander(rng, (288,), 0.9)}).test.p_value <= 0.05
+    assert abs(alarms / 200 - 0.05) < 2.6 * np.sqrt(0.05 * 0.95 / 200)
+
+
 def test_an_episode_is_found_with_its_ends(quiet):
     observed = quiet.observed.copy()
     observed[0, 100:150] += 5.0
@@ -68,12 +109,42 @@ def test_an_episode_is_found_with_its_ends(quiet):
     assert last / 3600 == pytest.approx(150, abs=2)
 
 
+def test_a_stretch_is_said_to_differ_from_the_rest_by_what_it_does():
+    """What calibration bent to a lasting episode: low within it, and high outside."""
+    rows = 0.1 * wander(np.random.default_rng(6), (60, 1, STEPS), 0.5)
+    calm = Residuals(3600.0 * np.arange(1, STEPS + 1), rows[0], rows[1:], ["y"], ["K"])
+    inside = (np.arange(STEPS) >= 96) & (np.arange(STEPS) < 240)
+    observed = calm.observed + np.where(inside, -0.242, 0.201)
+    found = scan_episodes(with_observed(calm, observed))
+    first = found.findings[0]
+    assert first.size == pytest.approx(observed[0, inside].mean() - observed[0, ~inside].mean(), abs=0.02)
+    assert first.text.startswith("y: measured lower than in the rest of the recording by 0.4")
+    (axes,) = draw_episodes(with_observed(calm, observed), found).axes
+    assert axes.texts[0].get_text().startswith("lower than the rest by 0.4")
+
+
+def test_a_stretch_beside_one_that_was_named_is_not_higher_than_a_rest_that_is_not():
+    """Five high for four days, then one for two: lower than a rest with the former, higher than one without."""
+    rows = 0.1 * wander(np.random.default_rng(7), (60, 1, STEPS), 0.5)
+    calm = Residuals(3600.0 * np.arange(1, STEPS + 1), rows[0], rows[1:], ["y"], ["K"])
+    observed = calm.observed.copy()
+    observed[0, 48:144] += 5.0
+    observed[0, 216:264] += 1.0
+    found = scan_episodes(with_observed(calm, observed)).findings
+    assert [one.direction.split()[1] for one in found[:2]] == ["higher", "higher"]
+    assert [round(one.size) for one in found[:2]] == [5, 1]
+
+
 def test_a_change_of_scatter_is_found_where_it_begins(quiet):
     observed = quiet.observed.copy()
     observed[1, 200:] += 2.5 * np.random.default_rng(1).normal(size=STEPS - 200)
     found = scan_episodes(with_observed(quiet, observed))
     top = found.findings[0]
-    assert (top.channel, top.direction, top.cell["statistic"]) == ("y1", "more scatter", "variance")
+    assert (top.channel, top.direction, top.cell["statistic"]) == (
+        "y1",
+        "more scatter than in the rest of the recording",
+        "variance",
+    )
     assert found.spans[0][0] / 3600 == pytest.approx(200, abs=24)
     assert top.cell["period"].endswith("on")
 
@@ -162,6 +233,17 @@ def test_the_heat_map_shows_the_offsets_in_the_channel_s_unit(everything):
     pick = (hours >= 15) & (hours < 16) & seen
     typical = everything.residuals.replicates[:, 0][:, pick].mean()
     assert image[0, 15] == pytest.approx(everything.residuals.observed[0, pick].mean() - typical, rel=1e-9)
+
+
+@pytest.mark.parametrize(("hours", "labels"), [(1, 8), (4, 2), (6, 4), (12, 0)])
+def test_the_heat_map_has_a_column_for_the_shortest_hours_that_there_are(hours, labels):
+    calm = twins(4, outputs=1, steps=14 * 24 // hours, twins=19, step=3600.0 * hours)
+    axes = draw_cells(calm, scan_cells(calm)).axes[0]
+    columns = axes.get_images()[0].get_array().shape[1]
+    assert columns == (1 if hours > 6 else 24 // hours + 1)
+    assert [label.get_text() for label in axes.get_xticklabels()][-1] == "all"
+    assert len(axes.get_xticklabels()) == labels + 1
+    assert axes.get_xlabel() == "hour of the day (standard time)"
 
 
 def test_no_sensor_is_suspected_where_no_place_stands_out(quiet, inputs):
