@@ -23,6 +23,7 @@ import numpy as np
 
 from datagen.simulating.simulator import Simulator
 from diagnosis.effects import Effect
+from diagnosis.effects.edges import foreseen
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.grams import AMPLITUDE, Colour, Grams, Projected, projected
 from diagnosis.gap.linear import Linearised, applicable, linearised
@@ -70,15 +71,12 @@ def detectability(
         any amplitude that it may have, by candidate. All in standard deviations of the noise.
     """
     system = simulator.system
-    problem = Problem(
-        simulator,
-        read_recording(recording, system),
-        occupancy=answer["occupancy"],
-        replay=answer["replay"],
-    )
+    record = read_recording(recording, system)
+    problem = Problem(simulator, record, occupancy=answer["occupancy"], replay=answer["replay"])
     low, high = problem.bounds
     z = np.clip(problem.unknowns(answer["parameters"] | answer.get("constants", {})), INSIDE * low, INSIDE * high)
     usable, _ = applicable(problem, effects)
+    problem = problem.with_observed(foreseen(usable, record))  # as a diagnosis does
     problem, around = metered(problem, problem.linearise(z))
     lin = linearised(problem, z, around)
     gap = np.stack([np.subtract(answer["clean"][name], answer["base"][name]) for name in system.output_names])

@@ -80,10 +80,12 @@ def run(
     Raises
     ------
     RecordingError
-        If the set is not of this system, a recording has changed, or the folder holds another run.
+        If the set is not of this system, a recording has changed, the folder holds another run, or no time is given.
     SystemDescriptionError
         If a withheld candidate is not in the library.
     """
+    if not limit > 0:
+        raise RecordingError(f"limit is {limit:g} s; expected more than 0")
     described = system if isinstance(system, System) else load_system(system)
     folder, results = Path(folder), Path(out)
     manifest = read_manifest(folder)

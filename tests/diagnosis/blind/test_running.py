@@ -141,6 +141,13 @@ def test_a_run_goes_on_with_the_limit_of_its_beginning(blind_set, default_system
         run(default_system, blind_set, out, workers=0, judge=HandJudge(), seed=1)
 
 
+@pytest.mark.parametrize("limit", [0.0, -1.0, float("nan")])
+def test_a_run_without_time_is_refused(blind_set, default_system, tmp_path, limit):
+    with pytest.raises(RecordingError, match=r"limit is \S+ s; expected more than 0"):
+        run(default_system, blind_set, tmp_path / "out", workers=0, judge=HandJudge(), limit=limit)
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_program_that_changes_while_it_runs_is_noticed(blind_set, default_system, tmp_path, monkeypatch):
     programs = iter(["first", "second"])
     monkeypatch.setattr(running, "program", lambda: next(programs))
