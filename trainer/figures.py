@@ -12,6 +12,7 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from shared.store import write_atomically
 
@@ -22,7 +23,9 @@ MARKERS = {"paper": "o", "unseen": "x"}
 
 
 def save_png(figure: Figure, path: Path) -> None:
-    """Write a figure whole."""
+    """Write a figure whole, names in it as they stand: between two dollars matplotlib would read a formula."""
+    for text in figure.findobj(Text):
+        text.set_parse_math(False)
     data = io.BytesIO()
     figure.savefig(data, format="png", dpi=150)
     write_atomically(path, data.getvalue())

@@ -118,6 +118,7 @@ def draw(comparison: Comparison, path: Path) -> None:
     """For each output: the difference over the time of year, its rms by regime, and the week that differs most."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from matplotlib.text import Text
 
     count = len(comparison.outputs)
     figure = Figure(figsize=(15, 2.9 * count + 0.6), layout="constrained")
@@ -131,6 +132,8 @@ def draw(comparison: Comparison, path: Path) -> None:
         _over_time(axes[k, 0], comparison, k, unit)
         _by_regime(axes[k, 1], rows, k, unit)
         _worst_week(axes[k, 2], comparison, k, unit)
+    for text in figure.findobj(Text):  # between two dollars in a name it would read a formula
+        text.set_parse_math(False)
     data = io.BytesIO()
     figure.savefig(data, format="png", dpi=110)
     write_atomically(path, data.getvalue())

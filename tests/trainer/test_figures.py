@@ -20,3 +20,10 @@ def test_a_scatter_has_a_panel_for_each_parameter(tmp_path, parameters):
     height, width = matplotlib.image.imread(tmp_path / "scatter.png").shape[:2]
     assert width == pytest.approx(150 * 3.2 * min(parameters, 4), abs=2)
     assert height == pytest.approx(150 * (3.1 * -(-parameters // 4) + 0.5), abs=2)
+
+
+def test_dollars_in_names_are_drawn_as_they_stand(tmp_path):
+    truth = np.random.default_rng(0).uniform(1, 2, (30, 1))
+    cloud = (truth, truth + 0.1, np.full(1, 0.5))
+    draw_scatter({"paper": cloud, "unseen": cloud}, ["Room$20Air_$2d"], ["m"], "a$b_$", tmp_path / "scatter.png")
+    assert matplotlib.image.imread(tmp_path / "scatter.png").std() > 0
