@@ -133,8 +133,8 @@ def refit(
 def at_rest(one: Refit, colours: dict[int, Colour], *, steps: int = STEPS) -> Refit:
     """The same where the search left off, gone on with until nothing is to be gained: it ends within a share of a sd.
 
-    Steps as short as a twentieth are tried: what an effect does may bend within one, such as an input that is moved past
-    the reading's hour, and a search that ends there ends beside the trough.
+    Steps as short as a twentieth are tried: what an effect does may bend within one, such as an input that is moved
+    past the reading's hour, and a search that ends there ends beside the trough.
 
     ``evidence`` and ``sd`` are those of where it began.
     """
