@@ -152,3 +152,18 @@ class HandJudge:
         said = {"a": 0.9, "b": 0.05, "c": 0.005} if off else {}
         verdict = Verdict(verdict="effect", probabilities=said, none=0.05, nothing=0.0, named=["a"])
         return Spoken(verdict if off else Verdict(verdict="no_gap", nothing=0.99))
+
+
+QUIET = Verdict(verdict="no_gap", probabilities={"a": 0.1}, none=0.0, nothing=0.9)
+"""Of a diagnosis that found no gap."""
+
+
+def said(*named, p=None, none=0.0, nothing=0.0, **more):
+    """A verdict that names effects, with probabilities p."""
+    word = "effect" if len(named) == 1 else "ambiguous"
+    p = p or {name: (1 - none - nothing) / len(named) for name in named}
+    return Verdict(verdict=word, probabilities=p, none=none, nothing=nothing, named=list(named), **more)
+
+
+def counts(one):
+    return (one.hits, one.n)

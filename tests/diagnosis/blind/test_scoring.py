@@ -15,18 +15,9 @@ from diagnosis.blind.score_schema import read_score
 from diagnosis.blind.scoring import score
 from diagnosis.blind.verdicts import Moved, Outcome, Place, Shrunk, Verdict, Withheld, read_outcome, write_withheld
 from shared.errors import RecordingError
-from tests.diagnosis.blind.blind_cases import AIR, ROOM, Case, write_results, write_set
-
-
-def said(*named, p=None, none=0.0, nothing=0.0, **more):
-    """A verdict that names effects, with probabilities p."""
-    word = "effect" if len(named) == 1 else "ambiguous"
-    p = p or {name: (1 - none - nothing) / len(named) for name in named}
-    return Verdict(verdict=word, probabilities=p, none=none, nothing=nothing, named=list(named), **more)
-
+from tests.diagnosis.blind.blind_cases import AIR, QUIET, ROOM, Case, counts, said, write_results, write_set
 
 NONE = Verdict(verdict="none_of_these", probabilities={"a": 0.1, "b": 0.1}, none=0.8, nothing=0.0)
-QUIET = Verdict(verdict="no_gap", probabilities={"a": 0.1}, none=0.0, nothing=0.9)
 
 
 def cases():
@@ -59,10 +50,6 @@ def scored(tmp_path_factory):
     folder, answers = write_set(root / "set", cases())
     results = write_results(root / "results", folder, cases())
     return score(folder, answers, results, out=root / "score.html"), root
-
-
-def counts(one):
-    return (one.hits, one.n)
 
 
 def test_false_alarms_recall_and_coverage_are_those_worked_out(scored):
@@ -275,25 +262,6 @@ def test_what_was_withheld_from_the_library_is_none_of_these(tmp_path):
     assert counts(done.right) == (2, 3)  # b is what is left of a and b
 
 
-def test_what_is_visible_depends_on_the_answers_alone(tmp_path):
-    """A gap of twice the noise is no gap where recordings without effect have as much; actuators apart."""
-    ones = [
-        Case("none", truth="no_gap", room=2.5, replay=True, verdict=QUIET),
-        Case("none", truth="no_gap", room=0.5, verdict=QUIET),
-        Case("library", ("a",), room=2.0, replay=True, verdict=said("a")),
-        Case("library", ("a",), room=2.0, verdict=QUIET),
-        Case("library", ("a",), room=3.0, replay=True, verdict=said("a")),
-    ]
-    folder, answers = write_set(tmp_path / "set", ones)
-    done = score(folder, answers, write_results(tmp_path / "results", folder, ones))
-    seen = {one.what: one for one in done.effects}["as the candidate has it, visible"]
-    assert counts(seen.top) == (1, 2)
-    other = [Case(one.stratum, one.effects, one.truth, one.sizes, one.room, replay=one.replay) for one in ones]
-    done = score(folder, answers, write_results(tmp_path / "other", folder, other))
-    seen = {one.what: one for one in done.effects}["as the candidate has it, visible"]
-    assert counts(seen.top) == (0, 2)
-
-
 def test_what_the_diagnosis_declared_it_would_see_is_scored_by_itself(tmp_path):
     ones = [
         Case("library", ("a",), sizes=(1.0,), room=3.0, verdict=said("a", smallest={"a": 2.9})),
@@ -378,18 +346,3 @@ def test_a_score_sees_verdicts_and_answers_and_no_more(scored):
     assert inside == {"set/manifest.json", "set.answers.json", "results/run.json", *recordings, *verdicts}
     assert not [name for name in found["modules"] if name.startswith(("diagnosis.gap", "diagnosis.blind.judging"))]
     assert done.recordings == 12
-
-
-def test_what_can_be_seen_is_that_of_the_whole_set_however_few_recordings_are_scored(tmp_path):
-    """Twenty-five walls, the largest first: of the first five the largest is the limit, of all the second largest."""
-    walls = [Case("none", truth="no_gap", room=3.0, length=3.0, verdict=QUIET)]
-    walls += [Case("none", truth="no_gap", room=0.5, length=0.5, verdict=QUIET) for _ in range(24)]
-    between = [Case("library", ("a",), room=2.0, length=6.0, verdict=said("a")) for _ in range(2)]
-    ones = [*walls[:4], *between, *walls[4:]]
-    folder, answers = write_set(tmp_path / "set", ones)
-    results = write_results(tmp_path / "results", folder, ones)
-    for k in (4, 5):  # the two effects
-        for first in (k + 1, None):
-            done = score(folder, answers, results, first=first)
-            seen = {one.what: one for one in done.effects}["as the candidate has it, visible"]
-            assert counts(seen.top) == counts(done.detectable[0].top) == ((1, 1) if first == 5 else (2, 2))

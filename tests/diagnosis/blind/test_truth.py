@@ -24,7 +24,6 @@ from diagnosis.blind.truth import (
     Occupant,
     Spans,
     Wander,
-    default_truth,
     load_truth,
 )
 from diagnosis.recording import DAY, HOUR
@@ -35,11 +34,6 @@ from shared.errors import SystemDescriptionError
 PPM = 28.9647 / 44.0095 * 1e6
 STILL = Piecewise.constant(0.0)
 T_OUT, N, FLOW, POWER = 273.15, 6.0, 0.12, 1800.0
-
-
-@pytest.fixture(scope="module")
-def truth(default_system):
-    return load_truth(default_truth(default_system), default_system)
 
 
 @pytest.fixture(scope="module")
