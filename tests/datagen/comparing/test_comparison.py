@@ -4,6 +4,7 @@ import subprocess
 import sys
 import zipfile
 from copy import copy
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -39,6 +40,12 @@ def test_a_system_is_like_itself(default):
     assert found.first.shape == (2, 4, 48)
     assert np.array_equal(found.first, found.second)
     assert all((row.rms == 0).all() and (row.largest == 0).all() for row in found.rows())
+
+
+def test_dollars_in_names_are_drawn_as_they_stand(default, tmp_path):
+    found = replace(compare(default, default, systems=1, hours=48), names=("Room$20Air_$2d.fmu", "other.fmu"))
+    write_report(found, tmp_path)
+    assert (tmp_path / PICTURE).read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.slow
