@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import eigh
 
+from diagnosis.fitting.answers import responses
 from diagnosis.fitting.linearisation import Linearisation
-from diagnosis.fitting.nuisance import responses
 from diagnosis.fitting.problem import Problem
 from shared.errors import SimulationError
 
@@ -47,7 +47,7 @@ def determinant(problem: Problem, around: Linearisation) -> Determinant:
     within = problem.nuisance.recorded
     if not within.any():
         return Determinant(around.z, np.zeros(size), np.zeros((size, size)))
-    some = problem.nuisance.only(within)
+    some = problem.nuisance.only(within).shortened(around.lasting)  # as long as those they are compared with
     weight = around.marginal.inverse(around.marginal.by_unknown).T
     wide = weight.shape[0] > weight.shape[1]
     low, high = problem.bounds

@@ -15,7 +15,8 @@ class Linearisation:
 
     ``z`` (unknowns,); ``nuisance`` standard normal, shape (nuisance unknowns,), and its ``heights`` (pulses,);
     ``outputs`` (outputs, steps) simulated with both; ``response`` (outputs, steps, pulses) by heights [unit of output
-    per unit of input]; ``marginal`` integrates the nuisance out of standardised rows of observed readings.
+    per unit of input]; ``marginal`` integrates the nuisance out of standardised rows of observed readings; pulses that
+    turn were followed for ``lasting`` [s] at most.
     """
 
     z: np.ndarray
@@ -24,3 +25,4 @@ class Linearisation:
     outputs: np.ndarray
     response: np.ndarray
     marginal: Marginal
+    lasting: float = np.inf

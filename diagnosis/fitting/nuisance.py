@@ -19,30 +19,24 @@ wanted.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from scipy.sparse import csr_array
 
 from datagen.driving.tables import SNAP, InputTable
-from diagnosis.fitting.differences import either_way
 from diagnosis.recording import DAY
 
 SPACING = DAY
-"""Pulses this far apart share a simulation [s]: what one does is over, or nearly, when the next one comes."""
-TURNED = 0.5
-"""The same of pulses that turn, in shares of the spacing: what takes back as much as it gives is over sooner. In the
-default room four hours would do (0.02 % of the square of what is followed for two days is lost in replay, and 0.2 %
-with controllers, as in a day), but not in a house that forgets within three: sizes of effects were wrong there."""
-HEIGHT = 0.5
-"""Height of a pulse in the difference, in prior standard deviations."""
+"""Pulses are followed for so long [s]: what one does is over, or nearly, when the next one of a simulation comes."""
+TURNED = 0.5 * DAY
+"""The same of pulses that turn [s], at most: what takes back as much as it gives is over sooner."""
 
 
 SPARSE = 0.05
 """Share of a factor that is not zero up to which products leave the zeros out."""
-FIELDS = ("column", "begin", "end", "turns", "recorded", "mean")
+FIELDS = ("column", "begin", "end", "turns", "recorded", "mean", "followed")
 
 
 @dataclass(frozen=True)
@@ -60,7 +54,9 @@ class Nuisance:
 
     ``column`` (pulses,) places among the inputs; ``begin`` and ``end`` (pulses,) [s]; ``turns`` (pulses,): the second
     half of the pulse has the opposite sign; ``recorded`` (pulses,): within the recording, not before it; ``mean``
-    (pulses,) and ``factor`` (pulses, unknowns) [unit of the input]: heights are ``mean + factor @ N(0, 1)``.
+    (pulses,) and ``factor`` (pulses, unknowns) [unit of the input]: heights are ``mean + factor @ N(0, 1)``;
+    ``followed`` (pulses,): from its beginning on a pulse is taken to do something for so long [s], by default
+    :data:`SPACING`, or :data:`TURNED`.
     """
 
     column: np.ndarray
@@ -71,6 +67,11 @@ class Nuisance:
     mean: np.ndarray
     factor: np.ndarray
     levels: tuple[Level, ...] = ()
+    followed: np.ndarray = field(default_factory=lambda: np.empty(0))
+
+    def __post_init__(self) -> None:
+        if len(self.followed) != len(self.mean):
+            object.__setattr__(self, "followed", np.where(self.turns, TURNED, SPACING))
 
     @property
     def size(self) -> int:
@@ -134,6 +135,10 @@ class Nuisance:
         fields = {name: getattr(self, name)[keep] for name in FIELDS}
         return replace(self, **fields, factor=factor[:, used])
 
+    def shortened(self, lasting: float) -> Nuisance:
+        """The same where pulses that turn are followed for no longer than ``lasting`` [s]."""
+        return replace(self, followed=np.where(self.turns, np.minimum(self.followed, lasting), self.followed))
+
     def heights(self, unknowns: np.ndarray) -> np.ndarray:
         """Heights for standard normal unknowns, shape (pulses,): nobody can be fewer than none."""
         heights = self.mean + self.factor @ unknowns
@@ -145,61 +150,3 @@ def no_nuisance() -> Nuisance:
     none = np.empty(0)
     nobody = none.astype(bool)
     return Nuisance(none.astype(int), none, none, nobody, nobody, none, np.empty((0, 0)))
-
-
-def responses(
-    nuisance: Nuisance,
-    simulate: Callable[[list[np.ndarray]], list[np.ndarray]],
-    base: np.ndarray,
-    time: np.ndarray,
-    spacing: float = SPACING,
-) -> np.ndarray:
-    """Outputs by heights of pulses, by differences of whole simulations, several pulses in each.
-
-    Pulses whose simulation fails whichever way they point are taken to do nothing.
-
-    Parameters
-    ----------
-    simulate
-        Outputs (outputs, steps) for pulses of given heights (pulses,) on top of the base.
-    base
-        Outputs without, shape (outputs, steps).
-    time
-        Ends of the steps, shape (steps,) [s].
-    spacing
-        Pulses at least so far apart share a simulation, and each is followed until the next [s].
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (outputs, steps, pulses) [unit of the output per unit of the input].
-    """
-    result = np.zeros((*base.shape, nuisance.size))
-    height = HEIGHT * nuisance.sd
-    combs: list[list[int]] = []
-    over: list[float] = []  # when the last pulse of each has been followed for long enough
-    for k in np.argsort(nuisance.begin, kind="stable"):
-        followed = TURNED * spacing if nuisance.turns[k] else spacing
-        until = nuisance.begin[k] + max(followed, 2 * (nuisance.end[k] - nuisance.begin[k]))
-        for c, earliest in enumerate(over):
-            if nuisance.recorded[k] and nuisance.begin[k] >= earliest - SNAP:
-                combs[c].append(k)
-                over[c] = until
-                break
-        else:
-            combs.append([k])
-            over.append(until if nuisance.recorded[k] else np.inf)
-    runs = []
-    for comb in combs:
-        heights = np.zeros(nuisance.size)
-        heights[comb] = height[comb]
-        runs.append(heights)
-    for comb, (sign, outputs) in zip(combs, either_way(simulate, runs), strict=True):
-        if outputs is None:
-            continue
-        moved = sign * (outputs - base)
-        starts = [*nuisance.begin[comb], np.inf]
-        for i, k in enumerate(comb):
-            rows = (time > starts[i] + SNAP) & (time <= starts[i + 1] + SNAP)
-            result[:, rows, k] = moved[:, rows] / height[k]
-    return result

@@ -17,12 +17,12 @@ import numpy as np
 from datagen.simulating.constants import constants
 from datagen.simulating.simulator import Simulator
 from diagnosis.effects.base import Effect
+from diagnosis.fitting.answers import lasting, responses
 from diagnosis.fitting.differences import one_sided
 from diagnosis.fitting.drive import crowd, drive
 from diagnosis.fitting.linearisation import Linearisation
 from diagnosis.fitting.marginal import Marginal
 from diagnosis.fitting.noise import NoiseModel, errors_under, undeclared
-from diagnosis.fitting.nuisance import responses
 from diagnosis.fitting.remembered import Remembered
 from diagnosis.fitting.runs import Runs
 from diagnosis.fitting.side_by_side import InProcess, Outcome, Runner
@@ -259,20 +259,21 @@ class Problem:
     ) -> Linearisation:
         """Linearise by the nuisance around ``z`` and a nuisance (standard normal; prior mean by default).
 
-        ``response`` of another point saves its simulations.
+        ``response`` of another point saves its simulations, but not how long it was followed.
         """
         z = np.asarray(z, dtype=float)
         nuisance = np.zeros(self.nuisance.factor.shape[1]) if nuisance is None else nuisance
         heights = self.nuisance.heights(nuisance)
         base = self.simulate(z, heights)
+        felt = np.inf
         if response is None:
-            response = responses(
-                self.nuisance,
-                lambda pulses: self.simulate_all([(z, heights + one) for one in pulses]),
-                base,
-                self.time,
-            )
-        return Linearisation(z, nuisance, heights, base, response, self.marginal(response))
+
+            def simulate(pulses: list[np.ndarray]) -> list[np.ndarray]:
+                return self.simulate_all([(z, heights + one) for one in pulses])
+
+            felt = lasting(self.nuisance, simulate, base, self.time, self.observed, self.floor)
+            response = responses(self.nuisance.shortened(felt), simulate, base, self.time)
+        return Linearisation(z, nuisance, heights, base, response, self.marginal(response), felt)
 
     def marginal(self, response: np.ndarray) -> Marginal:
         """What integrates the nuisance out, for a response (outputs, steps, pulses)."""

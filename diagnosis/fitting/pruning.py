@@ -22,5 +22,11 @@ def pruned(problem: Problem, around: Linearisation) -> tuple[Problem, Linearisat
     used = np.abs(nuisance.factor[keep]).any(axis=0)
     response = around.response[:, :, keep]
     return other, Linearisation(
-        around.z, around.nuisance[used], around.heights[keep], around.outputs, response, other.marginal(response)
+        around.z,
+        around.nuisance[used],
+        around.heights[keep],
+        around.outputs,
+        response,
+        other.marginal(response),
+        around.lasting,
     )

@@ -66,11 +66,11 @@ def fitted_abroad(stage: Stage, found: Search, tell: Tell) -> tuple[list[Refit],
         except SimulationError:
             return [], []
         found.simulations += found.made[key].simulations
-    for effect, amplitude in found.made[key].foremost([one.name for one in stage.lin.effects]):
+    for effect, amplitude, start in found.made[key].foremost([one.name for one in stage.lin.effects]):
         own = (found.path, effect.name, "abroad")
         if own not in found.made:
             tell(f"fitting from there with {effect.name}")
-            one = found.made[own] = fitted_with(plain, [effect], np.array([amplitude]), observed, colours, begin)
+            one = found.made[own] = fitted_with(plain, [effect], np.array([amplitude]), observed, colours, start)
             found.simulations += one.simulations if one is not None else 0
         made.append(found.made[own])
     names = {(one.name,) for one in stage.lin.effects}

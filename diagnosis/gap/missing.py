@@ -85,13 +85,14 @@ def _pulses(problem: Problem, z: np.ndarray, heights: np.ndarray, source: Source
         recorded=np.ones(count, dtype=bool),
         mean=np.zeros(count),
         factor=np.eye(count),
+        followed=np.full(count, FOLLOWED),
     )
     where, there = problem, z
     if source.parameters:
         where = problem.with_effects([*problem.effects, _Held(f"source {source.name}", held=source.parameters)])
         first = len(problem.system.parameters) + len(problem.effects)
         there = np.concatenate([z[:first], [1.0], z[first:]])
-    response = felt(where, there, heights, pulses, FOLLOWED)
+    response = felt(where, there, heights, pulses)
     if where is not problem:
         problem.simulations += where.simulations
     # a level multiplies all persons, those of the pulses too

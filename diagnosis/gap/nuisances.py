@@ -13,9 +13,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from diagnosis.fitting.answers import responses
 from diagnosis.fitting.linearisation import Linearisation
 from diagnosis.fitting.meters import Cleared
-from diagnosis.fitting.nuisance import FIELDS, Nuisance, responses
+from diagnosis.fitting.nuisance import FIELDS, SPACING, Nuisance
 from diagnosis.fitting.problem import Problem
 from diagnosis.recording import DAY, HOUR, Recording
 
@@ -35,7 +36,7 @@ def widened(problem: Problem, around: Linearisation) -> tuple[Problem, Linearisa
     around = replace(around, nuisance=np.where(columns, around.nuisance / WITHIN, around.nuisance))
     for place, one in enumerate(problem.system.inputs):
         if one.source == "occupancy" and (problem.nuisance.turns & (problem.nuisance.column == place)).any():
-            problem, around = _joined(problem, around, _late(problem.nuisance, place), None)
+            problem, around = _joined(problem, around, _late(problem.nuisance, place))
     problem, around = metered(problem, around)
     return problem, around, problem.simulations
 
@@ -48,7 +49,7 @@ def metered(problem: Problem, around: Linearisation) -> tuple[Problem, Linearisa
         if one.name in driven.meters:
             edges = np.append(np.arange(driven.start, driven.stop - 1.0, pulse), driven.stop)
             pulses = _meter(edges, place, driven.meters[one.name], problem.recording)
-            problem, around = _joined(problem, around, pulses, FOLLOWED)
+            problem, around = _joined(problem, around, pulses)
     return problem, around
 
 
@@ -64,6 +65,7 @@ def _late(nuisance: Nuisance, place: int) -> Nuisance:
         recorded=np.ones(len(end), dtype=bool),
         mean=np.zeros(len(end)),
         factor=np.diag(nuisance.sd[some]),
+        followed=nuisance.followed[some],
     )
 
 
@@ -82,6 +84,7 @@ def _meter(edges: np.ndarray, place: int, meter: Cleared, recording: Recording) 
         recorded=np.ones(count, dtype=bool),
         mean=np.zeros(count),
         factor=np.linalg.cholesky(covariance + 1e-9 * covariance.max() * np.eye(count)),
+        followed=np.full(count, FOLLOWED),
     )
 
 
@@ -94,7 +97,7 @@ def both(old: Nuisance, pulses: Nuisance) -> Nuisance:
     return Nuisance(**fields, factor=factor, levels=old.levels)
 
 
-def felt(problem: Problem, z: np.ndarray, heights: np.ndarray, pulses: Nuisance, spacing: float | None) -> np.ndarray:
+def felt(problem: Problem, z: np.ndarray, heights: np.ndarray, pulses: Nuisance) -> np.ndarray:
     """Response of the outputs to further pulses, shape (outputs, steps, pulses); its simulations are the problem's."""
     other = problem.with_effects(problem.effects)
     other.nuisance = both(problem.nuisance, pulses)
@@ -104,18 +107,17 @@ def felt(problem: Problem, z: np.ndarray, heights: np.ndarray, pulses: Nuisance,
         lambda runs: other.simulate_all([(z, np.concatenate([heights, run])) for run in runs]),
         base,
         problem.time,
-        **({} if spacing is None else {"spacing": spacing}),
     )
     problem.simulations += other.simulations
     return response
 
 
-def _joined(
-    problem: Problem, around: Linearisation, pulses: Nuisance, spacing: float | None
-) -> tuple[Problem, Linearisation]:
+def _joined(problem: Problem, around: Linearisation, pulses: Nuisance) -> tuple[Problem, Linearisation]:
     """A problem with further pulses, and what they do to the outputs around a linearisation."""
-    response = felt(problem, around.z, around.heights, pulses, spacing)
+    response = felt(problem, around.z, around.heights, pulses)
     other = problem.with_effects(problem.effects)
+    # where the line is drawn again a day is enough: a hundredth of the square of what they do comes later
+    pulses = replace(pulses, followed=np.minimum(pulses.followed, SPACING))
     other.nuisance, other.simulations = both(problem.nuisance, pulses), problem.simulations
     return other, replace(
         around,

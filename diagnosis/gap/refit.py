@@ -215,8 +215,10 @@ def _at(problem: Problem, z: np.ndarray, near: Linearised, *, derivatives: bool 
     z = np.clip(z, *inner(problem))
     known = None if derivatives else near.by_unknown
     made = linearised(problem, z, near.around, (), known, near)
+    if derivatives:
+        return made
     way = z - near.z
-    if derivatives or way @ way < TELLING**2:
+    if way @ way < TELLING**2:
         return made
     missed = made.outputs - near.outputs - near.by_unknown @ way
     return replace(made, by_unknown=near.by_unknown + missed[..., None] * way / (way @ way))

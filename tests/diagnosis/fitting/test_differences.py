@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from diagnosis.fitting.answers import responses
 from diagnosis.fitting.differences import either_way, one_sided
-from diagnosis.fitting.nuisance import Nuisance, responses
+from diagnosis.fitting.nuisance import Nuisance
 from shared.errors import SimulationError
 
 BOUNDS = np.full(2, -3.0), np.full(2, 3.0)

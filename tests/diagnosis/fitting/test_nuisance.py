@@ -1,4 +1,4 @@
-"""The nuisance: integrated out as dense algebra would, with responses as one pulse at a time would give."""
+"""The nuisance: integrated out as dense algebra would, added where it belongs, as likely as the sampler says."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 from datagen.driving.tables import Piecewise, merge
 from datagen.simulating.simulator import Simulator
 from diagnosis.fitting.marginal import Marginal
-from diagnosis.fitting.nuisance import Level, Nuisance, responses
+from diagnosis.fitting.nuisance import Level, Nuisance
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.unmeasured import RARE
 from diagnosis.recording import read_recording
@@ -74,44 +74,6 @@ def test_nobody_is_fewer_than_none_but_a_meter_errs_either_way():
     )
     np.testing.assert_array_equal(pulses.guessed, [True, False, False, False])
     np.testing.assert_array_equal(pulses.heights(np.full(4, -3.0)), [0.0, -3.0, -3.0, -3.0])
-
-
-def test_pulses_that_share_a_simulation_answer_as_alone(house, house_recording):
-    """This house forgets by a factor of 50 in half a day; pulses that turn are followed as long, others twice that."""
-    system = house("me")
-    record = read_recording(house_recording(hours=96, count=False), system)
-    problem = Problem(Simulator(system), record, occupancy="unknown", history=False)
-    z = problem.unknowns({"ro": 2.5, "ri": 0.6, "c": 1.2, "a": 2.5})  # forgets within 3 h
-    base = problem.simulate(z)
-
-    def simulate(runs):
-        return problem.simulate_all([(z, problem.nuisance.mean + one) for one in runs])
-
-    together = responses(problem.nuisance, simulate, base, problem.time)
-    alone = responses(problem.nuisance, simulate, base, problem.time, spacing=1e9)
-    np.testing.assert_allclose(together, alone, atol=1e-2 * np.abs(alone).max())
-    assert np.sum((together - alone) ** 2) < 1e-4 * np.sum(alone**2)
-    assert np.abs(alone).max() > 0
-
-
-def test_what_follows_a_pulse_is_its_own_for_as_long_as_it_is_followed():
-    """Persons are followed for a day, and what turns for half a day, whichever comes first in a shared simulation."""
-    time = HOUR * np.arange(1, 97)
-    begin = HOUR * np.array([7.0, 20.0, 33.0, 46.0, 70.0])
-    turns = np.array([False, True, True, False, True])
-    pulses = Nuisance(
-        column=np.zeros(5, dtype=int),
-        begin=begin,
-        end=begin + HOUR,
-        turns=turns,
-        recorded=np.ones(5, dtype=bool),
-        mean=np.zeros(5),
-        factor=np.eye(5),
-    )
-    lasts = HOUR * np.where(turns, 12.0, 24.0)
-    alone = ((time[:, None] > begin + 1.0) & (time[:, None] <= begin + lasts + 1.0)) * np.linspace(1.0, 2.0, 5)
-    found = responses(pulses, lambda runs: [(alone @ run)[None] for run in runs], np.zeros((1, 96)), time)[0]
-    np.testing.assert_allclose(found, alone, atol=1e-12)
 
 
 def test_the_usual_day_and_its_level_are_those_of_the_sampler(house, house_recording):

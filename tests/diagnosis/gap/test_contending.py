@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from diagnosis.effects.base import Nothing
@@ -65,11 +66,13 @@ def test_of_each_candidate_the_best_refit_is_left():
 def test_those_foremost_where_the_fit_began_are_fitted_from_there_once(monkeypatch):
     """And of a search with fewer candidates only those that it still has."""
     effects = [Nothing(name) for name in ("a", "b", "c", "d")]
-    seen = Abroad(tuple(effects), (1.0, 2.0, 3.0, 4.0), (10.0, 12.0, 14.0, 16.0), 100)
+    begins = tuple(np.full(2, 0.1 * k) for k in range(4))
+    seen = Abroad(tuple(effects), (1.0, 2.0, 3.0, 4.0), begins, (-5.0, -6.0, -7.0, -8.0), 100)
     looked, fitted = [], []
     monkeypatch.setattr(contending, "abroad", lambda *_: looked.append(1) or seen)
 
-    def fit(plain, one, amplitudes, *_):
+    def fit(plain, one, amplitudes, observed, colours, begin):
+        assert begin is begins[effects.index(one[0])]  # where its own refit came to
         fitted.append((one[0].name, *amplitudes))
         worth = {"b": 5.0, "c": 7.0, "d": 1.0}.get(one[0].name)  # a cannot be simulated
         return None if worth is None else SimpleNamespace(names=(one[0].name,), evidence=worth, simulations=10)

@@ -1,0 +1,113 @@
+"""Answers to pulses that share simulations, against those to each pulse alone and for ever."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from datagen import simulate
+from datagen.simulating.simulator import Simulator
+from diagnosis.effects import library
+from diagnosis.fitting.answers import LOST, responses
+from diagnosis.fitting.nuisance import Nuisance
+from diagnosis.fitting.problem import Problem
+from diagnosis.recording import read_recording
+
+HOUR = 3600.0
+FORGETS = {2.0: (2.0, 1.0), 3.0: (2.5, 1.2), 28.0: (7.0, 4.0)}
+"""Resistance and capacity of houses, by what they take to forget [h]."""
+
+
+def test_pulses_that_share_a_simulation_answer_as_alone(house, house_recording):
+    """This house forgets by a factor of 50 in half a day; pulses that turn are followed as long, others twice that."""
+    system = house("me")
+    record = read_recording(house_recording(hours=96, count=False), system)
+    problem = Problem(Simulator(system), record, occupancy="unknown", history=False)
+    z = problem.unknowns({"ro": 2.5, "ri": 0.6, "c": 1.2, "a": 2.5})  # forgets within 3 h
+    base = problem.simulate(z)
+
+    def simulate(runs):
+        return problem.simulate_all([(z, problem.nuisance.mean + one) for one in runs])
+
+    together = responses(problem.nuisance, simulate, base, problem.time)
+    ever = replace(problem.nuisance, followed=np.full(problem.nuisance.size, 1e9))
+    alone = responses(ever, simulate, base, problem.time)
+    np.testing.assert_allclose(together, alone, atol=1e-2 * np.abs(alone).max())
+    assert np.sum((together - alone) ** 2) < 1e-4 * np.sum(alone**2)
+    assert np.abs(alone).max() > 0
+
+
+def test_what_follows_a_pulse_is_its_own_for_as_long_as_it_is_followed():
+    """Persons are followed for a day, and what turns for half a day, whichever comes first in a shared simulation."""
+    time = HOUR * np.arange(1, 97)
+    begin = HOUR * np.array([7.0, 20.0, 33.0, 46.0, 70.0])
+    turns = np.array([False, True, True, False, True])
+    pulses = Nuisance(
+        column=np.zeros(5, dtype=int),
+        begin=begin,
+        end=begin + HOUR,
+        turns=turns,
+        recorded=np.ones(5, dtype=bool),
+        mean=np.zeros(5),
+        factor=np.eye(5),
+    )
+    lasts = HOUR * np.where(turns, 12.0, 24.0)
+    alone = ((time[:, None] > begin + 1.0) & (time[:, None] <= begin + lasts + 1.0)) * np.linspace(1.0, 2.0, 5)
+    found = responses(pulses, lambda runs: [(alone @ run)[None] for run in runs], np.zeros((1, 96)), time)[0]
+    np.testing.assert_allclose(found, alone, atol=1e-12)
+
+
+@pytest.mark.parametrize("hours", FORGETS)
+def test_changes_within_steps_are_followed_as_long_as_a_house_remembers_them(house, house_recording, hours):
+    system = house("me")
+    record = read_recording(house_recording(hours=240), system)
+    problem = Problem(Simulator(system), record, replay=True, history=False)
+    assert problem.nuisance.turns.all()
+    z = problem.unknowns({"ro": FORGETS[hours][0], "c": FORGETS[hours][1], "ri": 0.6, "a": 2.5})
+    around = problem.linearise(z)
+    ever = replace(problem.nuisance, followed=np.full(problem.nuisance.size, 1e9))
+    alone = responses(ever, lambda runs: problem.simulate_all([(z, one) for one in runs]), around.outputs, problem.time)
+    assert around.response.any()
+    assert _lost(problem, around.response, alone) < 2 * LOST
+    assert 2 * hours * HOUR <= around.lasting or around.lasting >= 8 * HOUR
+
+
+def _lost(problem, response, alone):
+    """Of the mean square of what turned pulses do and of the noise, the share that a response lacks."""
+    scale = problem.nuisance.sd / problem.floor[:, None, None]
+    missing, whole = (np.sum(((one * scale)[problem.observed]) ** 2) for one in (alone - response, alone))
+    return missing / (whole + problem.observed.sum())
+
+
+def test_few_simulations_are_enough_where_changes_are_soon_forgotten(default_system, tmp_path):
+    """In the default room in replay: nearly as good as following all for half a day, with half of the simulations."""
+    path = tmp_path / "room.nc"
+    simulate(default_system, hours=120.0, seed=4, out=path)
+    problem = Problem(Simulator(default_system), read_recording(path, default_system), replay=True, history=False)
+    assert problem.nuisance.turns.all()
+    z = np.zeros(problem.size)
+    base = problem.simulate(z)
+
+    def answers(nuisance):
+        before = problem.simulations
+        made = responses(nuisance, lambda runs: problem.simulate_all([(z, one) for one in runs]), base, problem.time)
+        return made, problem.simulations - before
+
+    around = problem.linearise(z)
+    taken = problem.simulations - 2
+    alone, _ = answers(replace(problem.nuisance, followed=np.full(problem.nuisance.size, 1e9)))
+    half_a_day, many = answers(problem.nuisance)
+    assert _lost(problem, around.response, alone) < 2 * _lost(problem, half_a_day, alone) < 0.01
+    assert around.lasting <= 6 * HOUR
+    assert taken < 0.6 * many
+
+
+def test_what_a_slow_sensor_shows_late_is_followed_for_longer(default_system, tmp_path):
+    """How long changes are felt is asked anew where an effect is in the model."""
+    path = tmp_path / "room.nc"
+    simulate(default_system, hours=120.0, seed=4, out=path)
+    problem = Problem(Simulator(default_system), read_recording(path, default_system), replay=True, history=False)
+    lag = next(one for one in library(default_system) if one.name == "sensor.temperature.lag")
+    slow = problem.with_effects([lag])
+    lasting = [one.linearise(slow.unknowns({lag.name: hours})).lasting for one, hours in ((slow, 0.0), (slow, 3.0))]
+    assert lasting[1] >= 2 * lasting[0]
