@@ -18,6 +18,7 @@ from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from typing import Any
 
+from diagnosis.blind.begun import uncertain_sha256
 from diagnosis.blind.judging import Diagnoser, Judge, program
 from diagnosis.blind.sealed import read_manifest
 from diagnosis.blind.verdicts import LIMIT, RUN, VERDICTS, WITHOUT, Parameter, Run, name_of, read_run, write_run
@@ -237,6 +238,10 @@ def _check(system: System, folder: Path, manifest: dict[str, Any]) -> None:
         )
     if manifest["fmu_sha256"] != sha256_of(system.fmu_path):
         raise RecordingError(f"{folder}: fmu_sha256 is not that of {system.fmu_path}; expected the same FMU")
+    if manifest.get("uncertain_sha256") not in (None, uncertain_sha256(system)):  # older sets do not say
+        raise RecordingError(
+            f"{folder}: uncertain_sha256 is not that of {system.path}; expected the same [[uncertain]]"
+        )
     for one in manifest["recordings"]:
         path = folder / one["file"]
         if not path.exists() or sha256_of(path) != one["sha256"]:

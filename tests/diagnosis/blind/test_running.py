@@ -15,6 +15,7 @@ from cyclopts import App
 
 import diagnosis.blind.judging as judging
 import diagnosis.blind.running as running
+from diagnosis.blind.begun import uncertain_sha256
 from diagnosis.blind.command import app as blind_app
 from diagnosis.blind.make import make
 from diagnosis.blind.running import run
@@ -163,6 +164,20 @@ def test_sets_of_another_system_and_changed_recordings_are_refused(blind_set, de
     (blind_set / "recordings" / "0002.nc").write_bytes(b"other")
     with pytest.raises(RecordingError, match=r"0002\.nc: missing or changed since it was published"):
         run(default_system, blind_set, tmp_path / "out", workers=0, judge=HandJudge())
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_set_of_rooms_whose_constants_vary_otherwise_is_refused(blind_set, default_system, tmp_path):
+    """A diagnosis would believe in other rooms than those of the truth."""
+    path = blind_set / "manifest.json"
+    about = json.loads(path.read_text())
+    path.write_text(json.dumps(about | {"uncertain_sha256": uncertain_sha256(default_system)}))
+    run(default_system, blind_set, tmp_path / "same", workers=0, judge=HandJudge())
+    wider = [one.model_copy(update={"relative": 0.5 * one.relative}) for one in default_system.uncertain]
+    other = default_system.model_copy(update={"uncertain": wider})
+    assert other.hash() == default_system.hash()
+    with pytest.raises(RecordingError, match=r"uncertain_sha256 is not that of .*expected the \[\[uncertain\]\]"):
+        run(other, blind_set, tmp_path / "out", workers=0, judge=HandJudge())
     assert not (tmp_path / "out").exists()
 
 
