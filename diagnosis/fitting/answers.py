@@ -23,6 +23,8 @@ SAMPLE = 4
 LOST = 2e-4
 """Of the mean square of what they do to an output, in units of its noise and with the noise's own: what comes later
 than half of the time for which they are then followed, and before they would have been given up anyway."""
+WORTH = 0.5
+"""Of the time for which they are followed otherwise: for less than that to be spared nothing is given up."""
 
 Simulate = Callable[[list[np.ndarray]], list[np.ndarray]]
 
@@ -110,7 +112,8 @@ def lasting(
     ages = np.arange(1, int(some.followed.max() / step) + 2) * step
     later = np.stack([np.sum(squares, axis=(1, 2), where=age > one) for one in ages])
     allowed = LOST * (np.sum(squares, axis=(1, 2)) + share * observed[used].sum(axis=1))
-    return 2.0 * float(ages[np.argmax((later <= allowed).all(axis=1))])
+    long = 2.0 * float(ages[np.argmax((later <= allowed).all(axis=1))])
+    return long if long <= WORTH * some.followed.min() else np.inf
 
 
 def _combs(nuisance: Nuisance) -> list[list[int]]:

@@ -69,13 +69,16 @@ def replayed(place: int, recording: Recording, signal: Piecewise) -> Nuisance:
     """Means over long steps: the halves of a step may differ as much as its neighbours do, and so may its quarters.
 
     What changes once, at any time of a step with equal probability, changes within each half of it with half the
-    probability, but then as much: the spread of a half's halves is sqrt(1/2) of that of the step's.
+    probability, but then as much: the spread of a half's halves is sqrt(1/2) of that of the step's. An actuator that
+    never ran backwards did not within a step either: a heater that gave next to nothing in an hour did not give much in
+    one half of it, and what a model made of less than nothing would be no answer to a change within the step.
     """
     if recording.step < LONG:
         return no_nuisance()
     values = signal.at(recording.time - 0.5 * recording.step)
     change = np.abs(np.diff(values))
     spread = 0.5 * np.maximum(np.append(0.0, change), np.append(change, 0.0))
+    spread = np.minimum(spread, values - min(values.min(), 0.0))
     covariance = spread[:, None, None] ** 2 * np.diag([1.0, 0.5, 0.5])
     return _pulses(place, recording, covariance, float(values.std()))
 

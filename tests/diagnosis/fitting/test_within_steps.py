@@ -118,10 +118,22 @@ def test_short_steps_and_an_empty_room_have_nothing_within(default_system, tmp_p
 
 
 def test_a_replayed_actuator_that_jumps_once_varies_as_a_uniform_time_says(tmp_path):
-    """From 0 to 1 at a uniform time of one step: nobody knows when, and quarters spread by sqrt(1/2) of the halves."""
+    """From 1 to 2 at a uniform time of one step: nobody knows when, and quarters spread by sqrt(1/2) of the halves."""
     record = recording(tmp_path, 6)
-    values = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
+    values = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
     nuisance = replayed(0, record, Piecewise(record.time - HOUR, values, "previous"))
     spread = covariances(nuisance, 6)
     assert (np.trace(spread, axis1=1, axis2=2) > 0).tolist() == [False, False, True, True, False, False]
     np.testing.assert_allclose(HAAR @ spread[2] @ HAAR.T, 0.25 * np.diag([1.0, 0.5, 0.5]), atol=1e-12)
+
+
+@pytest.mark.parametrize(("lowest", "last"), [(0.0, 0.2), (-1.0, 0.0)])
+def test_an_actuator_that_never_ran_backwards_did_not_within_a_step_either(tmp_path, lowest, last):
+    """Beside steps of 5 it gave ``last`` above the least that it ever gives: no half of that step differs by more."""
+    record = recording(tmp_path, 6)
+    values = np.array([5.0, 5.0, lowest + last, 5.0, 5.0, lowest])
+    nuisance = replayed(0, record, Piecewise(record.time - HOUR, values, "previous"))
+    halves = np.sqrt((HAAR @ covariances(nuisance, 6) @ HAAR.T)[:, 0, 0])
+    assert halves[2] == pytest.approx(last, abs=1e-9)
+    assert halves[5] == pytest.approx(0.0, abs=1e-9)
+    assert halves[1] == pytest.approx(0.5 * (5.0 - lowest - last))
