@@ -7,10 +7,10 @@ import pytest
 
 import datagen.limits.sensitivities as sensitivities
 from datagen.cli import app
-from datagen.driving.sampling import record_start
+from datagen.driving.sampling import record_start, sample_parameters
 from datagen.farming.package import weather_hashes
 from datagen.limits.ceilings import ceilings_of, identifiability, posterior_variance
-from datagen.limits.sensitivities import HOUR, SPIN_UP_HOURS, Window, random_window
+from datagen.limits.sensitivities import HOUR, SPIN_UP_HOURS, Window, around, random_window
 from shared.ceiling import Ceilings, read_ceilings
 from shared.errors import SimulationError, SystemDescriptionError
 from shared.system import parse_system
@@ -292,6 +292,41 @@ def test_one_crowd_however_many_inputs_read_it(house):
     alone = random_window(house("N"), 24.0, 1, 0)
     # q = 0.1 kW a person by way of N, and 1 kW by way of P; the house is linear in them
     np.testing.assert_allclose(window.occupancy, 11 * alone.occupancy, rtol=1e-3, atol=1e-6)
+
+
+def test_a_parameter_is_moved_within_its_range_and_in_its_own_scale(house):
+    linear = house().parameters[0]  # from 4 to 12: its standard deviation is 8 / sqrt(12)
+    move = 0.02 * 8 / np.sqrt(12)
+    assert around(linear, 7.0) == pytest.approx((7.0 - move, 7.0 + move), rel=1e-4)
+    assert around(linear, 4.0) == (4.0, pytest.approx(4.0 + move, rel=1e-4))
+    assert around(linear, 11.99) == (pytest.approx(11.99 - move, rel=1e-4), 12.0)
+    decades = linear.model_copy(update={"scale": "log", "min": 1e-3, "max": 1e3})
+    for value in (2e-3, 1.0, 900.0):  # the standard deviation of the logarithm is ln(1e6) / sqrt(12)
+        ratio = np.exp(0.02 * np.log(1e6) / np.sqrt(12))
+        assert around(decades, value) == pytest.approx((value / ratio, value * ratio), rel=1e-3)
+    assert around(decades, 1e-3)[0] == 1e-3
+
+
+def test_the_limit_of_a_parameter_over_decades_does_not_hang_on_the_width_of_its_difference(house, monkeypatch):
+    """It is small in this system: on the linear scale it would be moved to less than nothing."""
+    system = house()
+    wide = [system.parameters[0].model_copy(update={"scale": "log", "min": 1e-2, "max": 12.0}), *system.parameters[1:]]
+    system = system.model_copy(update={"parameters": wide})
+    drawn = [sample_parameters(system, 1, index)[0] for index in range(40)]
+    windows = []
+    for width in (0.02, 0.005):
+        monkeypatch.setattr(sensitivities, "PARAMETER_STEP", width)
+        windows.append(random_window(system, 24.0, 1, int(np.argmin(drawn))).parameters[..., 0])
+    assert min(drawn) < 0.02 * np.std(wide[0].from_unit(np.linspace(0, 1, 2001)))
+    np.testing.assert_allclose(*windows, rtol=0.01, atol=1e-3 * np.abs(windows[1]).max())
+
+
+def test_steps_that_do_not_divide_the_spin_up_have_a_limit(house):
+    """Ten days are not a whole number of steps of 7 h."""
+    system = house().with_experiment(hours=70.0, step=7 * 3600.0)
+    window = random_window(system, 14.0, 1, 0)
+    assert window.visited.shape[0] == 36  # 35 steps are the least that hold ten days
+    assert np.isfinite(window.parameters).all()
 
 
 def test_counted_persons_are_known_as_means_of_steps(house, monkeypatch):
