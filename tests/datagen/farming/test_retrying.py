@@ -7,7 +7,7 @@ from contextlib import suppress
 
 import pytest
 
-from datagen import run, verify
+from datagen import info, run, verify
 from datagen.farming import worker
 from shared.store import DatasetFolder, read_manifest
 from tests.datagen.faults import failing, faulty_system, hashes, shards_in, stay_in_this_process
@@ -116,6 +116,8 @@ def test_what_fewer_systems_fail_in_is_better(system, tmp_path, monkeypatch):
     failing(monkeypatch, 4)
     run(system, folder, retry_failures=True, **SIZE)
     assert [one["system"] for one in failures(folder)] == [4]
+    told = info(folder)
+    assert (told["systems_done"], told["systems_failed"], told["complete"]) == (5, 1, False)
     assert DatasetFolder(folder).load().systems.tolist() == [0, 1, 2, 3, 5]
     assert verify(folder) == []
 
