@@ -36,8 +36,8 @@ def merge(folders: Sequence[Path | str], out: Path | str) -> Manifest:
         ``out`` is as it was.
     """
     for folder in folders:  # before their manifests are read
-        if found := at_work(folder):
-            raise DatasetError(f"{folder}: a run is at it ({found}); expected a dataset that nobody writes to")
+        if holder := at_work(folder):
+            raise DatasetError(f"{folder}: a run is at it ({holder}); expected a dataset that nobody writes to")
     datasets = [DatasetFolder(folder) for folder in folders]
     if len(datasets) < 2:
         raise DatasetError(f"{len(datasets)} dataset to merge; expected at least two")
