@@ -51,8 +51,15 @@ def handed_on(system: System, other: System, fmus: tuple[Fmu, Fmu]) -> dict[str,
     Raises
     ------
     SystemDescriptionError
-        If one of these has another unit in the other FMU.
+        If one of these, or a parameter that the first draws, has another unit in the other FMU.
     """
+    for name in system.parameter_names:  # which the other may have under [fixed], where nothing states a unit
+        ours, theirs = (unit_of(fmu.variables[name]) for fmu in fmus)
+        if ours != theirs:
+            raise SystemDescriptionError(
+                f"{system.path}: parameter {name!r} has unit {ours!r} in {fmus[0].path.name} and {theirs!r} in "
+                f"{fmus[1].path.name}; expected the same, for both get the value that is drawn"
+            )
     found = {name: value for name, value in system.fixed.items() if _open(name, other, fmus[1])}
     for name in found:
         ours, theirs = (unit_of(fmu.variables[name]) for fmu in fmus)
@@ -73,7 +80,7 @@ def _open(name: str, other: System, fmu: Fmu) -> bool:
 def unmatched(system: System, other: System, fmu: Fmu) -> list[str]:
     """In a sentence each, what one of the two has and the other has not, so that they differ in it by themselves.
 
-    What both fix, at two values, is such a difference, too.
+    What both fix, at two values, is such a difference, too; what one fixes and the other draws is drawn for both.
 
     Parameters
     ----------
@@ -91,6 +98,11 @@ def unmatched(system: System, other: System, fmu: Fmu) -> list[str]:
         for name, value in system.fixed.items()
         if name in other.fixed and other.fixed[name] != value
     ]
+    drawn = [
+        f"{name} ({other.fixed[name]:g})"
+        for name in system.parameter_names
+        if name in other.fixed and name not in other.parameter_names
+    ]
     lacking = [name for name in system.fixed if name not in other.fixed and not _open(name, other, fmu)]
     unused = [name for name in system.input_names if name not in other.input_names]
     resting = [
@@ -101,6 +113,7 @@ def unmatched(system: System, other: System, fmu: Fmu) -> list[str]:
     found = (
         (held, "parameters of {theirs} that {ours} does not draw are held at its own values: {names}"),
         (apart, "values under [fixed] of {theirs} are not those of {ours}: {names}"),
+        (drawn, "values under [fixed] of {theirs} give way to those that {ours} draws: {names}"),
         (lacking, "parameters that {ours} has under [fixed] are none of {theirs}: {names}"),
         (unused, "inputs of {ours} are not used by {theirs}: {names}"),
         (resting, "inputs of {theirs} that {ours} does not have rest at their declared values: {names}"),

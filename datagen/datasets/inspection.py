@@ -47,7 +47,7 @@ def info(folder: Path | str) -> dict[str, Any]:
         "systems_wanted": manifest.systems,
         "systems_done": len(done),
         "systems_failed": len(failures),
-        "complete": len(done) + len(failures) == manifest.systems,
+        "complete": len(done) == manifest.systems,
         "splits": {name: splits.count(k) for k, name in enumerate(SPLITS)},
         "shards": len(manifest.shards),
         "bytes": size,

@@ -16,10 +16,12 @@ from shared.ceiling import read_ceilings, write_ceilings
 from shared.errors import DatasetError
 from shared.lock import FILE_NAME as LOCK_FILE
 from shared.lock import FolderLock, at_work
+from shared.logs import logger
 from shared.store import DatasetFolder, Manifest, ShardEntry, Source, sha256_of, temporary_name, write_manifest
 
 _DRAFT = ".merging"
 """In a folder that was there before: what becomes its content. A merge that was killed leaves it."""
+_log = logger(__name__)
 _SAME = ("system_hash", "fmu_sha256", "settings")
 
 
@@ -29,9 +31,13 @@ def merge(folders: Sequence[Path | str], out: Path | str) -> Manifest:
     Raises
     ------
     DatasetError
-        If two have a root seed in common, differ in system, FMU, schema or settings, if a shard is damaged, or if
-        ``out`` holds anything or cannot be written. Then ``out`` is as it was.
+        If two have a root seed in common, differ in system, FMU, schema or settings, if a shard is damaged or not in
+        its manifest, if a run is at work in one of them, or if ``out`` holds anything or cannot be written. Then
+        ``out`` is as it was.
     """
+    for folder in folders:  # before their manifests are read
+        if holder := at_work(folder):
+            raise DatasetError(f"{folder}: a run is at it ({holder}); expected a dataset that nobody writes to")
     datasets = [DatasetFolder(folder) for folder in folders]
     if len(datasets) < 2:
         raise DatasetError(f"{len(datasets)} dataset to merge; expected at least two")
@@ -116,7 +122,26 @@ def _check(datasets: Sequence[DatasetFolder]) -> list[Source]:
                 )
             owners[source.root_seed] = dataset.folder
             sources.append(source)
+        _check_whole(dataset)
     return sources
+
+
+def _check_whole(dataset: DatasetFolder) -> None:
+    """Refuse a dataset with shards that its manifest does not list; say what else it lacks."""
+    manifest = dataset.manifest
+    listed = {entry.file for entry in manifest.shards}
+    for path in sorted((dataset.folder / "shards").glob("*.nc")):
+        if path.name not in listed:
+            raise DatasetError(
+                f"{path}: not in the manifest; expected shards that are: run again to go on with a run that was "
+                "stopped, or remove the file"
+            )
+    lacking = manifest.systems - len(manifest.done()) - len(Failures.read(dataset.folder))
+    if lacking > 0:
+        _log.warning(
+            "%s: %d of its %d systems have not been simulated, and are not in what is merged",
+            *(dataset.folder, lacking, manifest.systems),
+        )
 
 
 def _limits(datasets: Sequence[DatasetFolder], draft: Path) -> None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
+from typing import Any
 
 from dask.distributed import Client, KilledWorker
 
@@ -28,13 +29,20 @@ MANIFEST_EVERY = 5.0
 """Seconds between two writes of the manifest, at least; a shard between two of them is adopted by the next run."""
 _DEATHS = 4
 """A shard under guard cannot take its worker down. If its workers still die so often, it is not the FMU."""
-_AT_ONCE = 100
-"""Shards looked at ahead for what is to be simulated again: a large manifest is then not written for each of them."""
 _EARLY = 20
 """Systems after which a run stops if more than half have failed, whatever the budget."""
 
 
 _log = logger(__name__)
+
+
+@dataclass(frozen=True)
+class _Better:
+    """A shard that was simulated again, beside the one that it will replace; ``failed`` are what it still lacks."""
+
+    piece: Piece
+    entry: ShardEntry
+    failed: list[dict[str, Any]]
 
 
 @dataclass
@@ -62,28 +70,20 @@ class Collection:
         self.system = system
         self.budget = budget
         self._entries = {entry.file: entry for entry in manifest.shards}
-        self._waiting: dict[str, ShardEntry] = {}  # withdrawn, but no worker has been asked yet
-        self._replaced: dict[str, ShardEntry] = {}  # withdrawn, and a worker may have written over their files
+        self._better: dict[str, _Better] = {}  # to take their places when the manifest is written
+        self._unwritten = False  # whether failures.jsonl is behind
         self._stored = time.monotonic()
         self._pause = MANIFEST_EVERY
         self._failed_now = 0
         self._sent: Counter[str] = Counter()
 
-    def withdrawn(self, pieces: Iterator[Piece]) -> Iterator[Piece]:
-        """The same pieces; the entry of a shard that is there already is out of the manifest before its piece is given.
+    def target(self, piece: Piece) -> str:
+        """File name for a worker to write a shard under.
 
-        A worker writes over such a shard in place. Were it still listed when the run is killed, the file would not be
-        what the manifest says. A file that is not listed is held against itself by the next run, and adopted or made
-        anew.
+        One that is there already is not written over: systems in it may fail this time. Its second version lies beside
+        it, under a name that the next run clears away, until all of it is known.
         """
-        while batch := list(islice(pieces, _AT_ONCE)):
-            self._waiting = {one.file: self._entries.pop(one.file) for one in batch if one.file in self._entries}
-            if self._waiting:
-                self.store()
-            for piece in batch:
-                if piece.file in self._waiting:
-                    self._replaced[piece.file] = self._waiting.pop(piece.file)
-                yield piece
+        return f".{piece.file}.again.tmp" if piece.file in self._entries else piece.file
 
     def collect(
         self, client: Client, pieces: Iterator[Piece], *, quiet: bool = False, patience: float = PATIENCE
@@ -98,7 +98,7 @@ class Collection:
         flight = Dispatcher(
             client,
             simulate_shard,
-            lambda task: (self.job, task.piece.file, tuple(task.piece.systems), task.deaths > 0),
+            lambda task: (self.job, self.target(task.piece), tuple(task.piece.systems), task.deaths > 0),
             (_Task(piece) for piece in pieces),
             patience=patience,
         )
@@ -121,13 +121,7 @@ class Collection:
                         bar.update(len(self.failures) + self._count(), note=rate)
                         self._check_budget(finished)
         finally:
-            self._entries |= self._waiting
             self.store()
-            if self._replaced:
-                _log.warning(
-                    "%s: shards that were being simulated again, out of the manifest until the next run: %d",
-                    *(self.folder, len(self._replaced)),
-                )
 
     def _send_package(self, client: Client, worker: str) -> None:
         self._sent[worker] += 1
@@ -150,45 +144,93 @@ class Collection:
         flight.again(task)
 
     def take(self, piece: Piece, result: ShardResult) -> None:
-        """Record one shard: first its failures, then its file, then its entry."""
-        before = self._replaced.pop(piece.file, None)
-        entry, failed = result.entry, result.failures
-        if entry is None and before is not None and self._stands(before):
-            # every system has failed this time and no file was written: what was there is kept
-            entry, failed = before, [one for one in failed if one["system"] not in before.systems]
-        new = self.failures.drop(piece.root_seed, piece.systems) > 0 or bool(failed)
-        for failure in failed:
-            self.failures.put(failure)
+        """Record one shard: first its failures, then its file, then its entry.
+
+        One that was there before is replaced only by one that holds all its systems, and when the manifest is written.
+        """
+        before, entry = self._entries.get(piece.file), result.entry
+        self._failed_now += len(result.failures)
+        for failure in result.failures:
             _log.debug("system %d failed", failure["system"], extra=fields(**failure))
-        self._failed_now += len(failed)
-        if new:
-            self.failures.write(self.folder)
         if entry is not None:
+            path = self.folder / "shards" / entry.file
             if result.data is not None:
-                write_atomically(self.folder / "shards" / piece.file, result.data)
-            self._entries[piece.file] = entry
+                write_atomically(path, result.data)
+            entry = entry.model_copy(update={"file": piece.file})
             _log.debug("shard %s", piece.file, extra=fields(systems=entry.systems, seed=piece.root_seed))
+        if before is None:
+            self._note(piece, piece.systems, result.failures)
+            self._write_failures()
+            if entry is not None:
+                self._entries[piece.file] = entry
+        elif (lost := set(before.systems).difference(entry.systems if entry else ())) and self._stands(before):
+            _log.warning(
+                "%s: kept as it was: simulated again, %d of its systems failed (%s)",
+                *(self.folder / "shards" / piece.file, len(lost), min(lost)),
+            )
+            self._note(piece, (), [one for one in result.failures if one["system"] not in before.systems])
+            self._write_failures()
+            if entry is not None:
+                path.unlink(missing_ok=True)
+        elif entry is not None:
+            self._better[piece.file] = _Better(piece, entry, result.failures)
+        else:  # what was there is damaged, and nothing came in its place
+            self._note(piece, piece.systems, result.failures)
+            self._write_failures()
+            del self._entries[piece.file]
         if time.monotonic() - self._stored > self._pause:
             self.store()
+
+    def _note(self, piece: Piece, known: Iterable[int], failed: list[dict[str, Any]]) -> None:
+        """The failures of some systems of a shard are forgotten, those that ``failed`` are put in."""
+        self._unwritten |= self.failures.drop(piece.root_seed, known) > 0 or bool(failed)
+        for failure in failed:
+            self.failures.put(failure)
+
+    def _write_failures(self) -> None:
+        if self._unwritten:
+            self.failures.write(self.folder)
+            self._unwritten = False
 
     def _stands(self, entry: ShardEntry) -> bool:
         path = self.folder / "shards" / entry.file
         return path.exists() and sha256_of(path) == entry.sha256
 
     def store(self) -> None:
-        """Write the manifest. The next time is the later, the longer this took."""
+        """Write the manifest. The next time is the later, the longer this took.
+
+        Shards that were simulated again take their places now, and are out of the manifest while they do: were one
+        listed when the run is killed, the file would not be what the manifest says. A file that is not listed is held
+        against itself by the next run, and adopted, with the systems that had failed before.
+        """
         began = time.monotonic()
-        self.manifest.shards = [self._entries[file] for file in sorted(self._entries)]
-        write_manifest(self.folder, self.manifest)
+        if self._better:
+            self._write([entry for file, entry in self._entries.items() if file not in self._better])
+            for file in list(self._better):
+                os.replace(
+                    self.folder / "shards" / self.target(self._better[file].piece), self.folder / "shards" / file
+                )
+                one = self._better.pop(file)
+                self._entries[file] = one.entry
+                self._note(one.piece, one.piece.systems, one.failed)
+        self._write_failures()
+        self._write(list(self._entries.values()))
         self._stored = time.monotonic()
         self._pause = max(MANIFEST_EVERY, 20 * (self._stored - began))
+
+    def _write(self, entries: list[ShardEntry]) -> None:
+        self.manifest.shards = sorted(entries, key=lambda one: one.file)
+        write_manifest(self.folder, self.manifest)
 
     def _count(self) -> int:
         return sum(len(entry.systems) for entry in self._entries.values())
 
     def _check_budget(self, finished: int) -> None:
-        failed, systems = len(self.failures), self.manifest.systems
+        systems = self.manifest.systems
         allowed = max(self.budget * systems, 1.0 if self.budget else 0.0)
+        if self._better and len(self.failures) > allowed:
+            self.store()  # some of them did not fail again
+        failed = len(self.failures)
         mostly = finished >= _EARLY and self._failed_now > finished / 2 and self.budget < 0.5
         if failed > allowed or mostly:
             last = list(self.failures)[-1]

@@ -186,8 +186,7 @@ def run(
                     note(manifest, all_here(), folder, "this run")  # before a shard is there that they made
                     collection.store()
                     patience = float("inf") if cluster in QUEUES else PATIENCE  # jobs may be queued for days
-                    again = collection.withdrawn(chain([first], pieces))
-                    collection.collect(client, again, quiet=quiet, patience=patience)
+                    collection.collect(client, chain([first], pieces), quiet=quiet, patience=patience)
             if not (folder / FAILURES_FILE).exists():
                 failures.write(folder)
             _copy_ceilings(described, folder, excitation=excitation and not calm, uncertain=uncertain)

@@ -85,22 +85,24 @@ def adopt(folder: Path, manifest: Manifest, failures: Failures, settings: str) -
     """Entries for shards that were written whole, but not yet recorded, when a run was stopped.
 
     Such a file must be of this very dataset and agree with the content hash that it carries; any other is left where
-    it is, and the run writes over it.
+    it is, and the run writes over it. Systems in it that had failed before are failures no longer: a run was stopped
+    between the two.
     """
     have = {entry.file for entry in manifest.shards}
     present = {path.name for path in (folder / "shards").glob("*.nc")} - have
     if not present:
         return []
     dataset = DatasetFolder(folder)
-    found = []
+    found, again = [], 0
     for piece in pieces(manifest):
         if piece.file in present:
-            wanted = [i for i in piece.systems if (piece.root_seed, i) not in failures]
-            entry = ShardEntry(file=piece.file, systems=wanted, sha256="", content_hash="")
+            entry = ShardEntry(file=piece.file, systems=[], sha256="", content_hash="")
             try:
                 digest, facts = dataset.shard_facts(entry)
             except DatasetError:
                 continue
+            held = facts["systems"] if isinstance(facts["systems"], list) else []
+            wanted = [i for i in piece.systems if (piece.root_seed, i) not in failures or i in held]
             expected = {
                 CONTENT_HASH: digest,
                 "fmu_sha256": manifest.fmu_sha256,
@@ -111,5 +113,8 @@ def adopt(folder: Path, manifest: Manifest, failures: Failures, settings: str) -
             }
             if all(facts.get(name) == value for name, value in expected.items()):
                 sha256 = sha256_of(dataset.shard_path(entry))
-                found.append(entry.model_copy(update={"sha256": sha256, "content_hash": digest}))
+                found.append(entry.model_copy(update={"systems": wanted, "sha256": sha256, "content_hash": digest}))
+                again += failures.drop(piece.root_seed, wanted)
+    if again:
+        failures.write(folder)
     return found

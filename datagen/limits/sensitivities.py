@@ -22,6 +22,7 @@ from datagen.simulating.constants import constants, sample_factors, values_of
 from datagen.simulating.simulator import Simulator
 from shared.store import sha256_of
 from shared.system import System
+from shared.variables import Parameter
 
 HOUR = 3600.0
 PULSE = 600.0
@@ -30,7 +31,7 @@ would pass for known within: with 1800 here a day of clean readings has a mean R
 0.74 (the default system, two sensors, three rooms, seed 1)."""
 SPIN_UP_HOURS = 240.0
 PARAMETER_STEP = 0.02
-"""Half-width of the difference for a parameter or a constant, in prior standard deviations."""
+"""Half-width of the difference for a parameter or a constant, in prior standard deviations of its own scale."""
 STATE_STEP = 0.02
 PRIOR_DRAWS, DRAWS_EACH = 4000, 5
 """Of the occupancy: at least, and for each pulse, lest its covariance lack directions that nobody happened to take."""
@@ -65,6 +66,22 @@ def crowd_inputs(system: System) -> list[str]:
     return [one.name for one in system.inputs if one.source == "occupancy"]
 
 
+def around(parameter: Parameter, value: float) -> tuple[float, float]:
+    """Two values [unit of the parameter] about ``value``, of which the difference is taken; within its range.
+
+    They are equally far in the parameter's own scale: on the linear one a parameter that is drawn over decades would
+    be moved by more than its value where that is small. Where the range ends, the difference is one-sided.
+    """
+    draws = parameter.from_unit(np.linspace(0, 1, 2001))
+    if parameter.scale == "log":
+        ratio = float(np.exp(PARAMETER_STEP * np.std(np.log(draws))))
+        low, high = value / ratio, value * ratio
+    else:
+        move = PARAMETER_STEP * float(np.std(draws))
+        low, high = value - move, value + move
+    return max(low, parameter.min), min(high, parameter.max)
+
+
 def random_window(system: System, context: float, seed: int, index: int, uncertain: bool = False) -> Window:
     """Sensitivities of a random window of ``context`` [h] of a random system, from its record as the farm makes it.
 
@@ -83,7 +100,7 @@ def random_window(system: System, context: float, seed: int, index: int, uncerta
     scale = np.array([float(np.std(p.from_unit(np.linspace(0, 1, 2001)))) for p in system.parameters])
     known = constants(system, simulator.fmu) if uncertain else ()
     drawn = sample_factors(system, seed, index) if uncertain else np.empty(0)
-    spin_up = SPIN_UP_HOURS * HOUR
+    spin_up = step * np.ceil(SPIN_UP_HOURS * HOUR / step - 1e-9)  # whole steps, lest there be no value at its end
     table = build_inputs(system, root_seed=seed, index=index, start=begin - spin_up, stop=begin + span)
 
     def setting(values: np.ndarray, factors: np.ndarray) -> dict[str, float]:
@@ -112,10 +129,11 @@ def random_window(system: System, context: float, seed: int, index: int, uncerta
         ).outputs
 
     by_parameter, by_constant, by_state = [], [], []
-    for k in range(len(theta)):
-        move = np.zeros_like(theta)
-        move[k] = PARAMETER_STEP * scale[k]
-        by_parameter.append((outputs(theta + move) - outputs(theta - move)) / (2 * PARAMETER_STEP))
+    for k, parameter in enumerate(system.parameters):
+        ends = np.tile(theta, (2, 1))
+        ends[:, k] = around(parameter, float(theta[k]))
+        low, high = ends
+        by_parameter.append((outputs(high) - outputs(low)) / ((high[k] - low[k]) / scale[k]))
     for k, constant in enumerate(known):
         ratio = np.ones_like(drawn)
         ratio[k] = np.exp(PARAMETER_STEP * constant.relative)

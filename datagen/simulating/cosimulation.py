@@ -111,10 +111,10 @@ def plan_steps(
     if abs(start + count * longest - stop) > SNAP * max(count, 1):
         count = int(np.ceil((stop - start) / longest))
     points = start + longest * np.arange(count + 1)
+    jumps = table.time[table.jump]
     if variable:
-        points = np.concatenate([points[points < stop], table.time[table.jump & (table.time < stop)], grid])
-        points = np.unique(points)
-        points = points[np.diff(points, prepend=-np.inf) > SNAP]
+        # of times that are one, a jump counts before an output: just before it inputs are not yet what they become
+        points = _joined(points[:1], jumps[jumps < stop], grid, points[points < stop])
         size = np.diff(points)
     else:
         size = np.full(count, longest)
@@ -125,8 +125,9 @@ def plan_steps(
     row = np.full(len(points), -1, dtype=np.int64)
     row[nearest] = np.arange(len(grid))
     points[-1] = min(points[-1], table.stop)
-    before = table.at(points[:-1])
-    after = _limits_from_the_left(table, points[1:])
+    inputs_of = _snapped(points, jumps)
+    before = table.at(inputs_of[:-1])
+    after = _limits_from_the_left(table, inputs_of[1:])
     slope = np.zeros_like(before)
     held = before.copy()
     k = slice(0, n_continuous)
@@ -134,10 +135,34 @@ def plan_steps(
         if slopes:
             slope[:, k] = ((after - before) / size[:, None])[:, k]
         else:
-            held[:, k] = table.means(points)[:, k]
+            held[:, k] = table.means(inputs_of)[:, k]
     fresh = np.ones(len(before), dtype=bool)
     fresh[1:] = (before[1:] != after[:-1]).any(axis=1)
     return Steps(points[:-1].copy(), size, before, held, slope, after, fresh, row[1:].copy())
+
+
+def _joined(*parts: np.ndarray) -> np.ndarray:
+    """All times [s] of the parts, rising; of those within :data:`SNAP` of each other that of the earliest part."""
+    found = parts[0]
+    for part in parts[1:]:
+        more = part[np.abs(_nearest(part, found) - part) > SNAP]
+        found = np.unique(np.concatenate([found, more]))
+    return found
+
+
+def _snapped(points: np.ndarray, jumps: np.ndarray) -> np.ndarray:
+    """``points`` [s], those that are jumps but for rounding at the very jumps: the sum of steps may fall short."""
+    if not jumps.size:
+        return points
+    near = _nearest(points, jumps)
+    return np.where(np.abs(near - points) <= SNAP, near, points)
+
+
+def _nearest(times: np.ndarray, among: np.ndarray) -> np.ndarray:
+    """Of each of ``times`` [s] the nearest one ``among`` others, which rise and are at least one."""
+    k = np.searchsorted(among, times)
+    below, above = among[np.maximum(k - 1, 0)], among[np.minimum(k, len(among) - 1)]
+    return np.where(np.abs(times - below) <= np.abs(above - times), below, above)
 
 
 def _limits_from_the_left(table: InputTable, times: np.ndarray) -> np.ndarray:

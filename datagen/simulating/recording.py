@@ -47,8 +47,13 @@ def simulate(
     SimulationError
         If the end was not reached.
     DatasetError
-        If ``out`` cannot be written; a file that was there is as it was.
+        If the seed or the index is out of range, or ``out`` cannot be written; a file that was there is as it was.
     """
+    for name, value in (("seed", seed), ("index", index)):
+        if value < 0:
+            raise DatasetError(f"{name} is {value}; expected at least 0")
+    if index >= 2**63:  # what a record's int64 holds
+        raise DatasetError(f"index is {index}; expected at most {2**63 - 1}")
     path = _place(out) if out is not None else None
     described = system if isinstance(system, System) else load_system(system)
     described = described.with_experiment(hours=hours, step=step)

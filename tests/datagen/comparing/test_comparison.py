@@ -141,6 +141,28 @@ def test_what_the_second_cannot_hold_fixed_is_told(default):
         handed_on(first, default, fmus)
 
 
+def test_what_the_second_fixes_and_the_first_draws_is_told(default):
+    volume = next(one for one in default.parameters if one.name == "roo.V")
+    fixed = {**default.fixed, "roo.V": volume.max}
+    other = default.model_copy(
+        update={"parameters": [one for one in default.parameters if one.name != "roo.V"], "fixed": fixed}
+    )
+    found = compare(default, other, systems=1, hours=24)
+    said = f"MixedAirCO2.fmu give way to those that MixedAirCO2.fmu draws: roo.V ({volume.max:g})"
+    assert found.notes == (f"values under [fixed] of {said}",)
+    assert np.array_equal(found.first, found.second)
+
+
+def test_what_is_drawn_has_one_unit_in_both(default):
+    """The second may have it under [fixed], where nothing states a unit: litres would get a number of cubic metres."""
+    fmus = Fmu(default.fmu_path), Fmu(default.fmu_path)
+    assert handed_on(default, default, fmus) == {}
+    fmus[1].variables["roo.V"] = copy(fmus[1].variables["roo.V"])
+    fmus[1].variables["roo.V"].unit = "L"
+    with pytest.raises(SystemDescriptionError, match=r"parameter 'roo\.V' has unit 'm3' in .* and 'L' in "):
+        handed_on(default, default, fmus)
+
+
 def test_inputs_that_only_one_has_are_told(default):
     names = ("CO2Out", "nPer")
     some = default.model_copy(update={"inputs": [one for one in default.inputs if one.name not in names]})

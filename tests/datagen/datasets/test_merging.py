@@ -157,6 +157,33 @@ def test_what_a_killed_merge_left_bars_no_second_one_but_a_living_one_does(two, 
     assert sorted(path.name for path in out.iterdir()) == ["README.md", "failures.jsonl", "manifest.json", "shards"]
 
 
+def test_a_dataset_that_a_run_is_at_is_not_merged(two, tmp_path):
+    """What it is simulating would be lacking, in silence."""
+    with (
+        FolderLock(two[1]),
+        pytest.raises(DatasetError, match=r"b: a run is at it \(process \d+ on .*nobody writes to"),
+    ):
+        merge(two, tmp_path / "both")
+    assert not (tmp_path / "both").exists()
+    merge(two, tmp_path / "both")
+
+
+def test_a_shard_that_its_manifest_does_not_list_bars_a_merge(two, tmp_path):
+    manifest = read_manifest(two[0])
+    write_manifest(two[0], manifest.model_copy(update={"shards": []}))
+    with pytest.raises(DatasetError, match=r"a.shards.shard-000000\.nc: not in the manifest; .*run again"):
+        merge(two, tmp_path / "both")
+
+
+def test_systems_that_nobody_has_simulated_yet_are_told(two, tmp_path, caplog):
+    merge(two, tmp_path / "whole")
+    assert "have not been simulated" not in caplog.text
+    manifest = read_manifest(two[1])
+    write_manifest(two[1], manifest.model_copy(update={"systems": manifest.systems + 3}))
+    merge(two, tmp_path / "part")
+    assert f"b: 3 of its {manifest.systems + 3} systems have not been simulated" in caplog.text
+
+
 @pytest.mark.slow
 def test_a_preset_gives_what_is_not_given(teams, tmp_path):
     manifest = run(teams / "system.toml", tmp_path / "ds", preset="short", systems=2, workers=1, quiet=True)

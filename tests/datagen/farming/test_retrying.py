@@ -7,7 +7,7 @@ from contextlib import suppress
 
 import pytest
 
-from datagen import run, verify
+from datagen import info, run, verify
 from datagen.farming import worker
 from shared.store import DatasetFolder, read_manifest
 from tests.datagen.faults import failing, faulty_system, hashes, shards_in, stay_in_this_process
@@ -94,19 +94,56 @@ def test_a_shard_of_which_nothing_came_this_time_is_kept(system, dataset, monkey
     assert verify(dataset) == []
 
 
-def test_stopped_in_order_only_what_a_worker_was_asked_for_is_out(system, tmp_path, monkeypatch, caplog):
+@pytest.mark.parametrize("shared", [True, False], ids=["in place", "sent back"])
+@pytest.mark.parametrize("again", [{3}, {3, 5}, {3, 4}])
+def test_a_system_that_was_there_is_not_lost_where_it_fails_this_time(system, dataset, monkeypatch, shared, again):
+    """The shard keeps its file and its entry, and what is told to have failed is what is not in it."""
+    if not shared:
+        monkeypatch.setattr(worker, "sees_folder", lambda *_: False)
+    before = (read_manifest(dataset).shards, [path.read_bytes() for path in shards_in(dataset)])
+    failing(monkeypatch, *again)
+    run(system, dataset, retry_failures=True, **SIZE)
+    assert (read_manifest(dataset).shards, [path.read_bytes() for path in shards_in(dataset)]) == before
+    assert [one["system"] for one in failures(dataset)] == [BAD]
+    assert verify(dataset) == []
+    assert len(list((dataset / "shards").iterdir())) == 2  # nothing of the second attempt
+
+
+def test_what_fewer_systems_fail_in_is_better(system, tmp_path, monkeypatch):
+    folder = tmp_path / "ds"
+    failing(monkeypatch, 3, 4)
+    run(system, folder, **SIZE)
+    failing(monkeypatch, 4)
+    run(system, folder, retry_failures=True, **SIZE)
+    assert [one["system"] for one in failures(folder)] == [4]
+    told = info(folder)
+    assert (told["systems_done"], told["systems_failed"], told["complete"]) == (5, 1, False)
+    assert DatasetFolder(folder).load().systems.tolist() == [0, 1, 2, 3, 5]
+    assert verify(folder) == []
+
+
+def test_systems_that_no_longer_fail_count_before_the_budget_is_spent(system, tmp_path, monkeypatch):
+    folder = tmp_path / "ds"
+    failing(monkeypatch, 0, 3)
+    run(system, folder, **SIZE)
+    failing(monkeypatch, 4)
+    assert len(run(system, folder, retry_failures=True, **(SIZE | {"failure_budget": 0.2})).shards) == 2
+
+
+def test_stopped_in_order_what_was_there_is_still_listed(system, tmp_path, monkeypatch):
     folder = tmp_path / "ds"
     failing(monkeypatch, 0, 3)
     run(system, folder, **SIZE)
     failing(monkeypatch)
+    before = hashes(folder)
 
     def stopped(*_):
+        assert read_manifest(folder).shards == listed
         raise KeyboardInterrupt
 
+    listed = read_manifest(folder).shards
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
         patch.setattr("datagen.farming.collection.simulate_shard", stopped)
         run(system, folder, retry_failures=True, **SIZE)
-    assert list(hashes(folder)) == ["shard-000001.nc"]
-    assert "out of the manifest until the next run: 1" in caplog.text
-    run(system, folder, **SIZE)
-    assert list(hashes(folder)) == ["shard-000000.nc", "shard-000001.nc"]
+    assert hashes(folder) == before
+    assert verify(folder) == []

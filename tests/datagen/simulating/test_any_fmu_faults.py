@@ -205,6 +205,25 @@ def test_steps_meet_jumps_and_outputs():
         plan_steps(table, grid, 240.0, variable=False, slopes=False, n_continuous=1)
 
 
+@pytest.mark.parametrize("start", [0.0, -864000.0, 15_552_000.0])
+@pytest.mark.parametrize("longest", [172.8, 3600 / 21, 100.0])
+@pytest.mark.parametrize("variable", [True, False])
+@pytest.mark.parametrize("slopes", [True, False])
+def test_inputs_jump_when_they_do_where_steps_are_no_binary_numbers(start, longest, variable, slopes):
+    """A sum of such steps falls just short of some hours, or just beyond: at such a point the new value holds."""
+    hours = start + 3600.0 * np.arange(12 * 24)
+    table = merge({"n": Piecewise(hours, np.arange(len(hours)) % 2.0, "previous")}, start, start + 12 * 86400.0)
+    each = 86400.0 if longest == 172.8 else 3600.0
+    grid = start + each * np.arange(1, round(12 * 86400.0 / each) + 1)
+    steps = plan_steps(table, grid, longest, variable=variable, slopes=slopes, n_continuous=0)
+    if variable:  # an hour is a point, to the last bit
+        assert np.isin(hours, steps.time).all()
+    # wherever a step begins within 1 us of an hour, or between hours, it begins with the value that holds from then on
+    np.testing.assert_array_equal(steps.before, table.at(steps.time + 1e-6))
+    np.testing.assert_array_equal(steps.after, table.at(steps.time + steps.size - 1e-6))
+    assert steps.size.min() > 1e-3
+
+
 def test_scheduled_execution_is_refused(small_fmu, tmp_path):
     with zipfile.ZipFile(small_fmu("lag", 3)) as source, zipfile.ZipFile(tmp_path / "clocked.fmu", "w") as target:
         text = source.read("modelDescription.xml").decode()

@@ -42,3 +42,17 @@ def test_an_estimated_parameter_that_is_an_input_of_the_fmu_can_be_set(small_sys
     assert record["y"].values.tolist() == [3.0] * record.sizes["time"]
     with pytest.raises(SystemDescriptionError, match=r"'switch' is not a parameter .* estimated ones are gain, u"):
         simulate(system, parameters={"switch": 1.0})
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"index": 10**20}, "index is 100000000000000000000; expected at most 9223372036854775807"),
+        ({"index": -1}, "index is -1; expected at least 0"),
+        ({"seed": -1}, "seed is -1; expected at least 0"),
+    ],
+)
+def test_a_system_that_no_record_can_name_is_not_simulated(default_system, monkeypatch, given, said):
+    monkeypatch.setattr(recording, "simulate_system", lambda *_, **__: pytest.fail("simulated"))
+    with pytest.raises(DatasetError, match=said):
+        simulate(default_system, hours=24, **given)
