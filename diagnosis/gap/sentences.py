@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from diagnosis.gap.schema import FEWEST, NamedEffect, Report
+from diagnosis.gap.schema import FEWEST, NamedEffect, Report, ShrinkageOf
 from diagnosis.gap.stages import LEVEL, PLAIN
 from shared.variables import spaced
 
@@ -97,7 +97,11 @@ def _which(report: Report) -> str:
         )
     rest = _left(report) if report.rejected else ""
     if report.verdict == "ambiguous":
-        sets = " and ".join(_one_of(report, one) for one in report.sets)
+        sure = {one[0] for one in report.sets if len(one) == 1}
+        alone = [_named(one) for one in named if one.name in sure]
+        sets = " and ".join(_one_of(report, one) for one in report.sets if len(one) > 1)
+        if alone:
+            return f"Which: {'; and '.join([*alone, sets])}, which the recording cannot tell apart.{rest}"
         return f"Which: {sets}; the recording cannot tell these apart.{rest}"
     said = "; and ".join(_named(one) for one in named)
     return f"Which: {said}.{rest}"
@@ -123,8 +127,6 @@ def _named(one: NamedEffect) -> str:
 def _one_of(report: Report, names: list[str]) -> str:
     """A set that cannot be told apart; of many the foremost."""
     said = [_sure(report, name) for name in names[:LISTED]]
-    if len(said) == 1:
-        return said[0]
     return f"one of {len(names)}, foremost {', '.join(said)}" if len(names) > LISTED else f"one of {', '.join(said)}"
 
 
@@ -165,9 +167,7 @@ def _how_far(report: Report) -> str:
             "How far: on the days that are kept from a fit for that, no channel's gap stands out from the noise, so no"
             f" share of it can be given.{untold}"
         )
-    said = ", ".join(
-        "{1} in {0} (90 % interval {2} to {3})".format(one.channel, *map(_share, one.told)) for one in shares
-    )
+    said = ", ".join(_removed(one) for one in shares)
     placebo = max((one.placebo or 0.0) for one in shares)
     days = (
         "days that took no part in the fit"
@@ -179,6 +179,17 @@ def _how_far(report: Report) -> str:
     return (
         f"How far: on {days}, {what} removes {said} of the gap above noise;"
         f" a meaningless signature of equal freedom removes {placebo:.0%} on average where it removes most."
+    )
+
+
+def _removed(one: ShrinkageOf) -> str:
+    """Share and interval of a channel; where even the lower end is all of the gap, what is left, beside the noise."""
+    share, low, high = one.told
+    if _share(low) != _share(1.0):  # an interval of no width would be told
+        return f"{_share(share)} in {one.channel} (90 % interval {_share(low)} to {_share(high)})"
+    return (
+        f"all in {one.channel} (left are {one.after:.2g}{spaced(one.unit)}, root mean square, where noise is taken for"
+        f" {one.floor:.2g}{spaced(one.unit)})"
     )
 
 

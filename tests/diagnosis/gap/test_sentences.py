@@ -48,6 +48,11 @@ def test_the_answer_says_what_where_and_how_far_in_words():
     # more than all of a gap cannot be removed
     assert "removes 100% in room (90 % interval 70% to 100%) of the gap above noise" in far
     assert far.startswith("How far: on days that took no part in the fit, this removes")
+    # an interval of no width says nothing, what is left does
+    for low in (1.2, 0.996):
+        far = summary(done.model_copy(update={"shrinkage": [gone.model_copy(update={"low": low})]}))[2]
+        left = "(left are 0.1 K, root mean square, where noise is taken for 0.1 K)"
+        assert f"this removes all in room {left} of the gap above noise;" in far and "interval" not in far
     # a source may have the name of an output
     alike = done.model_copy(update={"sources": [source("flow", "none", 1.0)]})
     assert summary(alike)[0].startswith("Where: room: measured higher; 2 more findings, also in flow.")
@@ -122,15 +127,25 @@ def test_too_few_readings_to_tell_how_far_are_not_called_a_gap_that_does_not_sta
 def test_of_a_set_of_many_the_foremost_are_said():
     effects = [named(name, 0.1) for name in "abcdefgh"]
     stages = [stage(0.01, 0.01), stage(0.5, 0.5, ["a"])]
-    sets = [list("abcdefgh"), list("de"), ["f"]]
+    sets = [list("abcdefgh"), list("de")]
     which = summary(report(verdict="ambiguous", effects=effects, sets=sets, stages=stages))[1]
     few = ", ".join(f"{name} (10%)" for name in "abcdef")
     assert which == (
-        f"Which: one of 8, foremost {few} and one of d (10%), e (10%) and f (10%);"
-        " the recording cannot tell these apart."
+        f"Which: one of 8, foremost {few} and one of d (10%), e (10%); the recording cannot tell these apart."
     )
     left = report(verdict="ambiguous", effects=effects, sets=sets, stages=stages, rejected=True)
     assert summary(left)[1].endswith("these apart. Something more is left that these do not explain.")
+
+
+def test_a_cause_beside_a_set_is_told_with_its_size():
+    """Only of the set the recording does not tell which it is."""
+    effects = [named("a", 0.85), named("b", 0.5), named("c", 0.3)]
+    stages = [stage(0.01, 0.01), stage(0.5, 0.5, ["a", "b"])]
+    for sets in ([["a"], ["b", "c"]], [["b", "c"], ["a"]]):
+        assert summary(report(verdict="ambiguous", effects=effects, sets=sets, stages=stages))[1] == (
+            "Which: the a leaks (a), by 2 W (1 to 3), with probability 85%;"
+            " and one of b (50%), c (30%), which the recording cannot tell apart."
+        )
 
 
 def test_what_is_left_is_said_to_look_like_a_cause_that_was_passed_over():
