@@ -56,6 +56,17 @@ def test_days_that_are_read_as_months(house, written, read):
     assert house(frame.assign(when=days.strftime(written)), mapping.replace(read, written)).steps > 150
 
 
+def test_days_that_are_read_as_months_may_hit_an_hour_that_there_is_not(house):
+    """The third of August, read as the eighth of March, when clocks in New York skip an hour."""
+    frame, _ = measured(days=8, minutes=60)
+    days = pd.date_range("2026-08-01 00:00", periods=len(frame), freq="h")
+    mapping = HOURLY.replace("[time]", '[time]\nformat = "%m/%d/%Y %H:%M"').replace(
+        "Europe/Amsterdam", "America/New_York"
+    )
+    with pytest.raises(RecordingError, match=r"jumps by about a month after each day, .* the other way round"):
+        house(frame.assign(when=days.strftime("%d/%m/%Y %H:%M")), mapping)
+
+
 def test_months_that_nobody_logged_are_no_slip(house):
     """A logger that was out for a month, twice, between weeks of readings."""
     frame, _ = measured(days=8, minutes=60)
