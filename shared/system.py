@@ -16,7 +16,8 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from shared.errors import SystemDescriptionError
-from shared.reading import MOST_TOML, parse_json, parse_toml, read_text, short, shown
+from shared.reading import MOST_TOML, parse_json, parse_toml, read_text, shown
+from shared.refused import meant, sentence_of
 from shared.shipped import resolved, shipped_systems
 from shared.signals import Excitation, Occupancy, Schedule, Table, Weather
 from shared.sources import Source
@@ -123,7 +124,8 @@ class System(Table):
             raise ValueError(wrong)
         for channel in self.estimator.channels:
             if channel not in known:
-                raise ValueError(f"estimator.channels: {channel!r} is neither an output nor an input")
+                near = meant(channel, [*self.output_names, *self.input_names])
+                raise ValueError(f"estimator.channels: {channel!r} is neither an output nor an input{near}")
         for where, span in [("experiment", self.experiment.start)] + [
             (f"presets.{name}", one.start) for name, one in self.presets.items() if one.start is not None
         ]:
@@ -227,26 +229,6 @@ class System(Table):
         )
 
 
-def _sentence(error: ValidationError) -> str:
-    first = error.errors()[0]
-    where: list[str] = []
-    for part in first["loc"]:
-        if isinstance(part, int):
-            where[-1:] = [f"{where[-1] if where else ''}[{part + 1}]"]
-        elif not isinstance(part, str) or not part.startswith("function-"):
-            where.append(str(part))
-    what = first["msg"].removeprefix("Value error, ")
-    kind = first["type"]
-    if kind == "missing":
-        what = "missing; expected a value"
-    elif kind == "extra_forbidden":
-        what = f"unknown field (found {shown(first['input'])})"
-    elif kind != "value_error":
-        what = f"{what} (found {shown(first['input'])})"
-    more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-    return f"{short('.'.join(where))}: {short(what)}{more}" if where else f"{short(what)}{more}"
-
-
 def parse_system(text: str, path: Path) -> System:
     """Parse a system description from TOML text; ``path`` is where relative paths start and errors point.
 
@@ -271,7 +253,7 @@ def _validate(raw: dict[str, object], path: Path) -> System:
     try:
         return System.model_validate(raw)
     except ValidationError as error:
-        raise SystemDescriptionError(f"{path}: {_sentence(error)}") from None
+        raise SystemDescriptionError(f"{path}: {sentence_of(error, System)}") from None
 
 
 def _name_unnamed(raw: dict[str, object], path: Path) -> None:

@@ -18,6 +18,7 @@ import numpy as np
 from fmpy.model_description import ModelDescription, ScalarVariable
 
 from shared.errors import FmuError
+from shared.reading import listed
 
 _NUMBERS = count(1)
 DOUBLE_P = ctypes.POINTER(ctypes.c_double)
@@ -48,6 +49,9 @@ class Interface(ABC):
         kind = description.coSimulation if self.cosimulation else description.modelExchange
         self.log: list[str] = []
         self.name = f"instance-{next(_NUMBERS)}"
+        where = library(folder, kind.modelIdentifier)
+        if not where.is_file():
+            raise FmuError(f"{path}: no usable binary for {fmpy.platform_tuple}: {_instead(folder, where.name)}")
         before = os.getcwd()
         try:
             self.binary: Any = self.load(
@@ -55,7 +59,7 @@ class Interface(ABC):
                 unzipDirectory=str(folder),
                 modelIdentifier=kind.modelIdentifier,
                 instanceName=self.name,
-                libraryPath=str(library(folder, kind.modelIdentifier)),
+                libraryPath=str(where),
             )
         except Exception as error:
             raise FmuError(f"{path}: no usable binary for {fmpy.platform_tuple}: {error}") from None
@@ -123,6 +127,18 @@ def library(folder: Path, identifier: str) -> Path:
     """
     names = [folder / "binaries" / one / f"{identifier}{fmpy.sharedLibraryExtension}" for one in _folders()]
     return next((name for name in names if name.is_file()), names[-1])
+
+
+def _instead(folder: Path, name: str) -> str:
+    """What an unpacked FMU has in place of the shared library of that name, and where it is expected."""
+    binaries = folder / "binaries"
+    found = sorted(one.name for one in binaries.iterdir() if one.is_dir()) if binaries.is_dir() else []
+    sources = (folder / "sources").is_dir()
+    has = f"binaries for {listed(found)}" if found else "sources only" if sources else "no binaries"
+    also = ", and sources" if found and sources else ""
+    cure = "compile its sources, or export it for this platform" if sources else "export it for this platform, too"
+    expected = " or ".join(f"binaries/{one}/{name}" for one in dict.fromkeys(reversed(_folders())))
+    return f"found {has}{also}; expected {expected}: {cure}"
 
 
 def _folders() -> tuple[str, str]:

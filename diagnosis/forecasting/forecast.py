@@ -5,6 +5,7 @@ The bands are simulations with parameters and nuisance drawn from the posterior 
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,6 +29,7 @@ from shared.errors import RecordingError, SimulationError
 from shared.places import check_folder
 from shared.system import System, load_system
 
+_log = logging.getLogger(__name__)
 DRAWS = 40
 LEVEL = 0.9
 
@@ -41,11 +43,13 @@ class Ahead(Score):
 class Forecast(BaseModel):
     """``forecast.json``. Scores are None where nothing was measured ahead; ``begin`` is that of the context.
 
-    Schema 2 added ``begin``.
+    ``draws`` made the bands; ``failed`` more could not be simulated.
+
+    Schema 2 added ``begin``, schema 3 ``failed``: ``draws`` had counted them, too.
     """
 
     model_config = ConfigDict(extra="forbid")
-    schema_version: int = 2
+    schema_version: int = 3
     system: str
     recording: str
     begin: str
@@ -53,6 +57,7 @@ class Forecast(BaseModel):
     ahead_hours: float
     level: float
     draws: int
+    failed: int
     occupancy: str
     calibration: Calibration
     outputs: dict[str, Ahead | None]
@@ -179,6 +184,8 @@ def forecast(
         seen = np.zeros(problem.observed.shape, dtype=bool)
         seen[:, :split] = True
         centre, made = _ensemble(problem.with_observed(seen), z, covariance, draws, seed)
+    if len(made) < draws:
+        _log.warning("%s: %s", record.path, about_failed(len(made), draws - len(made)))
     low, high = band(made)
     outputs: dict[str, Ahead | None] = {}
     for k, output in enumerate(described.outputs):
@@ -197,7 +204,8 @@ def forecast(
             context_hours=context,
             ahead_hours=ahead,
             level=LEVEL,
-            draws=draws,
+            draws=len(made),
+            failed=draws - len(made),
             occupancy=problem.occupancy,
             calibration=report,
             outputs=outputs,
@@ -243,6 +251,11 @@ def band(draws: np.ndarray, level: float = LEVEL) -> tuple[np.ndarray, np.ndarra
     return low, high
 
 
+def about_failed(draws: int, failed: int) -> str:
+    """What is said of draws that could not be simulated, beside those that were."""
+    return f"{failed} of {draws + failed} simulations behind the bands failed; the bands are those of the others"
+
+
 def _part(record: Recording, steps: int) -> Recording:
     """The first steps of a recording."""
     inputs = {name: values[:steps] for name, values in record.inputs.items()}
@@ -252,7 +265,10 @@ def _part(record: Recording, steps: int) -> Recording:
 def _ensemble(
     problem: Problem, z: np.ndarray, covariance: np.ndarray, draws: int, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The most likely outputs (outputs, steps), and draws with noise (draws, outputs, steps) [unit of each]."""
+    """The most likely outputs (outputs, steps), and draws with noise (draws, outputs, steps) [unit of each].
+
+    Draws that cannot be simulated are left out.
+    """
     around = renewed(problem, z, problem.linearise(z))
     centre = problem.simulate(z, problem.nuisance.heights(problem.likely_nuisance(z, around)))
     rng = np.random.default_rng(seed)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from diagnosis.calibrating.sentences import sentences
-from diagnosis.forecasting.forecast import Forecasted
+from diagnosis.forecasting.forecast import Forecasted, about_failed
 from diagnosis.pages import page_environment
 from diagnosis.pictures import BLUE, ORANGE, embedded, figure, readable
 from diagnosis.recording import DAY
@@ -25,9 +25,10 @@ def write_forecast(done: Forecasted, folder: Path) -> None:
 
 def render(done: Forecasted) -> str:
     """The page as HTML, pictures and all."""
-    environment = page_environment()
+    environment, report = page_environment(), done.report
+    failed = [f"{about_failed(report.draws, report.failed)}."] if report.failed else []
     return environment.get_template("forecast.html.j2").render(
-        report=done.report, summary=sentences(done.report.calibration), picture=_picture(done)
+        report=report, summary=sentences(report.calibration) + failed, picture=_picture(done)
     )
 
 

@@ -22,13 +22,13 @@ from diagnosis.gap.apart import Apart, fitted_apart
 from diagnosis.gap.conditions import Otherwise, otherwise
 from diagnosis.gap.decision import Decision, decide, gap_found
 from diagnosis.gap.exchange import exchanged
+from diagnosis.gap.limits import noiseless
 from diagnosis.gap.linear import applicable
 from diagnosis.gap.missing import operators
 from diagnosis.gap.parts import kept_for_scoring
 from diagnosis.gap.places import check_places, place
 from diagnosis.gap.schema import Report
 from diagnosis.gap.search import Search, at_its_optimum, search
-from diagnosis.gap.sentences import noiseless
 from diagnosis.gap.shrinkage import Shrinkage, shrinkages
 from diagnosis.gap.starting import Begun, begun, zero_shot
 from diagnosis.recording import HOUR, Recording

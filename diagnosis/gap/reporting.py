@@ -8,6 +8,7 @@ from diagnosis.fitting.doubt import doubted_sd
 from diagnosis.fitting.fit import Fit
 from diagnosis.gap.conditions import Otherwise
 from diagnosis.gap.decision import Decision
+from diagnosis.gap.limits import limits, strained
 from diagnosis.gap.places import stretch
 from diagnosis.gap.refit import Refit
 from diagnosis.gap.schema import (
@@ -22,7 +23,7 @@ from diagnosis.gap.schema import (
 )
 from diagnosis.gap.search import Search
 from diagnosis.gap.seen import detectability, otherwise_seen
-from diagnosis.gap.sentences import limits, strained, summary
+from diagnosis.gap.sentences import summary
 from diagnosis.gap.shrinkage import Shrinkage
 from diagnosis.gap.stages import Stage
 from diagnosis.gap.twins import TWINS
@@ -102,7 +103,12 @@ def reported(
         cpu_seconds=cpu_seconds,
     )
     limited = limits(report) + strained(report, {one.name: one.relative for one in problem.constants})
-    return report.model_copy(update={"summary": summary(report), "limits": limited})
+    return report.model_copy(update={"summary": summary(report, _sensors(first)), "limits": limited})
+
+
+def _sensors(first: Stage) -> set[str]:
+    """Names of the candidates that are errors of a sensor: they touch what is shown of an output."""
+    return {one.name for one in first.lin.effects if any(what.startswith("output:") for what in one.changes)}
 
 
 def _effects(search: Search, decision: Decision) -> list[NamedEffect]:

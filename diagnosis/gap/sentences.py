@@ -1,26 +1,12 @@
-"""The answer in three sentences, and what limits it."""
+"""The answer in three sentences."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from statistics import median
+from collections.abc import Collection
 
-from diagnosis.calibrating.sentences import far_outside
-from diagnosis.gap.schema import FEWEST, NamedEffect, Report
+from diagnosis.gap.schema import FEWEST, NamedEffect, Report, ShrinkageOf
 from diagnosis.gap.stages import LEVEL, PLAIN
 from shared.variables import spaced
-
-CHECKED = (
-    "In the last twelve blind checks, of versions close to this one and 1,853 one-week recordings of the default room,"
-    " 535 of 678 answers that named effects held a true cause (123 of 187 with replayed actuators), and 327 of 453"
-    " detectable effects were in the answer; half of the answers of none of these were right; of 370 recordings without"
-    " any effect twenty-four raised an alarm."
-)
-UNEXPLAINED = (
-    "A gap that is not explained sits in the parameters as well, and their intervals do not allow for it: in the last"
-    " two blind checks 68 % of such 90 % intervals held the truth. Do not take the parameters from this answer."
-)
-
 
 NEEDED = 0.05
 """Up to this p-value a source is told as missing."""
@@ -28,12 +14,15 @@ LISTED = 6
 """So many names of a set are said."""
 
 
-def summary(report: Report) -> list[str]:
-    """Where, which, and how far; how sure is said with each."""
-    return [_where(report), _which(report), _how_far(report)]
+def summary(report: Report, sensors: Collection[str] = ()) -> list[str]:
+    """Where, which, and how far; how sure is said with each.
+
+    ``sensors``: names of the candidates that are errors of a sensor.
+    """
+    return [_where(report, sensors), _which(report), _how_far(report)]
 
 
-def _where(report: Report) -> str:
+def _where(report: Report, sensors: Collection[str]) -> str:
     if report.verdict == "no_gap":
         return _nowhere(report)
     if not report.where:
@@ -45,7 +34,7 @@ def _where(report: Report) -> str:
     channels = list(dict.fromkeys(one for one in measured if one != best.channel or best.kind == "source"))
     more = f"; {len(others)} more findings" if others else ""
     also = f", also in {', '.join(channels)}" if channels else ""
-    return f"Where: {best.text}{more}{also}.{_kind(report)}"
+    return f"Where: {best.text}{more}{also}.{_kind(report, sensors)}"
 
 
 def _nowhere(report: Report) -> str:
@@ -73,11 +62,16 @@ def _nowhere(report: Report) -> str:
     )
 
 
-def _kind(report: Report) -> str:
-    """Whether a balance lacks something or a sensor errs, as far as that can be told."""
+def _kind(report: Report, sensors: Collection[str]) -> str:
+    """Whether a balance lacks something or a sensor errs, as far as that can be told.
+
+    That is of the base model alone, whose parameters have made up for some of it: an effect of the other sort that is
+    named was fitted with them, and is not contradicted.
+    """
+    named = {one.name in sensors for one in report.effects if one.named}
     if report.balance == "sensor":
-        return " It looks like the error of a sensor rather than of a balance."
-    if report.balance != "balance":
+        return "" if False in named else " It looks like the error of a sensor rather than of a balance."
+    if report.balance != "balance" or True in named:
         return ""
     lacking = [one for one in report.sources if one.verdict == "balance" and one.p_value <= NEEDED]
     # without its mean: parameters have made up for what is constant of it, and may have turned its sign
@@ -103,7 +97,11 @@ def _which(report: Report) -> str:
         )
     rest = _left(report) if report.rejected else ""
     if report.verdict == "ambiguous":
-        sets = " and ".join(_one_of(report, one) for one in report.sets)
+        sure = {one[0] for one in report.sets if len(one) == 1}
+        alone = [_named(one) for one in named if one.name in sure]
+        sets = " and ".join(_one_of(report, one) for one in report.sets if len(one) > 1)
+        if alone:
+            return f"Which: {'; and '.join([*alone, sets])}, which the recording cannot tell apart.{rest}"
         return f"Which: {sets}; the recording cannot tell these apart.{rest}"
     said = "; and ".join(_named(one) for one in named)
     return f"Which: {said}.{rest}"
@@ -129,8 +127,6 @@ def _named(one: NamedEffect) -> str:
 def _one_of(report: Report, names: list[str]) -> str:
     """A set that cannot be told apart; of many the foremost."""
     said = [_sure(report, name) for name in names[:LISTED]]
-    if len(said) == 1:
-        return said[0]
     return f"one of {len(names)}, foremost {', '.join(said)}" if len(names) > LISTED else f"one of {', '.join(said)}"
 
 
@@ -171,9 +167,7 @@ def _how_far(report: Report) -> str:
             "How far: on the days that are kept from a fit for that, no channel's gap stands out from the noise, so no"
             f" share of it can be given.{untold}"
         )
-    said = ", ".join(
-        "{1} in {0} (90 % interval {2} to {3})".format(one.channel, *map(_share, one.told)) for one in shares
-    )
+    said = ", ".join(_removed(one) for one in shares)
     placebo = max((one.placebo or 0.0) for one in shares)
     days = (
         "days that took no part in the fit"
@@ -188,96 +182,17 @@ def _how_far(report: Report) -> str:
     )
 
 
+def _removed(one: ShrinkageOf) -> str:
+    """Share and interval of a channel; where even the lower end is all of the gap, what is left, beside the noise."""
+    share, low, high = one.told
+    if _share(low) != _share(1.0):  # an interval of no width would be told
+        return f"{_share(share)} in {one.channel} (90 % interval {_share(low)} to {_share(high)})"
+    return (
+        f"all in {one.channel} (left are {one.after:.2g}{spaced(one.unit)}, root mean square, where noise is taken for"
+        f" {one.floor:.2g}{spaced(one.unit)})"
+    )
+
+
 def _share(value: float | None) -> str:
     """A share as text."""
     return "?" if value is None else f"{value:.0%}"
-
-
-def _cost(report: Report, condition: str, begin: str) -> str:
-    """How much less would have to be there to be seen under a better condition, as a sentence."""
-    other = next((one.smallest for one in report.otherwise if one.condition == condition), None)
-    if not other:
-        return ""
-    now = {one.name: one.smallest for one in report.detectability}
-    units = {one.name: one.unit for one in report.effects}
-    ratio = {name: size / least for name, size in other.items() if size is not None and (least := now[name])}
-    only = [name for name, size in other.items() if size is not None and now[name] is None]
-    said = f" {begin}, {len(ratio)} candidates would be seen from {median(ratio.values()):.0%} of" if ratio else ""
-    said += " the size that they need here, at the median" if ratio else ""
-    most = [name for name in sorted(ratio, key=lambda name: ratio[name])[:3] if ratio[name] < 0.8]
-    if most:
-        each = [f"{name} from {other[name]:.2g} instead of {now[name]:.2g}{spaced(units[name])}" for name in most]
-        said += f"; most for {', '.join(each)}"
-    if only:
-        said += f"{';' if said else ' ' + begin + ','} seen only then: {', '.join(only)}"
-    return said + "." if said else ""
-
-
-def limits(report: Report) -> list[str]:
-    """What was not known and how that limits the answer."""
-    found = [CHECKED]
-    if report.verdict == "none_of_these":
-        found.append(UNEXPLAINED)
-    if report.occupancy == "unknown":
-        found.append(
-            "Persons were not counted: whatever looks like people coming and going at other times than usual is taken"
-            " for them. Effects that act when people are there are hard to see, and so is how large a leak or an"
-            " opening is: a room that leaks much looks like one with fewer people, and of five such sizes in blind"
-            " checks one was told a third of what it was." + _cost(report, "counted", "Had they been counted")
-        )
-    if report.replay:
-        found.append(
-            f"The recorded actuators ({', '.join(report.replayed)}) drive the model: their own readings are no"
-            " evidence, and errors of their meters act on the other outputs."
-            + _cost(report, "controlled", "With the control loops simulated, had they been those of the model")
-        )
-    blind = [one.name for one in report.detectability if one.smallest is None and one.name not in report.excluded]
-    if blind:
-        found.append(f"Could not be seen in this recording at any size that is allowed: {', '.join(blind)}.")
-    if report.sources_unknown:
-        why = "; ".join(f"{name} ({reason})" for name, reason in report.sources_unknown.items())
-        found.append(f"Missing sources that could not be worked out: {why}.")
-    if report.excluded:
-        found.append("Not tried: " + "; ".join(f"{name} ({why})" for name, why in report.excluded.items()) + ".")
-    named = [one for one in report.detectability if one.name in {n for s in report.sets for n in s} and one.confusable]
-    found += [
-        f"A gap by {one.name} of twice the usual size would be hard to tell from {', '.join(one.confusable)} here."
-        for one in named
-    ]
-    found += [
-        f"The size of {one.name} stopped at the bound of what its description allows ({one.amplitude:.3g}"
-        f"{spaced(one.unit)}): more of it would fit better still. Either the bound is too narrow for this building, or"
-        " the cause is another."
-        for one in report.effects
-        if one.named and one.at_bound and one.amplitude is not None
-    ]
-    bound = [one.name for one in report.parameters if one.at_bound]
-    if bound:
-        found.append(f"On the bounds of their ranges in the base model: {', '.join(bound)}.")
-    if not report.converged:
-        found.append("The fit of the base model had not come to rest when it stopped.")
-    if report.assumed:
-        found.append("Not measured: " + "; ".join(f"{name}: {what}" for name, what in report.assumed.items()) + ".")
-    return found
-
-
-def strained(report: Report, relative: Mapping[str, float]) -> list[str]:
-    """That uncertain constants are far from what the description allows, in the base model and with the effects.
-
-    ``relative`` by name: the standard deviation of the logarithm of a constant's factor in the prior.
-    """
-    before = {one.name: (one.before, relative[one.name]) for one in report.constants}
-    after = {one.name: (one.after, relative[one.name]) for one in report.constants if one.after is not None}
-    return far_outside(before, "In the base model ") + far_outside(after, "With the effects found ")
-
-
-def noiseless(undeclared: Mapping[str, str]) -> list[str]:
-    """That outputs, by name, were taken to be as exact as the model's numbers [unit of each]; nothing of none."""
-    if not undeclared:
-        return []
-    taken = ", ".join(f"{name} (to {size})" for name, size in undeclared.items())
-    return [
-        f"No noise is declared for the sensor of {taken}: readings were taken to be as exact as the model's numbers, so"
-        " that what real sensors get wrong passes for a gap. Declare it in the description's [[outputs]] as"
-        " noise.sensor, or under the preset that --noise names, and diagnose again."
-    ]

@@ -181,6 +181,8 @@ def read_stamps(
             if aware:
                 utc = seconds_of(pd.DatetimeIndex(parsed))
             else:
+                if settings.format != "ISO8601":  # first: the clock of another day may skip or repeat an hour
+                    _no_months_for_days(seconds_of(pd.DatetimeIndex(parsed)), texts, settings, where)
                 utc, told = of_wall_clock(pd.DatetimeIndex(parsed), zone, name, where, sensors)
                 notes += told
         except TypeError:
@@ -248,7 +250,10 @@ def _check_format(form: str, where: str) -> None:
 
 
 def _no_months_for_days(utc: np.ndarray, texts: pd.Series, settings: Time, where: str) -> None:
-    """Refuse times (rows,) [s] that jump by about a month after each day: days were read as months, or the reverse."""
+    """Refuse times (rows,) [s] that jump by about a month after each day: days were read as months, or the reverse.
+
+    They may be of the wall clock: an hour makes no month.
+    """
     jumps = np.flatnonzero(np.diff(utc) > MONTH)
     if len(jumps) < 2:
         return

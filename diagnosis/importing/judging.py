@@ -33,6 +33,8 @@ _STATES = ("presence", "bool", "person", "persons", "count", "counts")
 """Units of what jumps from one reading to the next."""
 MOVING = ("K", "degC", "ppm", "W/m2", "m/s")
 """Units of quantities that never stand still: a sensor of one that does is stuck."""
+FEWER = 1.5
+"""Readings of an output are fewer than its steps where they are so many steps apart, or means over so many."""
 BEAM = "dni"
 """The quantity of the weather that may: the beam of an overcast day is zero from morning to night."""
 _STUCK_AFTER = 12.0
@@ -95,9 +97,9 @@ class Judge:
         signal = self.signal(source, target.unit, where, moving=moving)
         if target.method == "mean" and not self._says_how(source):
             self._instants(target, signal, f"{where}: column {source.column!r}")
+        if target.role == "output":
+            self._as_many(target, signal, f"{where}: column {source.column!r}")
         made = self.gridded(target, signal, source, f"{source.column} [{source.unit}]", where)
-        if target.role == "output" and source.max_gap is None:
-            self.tell(plausible.about_lines(str(source.column), signal, self.step))
         return self._beside(made, source, where)
 
     def _beside(self, made: Series, source: Source, where: str) -> Series:
@@ -136,6 +138,30 @@ class Judge:
                 " for what holds until the next reading"
             )
         self.tell(plausible.about_instants(target.name, apart, self.step))
+
+    def _as_many(self, target: Target, signal: Signal, where: str) -> None:
+        """Refuse readings of an output that would become more than were read, each taken for one of its own.
+
+        Gaps are none of their spacing, and a state is known until the next reading.
+
+        Raises
+        ------
+        RecordingError
+            If readings are usually further apart than steps, or means of longer intervals.
+        """
+        clean = signal.clean()
+        over = clean.kind == "mean" and target.method == "mean"
+        apart = clean.end - clean.begin if over else np.diff(clean.middle)
+        joined = apart if over else apart[apart <= clean.max_gap]
+        usual = float(np.median(joined)) if joined.size else 0.0
+        if clean.kind == "hold" or usual <= FEWER * self.step:
+            return
+        found = f"are means over {usual:g} s" if over else f"are {usual:g} s apart"
+        raise RecordingError(
+            f"{where}: its readings {found}, and a step is {self.step:g} s: most of {target.name} would be made up"
+            f" between them and taken for readings; expected steps of about {usual:g} s, as grid.step ="
+            f" {usual:g} makes them, or reading = 'hold' for what holds until the next reading"
+        )
 
     def converted(self, value: float, source: Source, unit: str, where: str) -> float:
         """A number of the mapping, as written in the source's unit, in ``unit``; refused if readings of it would be."""

@@ -6,7 +6,6 @@ by pvlib's name (``[weather.NAME]``), which then feeds every input that the syst
 
 from __future__ import annotations
 
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Literal
 
@@ -15,6 +14,7 @@ from pydantic import Field, ValidationError, model_validator
 from datagen.driving.weather import UNITS as WEATHER_UNITS
 from shared.errors import RecordingError
 from shared.reading import read_toml, short, shown
+from shared.refused import meant
 from shared.signals import Table
 
 MEASURABLE = {**{name: WEATHER_UNITS[name] for name in WEATHER_UNITS if name != "wind_direction"}, "opaque_cover": "1"}
@@ -184,9 +184,7 @@ def _known(where: tuple[int | str, ...]) -> str:
         names, kind = list(Meter.model_fields), "fields"
     else:
         names, kind = list(_TABLES.get(str(where[0]), Source).model_fields), "fields"
-    near = get_close_matches(short(str(where[-1])), names, n=1)
-    meant = f"; did you mean {near[0]}?" if near else ""
-    return f"; expected {kind} {', '.join(names)}{meant}"
+    return f"; expected {kind} {', '.join(names)}{meant(str(where[-1]), names)}"
 
 
 def _sentence(error: ValidationError) -> str:

@@ -123,19 +123,6 @@ def about_register(column: str, signal: Signal) -> str | None:
     )
 
 
-def about_lines(column: str, signal: Signal, step: float) -> str | None:
-    """A sentence if steps [s] of an output lie between readings that are joined over more than two of them."""
-    apart = np.diff(signal.clean().begin)
-    joined = apart[(apart > max(2.5 * step, LONG)) & (apart <= signal.max_gap)]
-    if signal.kind != "point" or not joined.size:
-        return None
-    hours, usual = joined.sum() / 3600, np.median(joined) / 3600
-    return (
-        f"column {column}: {hours:.4g} h lie between readings that are {usual:.3g} h apart, joined by straight lines"
-        " and taken for readings; max_gap leaves them out"
-    )
-
-
 def about_instants(name: str, apart: float, step: float) -> str | None:
     """A sentence if means over a step [s] are made of readings so far apart [s] that it matters what they are."""
     if apart <= COARSE * step:

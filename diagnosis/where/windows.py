@@ -39,7 +39,7 @@ def all_windows(residuals: Residuals) -> tuple[list[Window], np.ndarray]:
     """
     width = hour_width(residuals.step)
     spans = [(0, 24)]
-    if width <= BLOCK:
+    if BLOCK % width == 0:  # of steps of four hours, a block of six would hold one or two
         spans += [(start, start + BLOCK) for start in range(0, 24, BLOCK)]
     if width < BLOCK:
         spans += [(start, start + width) for start in range(0, 24, width)]

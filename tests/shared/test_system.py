@@ -40,10 +40,13 @@ def test_default_system_is_table_1():
         ("min = 60.0", "min = -1.0", ["parameters[2]", "positive"]),
         ('source = "occupancy"', 'source = "crystal ball"', ["inputs[6]", "crystal ball"]),
         ('schedule = "set_point"', 'schedule = "nights"', ["inputs", "'TSet'", "'nights'"]),
-        ("step = 3600.0", "stpe = 3600.0", ["experiment.stpe", "unknown field"]),
+        ("step = 3600.0", "stpe = 3600.0", ["experiment.stpe", "unknown field", "; did you mean step?"]),
+        ("[experiment]", "[experimnt]", ["experimnt: unknown field", "; did you mean experiment?"]),
+        ('schedule = "set_point"', 'shedule = "set_point"', ["shedule: unknown field", "; did you mean schedule?"]),
         ("step = 3600.0", "step = 3601.0", ["step 3601 s does not divide"]),
         ("[experiment]", "[experiment", ["not valid TOML"]),
         ('channels = ["TRoo", "CO2"]', 'channels = ["TRoo", "H2O"]', ["estimator.channels", "'H2O'"]),
+        ('name = "CO2"', 'name = "CO_2"', ["estimator.channels: 'CO2' is neither", "; did you mean CO_2?"]),
         ('name = "roo.V"', 'name = "roo.AFlo"', ["parameters", "'roo.AFlo'", "twice"]),
         ("headcount = [5, 25]", "headcount = [25, 5]", ["occupancy", "headcount", "[25, 5]"]),
         ("schema_version = 1", "schema_version = 2", ["schema_version", "2"]),
@@ -59,6 +62,12 @@ def test_each_mistake_is_one_sentence(old, new, words):
     assert "\n" not in message
     for word in words:
         assert word in message
+
+
+def test_a_table_of_a_name_that_is_nearly_right_is_told_and_not_that_the_right_one_is_missing():
+    text = TOML.read_text().replace("[[parameters]]", "[[parameter]]")
+    with pytest.raises(SystemDescriptionError, match=r"^mine.toml: parameter: unknown .*; did you mean parameters\?"):
+        parse_system(text, Path("mine.toml"))
 
 
 # one name of each kind in the default room, and what takes its place

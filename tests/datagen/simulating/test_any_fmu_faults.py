@@ -173,10 +173,20 @@ def test_linux_on_arm_is_found_for_fmi_2(tmp_path, monkeypatch):
 
 
 def test_an_fmu_without_a_binary_for_this_machine(small_fmu, tmp_path):
-    with zipfile.ZipFile(small_fmu("lag", 3)) as source, zipfile.ZipFile(tmp_path / "bare.fmu", "w") as target:
-        target.writestr("modelDescription.xml", source.read("modelDescription.xml"))
-    with pytest.raises(FmuError, match="no usable binary"):
-        Fmu(tmp_path / "bare.fmu")
+    """What there is instead is said, and where a binary is expected."""
+    tuples = f"binaries/{fmpy.platform_tuple}/"
+    for there, found, cure in (
+        ((), "no binaries", "export it"),
+        (("sources/a.c",), "sources only", "compile its sources"),
+        (("binaries/beos/a.so", "binaries/amiga/a.so"), "binaries for amiga, beos", "export it"),
+        (("binaries/beos/a.so", "sources/a.c"), "binaries for beos, and sources", "compile its sources"),
+    ):
+        with zipfile.ZipFile(small_fmu("lag", 3)) as source, zipfile.ZipFile(tmp_path / "bare.fmu", "w") as target:
+            target.writestr("modelDescription.xml", source.read("modelDescription.xml"))
+            for name in there:
+                target.writestr(name, "")
+        with pytest.raises(FmuError, match=rf"no usable binary .*: found {found}; expected .*{tuples}.*: {cure}"):
+            Fmu(tmp_path / "bare.fmu")
 
 
 def test_the_communication_step():

@@ -9,12 +9,14 @@ import pytest
 
 from diagnosis.calibrating.calibration import calibrate
 from diagnosis.calibrating.schema import read_calibration
-from diagnosis.forecasting.forecast import band, forecast
+from diagnosis.fitting.problem import Problem
+from diagnosis.forecasting import forecast as forecasting
+from diagnosis.forecasting.forecast import about_failed, band, forecast
 from diagnosis.forecasting.given import check_constants
 from diagnosis.forecasting.report import _days
 from diagnosis.pages import page_environment
 from diagnosis.recording import read_recording
-from shared.errors import RecordingError
+from shared.errors import RecordingError, SimulationError
 
 
 @pytest.mark.slow
@@ -34,6 +36,30 @@ def test_a_band_of_few_draws_holds_its_share_of_further_ones(count):
     low, high = band(rng.standard_normal((count, 60_000)))
     further = rng.standard_normal(60_000)
     assert np.mean((further > low) & (further < high)) == pytest.approx(0.9, abs=0.007)
+
+
+def test_draws_that_fail_are_not_counted_among_those_of_the_band(house, house_recording, tmp_path, monkeypatch, caplog):
+    """Every third of the simulations for the band does not converge."""
+    asked, likely, ensemble = [], Problem.likely_nuisance, forecasting._ensemble
+
+    def fails(self, z, around):
+        asked.append(z)
+        if len(asked) % 3 == 0:
+            raise SimulationError("does not converge")
+        return likely(self, z, around)
+
+    def drawn(*given):
+        monkeypatch.setattr(Problem, "likely_nuisance", fails)
+        return ensemble(*given)
+
+    monkeypatch.setattr(forecasting, "_ensemble", drawn)
+    done = forecast(
+        house("me"), house_recording(hours=96), context=48, ahead=48, starts=1, draws=8, out=tmp_path / "ahead"
+    )
+    assert (done.report.draws, done.report.failed) == (5, 3)
+    said = about_failed(5, 3)
+    assert said.startswith("3 of 8 simulations behind the bands failed")
+    assert said in caplog.text and said in (tmp_path / "ahead" / "forecast.html").read_text()
 
 
 def test_a_forecast_is_drawn_from_the_begin_of_its_first_step():

@@ -78,6 +78,7 @@ unit = "degC"
 column = "sun"
 unit = "W/m2"
 """
+HOURLY = MAPPING.replace("[place]", "[grid]\nstep = 3600.0\n[place]")
 
 
 def warmth(hours):

@@ -144,13 +144,6 @@ def test_an_offset_without_colons_is_a_sentence(house):
         house(frame)
 
 
-def test_outputs_between_readings_hours_apart_are_told(house):
-    frame, hours = measured()
-    seldom = frame.assign(room=frame["room"].where(hours % 4 == 0))
-    assert told(house(seldom), "column room: 144 h lie between readings that are 4 h apart, joined")
-    assert not told(house(frame, out="often.nc"), "lie between readings")
-
-
 def test_long_gaps_of_a_dew_point_are_told(house):
     frame, hours = measured()
     mapping = MAPPING + '[weather.temp_dew]\ncolumn = "dew"\nunit = "degC"\n'

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from diagnosis.importing.clock import read_stamps
 from diagnosis.importing.mapping import Time
 from shared.errors import RecordingError
-from tests.diagnosis.importing.house_cases import measured
+from tests.diagnosis.importing.house_cases import HOURLY, measured
 
 ZONE = ZoneInfo("Europe/Amsterdam")
 BACK = datetime(2022, 10, 30, 1, 0, tzinfo=UTC)
@@ -117,9 +117,9 @@ def test_a_log_that_begins_in_the_hour(pass_):
 
 def test_an_hourly_log_with_a_row_for_each_sensor_is_that_of_whole_rows(house):
     frame, _ = measured(minutes=60)
-    whole = xr.load_dataset(house(frame, out="whole.nc").recording)
+    whole = xr.load_dataset(house(frame, HOURLY, out="whole.nc").recording)
     half = [name for name in frame.columns if name != "when"][::2]
     apart = pd.concat([frame.drop(columns=half), frame[["when", *half]]]).sort_index(kind="stable")
-    xr.testing.assert_equal(xr.load_dataset(house(apart, out="apart.nc").recording), whole)
+    xr.testing.assert_equal(xr.load_dataset(house(apart, HOURLY, out="apart.nc").recording), whole)
     with pytest.raises(RecordingError, match="does not tell its two passes apart"):
         house(apart.sort_values(["when", "room"], kind="stable"), out="sorted.nc")

@@ -1,0 +1,92 @@
+"""Reports that hold as much as a sentence needs."""
+
+from diagnosis.gap.schema import Detectability, NamedEffect, ParameterOf, Place, Report, SourceOf, StageOf
+
+
+def seen(**smallest):
+    return [
+        Detectability(name=name, share=0.5, expected=1.0, smallest=size, confusable=[], ratio=0.0, p_value=1.0)
+        for name, size in smallest.items()
+    ]
+
+
+def named(name, probability=0.9, *, answer=True, amplitude=2.0):
+    return NamedEffect(
+        name=name,
+        description=f"The {name} leaks",
+        probability=probability,
+        named=answer,
+        amplitude=amplitude,
+        low=1.0,
+        high=3.0,
+        unit="W",
+    )
+
+
+def source(name, verdict, mean):
+    return SourceOf(
+        name=name,
+        description=f"missing {name}",
+        unit="W",
+        mean=mean,
+        peak=2 * mean,
+        gain=9.0,
+        p_value=0.005,
+        rival="room",
+        balance=5.0,
+        verdict=verdict,
+        roughness=0.5,
+    )
+
+
+def place(channel, kind="cell", text="room: measured higher"):
+    return Place(channel=channel, cell={}, p_value=0.005, kind=kind, text=text, size=1.0, unit="K")
+
+
+BARE = {
+    "verdict": "effect",
+    "occupancy": "measured",
+    "replay": False,
+    "replayed": [],
+    "detectability": [],
+    "otherwise": [],
+    "sources": [],
+    "sources_unknown": {},
+    "effects": [],
+    "excluded": {},
+    "sets": [],
+    "parameters": [],
+    "converged": True,
+    "assumed": {},
+    "rejected": False,
+    "balance": "none",
+    "shrinkage": [],
+    "chosen_apart": True,
+    "where": [],
+    "stages": [None],
+}
+
+
+def report(**fields):
+    return Report.model_construct(**(BARE | fields))
+
+
+def stage(p_value, where_p, effects=()):
+    """``best`` is of the part that is fitted, the p-values are of all readings: they may be of different candidates."""
+    return StageOf(
+        effects=list(effects),
+        best="fan",
+        ratio=5.0,
+        evidence=2.0,
+        p_value=p_value,
+        misfit_p=0.9,
+        where_p=where_p,
+        episode_p=0.5,
+        left_over=0.0,
+        episode_gain=0.0,
+    )
+
+
+def constant(name, before, after):
+    ends = dict.fromkeys(("before_low", "before_high", "after_low", "after_high"), 1.0)
+    return ParameterOf(name=name, unit="1", before=before, after=after, at_bound=False, at_bound_after=False, **ends)

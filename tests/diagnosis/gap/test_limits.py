@@ -1,0 +1,80 @@
+"""Sentences of what limits an answer, from reports that hold as much as each needs."""
+
+from diagnosis.gap.limits import limits, noiseless, strained
+from diagnosis.gap.schema import ConditionOf
+from diagnosis.gap.sentences import summary
+from tests.diagnosis.gap.report_cases import constant, named, report, seen, stage
+
+
+def test_what_it_costs_that_persons_were_not_counted_is_said_in_numbers():
+    now = seen(a=1.0, b=2.0, c=4.0, d=None, e=1.0)
+    better = ConditionOf(condition="counted", smallest={"a": 1.0, "b": 1.0, "c": 1.0, "d": 3.0, "e": None})
+    effects = [named(name) for name in "abcde"]
+    said = next(
+        one
+        for one in limits(report(occupancy="unknown", detectability=now, otherwise=[better], effects=effects))
+        if one.startswith("Persons")
+    )
+    assert "3 candidates would be seen from 50% of the size that they need here, at the median" in said
+    assert "most for c from 1 instead of 4 W, b from 1 instead of 2 W" in said
+    assert said.endswith("seen only then: d.")
+
+
+def test_nothing_is_said_of_conditions_that_were_as_good_as_they_get():
+    assert not any(one.startswith(("Persons", "The recorded")) for one in limits(report()))
+    alone = limits(report(replay=True, replayed=["Q"]))
+    assert any(one.startswith("The recorded actuators (Q)") and one.endswith("other outputs.") for one in alone)
+
+
+def test_parameters_of_an_unexplained_gap_are_not_to_be_believed():
+    for verdict in ("none_of_these", "effect", "ambiguous", "no_gap"):
+        said = any("Do not take the parameters" in one for one in limits(report(verdict=verdict)))
+        assert said == (verdict == "none_of_these")
+
+
+def test_a_missing_source_that_could_not_be_worked_out_is_said():
+    (said,) = [one for one in limits(report(sources_unknown={"heat": "its simulation fails"})) if "Missing" in one]
+    assert said == "Missing sources that could not be worked out: heat (its simulation fails)."
+
+
+def test_uncertain_constants_far_outside_of_the_description_are_a_limit():
+    """Twice 0.3 in the logarithm is x1.82, and x0.55."""
+    given = report(constants=[constant("floor", 3.0, 1.8), constant("wall", 0.5, 1.83), constant("roof", 2.5, None)])
+    relative = {"floor": 0.3, "wall": 0.3, "roof": 0.5}
+    before, after = strained(given, relative)
+    assert before == (
+        "In the base model floor x3 (allowed: x0.55 to x1.8), wall x0.5 (allowed: x0.55 to x1.8) are far outside of"
+        " what the description allows: parameters that lean on them are not to be believed."
+    )
+    assert after.startswith("With the effects found wall x1.8 (allowed: x0.55 to x1.8) is far outside")
+    assert strained(report(constants=[constant("floor", 1.7, None)]), relative) == []
+
+
+def test_sensors_without_declared_noise_are_named():
+    assert noiseless({}) == []
+    (said,) = noiseless({"room": "0.01 K", "CO2": "1 ppm"})
+    assert said.startswith("No noise is declared for the sensor of room (to 0.01 K), CO2 (to 1 ppm): ")
+    assert "in the description's [[outputs]] as noise.sensor" in said
+
+
+def test_a_size_that_stopped_at_its_bound_is_a_limit_of_an_answer_that_names_it():
+    ends = named("valve").model_copy(update={"at_bound": True, "amplitude": -4.0})
+    other = named("bridge", answer=False).model_copy(update={"at_bound": True})
+    found = limits(report(effects=[ends, other, named("load")]))
+    (said,) = [one for one in found if "stopped at the bound" in one]
+    assert said.startswith("The size of valve") and "(-4 W)" in said
+
+
+def test_a_candidate_that_could_not_be_simulated_was_not_looked_for():
+    found = limits(report(detectability=seen(a=None, b=None), excluded={"b": "its simulation fails"}))
+    (blind,) = [one for one in found if one.startswith("Could not be seen")]
+    assert blind.endswith(": a.")
+    assert any("Not tried: b (its simulation fails)" in one for one in found)
+    none = report(
+        verdict="none_of_these",
+        effects=[named("a", answer=False), named("b", answer=False)],
+        excluded={"b": "its simulation fails"},
+        none_of_these=0.5,
+        stages=[stage(0.001, 0.001)],
+    )
+    assert "none of the 1 candidates" in summary(none)[1]
