@@ -132,8 +132,11 @@ def build_shard(
     }
     for k, parameter in enumerate(system.parameters):
         about = {"long_name": parameter.description or parameter.name, "units": parameter.unit, "role": "parameter"}
-        span = {"valid_min": parameter.min, "valid_max": parameter.max}
-        variables[parameter.name] = (("system",), parameters[:, k].astype(np.float64), about | span)
+        values = parameters[:, k].astype(np.float64)
+        # readers that follow CF take what lies beyond for missing: a value that was set need not be of the prior
+        within = ((values >= parameter.min) & (values <= parameter.max)).all()
+        span = {"valid_min": parameter.min, "valid_max": parameter.max} if within else {}
+        variables[parameter.name] = (("system",), values, about | span)
     for k, constant in enumerate(system.uncertain if factors is not None else ()):
         assert factors is not None
         what = constant.description or constant.name

@@ -2,6 +2,8 @@
 
 import sys
 
+import netCDF4
+import numpy as np
 import pytest
 
 from datagen import simulate
@@ -56,3 +58,15 @@ def test_a_system_that_no_record_can_name_is_not_simulated(default_system, monke
     monkeypatch.setattr(recording, "simulate_system", lambda *_, **__: pytest.fail("simulated"))
     with pytest.raises(DatasetError, match=said):
         simulate(default_system, hours=24, **given)
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.2])
+def test_a_parameter_beyond_its_prior_is_not_missing_to_readers_that_follow_cf(default_system, tmp_path, factor):
+    """Within the prior its bounds are told; without, netCDF4 would mask the value that they exclude."""
+    one = default_system.parameters[1]
+    value = factor * one.max
+    simulate(default_system, parameters={one.name: value}, hours=24, out=tmp_path / "a.nc")
+    with netCDF4.Dataset(tmp_path / "a.nc") as data:
+        read = data[one.name][...]
+        assert not np.ma.is_masked(read) and float(read) == value
+        assert hasattr(data[one.name], "valid_max") == (one.min <= value <= one.max)
