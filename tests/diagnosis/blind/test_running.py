@@ -173,10 +173,10 @@ def test_a_set_of_rooms_whose_constants_vary_otherwise_is_refused(blind_set, def
     about = json.loads(path.read_text())
     path.write_text(json.dumps(about | {"uncertain_sha256": uncertain_sha256(default_system)}))
     run(default_system, blind_set, tmp_path / "same", workers=0, judge=HandJudge())
-    wider = [one.model_copy(update={"relative": 0.5 * one.relative}) for one in default_system.uncertain]
-    other = default_system.model_copy(update={"uncertain": wider})
+    narrower = [one.model_copy(update={"relative": 0.5 * one.relative}) for one in default_system.uncertain]
+    other = default_system.model_copy(update={"uncertain": narrower})
     assert other.hash() == default_system.hash()
-    with pytest.raises(RecordingError, match=r"uncertain_sha256 is not that of .*expected the \[\[uncertain\]\]"):
+    with pytest.raises(RecordingError, match=r"uncertain_sha256 is not that of .*expected the same \[\[uncertain\]\]"):
         run(other, blind_set, tmp_path / "out", workers=0, judge=HandJudge())
     assert not (tmp_path / "out").exists()
 
