@@ -188,8 +188,8 @@ def _removed(one: ShrinkageOf) -> str:
     if _share(low) != _share(1.0):  # an interval of no width would be told
         return f"{_share(share)} in {one.channel} (90 % interval {_share(low)} to {_share(high)})"
     return (
-        f"all in {one.channel} (left are {one.after:.2g}{spaced(one.unit)}, root mean square, where noise is taken for"
-        f" {one.floor:.2g}{spaced(one.unit)})"
+        f"all in {one.channel} (left are {one.after:.3g}{spaced(one.unit)}, root mean square, where noise is taken for"
+        f" {one.floor:.3g}{spaced(one.unit)})"
     )
 
 

@@ -53,6 +53,11 @@ def test_the_answer_says_what_where_and_how_far_in_words():
         far = summary(done.model_copy(update={"shrinkage": [gone.model_copy(update={"low": low})]}))[2]
         left = "(left are 0.1 K, root mean square, where noise is taken for 0.1 K)"
         assert f"this removes all in room {left} of the gap above noise;" in far and "interval" not in far
+    loud = gone.model_copy(update={"low": 1.1, "unit": "W", "after": 3.04, "floor": 99.9})
+    assert (
+        "(left are 3.04 W, root mean square, where noise is taken for 99.9 W)"
+        in summary(done.model_copy(update={"shrinkage": [loud]}))[2]
+    )
     # a source may have the name of an output
     alike = done.model_copy(update={"sources": [source("flow", "none", 1.0)]})
     assert summary(alike)[0].startswith("Where: room: measured higher; 2 more findings, also in flow.")
