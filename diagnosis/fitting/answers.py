@@ -22,19 +22,15 @@ SAMPLE = 4
 """Simulations, or one more, that tell how long pulses that turn are felt."""
 LOST = 2e-4
 """Of the mean square of what they do to an output, in units of its noise and with the noise's own: what comes later
-than half of the time for which they are then followed, and before they would have been given up anyway."""
+than half of the time for which they are then followed, and before they would have been given up anyway. Set by
+hand, as :data:`WORTH`, on the default room and the houses of the tests, on no set that is scored."""
 WORTH = 0.5
 """Of the time for which they are followed otherwise: for less than that to be spared nothing is given up."""
 
 Simulate = Callable[[list[np.ndarray]], list[np.ndarray]]
 
 
-def responses(
-    nuisance: Nuisance,
-    simulate: Simulate,
-    base: np.ndarray,
-    time: np.ndarray,
-) -> np.ndarray:
+def responses(nuisance: Nuisance, simulate: Simulate, base: np.ndarray, time: np.ndarray) -> np.ndarray:
     """Outputs by heights of pulses, by differences of whole simulations, several pulses in each.
 
     Pulses that are followed until the next one begins share a simulation, and each is followed as long as that.

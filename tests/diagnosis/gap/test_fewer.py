@@ -36,7 +36,7 @@ def test_without_a_candidate_is_what_a_fresh_diagnosis_without_it_says(house, dr
         fewer_ = [one for one in candidates(system) if one.name != name]
         fresh = diagnose(system, path, effects=fewer_)
         again = done.without([name])
-        assert again.report.simulations < 0.8 * fresh.report.simulations
+        assert again.report.simulations <= fresh.report.simulations - done.base.simulations  # its fit is known
         alike(again.report.model_dump(exclude=SPENT), fresh.report.model_dump(exclude=SPENT))
         assert name not in {one.name for one in again.report.effects}
 
