@@ -1,7 +1,7 @@
 """Refits that may be the best, made comparable: simulated anew, fitted from where the base model's fit began.
 
 A refit goes along straight lines from the base model's fit. Where these prove bent, the foremost are fitted afresh
-(:mod:`diagnosis.gap.afresh`); where the best still leaves a gross gap, or none stands out, all candidates are looked at
+(:mod:`diagnosis.gap.afresh`); where the best still leaves a gap, or none stands out, all candidates are looked at
 from there (:mod:`diagnosis.gap.abroad`).
 """
 
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from diagnosis.gap.abroad import GROSS as GROSS
+from diagnosis.gap.abroad import UNEXPLAINED as UNEXPLAINED
 from diagnosis.gap.abroad import Ranked, abroad
 from diagnosis.gap.afresh import bent, fitted_afresh, fitted_with
 from diagnosis.gap.refit import Refit

@@ -15,7 +15,7 @@ import numpy as np
 from diagnosis.effects import Effect
 from diagnosis.fitting.fit import Fit, fit
 from diagnosis.fitting.problem import Problem
-from diagnosis.gap.contending import GROSS, Tell, best_of, contended, fitted_abroad
+from diagnosis.gap.contending import UNEXPLAINED, Tell, best_of, contended, fitted_abroad
 from diagnosis.gap.elsewhere import elsewhere
 from diagnosis.gap.fewer import fewer
 from diagnosis.gap.linear import Linearised, applicable, linearised
@@ -170,8 +170,8 @@ def search(
         refits, best = moved(refits, best, stage, found)
         lin = renewed_among(best, stage, effects, found)
         after = examine(lin, observed, size, seed=seed + len(found.stages))
-        gross = first and stage.candidate_found and after.left_over > GROSS
-        again, ranked = fitted_abroad(stage, found, tell) if gross else ([], [])
+        rest = first and stage.candidate_found and after.left_over > UNEXPLAINED
+        again, ranked = fitted_abroad(stage, found, tell) if rest else ([], [])
         if again:
             tried, refits = ranked, best_of([*again, best, *anew])
             if refits[0] is not best:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from diagnosis.gap import search as searching
-from diagnosis.gap.contending import GROSS
+from diagnosis.gap.contending import UNEXPLAINED
 from diagnosis.gap.search import search
 
 COLOURS = SimpleNamespace(best={})
@@ -66,17 +66,17 @@ def test_a_refit_confirms_what_a_straight_line_found(searched, gain, misfits, di
 
 @pytest.mark.parametrize(
     ("left", "worth", "named", "weighed"),
-    [(99.0, 60.0, "near", ["near"]), (101.0, 60.0, "far", ["far", "near"]), (101.0, 40.0, "near", ["near", "far"])],
+    [(9.0, 60.0, "near", ["near"]), (11.0, 60.0, "far", ["far", "near"]), (11.0, 40.0, "near", ["near", "far"])],
 )
-def test_where_a_gross_gap_is_left_candidates_are_looked_at_again(searched, left, worth, named, weighed):
+def test_where_a_gap_is_left_candidates_are_looked_at_again(searched, left, worth, named, weighed):
     """And one that is fitted from where the fit began is chosen where it is the more plausible one."""
     before = {"candidate_found": True, "misfits": True, "discrepancy": True}
     near = [a_refit("near", 50.0), a_refit("other", 45.0)]
     found, _ = searched(before, left, near, ([a_refit("far", worth)], ["all"]))
     assert [one.name for one in found.chosen] == [named]
     # what was not simulated anew is no measure beside what was
-    assert [one.names[0] for one in found.refits[0]] == (weighed if left > GROSS else ["near", "other"])
-    assert (found.tried[0] == ["all"]) == (left > GROSS)
+    assert [one.names[0] for one in found.refits[0]] == (weighed if left > UNEXPLAINED else ["near", "other"])
+    assert (found.tried[0] == ["all"]) == (left > UNEXPLAINED)
 
 
 @pytest.mark.parametrize(
