@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
@@ -38,6 +39,18 @@ class Weather(Table):
     transposition: Literal["isotropic", "haydavies", "perez"] = "perez"
 
 
+_MOST = {
+    "headcount": math.inf,
+    "arrival": 24.0,
+    "duration": 24.0,
+    "attendance": 1.0,
+    "gaps": 24.0,
+    "gap_duration": 24.0,
+    "gap_share": 1.0,
+}
+"""Largest end of each span of an occupancy: hours of a day, shares, and absences that a day has room for."""
+
+
 class Occupancy(Table):
     """A random schedule of persons. Spans are uniform distributions (low, high); times are in hours.
 
@@ -59,10 +72,12 @@ class Occupancy(Table):
 
     @model_validator(mode="after")
     def _spans(self) -> Occupancy:
-        for name in ("headcount", "arrival", "duration", "attendance", "gaps", "gap_duration", "gap_share"):
+        for name in _MOST:
             low, high = getattr(self, name)
-            if low > high or low < 0:
-                raise ValueError(f"{name}: span is [{low:g}, {high:g}]; expected 0 <= low <= high")
+            most = _MOST[name]
+            if not 0 <= low <= high <= most:
+                end = "" if most == math.inf else f" <= {most:g}"
+                raise ValueError(f"{name}: span is [{low:g}, {high:g}]; expected 0 <= low <= high{end}")
         return self
 
 
@@ -86,7 +101,7 @@ class Sinusoid(Table):
     """amplitude * sin(2 pi (t / period + phase))."""
 
     amplitude: float = Field(description="[unit of the input]")
-    period: float = Field(gt=0, description="[h]")
+    period: float = Field(ge=1 / 60, description="[h], a minute at least")
     phase: float = Field(0.0, description="share of a period")
 
 

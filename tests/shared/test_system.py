@@ -49,6 +49,8 @@ def test_default_system_is_table_1():
         ('name = "CO2"', 'name = "CO_2"', ["estimator.channels: 'CO2' is neither", "; did you mean CO_2?"]),
         ('name = "roo.V"', 'name = "roo.AFlo"', ["parameters", "'roo.AFlo'", "twice"]),
         ("headcount = [5, 25]", "headcount = [25, 5]", ["occupancy", "headcount", "[25, 5]"]),
+        ("attendance = [", "attendance = [60, 100]  # [", ["occupancy", "attendance", "[60, 100]", "high <= 1"]),
+        ("period = 7.3", "period = 1e-6", ["period", "0.0166"]),
         ("schema_version = 1", "schema_version = 2", ["schema_version", "2"]),
     ],
 )
