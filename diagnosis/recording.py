@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from datagen.driving.tables import InputTable, Piecewise, merge
 from diagnosis.importing.clock import time_zero
 from diagnosis.importing.quality import ASSUMED
 from shared.errors import RecordingError
@@ -179,34 +178,3 @@ def check_warm_up(recording: Recording, warm_up: float) -> None:
             f"warm_up is {warm_up / HOUR:g} h; expected at least a step of the recording, {recording.step / HOUR:g} h:"
             " without it the FMU's start values would count as known"
         )
-
-
-def recorded_inputs(system: System, recording: Recording, warm_up: float) -> InputTable:
-    """All inputs over a recording, with its first day repeated for ``warm_up`` seconds before it.
-
-    An instant is joined to the next by a straight line; a mean holds over its step.
-
-    Raises
-    ------
-    RecordingError
-        If an input of the system was not recorded.
-    """
-    missing = [name for name in system.input_names if name not in recording.inputs]
-    if missing:
-        raise RecordingError(f"{recording.path}: inputs {', '.join(missing)} were not recorded; expected all of them")
-    day = max(min(round(DAY / recording.step), len(recording.time)), 1)
-    repeats = -(-round(warm_up / recording.step) // day)
-    time = np.concatenate(
-        [
-            recording.time[0] - recording.step * np.arange(repeats * day, 0, -1),
-            recording.time,
-        ]
-    )
-    signals = {}
-    for one in system.inputs:
-        values = np.concatenate([np.tile(recording.inputs[one.name][:day], repeats), recording.inputs[one.name]])
-        if one.interpolation == "previous":
-            signals[one.name] = Piecewise(time - recording.step, values, "previous")
-        else:
-            signals[one.name] = Piecewise(time, values, "linear")
-    return merge(signals, recording.start - warm_up, recording.stop)

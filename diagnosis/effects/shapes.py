@@ -1,7 +1,7 @@
 """Shapes over time: what drives an effect that comes and goes, and arithmetic on signals.
 
 A shape covers the inputs' whole span, warm-up included: clocks run on, and what was measured is repeated before the
-recording's start as its first day (as :func:`diagnosis.recording.recorded_inputs` does with inputs).
+recording's start as its first day (as :func:`diagnosis.fitting.drive.drive` does with inputs).
 """
 
 from __future__ import annotations
