@@ -14,8 +14,9 @@ from diagnosis.calibrating.checks import opened
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.run import Run
 from diagnosis.fitting.side_by_side import InProcess, Outcome
-from diagnosis.recording import HOUR
+from diagnosis.recording import HOUR, Recording
 from diagnosis.scores import score
+from diagnosis.zero_shot import estimate
 from shared.errors import RecordingError, SystemDescriptionError
 from shared.system import System
 
@@ -60,7 +61,7 @@ def residuals(
         If the recording, the preset, the parameters or the simulation cannot be used.
     """
     described, record = opened(system, recording, noise=noise, warm_up=warm_up)
-    values = _parameters(described, Path(recording), run, parameters or {})
+    values = _parameters(described, record, run, parameters or {})
     simulator = Simulator(described)
     problem = Problem(
         simulator,
@@ -94,17 +95,14 @@ class _Given(InProcess):
 
 
 def _parameters(
-    system: System, recording: Path, run: Path | str | None, given: Mapping[str, float]
+    system: System, recording: Recording, run: Path | str | None, given: Mapping[str, float]
 ) -> dict[str, float]:
     unknown = sorted(set(given) - set(system.parameter_names))
     if unknown:
         raise SystemDescriptionError(f"{system.path}: {unknown[0]!r} is not an estimated parameter")
     values = dict(given)
     if run is not None:
-        from trainer import predict
-
-        estimate = predict(run, recording).predictions[0].parameters
-        values = {**{name: one.value for name, one in estimate.items()}, **values}
+        values = {**estimate(run, recording, system), **values}
     missing = [name for name in system.parameter_names if name not in values]
     if missing:
         raise RecordingError(f"no value for {', '.join(missing)}; expected --set NAME=VALUE or an estimator (--run)")

@@ -43,10 +43,11 @@ from resumed import depends, resumed
 from datagen import simulate
 from datagen.driving.tables import merge
 from datagen.simulating.simulator import Simulator
-from diagnosis.calibrating.calibration import calibrate, estimate
+from diagnosis.calibrating.calibration import calibrate
 from diagnosis.fitting.drive import drive
 from diagnosis.fitting.problem import WARM_UP, Problem
 from diagnosis.recording import Recording, read_recording
+from diagnosis.zero_shot import estimate
 from shared.errors import SimulationError, ZeroshotError
 from shared.metrics import bootstrap_by_system, r2
 from shared.shipped import resolved_estimator
