@@ -66,7 +66,7 @@ def residuals(
     if as_json:
         sys.stdout.write(json.dumps(found, indent=1, allow_nan=False) + "\n")
         return OK
-    table = Table("output", "unit", "RMSE", "bias", "CVRMSE", "NMBE", "shares of", "lag-1 autocorrelation", box=None)
+    table = Table("output", "unit", "RMSE", "bias", "CVRMSE", "NMBE", "lag-1 autocorrelation", box=None)
     for name, one in found["outputs"].items():
         table.add_row(
             name,
@@ -75,7 +75,6 @@ def residuals(
             f"{one['bias']:.4g}",
             "-" if one["cvrmse"] is None else f"{one['cvrmse']:.2%}",
             "-" if one["nmbe"] is None else f"{one['nmbe']:.2%}",
-            one["share_of"],
             f"{one['autocorrelation']:.2f}",
         )
     console.print(table)

@@ -16,7 +16,6 @@ from diagnosis.calibrating.summary import _explained, summarise
 from diagnosis.cli import app
 from diagnosis.fitting.noise import undeclared
 from diagnosis.recording import read_recording
-from diagnosis.scores import score
 from shared.console import FAULT, OK, start
 from shared.errors import RecordingError, SystemDescriptionError
 
@@ -117,8 +116,11 @@ def test_a_file_that_is_no_calibration_is_told(tmp_path):
         read_calibration(tmp_path)
     for version in (4, 5, 6):
         (tmp_path / "calibration.json").write_text(f'{{"schema_version": {version}, "readings_sha256": "0"}}')
-        with pytest.raises(RecordingError, match=rf"is {version}, .* all days .*; expected 7, .*: calibrate again"):
+        with pytest.raises(RecordingError, match=rf"is {version}, .* all days .*; expected 8, .*: calibrate again"):
             read_calibration(tmp_path)
+    (tmp_path / "calibration.json").write_text('{"schema_version": 7}')
+    with pytest.raises(RecordingError, match=r"is 7, .* temperature's range .*; expected 8, .*: calibrate again"):
+        read_calibration(tmp_path)
 
 
 @pytest.mark.slow
@@ -141,21 +143,6 @@ def test_the_command_writes_figures_and_a_page(house, house_recording, tmp_path,
     assert page.count("data:image/png;base64,") == 5
     assert all(name in page for name in TRUTH)
     assert "http" not in page.replace("http-equiv", "")
-
-
-def test_scores_by_hand():
-    measured = np.array([290.0, 291.0, np.nan, 293.0])
-    simulated = np.array([290.5, 291.0, 7.0, 292.0])
-    found = score(measured, simulated, "K")
-    assert found.rmse == pytest.approx(np.sqrt((0.25 + 1.0) / 3))
-    assert found.bias == pytest.approx(0.5 / 3)
-    assert found.steps == 3
-    assert found.share_of == "95 % range"
-    assert found.cvrmse == pytest.approx(found.rmse / np.diff(np.quantile([290, 291, 293], [0.025, 0.975]))[0])
-    celsius = score(measured - 273.15, simulated - 273.15, "degC")
-    assert celsius.cvrmse == pytest.approx(found.cvrmse)
-    plain = score(np.array([100.0, 300.0]), np.array([110.0, 310.0]), "ppm")
-    assert (plain.cvrmse, plain.nmbe, plain.share_of) == (pytest.approx(0.05), pytest.approx(-0.05), "mean")
 
 
 def test_a_recording_counts_for_less_than_the_fit_believes_and_the_page_says_so(house, house_recording):
