@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from datagen.driving.tables import Piecewise
 from diagnosis.importing.clock import time_zero
 from diagnosis.importing.quality import ASSUMED
 from shared.errors import RecordingError
@@ -178,3 +179,25 @@ def check_warm_up(recording: Recording, warm_up: float) -> None:
             f"warm_up is {warm_up / HOUR:g} h; expected at least a step of the recording, {recording.step / HOUR:g} h:"
             " without it the FMU's start values would count as known"
         )
+
+
+def whole_days(recording: Recording, lead: int) -> int:
+    """Steps of the first day, repeated as often as fills at least ``lead`` steps."""
+    day = _first_day(recording)
+    return -(-lead // day) * day
+
+
+def extended(recording: Recording, values: np.ndarray, lead: int, *, held: bool) -> Piecewise:
+    """A series (steps,) with its first day repeated before it, whole, for at least ``lead`` steps.
+
+    Steps that end at its times where it is ``held``, or straight lines between them.
+    """
+    before, day = whole_days(recording, lead), _first_day(recording)
+    time = np.concatenate([recording.time[0] - recording.step * np.arange(before, 0, -1), recording.time])
+    values = np.concatenate([np.tile(values[:day], before // day), values])
+    return Piecewise(time - recording.step, values, "previous") if held else Piecewise(time, values)
+
+
+def _first_day(recording: Recording) -> int:
+    """Steps of the first day: of the whole recording where that is shorter."""
+    return max(min(round(DAY / recording.step), len(recording.time)), 1)
