@@ -10,14 +10,13 @@ import numpy as np
 import xarray as xr
 
 from datagen.driving.tables import Piecewise
-from diagnosis.importing.clock import time_zero
-from diagnosis.importing.quality import ASSUMED
 from shared.errors import RecordingError
+from shared.flags import ASSUMED
 from shared.netcdf import read_netcdf
 from shared.reading import shown
 from shared.schema import EPOCH, method_fault, methods_of
 from shared.system import System
-from shared.times import recorded_begins, recorded_times
+from shared.times import recorded_begins, recorded_times, time_zero
 
 HOUR = 3600.0
 DAY = 24 * HOUR

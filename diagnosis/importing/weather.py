@@ -12,9 +12,10 @@ from datagen.driving.transposition import SunPosition, sun_at, transposed
 from datagen.driving.weather import cloud_factor, sky_temperature
 from diagnosis.importing.clock import Clock
 from diagnosis.importing.mapping import Place
-from diagnosis.importing.quality import COMPUTED, Signal
+from diagnosis.importing.quality import Signal
 from diagnosis.importing.resampling import instants_of
 from diagnosis.importing.splitting import Sun, closed, split
+from shared.flags import COMPUTED
 from shared.signals import Weather
 
 _FINEST = 300.0

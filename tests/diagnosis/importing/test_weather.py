@@ -8,8 +8,9 @@ import pytest
 from diagnosis.importing import weather
 from diagnosis.importing.clock import find_zone, make_clock
 from diagnosis.importing.mapping import Place
-from diagnosis.importing.quality import COMPUTED, IMPOSSIBLE, Signal
+from diagnosis.importing.quality import Signal
 from diagnosis.importing.weather import cloud_cover, global_of, on_the_plane, sky, sun_clock, sun_position
+from shared.flags import COMPUTED, IMPOSSIBLE
 from shared.signals import Weather
 
 PLACE = Place(latitude=52.5, longitude=6.1, altitude=5.0)
