@@ -57,8 +57,8 @@ def residuals(
 
     Raises
     ------
-    RecordingError, SystemDescriptionError, SimulationError
-        If the recording, the preset, the parameters or the simulation cannot be used.
+    RecordingError, SystemDescriptionError, EstimatorError, SimulationError
+        If the recording, the preset, the parameters, the estimator or the simulation cannot be used.
     """
     described, record = opened(system, recording, noise=noise, warm_up=warm_up)
     values = _parameters(described, record, run, parameters or {})
