@@ -34,10 +34,11 @@ def residuals(
     run: Path | None = None,
     set_: Annotated[list[str] | None, Parameter(name="--set", consume_multiple=True, negative=())] = None,
     replay: bool = False,
+    noise: str = "sensor",
     warm_up: float = 240.0,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
 ) -> int:
-    """Simulate a recording's inputs with given or estimated parameters, and say what is left.
+    """Simulate a recording with given or estimated parameters, and say what is left.
 
     Parameters
     ----------
@@ -51,6 +52,8 @@ def residuals(
         Parameter values as NAME=VALUE.
     replay
         The recorded actuators replace the model's control loops.
+    noise
+        A noise preset of the description, by which replayed actuators are cleared of noise.
     warm_up
         The recording's first day is repeated this long before its start [h].
     as_json
@@ -58,11 +61,12 @@ def residuals(
     """
     from diagnosis import residuals as residuals_
 
-    found = residuals_(system, recording, run=run, parameters=assignments(set_ or []), replay=replay, warm_up=warm_up)
+    values = assignments(set_ or [])
+    found = residuals_(system, recording, run=run, parameters=values, replay=replay, noise=noise, warm_up=warm_up)
     if as_json:
         sys.stdout.write(json.dumps(found, indent=1, allow_nan=False) + "\n")
         return OK
-    table = Table("output", "unit", "RMSE", "bias", "CVRMSE", "NMBE", "shares of", "lag-1 autocorrelation", box=None)
+    table = Table("output", "unit", "RMSE", "bias", "CVRMSE", "NMBE", "lag-1 autocorrelation", box=None)
     for name, one in found["outputs"].items():
         table.add_row(
             name,
@@ -71,10 +75,12 @@ def residuals(
             f"{one['bias']:.4g}",
             "-" if one["cvrmse"] is None else f"{one['cvrmse']:.2%}",
             "-" if one["nmbe"] is None else f"{one['nmbe']:.2%}",
-            one["share_of"],
             f"{one['autocorrelation']:.2f}",
         )
     console.print(table)
+    if found["assumed"]:
+        taken = "; ".join(f"{name} = {what}" for name, what in found["assumed"].items())
+        console.print(f"Not measured, and taken as: {taken}.", markup=False)
     return OK
 
 

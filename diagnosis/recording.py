@@ -9,15 +9,14 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from datagen.driving.tables import InputTable, Piecewise, merge
-from diagnosis.importing.clock import time_zero
-from diagnosis.importing.quality import ASSUMED
+from datagen.driving.tables import Piecewise
 from shared.errors import RecordingError
+from shared.flags import ASSUMED
 from shared.netcdf import read_netcdf
 from shared.reading import shown
 from shared.schema import EPOCH, method_fault, methods_of
 from shared.system import System
-from shared.times import recorded_begins, recorded_times
+from shared.times import recorded_begins, recorded_times, time_zero
 
 HOUR = 3600.0
 DAY = 24 * HOUR
@@ -181,32 +180,23 @@ def check_warm_up(recording: Recording, warm_up: float) -> None:
         )
 
 
-def recorded_inputs(system: System, recording: Recording, warm_up: float) -> InputTable:
-    """All inputs over a recording, with its first day repeated for ``warm_up`` seconds before it.
+def whole_days(recording: Recording, lead: int) -> int:
+    """Steps of the first day, repeated as often as fills at least ``lead`` steps."""
+    day = _first_day(recording)
+    return -(-lead // day) * day
 
-    An instant is joined to the next by a straight line; a mean holds over its step.
 
-    Raises
-    ------
-    RecordingError
-        If an input of the system was not recorded.
+def extended(recording: Recording, values: np.ndarray, lead: int, *, held: bool) -> Piecewise:
+    """A series (steps,) with its first day repeated before it, whole, for at least ``lead`` steps.
+
+    Steps that end at its times where it is ``held``, or straight lines between them.
     """
-    missing = [name for name in system.input_names if name not in recording.inputs]
-    if missing:
-        raise RecordingError(f"{recording.path}: inputs {', '.join(missing)} were not recorded; expected all of them")
-    day = max(min(round(DAY / recording.step), len(recording.time)), 1)
-    repeats = -(-round(warm_up / recording.step) // day)
-    time = np.concatenate(
-        [
-            recording.time[0] - recording.step * np.arange(repeats * day, 0, -1),
-            recording.time,
-        ]
-    )
-    signals = {}
-    for one in system.inputs:
-        values = np.concatenate([np.tile(recording.inputs[one.name][:day], repeats), recording.inputs[one.name]])
-        if one.interpolation == "previous":
-            signals[one.name] = Piecewise(time - recording.step, values, "previous")
-        else:
-            signals[one.name] = Piecewise(time, values, "linear")
-    return merge(signals, recording.start - warm_up, recording.stop)
+    before, day = whole_days(recording, lead), _first_day(recording)
+    time = np.concatenate([recording.time[0] - recording.step * np.arange(before, 0, -1), recording.time])
+    values = np.concatenate([np.tile(values[:day], before // day), values])
+    return Piecewise(time - recording.step, values, "previous") if held else Piecewise(time, values)
+
+
+def _first_day(recording: Recording) -> int:
+    """Steps of the first day: of the whole recording where that is shorter."""
+    return max(min(round(DAY / recording.step), len(recording.time)), 1)

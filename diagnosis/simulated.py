@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace as with_changes
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from datagen.simulating.simulator import Simulator
-from diagnosis.recording import HOUR, check_warm_up, read_recording, recorded_inputs
+from diagnosis.calibrating.checks import opened
+from diagnosis.fitting.problem import Problem
+from diagnosis.fitting.run import Run
+from diagnosis.fitting.side_by_side import InProcess, Outcome
+from diagnosis.recording import HOUR, Recording
 from diagnosis.scores import score
+from diagnosis.zero_shot import estimate
 from shared.errors import RecordingError, SystemDescriptionError
-from shared.system import System, load_system
+from shared.system import System
 
 
 def residuals(
@@ -22,64 +28,81 @@ def residuals(
     run: Path | str | None = None,
     parameters: Mapping[str, float] | None = None,
     replay: bool = False,
+    noise: str = "sensor",
     warm_up: float = 240.0,
 ) -> dict[str, Any]:
-    """Simulate a recording's inputs with given or estimated parameters and compare output by output.
+    """Simulate a recording with given or estimated parameters and compare output by output.
+
+    The model is driven as in a calibration: see :mod:`diagnosis.fitting.drive`. Persons whom nobody counted are as the
+    description expects them, and the recording's first day stands in for what came before it.
 
     Parameters
     ----------
     run
         An estimator's folder, whose estimate is used for parameters that are not given.
     parameters
-        Values by name [unit of the description].
+        Values by name [unit of the description], which are simulated as they are, beyond their ranges too.
+    replay
+        The recorded actuators replace the model's control loops, cleared of their meters' noise.
+    noise
+        A noise preset of the description: how noisy those meters are.
     warm_up
         The recording's first day is repeated this long before its start [h]; at least a step.
 
     Returns
     -------
     dict
-        ``parameters`` used, and for each measured output the figures of :class:`diagnosis.scores.Score` and the
-        ``autocorrelation`` of the residual at one step.
+        ``parameters`` used, what is ``assumed`` of inputs that were not measured, and in ``outputs`` for each that was
+        measured the figures of :class:`diagnosis.scores.Score` and the ``autocorrelation`` of the residual at one step.
 
     Raises
     ------
-    RecordingError, SystemDescriptionError, SimulationError
-        If the recording, the parameters or the simulation cannot be used.
+    RecordingError, SystemDescriptionError, EstimatorError, SimulationError
+        If the recording, the preset, the parameters, the estimator or the simulation cannot be used.
     """
-    described = system if isinstance(system, System) else load_system(system)
-    record = read_recording(recording, described)
-    values = _parameters(described, Path(recording), run, parameters or {})
-    check_warm_up(record, warm_up * HOUR)
-    described = described.with_experiment(step=record.step)
-    inputs = recorded_inputs(described, record, warm_up * HOUR)
-    trajectory = Simulator(described).run(
-        values,
-        inputs,
-        start=record.start - warm_up * HOUR,
-        stop=record.stop,
-        record_from=record.start,
+    described, record = opened(system, recording, noise=noise, warm_up=warm_up)
+    values = _parameters(described, record, run, parameters or {})
+    simulator = Simulator(described)
+    problem = Problem(
+        simulator,
+        record,
+        noise=noise,
         replay=replay,
+        warm_up=warm_up * HOUR,
+        uncertain=False,
+        history=False,
+        runner=_Given(simulator, values),
     )
+    simulated = problem.simulate(problem.unknowns(values))
     found = {}
     for k, output in enumerate(described.outputs):
         seen = np.isfinite(record.outputs[k])
         if seen.any():
-            found[output.name] = _compare(record.outputs[k], trajectory.outputs[k], output.unit)
-    return {"recording": str(recording), "parameters": values, "outputs": found}
+            found[output.name] = _compare(record.outputs[k], simulated[k], output.unit)
+    return {"recording": str(recording), "parameters": values, "assumed": problem.drive.assumed, "outputs": found}
+
+
+class _Given(InProcess):
+    """Simulates with given values exactly: a problem's unknowns end where the parameters' ranges do."""
+
+    def __init__(self, simulator: Simulator, values: Mapping[str, float]) -> None:
+        super().__init__(simulator)
+        self._values = values
+
+    def map(self, runs: Sequence[Run]) -> list[Outcome]:
+        """See :class:`diagnosis.fitting.side_by_side.Runner`."""
+        return super().map([with_changes(run, parameters={**run.parameters, **self._values}) for run in runs])
 
 
 def _parameters(
-    system: System, recording: Path, run: Path | str | None, given: Mapping[str, float]
+    system: System, recording: Recording, run: Path | str | None, given: Mapping[str, float]
 ) -> dict[str, float]:
     unknown = sorted(set(given) - set(system.parameter_names))
     if unknown:
         raise SystemDescriptionError(f"{system.path}: {unknown[0]!r} is not an estimated parameter")
     values = dict(given)
     if run is not None:
-        from trainer import predict
-
-        estimate = predict(run, recording).predictions[0].parameters
-        values = {**{name: one.value for name, one in estimate.items()}, **values}
+        values = {**estimate(run, recording, system), **values}
     missing = [name for name in system.parameter_names if name not in values]
     if missing:
         raise RecordingError(f"no value for {', '.join(missing)}; expected --set NAME=VALUE or an estimator (--run)")

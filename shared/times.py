@@ -7,6 +7,7 @@ Dates are local standard time and never moved by an offset: who wants another cl
 from __future__ import annotations
 
 import re
+from datetime import date, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -81,6 +82,13 @@ def recorded_begins(path: Path, recording: xr.Dataset, count: int) -> np.ndarray
     if not np.isfinite(seconds).all():
         raise RecordingError(f"{path}: start has values that are not finite; expected one number or date a system")
     return np.array(np.broadcast_to(seconds.reshape(-1), (count,)))
+
+
+def time_zero(day: date) -> date:
+    """The Monday nearest to 1 January of a day's year."""
+    first = date(day.year, 1, 1)
+    after = -first.weekday() % 7
+    return first + timedelta(days=after if after <= 3 else after - 7)
 
 
 def _all_at_time_zero(starts: xr.DataArray) -> bool:

@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from datagen.driving.tables import Piecewise
-from datagen.driving.transposition import irradiance_on_plane, sun_at, sunlit_middle
+from datagen.driving.transposition import dates_of, irradiance_on_plane, sun_at, sunlit_middle
 from shared.errors import RecordingError
 from shared.signals import Table, Weather
 
@@ -69,10 +69,15 @@ class Sun(Table):
     def _place(self) -> dict[str, float]:
         return {name: getattr(self, name) for name in ("latitude", "longitude", "altitude", "utc_offset")}
 
+    def _zenith(self, time: np.ndarray) -> np.ndarray:
+        """Of the sun [degree] at times (n,) [s]."""
+        place = {name: getattr(self, name) for name in ("latitude", "longitude", "altitude")}
+        return sun_at(dates_of(time, self.utc_offset), **place).zenith
+
     def _middles(self, at: np.ndarray) -> np.ndarray:
         """The middle of the sunlit part of the time since the row before, shape (rows,) [s]."""
         step = at[1] - at[0]
-        height = sun_at(np.append(at[0] - step, at), **self._place)[1]["apparent_elevation"].to_numpy()
+        height = 90.0 - self._zenith(np.append(at[0] - step, at))
         return at + step * (sunlit_middle(height) - 1.0)
 
     def _check(self, at: np.ndarray, middles: np.ndarray, *columns: np.ndarray) -> None:
@@ -89,5 +94,5 @@ class Sun(Table):
 
     def _misfit(self, time: np.ndarray, dni: np.ndarray, dhi: np.ndarray, ghi: np.ndarray) -> float:
         """Root mean square of global less diffuse less direct irradiance on the horizontal [W/m2]."""
-        zenith = np.radians(sun_at(time, **self._place)[1]["apparent_zenith"].to_numpy())
+        zenith = np.radians(self._zenith(time))
         return float(np.sqrt(np.mean((ghi - dhi - dni * np.maximum(np.cos(zenith), 0.0)) ** 2)))

@@ -6,6 +6,8 @@ for the sun of the very times that are given.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import pandas as pd
 import pvlib
@@ -37,9 +39,10 @@ def irradiance_on_plane(
     utc_offset
         Of local standard time [h].
     """
-    times, sun = sun_at(time, latitude=latitude, longitude=longitude, altitude=altitude, utc_offset=utc_offset)
+    times = dates_of(time, utc_offset)
+    sun = sun_at(times, latitude=latitude, longitude=longitude, altitude=altitude)
     return transposed(
-        times,
+        times.day_of_year.to_numpy(),
         sun,
         *(dni, dhi, ghi),
         tilt=plane.surface_tilt,
@@ -49,13 +52,41 @@ def irradiance_on_plane(
     )
 
 
-def sun_at(
-    time: np.ndarray, *, latitude: float, longitude: float, altitude: float, utc_offset: float
-) -> tuple[pd.DatetimeIndex, pd.DataFrame]:
-    """Times (n,) [s since time zero, local standard time] as dates, and where the sun then stands [degree], n rows."""
+@dataclass(frozen=True, eq=False)
+class SunPosition:
+    """Where the sun stands, shape (n,) each [degree]: ``zenith`` with the air's refraction, ``azimuth`` from north."""
+
+    zenith: np.ndarray
+    azimuth: np.ndarray
+
+
+def dates_of(time: np.ndarray, utc_offset: float) -> pd.DatetimeIndex:
+    """Dates of times (n,) [s since time zero, local standard time that is ``utc_offset`` h from UTC]."""
     seconds = pd.to_timedelta(np.asarray(time, dtype=np.float64) - 3600.0 * utc_offset, unit="s")
-    times = pd.DatetimeIndex(pd.Timestamp(EPOCH, tz="UTC") + seconds)
-    return times, pvlib.solarposition.get_solarposition(times, latitude, longitude, altitude=altitude)
+    return pd.DatetimeIndex(pd.Timestamp(EPOCH, tz="UTC") + seconds)
+
+
+def sun_at(
+    times: pd.DatetimeIndex,
+    *,
+    latitude: float,
+    longitude: float,
+    altitude: float,
+    pressure: float | None = None,
+    temperature: float = 12.0,
+) -> SunPosition:
+    """Where the sun stands at n times.
+
+    Parameters
+    ----------
+    pressure, temperature
+        Of the air [Pa, degC], which bends the light at the horizon; that of the standard atmosphere at the altitude,
+        and pvlib's, if not given.
+    """
+    found = pvlib.solarposition.get_solarposition(
+        times, latitude, longitude, altitude=altitude, pressure=pressure, temperature=temperature
+    )
+    return SunPosition(found["apparent_zenith"].to_numpy(), found["azimuth"].to_numpy())
 
 
 def sunlit_middle(height: np.ndarray) -> np.ndarray:
@@ -77,8 +108,8 @@ def sunlit_middle(height: np.ndarray) -> np.ndarray:
 
 
 def transposed(
-    times: pd.DatetimeIndex,
-    sun: pd.DataFrame,
+    day: np.ndarray,
+    sun: SunPosition,
     dni: np.ndarray,
     dhi: np.ndarray,
     ghi: np.ndarray,
@@ -92,10 +123,10 @@ def transposed(
 
     Parameters
     ----------
-    times
-        When, shape (n,).
+    day
+        Of the year, shape (n,).
     sun
-        Where it then stands: ``apparent_zenith`` and ``azimuth`` [degree], n rows.
+        Where it then stands.
     dni, dhi, ghi
         Shape (n,) each [W/m2].
     tilt, azimuth
@@ -103,17 +134,16 @@ def transposed(
     model
         A transposition that pvlib knows.
     """
-    zenith = sun["apparent_zenith"].to_numpy()
     parts = pvlib.irradiance.get_total_irradiance(
         tilt,
         azimuth,
-        zenith,
-        sun["azimuth"].to_numpy(),
+        sun.zenith,
+        sun.azimuth,
         dni,
         ghi,
         dhi,
-        dni_extra=pvlib.irradiance.get_extra_radiation(times.day_of_year.to_numpy()),
-        airmass=pvlib.atmosphere.get_relative_airmass(zenith),
+        dni_extra=pvlib.irradiance.get_extra_radiation(day),
+        airmass=pvlib.atmosphere.get_relative_airmass(sun.zenith),
         albedo=albedo,
         model=model,
     )
@@ -121,4 +151,4 @@ def transposed(
     up = np.cos(np.radians(tilt))
     # no air mass below the horizon: what little diffuse light there is comes from the whole sky
     dusk = dhi * (1 + up) / 2 + ghi * albedo * (1 - up) / 2
-    return np.maximum(np.where(np.isfinite(values) & (zenith < 90.0), values, dusk), 0.0)
+    return np.maximum(np.where(np.isfinite(values) & (sun.zenith < 90.0), values, dusk), 0.0)

@@ -18,7 +18,7 @@ import pandas as pd
 import pvlib
 
 from datagen.driving.tables import Piecewise
-from datagen.driving.transposition import sunlit_middle, transposed
+from datagen.driving.transposition import SunPosition, sun_at, sunlit_middle, transposed
 from datagen.driving.weather_files import HOURS, YEAR, HourlyRecord, read_hourly
 from shared.errors import WeatherError
 from shared.signals import Weather
@@ -181,17 +181,24 @@ def sky_temperature(columns: Mapping[str, np.ndarray]) -> np.ndarray:
 
     From the horizontal infrared radiation where there is one; else from dry bulb, dew point and opaque sky cover
     by the correlation with which EPW files fill their infrared column (Clark and Allen 1978, "The estimation of
-    atmospheric radiation for clear and cloudy skies"; cloud polynomial of Walton 1983, NBSIR 83-2655):
+    atmospheric radiation for clear and cloudy skies"), and :func:`cloud_factor`:
 
-        emissivity = (0.787 + 0.764 ln(T_dew / 273)) (1 + 0.0224 N - 0.0035 N^2 + 0.00028 N^3),  N in tenths
+        emissivity = (0.787 + 0.764 ln(T_dew / 273)) cloud_factor
     """
     if "infrared" in columns:
         return (columns["infrared"] / STEFAN_BOLTZMANN) ** 0.25
-    n = columns["opaque_cover"]
     dew = np.minimum(columns["temp_dew"], columns["temp_air"])
     clear = 0.787 + 0.764 * np.log(dew / 273.0)
-    emissivity = np.minimum(clear * (1.0 + 0.0224 * n - 0.0035 * n**2 + 0.00028 * n**3), 1.0)
+    emissivity = np.minimum(clear * cloud_factor(columns["opaque_cover"]), 1.0)
     return emissivity**0.25 * columns["temp_air"]
+
+
+def cloud_factor(tenths: np.ndarray) -> np.ndarray:
+    """What clouds multiply a clear sky's emissivity by, from their cover N [tenths], same shape.
+
+    1 + 0.0224 N - 0.0035 N^2 + 0.00028 N^3 (Walton 1983, NBSIR 83-2655).
+    """
+    return 1.0 + 0.0224 * tenths - 0.0035 * tenths**2 + 0.00028 * tenths**3
 
 
 def _plane_of_array(record: HourlyRecord, tilt: float, azimuth: float, albedo: float, model: str) -> np.ndarray:
@@ -203,7 +210,7 @@ def _plane_of_array(record: HourlyRecord, tilt: float, azimuth: float, albedo: f
     times = _sunlit_middles(record)
     sun = _sun(times, record)
     parts = (raw["dni"], raw["dhi"], raw["ghi"])
-    return transposed(times, sun, *parts, tilt=tilt, azimuth=azimuth, albedo=albedo, model=model)
+    return transposed(times.day_of_year.to_numpy(), sun, *parts, tilt=tilt, azimuth=azimuth, albedo=albedo, model=model)
 
 
 def _sunlit_middles(record: HourlyRecord) -> pd.DatetimeIndex:
@@ -211,16 +218,16 @@ def _sunlit_middles(record: HourlyRecord) -> pd.DatetimeIndex:
     zone = pd.Timedelta(hours=record.utc_offset).to_pytimedelta()
     edges = pd.date_range(f"{YEAR}-01-01", periods=HOURS + 1, freq="h") - zone
     edges = edges.tz_localize("UTC")
-    middle = sunlit_middle(90.0 - _sun(edges, record)["apparent_zenith"].to_numpy())
+    middle = sunlit_middle(90.0 - _sun(edges, record).zenith)
     return edges[:-1] + pd.to_timedelta(middle, unit="h")
 
 
-def _sun(times: pd.DatetimeIndex, record: HourlyRecord) -> pd.DataFrame:
-    """Position of the sun [degree]. Pressure and temperature only bend the light at the horizon: yearly means do."""
-    return pvlib.solarposition.get_solarposition(
+def _sun(times: pd.DatetimeIndex, record: HourlyRecord) -> SunPosition:
+    """Where the sun stands. Pressure and temperature only bend the light at the horizon: yearly means do."""
+    return sun_at(
         times,
-        record.latitude,
-        record.longitude,
+        latitude=record.latitude,
+        longitude=record.longitude,
         altitude=record.altitude,
         pressure=float(record.columns["pressure"].mean()),
         temperature=float(record.columns["temp_air"].mean()) - 273.15,

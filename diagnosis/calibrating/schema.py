@@ -11,7 +11,7 @@ from diagnosis.scores import Score
 from shared.errors import RecordingError
 from shared.reading import read_json, shown, validated
 
-SCHEMA_VERSION = 7
+SCHEMA_VERSION = 8
 
 
 class _Table(BaseModel):
@@ -96,6 +96,7 @@ class Calibration(_Table):
     schema 3 ``constants``, which are among the unknowns since, schema 5 the ``days`` that were fitted, and of outputs
     whose sensor has no declared noise as how exact they were taken (``undeclared``), schema 6 the days' hashes
     output by output, and each output's ``declared`` noise, and schema 7 the days whose readings do not tell them.
+    Schema 8 has no shares of a temperature's range, and of other outputs those that Guideline 14 defines.
     """
 
     schema_version: int = SCHEMA_VERSION
@@ -138,7 +139,7 @@ def read_calibration(path: Path | str) -> Calibration:
     Raises
     ------
     RecordingError
-        If it is missing, not such a file, or of a version that does not say in this way which days it has seen.
+        If it is missing, not such a file, or of an earlier version.
     """
     path = Path(path)
     path = path / "calibration.json" if path.is_dir() else path
@@ -146,8 +147,10 @@ def read_calibration(path: Path | str) -> Calibration:
     raw = read_json(path, RecordingError, expected)
     version = raw.get("schema_version") if isinstance(raw, dict) else None
     if isinstance(version, int) and version < SCHEMA_VERSION:
+        lacks = "does not say, output by output, all days that the calibration has seen"
+        lacks = lacks if version < 7 else "has shares of a temperature's range as CVRMSE and NMBE"
         raise RecordingError(
-            f"{path}: schema_version is {shown(version)}, which does not say, output by output, all days that"
-            f" the calibration has seen; expected {SCHEMA_VERSION}, {expected} of this version: calibrate again"
+            f"{path}: schema_version is {shown(version)}, which {lacks}; expected {SCHEMA_VERSION}, {expected} of this"
+            " version: calibrate again"
         )
     return validated(Calibration, raw, f"{path}", RecordingError, expected)

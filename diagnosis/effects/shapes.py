@@ -1,7 +1,7 @@
 """Shapes over time: what drives an effect that comes and goes, and arithmetic on signals.
 
 A shape covers the inputs' whole span, warm-up included: clocks run on, and what was measured is repeated before the
-recording's start as its first day (as :func:`diagnosis.recording.recorded_inputs` does with inputs).
+recording's start as its first day (:func:`diagnosis.recording.extended`, as with inputs).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import expit
 
 from datagen.driving.tables import SNAP, Piecewise
-from diagnosis.recording import DAY, HOUR, Recording
+from diagnosis.recording import DAY, HOUR, Recording, extended
 from shared.effects import DiurnalShape, PresenceShape, SeriesShape, Shape, ThresholdShape, TimetableShape
 from shared.errors import RecordingError
 
@@ -109,13 +109,8 @@ def followed(
     if not seen.any():
         raise RecordingError(f"{recording.path}: {name!r} was not measured; expected it for an effect that follows it")
     values = np.interp(recording.time, recording.time[seen], values[seen])
-    day = max(min(round(DAY / recording.step), len(values)), 1)
     lead = max(int(np.ceil((recording.time[0] - span(inputs, recording)[0]) / recording.step)), 0)
-    repeats = -(-lead // day)
-    before = np.tile(values[:day], repeats)
-    time = recording.time[0] - recording.step * np.arange(repeats * day, 0, -1)
-    time, values = np.concatenate([time, recording.time]), np.concatenate([before, values])
-    return Piecewise(time - recording.step, values, "previous") if name in means else Piecewise(time, values)
+    return extended(recording, values, lead, held=name in means)
 
 
 def joined(first: Piecewise, second: Piecewise, function: Function) -> Piecewise:

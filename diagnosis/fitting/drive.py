@@ -13,7 +13,7 @@ import numpy as np
 from datagen.driving.inputs import schedule_signal
 from datagen.driving.tables import Piecewise
 from diagnosis.fitting.meters import Cleared, cleared
-from diagnosis.recording import DAY, HOUR, Recording
+from diagnosis.recording import HOUR, Recording, extended, whole_days
 from shared.errors import RecordingError
 from shared.system import System
 from shared.variables import MeasuredInput
@@ -65,8 +65,8 @@ def drive(
     RecordingError
         If the weather was not measured, or an actuator that is to be replayed.
     """
-    repeats, day = _repeats(recording, warm_up)
-    begin = recording.start - repeats * day * recording.step
+    lead = round(warm_up / recording.step)
+    begin = recording.start - whole_days(recording, lead) * recording.step
     signals: dict[str, Piecewise] = {}
     assumed: dict[str, str] = {}
     replayed = []
@@ -89,7 +89,7 @@ def drive(
         if values is not None:
             if one.name in recording.assumed and one.source != "measured":
                 assumed.setdefault(one.name, recording.assumed[one.name])
-            signals[one.name] = _extended(recording, values, repeats, day, held=one.interpolation == "previous")
+            signals[one.name] = extended(recording, values, lead, held=one.interpolation == "previous")
         elif one.source == "weather":
             raise RecordingError(f"{recording.path}: input {one.name!r} was not recorded; expected it in {one.unit}")
         elif one.source == "schedule":
@@ -154,16 +154,3 @@ def _lost(system: System, recording: Recording, one: MeasuredInput) -> str:
     edges = np.flatnonzero(np.diff(np.concatenate([[0], gone.astype(int), [0]])))
     longest = float((edges[1::2] - edges[::2]).max()) * recording.step / HOUR
     return f"{gone.mean():.0%} of its meter's readings, bridged; the longest loss is {longest:.3g} h"
-
-
-def _repeats(recording: Recording, warm_up: float) -> tuple[int, int]:
-    """How often the first day is repeated, and its steps."""
-    day = max(min(round(DAY / recording.step), len(recording.time)), 1)
-    return -(-round(warm_up / recording.step) // day), day
-
-
-def _extended(recording: Recording, values: np.ndarray, repeats: int, day: int, *, held: bool) -> Piecewise:
-    """A series with its first day repeated before it: steps that end at its times, or straight lines between them."""
-    time = np.concatenate([recording.time[0] - recording.step * np.arange(repeats * day, 0, -1), recording.time])
-    values = np.concatenate([np.tile(values[:day], repeats), values])
-    return Piecewise(time - recording.step, values, "previous") if held else Piecewise(time, values)

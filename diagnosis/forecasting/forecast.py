@@ -45,11 +45,12 @@ class Forecast(BaseModel):
 
     ``draws`` made the bands; ``failed`` more could not be simulated.
 
-    Schema 2 added ``begin``, schema 3 ``failed``: ``draws`` had counted them, too.
+    Schema 2 added ``begin``, schema 3 ``failed``: ``draws`` had counted them, too. Schema 4 has the
+    scores of Guideline 14, and none of a temperature's range.
     """
 
     model_config = ConfigDict(extra="forbid")
-    schema_version: int = 3
+    schema_version: int = 4
     system: str
     recording: str
     begin: str

@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-from diagnosis.calibrating.calibration import estimate
 from diagnosis.fitting.fit import Fit, fit
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.afresh import RESTLESS, ROUNDS
 from diagnosis.recording import Recording
+from diagnosis.zero_shot import estimate
 from shared.errors import EstimatorError, RecordingError, SimulationError
 from shared.shipped import estimator_beside
 from shared.system import System

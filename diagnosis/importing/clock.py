@@ -22,6 +22,7 @@ from diagnosis.importing.mapping import Time
 from diagnosis.importing.wall_clock import Sensors, of_wall_clock, seconds_of
 from shared.errors import RecordingError
 from shared.reading import shown, why
+from shared.times import time_zero
 
 FIRST, LAST = (datetime(year, 1, 1, tzinfo=UTC).timestamp() for year in (1900, 2200))
 """Time stamps that can be of measurements [s since 1970]."""
@@ -116,13 +117,6 @@ def standard_offset(zone: tzinfo, utc: float) -> float:
     months = [datetime.fromtimestamp(utc + DAY * 365.25 * part / 12, UTC) for part in range(12)]
     offsets = [month.astimezone(zone).utcoffset() for month in months]
     return min(one.total_seconds() for one in offsets if one is not None)
-
-
-def time_zero(day: date) -> date:
-    """The Monday nearest to 1 January of a day's year."""
-    first = date(day.year, 1, 1)
-    after = -first.weekday() % 7
-    return first + timedelta(days=after if after <= 3 else after - 7)
 
 
 def make_clock(name: str, zone: tzinfo, first: float) -> Clock:

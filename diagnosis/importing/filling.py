@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from diagnosis.importing.quality import ASSUMED, INTERPOLATED
+from shared.flags import ASSUMED, INTERPOLATED
 
 
 def runs(mask: np.ndarray) -> list[tuple[int, int]]:

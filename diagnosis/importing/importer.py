@@ -12,12 +12,12 @@ from diagnosis.importing.composing import Composer
 from diagnosis.importing.filling import longest_whole
 from diagnosis.importing.mapping import Mapping, load_mapping
 from diagnosis.importing.picture import draw_recording
-from diagnosis.importing.quality import ASSUMED, COMPUTED, IMPOSSIBLE, INTERPOLATED, PARTLY, STUCK
 from diagnosis.importing.reading import Measurements, read_measurements
 from diagnosis.importing.report import Comparison, ImportReport, VariableReport
 from diagnosis.importing.series import Series
 from diagnosis.importing.writing import build_recording, check_free, write_recording
 from shared.errors import RecordingError
+from shared.flags import ASSUMED, COMPUTED, IMPOSSIBLE, INTERPOLATED, PARTLY, STUCK
 from shared.places import check_folder
 from shared.store import sha256_of
 from shared.system import System, load_system

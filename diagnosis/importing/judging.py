@@ -11,8 +11,6 @@ from diagnosis.importing.clock import Clock
 from diagnosis.importing.filling import fill_constant, interpolate_short
 from diagnosis.importing.mapping import Mapping, Source
 from diagnosis.importing.quality import (
-    ASSUMED,
-    COMPUTED,
     DARK,
     Resting,
     Signal,
@@ -28,6 +26,7 @@ from diagnosis.importing.reading import Measurements
 from diagnosis.importing.resampling import CLOSER, around, resample
 from diagnosis.importing.series import Series, Target
 from shared.errors import RecordingError
+from shared.flags import ASSUMED, COMPUTED
 
 _STATES = ("presence", "bool", "person", "persons", "count", "counts")
 """Units of what jumps from one reading to the next."""

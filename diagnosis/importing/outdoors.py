@@ -10,10 +10,11 @@ import numpy as np
 from diagnosis.importing import plausible, units, weather
 from diagnosis.importing.judging import BEAM, MOVING, Judge
 from diagnosis.importing.mapping import MEASURABLE, Source
-from diagnosis.importing.quality import ASSUMED, Signal
+from diagnosis.importing.quality import Signal
 from diagnosis.importing.resampling import values_at
 from diagnosis.importing.series import Series, Target
 from shared.errors import RecordingError
+from shared.flags import ASSUMED
 from shared.system import System
 from shared.variables import WeatherInput
 

@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 
 from diagnosis.importing.clock import Clock
 from diagnosis.importing.filling import runs
-from diagnosis.importing.quality import ASSUMED, IMPOSSIBLE, INTERPOLATED, STUCK
 from diagnosis.importing.series import Series
 from diagnosis.pictures import as_png
+from shared.flags import ASSUMED, IMPOSSIBLE, INTERPOLATED, STUCK
 
 matplotlib.use("Agg")
 

@@ -13,18 +13,7 @@ from diagnosis.importing.noise import reach_of_noise
 from diagnosis.importing.spacing import usual_gap, usual_hold, usual_interval
 from shared.codes import coded
 from shared.errors import RecordingError
-
-FLAGS = {
-    "missing": 1,
-    "partly_covered": 2,
-    "impossible_readings_left_out": 4,
-    "stuck_readings_left_out": 8,
-    "gap_interpolated": 16,
-    "assumed": 32,
-    "computed_from_other_quantities": 64,
-}
-"""Bits of the flag variables of a recording, in CF's ``flag_meanings``."""
-MISSING, PARTLY, IMPOSSIBLE, STUCK, INTERPOLATED, ASSUMED, COMPUTED = FLAGS.values()
+from shared.flags import IMPOSSIBLE, STUCK
 
 _SLACK = 1e-9
 """Rounding that a limit forgives, as a share of its size."""
@@ -43,7 +32,7 @@ class Signal:
     values
         Shape (n,) [``unit``].
     flags
-        Bits of :data:`FLAGS` of each reading, shape (n,); those that are impossible or stuck are not used.
+        Bits of :data:`shared.flags.FLAGS` of each reading, shape (n,); those that are impossible or stuck are not used.
     kind
         ``point``: instants joined by straight lines; ``mean``: means of the intervals; ``hold``: states that hold.
     max_gap

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from diagnosis.importing.quality import IMPOSSIBLE, PARTLY, STUCK, Signal
+from diagnosis.importing.quality import Signal
+from shared.flags import IMPOSSIBLE, PARTLY, STUCK
 
 CLOSER = 0.75
 """Readings closer than this share of a step are averaged where an input is joined by straight lines."""

@@ -7,7 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from diagnosis.importing.quality import MISSING, Signal
+from diagnosis.importing.quality import Signal
+from shared.flags import MISSING
 from shared.variables import Input, Output
 
 
@@ -40,7 +41,7 @@ class Series:
     values
         Shape (steps,) [unit of the target], NaN where there is none.
     flags
-        Bits of :data:`diagnosis.importing.quality.FLAGS` without ``missing``, shape (steps,).
+        Bits of :data:`shared.flags.FLAGS` without ``missing``, shape (steps,).
     origin
         Where it comes from, in a few words.
     comment

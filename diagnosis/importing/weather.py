@@ -7,14 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-import pvlib
 
-from datagen.driving.weather import sky_temperature
+from datagen.driving.transposition import SunPosition, sun_at, transposed
+from datagen.driving.weather import cloud_factor, sky_temperature
 from diagnosis.importing.clock import Clock
 from diagnosis.importing.mapping import Place
-from diagnosis.importing.quality import COMPUTED, Signal
+from diagnosis.importing.quality import Signal
 from diagnosis.importing.resampling import instants_of
 from diagnosis.importing.splitting import Sun, closed, split
+from shared.flags import COMPUTED
 from shared.signals import Weather
 
 _FINEST = 300.0
@@ -28,9 +29,8 @@ _SKY_BELOW_AIR = 11.0
 def sun_position(utc: np.ndarray, place: Place) -> tuple[np.ndarray, np.ndarray]:
     """Apparent zenith and azimuth of the sun [degree] at UTC [s since 1970], same shape."""
     index = pd.to_datetime(np.asarray(utc, dtype=np.float64).ravel(), unit="s", utc=True)
-    found = pvlib.solarposition.get_solarposition(index, place.latitude, place.longitude, altitude=place.altitude)
-    shape = np.shape(utc)
-    return found["apparent_zenith"].to_numpy().reshape(shape), found["azimuth"].to_numpy().reshape(shape)
+    found = sun_at(index, latitude=place.latitude, longitude=place.longitude, altitude=place.altitude)
+    return found.zenith.reshape(np.shape(utc)), found.azimuth.reshape(np.shape(utc))
 
 
 def on_the_plane(
@@ -68,26 +68,17 @@ def _carried(
     parts: tuple[np.ndarray, np.ndarray, np.ndarray], sun: Sun, azimuth: np.ndarray, plane: Weather
 ) -> np.ndarray:
     """Mean irradiance of a tilted plane (n,) of global, direct normal and diffuse one in parts (n, parts) [W/m2]."""
-    total, direct, diffuse = parts
-    z = sun.zenith.ravel()
-    carried = pvlib.irradiance.get_total_irradiance(
-        plane.surface_tilt,
-        plane.surface_azimuth,
-        z,
-        azimuth.ravel(),
-        direct.ravel(),
-        total.ravel(),
-        diffuse.ravel(),
-        dni_extra=pvlib.irradiance.get_extra_radiation(sun.day.ravel()),
-        airmass=pvlib.atmosphere.get_relative_airmass(z),
+    total, direct, diffuse = (one.ravel() for one in parts)
+    carried = transposed(
+        sun.day.ravel(),
+        SunPosition(sun.zenith.ravel(), azimuth.ravel()),
+        *(direct, diffuse, total),
+        tilt=plane.surface_tilt,
+        azimuth=plane.surface_azimuth,
         albedo=plane.albedo,
         model=plane.transposition,
-    )["poa_global"]
-    # below the horizon what little light there is comes evenly from the sky
-    tilt = np.radians(plane.surface_tilt)
-    dusk = total.ravel() * ((1 + np.cos(tilt)) / 2 + plane.albedo * (1 - np.cos(tilt)) / 2)
-    carried = np.where(np.isfinite(carried) & (z < 90.0), carried, dusk)
-    return np.asarray(np.maximum(carried, 0.0).reshape(sun.zenith.shape).mean(axis=1))
+    )
+    return np.asarray(carried.reshape(sun.zenith.shape).mean(axis=1))
 
 
 def global_of(readings: Signal, dni: np.ndarray, dhi: np.ndarray, clock: Clock, place: Place) -> Signal:
@@ -154,12 +145,9 @@ def cloud_cover(ghi: Signal, clock: Clock, place: Place) -> tuple[np.ndarray, np
 def sky(air: Signal, others: dict[str, Signal], clock: Clock, place: Place | None) -> tuple[Signal, str]:
     """Temperature of the sky [K] at the air temperature's readings, and a sentence on how it was estimated.
 
-    With a dew point: Clark and Allen (1978). Without: Swinbank (1963). Clouds by Walton (1983), as weather files do:
-
-        emissivity = clear (1 + 0.0224 n - 0.0035 n^2 + 0.00028 n^3),  n in tenths
-
-    from the measured cover, else from the irradiance (:func:`cloud_cover`). With neither dew point nor clouds the sky
-    is 11 K below the air (EN ISO 13790).
+    With a dew point: Clark and Allen (1978). Without: Swinbank (1963). Clouds by Walton (1983), as weather files do
+    (:func:`datagen.driving.weather.cloud_factor`), from the measured cover, else from the irradiance
+    (:func:`cloud_cover`). With neither dew point nor clouds the sky is 11 K below the air (EN ISO 13790).
     """
     at = air.middle
     cover, clouds = None, "no clouds known"
@@ -178,8 +166,7 @@ def sky(air: Signal, others: dict[str, Signal], clock: Clock, place: Place | Non
         values = sky_temperature({"temp_air": air_temperature, "temp_dew": dew, "opaque_cover": tenths})
         how = f"dew point (Clark and Allen) and {clouds}"
     elif cover is not None:
-        n = 10.0 * cover
-        emissivity = _SWINBANK * air_temperature**2 * (1 + 0.0224 * n - 0.0035 * n**2 + 0.00028 * n**3)
+        emissivity = _SWINBANK * air_temperature**2 * cloud_factor(10.0 * cover)
         values = np.minimum(emissivity, 1.0) ** 0.25 * air_temperature
         how = f"air temperature (Swinbank; no dew point) and {clouds}"
     else:

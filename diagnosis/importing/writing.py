@@ -11,9 +11,9 @@ import numpy as np
 import xarray as xr
 
 from diagnosis.importing.clock import Clock
-from diagnosis.importing.quality import FLAGS
 from diagnosis.importing.series import Series
 from shared.errors import RecordingError
+from shared.flags import FLAGS
 from shared.netcdf import write_netcdf
 from shared.schema import SCHEMA_VERSION
 from shared.store import temporary_name

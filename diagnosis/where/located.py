@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from diagnosis.scores import Guideline14, guideline14
 from diagnosis.where.cells import CellTest, scan_cells
 from diagnosis.where.correlation import CorrelationTest, scan_correlations
 from diagnosis.where.episodes import EpisodeTest, scan_episodes
 from diagnosis.where.finding import Finding
-from diagnosis.where.guideline14 import Guideline14, guideline14
 from diagnosis.where.regimes import Regime
 from diagnosis.where.series import Residuals
 from diagnosis.where.significance import MaxTest, combine, rank_p

@@ -4,8 +4,8 @@
 
 Ahead, the weather and the persons of the recording drive the model. Prints the median and quantiles over systems of
 each output's RMSE against its noisy readings (the sensor's own noise, which nobody can forecast, is beside it), CVRMSE
-and NMBE (medians of absolute values), and the share of readings within the 90 % band. In brackets: 90 % intervals,
-bootstrapped over systems.
+and NMBE (medians of absolute values; a temperature has none), and the share of readings within the 90 % band. In
+brackets: 90 % intervals, bootstrapped over systems.
 """
 
 from __future__ import annotations
@@ -133,13 +133,15 @@ def main() -> None:
     for output, alone in zip(system.outputs, system.noise_sd(options.noise), strict=True):
         values = np.array([one["scores"][output.name] for one in good if output.name in one["scores"]], dtype=float)
         if len(values):
-            middle, (low, high) = np.nanmedian(np.abs(values), axis=0), np.quantile(values[:, 0], [0.1, 0.9])
+            middle, (low, high) = np.median(values[:, 0]), np.quantile(values[:, 0], [0.1, 0.9])
+            seen = [np.abs(column[np.isfinite(column)]) for column in values[:, 1:3].T]
+            cvrmse, nmbe = (f"{np.median(some):.1%}" if len(some) else "-" for some in seen)
             rows = np.random.default_rng(0).integers(len(values), size=(1000, len(values)))
             first, last = np.quantile(np.median(values[rows, 0], axis=1), [0.05, 0.95])
             some, most = np.quantile(values[rows, 3].mean(axis=1), [0.05, 0.95])
             print(
-                f"| {output.name} | {output.unit} | {middle[0]:.3g} [{first:.3g}, {last:.3g}] | {alone:.3g} "
-                f"| {low:.3g}, {high:.3g} | {middle[1]:.1%} | {middle[2]:.1%} "
+                f"| {output.name} | {output.unit} | {middle:.3g} [{first:.3g}, {last:.3g}] | {alone:.3g} "
+                f"| {low:.3g}, {high:.3g} | {cvrmse} | {nmbe} "
                 f"| {values[:, 3].mean():.1%} [{some:.1%}, {most:.1%}] |"
             )
             if output.name in targets:

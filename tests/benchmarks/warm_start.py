@@ -41,10 +41,13 @@ from optimisers import Counted, Spent, Trace, evolution, genetic, local
 from resumed import depends, resumed
 
 from datagen import simulate
+from datagen.driving.tables import merge
 from datagen.simulating.simulator import Simulator
-from diagnosis.calibrating.calibration import calibrate, estimate
+from diagnosis.calibrating.calibration import calibrate
+from diagnosis.fitting.drive import drive
 from diagnosis.fitting.problem import WARM_UP, Problem
-from diagnosis.recording import Recording, read_recording, recorded_inputs
+from diagnosis.recording import Recording, read_recording
+from diagnosis.zero_shot import estimate
 from shared.errors import SimulationError, ZeroshotError
 from shared.metrics import bootstrap_by_system, r2
 from shared.shipped import resolved_estimator
@@ -58,8 +61,9 @@ THOUSAND = 1000
 
 def by_fmpy(system: System, record: Recording, values: dict[str, float]) -> float:
     """Processor seconds of one ``fmpy.simulate_fmu`` over the warm-up and the recording, unpacked beforehand."""
-    table = recorded_inputs(system, record, WARM_UP)
-    edges = np.arange(record.start - WARM_UP, record.stop + 1, record.step)
+    driven = drive(system, record, warm_up=WARM_UP)
+    table = merge(driven.signals, driven.begin, driven.stop)
+    edges = np.arange(driven.begin, driven.stop + 1, record.step)
     means = table.means(edges)
     double = np.zeros(2 * len(means), dtype=[("time", "f8"), *((name, "f8") for name in system.input_names)])
     double["time"] = np.repeat(edges, 2)[1:-1]

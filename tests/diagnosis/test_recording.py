@@ -1,6 +1,7 @@
 """Recordings as they are read."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import xarray as xr
 
 from datagen import simulate
 from diagnosis.fitting.drive import drive
-from diagnosis.recording import read_recording
+from diagnosis.recording import HOUR, Recording, extended, read_recording, whole_days
 from shared.errors import RecordingError
 
 
@@ -149,3 +150,21 @@ def test_an_actuator_is_cleared_under_its_own_name_as_under_its_output_s(default
     for name, readings in own.items():
         np.testing.assert_array_equal(by_output.meters[name].values, by_name.meters[name].values)
         assert by_name.meters[name].values.std() < readings.std()
+
+
+@pytest.mark.parametrize(
+    ("steps", "lead", "before"), [(48, 1, 24), (48, 24, 24), (48, 25, 48), (48, 0, 0), (5, 12, 15)]
+)
+def test_whole_first_days_are_repeated_before_a_series(steps, lead, before):
+    """A recording that is shorter than a day is its own first day."""
+    time = HOUR * (100.0 + np.arange(1, steps + 1))
+    record = Recording(Path("short.nc"), HOUR, time, np.empty((0, steps)), {})
+    values = np.random.default_rng(0).standard_normal(steps)
+    assert whole_days(record, lead) == before
+    lines, held = (extended(record, values, lead, held=held) for held in (False, True))
+    day = values[: min(24, steps)]
+    np.testing.assert_array_equal(lines.values, [*np.tile(day, before // len(day)), *values])
+    np.testing.assert_allclose(lines.times, HOUR * (101.0 + np.arange(-before, steps)))
+    np.testing.assert_array_equal(held.values, lines.values)
+    np.testing.assert_allclose(held.times, lines.times - HOUR)
+    assert (lines.kind, held.kind) == ("linear", "previous")

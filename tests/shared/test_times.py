@@ -1,12 +1,16 @@
 """The time of recordings, against dates that are written out here."""
 
+from datetime import date, timedelta
+
 import numpy as np
 import pytest
 import xarray as xr
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from shared.errors import RecordingError
 from shared.netcdf import read_netcdf
-from shared.times import recorded_begins, recorded_times
+from shared.times import recorded_begins, recorded_times, time_zero
 
 DAY = 86400.0
 SINCE_2001 = 7701 * DAY
@@ -99,3 +103,11 @@ def test_dates_and_a_beginning_are_not_added(tmp_path):
         recorded_begins(tmp_path / "r.nc", recording, 1)
     old = recording.assign_attrs(zeroshot_schema_version="2.0")
     assert recorded_begins(tmp_path, old, 1).tolist() == [5 * DAY]
+
+
+@settings(deadline=None)
+@given(st.dates(date(1990, 1, 1), date(2090, 12, 31)))
+def test_time_zero_is_a_monday_near_new_year(day):
+    zero = time_zero(day)
+    assert zero.weekday() == 0
+    assert abs(zero - date(day.year, 1, 1)) <= timedelta(days=3)

@@ -1,8 +1,6 @@
 """Calibrations of a second system, by command and function, and what a recording cannot be."""
 
 import json
-import sys
-import tempfile
 from copy import copy
 from dataclasses import replace
 
@@ -11,20 +9,15 @@ import pytest
 import xarray as xr
 
 from datagen import simulate
-from diagnosis.calibrating import calibration
-from diagnosis.calibrating.calibration import calibrate, estimate
+from diagnosis.calibrating.calibration import calibrate
 from diagnosis.calibrating.schema import read_calibration
 from diagnosis.calibrating.sentences import sentences
 from diagnosis.calibrating.summary import _explained, summarise
 from diagnosis.cli import app
 from diagnosis.fitting.noise import undeclared
 from diagnosis.recording import read_recording
-from diagnosis.scores import score
 from shared.console import FAULT, OK, start
 from shared.errors import RecordingError, SystemDescriptionError
-from shared.netcdf import write_netcdf
-from tests.small_disk import SAID, small_disk
-from trainer import predict
 
 TRUTH = {"ro": 7.0, "ri": 0.6, "c": 4.0, "a": 2.5}
 
@@ -60,8 +53,6 @@ def test_each_fault_is_a_sentence_and_nothing_is_written(house, house_recording,
 
 def test_kelvin_that_are_degrees_are_found(house, house_recording, default_system, tmp_path):
     """The default system has its temperatures in kelvin: readings near 21 are not."""
-    from datagen import simulate
-
     path = tmp_path / "room.nc"
     simulate(default_system, hours=48, seed=1, out=path)
     bad = changed(path, lambda d: d["TRoo"].values.__isub__(273.15))
@@ -125,8 +116,11 @@ def test_a_file_that_is_no_calibration_is_told(tmp_path):
         read_calibration(tmp_path)
     for version in (4, 5, 6):
         (tmp_path / "calibration.json").write_text(f'{{"schema_version": {version}, "readings_sha256": "0"}}')
-        with pytest.raises(RecordingError, match=rf"is {version}, .* all days .*; expected 7, .*: calibrate again"):
+        with pytest.raises(RecordingError, match=rf"is {version}, .* all days .*; expected 8, .*: calibrate again"):
             read_calibration(tmp_path)
+    (tmp_path / "calibration.json").write_text('{"schema_version": 7}')
+    with pytest.raises(RecordingError, match=r"is 7, .* temperature's range .*; expected 8, .*: calibrate again"):
+        read_calibration(tmp_path)
 
 
 @pytest.mark.slow
@@ -149,21 +143,6 @@ def test_the_command_writes_figures_and_a_page(house, house_recording, tmp_path,
     assert page.count("data:image/png;base64,") == 5
     assert all(name in page for name in TRUTH)
     assert "http" not in page.replace("http-equiv", "")
-
-
-def test_scores_by_hand():
-    measured = np.array([290.0, 291.0, np.nan, 293.0])
-    simulated = np.array([290.5, 291.0, 7.0, 292.0])
-    found = score(measured, simulated, "K")
-    assert found.rmse == pytest.approx(np.sqrt((0.25 + 1.0) / 3))
-    assert found.bias == pytest.approx(0.5 / 3)
-    assert found.steps == 3
-    assert found.share_of == "95 % range"
-    assert found.cvrmse == pytest.approx(found.rmse / np.diff(np.quantile([290, 291, 293], [0.025, 0.975]))[0])
-    celsius = score(measured - 273.15, simulated - 273.15, "degC")
-    assert celsius.cvrmse == pytest.approx(found.cvrmse)
-    plain = score(np.array([100.0, 300.0]), np.array([110.0, 310.0]), "ppm")
-    assert (plain.cvrmse, plain.nmbe, plain.share_of) == (pytest.approx(0.05), pytest.approx(-0.05), "mean")
 
 
 def test_a_recording_counts_for_less_than_the_fit_believes_and_the_page_says_so(house, house_recording):
@@ -202,87 +181,6 @@ def test_an_output_without_declared_noise_is_named(house, house_recording):
     record = read_recording(path, system)
     assert undeclared(system, "none", record.outputs) == {}
     assert undeclared(system, "sensor", np.full_like(record.outputs, np.nan)) == {}
-
-
-@pytest.mark.parametrize("units", ["hours since 2022-02-01 00:00:00", "seconds since 2022-01-05", "s"])
-def test_the_estimate_is_of_the_stretch_that_is_calibrated(default_system, tmp_path, monkeypatch, units):
-    """Whatever the file counts from, and where one system of a shard has its beginning apart."""
-    simulate(default_system, hours=72.0, seed=1, out=tmp_path / "one.nc")
-    data = xr.load_dataset(tmp_path / "one.nc", decode_times=False).drop_vars("time_bnds")
-    time = data["time"].values / (3600.0 if units.startswith("hours") else 1.0)
-    data = data.assign_coords(time=("time", time, {"units": units}))
-    if units == "s":
-        data = data.assign(start=((), 5 * 86400.0, {"units": "s"}))
-    data.to_netcdf(tmp_path / "other.nc")
-    record = read_recording(tmp_path / "other.nc", default_system)
-    inputs = {name: values[24:60] for name, values in record.inputs.items()}
-    part = replace(record, time=record.time[24:60], outputs=record.outputs[:, 24:60], inputs=inputs)
-    given = []
-
-    def predicted(run, path):
-        given.append(xr.load_dataset(path, decode_times=False))
-        raise RecordingError(f"{path}: enough")
-
-    monkeypatch.setattr("trainer.predict", predicted, raising=False)
-    with pytest.raises(RecordingError, match=r"other\.nc: enough"):
-        estimate("run", part, default_system)
-    np.testing.assert_array_equal(given[0]["time"].values, time[24:60])
-    np.testing.assert_array_equal(given[0]["TDryBul"].values, data["TDryBul"].values[24:60])
-    np.testing.assert_array_equal(given[0]["TRoo"].values, data["TRoo"].values[24:60])
-
-
-def test_an_output_that_was_never_read_is_left_out_of_the_estimate(default_system, tmp_path):
-    """The shipped estimator does without heater power and air flow; held against one on a file that never had them."""
-    simulate(default_system, hours=72.0, seed=1, out=tmp_path / "one.nc")
-    record = read_recording(tmp_path / "one.nc", default_system)
-    shown = record.outputs.copy()
-    unread = [k for k, name in enumerate(default_system.output_names) if name not in ("TRoo", "CO2")]
-    shown[unread] = np.nan
-    found = estimate("MixedAirCO2", replace(record, outputs=shown), default_system)
-    data = xr.load_dataset(tmp_path / "one.nc", decode_times=False)
-    data.drop_vars([default_system.output_names[k] for k in unread]).to_netcdf(tmp_path / "two.nc")
-    expected = predict("MixedAirCO2", tmp_path / "two.nc").predictions[0].parameters
-    assert found == pytest.approx({name: one.value for name, one in expected.items()}, rel=1e-5)
-    assert found != pytest.approx(estimate("MixedAirCO2", record, default_system), rel=1e-2)
-
-
-def test_an_estimate_is_not_made_from_days_that_were_made_up(default_system, tmp_path, monkeypatch):
-    simulate(default_system, hours=72.0, seed=1, out=tmp_path / "one.nc")
-    record = read_recording(tmp_path / "one.nc", default_system)
-    shown = record.outputs.copy()
-    shown[0, 0] = shown[0, 10:13] = shown[0, 20:24] = np.nan
-    given = []
-
-    def predicted(run, path):
-        given.append(xr.load_dataset(path, decode_times=False)[default_system.output_names[0]].values)
-        raise RecordingError(f"{path}: enough")
-
-    monkeypatch.setattr("trainer.predict", predicted, raising=False)
-    with pytest.raises(RecordingError, match="enough"):
-        estimate("run", replace(record, outputs=shown), default_system)
-    as_read, found = given  # an estimator that takes gaps is given them
-    assert np.isnan(as_read).sum() == 8
-    np.testing.assert_allclose(found[9:14], np.linspace(found[9], found[13], 5), rtol=1e-6)
-    assert found[0] == found[1]
-    assert np.isnan(found[20:24]).all() and np.isnan(found).sum() == 4
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="no limit of a file's size there")
-def test_a_full_disk_of_temporary_files_is_a_sentence(default_system, tmp_path, monkeypatch):
-    """The estimator reads a copy of the recording's span."""
-    simulate(default_system, hours=1200.0, seed=1, out=tmp_path / "one.nc")
-    record = read_recording(tmp_path / "one.nc", default_system)
-    (tmp_path / "scratch").mkdir()
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "scratch"))
-
-    def onto_a_small_disk(*given):
-        with small_disk():
-            write_netcdf(*given)
-
-    monkeypatch.setattr(calibration, "write_netcdf", onto_a_small_disk)
-    with pytest.raises(RecordingError, match=rf"one\.nc: cannot be written \({SAID}\); expected free space .* TMPDIR"):
-        estimate("run", record, default_system)
-    assert list((tmp_path / "scratch").iterdir()) == []
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,7 @@
 """Stamps become the building's own clock: both directions of daylight saving, offsets, and the calendar behind it."""
 
 import re
-from datetime import UTC, date, datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from functools import cache
 from zoneinfo import ZoneInfo
 
@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from diagnosis.importing.clock import find_zone, make_clock, read_stamps, standard_offset, time_zero
+from diagnosis.importing.clock import find_zone, make_clock, read_stamps, standard_offset
 from diagnosis.importing.mapping import Time
 from shared.errors import RecordingError
 
@@ -191,14 +191,6 @@ def test_a_country_that_left_its_standard_time_has_the_new_one_from_then_on(mont
     """Turkey kept the summer time of 2016."""
     moment = datetime(2016, month, 3, tzinfo=UTC).timestamp()
     assert standard_offset(find_zone("Europe/Istanbul", "file"), moment) == hours * 3600
-
-
-@settings(deadline=None)
-@given(st.dates(date(1990, 1, 1), date(2090, 12, 31)))
-def test_time_zero_is_a_monday_near_new_year(day):
-    zero = time_zero(day)
-    assert zero.weekday() == 0
-    assert abs(zero - date(day.year, 1, 1)) <= timedelta(days=3)
 
 
 @settings(deadline=None)

@@ -12,9 +12,9 @@ from matplotlib.image import imread
 from rich.console import Console
 
 from diagnosis.importing import import_recording
-from diagnosis.importing.quality import ASSUMED, COMPUTED, IMPOSSIBLE, INTERPOLATED, MISSING, PARTLY, STUCK
 from diagnosis.importing.report import print_report
 from shared.errors import RecordingError
+from shared.flags import ASSUMED, COMPUTED, IMPOSSIBLE, INTERPOLATED, MISSING, PARTLY, STUCK
 from shared.schema import EPOCH
 from tests.diagnosis.importing.house_cases import MAPPING, measured, warmth
 

@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 
 from diagnosis.importing.mapping import Source
 from diagnosis.importing.noise import reach_of_noise
-from diagnosis.importing.quality import IMPOSSIBLE, make_signal, mark_impossible
+from diagnosis.importing.quality import make_signal, mark_impossible
 from diagnosis.importing.resampling import resample
+from shared.flags import IMPOSSIBLE
 from tests.diagnosis.importing.house_cases import MAPPING, measured
 
 SEEDS = st.integers(0, 10**6)

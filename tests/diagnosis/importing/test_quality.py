@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from diagnosis.importing.mapping import Meter, Source
-from diagnosis.importing.quality import DARK, IMPOSSIBLE, STUCK, Resting, make_signal, mark_stuck
+from diagnosis.importing.quality import DARK, Resting, make_signal, mark_stuck
+from shared.flags import IMPOSSIBLE, STUCK
 
 
 @pytest.mark.parametrize("code", [-9999.0, 9999.0, -99.9])

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 
 from diagnosis.importing.filling import fill_constant, interpolate_short, longest_whole, runs
 from diagnosis.importing.mapping import Source
-from diagnosis.importing.quality import ASSUMED, IMPOSSIBLE, INTERPOLATED, PARTLY, Signal, make_signal
+from diagnosis.importing.quality import Signal, make_signal
 from diagnosis.importing.resampling import around, instants_of, means_of, resample
+from shared.flags import ASSUMED, IMPOSSIBLE, INTERPOLATED, PARTLY
 
 FINITE = st.floats(-1e3, 1e3)
 

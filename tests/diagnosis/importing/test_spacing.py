@@ -6,8 +6,8 @@ import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from diagnosis.importing.quality import ASSUMED
 from diagnosis.importing.spacing import DAY, usual_hold
+from shared.flags import ASSUMED
 from tests.diagnosis.importing.house_cases import MAPPING, measured
 
 MINUTE, DAYS = 60.0, 8

@@ -6,9 +6,9 @@ import numpy as np
 import pvlib
 import pytest
 
-from diagnosis.importing.quality import IMPOSSIBLE
 from diagnosis.importing.resampling import values_at
 from diagnosis.importing.weather import global_of, on_the_plane
+from shared.flags import IMPOSSIBLE
 from tests.diagnosis.importing.test_weather import CLOCK, HORIZONTAL, PLACE, SOUTH, clear_days, means
 
 # Tuples, not sets: the tests are named after them, and workers that collect tests must agree on the names.

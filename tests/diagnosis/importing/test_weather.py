@@ -8,8 +8,9 @@ import pytest
 from diagnosis.importing import weather
 from diagnosis.importing.clock import find_zone, make_clock
 from diagnosis.importing.mapping import Place
-from diagnosis.importing.quality import COMPUTED, IMPOSSIBLE, Signal
+from diagnosis.importing.quality import Signal
 from diagnosis.importing.weather import cloud_cover, global_of, on_the_plane, sky, sun_clock, sun_position
+from shared.flags import COMPUTED, IMPOSSIBLE
 from shared.signals import Weather
 
 PLACE = Place(latitude=52.5, longitude=6.1, altitude=5.0)
@@ -59,6 +60,17 @@ def test_a_facade_on_clear_days(step):
     assert made.mean() == pytest.approx(truth.mean(), rel=0.12)
     assert np.corrcoef(made, truth)[0, 1] > 0.99
     assert made[truth == 0].max() < 5.0
+
+
+def test_light_at_dusk_comes_from_the_sky_and_from_the_ground_before_it():
+    """A facade sees half of the sky and half of the ground, isotropic both; and so it is in weather files."""
+    when = pd.date_range("2022-05-01 18:00", "2022-05-01 21:00", freq="1min", tz="UTC")
+    sun = pvlib.solarposition.get_solarposition(when, PLACE.latitude, PLACE.longitude, altitude=PLACE.altitude)
+    below = when[np.searchsorted(sun["apparent_zenith"], 90.5)].timestamp()
+    begin = CLOCK.seconds(np.array([below])) - 30.0
+    ghi = Signal(begin, begin + 60.0, np.array([8.0]), np.zeros(1, np.int8), "mean", 150.0, "W/m2")
+    made = on_the_plane(ghi, CLOCK, PLACE, SOUTH, dni=np.zeros(1), dhi=np.array([5.0]))
+    assert made.values == pytest.approx([5.0 / 2 + 0.2 * 8.0 / 2])
 
 
 def test_each_reading_has_parts_of_its_own_length(monkeypatch):

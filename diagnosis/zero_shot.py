@@ -1,0 +1,101 @@
+"""What an estimator says of a recording at once, without a simulation."""
+
+from __future__ import annotations
+
+import tempfile
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from diagnosis.recording import HOUR, Recording
+from shared.errors import EstimatorError, RecordingError
+from shared.logs import logger
+from shared.netcdf import read_netcdf, write_netcdf
+from shared.system import System
+
+_log = logger(__name__)
+BRIDGED = 3.0
+"""Gaps in a channel up to so long [h] are interpolated for an estimator; how many longer ones it can do without, it
+says itself. A day that was made up would be one that it was never shown."""
+
+
+def estimate(run: Path | str, recording: Recording, system: System) -> dict[str, float]:
+    """Zero-shot values by name [unit of the description], from the recording's readings and its own span of its file.
+
+    Where the estimator refuses gaps, readings that were lost for a short while (:data:`BRIDGED`) are interpolated; an
+    output that was never read is left out, which an estimator may be trained to do without.
+
+    Raises
+    ------
+    EstimatorError
+        If the estimator is one of another system.
+    RecordingError
+        If the recording lacks a channel of the estimator or too much of it, or is shorter than its context; or if there
+        is no room for a copy of it among temporary files.
+    """
+    from trainer import predict
+
+    data = read_netcdf(recording.path, RecordingError, "a recording (NetCDF)", times=True)
+    time = recording.times(data)
+    data = data.isel(time=np.flatnonzero((time >= recording.time[0] - 1) & (time <= recording.time[-1] + 1)))
+    data = data.isel(system=0, drop=True) if "system" in data.dims else data
+    for output, readings in zip(system.output_names, recording.outputs, strict=True):
+        if output in data and np.isfinite(readings).any():
+            data[output].values[:] = readings
+        elif output in data:
+            data = data.drop_vars(output)
+    with tempfile.TemporaryDirectory(prefix="zeroshot-span-") as folder:
+        path = Path(folder) / recording.path.name
+        _write_span(data, path)
+        try:
+            told = predict(run, path).predictions[0]
+        except RecordingError:
+            bridged = _bridged(data, round(BRIDGED * HOUR / recording.step))
+            path.unlink()
+            _write_span(bridged, path)
+            try:
+                told = predict(run, path).predictions[0]
+            except RecordingError as error:
+                raise RecordingError(str(error).replace(str(path), str(recording.path))) from None
+    for note in told.unlike or ():
+        _log.warning("%s: unlike all that the estimator was trained on: %s", recording.path, note)
+    values_by_name = {name: one.value for name, one in told.parameters.items()}
+    if sorted(values_by_name) != sorted(system.parameter_names):
+        raise EstimatorError(
+            f"{run}: estimates {', '.join(values_by_name)}; the system has {', '.join(system.parameter_names)}"
+        )
+    return values_by_name
+
+
+def _write_span(data: xr.Dataset, path: Path) -> None:
+    """Write what the estimator is to read into a folder for it that is gone afterwards."""
+    try:
+        write_netcdf(data, path, {})
+    except OSError as error:
+        raise RecordingError(
+            f"{path}: cannot be written ({error.strerror or error}); expected free space there, or in another folder"
+            " that TMPDIR names"
+        ) from None
+
+
+def _bridged(data: xr.Dataset, longest: int) -> xr.Dataset:
+    """A recording whose gaps of at most ``longest`` steps are filled by straight lines."""
+    filled = data.copy(deep=True)
+    for name in filled.data_vars:
+        values = filled[name].values
+        if filled[name].dims == ("time",) and np.issubdtype(values.dtype, np.floating):
+            _bridge(values, longest)
+    return filled
+
+
+def _bridge(values: np.ndarray, longest: int) -> None:
+    """Fill gaps of at most ``longest`` steps in readings (steps,) by straight lines, in place."""
+    seen = np.flatnonzero(np.isfinite(values))
+    for before, after in pairwise(seen):
+        if 1 < after - before <= longest + 1:
+            values[before : after + 1] = np.linspace(values[before], values[after], after - before + 1)
+    for end, inner in ((slice(None, seen[0]), seen[0]), (slice(seen[-1] + 1, None), seen[-1])) if len(seen) else ():
+        if len(values[end]) <= longest:
+            values[end] = values[inner]

@@ -1,0 +1,41 @@
+"""What drives the model over a recording: its own inputs, and its first day before them."""
+
+import numpy as np
+import pytest
+
+from datagen import simulate
+from datagen.driving.tables import merge
+from diagnosis.fitting.drive import drive
+from diagnosis.recording import DAY, HOUR, read_recording
+
+
+@pytest.fixture(scope="module")
+def record(default_system, tmp_path_factory):
+    path = tmp_path_factory.mktemp("recording") / "room.nc"
+    simulate(default_system, hours=72.0, seed=9, out=path)
+    return read_recording(path, default_system)
+
+
+def test_inputs_are_the_recordings(record, default_system):
+    """An instant is joined to the next by a straight line; a mean holds over its step."""
+    driven = drive(default_system, record, warm_up=DAY)
+    assert (driven.begin, driven.start, driven.stop) == (record.start - DAY, record.start, record.stop)
+    table = merge(driven.signals, driven.begin, driven.stop)
+    k = default_system.input_names.index("TDryBul")
+    np.testing.assert_allclose(table.at(record.time)[:, k], record.inputs["TDryBul"], atol=1e-4)
+    n = default_system.input_names.index("nPer")
+    edges = np.concatenate([[record.start], record.time])
+    np.testing.assert_allclose(table.means(edges)[:, n], record.inputs["nPer"], atol=1e-4)
+
+
+@pytest.mark.parametrize(("hours", "days"), [(1, 1), (24, 1), (25, 2), (240, 10)])
+def test_whole_first_days_stand_before_the_recording(record, default_system, hours, days):
+    driven = drive(default_system, record, warm_up=hours * HOUR)
+    assert driven.begin == record.start - days * DAY
+    signal = driven.signals["TDryBul"]
+    first = record.time[record.time <= record.start + DAY]
+    for back in range(1, days + 1):
+        np.testing.assert_allclose(signal.at(first - back * DAY), signal.at(first), rtol=1e-12)
+    held = driven.signals["nPer"]
+    middles = first - 0.5 * record.step
+    np.testing.assert_array_equal(held.at(middles - DAY), held.at(middles))

@@ -1,0 +1,113 @@
+"""What an estimator is given of a recording."""
+
+import sys
+import tempfile
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from datagen import simulate
+from diagnosis import residuals, zero_shot
+from diagnosis.recording import read_recording
+from diagnosis.zero_shot import estimate
+from shared.errors import RecordingError
+from shared.netcdf import write_netcdf
+from tests.small_disk import SAID, small_disk
+from trainer import predict
+
+
+@pytest.mark.parametrize("units", ["hours since 2022-02-01 00:00:00", "seconds since 2022-01-05", "s"])
+def test_the_estimate_is_of_the_stretch_that_is_calibrated(default_system, tmp_path, monkeypatch, units):
+    """Whatever the file counts from, and where one system of a shard has its beginning apart."""
+    simulate(default_system, hours=72.0, seed=1, out=tmp_path / "one.nc")
+    data = xr.load_dataset(tmp_path / "one.nc", decode_times=False).drop_vars("time_bnds")
+    time = data["time"].values / (3600.0 if units.startswith("hours") else 1.0)
+    data = data.assign_coords(time=("time", time, {"units": units}))
+    if units == "s":
+        data = data.assign(start=((), 5 * 86400.0, {"units": "s"}))
+    data.to_netcdf(tmp_path / "other.nc")
+    record = read_recording(tmp_path / "other.nc", default_system)
+    inputs = {name: values[24:60] for name, values in record.inputs.items()}
+    part = replace(record, time=record.time[24:60], outputs=record.outputs[:, 24:60], inputs=inputs)
+    given = []
+
+    def predicted(run, path):
+        given.append(xr.load_dataset(path, decode_times=False))
+        raise RecordingError(f"{path}: enough")
+
+    monkeypatch.setattr("trainer.predict", predicted, raising=False)
+    with pytest.raises(RecordingError, match=r"other\.nc: enough"):
+        estimate("run", part, default_system)
+    np.testing.assert_array_equal(given[0]["time"].values, time[24:60])
+    np.testing.assert_array_equal(given[0]["TDryBul"].values, data["TDryBul"].values[24:60])
+    np.testing.assert_array_equal(given[0]["TRoo"].values, data["TRoo"].values[24:60])
+
+
+def test_an_output_that_was_never_read_is_left_out_of_the_estimate(default_system, tmp_path):
+    """The shipped estimator does without heater power and air flow; held against one on a file that never had them."""
+    simulate(default_system, hours=72.0, seed=1, out=tmp_path / "one.nc")
+    record = read_recording(tmp_path / "one.nc", default_system)
+    shown = record.outputs.copy()
+    unread = [k for k, name in enumerate(default_system.output_names) if name not in ("TRoo", "CO2")]
+    shown[unread] = np.nan
+    found = estimate("MixedAirCO2", replace(record, outputs=shown), default_system)
+    data = xr.load_dataset(tmp_path / "one.nc", decode_times=False)
+    data.drop_vars([default_system.output_names[k] for k in unread]).to_netcdf(tmp_path / "two.nc")
+    expected = predict("MixedAirCO2", tmp_path / "two.nc").predictions[0].parameters
+    assert found == pytest.approx({name: one.value for name, one in expected.items()}, rel=1e-5)
+    assert found != pytest.approx(estimate("MixedAirCO2", record, default_system), rel=1e-2)
+
+
+def test_residuals_are_of_the_estimate_that_a_calibration_begins_with(default_system, tmp_path):
+    """Columns of a logger that never read anything stand in the file; held against a file that never had them."""
+    simulate(default_system, hours=72.0, seed=1, out=tmp_path / "one.nc")
+    data = xr.load_dataset(tmp_path / "one.nc", decode_times=False)
+    unread = [name for name in default_system.output_names if name not in ("TRoo", "CO2")]
+    data.drop_vars(unread).to_netcdf(tmp_path / "two.nc")
+    for name in unread:
+        data[name].values[:] = np.nan
+    data.to_netcdf(tmp_path / "unread.nc")
+    found = residuals(default_system, tmp_path / "unread.nc", run="MixedAirCO2")["parameters"]
+    expected = predict("MixedAirCO2", tmp_path / "two.nc").predictions[0].parameters
+    assert found == pytest.approx({name: one.value for name, one in expected.items()}, rel=1e-5)
+
+
+def test_an_estimate_is_not_made_from_days_that_were_made_up(default_system, tmp_path, monkeypatch):
+    simulate(default_system, hours=72.0, seed=1, out=tmp_path / "one.nc")
+    record = read_recording(tmp_path / "one.nc", default_system)
+    shown = record.outputs.copy()
+    shown[0, 0] = shown[0, 10:13] = shown[0, 20:24] = np.nan
+    given = []
+
+    def predicted(run, path):
+        given.append(xr.load_dataset(path, decode_times=False)[default_system.output_names[0]].values)
+        raise RecordingError(f"{path}: enough")
+
+    monkeypatch.setattr("trainer.predict", predicted, raising=False)
+    with pytest.raises(RecordingError, match="enough"):
+        estimate("run", replace(record, outputs=shown), default_system)
+    as_read, found = given  # an estimator that takes gaps is given them
+    assert np.isnan(as_read).sum() == 8
+    np.testing.assert_allclose(found[9:14], np.linspace(found[9], found[13], 5), rtol=1e-6)
+    assert found[0] == found[1]
+    assert np.isnan(found[20:24]).all() and np.isnan(found).sum() == 4
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit of a file's size there")
+def test_a_full_disk_of_temporary_files_is_a_sentence(default_system, tmp_path, monkeypatch):
+    """The estimator reads a copy of the recording's span."""
+    simulate(default_system, hours=1200.0, seed=1, out=tmp_path / "one.nc")
+    record = read_recording(tmp_path / "one.nc", default_system)
+    (tmp_path / "scratch").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "scratch"))
+
+    def onto_a_small_disk(*given):
+        with small_disk():
+            write_netcdf(*given)
+
+    monkeypatch.setattr(zero_shot, "write_netcdf", onto_a_small_disk)
+    with pytest.raises(RecordingError, match=rf"one\.nc: cannot be written \({SAID}\); expected free space .* TMPDIR"):
+        estimate("run", record, default_system)
+    assert list((tmp_path / "scratch").iterdir()) == []
