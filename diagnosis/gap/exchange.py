@@ -81,11 +81,12 @@ def _holding(
     made = replace(now, stages=[stage], refits=[], settled=[], tried=[], beside={}, simulations=0)
     tell(f"looking at what else acts beside {held.name}")
     try:
-        if (made.path, held.name) not in made.made:
+        key, known = (made.path, held.name), made.made.refits
+        if key not in known:
             start = np.round(linear_start(stage.grams, stage.colours.best, places), 9)
-            one = made.made[made.path, held.name] = refit(stage.grams, stage.colours.best, start, [held])
+            one = known[key] = refit(stage.grams, stage.colours.best, start, [held])
             made.simulations += one.simulations
-        alone = made.made[made.path, held.name]
+        alone = known[key]
         refits, best = contended([alone], stage, made, tell)
         while True:
             after = examine(renewed_among(best, stage, effects, made), observed, size, seed=seed + len(made.stages))

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from diagnosis.gap.contending import UNEXPLAINED, Tell, best_of, contended, fitt
 from diagnosis.gap.elsewhere import elsewhere
 from diagnosis.gap.fewer import fewer
 from diagnosis.gap.linear import Linearised, applicable, linearised
+from diagnosis.gap.made import Made
 from diagnosis.gap.nuisances import widened
 from diagnosis.gap.refit import Refit, linear_start, refit, rested
 from diagnosis.gap.renewal import settled
@@ -52,7 +52,7 @@ class Search:
     the middle of the prior if None.
     ``beside``: the stage and refits by which the candidates of a stage are weighed, by its place, where the effect that
     was found with them was chosen later (:mod:`diagnosis.gap.exchange`); its own if it is not there.
-    ``simulations`` in all of the search; ``made``: refits and linearisations by the stages that led to them.
+    ``simulations`` in all of the search; ``made``: what need not be made again.
     """
 
     stages: list[Stage]
@@ -66,7 +66,7 @@ class Search:
     beside: dict[int, tuple[Stage, list[Refit]]] = field(default_factory=dict)
     confirmed: bool = True
     simulations: int = 0
-    made: dict[Hashable, Any] = field(default_factory=dict)
+    made: Made = field(default_factory=Made)
 
     @property
     def path(self) -> Hashable:
@@ -129,7 +129,7 @@ def search(
         why = {name: reason for name, reason in known.excluded.items() if name in names}
         lin = fewer(known.stages[0].lin, effects, why)
     else:
-        one, made = settled_base(base, observed, size), {}
+        one, made = settled_base(base, observed, size), Made()
         usable, why = applicable(one.lin.problem, effects)
         tell(f"sensitivities of {len(usable)} effects")
         lin, count = among(one, usable), one.simulations
@@ -259,8 +259,8 @@ def refitted(stage: Stage, tell: Tell, found: Search) -> list[Refit]:
             continue
         effect = stage.lin.effects[j]
         key = (found.path, effect.name)
-        if key in found.made:
-            made.append(found.made[key])
+        if key in found.made.refits:
+            made.append(found.made.refits[key])
             continue
         tell(f"refitting with {effect.name}")
         # rounded, so that a refit is the same to the last bit whatever candidates are beside it
@@ -270,7 +270,7 @@ def refitted(stage: Stage, tell: Tell, found: Search) -> list[Refit]:
         except SimulationError:
             continue
         found.simulations += one.simulations
-        found.made[key] = one
+        found.made.refits[key] = one
         made.append(one)
     made = [one for one in made if abs(one.lin.amplitudes[-1]) >= NEGLIGIBLE]
     return sorted(made, key=lambda one: -one.evidence)
@@ -279,12 +279,12 @@ def refitted(stage: Stage, tell: Tell, found: Search) -> list[Refit]:
 def renewed_among(best: Refit, stage: Stage, effects: Sequence[Effect], found: Search) -> Linearised:
     """The best refit linearised by all remaining candidates."""
     usable, _ = applicable(best.lin.problem, effects)
-    key = (found.path, best.names, best.lin.z.tobytes(), "renewed")
-    if key in found.made and {one.name for one in usable} <= {one.name for one in found.made[key].effects}:
-        return fewer(found.made[key], usable)
+    key, made = (found.path, best.names, best.lin.z.tobytes()), found.made.renewed
+    if key in made and {one.name for one in usable} <= {one.name for one in made[key].effects}:
+        return fewer(made[key], usable)
     lin = among(best, usable)
     found.simulations += lin.simulations
-    found.made[key] = lin
+    made[key] = lin
     return lin
 
 

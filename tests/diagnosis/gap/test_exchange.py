@@ -136,7 +136,7 @@ def test_an_effect_that_is_held_is_judged_where_it_was_simulated_anew(monkeypatc
     )
     raw, anew = SimpleNamespace(names=("b",), evidence=1.0), SimpleNamespace(names=("b",), evidence=3.0)
     now = searching.Search([stage], SimpleNamespace(), None)
-    now.made[now.path, "b"] = raw
+    now.made.refits[now.path, "b"] = raw
     drawn = []
     after = SimpleNamespace(
         lin=SimpleNamespace(chosen=(effect,), z=np.ones(1)), colours=SimpleNamespace(best={}), candidate_found=False

@@ -7,6 +7,7 @@ import pytest
 
 from diagnosis.gap import search as searching
 from diagnosis.gap.contending import UNEXPLAINED
+from diagnosis.gap.made import Made
 from diagnosis.gap.search import search
 
 COLOURS = SimpleNamespace(best={})
@@ -116,7 +117,7 @@ def test_what_stands_out_most_from_its_own_twins_is_refitted_however_much_others
     made = SimpleNamespace(evidence=1.0, simulations=0, lin=SimpleNamespace(amplitudes=[1.0]))
     tried = []
     monkeypatch.setattr(searching, "refit", lambda grams, best, start, effects: tried.append(effects[0].name) or made)
-    searching.refitted(stage, lambda _: None, SimpleNamespace(path="here", made={}, simulations=0))
+    searching.refitted(stage, lambda _: None, SimpleNamespace(path="here", made=Made(), simulations=0))
     among = list(range(near))
     if foremost == 7:
         among = [*among[: searching.MOST_REFITS - 1], 7]
