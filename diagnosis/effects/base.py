@@ -35,6 +35,14 @@ class Effect(Protocol):
     changes
         FMU parameters, inputs and (with ``output:`` before the name) outputs that the effect touches. Two effects
         that set the same parameter or replace the same shape cannot be combined (:func:`clash`).
+
+    Notes
+    -----
+    An effect may say more of itself, in attributes that it need not have. ``owns``: of what it ``changes``, what no
+    other effect may set at the same time; all of it without. ``moves_in_time``: inputs that it lets come earlier or
+    later, none without (:func:`moved_in_time`). Persons whom nobody counted could have come at any time anyway, so that
+    an effect that moves them is left out. ``invented(time)``: readings that it would have to take from beyond the
+    recording, bool of shape (outputs, steps), by the recording's own time, shape (steps,) [s]; none without.
     """
 
     @property
@@ -122,6 +130,11 @@ class Nothing:
         """Nothing."""
         return frozenset()
 
+    @property
+    def moves_in_time(self) -> frozenset[str]:
+        """No input."""
+        return frozenset()
+
     def obstacle(self, recording: Recording, *, replay: bool) -> str:
         """None."""
         return ""
@@ -137,6 +150,11 @@ class Nothing:
     def outputs(self, amplitude: float, outputs: np.ndarray, time: np.ndarray) -> np.ndarray:
         """The outputs as they are."""
         return outputs
+
+
+def moved_in_time(effect: Effect) -> frozenset[str]:
+    """Inputs that an effect lets come earlier or later: none if it does not say so."""
+    return frozenset(getattr(effect, "moves_in_time", ()))
 
 
 def clash(effects: Sequence[Effect]) -> str:
