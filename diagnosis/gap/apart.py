@@ -15,7 +15,7 @@ from diagnosis.gap.grams import Colour, Grams
 from diagnosis.gap.linear import Linearised
 from diagnosis.gap.refit import Refit, misfit
 from diagnosis.gap.renewal import WORTH, fitted_anew, relinearised
-from diagnosis.gap.search import Search
+from diagnosis.gap.searched import Search
 from shared.errors import SimulationError
 
 LINES = 5

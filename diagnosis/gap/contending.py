@@ -8,7 +8,6 @@ from there (:mod:`diagnosis.gap.abroad`).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,11 +16,9 @@ from diagnosis.gap.abroad import Ranked, abroad
 from diagnosis.gap.afresh import bent, fitted_afresh, fitted_with
 from diagnosis.gap.refit import Refit
 from diagnosis.gap.renewal import settled
+from diagnosis.gap.searched import Search
 from diagnosis.gap.stages import Stage
 from shared.errors import SimulationError
-
-if TYPE_CHECKING:
-    from diagnosis.gap.search import Search
 
 AFRESH = 3
 """Of the refits as many are fitted afresh at most where the way is bent."""

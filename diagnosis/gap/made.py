@@ -1,4 +1,4 @@
-"""What a search has made, by what led to it, so that nothing is made twice: a search among fewer candidates shares it."""
+"""What a search has made, by what led to it: nothing is made twice, and a search among fewer candidates shares it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Made:
     """One dictionary for each kind; the first part of every key is the path of stages (``Search.path``) that led there.
 
     ``refits``: of a candidate, by its name. ``abroad``: all candidates where the base model's fit began, and
-    ``from_there`` a candidate fitted from where it was then, by its name. ``afresh``: effects fitted from where the base
+    ``from_there`` one of them fitted from where it came to, by its name. ``afresh``: effects fitted from where the base
     model's fit began, by their names. ``settled``: a refit simulated anew where it came to, by its effects' names.
     ``renewed``: a refit linearised by the candidates that remain, by its effects' names and its unknowns' bytes.
     ``apart``: both lines of a fit to a part, by the bytes of what was fitted; its path is that of these stages alone.

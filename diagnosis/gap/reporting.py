@@ -21,7 +21,7 @@ from diagnosis.gap.schema import (
     SourceOf,
     StageOf,
 )
-from diagnosis.gap.search import Search
+from diagnosis.gap.searched import Search
 from diagnosis.gap.seen import detectability, otherwise_seen
 from diagnosis.gap.sentences import summary
 from diagnosis.gap.shrinkage import Shrinkage

@@ -9,6 +9,7 @@ from diagnosis.effects.kinds import lagged
 from diagnosis.gap import contending, diagnose, exchange
 from diagnosis.gap import search as searching
 from diagnosis.gap.exchange import ROUNDS, exchanged
+from diagnosis.gap.searched import Search
 from diagnosis.gap.stages import CLEAR
 from tests.diagnosis.gap.gap_cases import candidates, changed
 
@@ -60,9 +61,7 @@ def a_search(*names, worth=0.0):
         SimpleNamespace(names=names[: k + 1], evidence=worth, evidence_with=lambda _: worth) for k in range(len(names))
     ]
     refits = [[one] for one in settled]
-    return searching.Search(
-        stages, SimpleNamespace(), None, refits=refits, settled=settled, tried=refits, simulations=1
-    )
+    return Search(stages, SimpleNamespace(), None, refits=refits, settled=settled, tried=refits, simulations=1)
 
 
 def asked(monkeypatch, found, **answers):
@@ -135,7 +134,7 @@ def test_an_effect_that_is_held_is_judged_where_it_was_simulated_anew(monkeypatc
         lin=SimpleNamespace(effects=[effect], chosen=(), z=np.zeros(1)), colours=SimpleNamespace(best={}), grams=None
     )
     raw, anew = SimpleNamespace(names=("b",), evidence=1.0), SimpleNamespace(names=("b",), evidence=3.0)
-    now = searching.Search([stage], SimpleNamespace(), None)
+    now = Search([stage], SimpleNamespace(), None)
     now.made.refits[now.path, "b"] = raw
     drawn = []
     after = SimpleNamespace(

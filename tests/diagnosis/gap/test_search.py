@@ -9,6 +9,7 @@ from diagnosis.gap import search as searching
 from diagnosis.gap.contending import UNEXPLAINED
 from diagnosis.gap.made import Made
 from diagnosis.gap.search import search
+from diagnosis.gap.searched import Search
 
 COLOURS = SimpleNamespace(best={})
 
@@ -130,7 +131,7 @@ def test_what_was_made_at_one_optimum_is_not_taken_for_another():
     def path(z):
         lin = SimpleNamespace(chosen=(SimpleNamespace(name="one"),), z=np.array(z))
         stage = SimpleNamespace(lin=lin, colours=SimpleNamespace(best={0: (1.0, 0.0, 1.0)}))
-        return searching.Search([stage], base=None, plain=None).path
+        return Search([stage], base=None, plain=None).path
 
     assert path([0.5, 1.0]) == path([0.5, 1.0])
     assert path([0.5, 1.0]) != path([0.5, 1.1])
