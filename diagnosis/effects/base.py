@@ -14,7 +14,6 @@ import numpy as np
 
 from datagen.driving.tables import Piecewise
 from diagnosis.recording import Recording
-from shared.errors import SystemDescriptionError
 
 
 @runtime_checkable
@@ -171,38 +170,3 @@ def clash(effects: Sequence[Effect]) -> str:
                 return f"{taken[what]} and {effect.name} both set {what}"
             taken[what] = effect.name
     return ""
-
-
-@dataclass(frozen=True)
-class Combination:
-    """Several effects at once, each with its amplitude: their parameters together, their inputs and outputs in turn.
-
-    Raises
-    ------
-    SystemDescriptionError
-        If two of them set the same thing.
-    """
-
-    effects: tuple[Effect, ...] = ()
-
-    def __post_init__(self) -> None:
-        if why := clash(self.effects):
-            raise SystemDescriptionError(f"effects: {why}; expected effects that can act together")
-
-    def parameters(self, amplitudes: Sequence[float]) -> dict[str, float]:
-        """FMU parameters to set [unit of each]."""
-        return {k: v for e, a in zip(self.effects, amplitudes, strict=True) for k, v in e.parameters(a).items()}
-
-    def inputs(
-        self, amplitudes: Sequence[float], inputs: dict[str, Piecewise], recording: Recording
-    ) -> dict[str, Piecewise]:
-        """All inputs after all effects."""
-        for effect, amplitude in zip(self.effects, amplitudes, strict=True):
-            inputs = effect.inputs(amplitude, inputs, recording)
-        return inputs
-
-    def outputs(self, amplitudes: Sequence[float], outputs: np.ndarray, time: np.ndarray) -> np.ndarray:
-        """What the sensors show after all effects, shape (outputs, steps)."""
-        for effect, amplitude in zip(self.effects, amplitudes, strict=True):
-            outputs = effect.outputs(amplitude, outputs, time)
-        return outputs

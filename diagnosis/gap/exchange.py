@@ -33,7 +33,7 @@ def exchanged(
     size: np.ndarray,
     *,
     seed: int = 0,
-    tell: Tell = print,
+    tell: Tell = lambda _: None,
 ) -> Search:
     """The more plausible search, where two effects were chosen.
 
@@ -90,7 +90,7 @@ def _holding(
         alone = known[key]
         refits, best = contended([alone], stage, made, tell)
         while True:
-            after = examine(renewed_among(best, stage, effects, made), observed, size, seed=seed + len(made.stages))
+            after = examine(renewed_among(best, effects, made), observed, size, seed=seed + len(made.stages))
             if made.chosen and not (worth_more(stage, after) and told(stage, refits, after, refits)):
                 return made
             made.stages.append(after)

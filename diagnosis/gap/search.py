@@ -48,7 +48,7 @@ def search(
     *,
     begin: np.ndarray | None = None,
     seed: int = 0,
-    tell: Tell = print,
+    tell: Tell = lambda _: None,
     known: Search | None = None,
 ) -> Search:
     """Search for the effects behind a gap, from the fit of the base model.
@@ -112,7 +112,7 @@ def search(
         else:
             break
         refits, best = moved(refits, best, stage, found)
-        lin = renewed_among(best, stage, effects, found)
+        lin = renewed_among(best, effects, found)
         after = examine(lin, observed, size, seed=seed + len(found.stages))
         rest = first and stage.candidate_found and after.left_over > UNEXPLAINED
         again, ranked = fitted_abroad(stage, found, tell) if rest else ([], [])
@@ -120,7 +120,7 @@ def search(
             tried, refits = ranked, best_of([*again, best, *anew])
             if refits[0] is not best:
                 best = refits[0]
-                lin = renewed_among(best, stage, effects, found)
+                lin = renewed_among(best, effects, found)
                 after = examine(lin, observed, size, seed=seed + len(found.stages))
         if not first and not (worth_more(stage, after) and told(stage, refits, after, tried)):
             break
@@ -220,7 +220,7 @@ def refitted(stage: Stage, tell: Tell, found: Search) -> list[Refit]:
     return sorted(made, key=lambda one: -one.evidence)
 
 
-def renewed_among(best: Refit, stage: Stage, effects: Sequence[Effect], found: Search) -> Linearised:
+def renewed_among(best: Refit, effects: Sequence[Effect], found: Search) -> Linearised:
     """The best refit linearised by all remaining candidates."""
     usable, _ = applicable(best.lin.problem, effects)
     key, made = (found.path, best.names, best.lin.z.tobytes()), found.made.renewed
