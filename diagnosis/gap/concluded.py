@@ -94,13 +94,12 @@ def concluded(
         base,
         candidates,
         whole.observed,
-        whole.floor,
         begin=origin.start,
         seed=seed,
         tell=tell,
         known=None if known is None else known.search,
     )
-    found = exchanged(found, candidates, whole.observed, whole.floor, seed=seed, tell=tell)
+    found = exchanged(found, candidates, whole.observed, seed=seed, tell=tell)
     found = at_its_optimum(found)
     first = found.stages[0]
     tell("finding where the gap lies")

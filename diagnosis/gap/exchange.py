@@ -30,7 +30,6 @@ def exchanged(
     found: Search,
     effects: Sequence[Effect],
     observed: np.ndarray,
-    size: np.ndarray,
     *,
     seed: int = 0,
     tell: Tell = lambda _: None,
@@ -39,14 +38,14 @@ def exchanged(
 
     Parameters
     ----------
-    effects, observed, size, seed
+    effects, observed, seed
         As :func:`diagnosis.gap.search.search` had them.
     """
     if len(found.chosen) != 2:
         return found
     now, count = found, found.simulations
     for _ in range(ROUNDS):
-        other = _holding(now, now.chosen[-1], effects, observed, size, seed, tell)
+        other = _holding(now, now.chosen[-1], effects, observed, seed, tell)
         if other is None:
             break
         count += other.simulations
@@ -70,7 +69,6 @@ def _holding(
     held: Effect,
     effects: Sequence[Effect],
     observed: np.ndarray,
-    size: np.ndarray,
     seed: int,
     tell: Tell,
 ) -> Search | None:
@@ -90,7 +88,7 @@ def _holding(
         alone = known[key]
         refits, best = contended([alone], stage, made, tell)
         while True:
-            after = examine(renewed_among(best, effects, made), observed, size, seed=seed + len(made.stages))
+            after = examine(renewed_among(best, effects, made), observed, seed=seed + len(made.stages))
             if made.chosen and not (worth_more(stage, after) and told(stage, refits, after, refits)):
                 return made
             made.stages.append(after)

@@ -44,7 +44,6 @@ def search(
     base: Fit,
     effects: Sequence[Effect],
     observed: np.ndarray,
-    size: np.ndarray,
     *,
     begin: np.ndarray | None = None,
     seed: int = 0,
@@ -59,8 +58,6 @@ def search(
         All candidates; those that cannot act here are left out and said why.
     observed
         Readings that count, shape (outputs, steps).
-    size
-        Standard deviation of one reading's error, shape (outputs,) [unit of each].
     begin
         Unknowns where the fit began, shape (unknowns,); the middle of the prior if not given.
     known
@@ -73,21 +70,21 @@ def search(
         why = {name: reason for name, reason in known.excluded.items() if name in names}
         lin = fewer(known.stages[0].lin, effects, why)
     else:
-        one, made = settled_base(base, observed, size), Made()
+        one, made = settled_base(base, observed), Made()
         usable, why = applicable(one.lin.problem, effects)
         tell(f"sensitivities of {len(usable)} effects")
         lin, count = among(one, usable), one.simulations
-    stage = examine(lin, observed, size, seed=seed)
+    stage = examine(lin, observed, seed=seed)
     count += 0 if known is not None else lin.simulations
     if known is None and not base.converged and (stage.candidate_found or stage.misfits or stage.episodic):
         # what looks like a gap may be a fit that stopped early
         tell("going on with the fit of the base model")
         more = fit(base.problem, [base.z], rounds=FURTHER, around=base.around)
-        other = settled_base(more, observed, size)
+        other = settled_base(more, observed)
         count += more.simulations + other.simulations
         if other.evidence > one.evidence:
             one, lin = other, among(other, usable)
-            stage = examine(lin, observed, size, seed=seed)
+            stage = examine(lin, observed, seed=seed)
             count += lin.simulations
     found = Search([stage], one, base.problem, begin, excluded=why, simulations=count, made=made)
     found.excluded |= dict.fromkeys(lin.failed, "its simulation fails")
@@ -113,7 +110,7 @@ def search(
             break
         refits, best = moved(refits, best, stage, found)
         lin = renewed_among(best, effects, found)
-        after = examine(lin, observed, size, seed=seed + len(found.stages))
+        after = examine(lin, observed, seed=seed + len(found.stages))
         rest = first and stage.candidate_found and after.left_over > UNEXPLAINED
         again, ranked = fitted_abroad(stage, found, tell) if rest else ([], [])
         if again:
@@ -121,7 +118,7 @@ def search(
             if refits[0] is not best:
                 best = refits[0]
                 lin = renewed_among(best, effects, found)
-                after = examine(lin, observed, size, seed=seed + len(found.stages))
+                after = examine(lin, observed, seed=seed + len(found.stages))
         if not first and not (worth_more(stage, after) and told(stage, refits, after, tried)):
             break
         found.stages.append(after)
@@ -175,10 +172,10 @@ def told(before: Stage, refits: list[Refit], after: Stage, tried: Sequence[Judge
     return len(named(weighed(before, refits, after, tried=tried), refits[0].names[-1])) <= MOST_REFITS
 
 
-def settled_base(base: Fit, observed: np.ndarray, size: np.ndarray) -> Refit:
+def settled_base(base: Fit, observed: np.ndarray) -> Refit:
     """A fit with its nuisances as wide as they are, linearised where it then is."""
     problem, around, count = widened(base.problem, base.around)
-    one = settled(problem, base.z, around, observed, size)
+    one = settled(problem, base.z, around, observed, problem.floor)
     return replace(one, simulations=one.simulations + count)
 
 

@@ -73,17 +73,15 @@ class Stage:
         return max(self.slow, self.episode.gain if self.episode is not None else 0.0)
 
 
-def examine(lin: Linearised, observed: np.ndarray, size: np.ndarray, *, twins: int = TWINS, seed: int = 0) -> Stage:
+def examine(lin: Linearised, observed: np.ndarray, *, twins: int = TWINS, seed: int = 0) -> Stage:
     """Examine a linearised fit.
 
     Parameters
     ----------
     observed
         Readings that count, shape (outputs, steps).
-    size
-        Standard deviation of one reading's error, shape (outputs,) [unit of each].
     """
-    grams = Grams(lin, observed)
+    grams, size = Grams(lin, observed), lin.problem.floor
     colours = estimated_colours(grams, size)
     drawn = draw_twins(grams, colours, twins, seed)
     slow, discrepant = discrepancy(grams, colours, size)

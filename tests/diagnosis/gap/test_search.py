@@ -48,7 +48,7 @@ def searched(monkeypatch):
         monkeypatch.setattr(searching, "fitted_abroad", lambda *_: looked.append(1) or abroad)
         looked = []
         fit = SimpleNamespace(converged=True, problem=None)
-        found = search(fit, (), np.ones((1, 2), dtype=bool), np.ones(1), tell=lambda _: None)
+        found = search(fit, (), np.ones((1, 2), dtype=bool), tell=lambda _: None)
         return found, len(looked)
 
     return made
