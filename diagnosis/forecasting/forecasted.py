@@ -22,8 +22,6 @@ class Forecast(BaseModel):
     """``forecast.json``. Scores are None where nothing was measured ahead; ``begin`` is that of the context.
 
     ``draws`` made the bands; ``failed`` more could not be simulated.
-
-    Schema 2 added ``begin``, schema 3 ``failed``: ``draws`` had counted them, too.
     """
 
     model_config = ConfigDict(extra="forbid")
