@@ -19,6 +19,7 @@ from diagnosis.fitting.fit import Fit, fit
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.side_by_side import side_by_side
 from diagnosis.recording import HOUR, Recording
+from diagnosis.usual import STARTS, WARM_UP
 from diagnosis.whole import whole
 from shared.errors import EstimatorError, RecordingError
 from shared.logs import logger
@@ -29,7 +30,6 @@ from shared.system import System
 _log = logger(__name__)
 __all__ = ["Calibrated", "Calibration", "calibrate", "estimate", "read_calibration", "whole"]
 
-STARTS = 3
 BRIDGED = 3.0
 """Gaps in a channel up to so long [h] are interpolated for an estimator; how many longer ones it can do without, it
 says itself. A day that was made up would be one that it was never shown."""
@@ -59,7 +59,7 @@ def calibrate(
     noise: str = "sensor",
     estimate_noise: bool = True,
     starts: int = STARTS,
-    warm_up: float = 240.0,
+    warm_up: float = WARM_UP,
     seed: int = 0,
     workers: int = 1,
     scheduler: str | None = None,

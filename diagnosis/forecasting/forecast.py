@@ -23,15 +23,16 @@ from diagnosis.fitting.renewing import renewed
 from diagnosis.fitting.side_by_side import side_by_side
 from diagnosis.forecasting.forecasted import Ahead, Forecast, Forecasted, about_failed
 from diagnosis.forecasting.given import check_constants, check_given, noise_of
+from diagnosis.intervals import LEVEL
 from diagnosis.recording import HOUR, Recording, check_warm_up, read_recording
 from diagnosis.scores import score
+from diagnosis.usual import STARTS, WARM_UP
 from shared.errors import RecordingError, SimulationError
 from shared.places import check_folder
 from shared.system import System, load_system
 
 _log = logging.getLogger(__name__)
 DRAWS = 40
-LEVEL = 0.9
 
 
 def forecast(
@@ -47,8 +48,8 @@ def forecast(
     occupancy: str | None = None,
     noise: str = "sensor",
     draws: int = DRAWS,
-    starts: int = 3,
-    warm_up: float = 240.0,
+    starts: int = STARTS,
+    warm_up: float = WARM_UP,
     seed: int = 0,
     workers: int = 1,
     scheduler: str | None = None,

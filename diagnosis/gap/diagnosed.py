@@ -20,6 +20,7 @@ from diagnosis.gap.parts import kept_for_scoring
 from diagnosis.gap.places import check_places
 from diagnosis.gap.starting import begun, zero_shot
 from diagnosis.recording import HOUR, Recording
+from diagnosis.usual import WARM_UP
 from shared.errors import RecordingError
 from shared.places import check_folder
 from shared.system import System
@@ -46,7 +47,7 @@ def diagnose(
     occupancy: str | None = None,
     noise: str = "sensor",
     effects: Sequence[Effect] | None = None,
-    warm_up: float = 240.0,
+    warm_up: float = WARM_UP,
     seed: int = 0,
     workers: int = 1,
     scheduler: str | None = None,
