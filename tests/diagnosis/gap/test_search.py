@@ -1,5 +1,6 @@
 """What the search tries, and what ends it at once."""
 
+from inspect import signature
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from diagnosis.gap import search as searching
 from diagnosis.gap.contending import UNEXPLAINED
+from diagnosis.gap.exchange import exchanged
 from diagnosis.gap.made import Made
 from diagnosis.gap.search import search
 from diagnosis.gap.searched import Search
@@ -149,3 +151,9 @@ def test_where_another_size_fits_better_it_is_the_best_refit(monkeypatch, eviden
     monkeypatch.setattr(searching, "elsewhere", lambda *_: other)
     assert searching.moved([first, second], first, stage, found) == ([other if listed else first, second], other)
     assert found.simulations == 40
+
+
+@pytest.mark.parametrize("function", [search, exchanged])
+def test_nothing_is_said_where_nobody_is_told(function, capsys):
+    signature(function).parameters["tell"].default("looking")
+    assert capsys.readouterr() == ("", "")
