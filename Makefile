@@ -15,7 +15,7 @@ $(READY): pyproject.toml constraints.txt
 	touch $(READY)
 
 demo: $(READY)
-	$(BIN)/python -m diagnosis.demo --out demo
+	$(BIN)/python docs/making/demo.py --out demo
 
 check: $(READY)
 	$(BIN)/ruff check .

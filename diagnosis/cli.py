@@ -15,6 +15,7 @@ from diagnosis.calibrating.command import calibrate
 from diagnosis.forecasting.command import forecast
 from diagnosis.gap.command import run as run_
 from diagnosis.importing.command import import_
+from diagnosis.usual import WARM_UP
 from shared.assignments import assignments
 from shared.console import OK, new_app, new_console, start
 
@@ -35,7 +36,7 @@ def residuals(
     set_: Annotated[list[str] | None, Parameter(name="--set", consume_multiple=True, negative=())] = None,
     replay: bool = False,
     noise: str = "sensor",
-    warm_up: float = 240.0,
+    warm_up: float = WARM_UP,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
 ) -> int:
     """Simulate a recording with given or estimated parameters, and say what is left.

@@ -10,6 +10,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
+from shared.variables import ZERO_CELSIUS
+
 BLUE, ORANGE, GREY, RED = "#1f5fa8", "#d9730d", "#8a8f98", "#b3261e"
 
 
@@ -47,4 +49,4 @@ def embedded(made: Figure) -> str:
 
 def readable(values: np.ndarray, unit: str) -> tuple[np.ndarray, str]:
     """Values in the unit that people read: degrees Celsius for kelvin."""
-    return (values - 273.15, "°C") if unit == "K" else (values, unit)
+    return (values - ZERO_CELSIUS, "°C") if unit == "K" else (values, unit)

@@ -16,6 +16,7 @@ from diagnosis.fitting.run import Run
 from diagnosis.fitting.side_by_side import InProcess, Outcome
 from diagnosis.recording import HOUR, Recording
 from diagnosis.scores import score
+from diagnosis.usual import WARM_UP
 from diagnosis.zero_shot import estimate
 from shared.errors import RecordingError, SystemDescriptionError
 from shared.system import System
@@ -29,7 +30,7 @@ def residuals(
     parameters: Mapping[str, float] | None = None,
     replay: bool = False,
     noise: str = "sensor",
-    warm_up: float = 240.0,
+    warm_up: float = WARM_UP,
 ) -> dict[str, Any]:
     """Simulate a recording with given or estimated parameters and compare output by output.
 

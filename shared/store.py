@@ -213,10 +213,6 @@ class DatasetFolder:
         facts["steps"] = shard.sizes.get("time", 0)
         return dataset_hash(shard), facts
 
-    def shard_content_hash(self, entry: ShardEntry) -> str:
-        """Content hash of a shard as it lies on disk."""
-        return self.shard_facts(entry)[0]
-
     def load(self, channels: list[str] | None = None, rows: np.ndarray | None = None) -> Records:
         """Read channels (outputs or inputs; the estimator's by default; none if empty) and parameters.
 

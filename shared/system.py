@@ -2,7 +2,7 @@
 
 It names the FMU, the estimated parameters, the inputs and where each comes from, the outputs and their
 sensors, and the numbers of the random occupancy. Nothing in the packages' code knows a variable's name.
-Whether the FMU has the variables is checked where FMUs are read (``datagen.fmi.fmu``).
+Whether the FMU has the variables is checked where FMUs are read (``datagen.fmi.checking``).
 """
 
 from __future__ import annotations

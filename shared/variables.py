@@ -13,6 +13,8 @@ from shared.signals import Table
 
 RESERVED = ("bnds", "split", "start", "system", "time", "time_bnds")
 """What a shard calls its own fields and dimensions: a variable of that name would take the place of one."""
+ZERO_CELSIUS = 273.15
+"""[K]"""
 
 
 def names_fault(kind: str, names: Sequence[str]) -> str:

@@ -74,7 +74,7 @@ def fit(
     The run folder gets weights.safetensors, estimator.json (all that it takes to use them), curve.csv and curve.png.
 
     Examples: `trainer fit DATASET --out RUN` is the paper's estimator and recipe; `--model ridge` takes seconds;
-    `--noise sensor --channels TRoo CO2 time_of_day` trains for real sensors with the time of day as a further channel.
+    `--noise sensor --channels OUTPUT OUTPUT time_of_day` trains for real sensors, two outputs and the time of day.
 
     Parameters
     ----------

@@ -7,6 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from datagen.farming.usual import FAILURE_BUDGET, TIMEOUT
 from shared.console import OK, PARTLY, Place, new_console, resumable
 from shared.errors import ZeroshotError
 from shared.logs import USUAL, Reporting
@@ -35,8 +36,8 @@ def run(
     uncertain: Annotated[bool, Parameter(negative=())] = False,
     extend: Annotated[bool, Parameter(negative=())] = False,
     retry_failures: Annotated[bool, Parameter(negative=())] = False,
-    failure_budget: float = 0.05,
-    timeout: float = 600.0,
+    failure_budget: float = FAILURE_BUDGET,
+    timeout: float = TIMEOUT,
     report: Reporting = USUAL,
 ) -> int:
     """Simulate random systems into a dataset folder. Run again to resume an unfinished one.

@@ -14,8 +14,9 @@ from datagen.farming.failures import Failures
 from datagen.farming.farm import settings_text
 from datagen.farming.package import package_hash, weather_hashes
 from datagen.farming.plan import Piece
+from datagen.farming.usual import TIMEOUT
 from datagen.farming.versions import in_words
-from datagen.farming.worker import TIMEOUT, Job, ShardResult, check_timeout
+from datagen.farming.worker import Job, ShardResult, check_timeout
 from datagen.fmi.fmu import fmu_sha256
 from shared.errors import DatasetError, SimulationError
 from shared.lock import FolderLock, read_holder

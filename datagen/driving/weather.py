@@ -22,6 +22,7 @@ from datagen.driving.transposition import SunPosition, sun_at, sunlit_middle, tr
 from datagen.driving.weather_files import HOURS, YEAR, HourlyRecord, read_hourly
 from shared.errors import WeatherError
 from shared.signals import Weather
+from shared.variables import ZERO_CELSIUS
 
 UNITS: Mapping[str, str] = MappingProxyType(
     {
@@ -230,5 +231,5 @@ def _sun(times: pd.DatetimeIndex, record: HourlyRecord) -> SunPosition:
         longitude=record.longitude,
         altitude=record.altitude,
         pressure=float(record.columns["pressure"].mean()),
-        temperature=float(record.columns["temp_air"].mean()) - 273.15,
+        temperature=float(record.columns["temp_air"].mean()) - ZERO_CELSIUS,
     )

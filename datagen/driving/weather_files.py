@@ -18,6 +18,7 @@ import pvlib
 
 from shared.errors import WeatherError
 from shared.reading import MIB, size_of
+from shared.variables import ZERO_CELSIUS
 
 HOURS = 8760
 MOST = 64 * MIB
@@ -178,7 +179,7 @@ def _to_si(frame: pd.DataFrame, pressure: float = 1.0) -> pd.DataFrame:
     """Temperatures from degC to K, pressure by its factor to Pa; what is no number becomes NaN."""
     for name in ("temp_air", "temp_dew"):
         if name in frame:
-            frame[name] = pd.to_numeric(frame[name], errors="coerce") + 273.15
+            frame[name] = pd.to_numeric(frame[name], errors="coerce") + ZERO_CELSIUS
     if "pressure" in frame:
         frame["pressure"] = pd.to_numeric(frame["pressure"], errors="coerce") * pressure
     return frame

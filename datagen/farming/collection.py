@@ -23,8 +23,6 @@ from shared.progress import progress_bar
 from shared.store import Manifest, ShardEntry, sha256_of, write_atomically, write_manifest
 from shared.system import System
 
-FAILURE_BUDGET = 0.05
-"""Share of systems that may fail before a run is stopped."""
 MANIFEST_EVERY = 5.0
 """Seconds between two writes of the manifest, at least; a shard between two of them is adopted by the next run."""
 _DEATHS = 4

@@ -14,15 +14,16 @@ from typing import Any
 
 from datagen.farming.card import write_card
 from datagen.farming.cluster import QUEUES, check_places, connect
-from datagen.farming.collection import FAILURE_BUDGET, Collection
+from datagen.farming.collection import Collection
 from datagen.farming.dask_worker import RECYCLE
 from datagen.farming.dispatch import PATIENCE
 from datagen.farming.failures import FILE_NAME as FAILURES_FILE
 from datagen.farming.failures import Failures
 from datagen.farming.package import package_hash, weather_hashes
 from datagen.farming.plan import adopt, check_sizes, missing
+from datagen.farming.usual import FAILURE_BUDGET, TIMEOUT
 from datagen.farming.versions import all_here, note
-from datagen.farming.worker import TIMEOUT, Job, check_timeout
+from datagen.farming.worker import Job, check_timeout
 from datagen.fmi.fmu import fmu_sha256
 from datagen.simulating.liveness import check_live_apart
 from datagen.simulating.simulator import Simulator

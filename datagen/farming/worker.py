@@ -24,6 +24,7 @@ import psutil
 from datagen.driving.sampling import is_calm, record_start, sample_parameters
 from datagen.farming.dask_worker import RECYCLE, address, recycle, this_worker, unpack_in_scratch
 from datagen.farming.package import locate, sees_folder
+from datagen.farming.usual import TIMEOUT
 from datagen.farming.versions import PACKAGE, deciding_here, difference
 from datagen.fmi.guard import guarded as in_children
 from datagen.simulating.constants import sample_factors
@@ -37,10 +38,8 @@ from shared.system import System, system_from_canonical
 
 RETRY_TOLERANCES = (1.0, 0.1, 0.01)
 """A system that fails is tried again with the tolerance times these, in this order, then given up."""
-TIMEOUT = 600.0
-"""Seconds that one system may take by default before its process is killed."""
 _SHORTEST, _LONGEST = 0.001, 1e9
-"""Of it [s]; faulthandler, which watches over it, counts in microseconds, and twice as long in a child process."""
+"""Of a time limit [s]: faulthandler watches over it in microseconds, and over twice as long in a child process."""
 
 
 def check_timeout(timeout: float) -> None:

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
+from datagen.fmi.fmu import Fmu
 from shared.effects import ParameterEffect, ShapedEffect
 from shared.errors import SystemDescriptionError
 from shared.system import System
-
-if TYPE_CHECKING:
-    from datagen.fmi.fmu import Fmu
 
 ALIKE = 1e-6
 """Values are equal that differ by no more than this share of themselves, or of what the effect usually adds."""

@@ -1,4 +1,4 @@
-"""FMUs: unpacking, loading, and holding a system description against what the FMU really has."""
+"""FMUs: unpacking and loading."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ import fmpy
 from fmpy.fmi1 import FMICallException
 from fmpy.model_description import ModelDescription, ScalarVariable
 
-from datagen.fmi.baselines import check_effects
 from datagen.fmi.fmi2 import Fmi2
 from datagen.fmi.fmi3 import Fmi3
 from datagen.fmi.interface import Interface
@@ -22,9 +21,8 @@ from datagen.fmi.unpacking import check_descriptions, check_identifier, unpack_a
 from shared.errors import FmuError, SystemDescriptionError
 from shared.reading import shown, size_of, why
 from shared.store import sha256_of
-from shared.system import System
 
-_UNITLESS = {"", "1", "-"}
+UNITLESS = {"", "1", "-"}
 SCRATCH = "ZEROSHOT_FMU_SCRATCH"
 """Environment variable of a process that may be killed: a folder that another process clears away afterwards."""
 MOST_INDICATORS = 1_000_000
@@ -163,10 +161,6 @@ class Fmu:
         return variable.type in ("Real", "Float64") and not variable.shape
 
 
-def _type(variable: ScalarVariable) -> str:
-    return f"array of {variable.type}" if variable.shape else str(variable.type)
-
-
 def value_fault(variable: ScalarVariable, value: float | bool) -> str:
     """Why a variable cannot hold a value, to follow its name; empty if it can, or is neither a number nor a boolean."""
     if variable.type == "Boolean":
@@ -195,91 +189,4 @@ def _a(kind: str) -> str:
 def unit_of(variable: ScalarVariable) -> str:
     """Unit of an FMU's variable, or of its declared type; ``1`` where it has none."""
     unit = variable.unit or getattr(variable.declaredType, "unit", None) or ""
-    return "1" if unit in _UNITLESS else unit
-
-
-def check_system(system: System, fmu: Fmu) -> None:
-    """Hold a system description against its FMU.
-
-    Raises
-    ------
-    SystemDescriptionError
-        For the first variable that the FMU lacks, or that has another causality, type or unit there; or for an effect
-        that at an amplitude of zero is not the base model.
-    """
-    where = f"{system.path}"
-    real = "Real" if fmu.interface.version == 2 else "Float64"
-
-    def variable(kind: str, name: str) -> ScalarVariable:
-        if name not in fmu.variables:
-            raise SystemDescriptionError(
-                f"{where}: {kind} {name!r} is not a variable of {fmu.path.name}{_similar(name, list(fmu.variables))}"
-            )
-        return fmu.variables[name]
-
-    def unit(kind: str, name: str, declared: str) -> None:
-        found = unit_of(variable(kind, name))
-        if found != ("1" if declared in _UNITLESS else declared):
-            raise SystemDescriptionError(f"{where}: {kind} {name!r} is declared in {declared!r}; the FMU has {found!r}")
-
-    for parameter in system.parameters:
-        unit("parameter", parameter.name, parameter.unit)
-        found = variable("parameter", parameter.name)
-        if found.causality not in ("parameter", "input") or not fmu.is_float(parameter.name):
-            raise SystemDescriptionError(
-                f"{where}: parameter {parameter.name!r} is a {found.causality} {_type(found)} in "
-                f"{fmu.path.name}; expected a {real} parameter that can be set"
-            )
-    for one in system.inputs:
-        unit("input", one.name, one.unit)
-        found = variable("input", one.name)
-        if found.causality != "input" or not fmu.is_float(one.name):
-            raise SystemDescriptionError(
-                f"{where}: input {one.name!r} is a {found.causality} {_type(found)} in {fmu.path.name}; "
-                f"expected a {real} input"
-            )
-        if found.variability == "discrete" and one.interpolation == "linear" and one.source != "constant":
-            raise SystemDescriptionError(
-                f'{where}: input {one.name!r} is discrete in {fmu.path.name}; expected interpolation = "previous"'
-            )
-    declared = set(system.input_names) | set(system.parameter_names)
-    for name, found in fmu.variables.items():
-        if found.causality == "input" and name not in declared:
-            raise SystemDescriptionError(
-                f"{where}: {fmu.path.name} has an input {name!r} that no [[inputs]] table names; expected one"
-            )
-    for output in system.outputs:
-        unit("output", output.fmu_variable, output.unit)
-        if not fmu.is_float(output.fmu_variable):
-            kind = _type(fmu.variables[output.fmu_variable])
-            raise SystemDescriptionError(
-                f"{where}: output {output.name!r} is not a {real} but a {kind} in {fmu.path.name}"
-            )
-    for table, values in (("fixed", system.fixed), ("replay", system.replay)):
-        for name, given in values.items():
-            found = variable(table, name)
-            if found.causality not in ("parameter", "input"):
-                raise SystemDescriptionError(f"{where}: {table} {name!r} cannot be set in {fmu.path.name}")
-            if name in system.input_names:
-                raise SystemDescriptionError(
-                    f"{where}: {table} {name!r} is one of [[inputs]], which drives it; expected it in one of the two"
-                )
-            if wrong := value_fault(found, given):
-                raise SystemDescriptionError(f"{where}: {table} {name!r} {wrong}")
-    for uncertain in system.uncertain:
-        for name in uncertain.parameters:
-            found = variable(f"uncertain {uncertain.name!r}:", name)
-            value = system.fixed.get(name, found.start if fmu.is_float(name) else None)
-            if found.causality not in ("parameter", "input") or value is None or not float(value) > 0:
-                raise SystemDescriptionError(
-                    f"{where}: uncertain {uncertain.name!r}: {name!r} is a {found.causality} {_type(found)} with value"
-                    f" {value} in {fmu.path.name}; expected a positive {real} parameter that can be set"
-                )
-    check_effects(system, fmu)
-
-
-def _similar(name: str, names: list[str]) -> str:
-    import difflib
-
-    close = difflib.get_close_matches(name, names, n=1)
-    return f"; did you mean {close[0]!r}?" if close else f"; it has {len(names)} others"
+    return "1" if unit in UNITLESS else unit

@@ -10,7 +10,8 @@ import numpy as np
 
 from datagen.driving.tables import InputTable
 from datagen.fmi import calls, instances
-from datagen.fmi.fmu import Fmu, check_system
+from datagen.fmi.checking import check_system
+from datagen.fmi.fmu import Fmu
 from datagen.fmi.watchdog import watchdog
 from datagen.simulating import cosimulation, native
 from datagen.simulating.canary import resets_cleanly

@@ -5,10 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import secrets
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from diagnosis.blind.source import source_sha256
 from shared.errors import RecordingError
 from shared.reading import read_json
 from shared.store import write_atomically
@@ -23,15 +23,7 @@ def uncertain_sha256(system: System) -> str:
 
 def program_sha256() -> str:
     """The sha256 of all source that a recording depends on, so that those of two programs are not mixed."""
-    whole = hashlib.sha256()
-    for package in ("shared", "datagen", "diagnosis"):
-        found = find_spec(package)
-        if found is None or found.origin is None:
-            continue
-        root = Path(found.origin).parent
-        for path in sorted(root.rglob("*.py")):
-            whole.update(f"{package}/{path.relative_to(root).as_posix()}\n".encode() + path.read_bytes())
-    return whole.hexdigest()
+    return source_sha256("shared", "datagen", "diagnosis")
 
 
 def begin(part: Path, about: dict[str, Any], seed: int | None) -> int:

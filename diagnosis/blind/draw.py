@@ -12,7 +12,6 @@ import numpy as np
 from datagen.driving.sampling import stream
 from diagnosis.blind.truth import Driven, Fault, Form, Truth
 from diagnosis.effects import Effect, clash
-from shared.system import System
 
 Item = TypeVar("Item")
 Acts = Effect | Form
@@ -61,7 +60,7 @@ class Case:
         return stream(self.root, self.index, f"blind.{purpose}")
 
 
-def draw_case(truth: Truth, system: System, effects: list[Effect], seed: int, index: int, attempt: int = 0) -> Case:
+def draw_case(truth: Truth, effects: list[Effect], seed: int, index: int, attempt: int = 0) -> Case:
     """Draw one case. Strata come in shuffled blocks and causes in shuffled rounds, so that all occur about equally.
 
     Another ``attempt`` has the same stratum and causes; all else is drawn anew.

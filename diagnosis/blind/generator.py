@@ -92,7 +92,7 @@ class Generator:
         SimulationError
             If this draw cannot be simulated; another ``attempt`` may be.
         """
-        case = draw_case(self.truth, self.system, self.effects, seed, index, attempt)
+        case = draw_case(self.truth, self.effects, seed, index, attempt)
         return self.make_case(case)
 
     def make_case(self, case: Case) -> Made:

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict
 from diagnosis.blind.intervals import Figure, Share, figure, share
 from diagnosis.blind.opened import Row
 from diagnosis.blind.verdicts import Moved, Parameter
+from diagnosis.intervals import HALF_WIDTH
 
 
 class Held(BaseModel):
@@ -28,7 +29,6 @@ class Held(BaseModel):
     by_parameter: dict[str, Share] = {}
 
 
-NORMAL_90 = 1.645
 _BLUNT = 1e-12
 
 
@@ -96,7 +96,7 @@ def _ends(one: Moved, after: bool) -> tuple[float, float, float] | None:
 def _place(value: float, low: float, high: float, true: float) -> tuple[bool, float]:
     """Whether an interval holds the truth, and how far off the estimate is in standard deviations of that side."""
     width = (high - value) if true > value else (value - low)
-    return low <= true <= high, NORMAL_90 * (true - value) / max(width, _BLUNT * max(abs(value), 1.0))
+    return low <= true <= high, HALF_WIDTH * (true - value) / max(width, _BLUNT * max(abs(value), 1.0))
 
 
 def _held(what: str, found: Sequence[Sequence[tuple[bool, float]]], names: Sequence[str] = (), seed: int = 0) -> Held:

@@ -5,19 +5,18 @@ The only module of the blind check that knows the diagnosis itself. It can be re
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 from functools import cached_property
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
+from diagnosis.blind.source import source_sha256
 from diagnosis.blind.verdicts import Moved, Place, Shrunk, Sized, Verdict
 from shared.system import System
 
 if TYPE_CHECKING:
     from diagnosis.effects import Effect
-    from diagnosis.gap.diagnosed import Diagnosis
+    from diagnosis.gap.concluded import Diagnosis
     from diagnosis.gap.schema import Report
 
 
@@ -137,15 +136,15 @@ def verdict_of(report: Report) -> Verdict:
 
 
 def program() -> str:
-    """The sha256 of all source that a verdict depends on, so that two programs' verdicts are not mixed."""
-    whole = hashlib.sha256()
-    for package in ("shared", "datagen", "trainer", "diagnosis"):
-        found = find_spec(package)
-        if found is None or found.origin is None:
-            continue
-        root = Path(found.origin).parent
-        for path in sorted(root.rglob("*.py")):
-            inside = path.relative_to(root).as_posix()
-            if not inside.startswith("blind/"):
-                whole.update(f"{package}/{inside}\n".encode() + path.read_bytes())
-    return whole.hexdigest()
+    """The sha256 of all source that a verdict depends on, so that two programs' verdicts are not mixed.
+
+    Of the blind check that is what makes a verdict of a report: this module, and what a verdict is.
+    """
+    own = {f"diagnosis/blind/{name}.py" for name in ("judging", "verdicts")}
+    return source_sha256(
+        "shared",
+        "datagen",
+        "trainer",
+        "diagnosis",
+        counts=lambda path: path in own or not path.startswith("diagnosis/blind/"),
+    )

@@ -21,7 +21,8 @@ HOUR, DAY = 3600.0, 86400.0
 SAME = 0.5
 """A channel is right when its sealed gap over noise is at least this share of the largest channel's."""
 SHIFTS = 100
-_RULE = re.compile(r"(?P<name>\S+) (?P<sign>[<>=]) (?P<value>\S+)( .*)?")
+_RULE = re.compile(r" (?P<sign>[<>=]) (?P<value>\S+)( .*)?")
+"""After a name, which may have spaces itself."""
 _SIGNS = {"<": operator.lt, ">": operator.gt, "=": operator.eq}
 
 
@@ -115,8 +116,11 @@ def steps_of(
         mask &= weekend if kind == "weekend" else ~weekend
     rule = cell.get("rule", "always")
     if rule != "always":
-        found = _RULE.fullmatch(rule)
-        if found is None or found["name"] not in series:
+        # of a name and a longer one that begins with it, only one is followed by a sign
+        rests = {name: _RULE.fullmatch(rule.removeprefix(name)) for name in series if rule.startswith(name)}
+        read = [(name, found) for name, found in rests.items() if found is not None]
+        if len(read) != 1:
             return None
-        mask &= _SIGNS[found["sign"]](series[found["name"]], float(found["value"]))
+        ((name, found),) = read
+        mask &= _SIGNS[found["sign"]](series[name], float(found["value"]))
     return mask

@@ -15,6 +15,7 @@ from datagen.driving.tables import SNAP, InputTable, Piecewise
 from diagnosis.blind.truth import Daily, Damped, Driven, Episodes, Glare, Hump, Occupant, Process, Spans, Wander
 from diagnosis.effects.shapes import joined
 from diagnosis.recording import DAY, HOUR
+from shared.variables import ZERO_CELSIUS
 
 Random = Callable[[str], np.random.Generator]
 """The stream of randomness for a purpose."""
@@ -176,8 +177,8 @@ class Window:
             self.alone = True
             return self.opening
         self.alone = False
-        outdoor = float(self.signals[p.outdoor].at(time)) - 273.15
-        odds = p.offset + p.indoors * (room - 273.15) + p.outdoors * outdoor
+        outdoor = float(self.signals[p.outdoor].at(time)) - ZERO_CELSIUS
+        odds = p.offset + p.indoors * (room - ZERO_CELSIUS) + p.outdoors * outdoor
         if self.opening > 0 and room < p.cold:
             self.opening = 0.0
         elif self.opening == 0 and chance < expit(odds):

@@ -241,10 +241,6 @@ class Truth(Table):
     forms: list[Form] = Field(min_length=1)
     path: Path = Path()
 
-    def of_effect(self, name: str) -> list[Form]:
-        """The other forms of a candidate."""
-        return [form for form in self.forms if form.effect == name]
-
     @property
     def outside(self) -> list[Form]:
         """The forms that no candidate has."""

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from datagen.simulating.simulator import Simulator
+from diagnosis.calibrating.calibrated import Calibrated
 from diagnosis.calibrating.checks import opened
 from diagnosis.calibrating.schema import Calibration, read_calibration
 from diagnosis.calibrating.summary import summarise
-from diagnosis.fitting.fit import Fit, fit
+from diagnosis.fitting.fit import fit
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.side_by_side import side_by_side
 from diagnosis.recording import HOUR, Recording
+from diagnosis.usual import STARTS, WARM_UP
 from diagnosis.whole import whole
 from diagnosis.zero_shot import estimate
 from shared.errors import RecordingError
@@ -23,21 +24,6 @@ from shared.places import check_folder
 from shared.system import System
 
 __all__ = ["Calibrated", "Calibration", "calibrate", "read_calibration", "whole"]
-
-STARTS = 3
-
-
-@dataclass(frozen=True)
-class Calibrated:
-    """A calibration and what it was made from, for whoever goes on: forecasts, pictures, effects."""
-
-    report: Calibration
-    fit: Fit
-
-    @property
-    def problem(self) -> Problem:
-        """The problem as it was fitted in the end."""
-        return self.fit.problem
 
 
 def calibrate(
@@ -51,7 +37,7 @@ def calibrate(
     noise: str = "sensor",
     estimate_noise: bool = True,
     starts: int = STARTS,
-    warm_up: float = 240.0,
+    warm_up: float = WARM_UP,
     seed: int = 0,
     workers: int = 1,
     scheduler: str | None = None,

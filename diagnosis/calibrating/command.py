@@ -11,6 +11,7 @@ from rich.table import Table
 
 from diagnosis.options import PLAIN, Fitting
 from diagnosis.scores import score_table
+from diagnosis.usual import STARTS, WARM_UP
 from shared.console import OK, NotNegative, Positive, new_console
 from shared.logs import USUAL, Reporting
 from shared.progress import stages
@@ -23,8 +24,8 @@ def calibrate(
     recording: Path,
     *,
     out: Path,
-    starts: Positive = 3,
-    warm_up: float = 240.0,
+    starts: Positive = STARTS,
+    warm_up: float = WARM_UP,
     seed: NotNegative = 0,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
     fitting: Fitting = PLAIN,

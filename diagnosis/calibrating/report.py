@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from datagen.driving.tables import Piecewise
-from diagnosis.calibrating.calibration import Calibrated
+from diagnosis.calibrating.calibrated import Calibrated
 from diagnosis.calibrating.sentences import sentences
 from diagnosis.calibrating.summary import CORRELATED
 from diagnosis.pages import page_environment

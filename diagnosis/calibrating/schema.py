@@ -92,11 +92,8 @@ class Calibration(_Table):
     """``calibration.json``.
 
     ``covariance`` (unknowns, unknowns) is that of the posterior in which the recording counts for 1 / ``widened``^2 of
-    what it is worth to the model: see :mod:`diagnosis.fitting.doubt`. Schema 2 added ``explained`` to the outputs,
-    schema 3 ``constants``, which are among the unknowns since, schema 5 the ``days`` that were fitted, and of outputs
-    whose sensor has no declared noise as how exact they were taken (``undeclared``), schema 6 the days' hashes
-    output by output, and each output's ``declared`` noise, and schema 7 the days whose readings do not tell them.
-    Schema 8 has no shares of a temperature's range, and of other outputs those that Guideline 14 defines.
+    what it is worth to the model: see :mod:`diagnosis.fitting.doubt`. ``undeclared``: of outputs whose sensor has no
+    declared noise, as how exact they were taken. What each schema added is in CHANGELOG.md.
     """
 
     schema_version: int = SCHEMA_VERSION

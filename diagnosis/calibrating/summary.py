@@ -10,6 +10,7 @@ from diagnosis.calibrating.schema import Calibration, Channel, Constant, Pair, P
 from diagnosis.calibrating.seen import days_of
 from diagnosis.fitting.doubt import DOUBT, doubted
 from diagnosis.fitting.fit import Fit
+from diagnosis.intervals import HALF_WIDTH
 from diagnosis.recording import HOUR
 from diagnosis.scores import score
 
@@ -28,7 +29,7 @@ def summarise(found: Fit, zero_shot: dict[str, float], started_from: str) -> Cal
     count = len(system.parameters)
     covariance = doubted(found.covariance)
     sd = np.sqrt(np.diag(covariance))
-    low, value, high = (problem.values(found.z + k * 1.645 * sd) for k in (-1, 0, 1))
+    low, value, high = (problem.values(found.z + k * HALF_WIDTH * sd) for k in (-1, 0, 1))
     parameters = [
         Parameter(
             name=one.name,

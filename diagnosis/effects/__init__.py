@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from diagnosis.effects.base import Combination, Effect, Nothing, clash
+from diagnosis.effects.base import Effect, Nothing, clash, moved_in_time
 from diagnosis.effects.library import ENTRY_POINTS, build, library
 
-__all__ = ["ENTRY_POINTS", "Combination", "Effect", "Nothing", "build", "clash", "library"]
+__all__ = ["ENTRY_POINTS", "Effect", "Nothing", "build", "clash", "library", "moved_in_time"]

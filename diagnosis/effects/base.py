@@ -14,7 +14,6 @@ import numpy as np
 
 from datagen.driving.tables import Piecewise
 from diagnosis.recording import Recording
-from shared.errors import SystemDescriptionError
 
 
 @runtime_checkable
@@ -35,6 +34,14 @@ class Effect(Protocol):
     changes
         FMU parameters, inputs and (with ``output:`` before the name) outputs that the effect touches. Two effects
         that set the same parameter or replace the same shape cannot be combined (:func:`clash`).
+
+    Notes
+    -----
+    An effect may say more of itself, in attributes that it need not have. ``owns``: of what it ``changes``, what no
+    other effect may set at the same time; all of it without. ``moves_in_time``: inputs that it lets come earlier or
+    later, none without (:func:`moved_in_time`). Persons whom nobody counted could have come at any time anyway, so that
+    an effect that moves them is left out. ``invented(time)``: readings that it would have to take from beyond the
+    recording, bool of shape (outputs, steps), by the recording's own time, shape (steps,) [s]; none without.
     """
 
     @property
@@ -122,6 +129,11 @@ class Nothing:
         """Nothing."""
         return frozenset()
 
+    @property
+    def moves_in_time(self) -> frozenset[str]:
+        """No input."""
+        return frozenset()
+
     def obstacle(self, recording: Recording, *, replay: bool) -> str:
         """None."""
         return ""
@@ -139,6 +151,11 @@ class Nothing:
         return outputs
 
 
+def moved_in_time(effect: Effect) -> frozenset[str]:
+    """Inputs that an effect lets come earlier or later: none if it does not say so."""
+    return frozenset(getattr(effect, "moves_in_time", ()))
+
+
 def clash(effects: Sequence[Effect]) -> str:
     """What several effects would both set, so that they cannot act together; empty if they can.
 
@@ -153,38 +170,3 @@ def clash(effects: Sequence[Effect]) -> str:
                 return f"{taken[what]} and {effect.name} both set {what}"
             taken[what] = effect.name
     return ""
-
-
-@dataclass(frozen=True)
-class Combination:
-    """Several effects at once, each with its amplitude: their parameters together, their inputs and outputs in turn.
-
-    Raises
-    ------
-    SystemDescriptionError
-        If two of them set the same thing.
-    """
-
-    effects: tuple[Effect, ...] = ()
-
-    def __post_init__(self) -> None:
-        if why := clash(self.effects):
-            raise SystemDescriptionError(f"effects: {why}; expected effects that can act together")
-
-    def parameters(self, amplitudes: Sequence[float]) -> dict[str, float]:
-        """FMU parameters to set [unit of each]."""
-        return {k: v for e, a in zip(self.effects, amplitudes, strict=True) for k, v in e.parameters(a).items()}
-
-    def inputs(
-        self, amplitudes: Sequence[float], inputs: dict[str, Piecewise], recording: Recording
-    ) -> dict[str, Piecewise]:
-        """All inputs after all effects."""
-        for effect, amplitude in zip(self.effects, amplitudes, strict=True):
-            inputs = effect.inputs(amplitude, inputs, recording)
-        return inputs
-
-    def outputs(self, amplitudes: Sequence[float], outputs: np.ndarray, time: np.ndarray) -> np.ndarray:
-        """What the sensors show after all effects, shape (outputs, steps)."""
-        for effect, amplitude in zip(self.effects, amplitudes, strict=True):
-            outputs = effect.outputs(amplitude, outputs, time)
-        return outputs

@@ -29,9 +29,11 @@ from diagnosis.fitting.side_by_side import InProcess, Outcome, Runner
 from diagnosis.fitting.unknowns import LIMIT, Unknowns
 from diagnosis.fitting.unmeasured import nuisance_of
 from diagnosis.recording import HOUR, Recording, check_warm_up
+from diagnosis.usual import WARM_UP as WARM_UP_HOURS
 from shared.errors import RecordingError, SimulationError
 
-WARM_UP = 240 * HOUR
+WARM_UP = WARM_UP_HOURS * HOUR
+"""[s]"""
 STEP = 0.1
 """Half-width of a difference in an unknown, in prior standard deviations."""
 TOLERANCE = 1e-6

@@ -10,6 +10,7 @@ from cyclopts import Parameter
 
 from diagnosis.options import PLAIN, Fitting
 from diagnosis.scores import score_table
+from diagnosis.usual import STARTS
 from shared.console import OK, Positive, new_console
 from shared.logs import USUAL, Reporting
 from shared.progress import stages
@@ -25,7 +26,7 @@ def forecast(
     context: float = 168.0,
     ahead: float = 336.0,
     calibration: Path | None = None,
-    starts: Positive = 3,
+    starts: Positive = STARTS,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
     fitting: Fitting = PLAIN,
     report: Reporting = USUAL,

@@ -7,11 +7,10 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
 from datagen.simulating.simulator import Simulator
 from diagnosis.calibrating.calibration import calibrate
@@ -22,64 +21,18 @@ from diagnosis.fitting.noise import errors_under
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.renewing import renewed
 from diagnosis.fitting.side_by_side import side_by_side
+from diagnosis.forecasting.forecasted import Ahead, Forecast, Forecasted, about_failed
 from diagnosis.forecasting.given import check_constants, check_given, noise_of
+from diagnosis.intervals import LEVEL
 from diagnosis.recording import HOUR, Recording, check_warm_up, read_recording
-from diagnosis.scores import Score, score
+from diagnosis.scores import score
+from diagnosis.usual import STARTS, WARM_UP
 from shared.errors import RecordingError, SimulationError
 from shared.places import check_folder
 from shared.system import System, load_system
 
 _log = logging.getLogger(__name__)
 DRAWS = 40
-LEVEL = 0.9
-
-
-class Ahead(Score):
-    """Scores of one output's forecast, and the share of readings within its band."""
-
-    covered: float
-
-
-class Forecast(BaseModel):
-    """``forecast.json``. Scores are None where nothing was measured ahead; ``begin`` is that of the context.
-
-    ``draws`` made the bands; ``failed`` more could not be simulated.
-
-    Schema 2 added ``begin``, schema 3 ``failed``: ``draws`` had counted them, too. Schema 4 has the
-    scores of Guideline 14, and none of a temperature's range.
-    """
-
-    model_config = ConfigDict(extra="forbid")
-    schema_version: int = 4
-    system: str
-    recording: str
-    begin: str
-    context_hours: float
-    ahead_hours: float
-    level: float
-    draws: int
-    failed: int
-    occupancy: str
-    calibration: Calibration
-    outputs: dict[str, Ahead | None]
-
-
-@dataclass(frozen=True)
-class Forecasted:
-    """A forecast and its curves.
-
-    ``time`` (steps,) [s]; ``measured``, ``centre``, ``low``, ``high`` (outputs, steps) [unit of each] over context and
-    forecast; ``context`` steps belong to the context.
-    """
-
-    report: Forecast
-    system: System
-    time: np.ndarray
-    measured: np.ndarray
-    centre: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    context: int
 
 
 def forecast(
@@ -95,8 +48,8 @@ def forecast(
     occupancy: str | None = None,
     noise: str = "sensor",
     draws: int = DRAWS,
-    starts: int = 3,
-    warm_up: float = 240.0,
+    starts: int = STARTS,
+    warm_up: float = WARM_UP,
     seed: int = 0,
     workers: int = 1,
     scheduler: str | None = None,
@@ -250,11 +203,6 @@ def band(draws: np.ndarray, level: float = LEVEL) -> tuple[np.ndarray, np.ndarra
     """
     low, high = np.quantile(draws, [(1 - level) / 2, (1 + level) / 2], axis=0, method="weibull")
     return low, high
-
-
-def about_failed(draws: int, failed: int) -> str:
-    """What is said of draws that could not be simulated, beside those that were."""
-    return f"{failed} of {draws + failed} simulations behind the bands failed; the bands are those of the others"
 
 
 def _part(record: Recording, steps: int) -> Recording:

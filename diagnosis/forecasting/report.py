@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from diagnosis.calibrating.sentences import sentences
-from diagnosis.forecasting.forecast import Forecasted, about_failed
+from diagnosis.forecasting.forecasted import Forecasted, about_failed
 from diagnosis.pages import page_environment
 from diagnosis.pictures import BLUE, ORANGE, embedded, figure, readable
 from diagnosis.recording import DAY

@@ -6,7 +6,7 @@ from shared.lazy import lazily
 
 _HOMES = {
     "diagnose": "diagnosis.gap.diagnosed",
-    "Diagnosis": "diagnosis.gap.diagnosed",
+    "Diagnosis": "diagnosis.gap.concluded",
     "Report": "diagnosis.gap.schema",
 }
 

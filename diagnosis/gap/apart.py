@@ -15,7 +15,7 @@ from diagnosis.gap.grams import Colour, Grams
 from diagnosis.gap.linear import Linearised
 from diagnosis.gap.refit import Refit, misfit
 from diagnosis.gap.renewal import WORTH, fitted_anew, relinearised
-from diagnosis.gap.search import Search
+from diagnosis.gap.searched import Search
 from shared.errors import SimulationError
 
 LINES = 5
@@ -55,15 +55,15 @@ def fitted_apart(found: Search, fitted: np.ndarray) -> Apart:
     SimulationError
         If the simulation fails where the fit to all readings is.
     """
-    counts, made = [], []
+    counts, made, known = [], [], found.made.apart
     for until in (found.stages[:1], found.stages):
-        stage, key = until[-1], (replace(found, stages=until).path, "apart", fitted.tobytes())
-        if key not in found.made:
+        stage, key = until[-1], (replace(found, stages=until).path, fitted.tobytes())
+        if key not in known:
             one = fitted_anew(stage.lin, fitted, stage.colours.best)
             lin, count = _lined(one, stage.colours.best, stage.grams.observed)
-            found.made[key] = lin, one.lin
+            known[key] = lin, one.lin
             counts += [one.simulations, count]
-        made.append(found.made[key])
+        made.append(known[key])
     (before, first), (after, last) = made
     return Apart(before, after, (first, last), fitted, _agreed(found, fitted), sum(counts))
 

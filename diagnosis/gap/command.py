@@ -10,6 +10,7 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from diagnosis.options import PLAIN, Fitting
+from diagnosis.usual import WARM_UP
 from shared.console import OK, NotNegative, new_console
 from shared.logs import USUAL, Reporting
 from shared.progress import stages
@@ -24,7 +25,7 @@ def run(
     recording: Path,
     *,
     out: Path,
-    warm_up: float = 240.0,
+    warm_up: float = WARM_UP,
     seed: NotNegative = 0,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
     fitting: Fitting = PLAIN,

@@ -8,7 +8,6 @@ from there (:mod:`diagnosis.gap.abroad`).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,11 +16,9 @@ from diagnosis.gap.abroad import Ranked, abroad
 from diagnosis.gap.afresh import bent, fitted_afresh, fitted_with
 from diagnosis.gap.refit import Refit
 from diagnosis.gap.renewal import settled
+from diagnosis.gap.searched import Search
 from diagnosis.gap.stages import Stage
 from shared.errors import SimulationError
-
-if TYPE_CHECKING:
-    from diagnosis.gap.search import Search
 
 AFRESH = 3
 """Of the refits as many are fitted afresh at most where the way is bent."""
@@ -58,23 +55,24 @@ def fitted_abroad(stage: Stage, found: Search, tell: Tell) -> tuple[list[Refit],
     plain, begin = found.plain, found.begin
     observed, colours = stage.grams.observed, stage.colours.best
     at = np.zeros(plain.with_effects(()).size) if begin is None else begin
-    key, made = (found.path, "abroad"), []
-    if key not in found.made:
+    path, made = found.path, []
+    if path not in found.made.abroad:
         tell("looking at all effects from where the fit began")
         try:
-            found.made[key] = abroad(plain, at, stage.lin.effects, observed, colours)
+            found.made.abroad[path] = abroad(plain, at, stage.lin.effects, observed, colours)
         except SimulationError:
             return [], []
-        found.simulations += found.made[key].simulations
-    for effect, amplitude, start in found.made[key].foremost([one.name for one in stage.lin.effects]):
-        own = (found.path, effect.name, "abroad")
-        if own not in found.made:
+        found.simulations += found.made.abroad[path].simulations
+    there = found.made.abroad[path]
+    for effect, amplitude, start in there.foremost([one.name for one in stage.lin.effects]):
+        own, fitted = (path, effect.name), found.made.from_there
+        if own not in fitted:
             tell(f"fitting from there with {effect.name}")
-            one = found.made[own] = fitted_with(plain, [effect], np.array([amplitude]), observed, colours, start)
+            one = fitted[own] = fitted_with(plain, [effect], np.array([amplitude]), observed, colours, start)
             found.simulations += one.simulations if one is not None else 0
-        made.append(found.made[own])
+        made.append(fitted[own])
     names = {(one.name,) for one in stage.lin.effects}
-    ranked = [one for one in found.made[key].ranked if one.names in names]
+    ranked = [one for one in there.ranked if one.names in names]
     return best_of([one for one in made if one is not None]), ranked
 
 
@@ -86,20 +84,21 @@ def best_of(refits: Sequence[Refit]) -> list[Refit]:
 
 def afresh(one: Refit, stage: Stage, found: Search, tell: Tell) -> Refit | None:
     """A refit's effects fitted from where the base model's fit began, once."""
-    key = (found.path, one.names, "afresh")
-    if key not in found.made:
+    key, made = (found.path, one.names), found.made.afresh
+    if key not in made:
         tell(f"fitting afresh with {one.names[-1]}")
-        made = found.made[key] = fitted_afresh(found.plain, one, stage.grams.observed, stage.colours.best, found.begin)
-        found.simulations += made.simulations if made is not None else 0
-    return found.made[key]
+        other = made[key] = fitted_afresh(found.plain, one, stage.grams.observed, stage.colours.best, found.begin)
+        found.simulations += other.simulations if other is not None else 0
+    return made[key]
 
 
 def settled_refit(one: Refit, stage: Stage, found: Search) -> Refit:
     """A refit with all simulated anew where it came to."""
-    key = (found.path, one.names, "settled")
-    if key not in found.made:
-        problem, lin = one.lin.problem, one.lin
-        made = settled(problem, lin.z, lin.around, stage.grams.observed, problem.floor, stage.colours.best, renewals=1)
-        found.simulations += made.simulations
-        found.made[key] = made
-    return found.made[key]
+    key, made = (found.path, one.names), found.made.settled
+    if key not in made:
+        lin = one.lin
+        made[key] = settled(
+            lin.problem, lin.z, lin.around, stage.grams.observed, lin.problem.floor, stage.colours.best, renewals=1
+        )
+        found.simulations += made[key].simulations
+    return made[key]

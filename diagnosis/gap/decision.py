@@ -15,8 +15,8 @@ from typing import Literal
 
 from scipy.special import expit
 
-from diagnosis.gap.search import LEVEL, Search
-from diagnosis.gap.stages import Stage
+from diagnosis.gap.searched import Search
+from diagnosis.gap.stages import LEVEL, Stage
 from diagnosis.gap.weighing import named, softmax, weighed
 
 Verdict = Literal["effect", "ambiguous", "none_of_these", "no_gap"]

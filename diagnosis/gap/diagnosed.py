@@ -3,36 +3,24 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
 from pathlib import Path
-
-import numpy as np
 
 from datagen.simulating.simulator import Simulator
 from diagnosis.calibrating.checks import opened
 from diagnosis.effects import Effect, library
 from diagnosis.effects.baselines import check_baselines
 from diagnosis.effects.edges import foreseen
-from diagnosis.fitting.fit import Fit
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.run import Run
 from diagnosis.fitting.side_by_side import InProcess, Outcome, Runner, side_by_side
-from diagnosis.gap.apart import Apart, fitted_apart
-from diagnosis.gap.conditions import Otherwise, otherwise
-from diagnosis.gap.decision import Decision, decide, gap_found
-from diagnosis.gap.exchange import exchanged
-from diagnosis.gap.limits import noiseless
+from diagnosis.gap.concluded import Diagnosis, concluded
 from diagnosis.gap.linear import applicable
-from diagnosis.gap.missing import operators
 from diagnosis.gap.parts import kept_for_scoring
-from diagnosis.gap.places import check_places, place
-from diagnosis.gap.schema import Report
-from diagnosis.gap.search import Search, at_its_optimum, search
-from diagnosis.gap.shrinkage import Shrinkage, shrinkages
-from diagnosis.gap.starting import Begun, begun, zero_shot
+from diagnosis.gap.places import check_places
+from diagnosis.gap.starting import begun, zero_shot
 from diagnosis.recording import HOUR, Recording
-from diagnosis.where import Operator, Where
+from diagnosis.usual import WARM_UP
 from shared.errors import RecordingError
 from shared.places import check_folder
 from shared.system import System
@@ -49,47 +37,6 @@ class _Held:
         return self.runner.map(runs)
 
 
-@dataclass(frozen=True)
-class Diagnosis:
-    """A diagnosis and all that it was made from.
-
-    ``whole`` is the problem before any fit; ``scored`` (steps,) the part that ``apart``'s fits do without; ``sources``
-    the operators of what may be missing from a balance, and ``unknown`` why there are no others; ``otherwise``: better
-    conditions than the recording's; ``where_left`` is with the chosen effects, if there are any.
-    """
-
-    report: Report
-    whole: Problem
-    origin: Begun
-    candidates: list[Effect]
-    search: Search
-    decision: Decision
-    sources: list[Operator]
-    unknown: dict[str, str]
-    otherwise: list[Otherwise]
-    where: Where
-    where_left: Where | None
-    apart: Apart | None
-    shrinkage: list[Shrinkage]
-    scored: np.ndarray
-    seed: int
-
-    def without(self, names: Collection[str], tell: Callable[[str], None] = lambda _: None) -> Diagnosis:
-        """The same recording diagnosed with some candidates withheld, as :func:`diagnose` would have done.
-
-        The fit of the base model, the sensitivities and what is missing from the balances are kept; colours, twins,
-        scan and decision are made anew, and refits that were not made yet.
-        """
-        left = [one for one in self.candidates if one.name not in names]
-        clock = time.perf_counter(), time.process_time()
-        return _concluded(self.whole, self.origin, left, self.scored, self.seed, clock, tell, self)
-
-    @property
-    def base(self) -> Fit:
-        """The base model's fit."""
-        return self.origin.fit
-
-
 def diagnose(
     system: System | Path | str,
     recording: Recording | Path | str,
@@ -100,7 +47,7 @@ def diagnose(
     occupancy: str | None = None,
     noise: str = "sensor",
     effects: Sequence[Effect] | None = None,
-    warm_up: float = 240.0,
+    warm_up: float = WARM_UP,
     seed: int = 0,
     workers: int = 1,
     scheduler: str | None = None,
@@ -164,7 +111,7 @@ def diagnose(
         scored = kept_for_scoring(record)
         tell("fitting the base model")
         origin = begun(whole, estimated)
-        done = _concluded(whole, origin, candidates, scored, seed, (began, used), tell)
+        done = concluded(whole, origin, candidates, scored, seed, (began, used), tell)
     held.runner = InProcess(simulator)
     if out is not None:
         from diagnosis.gap.page import write_report
@@ -172,92 +119,3 @@ def diagnose(
         tell("writing the report")
         write_report(done, Path(out))
     return done
-
-
-def _concluded(
-    whole: Problem,
-    origin: Begun,
-    candidates: list[Effect],
-    scored: np.ndarray,
-    seed: int,
-    clock: tuple[float, float],
-    tell: Callable[[str], None],
-    known: Diagnosis | None = None,
-) -> Diagnosis:
-    """What follows from the base model's fit; ``clock`` is when the diagnosis began: wall and processor time [s]."""
-    from diagnosis.gap.reporting import reported
-
-    base = origin.fit
-    found = search(
-        base,
-        candidates,
-        whole.observed,
-        whole.floor,
-        begin=origin.start,
-        seed=seed,
-        tell=tell,
-        known=None if known is None else known.search,
-    )
-    found = exchanged(found, candidates, whole.observed, whole.floor, seed=seed, tell=tell)
-    found = at_its_optimum(found)
-    first = found.stages[0]
-    tell("finding where the gap lies")
-    problem = first.lin.problem
-    counted = problem.simulations
-    if known is None:
-        sources, unknown = operators(problem, first.lin.z, first.lin.around.heights)
-        spent = -whole.simulations
-        better = otherwise(first, whole, candidates)
-        spent += whole.simulations
-    else:
-        sources, unknown, better, spent = known.sources, known.unknown, known.otherwise, 0
-    where = place(first, whole.observed, sources)
-    if found.chosen and not gap_found(first, where.p_value, found.confirmed):
-        found = replace(found, stages=[first], refits=[], settled=[])
-    where_left = place(found.last, whole.observed, []) if found.chosen else None
-    decision = decide(found, where.p_value, where_left.p_value if where_left is not None else where.p_value)
-    apart, shrinkage = None, []
-    if found.chosen and (whole.observed & ~scored).any():
-        tell("scoring on a part that is kept from the fit")
-        apart = fitted_apart(found, whole.observed & ~scored)
-        spent += apart.simulations
-        shrinkage = shrinkages(apart, first, found.last.colours, scored, whole.observed, seed=seed)
-    report = reported(
-        base=base,
-        started_from=origin.name,
-        search=found,
-        decision=decision,
-        where=where,
-        where_left=where_left,
-        shrinkage=shrinkage,
-        agreed=apart is None or apart.agreed,
-        otherwise=better,
-        unknown=unknown,
-        scored=scored,
-        seed=seed,
-        simulations=(base.simulations if known is None else 0)
-        + found.simulations
-        + problem.simulations
-        - counted
-        + spent,
-        seconds=time.perf_counter() - clock[0],
-        cpu_seconds=time.process_time() - clock[1],
-    )
-    report = report.model_copy(update={"limits": [*report.limits, *noiseless(whole.undeclared)]})
-    return Diagnosis(
-        report,
-        whole,
-        origin,
-        candidates,
-        found,
-        decision,
-        sources,
-        unknown,
-        better,
-        where,
-        where_left,
-        apart,
-        shrinkage,
-        scored,
-        seed,
-    )

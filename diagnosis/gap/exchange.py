@@ -17,7 +17,8 @@ import numpy as np
 from diagnosis.effects import Effect
 from diagnosis.gap.contending import Tell, best_of, contended, settled_refit
 from diagnosis.gap.refit import linear_start, refit
-from diagnosis.gap.search import Search, evidence_before, refitted, renewed_among, told, worth_more
+from diagnosis.gap.search import evidence_before, refitted, renewed_among, told, worth_more
+from diagnosis.gap.searched import Search
 from diagnosis.gap.stages import CLEAR, examine
 from shared.errors import SimulationError
 
@@ -29,23 +30,22 @@ def exchanged(
     found: Search,
     effects: Sequence[Effect],
     observed: np.ndarray,
-    size: np.ndarray,
     *,
     seed: int = 0,
-    tell: Tell = print,
+    tell: Tell = lambda _: None,
 ) -> Search:
     """The more plausible search, where two effects were chosen.
 
     Parameters
     ----------
-    effects, observed, size, seed
+    effects, observed, seed
         As :func:`diagnosis.gap.search.search` had them.
     """
     if len(found.chosen) != 2:
         return found
     now, count = found, found.simulations
     for _ in range(ROUNDS):
-        other = _holding(now, now.chosen[-1], effects, observed, size, seed, tell)
+        other = _holding(now, now.chosen[-1], effects, observed, seed, tell)
         if other is None:
             break
         count += other.simulations
@@ -69,7 +69,6 @@ def _holding(
     held: Effect,
     effects: Sequence[Effect],
     observed: np.ndarray,
-    size: np.ndarray,
     seed: int,
     tell: Tell,
 ) -> Search | None:
@@ -81,14 +80,15 @@ def _holding(
     made = replace(now, stages=[stage], refits=[], settled=[], tried=[], beside={}, simulations=0)
     tell(f"looking at what else acts beside {held.name}")
     try:
-        if (made.path, held.name) not in made.made:
+        key, known = (made.path, held.name), made.made.refits
+        if key not in known:
             start = np.round(linear_start(stage.grams, stage.colours.best, places), 9)
-            one = made.made[made.path, held.name] = refit(stage.grams, stage.colours.best, start, [held])
+            one = known[key] = refit(stage.grams, stage.colours.best, start, [held])
             made.simulations += one.simulations
-        alone = made.made[made.path, held.name]
+        alone = known[key]
         refits, best = contended([alone], stage, made, tell)
         while True:
-            after = examine(renewed_among(best, stage, effects, made), observed, size, seed=seed + len(made.stages))
+            after = examine(renewed_among(best, effects, made), observed, seed=seed + len(made.stages))
             if made.chosen and not (worth_more(stage, after) and told(stage, refits, after, refits)):
                 return made
             made.stages.append(after)

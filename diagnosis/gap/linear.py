@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.effects import Effect, clash
+from diagnosis.effects import Effect, clash, moved_in_time
 from diagnosis.fitting.differences import one_sided
 from diagnosis.fitting.linearisation import Linearisation
 from diagnosis.fitting.principal import principal
@@ -72,7 +72,7 @@ def applicable(problem: Problem, effects: Sequence[Effect]) -> tuple[list[Effect
             continue
         reason = effect.obstacle(problem.recording, replay=problem.replay) or clash([*problem.effects, effect])
         # pulses are followed from where they begin on, and may come at any time anyway
-        if uncounted & getattr(effect, "moves_in_time", frozenset()):
+        if uncounted & moved_in_time(effect):
             reason = reason or "it moves persons in time, and nobody counted when they were there"
         if reason:
             why[effect.name] = reason

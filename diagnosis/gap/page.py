@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from diagnosis.gap.concluded import Diagnosis
 from diagnosis.gap.pictures import SHOWN, draw_angles, draw_candidates, draw_outputs, draw_parameters, draw_shares
 from diagnosis.gap.twins import SHOWN as SHOWN_TWINS
 from diagnosis.pages import page_environment
@@ -16,9 +16,6 @@ from diagnosis.recording import DAY
 from diagnosis.where.pictures import draw_cells, draw_correlations
 from diagnosis.where.timelines import draw_episodes, draw_sources
 from diagnosis.whole import whole
-
-if TYPE_CHECKING:
-    from diagnosis.gap.diagnosed import Diagnosis
 
 VERDICTS = {
     "effect": "A cause is found",

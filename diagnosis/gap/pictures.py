@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
+from diagnosis.gap.concluded import Diagnosis
 from diagnosis.gap.scan import LEVEL, NEGLIGIBLE
 from diagnosis.gap.shrinkage import left_by
 from diagnosis.pictures import BLUE, GREY, ORANGE, RED, figure, readable
 from diagnosis.recording import DAY
-
-if TYPE_CHECKING:
-    from diagnosis.gap.diagnosed import Diagnosis
 
 SHOWN = 0.5
 """Expected log-likelihood ratio at one scale from which a candidate's angles are shown."""

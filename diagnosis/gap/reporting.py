@@ -21,18 +21,19 @@ from diagnosis.gap.schema import (
     SourceOf,
     StageOf,
 )
-from diagnosis.gap.search import Search
+from diagnosis.gap.searched import Search
 from diagnosis.gap.seen import detectability, otherwise_seen
 from diagnosis.gap.sentences import summary
 from diagnosis.gap.shrinkage import Shrinkage
 from diagnosis.gap.stages import Stage
 from diagnosis.gap.twins import TWINS
+from diagnosis.intervals import HALF_WIDTH
 from diagnosis.recording import HOUR
 from diagnosis.where import Where
 
-WIDE_90 = 1.1 * 1.645
+WIDE_90 = 1.1 * HALF_WIDTH
 """Half-width of a 90 % interval, in standard deviations: a tenth wider than the recording alone makes it, as a model's
-own slow error of the noise's size would. Without that, three of six intervals of a sensor's drift missed it."""
+own slow error of the noise's size would (docs/blind-check.md)."""
 
 
 def reported(
@@ -214,7 +215,7 @@ def _before_and_after(search: Search, first: int, names: list[tuple[str, str]]) 
 
 def _values(one: Refit) -> list[np.ndarray]:
     """Values and their 90 % intervals (low, value, high), each (unknowns,) [unit of each]."""
-    return [one.lin.problem.values(one.lin.z + k * 1.645 * doubted_sd(one.sd)) for k in (-1, 0, 1)]
+    return [one.lin.problem.values(one.lin.z + k * HALF_WIDTH * doubted_sd(one.sd)) for k in (-1, 0, 1)]
 
 
 def _sources(where: Where) -> list[SourceOf]:

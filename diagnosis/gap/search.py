@@ -6,24 +6,24 @@ likelihood ratios; the null here is that of twins, Johansson 2014, and holds for
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from diagnosis.effects import Effect
 from diagnosis.fitting.fit import Fit, fit
-from diagnosis.fitting.problem import Problem
 from diagnosis.gap.contending import UNEXPLAINED, Tell, best_of, contended, fitted_abroad
 from diagnosis.gap.elsewhere import elsewhere
 from diagnosis.gap.fewer import fewer
 from diagnosis.gap.linear import Linearised, applicable, linearised
+from diagnosis.gap.made import Made
 from diagnosis.gap.nuisances import widened
 from diagnosis.gap.refit import Refit, linear_start, refit, rested
 from diagnosis.gap.renewal import settled
 from diagnosis.gap.scan import NEGLIGIBLE
-from diagnosis.gap.stages import CLEAR, LEVEL, PLAIN, STRONG, Stage, examine
+from diagnosis.gap.searched import Search
+from diagnosis.gap.stages import CLEAR, PLAIN, STRONG, Stage, examine
 from diagnosis.gap.weighing import Judged, named, weighed
 from shared.errors import SimulationError
 
@@ -40,71 +40,14 @@ PARSIMONY = 0.6
 """A further effect must leave less than this share of what was left without a cause before it."""
 
 
-@dataclass
-class Search:
-    """All stages, the base model's fit, the refits made at each stage (best first), and why candidates were not tried.
-
-    ``settled``: the best refit of each stage as the next stage has it, simulated anew where it came to.
-    ``tried``: at each stage what all candidates that were refitted were worth before some were fitted afresh, or all
-    candidates where the base model's fit began.
-    ``confirmed``: whether what the straight line found at first is there in a refit, or in the residual itself.
-    ``plain``: the base model's problem before its nuisances were widened, ``begin`` (unknowns,) where its fit began:
-    the middle of the prior if None.
-    ``beside``: the stage and refits by which the candidates of a stage are weighed, by its place, where the effect that
-    was found with them was chosen later (:mod:`diagnosis.gap.exchange`); its own if it is not there.
-    ``simulations`` in all of the search; ``made``: refits and linearisations by the stages that led to them.
-    """
-
-    stages: list[Stage]
-    base: Refit
-    plain: Problem
-    begin: np.ndarray | None = None
-    refits: list[list[Refit]] = field(default_factory=list)
-    settled: list[Refit] = field(default_factory=list)
-    tried: list[Sequence[Judged]] = field(default_factory=list)
-    excluded: dict[str, str] = field(default_factory=dict)
-    beside: dict[int, tuple[Stage, list[Refit]]] = field(default_factory=dict)
-    confirmed: bool = True
-    simulations: int = 0
-    made: dict[Hashable, Any] = field(default_factory=dict)
-
-    @property
-    def path(self) -> Hashable:
-        """What a refit depends on beside its own effect: of every stage, what was chosen, where it is, and the colours.
-
-        The same effects come to another optimum where they were fitted afresh.
-        """
-        return tuple(
-            (tuple(e.name for e in one.lin.chosen), one.lin.z.tobytes(), tuple(sorted(one.colours.best.items())))
-            for one in self.stages
-        )
-
-    @property
-    def last(self) -> Stage:
-        """The stage of the effects that were chosen."""
-        return self.stages[-1]
-
-    @property
-    def chosen(self) -> tuple[Effect, ...]:
-        """Effects that were chosen, in the order in which they were found."""
-        return self.last.lin.chosen
-
-    @property
-    def share_left(self) -> float:
-        """Share of what was left without a cause at first that the chosen effects do not explain."""
-        first = max(self.stages[0].left_over, 1e-9)
-        return float(np.clip(self.last.left_over / first, 0.0, 1.0)) if self.stages[0].left_over > 1.0 else 0.0
-
-
 def search(
     base: Fit,
     effects: Sequence[Effect],
     observed: np.ndarray,
-    size: np.ndarray,
     *,
     begin: np.ndarray | None = None,
     seed: int = 0,
-    tell: Tell = print,
+    tell: Tell = lambda _: None,
     known: Search | None = None,
 ) -> Search:
     """Search for the effects behind a gap, from the fit of the base model.
@@ -115,8 +58,6 @@ def search(
         All candidates; those that cannot act here are left out and said why.
     observed
         Readings that count, shape (outputs, steps).
-    size
-        Standard deviation of one reading's error, shape (outputs,) [unit of each].
     begin
         Unknowns where the fit began, shape (unknowns,); the middle of the prior if not given.
     known
@@ -129,21 +70,21 @@ def search(
         why = {name: reason for name, reason in known.excluded.items() if name in names}
         lin = fewer(known.stages[0].lin, effects, why)
     else:
-        one, made = settled_base(base, observed, size), {}
+        one, made = settled_base(base, observed), Made()
         usable, why = applicable(one.lin.problem, effects)
         tell(f"sensitivities of {len(usable)} effects")
         lin, count = among(one, usable), one.simulations
-    stage = examine(lin, observed, size, seed=seed)
+    stage = examine(lin, observed, seed=seed)
     count += 0 if known is not None else lin.simulations
     if known is None and not base.converged and (stage.candidate_found or stage.misfits or stage.episodic):
         # what looks like a gap may be a fit that stopped early
         tell("going on with the fit of the base model")
         more = fit(base.problem, [base.z], rounds=FURTHER, around=base.around)
-        other = settled_base(more, observed, size)
+        other = settled_base(more, observed)
         count += more.simulations + other.simulations
         if other.evidence > one.evidence:
             one, lin = other, among(other, usable)
-            stage = examine(lin, observed, size, seed=seed)
+            stage = examine(lin, observed, seed=seed)
             count += lin.simulations
     found = Search([stage], one, base.problem, begin, excluded=why, simulations=count, made=made)
     found.excluded |= dict.fromkeys(lin.failed, "its simulation fails")
@@ -168,16 +109,16 @@ def search(
         else:
             break
         refits, best = moved(refits, best, stage, found)
-        lin = renewed_among(best, stage, effects, found)
-        after = examine(lin, observed, size, seed=seed + len(found.stages))
+        lin = renewed_among(best, effects, found)
+        after = examine(lin, observed, seed=seed + len(found.stages))
         rest = first and stage.candidate_found and after.left_over > UNEXPLAINED
         again, ranked = fitted_abroad(stage, found, tell) if rest else ([], [])
         if again:
             tried, refits = ranked, best_of([*again, best, *anew])
             if refits[0] is not best:
                 best = refits[0]
-                lin = renewed_among(best, stage, effects, found)
-                after = examine(lin, observed, size, seed=seed + len(found.stages))
+                lin = renewed_among(best, effects, found)
+                after = examine(lin, observed, seed=seed + len(found.stages))
         if not first and not (worth_more(stage, after) and told(stage, refits, after, tried)):
             break
         found.stages.append(after)
@@ -231,10 +172,10 @@ def told(before: Stage, refits: list[Refit], after: Stage, tried: Sequence[Judge
     return len(named(weighed(before, refits, after, tried=tried), refits[0].names[-1])) <= MOST_REFITS
 
 
-def settled_base(base: Fit, observed: np.ndarray, size: np.ndarray) -> Refit:
+def settled_base(base: Fit, observed: np.ndarray) -> Refit:
     """A fit with its nuisances as wide as they are, linearised where it then is."""
     problem, around, count = widened(base.problem, base.around)
-    one = settled(problem, base.z, around, observed, size)
+    one = settled(problem, base.z, around, observed, problem.floor)
     return replace(one, simulations=one.simulations + count)
 
 
@@ -259,8 +200,8 @@ def refitted(stage: Stage, tell: Tell, found: Search) -> list[Refit]:
             continue
         effect = stage.lin.effects[j]
         key = (found.path, effect.name)
-        if key in found.made:
-            made.append(found.made[key])
+        if key in found.made.refits:
+            made.append(found.made.refits[key])
             continue
         tell(f"refitting with {effect.name}")
         # rounded, so that a refit is the same to the last bit whatever candidates are beside it
@@ -270,22 +211,19 @@ def refitted(stage: Stage, tell: Tell, found: Search) -> list[Refit]:
         except SimulationError:
             continue
         found.simulations += one.simulations
-        found.made[key] = one
+        found.made.refits[key] = one
         made.append(one)
     made = [one for one in made if abs(one.lin.amplitudes[-1]) >= NEGLIGIBLE]
     return sorted(made, key=lambda one: -one.evidence)
 
 
-def renewed_among(best: Refit, stage: Stage, effects: Sequence[Effect], found: Search) -> Linearised:
+def renewed_among(best: Refit, effects: Sequence[Effect], found: Search) -> Linearised:
     """The best refit linearised by all remaining candidates."""
     usable, _ = applicable(best.lin.problem, effects)
-    key = (found.path, best.names, best.lin.z.tobytes(), "renewed")
-    if key in found.made and {one.name for one in usable} <= {one.name for one in found.made[key].effects}:
-        return fewer(found.made[key], usable)
+    key, made = (found.path, best.names, best.lin.z.tobytes()), found.made.renewed
+    if key in made and {one.name for one in usable} <= {one.name for one in made[key].effects}:
+        return fewer(made[key], usable)
     lin = among(best, usable)
     found.simulations += lin.simulations
-    found.made[key] = lin
+    made[key] = lin
     return lin
-
-
-__all__ = ["LEVEL", "MOST_EFFECTS", "Search", "search"]

@@ -22,8 +22,7 @@ PLAIN = 8.0
 """Log Bayes factor of a candidate that is a gap whatever twins do. A Bayes factor exceeds K by chance in at most 1 / K
 of all recordings without a gap (Markov's inequality), so that of forty candidates one does in at most 1.4 %. Parameters
 that bend to the edge of their prior to make up for a cause are evidence of it, but twins begin at that edge and come
-back from it as the recording does. The largest in 18 recordings without a gap, of an opened set, was 3.1, and none of
-80 others reached 10; two with a cause had 9.1 and 9.5 when this was chosen (docs/blind-check.md)."""
+back from it as the recording does. What opened sets say of it: docs/blind-check.md."""
 
 
 @dataclass(frozen=True)
@@ -73,17 +72,15 @@ class Stage:
         return max(self.slow, self.episode.gain if self.episode is not None else 0.0)
 
 
-def examine(lin: Linearised, observed: np.ndarray, size: np.ndarray, *, twins: int = TWINS, seed: int = 0) -> Stage:
+def examine(lin: Linearised, observed: np.ndarray, *, twins: int = TWINS, seed: int = 0) -> Stage:
     """Examine a linearised fit.
 
     Parameters
     ----------
     observed
         Readings that count, shape (outputs, steps).
-    size
-        Standard deviation of one reading's error, shape (outputs,) [unit of each].
     """
-    grams = Grams(lin, observed)
+    grams, size = Grams(lin, observed), lin.problem.floor
     colours = estimated_colours(grams, size)
     drawn = draw_twins(grams, colours, twins, seed)
     slow, discrepant = discrepancy(grams, colours, size)

@@ -10,7 +10,15 @@ from diagnosis.importing import units
 from diagnosis.importing.quality import is_constant
 from diagnosis.importing.series import Series
 from shared.system import System
-from shared.variables import ConstantInput, ExcitationInput, MeasuredInput, Output, ScheduleInput, WeatherInput
+from shared.variables import (
+    ZERO_CELSIUS,
+    ConstantInput,
+    ExcitationInput,
+    MeasuredInput,
+    Output,
+    ScheduleInput,
+    WeatherInput,
+)
 
 LARGE, BEYOND_NOISE = 10.0, 100.0
 """So many times the largest number that the description has in this unit, and its sensor's noise, is no such thing."""
@@ -18,7 +26,6 @@ HOT = 311.15
 """The air outdoors is hardly anywhere above this half of the time [K], but a winter's degrees Fahrenheit are."""
 COLDER = 3.0
 """Nothing indoors is colder than the air outdoors by so much on average [K], and varies more."""
-_ZERO = 273.15
 
 
 def about_all(series: Sequence[Series], system: System) -> list[str]:
@@ -77,8 +84,8 @@ def about_heat(air: Series) -> str | None:
     if middle <= HOT:
         return None
     return (
-        f"{air.target.name}: {air.origin}, the air outdoors, has a median of {middle - _ZERO:.1f} degC; is the unit"
-        " right (degF?)"
+        f"{air.target.name}: {air.origin}, the air outdoors, has a median of {middle - ZERO_CELSIUS:.1f} degC;"
+        " is the unit right (degF?)"
     )
 
 

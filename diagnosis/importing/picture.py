@@ -16,6 +16,7 @@ from diagnosis.importing.filling import runs
 from diagnosis.importing.series import Series
 from diagnosis.pictures import as_png
 from shared.flags import ASSUMED, IMPOSSIBLE, INTERPOLATED, STUCK
+from shared.variables import ZERO_CELSIUS
 
 matplotlib.use("Agg")
 
@@ -46,7 +47,7 @@ def draw_recording(series: Sequence[Series], time: np.ndarray, clock: Clock, tit
 
 def _panel(axes: Axes, one: Series, time: np.ndarray, clock: Clock) -> None:
     def shown(values: np.ndarray) -> np.ndarray:
-        return values - 273.15 if one.target.unit == "K" else values
+        return values - ZERO_CELSIUS if one.target.unit == "K" else values
 
     dates = clock.dates(time)
     style: dict[str, Any] = {"drawstyle": "steps-pre"} if one.target.method == "mean" else {}

@@ -6,6 +6,8 @@ from pydantic import BaseModel, ConfigDict
 from rich.console import Console
 from rich.table import Table as Grid
 
+from shared.variables import ZERO_CELSIUS
+
 
 class _Table(BaseModel):
     model_config = ConfigDict(extra="forbid")
@@ -84,7 +86,7 @@ class ImportReport(_Table):
 def _number(value: float | None, unit: str) -> str:
     if value is None:
         return "-"
-    return f"{value - 273.15:.1f} °C" if unit == "K" else f"{value:.4g}"
+    return f"{value - ZERO_CELSIUS:.1f} °C" if unit == "K" else f"{value:.4g}"
 
 
 def print_report(report: ImportReport, console: Console) -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Literal
 
 from diagnosis.where.bands import MEANING, WHOLE
 from shared.variables import spaced
@@ -29,10 +29,6 @@ class Finding:
     size: float
     unit: str
     t: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """For ``report.json``."""
-        return asdict(self) | {"text": self.text}
 
     @property
     def text(self) -> str:

@@ -2,25 +2,15 @@
 
 from __future__ import annotations
 
-import base64
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
-
-from diagnosis.pictures import as_png
 
 MEASURED = "#cc3311"
 TWINS = "#bbbbbb"
 QUIET = "#4477aa"
 OUTLINE = "black"
 DIVERGING = "RdBu_r"
-
-
-def as_base64(figure: Figure, dpi: int = 110) -> str:
-    """A figure as PNG in base64, to be embedded in a page."""
-    return base64.b64encode(as_png(figure, dpi)).decode("ascii")
 
 
 def outline(axes: Axes, mask: np.ndarray) -> None:

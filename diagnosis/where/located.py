@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -86,20 +85,6 @@ class Where:
         if self.sources is None or self._p_of_all("sources", float(self.sources.test.maxima[0])) > self.alpha:
             return "none"
         return self.sources.verdict
-
-    def to_dict(self) -> dict[str, Any]:
-        """For ``report.json``."""
-        return {
-            "p_value": self.p_value,
-            "twins": len(self.residuals.replicates),
-            "families": {
-                name: {"p_value": float(p)} for name, p in zip(self.families, self.whole.adjusted, strict=True)
-            },
-            "regimes": {r.label: r.rule for r in self.cells.regimes},
-            "where": [one.to_dict() for one in self.findings],
-            "sources": None if self.sources is None else self.sources.to_dict() | {"verdict": self.verdict},
-            "guideline14": [one.to_dict() for one in self.guideline],
-        }
 
 
 def locate(

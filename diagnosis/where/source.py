@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from diagnosis.where.finding import Finding
-from diagnosis.where.series import HOUR
 from diagnosis.where.significance import MaxTest
 
 STRONG = 3.0
@@ -66,23 +65,6 @@ class Source:
         """Whether the source itself explains more than in twins, whatever its rival does."""
         return self.p_value <= alpha
 
-    def to_dict(self) -> dict[str, Any]:
-        """For ``report.json``."""
-        return {
-            "name": self.name,
-            "unit": self.unit,
-            "mean": float(self.estimate.mean()),
-            "peak": float(self.estimate[np.argmax(np.abs(self.estimate))]),
-            "log_likelihood_gain": self.gain,
-            "p_value": self.p_value,
-            "roughness": self.roughness,
-            "roughness_p": self.roughness_p,
-            "rival": self.rival,
-            "balance": self.balance,
-            "verdict": self.verdict,
-            "significant_hours": float(((self.adjusted <= 0.05) * np.diff(self.edges)).sum() / HOUR),
-        }
-
 
 @dataclass(frozen=True)
 class SourceTest:
@@ -133,15 +115,6 @@ class SourceTest:
             return foremost.verdict
         balance = foremost.gain - self.sensor_gains[self.suspect]
         return foremost.verdict if balance > STRONG else verdict_of(balance)
-
-    def to_dict(self) -> dict[str, Any]:
-        """For ``report.json``."""
-        return {
-            "sources": [one.to_dict() for one in self.sources],
-            "sensor_gains": self.sensor_gains,
-            "verdict": self.verdict,
-            "p_value": self.test.p_value,
-        }
 
 
 def verdict_of(balance: float) -> Verdict:

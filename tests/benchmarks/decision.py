@@ -40,7 +40,7 @@ TINY = 1e-9
 
 
 def share_left(verdict: Verdict) -> float:
-    """As :attr:`diagnosis.gap.search.Search.share_left`."""
+    """As :attr:`diagnosis.gap.searched.Search.share_left`."""
     left = verdict.left_over
     return float(np.clip(left[-1] / left[0], 0, 1)) if left[0] > 1 else 0.0
 

@@ -29,6 +29,7 @@ from resumed import depends, resumed
 
 from datagen import simulate
 from diagnosis.calibrating.calibration import calibrate
+from diagnosis.intervals import HALF_WIDTH
 from diagnosis.recording import Recording, read_recording
 from shared.errors import ZeroshotError
 from shared.system import System, load_system
@@ -39,7 +40,6 @@ KINDS: dict[str, dict[str, Any]] = {
     "replay": {"occupancy": "measured", "replay": True},
     "unknown, replay": {"occupancy": "unknown", "replay": True},
 }
-NOMINAL, QUANTILE = 0.9, 1.645
 
 
 def noisy(record: Recording, system: System, rng: np.random.Generator, preset: str = "sensor") -> Recording:
@@ -109,7 +109,7 @@ def figure(values: np.ndarray, what: str) -> str:
     """A statistic of errors in standard deviations (recordings, parameters), with a 90 % bootstrap interval."""
 
     def of(rows: np.ndarray) -> float:
-        return float(np.sqrt(np.mean(rows**2)) if what == "rms" else np.mean(np.abs(rows) < QUANTILE))
+        return float(np.sqrt(np.mean(rows**2)) if what == "rms" else np.mean(np.abs(rows) < HALF_WIDTH))
 
     rng = np.random.default_rng(0)
     again = [of(values[rng.integers(len(values), size=len(values))]) for _ in range(1000)]
@@ -171,7 +171,7 @@ def main() -> None:
     print("|---" * (len(errors) + 1) + "|")
     for k, name in enumerate(names):
         columns = [one[:, k] for one in errors.values()]
-        told = [f"{np.sqrt(np.mean(e**2)):.2f}, {np.mean(np.abs(e) < QUANTILE):.2f}" for e in columns]
+        told = [f"{np.sqrt(np.mean(e**2)):.2f}, {np.mean(np.abs(e) < HALF_WIDTH):.2f}" for e in columns]
         print(f"| {name} | " + " | ".join(told) + " |")
 
 

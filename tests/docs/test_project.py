@@ -1,6 +1,7 @@
 """The project's papers: citation, changelog, licences."""
 
 import importlib.util
+import os
 import re
 import subprocess
 import sys
@@ -14,6 +15,7 @@ from packaging.utils import canonicalize_name
 from shared import __version__
 
 ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = ("shared", "datagen", "trainer", "diagnosis")
 
 
 def test_the_citation_file_keeps_its_schema_and_names_this_version():
@@ -68,3 +70,26 @@ def test_the_licence_page_is_what_its_script_finds_here():
     for extra in script.EXTRAS:
         for name in script.needed(extra):
             assert f"\n| {name} |" in kept, f"{name}: run python docs/making/licences.py"
+
+
+def test_no_name_of_the_default_room_is_in_the_packages(default_system):
+    """Of those that are no words of English, by their letters: an example would be taken for a rule."""
+    names = {*default_system.parameter_names, *default_system.input_names, *default_system.output_names}
+    strange = {name for name in names if re.search("[a-z][A-Z]|[A-Z]{2}[a-z]|^[A-Z][A-Z]?[a-z]", name)}
+    assert len(strange) > len(names) / 2
+    word = re.compile(rf"\b({'|'.join(map(re.escape, sorted(strange)))})\b")
+    found = [
+        f"{path.relative_to(ROOT)}: {match[0]}"
+        for package in PACKAGES
+        for path in sorted((ROOT / package).rglob("*.py"))
+        for match in word.finditer(path.read_text(encoding="utf-8"))
+    ]
+    assert found == []
+
+
+def test_the_demo_is_a_program_of_the_checkout():
+    """Its help is told where the packages are installed, with the file that ``make demo`` names."""
+    (line,) = [one for one in (ROOT / "Makefile").read_text(encoding="utf-8").splitlines() if "demo.py" in one]
+    words = [sys.executable, line.split()[1], "--help"]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(ROOT)})
+    assert done.returncode == 0 and "--systems" in done.stdout, done.stderr

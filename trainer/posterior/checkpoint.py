@@ -3,61 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
 from shared.errors import EstimatorError
 from shared.reading import read_json, validated
-from shared.store import Records
+from trainer.posterior.card import SCHEMA_VERSION, PosteriorCard
 from trainer.posterior.flow import PosteriorFlow
 from trainer.posterior.inference import Posterior
 from trainer.posterior.prior import Prior
-from trainer.runs.checkpoint import Run, Systems
+from trainer.runs.checkpoint import Run
 from trainer.runs.pair import digest, write_pair
 from trainer.runs.weights import check_card_version, load_weights, weights_data
 
-SCHEMA_VERSION = 2
 CARD = "posterior.json"
 WEIGHTS = "posterior.safetensors"
-
-
-class PosteriorCard(BaseModel):
-    """``posterior.json``."""
-
-    model_config = ConfigDict(extra="forbid")
-    schema_version: int = SCHEMA_VERSION
-    estimator_sha256: str
-    """of the estimator's weights: the posterior is of no use with others"""
-    logarithmic: list[bool]
-    """of each parameter: whether its prior is uniform in the logarithm"""
-    context: int
-    lengths: list[int]
-    """window lengths [samples], rising; each has temperatures of its own"""
-    options: dict[str, Any]
-    fitting_systems: Systems
-    calibration_systems: Systems
-    fitting_windows: int
-    calibration_windows: int
-    training_systems_used: int
-    """how many of the fitting systems the estimator had trained on"""
-    temperatures: list[dict[str, float]]
-    """of each length: the factor that calibration stretches each parameter's density by, where no output is missing"""
-    temperatures_lacking: list[dict[str, float]] = []
-    """the same where an output is missing as a whole; equal in posteriors of the first version, which do not have it"""
-    gain: float
-    """mean log posterior density above the prior's on the calibration systems, before the temperatures [nat]"""
-    epochs: int
-    best_epoch: int
-    seed: int
-    seconds: float
-    versions: dict[str, str]
-    weights_sha256: str = ""
-
-    def seen(self, records: Records) -> np.ndarray:
-        """Which rows of records, of the run's own system, the posterior was made with; bool (systems,)."""
-        return self.fitting_systems.rows_in(records) | self.calibration_systems.rows_in(records)
 
 
 def prior_of(run: Run, logarithmic: list[bool]) -> Prior:

@@ -27,7 +27,8 @@ from shared.progress import tracked
 from shared.store import DatasetFolder
 from trainer.evaluating.evaluation import check_records, check_same_system
 from trainer.memory import memory_for
-from trainer.posterior.checkpoint import CARD, PosteriorCard, load_posterior, save_posterior
+from trainer.posterior.card import PosteriorCard
+from trainer.posterior.checkpoint import CARD, load_posterior, save_posterior
 from trainer.posterior.conditions import Contexts, draw_contexts, source_of
 from trainer.posterior.flow import PosteriorFlow
 from trainer.posterior.inference import Posterior

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import torch
 
 from shared.errors import EstimatorError
 from trainer.memory import memory_for
+from trainer.posterior.card import PosteriorCard
 from trainer.posterior.context import as_float, context_of
 from trainer.posterior.flow import PosteriorFlow
 from trainer.posterior.prior import Prior
 from trainer.runs.checkpoint import Run
 from trainer.seeds import check_seed
-
-if TYPE_CHECKING:
-    from trainer.posterior.checkpoint import PosteriorCard
 
 LEVEL = 0.9
 """Of the intervals."""

@@ -7,7 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 from datagen.cli import app as datagen_app
-from datagen.fmi.fmu import Fmu, check_system, value_fault
+from datagen.fmi.checking import check_system
+from datagen.fmi.fmu import Fmu, value_fault
 from datagen.simulating.liveness import HARDLY, _judged, check_live, check_live_apart, responses
 from datagen.simulating.simulator import Simulator
 from shared.errors import FmuError, SystemDescriptionError

@@ -28,7 +28,7 @@ def generator(default_system, truth):
 def test_strata_come_as_often_as_declared_and_every_candidate_has_its_turn(default_system, truth):
     effects = library(default_system)
     block = len(truth.strata.order)
-    cases = [draw_case(truth, default_system, effects, 5, index) for index in range(20 * block)]
+    cases = [draw_case(truth, effects, 5, index) for index in range(20 * block)]
     counted = Counter(case.stratum for case in cases)
     assert counted == {name: 20 * count for name, count in truth.strata.model_dump().items()}
     plain = Counter(case.causes[0].label for case in cases if case.stratum == "library")
@@ -53,7 +53,7 @@ def test_strata_come_as_often_as_declared_and_every_candidate_has_its_turn(defau
                 assert not case.replay or "replay" in cause.acts.spec.modes
     assert 0.3 < np.mean([case.unknown_occupancy for case in cases]) < 0.7
     assert 0.2 < np.mean([case.replay for case in cases]) < 0.4
-    other = [draw_case(truth, default_system, effects, 6, index).stratum for index in range(3 * block)]
+    other = [draw_case(truth, effects, 6, index).stratum for index in range(3 * block)]
     assert other != [case.stratum for case in cases[: 3 * block]]
 
 

@@ -15,6 +15,7 @@ from cyclopts import App
 
 import diagnosis.blind.judging as judging
 import diagnosis.blind.running as running
+import diagnosis.blind.source as source_of_programs
 from diagnosis.blind.begun import uncertain_sha256
 from diagnosis.blind.command import app as blind_app
 from diagnosis.blind.make import make
@@ -84,17 +85,18 @@ def test_a_run_goes_on_where_it_stopped(blind_set, default_system, tmp_path):
     assert (out / "verdicts" / "0000.json").read_bytes() == kept
 
 
-def test_the_program_is_what_a_verdict_depends_on_and_not_the_blind_check(tmp_path, monkeypatch):
+def test_the_program_is_what_a_verdict_depends_on(tmp_path, monkeypatch):
+    """Of the blind check only what makes it of a report."""
     for name in ("diagnosis", "shared", "datagen", "trainer"):
         (tmp_path / name / "blind").mkdir(parents=True)
         (tmp_path / name / "__init__.py").write_text("")
     places = {name: SimpleNamespace(origin=str(tmp_path / name / "__init__.py")) for name in ("diagnosis", "trainer")}
-    monkeypatch.setattr(judging, "find_spec", places.get)  # the others are not installed
+    monkeypatch.setattr(source_of_programs, "find_spec", places.get)  # the others are not installed
     before = judging.program()
     (tmp_path / "diagnosis" / "blind" / "scoring.py").write_text("pass")
     assert judging.program() == before
-    for name in ("diagnosis", "trainer"):
-        (tmp_path / name / "fit.py").write_text("pass")
+    for name in ("diagnosis/fit", "trainer/fit", "diagnosis/blind/judging", "diagnosis/blind/verdicts"):
+        (tmp_path / f"{name}.py").write_text("pass")
         assert judging.program() != before
         before = judging.program()
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from datagen.driving.tables import Piecewise, merge
-from diagnosis.effects import Combination, Effect, Nothing, build, clash, library
+from diagnosis.effects import Effect, Nothing, build, clash, library
 from diagnosis.effects.kinds import _gained, lagged
 from diagnosis.effects.shapes import followed, joined, ramped, shape_signal, timetable
 from diagnosis.recording import DAY, HOUR, Recording
@@ -249,18 +249,10 @@ def test_joined_keeps_the_first_kind():
     assert ramped(Piecewise.constant(4.0)).at(9.0) == 4.0
 
 
-def test_combination_acts_in_turn_and_refuses_a_clash(default_system, recording, inputs):
+def test_two_that_set_the_same_clash(default_system, recording):
     found = effects(default_system)
-    pair = Combination((found["plug"], found["sensor.temperature.bias"]))
-    assert pair.parameters([300.0, 0.5]) == {"effect.plug.Q": 300.0}
-    np.testing.assert_allclose(
-        pair.outputs([300.0, 0.5], recording.outputs, recording.time)[0] - 0.5, recording.outputs[0]
-    )
-    offset = Combination((found["outdoor.CO2.offset"], found["outdoor.CO2.swing"]))
-    assert offset.inputs([10.0, 5.0], inputs, recording)["CO2Out"].at(15 * DAY + 6 * HOUR) == pytest.approx(435.0)
-    assert clash([found["window.warm"], found["window.night"]])
-    with pytest.raises(SystemDescriptionError, match=r"window\.warm and window\.night both set"):
-        Combination((found["window.warm"], found["window.night"]))
+    assert clash([found["window.warm"], found["window.night"]]).startswith("window.warm and window.night both set ")
+    assert not clash([found["outdoor.CO2.offset"], found["outdoor.CO2.swing"], found["plug"]])
     assert Nothing("placebo").outputs(3.0, recording.outputs, recording.time) is recording.outputs
 
 

@@ -11,7 +11,8 @@ from diagnosis.calibrating.calibration import calibrate
 from diagnosis.calibrating.schema import read_calibration
 from diagnosis.fitting.problem import Problem
 from diagnosis.forecasting import forecast as forecasting
-from diagnosis.forecasting.forecast import about_failed, band, forecast
+from diagnosis.forecasting.forecast import band, forecast
+from diagnosis.forecasting.forecasted import about_failed
 from diagnosis.forecasting.given import check_constants
 from diagnosis.forecasting.report import _days
 from diagnosis.pages import page_environment

@@ -31,7 +31,7 @@ def test_a_late_clock_is_found_from_the_middle_of_the_prior(default_system, tmp_
     whole = Problem(Simulator(system), record, occupancy="measured", replay=True)
     base = fit(whole.with_effects(()), rounds=2)
     clock = next(one for one in library(system) if one.name == "clock")
-    bare = settled_base(base, whole.observed, whole.floor)
+    bare = settled_base(base, whole.observed)
     grams = Grams(among(bare, [clock]), whole.observed)
     colours = estimated_colours(grams, whole.floor).best
     there = refit(grams, colours, linear_start(grams, colours, [0]), [clock])

@@ -9,6 +9,7 @@ import pytest
 from diagnosis.gap import apart, diagnosed
 from diagnosis.gap.apart import fitted_apart
 from diagnosis.gap.grams import Grams
+from diagnosis.gap.made import Made
 from diagnosis.gap.page import render
 from diagnosis.gap.refit import at_rest, refit
 from diagnosis.gap.schema import ShrinkageOf
@@ -29,7 +30,7 @@ def both(done, apart):
 
 def test_fits_to_all_readings_are_those_of_the_search_brought_to_rest(drifted, monkeypatch):
     drifted = drifted.done
-    monkeypatch.setattr(drifted.search, "made", {})  # there are the fits to a part, which the diagnosis made
+    monkeypatch.setattr(drifted.search, "made", Made())  # there are the fits to a part, which the diagnosis made
     found = fitted_apart(drifted.search, drifted.whole.observed)
     assert found.agreed
     for one, stage, sd in both(drifted, found):
@@ -74,7 +75,7 @@ def spoilt(done, by, monkeypatch):
     for stage in (done.search.stages[0], done.search.last):
         monkeypatch.setattr(stage.lin.problem, "measured", done.whole.measured + change)
         stages.append(replace(stage, lin=replace(stage.lin, residual=stage.lin.residual + change)))
-    return replace(done.search, stages=stages, made={})
+    return replace(done.search, stages=stages, made=Made())
 
 
 def test_the_other_part_has_no_say_by_where_the_fit_begins(drifted, monkeypatch):

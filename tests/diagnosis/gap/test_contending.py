@@ -7,7 +7,9 @@ import pytest
 
 from diagnosis.effects.base import Nothing
 from diagnosis.gap import contending
+from diagnosis.gap import search as searching
 from diagnosis.gap.abroad import Abroad
+from diagnosis.gap.made import Made
 
 
 @pytest.fixture
@@ -27,7 +29,7 @@ def contend(monkeypatch):
 
         monkeypatch.setattr(contending, "fitted_afresh", afresh)
         stage = SimpleNamespace(grams=SimpleNamespace(observed=None), colours=SimpleNamespace(best={}))
-        found = SimpleNamespace(path="here", made={}, simulations=0, chosen=chosen, plain=None, begin=None)
+        found = SimpleNamespace(path="here", made=Made(), simulations=0, chosen=chosen, plain=None, begin=None)
         refits = [worth(name, value) for name, value in here.items()]
         left, best = contending.contended(refits, stage, found, lambda _: None)
         return [(one.names[0], one.evidence) for one in left], (best.names[0], best.evidence), found.simulations
@@ -79,7 +81,7 @@ def test_those_foremost_where_the_fit_began_are_fitted_from_there_once(monkeypat
 
     monkeypatch.setattr(contending, "fitted_with", fit)
     plain = SimpleNamespace(with_effects=lambda _: SimpleNamespace(size=2))
-    found = SimpleNamespace(path="here", made={}, simulations=0, plain=plain, begin=None)
+    found = SimpleNamespace(path="here", made=Made(), simulations=0, plain=plain, begin=None)
 
     def refits(names):
         lin = SimpleNamespace(effects=[one for one in effects if one.name in names])
@@ -91,3 +93,25 @@ def test_those_foremost_where_the_fit_began_are_fitted_from_there_once(monkeypat
     assert fitted == [("a", 1.0), ("b", 2.0), ("c", 3.0)] and found.simulations == 100 + 2 * 10
     assert refits("abd") == (["b", "d"], ["a", "b", "d"])
     assert fitted[3:] == [("d", 4.0)] and len(looked) == 1
+
+
+def test_an_effect_may_be_called_as_what_a_search_makes(monkeypatch):
+    """What all candidates are worth where the fit began is not taken for the refit of an effect of such a name."""
+    effect = Nothing("abroad")
+    one = SimpleNamespace(names=("abroad",), evidence=2.0, simulations=3, lin=SimpleNamespace(amplitudes=[1.0]))
+    monkeypatch.setattr(contending, "abroad", lambda *_: Abroad((effect,), (1.0,), (np.zeros(2),), (-5.0,), 100))
+    monkeypatch.setattr(contending, "fitted_with", lambda *_: one)
+    plain = SimpleNamespace(with_effects=lambda _: SimpleNamespace(size=2))
+    found = SimpleNamespace(path="here", made=Made(), simulations=0, plain=plain, begin=None)
+    scan = SimpleNamespace(order=[0], evidence=np.array([9.0]), ratio=np.array([9.0]), foremost=None)
+    stage = SimpleNamespace(
+        scan=scan,
+        lin=SimpleNamespace(effects=[effect]),
+        grams=SimpleNamespace(observed=None),
+        colours=SimpleNamespace(best={}),
+    )
+    _, ranked = contending.fitted_abroad(stage, found, lambda _: None)
+    monkeypatch.setattr(searching, "linear_start", lambda *_: np.zeros(1))
+    monkeypatch.setattr(searching, "refit", lambda *_: one)
+    assert searching.refitted(stage, lambda _: None, found) == [one]
+    assert contending.fitted_abroad(stage, found, lambda _: None) == ([one], ranked)

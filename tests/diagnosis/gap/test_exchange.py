@@ -9,6 +9,7 @@ from diagnosis.effects.kinds import lagged
 from diagnosis.gap import contending, diagnose, exchange
 from diagnosis.gap import search as searching
 from diagnosis.gap.exchange import ROUNDS, exchanged
+from diagnosis.gap.searched import Search
 from diagnosis.gap.stages import CLEAR
 from tests.diagnosis.gap.gap_cases import candidates, changed
 
@@ -60,9 +61,7 @@ def a_search(*names, worth=0.0):
         SimpleNamespace(names=names[: k + 1], evidence=worth, evidence_with=lambda _: worth) for k in range(len(names))
     ]
     refits = [[one] for one in settled]
-    return searching.Search(
-        stages, SimpleNamespace(), None, refits=refits, settled=settled, tried=refits, simulations=1
-    )
+    return Search(stages, SimpleNamespace(), None, refits=refits, settled=settled, tried=refits, simulations=1)
 
 
 def asked(monkeypatch, found, **answers):
@@ -74,7 +73,7 @@ def asked(monkeypatch, found, **answers):
         return answers[effect.name]
 
     monkeypatch.setattr(exchange, "_holding", holding)
-    return exchanged(found, (), np.ones((1, 1), dtype=bool), np.ones(1), tell=lambda _: None), held
+    return exchanged(found, (), np.ones((1, 1), dtype=bool), tell=lambda _: None), held
 
 
 def test_a_better_pair_takes_its_place_and_is_asked_again(monkeypatch):
@@ -110,7 +109,7 @@ def test_exchanges_that_go_round_and_simulations_that_fail_leave_what_was_found(
         return a_search(effect.name, partner[effect.name], worth=10.0 * len(held))
 
     monkeypatch.setattr(exchange, "_holding", always_better)
-    found = exchanged(first, (), np.ones((1, 1), dtype=bool), np.ones(1), tell=lambda _: None)
+    found = exchanged(first, (), np.ones((1, 1), dtype=bool), tell=lambda _: None)
     assert [one.name for one in found.chosen] == ["a", "b"] and len(held) == ROUNDS
     found, _ = asked(monkeypatch, first, b=None)
     assert [one.name for one in found.chosen] == ["a", "b"]
@@ -124,7 +123,7 @@ def test_one_effect_is_not_asked(monkeypatch):
 def test_an_effect_that_works_beside_another_only_is_not_held_alone():
     first = a_search("a", "b")
     first.stages[0].lin.effects = [SimpleNamespace(name="a")]
-    found = exchanged(first, (), np.ones((1, 1), dtype=bool), np.ones(1), tell=lambda _: None)
+    found = exchanged(first, (), np.ones((1, 1), dtype=bool), tell=lambda _: None)
     assert [one.name for one in found.chosen] == ["a", "b"]
 
 
@@ -135,8 +134,8 @@ def test_an_effect_that_is_held_is_judged_where_it_was_simulated_anew(monkeypatc
         lin=SimpleNamespace(effects=[effect], chosen=(), z=np.zeros(1)), colours=SimpleNamespace(best={}), grams=None
     )
     raw, anew = SimpleNamespace(names=("b",), evidence=1.0), SimpleNamespace(names=("b",), evidence=3.0)
-    now = searching.Search([stage], SimpleNamespace(), None)
-    now.made[now.path, "b"] = raw
+    now = Search([stage], SimpleNamespace(), None)
+    now.made.refits[now.path, "b"] = raw
     drawn = []
     after = SimpleNamespace(
         lin=SimpleNamespace(chosen=(effect,), z=np.ones(1)), colours=SimpleNamespace(best={}), candidate_found=False
@@ -144,6 +143,6 @@ def test_an_effect_that_is_held_is_judged_where_it_was_simulated_anew(monkeypatc
     monkeypatch.setattr(exchange, "contended", lambda refits, *_: (refits, anew))
     monkeypatch.setattr(exchange, "renewed_among", lambda best, *_: drawn.append(best))
     monkeypatch.setattr(exchange, "examine", lambda *_, **__: after)
-    found = exchange._holding(now, effect, (), np.ones((1, 1), dtype=bool), np.ones(1), 0, lambda _: None)
+    found = exchange._holding(now, effect, (), np.ones((1, 1), dtype=bool), 0, lambda _: None)
     assert found.settled == [anew] and drawn == [anew]
     assert found.refits == [[raw]] and found.chosen == (effect,)

@@ -9,7 +9,7 @@ from scipy.stats import multivariate_normal, norm
 from diagnosis.effects.base import Nothing
 from diagnosis.gap.colours import Colours
 from diagnosis.gap.grams import AMPLITUDE, Grams, projected
-from diagnosis.gap.linear import _secant
+from diagnosis.gap.linear import _secant, applicable
 from diagnosis.gap.parts import kept_for_scoring
 from diagnosis.gap.scan import LEVEL, ratios, scan
 from diagnosis.gap.seen import OFTEN, smallest
@@ -279,3 +279,27 @@ def test_a_slope_is_over_the_way_that_was_gone_where_a_bound_cuts_one_side(sign,
     measured = np.array([[1.0, 0.0]]) if sign > 0 else np.array([[0.0, -1.0]])
     problem = SimpleNamespace(observed=np.ones((1, 2), dtype=bool), measured=measured, floor=np.ones(1))
     np.testing.assert_allclose(_secant(problem, base, up, down, 0.3, 0.4), [slope])
+
+
+class Late(Nothing):
+    """A user's own effect."""
+
+    moves_in_time = ["people"]
+
+
+def test_an_own_effect_on_persons_whom_nobody_counted_is_left_out_if_it_says_that_it_moves_them_in_time():
+    """And one that says nothing of it, as the protocol lets it, moves nothing in time."""
+    silent = SimpleNamespace(**{name: getattr(Nothing("silent"), name) for name in ("name", "changes", "obstacle")})
+    level = SimpleNamespace(column=1)
+    problem = SimpleNamespace(
+        effects=(),
+        recording=None,
+        replay=False,
+        input_names=["sun", "people"],
+        system=SimpleNamespace(input_names=["sun", "people"]),
+        nuisance=SimpleNamespace(levels=[level]),
+    )
+    usable, why = applicable(problem, [Late("late"), silent, Nothing("nothing")])
+    assert [one.name for one in usable] == ["silent", "nothing"] and why.keys() == {"late"}
+    problem.nuisance.levels = []
+    assert len(applicable(problem, [Late("late")])[0]) == 1

@@ -1,5 +1,6 @@
 """What the search tries, and what ends it at once."""
 
+from inspect import signature
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,7 +8,10 @@ import pytest
 
 from diagnosis.gap import search as searching
 from diagnosis.gap.contending import UNEXPLAINED
+from diagnosis.gap.exchange import exchanged
+from diagnosis.gap.made import Made
 from diagnosis.gap.search import search
+from diagnosis.gap.searched import Search
 
 COLOURS = SimpleNamespace(best={})
 
@@ -46,7 +50,7 @@ def searched(monkeypatch):
         monkeypatch.setattr(searching, "fitted_abroad", lambda *_: looked.append(1) or abroad)
         looked = []
         fit = SimpleNamespace(converged=True, problem=None)
-        found = search(fit, (), np.ones((1, 2), dtype=bool), np.ones(1), tell=lambda _: None)
+        found = search(fit, (), np.ones((1, 2), dtype=bool), tell=lambda _: None)
         return found, len(looked)
 
     return made
@@ -116,7 +120,7 @@ def test_what_stands_out_most_from_its_own_twins_is_refitted_however_much_others
     made = SimpleNamespace(evidence=1.0, simulations=0, lin=SimpleNamespace(amplitudes=[1.0]))
     tried = []
     monkeypatch.setattr(searching, "refit", lambda grams, best, start, effects: tried.append(effects[0].name) or made)
-    searching.refitted(stage, lambda _: None, SimpleNamespace(path="here", made={}, simulations=0))
+    searching.refitted(stage, lambda _: None, SimpleNamespace(path="here", made=Made(), simulations=0))
     among = list(range(near))
     if foremost == 7:
         among = [*among[: searching.MOST_REFITS - 1], 7]
@@ -129,7 +133,7 @@ def test_what_was_made_at_one_optimum_is_not_taken_for_another():
     def path(z):
         lin = SimpleNamespace(chosen=(SimpleNamespace(name="one"),), z=np.array(z))
         stage = SimpleNamespace(lin=lin, colours=SimpleNamespace(best={0: (1.0, 0.0, 1.0)}))
-        return searching.Search([stage], base=None, plain=None).path
+        return Search([stage], base=None, plain=None).path
 
     assert path([0.5, 1.0]) == path([0.5, 1.0])
     assert path([0.5, 1.0]) != path([0.5, 1.1])
@@ -147,3 +151,9 @@ def test_where_another_size_fits_better_it_is_the_best_refit(monkeypatch, eviden
     monkeypatch.setattr(searching, "elsewhere", lambda *_: other)
     assert searching.moved([first, second], first, stage, found) == ([other if listed else first, second], other)
     assert found.simulations == 40
+
+
+@pytest.mark.parametrize("function", [search, exchanged])
+def test_nothing_is_said_where_nobody_is_told(function, capsys):
+    signature(function).parameters["tell"].default("looking")
+    assert capsys.readouterr() == ("", "")

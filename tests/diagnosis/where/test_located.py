@@ -1,6 +1,4 @@
-import base64
 import io
-import json
 import tracemalloc
 from dataclasses import replace
 
@@ -8,11 +6,11 @@ import matplotlib.image
 import numpy as np
 import pytest
 
+from diagnosis.pictures import as_png
 from diagnosis.where import Regime, Residuals, locate
 from diagnosis.where.cells import scan_cells
 from diagnosis.where.correlation import _joined, scan_correlations
 from diagnosis.where.episodes import _refined, scan_episodes
-from diagnosis.where.ink import as_base64
 from diagnosis.where.pictures import draw_cells, draw_correlations
 from diagnosis.where.timelines import draw_episodes, draw_sources
 from tests.diagnosis.where.where_cases import first_order, heat, twins, wander, with_observed
@@ -173,16 +171,13 @@ def test_one_p_value_covers_all_families(everything):
     assert everything.verdict == "balance"
 
 
-def test_the_report_s_part_is_plain_json(everything):
-    content = json.loads(json.dumps(everything.to_dict()))
-    first = content["where"][0]
-    assert {"channel", "cell", "p_value", "direction", "size", "unit", "text"} <= set(first)
-    assert {"hours", "day_type", "regime", "band"} <= set(first["cell"])
-    assert content["sources"]["verdict"] == "balance"
-    assert content["regimes"]["sun out"] == "sun > 100 W/m2"
-    assert [g["channel"] for g in content["guideline14"]] == ["y0", "y1"]
-    assert content["guideline14"][0]["cvrmse"] is None
-    assert "p = " in first["text"]
+def test_what_was_found_is_told_with_its_place_and_how_sure_it_is(everything):
+    first = everything.findings[0]
+    assert {"hours", "day_type", "regime", "band"} <= set(first.cell)
+    assert "p = " in first.text
+    assert {(one.label, one.rule) for one in everything.cells.regimes} >= {("sun out", "sun > 100 W/m2")}
+    assert [one.channel for one in everything.guideline] == ["y0", "y1"]
+    assert everything.guideline[0].cvrmse is None
 
 
 def test_a_channel_that_was_hardly_read_is_drawn(quiet, inputs):
@@ -204,7 +199,7 @@ def test_pictures_are_drawn(everything, picture):
         "sources": lambda w: draw_sources(w.residuals, w.sources),
     }[picture]
     figure = draw(everything)
-    pixels = matplotlib.image.imread(io.BytesIO(base64.b64decode(as_base64(figure, dpi=60))))
+    pixels = matplotlib.image.imread(io.BytesIO(as_png(figure, 60)))
     assert pixels.std() > 0.05
     panels = {"cells": 2, "correlations": 4, "episodes": 2, "sources": 1}[picture]
     assert len([a for a in figure.axes if a.get_title(loc="left") or a.get_title() or picture == "episodes"]) >= panels

@@ -1,4 +1,7 @@
-"""The main job from end to end on the default system, command by command, as ``make demo`` runs it."""
+"""The main job from end to end on the default system, command by command, as ``make demo`` runs it in a checkout.
+
+Run it at the checkout's root: ``python docs/making/demo.py --out demo``.
+"""
 
 from __future__ import annotations
 

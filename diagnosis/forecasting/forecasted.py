@@ -1,0 +1,62 @@
+"""A forecast and all that is told of it: ``forecast.json`` and its curves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from diagnosis.calibrating.schema import Calibration
+from diagnosis.scores import Score
+from shared.system import System
+
+
+class Ahead(Score):
+    """Scores of one output's forecast, and the share of readings within its band."""
+
+    covered: float
+
+
+class Forecast(BaseModel):
+    """``forecast.json``. Scores are None where nothing was measured ahead; ``begin`` is that of the context.
+
+    ``draws`` made the bands; ``failed`` more could not be simulated.
+    """
+
+    model_config = ConfigDict(extra="forbid")
+    schema_version: int = 4
+    system: str
+    recording: str
+    begin: str
+    context_hours: float
+    ahead_hours: float
+    level: float
+    draws: int
+    failed: int
+    occupancy: str
+    calibration: Calibration
+    outputs: dict[str, Ahead | None]
+
+
+@dataclass(frozen=True)
+class Forecasted:
+    """A forecast and its curves.
+
+    ``time`` (steps,) [s]; ``measured``, ``centre``, ``low``, ``high`` (outputs, steps) [unit of each] over context and
+    forecast; ``context`` steps belong to the context.
+    """
+
+    report: Forecast
+    system: System
+    time: np.ndarray
+    measured: np.ndarray
+    centre: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    context: int
+
+
+def about_failed(draws: int, failed: int) -> str:
+    """What is said of draws that could not be simulated, beside those that were."""
+    return f"{failed} of {draws + failed} simulations behind the bands failed; the bands are those of the others"

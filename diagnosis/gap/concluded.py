@@ -1,0 +1,164 @@
+"""What follows from the base model's fit to a recording: the search, the answer, and how far the gap shrinks."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from diagnosis.effects import Effect
+from diagnosis.fitting.fit import Fit
+from diagnosis.fitting.problem import Problem
+from diagnosis.gap.apart import Apart, fitted_apart
+from diagnosis.gap.conditions import Otherwise, otherwise
+from diagnosis.gap.decision import Decision, decide, gap_found
+from diagnosis.gap.exchange import exchanged
+from diagnosis.gap.limits import noiseless
+from diagnosis.gap.missing import operators
+from diagnosis.gap.places import place
+from diagnosis.gap.reporting import reported
+from diagnosis.gap.schema import Report
+from diagnosis.gap.search import at_its_optimum, search
+from diagnosis.gap.searched import Search
+from diagnosis.gap.shrinkage import Shrinkage, shrinkages
+from diagnosis.gap.starting import Begun
+from diagnosis.where import Operator, Where
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """A diagnosis and all that it was made from.
+
+    ``whole`` is the problem before any fit; ``scored`` (steps,) the part that ``apart``'s fits do without; ``sources``
+    the operators of what may be missing from a balance, and ``unknown`` why there are no others; ``otherwise``: better
+    conditions than the recording's; ``where_left`` is with the chosen effects, if there are any.
+    """
+
+    report: Report
+    whole: Problem
+    origin: Begun
+    candidates: list[Effect]
+    search: Search
+    decision: Decision
+    sources: list[Operator]
+    unknown: dict[str, str]
+    otherwise: list[Otherwise]
+    where: Where
+    where_left: Where | None
+    apart: Apart | None
+    shrinkage: list[Shrinkage]
+    scored: np.ndarray
+    seed: int
+
+    def without(self, names: Collection[str], tell: Callable[[str], None] = lambda _: None) -> Diagnosis:
+        """The same recording diagnosed with some candidates withheld, as if they had never been there.
+
+        The fit of the base model, the sensitivities and what is missing from the balances are kept; colours, twins,
+        scan and decision are made anew, and refits that were not made yet.
+        """
+        left = [one for one in self.candidates if one.name not in names]
+        clock = time.perf_counter(), time.process_time()
+        return concluded(self.whole, self.origin, left, self.scored, self.seed, clock, tell, self)
+
+    @property
+    def base(self) -> Fit:
+        """The base model's fit."""
+        return self.origin.fit
+
+
+def concluded(
+    whole: Problem,
+    origin: Begun,
+    candidates: list[Effect],
+    scored: np.ndarray,
+    seed: int,
+    clock: tuple[float, float],
+    tell: Callable[[str], None],
+    known: Diagnosis | None = None,
+) -> Diagnosis:
+    """What follows from the base model's fit.
+
+    Parameters
+    ----------
+    scored
+        The part that is kept from the fits that say how far the gap shrinks, shape (steps,).
+    clock
+        When the diagnosis began: wall and processor time [s].
+    known
+        A diagnosis from the same fit among these candidates and others; what does not depend on the others is kept.
+    """
+    base = origin.fit
+    found = search(
+        base,
+        candidates,
+        whole.observed,
+        begin=origin.start,
+        seed=seed,
+        tell=tell,
+        known=None if known is None else known.search,
+    )
+    found = exchanged(found, candidates, whole.observed, seed=seed, tell=tell)
+    found = at_its_optimum(found)
+    first = found.stages[0]
+    tell("finding where the gap lies")
+    problem = first.lin.problem
+    counted = problem.simulations
+    if known is None:
+        sources, unknown = operators(problem, first.lin.z, first.lin.around.heights)
+        spent = -whole.simulations
+        better = otherwise(first, whole, candidates)
+        spent += whole.simulations
+    else:
+        sources, unknown, better, spent = known.sources, known.unknown, known.otherwise, 0
+    where = place(first, whole.observed, sources)
+    if found.chosen and not gap_found(first, where.p_value, found.confirmed):
+        found = replace(found, stages=[first], refits=[], settled=[])
+    where_left = place(found.last, whole.observed, []) if found.chosen else None
+    decision = decide(found, where.p_value, where_left.p_value if where_left is not None else where.p_value)
+    apart, shrinkage = None, []
+    if found.chosen and (whole.observed & ~scored).any():
+        tell("scoring on a part that is kept from the fit")
+        apart = fitted_apart(found, whole.observed & ~scored)
+        spent += apart.simulations
+        shrinkage = shrinkages(apart, first, found.last.colours, scored, whole.observed, seed=seed)
+    report = reported(
+        base=base,
+        started_from=origin.name,
+        search=found,
+        decision=decision,
+        where=where,
+        where_left=where_left,
+        shrinkage=shrinkage,
+        agreed=apart is None or apart.agreed,
+        otherwise=better,
+        unknown=unknown,
+        scored=scored,
+        seed=seed,
+        simulations=(base.simulations if known is None else 0)
+        + found.simulations
+        + problem.simulations
+        - counted
+        + spent,
+        seconds=time.perf_counter() - clock[0],
+        cpu_seconds=time.process_time() - clock[1],
+    )
+    report = report.model_copy(update={"limits": [*report.limits, *noiseless(whole.undeclared)]})
+    return Diagnosis(
+        report,
+        whole,
+        origin,
+        candidates,
+        found,
+        decision,
+        sources,
+        unknown,
+        better,
+        where,
+        where_left,
+        apart,
+        shrinkage,
+        scored,
+        seed,
+    )

@@ -1,0 +1,33 @@
+"""What a search has made, by what led to it: nothing is made twice, and a search among fewer candidates shares it."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from dataclasses import dataclass, field
+
+from diagnosis.gap.abroad import Abroad
+from diagnosis.gap.linear import Linearised
+from diagnosis.gap.refit import Refit
+
+Names = tuple[str, ...]
+
+
+@dataclass
+class Made:
+    """One dictionary for each kind; the first part of every key is the path of stages (``Search.path``) that led there.
+
+    ``refits``: of a candidate, by its name. ``abroad``: all candidates where the base model's fit began, and
+    ``from_there`` one of them fitted from where it came to, by its name. ``afresh``: effects fitted from where the base
+    model's fit began, by their names. ``settled``: a refit simulated anew where it came to, by its effects' names.
+    ``renewed``: a refit linearised by the candidates that remain, by its effects' names and its unknowns' bytes.
+    ``apart``: both lines of a fit to a part, by the bytes of what was fitted; its path is that of these stages alone.
+    None is what cannot be simulated.
+    """
+
+    refits: dict[tuple[Hashable, str], Refit] = field(default_factory=dict)
+    abroad: dict[Hashable, Abroad] = field(default_factory=dict)
+    from_there: dict[tuple[Hashable, str], Refit | None] = field(default_factory=dict)
+    afresh: dict[tuple[Hashable, Names], Refit | None] = field(default_factory=dict)
+    settled: dict[tuple[Hashable, Names], Refit] = field(default_factory=dict)
+    renewed: dict[tuple[Hashable, Names, bytes], Linearised] = field(default_factory=dict)
+    apart: dict[tuple[Hashable, bytes], tuple[Linearised, Linearised]] = field(default_factory=dict)
