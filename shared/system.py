@@ -16,6 +16,7 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from shared.errors import SystemDescriptionError
+from shared.possible import driven_in_another_unit
 from shared.reading import MOST_TOML, parse_json, parse_toml, read_text, shown
 from shared.refused import meant, sentence_of
 from shared.shipped import resolved, shipped_systems
@@ -237,7 +238,10 @@ def parse_system(text: str, path: Path) -> System:
     SystemDescriptionError
         With one sentence that names the field, what was found and what was expected.
     """
-    return _validate({**parse_toml(text, f"{path}", SystemDescriptionError), "path": path}, path)
+    system = _validate({**parse_toml(text, f"{path}", SystemDescriptionError), "path": path}, path)
+    if wrong := driven_in_another_unit(system.inputs, system.schedules):
+        raise SystemDescriptionError(f"{path}: {wrong}")
+    return system
 
 
 def system_from_canonical(text: str, path: Path) -> System:

@@ -20,6 +20,7 @@ from datagen.fmi.fmi3 import Fmi3
 from datagen.fmi.interface import Interface
 from datagen.fmi.unpacking import check_descriptions, check_identifier, unpack_archive
 from shared.errors import FmuError, SystemDescriptionError
+from shared.possible import in_another_unit
 from shared.reading import shown, size_of, why
 from shared.store import sha256_of
 from shared.system import System
@@ -198,6 +199,11 @@ def unit_of(variable: ScalarVariable) -> str:
     return "1" if unit in _UNITLESS else unit
 
 
+def _is_difference(variable: ScalarVariable) -> bool:
+    """Whether an FMU says of a variable, or of its declared type, that it is a difference: 20 K is no -253 degC."""
+    return bool(variable.relativeQuantity or getattr(variable.declaredType, "relativeQuantity", False))
+
+
 def check_system(system: System, fmu: Fmu) -> None:
     """Hold a system description against its FMU.
 
@@ -229,6 +235,11 @@ def check_system(system: System, fmu: Fmu) -> None:
             raise SystemDescriptionError(
                 f"{where}: parameter {parameter.name!r} is a {found.causality} {_type(found)} in "
                 f"{fmu.path.name}; expected a {real} parameter that can be set"
+            )
+        if not _is_difference(found) and (wrong := in_another_unit([parameter.min, parameter.max], parameter.unit)):
+            raise SystemDescriptionError(
+                f"{where}: parameter {parameter.name!r}: its range {wrong} (a difference of temperatures has"
+                f' relativeQuantity="true" in {fmu.path.name})'
             )
     for one in system.inputs:
         unit("input", one.name, one.unit)

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from shared.errors import RecordingError
+from shared.possible import POSSIBLE
 
 LARGEST = 1e30
 """No reading is beyond: what a logger writes for a missing one (3.4e38) is, and sums of squares are still numbers."""
@@ -109,15 +110,8 @@ def alternatives(value: float, target: str, low: float, high: float, *, density:
 Below = Literal["impossible", "zero", "noise"]
 """What a reading below zero is: impossible, if beyond the lower limit; zero, the offset of pyranometers at night or the
 rounding of anemometers; or noise, of flow meters, which means need as it is."""
-# Possible values of quantities that buildings and their weather have, by the system's unit.
-_LIMITS: tuple[tuple[str, float, float, Below], ...] = (
-    ("K", 223.15, 333.15, "impossible"),
-    ("degC", -50.0, 60.0, "impossible"),
-    ("ppm", 300.0, 10000.0, "impossible"),
-    ("W/m2", -20.0, 1500.0, "zero"),
-    ("m/s", -0.1, 75.0, "zero"),
-    ("kg/s", -1e-3, np.inf, "noise"),
-)
+_BELOW: dict[str, Below] = {"W/m2": "zero", "m/s": "zero", "kg/s": "noise"}
+"""The same by the system's unit, where it is not impossible."""
 WORD_LIMITS = {
     "presence": (0.0, 1.0),
     "bool": (0.0, 1.0),
@@ -135,7 +129,4 @@ def limits(unit: str, target: str) -> tuple[float, float, Below]:
         return *WORD_LIMITS[unit], "impossible"
     if target == "1" and unit in _COUNTS:
         return 0.0, np.inf, "impossible"
-    for spelled, low, high, below in _LIMITS:
-        if spelled == target:
-            return low, high, below
-    return -np.inf, np.inf, "impossible"
+    return *POSSIBLE.get(target, (-np.inf, np.inf)), _BELOW.get(target, "impossible")
