@@ -11,6 +11,7 @@ import hashlib
 import json
 from pathlib import Path
 from typing import Literal
+from zipfile import is_zipfile
 
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
@@ -284,4 +285,9 @@ def load_system(path: Path | str) -> System:
         path = path / "system.toml"
     shipped = ", ".join(shipped_systems())
     expected = f"a system description (TOML), or the name of one that comes with the package ({shipped})"
+    if path.is_file() and is_zipfile(path):
+        raise SystemDescriptionError(
+            f"{path}: is an FMU or another archive; expected a system description (TOML) that names it as its fmu, as"
+            " docs/own-fmu.md has one"
+        )
     return parse_system(read_text(path, SystemDescriptionError, expected, most=MOST_TOML), path)

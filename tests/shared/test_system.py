@@ -75,6 +75,12 @@ def test_each_mistake_is_one_sentence(old, new, words):
         assert word in message
 
 
+def test_an_fmu_in_the_place_of_its_description_is_named():
+    fmu = ROOT / "fmus" / "MixedAirCO2.fmu"
+    with pytest.raises(SystemDescriptionError, match=r"MixedAirCO2\.fmu: is an FMU or .* \(TOML\) that names it"):
+        load_system(fmu)
+
+
 def test_a_table_of_a_name_that_is_nearly_right_is_told_and_not_that_the_right_one_is_missing():
     text = TOML.read_text().replace("[[parameters]]", "[[parameter]]")
     with pytest.raises(SystemDescriptionError, match=r"^mine.toml: parameter: unknown .*; did you mean parameters\?"):
