@@ -5,6 +5,8 @@ from __future__ import annotations
 from importlib.util import find_spec
 from pathlib import Path
 
+DESCRIPTION = "system.toml"
+CARD = "estimator.json"
 ESTIMATOR = "estimator"
 """Folder of a shipped system that holds its pretrained estimator."""
 
@@ -13,7 +15,7 @@ def shipped_systems() -> dict[str, Path]:
     """Folders of the systems that come with the package, by name."""
     found = find_spec("fmus")
     folders = [Path(place) for place in (found.submodule_search_locations or [])] if found is not None else []
-    return {path.parent.name: path.parent for folder in folders for path in sorted(folder.glob("*/system.toml"))}
+    return {path.parent.name: path.parent for folder in folders for path in sorted(folder.glob(f"*/{DESCRIPTION}"))}
 
 
 def resolved(path: Path | str) -> Path:
@@ -25,9 +27,17 @@ def resolved(path: Path | str) -> Path:
 
 
 def resolved_estimator(path: Path | str) -> Path:
-    """A path as it is; or, where nothing lies there and it names a shipped system, that system's estimator."""
+    """The estimator that a path leads to: itself, as a rule.
+
+    Of a system, which all other commands take by its folder or its description, the one in ``estimator`` beside the
+    description; where nothing lies there and it names a shipped system, that system's.
+    """
     path = Path(path)
-    return path if path.exists() else shipped_estimator(path) or path
+    if not path.exists():
+        return shipped_estimator(path) or path
+    if path.is_dir() and not (path / CARD).exists():
+        return estimator_beside(path / DESCRIPTION) or path
+    return (estimator_beside(path) or path) if path.suffix == ".toml" else path
 
 
 def shipped_estimator(name: Path) -> Path | None:
@@ -44,4 +54,4 @@ def estimators() -> str:
 def estimator_beside(description: Path) -> Path | None:
     """The estimator in a folder ``estimator`` beside a system description (TOML), if there is one."""
     folder = description.parent / ESTIMATOR
-    return folder if (folder / "estimator.json").is_file() else None
+    return folder if (folder / CARD).is_file() else None

@@ -82,7 +82,11 @@ class Occupancy(Table):
 
 
 class Schedule(Table):
-    """A value that changes at fixed hours of the day: lists of (hour, value), the first at hour 0."""
+    """A value that changes at fixed hours of the day: lists of (hour, value), the first at hour 0.
+
+    Values are in the unit of the input that names the schedule: temperatures in K for an input in K. Numbers beyond
+    10 K that are no temperature in K but one in degC or degF are refused.
+    """
 
     weekday: list[tuple[float, float]] = Field(min_length=1)
     weekend: list[tuple[float, float]] | None = None

@@ -70,6 +70,8 @@ def read_manifest(folder: Path | str) -> Manifest:
         If it is missing, damaged, or of a newer schema.
     """
     path = Path(folder) / "manifest.json"
+    if Path(folder).is_file():
+        raise DatasetError(f"{folder}: is a file; expected the folder of a dataset made by `datagen run`")
     raw = read_json(path, DatasetError, "a dataset made by `datagen run`", most=MOST_MANIFEST)
     if not isinstance(raw, dict) or "schema_version" not in raw:
         raise DatasetError(f"{path}: schema_version is missing; expected a manifest made by `datagen run`")

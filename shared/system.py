@@ -11,11 +11,13 @@ import hashlib
 import json
 from pathlib import Path
 from typing import Literal
+from zipfile import is_zipfile
 
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from shared.errors import SystemDescriptionError
+from shared.possible import driven_in_another_unit
 from shared.reading import MOST_TOML, parse_json, parse_toml, read_text, shown
 from shared.refused import meant, sentence_of
 from shared.shipped import resolved, shipped_systems
@@ -237,7 +239,10 @@ def parse_system(text: str, path: Path) -> System:
     SystemDescriptionError
         With one sentence that names the field, what was found and what was expected.
     """
-    return _validate({**parse_toml(text, f"{path}", SystemDescriptionError), "path": path}, path)
+    system = _validate({**parse_toml(text, f"{path}", SystemDescriptionError), "path": path}, path)
+    if wrong := driven_in_another_unit(system.inputs, system.schedules):
+        raise SystemDescriptionError(f"{path}: {wrong}")
+    return system
 
 
 def system_from_canonical(text: str, path: Path) -> System:
@@ -280,4 +285,9 @@ def load_system(path: Path | str) -> System:
         path = path / "system.toml"
     shipped = ", ".join(shipped_systems())
     expected = f"a system description (TOML), or the name of one that comes with the package ({shipped})"
+    if path.is_file() and is_zipfile(path):
+        raise SystemDescriptionError(
+            f"{path}: is an FMU or another archive; expected a system description (TOML) that names it as its fmu, as"
+            " docs/own-fmu.md has one"
+        )
     return parse_system(read_text(path, SystemDescriptionError, expected, most=MOST_TOML), path)

@@ -116,7 +116,11 @@ class ExcitationInput(_Input):
 
 
 class ConstantInput(_Input):
-    """An input that stays at one value."""
+    """An input that stays at one value [unit of the input].
+
+    A temperature in degC or degF that is given for an input in K is refused; so would a difference of more than 10 K
+    be: declare such an input as ``measured``, whose ``value`` may be any.
+    """
 
     source: Literal["constant"]
     value: float

@@ -11,12 +11,14 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from shared.console import OK, NotNegative, Place, Positive, new_console
-from shared.logs import USUAL, Reporting
+from shared.errors import ZeroshotError
+from shared.logs import USUAL, Reporting, logger
 
 if TYPE_CHECKING:
     from shared.ceiling import Ceiling
 
 console = new_console()
+_log = logger(__name__)
 
 
 def identifiability(
@@ -47,10 +49,11 @@ def identifiability(
     context
         Lengths of the recording [h]; by default the estimator's.
     noise
-        Noise presets of the description; `none` is the numerical floor.
+        Noise presets of the description; by default `none` alone, the numerical floor, which no sensor reaches.
     channels
-        Outputs that are measured, separated by commas; several sets one after another. With an occupancy input among
-        them, persons are counted. By default the estimator's.
+        Outputs that are measured: names of one set separated by commas, several sets by spaces, as in
+        `--channels TRoo,CO2 TRoo,CO2,QHea,mOA`. With an occupancy input among them, persons are counted. By default
+        the estimator's.
     preset
         Windows of records as this preset of the description has them: its season, length and step.
     systems
@@ -63,31 +66,45 @@ def identifiability(
         Draw the constants that the description says are uncertain, anew for each system, and take them as unknown: the
         limit for datasets of `datagen run --uncertain`, and kept beside that for constants as declared.
     out
-        File to keep the result in, in place of `identifiability.json` beside the description. Limits of the same system
-        that it holds stay, but for those of the same condition.
+        File to keep the result in, in place of `identifiability.json` beside the description; needed with the name of a
+        system that comes with the package, whose own limits stay. Limits of the same system that it holds stay, too,
+        but for those of the same condition.
     overwrite
-        Replace a file that holds limits of another system, or of the description or the FMU as it was before a change.
+        Replace a file that holds limits of another system, or of the description or the FMU as it was before a change,
+        and limits that are of more systems than these.
     as_json
         Print JSON.
     """
     from datagen.limits.ceilings import ceilings_of
-    from datagen.limits.keeping import ceilings_at
+    from datagen.limits.keeping import ceilings_at, check_as_many
     from datagen.simulating.liveness import HARDLY, check_live_apart
     from shared.ceiling import FILE_NAME, in_words, write_ceilings
     from shared.system import load_system
 
     described = load_system(system)
+    if out is None and not system.exists():
+        raise ZeroshotError(
+            f"{system}: comes with the package, and so do its limits ({described.path.parent / FILE_NAME}); expected"
+            " --out with a file for these, or the path of a description of your own"
+        )
     if preset is not None:
         chosen = described.preset(preset)
         described = described.with_experiment(hours=chosen.hours, step=chosen.step, start=chosen.start)
     path = described.path.parent / FILE_NAME if out is None else out
-    ceilings_at(path, described, overwrite=overwrite)
-    check_live_apart(described, least=HARDLY)  # how little a weak one is told is what is asked
+    contexts = [described.estimator.context_hours] if context is None else context
     sets = [described.estimator.channels] if channels is None else [one.split(",") for one in channels]
+    conditions = [(one, names) for names in sets for one in (["none"] if noise is None else noise)]
+    if len(sets) > 1 and all(len(names) == 1 for names in sets):
+        together = ",".join(name for names in sets for name in names)
+        _log.info("%d sets of one channel each; %s would be one set of all", len(sets), together)
+    before = ceilings_at(path, described, overwrite=overwrite)
+    if not overwrite:
+        check_as_many(path, before, described, contexts, conditions, systems=systems, uncertain=uncertain)
+    check_live_apart(described, least=HARDLY)  # how little a weak one is told is what is asked
     found = ceilings_of(
         described,
-        contexts=[described.estimator.context_hours] if context is None else context,
-        conditions=[(one, names) for names in sets for one in (["none"] if noise is None else noise)],
+        contexts=contexts,
+        conditions=conditions,
         systems=systems,
         seed=seed,
         workers=workers,

@@ -9,6 +9,7 @@ from fmpy.model_description import ScalarVariable
 from datagen.fmi.baselines import check_effects
 from datagen.fmi.fmu import UNITLESS, Fmu, unit_of, value_fault
 from shared.errors import SystemDescriptionError
+from shared.possible import in_another_unit
 from shared.system import System
 
 
@@ -43,6 +44,11 @@ def check_system(system: System, fmu: Fmu) -> None:
             raise SystemDescriptionError(
                 f"{where}: parameter {parameter.name!r} is a {found.causality} {_type(found)} in "
                 f"{fmu.path.name}; expected a {real} parameter that can be set"
+            )
+        if not _is_difference(found) and (wrong := in_another_unit([parameter.min, parameter.max], parameter.unit)):
+            raise SystemDescriptionError(
+                f"{where}: parameter {parameter.name!r}: its range {wrong} (a difference of temperatures has"
+                f' relativeQuantity="true" in {fmu.path.name})'
             )
     for one in system.inputs:
         unit("input", one.name, one.unit)
@@ -90,6 +96,11 @@ def check_system(system: System, fmu: Fmu) -> None:
                     f" {value} in {fmu.path.name}; expected a positive {real} parameter that can be set"
                 )
     check_effects(system, fmu)
+
+
+def _is_difference(variable: ScalarVariable) -> bool:
+    """Whether an FMU says of a variable, or of its declared type, that it is a difference: 20 K is no -253 degC."""
+    return bool(variable.relativeQuantity or getattr(variable.declaredType, "relativeQuantity", False))
 
 
 def _similar(name: str, names: list[str]) -> str:

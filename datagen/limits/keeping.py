@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from datagen.fmi.fmu import fmu_sha256
 from datagen.limits.sensitivities import crowd_inputs
-from shared.ceiling import Ceilings, read_ceilings
+from shared.ceiling import Ceilings, Origin, read_ceilings, unknown_constants
 from shared.errors import ZeroshotError
 from shared.system import System
 
@@ -56,3 +57,44 @@ def ceilings_at(path: Path, system: System, *, overwrite: bool = False) -> Ceili
             f" {ours[:12]}; expected a file of the same system, another --out, or --overwrite"
         )
     return found
+
+
+def check_as_many(
+    path: Path,
+    kept: Ceilings,
+    system: System,
+    contexts: Iterable[float],
+    conditions: Sequence[tuple[str, list[str]]],
+    *,
+    systems: int,
+    uncertain: bool,
+) -> None:
+    """Refuse to put limits in place of those of more systems, which are surer.
+
+    Parameters
+    ----------
+    contexts, conditions
+        Lengths [h], and noise and channels, of the limits to come.
+    systems, uncertain
+        Over how many systems they will be, and whether constants are drawn.
+
+    Raises
+    ------
+    ZeroshotError
+        Naming the first condition of which there is one of more systems.
+    """
+    experiment = system.experiment
+    season = Origin(start=experiment.start, hours=experiment.hours).season()
+    constants = unknown_constants(system.uncertain if uncertain else [])
+    for hours in contexts:
+        for noise, channels in conditions:
+            same = kept.find(
+                context_hours=hours, step=experiment.step, noise=noise, channels=channels, constants=constants
+            )
+            most = max((one.systems for one in same if one.known_origin().season() == season), default=0)
+            if most > systems:
+                raise ZeroshotError(
+                    f"{path}: holds a limit for {hours:g} h of {', '.join(channels)} with noise {noise} over {most}"
+                    f" systems, and this one is over {systems}; expected --systems {most} or more, another --out, or"
+                    " --overwrite"
+                )

@@ -13,10 +13,15 @@ from datagen.simulating.constants import sample_factors
 from datagen.simulating.drawn import simulate_system
 from datagen.simulating.simulator import Simulator
 from shared.errors import DatasetError, SystemDescriptionError
+from shared.logs import logger
 from shared.places import check_folder
+from shared.refused import meant
 from shared.schema import CLOCK, STEP_END, build_shard
 from shared.store import write_shard
 from shared.system import System, load_system
+from shared.variables import spaced
+
+_log = logger(__name__)
 
 
 def simulate(
@@ -69,7 +74,14 @@ def simulate(
         if not estimated and (variable is None or variable.causality != "parameter"):
             raise SystemDescriptionError(
                 f"{described.path}: {name!r} is not a parameter of {simulator.fmu.path.name}; "
-                f"estimated ones are {', '.join(described.parameter_names)}"
+                f"estimated ones are {', '.join(described.parameter_names)}{_meant(name, described, simulator)}"
+            )
+    for one in described.parameters:
+        if one.name in given and not one.min <= given[one.name] <= one.max:
+            _log.warning(
+                "%s is set to %g%s, beyond its range of %g to %g: no estimator that is trained on the description knows"
+                " such systems",
+                *(one.name, given[one.name], spaced(one.unit), one.min, one.max),
             )
     twice = [name for one in described.uncertain for name in one.parameters if uncertain and name in given]
     if twice:
@@ -108,6 +120,12 @@ def simulate(
                 "free space"
             ) from None
     return record
+
+
+def _meant(name: str, described: System, simulator: Simulator) -> str:
+    """Which parameter was meant, of the estimated ones first; empty if none is like it."""
+    others = [one for one, variable in simulator.fmu.variables.items() if variable.causality == "parameter"]
+    return meant(name, described.parameter_names) or meant(name, others)
 
 
 def _place(out: Path | str) -> Path:

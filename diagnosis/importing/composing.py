@@ -9,12 +9,14 @@ import numpy as np
 
 from datagen.driving.inputs import schedule_signal
 from datagen.driving.tables import merge
+from diagnosis.importing import plausible
 from diagnosis.importing.clock import Clock, find_zone
 from diagnosis.importing.judging import Judge
 from diagnosis.importing.mapping import Mapping
 from diagnosis.importing.outdoors import Outdoors
 from diagnosis.importing.reading import Measurements
 from diagnosis.importing.series import Series, input_target, output_target
+from diagnosis.importing.units import COUNTS
 from shared.system import System
 from shared.variables import (
     ConstantInput,
@@ -83,6 +85,9 @@ class Composer:
                     f"{one.name}: {made.values[0]:g} persons at all hours, nights too, as the mapping states: a"
                     " calibration, forecast or diagnosis takes that for a count, unless told --occupancy unknown"
                 )
+            if isinstance(one, OccupancyInput) and source.unit in COUNTS and made.signal is not None:
+                most = self.system.occupancy.headcount[1] if self.system.occupancy is not None else 1
+                self.judge.tell(plausible.about_presence(one.name, str(source.column), made.signal, most))
             return made
         if isinstance(one, WeatherInput):
             return self.outdoors.series(target, one.column)

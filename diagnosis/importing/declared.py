@@ -24,6 +24,11 @@ LARGE, BEYOND_NOISE = 10.0, 100.0
 """So many times the largest number that the description has in this unit, and its sensor's noise, is no such thing."""
 HOT = 311.15
 """The air outdoors is hardly anywhere above this half of the time [K], but a winter's degrees Fahrenheit are."""
+HOTTEST = 323.15
+"""The air outdoors is above this [K] in a few deserts only; the highest ever recorded on earth is 56.7 degC (Death
+Valley, 10 July 1913; World Meteorological Organization)."""
+WIDEST = 30.0
+"""The air outdoors hardly ever moves by more within a day [K], and degrees Fahrenheit taken for Celsius do."""
 COLDER = 3.0
 """Nothing indoors is colder than the air outdoors by so much on average [K], and varies more."""
 
@@ -65,7 +70,7 @@ def about_size(series: Series, system: System) -> str | None:
     if signal is None or unit == "1" or np.isfinite(units.limits("", unit)[1]):
         return None
     sizes = np.abs(signal.clean().values)
-    largest = _largest(system, unit)
+    largest, field = _largest(system, unit)
     if largest <= 0 or not (sizes > 0).any():
         return None
     usual = float(np.median(sizes[sizes > 0]))
@@ -74,19 +79,30 @@ def about_size(series: Series, system: System) -> str | None:
         return None
     return (
         f"{series.target.name}: {series.origin} is usually {usual:.4g} {unit} where it is not 0, and the largest number"
-        f" in {unit} that the description has is {largest:.4g}; is the unit right?"
+        f" in {unit} that the description has is {largest:.4g} ({field}); is the unit right?"
     )
 
 
 def about_heat(air: Series) -> str | None:
-    """A sentence if the air outdoors [K] is hotter than it is anywhere."""
-    middle = float(np.median(air.signal.clean().values)) if air.signal is not None else 0.0
-    if middle <= HOT:
+    """A sentence if the air outdoors [K] is hotter than it is anywhere, or moves by more within a day."""
+    if air.signal is None:
         return None
-    return (
-        f"{air.target.name}: {air.origin}, the air outdoors, has a median of {middle - ZERO_CELSIUS:.1f} degC;"
-        " is the unit right (degF?)"
-    )
+    clean = air.signal.clean()
+    middle, most = float(np.median(clean.values)), float(clean.values.max())
+    _, day = np.unique(np.floor(clean.middle / 86400.0), return_inverse=True)
+    low, high = np.full(day.max() + 1, np.inf), np.full(day.max() + 1, -np.inf)
+    np.minimum.at(low, day, clean.values)
+    np.maximum.at(high, day, clean.values)
+    swing = float((high - low).max())
+    if middle > HOT:
+        found = f"has a median of {middle - ZERO_CELSIUS:.1f} degC"
+    elif most > HOTTEST:
+        found = f"reaches {most - ZERO_CELSIUS:.1f} degC (the highest ever recorded on earth is 56.7 degC)"
+    elif swing > WIDEST:
+        found = f"moves by {swing:.1f} K within a day"
+    else:
+        return None
+    return f"{air.target.name}: {air.origin}, the air outdoors, {found}; is the unit right (degF?)"
 
 
 def about_swap(series: Sequence[Series], air: Sequence[Series]) -> list[str]:
@@ -113,18 +129,20 @@ def _air(system: System) -> set[str]:
     return {one.name for one in weather if one.column == "temp_air" and one.unit == "K"}
 
 
-def _largest(system: System, unit: str) -> float:
-    """The largest number that a description has in a unit, of parameters, inputs and effects; 0 if it has none."""
-    found = [one.max for one in system.parameters if one.unit == unit]
-    found += [abs(one.upper) for one in system.effects if one.unit == unit]
+def _largest(system: System, unit: str) -> tuple[float, str]:
+    """The largest number that a description has in a unit, and its field; 0 if it has none."""
+    found = [(one.max, f"max of parameter {one.name}") for one in system.parameters if one.unit == unit]
+    found += [(abs(one.upper), f"upper of effect {one.name}") for one in system.effects if one.unit == unit]
     for one in system.inputs:
         if one.unit != unit:
             continue
         if isinstance(one, ConstantInput | MeasuredInput):
-            found.append(abs(one.value))
+            found.append((abs(one.value), f"value of input {one.name}"))
         elif isinstance(one, ScheduleInput):
             hours = system.schedules[one.schedule]
-            found += [abs(value) for _, value in [*hours.weekday, *(hours.weekend or [])]]
+            rows = [*hours.weekday, *(hours.weekend or [])]
+            found += [(abs(value), f"schedules.{one.schedule}") for _, value in rows]
         elif isinstance(one, ExcitationInput):
-            found += [abs(part.amplitude) for part in system.excitations[one.excitation].components]
-    return max((one for one in found if np.isfinite(one)), default=0.0)
+            parts = system.excitations[one.excitation].components
+            found += [(abs(part.amplitude), f"excitations.{one.excitation}") for part in parts]
+    return max((one for one in found if np.isfinite(one[0])), default=(0.0, ""))

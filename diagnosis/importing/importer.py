@@ -13,7 +13,7 @@ from diagnosis.importing.filling import longest_whole
 from diagnosis.importing.mapping import Mapping, load_mapping
 from diagnosis.importing.picture import draw_recording
 from diagnosis.importing.reading import Measurements, read_measurements
-from diagnosis.importing.report import Comparison, ImportReport, VariableReport
+from diagnosis.importing.report import Comparison, ImportReport, VariableReport, sentences_of
 from diagnosis.importing.series import Series
 from diagnosis.importing.writing import build_recording, check_free, write_recording
 from shared.errors import RecordingError
@@ -117,6 +117,7 @@ def import_recording(
         variables=[_about(one) for one in series],
         comparisons=[found for one in series if (found := _compare(one)) is not None],
         not_recorded=missing,
+        lacking=sentences_of(missing, described),
         unused_columns=[str(name) for name in measurements.columns if name not in composer.used],
         notes=[*measurements.notes, *composer.notes],
     )

@@ -95,6 +95,8 @@ class Outdoors:
             if not np.isfinite(one).any():
                 self._useless[name] = f"{target.name} takes it at the readings of {base_name}, where it has none"
         signal = weather.on_the_plane(ghi, self.judge.clock, place, plane, **parts)
+        signal, beyond = plausible.without_impossible(target.name, signal)
+        self.judge.tell(beyond)
         if len(parts) == 2:
             self.judge.tell(
                 plausible.about_closure(ghi, weather.global_of(ghi, **parts, clock=self.judge.clock, place=place))

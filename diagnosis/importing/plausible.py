@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from diagnosis.importing import units
 from diagnosis.importing.clock import Clock
 from diagnosis.importing.mapping import Place, Source
 from diagnosis.importing.quality import DARK as FAINT
@@ -88,6 +91,31 @@ def about_impossible(column: str, signal: Signal, source: Source, low: float, hi
         (False, False): "no numbers of a sensor",
     }[bool(np.isfinite(low)), bool(np.isfinite(high))]
     return f"column {column}: {count} of {len(signal.values)} readings are left out: {limits}{codes}{sets}"
+
+
+def without_impossible(name: str, made: Signal) -> tuple[Signal, str | None]:
+    """What was computed for ``name``, marked where no reading of it could be so, and a sentence if there is some."""
+    low, high, _ = units.limits("", made.unit)
+    bad = made.used & ((made.values < low) | (made.values > high))
+    if not bad.any():
+        return made, None
+    said = (
+        f"{name}: {int(bad.sum())} of {len(bad)} computed values, up to {made.values[bad].max():.4g} {made.unit}, are"
+        f" left out: not {low:g} to {high:g} {made.unit}; the irradiance does not go with the sun's height: check"
+        " time.zone, stamps and place"
+    )
+    return replace(made, flags=made.flags | np.where(bad, IMPOSSIBLE, 0).astype(np.int8)), said
+
+
+def about_presence(name: str, column: str, signal: Signal, most: int) -> str | None:
+    """A sentence if a count of up to ``most`` persons is never but 0 or 1: it may be whether anybody is there."""
+    seen = set(np.unique(signal.clean().values))
+    if most <= 1 or seen != {0.0, 1.0}:
+        return None
+    return (
+        f"{name}: column {column} holds only 0 and 1, taken for a count, and the description has up to {most} persons;"
+        " is it presence? then write unit = 'presence' and persons = how many it stands for"
+    )
 
 
 def about_noise(column: str, signal: Signal) -> str | None:

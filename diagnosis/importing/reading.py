@@ -19,6 +19,7 @@ import pandas as pd
 
 from diagnosis.importing.clock import read_stamps
 from diagnosis.importing.mapping import File, Mapping
+from diagnosis.importing.preamble import check_first_row, skipped
 from diagnosis.importing.separators import with_dots
 from diagnosis.importing.units import LARGEST
 from shared.errors import RecordingError
@@ -101,20 +102,21 @@ def read_measurements(path: Path, mapping: Mapping) -> Measurements:
     settings = mapping.file
     text = _text(path, settings)
     check_columns(text, settings.separator, f"{path}", RecordingError)
-    frame = _table(text, settings, path)
+    name = mapping.time.column
+    frame = _table(text, settings, path, name)
     broken = _broken_lines(frame, settings, path) if '"' in text else []
     names = _names(text, settings, path)
     frame.columns = frame.columns.str.strip()
-    name = mapping.time.column
     if names[name] > 1:
         raise RecordingError(f"{mapping.path}: time.column: {path} has several columns {name!r}; expected one")
     if name not in frame:
         raise RecordingError(
             f"{mapping.path}: time.column: {path} has no column {name!r}; found {listed(frame.columns)} "
-            f"(separator {settings.separator!r}){_separated(text, settings)}"
+            f"(separator {settings.separator!r}){skipped(text, settings, name) or _separated(text, settings)}"
         )
     if len(frame) < 2:
         raise RecordingError(f"{path}: has {len(frame)} rows; expected at least a day of measurements")
+    check_first_row(frame, name, _mapped(mapping), path)
     where = f"{path}: column {name!r}"
     utc, told = read_stamps(frame[name].fillna(""), mapping.time, where, partial(_read, frame, mapping))
     notes = [*broken, *told]
@@ -257,7 +259,7 @@ def _why_no_table(error: Exception, settings: File) -> str:
     return f"not readable as CSV ({why(error)})"
 
 
-def _table(text: str, settings: File, path: Path) -> pd.DataFrame:
+def _table(text: str, settings: File, path: Path, name: str) -> pd.DataFrame:
     """A CSV's rows as text under its column names; a separator that ends every row but the header's makes no column."""
 
     def read(**more: Any) -> pd.DataFrame:
@@ -282,8 +284,8 @@ def _table(text: str, settings: File, path: Path) -> pd.DataFrame:
         if frame.index.nlevels > 1 or frame.iloc[:, -1].str.strip().ne("").any():
             raise RecordingError(
                 f"{path}: rows have {frame.index.nlevels + frame.shape[1]} fields under {frame.shape[1]} column names;"
-                f" expected as many names as fields{_separated(text, settings)}"
+                f" expected as many names as fields{skipped(text, settings, name) or _separated(text, settings)}"
             )
         return read(index_col=False)
     except (ValueError, ArithmeticError, LookupError, MemoryError) as error:  # what pandas meets in text that is no CSV
-        raise RecordingError(f"{path}: {_why_no_table(error, settings)}") from None
+        raise RecordingError(f"{path}: {_why_no_table(error, settings)}{skipped(text, settings, name)}") from None

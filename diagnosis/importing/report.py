@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from pydantic import BaseModel, ConfigDict
 from rich.console import Console
 from rich.table import Table as Grid
 
-from shared.variables import ZERO_CELSIUS
+from shared.system import System
+from shared.variables import ZERO_CELSIUS, OccupancyInput
 
 
 class _Table(BaseModel):
@@ -58,11 +61,12 @@ class Comparison(_Table):
 class ImportReport(_Table):
     """What :func:`diagnosis.importing.import_recording` returns and ``diagnosis import --json`` prints.
 
+    ``not_recorded`` are the variables that the recording lacks, ``lacking`` what that means for each kind of them.
     ``begin`` and ``end`` are local standard time, ``utc_offset`` hours east of Greenwich, ``time_zero`` the Monday from
     which the recording's seconds count.
     """
 
-    schema_version: int = 1
+    schema_version: int = 2
     recording: str
     picture: str
     data: str
@@ -79,8 +83,25 @@ class ImportReport(_Table):
     variables: list[VariableReport]
     comparisons: list[Comparison]
     not_recorded: list[str]
+    lacking: list[str]
     unused_columns: list[str]
     notes: list[str]
+
+
+def sentences_of(missing: Sequence[str], system: System) -> list[str]:
+    """What it means that variables of a system are not in a recording: outputs, persons, and other inputs."""
+    crowd = {one.name for one in system.inputs if isinstance(one, OccupancyInput)}
+    outputs = [name for name in missing if name in system.output_names]
+    persons = [name for name in missing if name in crowd]
+    inputs = [name for name in missing if name not in {*outputs, *persons}]
+    said = []
+    if outputs:
+        said.append(f"not measured: {', '.join(outputs)}: fits know nothing of it, and an estimator may need it")
+    if persons:
+        said.append(f"nobody counted persons ({', '.join(persons)}): fits take them for unknown")
+    if inputs:
+        said.append(f"not recorded: {', '.join(inputs)}: needed by a simulation of this recording")
+    return said
 
 
 def _number(value: float | None, unit: str) -> str:
@@ -131,12 +152,8 @@ def print_report(report: ImportReport, console: Console) -> None:
         )
     for note in report.notes:
         console.print(f"- {note}", markup=False, soft_wrap=True)
-    if report.not_recorded:
-        console.print(
-            f"not recorded: {', '.join(report.not_recorded)}: a simulation of this recording needs them from elsewhere",
-            style="yellow",
-            markup=False,
-        )
+    for sentence in report.lacking:
+        console.print(sentence, style="yellow", markup=False, soft_wrap=True)
     if report.unused_columns:
         console.print(f"columns not used: {', '.join(report.unused_columns)}", markup=False, soft_wrap=True)
     console.print(f"picture: {report.picture}", markup=False, soft_wrap=True)

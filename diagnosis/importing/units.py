@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+from difflib import get_close_matches
 from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
 
 from shared.errors import RecordingError
+from shared.possible import POSSIBLE
 
 LARGEST = 1e30
 """No reading is beyond: what a logger writes for a missing one (3.4e38) is, and sums of squares are still numbers."""
@@ -29,6 +31,16 @@ _WORDS = {
 }
 """Words that are no units of physics, or that pint reads otherwise, by what they stand for."""
 _CANDIDATES = ("degC", "K", "degF", "fraction", "percent", "ppm", "W/m2", "kW/m2", "m/s", "km/h", "m3/h", "kg/s")
+_MORE = ("W", "kW", "MW", "l/s", "m3/s", "Pa", "hPa")
+_OTHER_WORDS = {
+    "people": "persons",
+    "occupants": "persons",
+    "heads": "persons",
+    "occupied": "presence",
+    "occupancy": "presence",
+    "pct": "percent",
+}
+"""Words that are none of ours, by what they may mean."""
 _TYPES_OF_FLOW = ("[length] ** 3 / [time]", "[mass] / [time]")
 
 
@@ -78,7 +90,7 @@ def convert(values: np.ndarray | float, unit: str, target: str, *, density: floa
             # pint's parser raises whatever Python's tokenizer meets
             raise RecordingError(
                 f"{where}: unit {one!r} is not known; expected for example 'degC', 'K', 'ppm', 'm3/h', 'percent', "
-                "'fraction', 'persons' or 'presence'"
+                f"'fraction', 'persons' or 'presence'{_like(one)}"
             ) from None
     source, goal = parsed
     kinds = [one.dimensionality for one in (source, goal)]
@@ -91,6 +103,14 @@ def convert(values: np.ndarray | float, unit: str, target: str, *, density: floa
         hint = "; 'C' is coulomb, write 'degC'" if unit == "C" else ""
         raise RecordingError(f"{where}: unit {unit!r} cannot become {target!r}; expected a unit of the same kind{hint}")
     return np.asarray(registry.convert(values, source, goal), dtype=np.float64)
+
+
+def _like(unit: str) -> str:
+    """Which known unit an unknown one may be, whichever its capitals; empty if none is like it."""
+    known = {one.lower(): one for one in (*_CANDIDATES, *(word for word in _WORDS if word), *_MORE)}
+    known |= _OTHER_WORDS
+    near = get_close_matches(unit.strip().lower()[:80], known, n=1)
+    return f"; did you mean {known[near[0]]!r}?" if near else ""
 
 
 def alternatives(value: float, target: str, low: float, high: float, *, density: float) -> list[str]:
@@ -109,15 +129,8 @@ def alternatives(value: float, target: str, low: float, high: float, *, density:
 Below = Literal["impossible", "zero", "noise"]
 """What a reading below zero is: impossible, if beyond the lower limit; zero, the offset of pyranometers at night or the
 rounding of anemometers; or noise, of flow meters, which means need as it is."""
-# Possible values of quantities that buildings and their weather have, by the system's unit.
-_LIMITS: tuple[tuple[str, float, float, Below], ...] = (
-    ("K", 223.15, 333.15, "impossible"),
-    ("degC", -50.0, 60.0, "impossible"),
-    ("ppm", 300.0, 10000.0, "impossible"),
-    ("W/m2", -20.0, 1500.0, "zero"),
-    ("m/s", -0.1, 75.0, "zero"),
-    ("kg/s", -1e-3, np.inf, "noise"),
-)
+_BELOW: dict[str, Below] = {"W/m2": "zero", "m/s": "zero", "kg/s": "noise"}
+"""The same by the system's unit, where it is not impossible."""
 WORD_LIMITS = {
     "presence": (0.0, 1.0),
     "bool": (0.0, 1.0),
@@ -126,16 +139,14 @@ WORD_LIMITS = {
     "%": (0.0, 1.0),
 }
 """Shares of one whole, whichever way they are written."""
-_COUNTS = ("person", "persons", "count", "counts")
+COUNTS = ("person", "persons", "count", "counts")
+"""Numbers of persons."""
 
 
 def limits(unit: str, target: str) -> tuple[float, float, Below]:
     """Lowest and highest possible value [target], and what readings below zero are."""
     if target == "1" and unit in WORD_LIMITS:
         return *WORD_LIMITS[unit], "impossible"
-    if target == "1" and unit in _COUNTS:
+    if target == "1" and unit in COUNTS:
         return 0.0, np.inf, "impossible"
-    for spelled, low, high, below in _LIMITS:
-        if spelled == target:
-            return low, high, below
-    return -np.inf, np.inf, "impossible"
+    return *POSSIBLE.get(target, (-np.inf, np.inf)), _BELOW.get(target, "impossible")

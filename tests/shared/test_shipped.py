@@ -46,3 +46,11 @@ def test_a_folder_that_hides_an_estimator_is_told(tmp_path, monkeypatch):
     with pytest.raises(EstimatorError, match=r"^other/estimator\.json: no such file"):
         load_run("other")
     assert load_run(shipped).card.system_name == "MixedAirCO2"
+
+
+def test_a_system_stands_for_the_estimator_beside_its_description(tmp_path):
+    folder = ROOT / "fmus" / "MixedAirCO2"
+    assert resolved_estimator(folder) == resolved_estimator(folder / "system.toml") == folder / "estimator"
+    assert load_run(folder).folder == folder / "estimator"
+    (tmp_path / "estimator").mkdir()  # without a card
+    assert resolved_estimator(tmp_path) == tmp_path

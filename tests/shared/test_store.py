@@ -38,6 +38,12 @@ def make_shard(system, indices, count=48):
     )
 
 
+def test_a_file_in_the_place_of_a_dataset_is_named(tmp_path):
+    (tmp_path / "room.nc").write_text("a recording")
+    with pytest.raises(DatasetError, match=r"room\.nc: is a file; expected the folder of a dataset made by"):
+        DatasetFolder(tmp_path / "room.nc")
+
+
 @pytest.fixture
 def folder(tmp_path, system):
     (tmp_path / "shards").mkdir()

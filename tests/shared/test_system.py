@@ -52,6 +52,15 @@ def test_default_system_is_table_1():
         ("attendance = [", "attendance = [60, 100]  # [", ["occupancy", "attendance", "[60, 100]", "high <= 1"]),
         ("period = 7.3", "period = 1e-6", ["period", "0.0166"]),
         ("schema_version = 1", "schema_version = 2", ["schema_version", "2"]),
+        (
+            "weekday = [[0.0, 290.15], [6.0, 294.15], [22.0, 290.15]]",
+            "weekday = [[0.0, 17.0], [6.0, 21.0], [22.0, 17.0]]",
+            [
+                "schedules.set_point: weekday, from hour 0, of input 'TSet': is 17 K; expected 223.15 to 333.15 K;"
+                " is it in degC or degF?"
+            ],
+        ),
+        ("value = 420.0", "value = 0.00042", ["inputs 'CO2Out': value is 0.00042 ppm", "is it in a fraction?"]),
     ],
 )
 def test_each_mistake_is_one_sentence(old, new, words):
@@ -64,6 +73,12 @@ def test_each_mistake_is_one_sentence(old, new, words):
     assert "\n" not in message
     for word in words:
         assert word in message
+
+
+def test_an_fmu_in_the_place_of_its_description_is_named():
+    fmu = ROOT / "fmus" / "MixedAirCO2.fmu"
+    with pytest.raises(SystemDescriptionError, match=r"MixedAirCO2\.fmu: is an FMU or .* \(TOML\) that names it"):
+        load_system(fmu)
 
 
 def test_a_table_of_a_name_that_is_nearly_right_is_told_and_not_that_the_right_one_is_missing():

@@ -34,7 +34,8 @@ def predict(
     Parameters
     ----------
     run
-        Run folder made by `trainer fit`, or the name of a system that comes with an estimator.
+        Run folder made by `trainer fit`; or a system with an estimator, by its folder or the name of one that comes
+        with the package.
     file
         NetCDF with the run's channels over (time) or (system, time), with units, as a dataset's shards have them.
     samples
@@ -68,6 +69,12 @@ def predict(
             )
             for note in one.unlike:
                 console.print(f"- {note}", markup=False)
+    if any(value.median is not None for one in result.predictions for value in one.parameters.values()):
+        console.print(
+            "Take the median and its 90 % interval, which are of this very recording; the estimate is a number alone,"
+            " and its rmse the same for every recording of this kind.",
+            markup=False,
+        )
     console.print(result.rmse_note, markup=False)
     if result.unfinished:
         console.print(result.unfinished, markup=False)
@@ -88,14 +95,15 @@ def _table(one: Prediction) -> Table:
     posterior = all(value.median is not None for value in one.parameters.values())
     rmse = ("+- rmse",) if all(value.rmse is not None for value in one.parameters.values()) else ()
     middle = (*rmse, *(("median", "90 % interval") if posterior else ()))
-    for column in ("parameter", "estimate", *middle, "unit", ""):
+    remark = ("remark",) if any(value.at_bound for value in one.parameters.values()) else ()
+    for column in ("parameter", "estimate", *middle, "unit", *remark):
         numeric = column in ("estimate", *middle)
         table.add_column(column, justify="right" if numeric else "left", no_wrap=numeric)
     for parameter, value in one.parameters.items():
-        mark = "at the end of its range" if value.at_bound else ""
+        mark = ("at the end of its range" if value.at_bound else "",) if remark else ()
         cells = [f"{value.rmse:.2g}"] if rmse else []
         cells += _interval(value) if posterior else ()
-        table.add_row(parameter, f"{value.value:.4g}", *cells, value.unit, mark)
+        table.add_row(parameter, f"{value.value:.4g}", *cells, value.unit, *mark)
     return table
 
 

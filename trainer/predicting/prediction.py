@@ -133,6 +133,9 @@ def predict(
         if path is not None:
             if Path(path).exists() and Path(file).exists() and Path(path).samefile(file):
                 raise EstimatorError(f"{name}: is {path}, the recording itself; expected another file")
+            if Path(path).is_dir():
+                kind = {"out": "NetCDF", "corner": "PNG"}[name]
+                raise EstimatorError(f"{name}: {path} is a folder; expected a {kind} file to write")
             _make_folder(Path(path).parent)
     encoding = run.card.encoding
     window = read_window(Path(file), encoding)

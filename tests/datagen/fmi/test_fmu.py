@@ -32,6 +32,15 @@ def toml(default_system):
         ("[fixed]", '[fixed]\n"conHea.kk" = 1.0', ["fixed", "'conHea.kk'", "conHea.k"]),
         ('name = "excOut"', 'name = "fraWin"', ["input 'fraWin'"]),
         ("[fixed]", "[fixed]\nreplay = 0.5", ["fixed 'replay' is set to 0.5 and is a Boolean; expected true or false"]),
+        (
+            "[fixed]",
+            '[[parameters]]\nname = "effect.adjacent.T"\nunit = "K"\nmin = 11.0\nmax = 18.0\n[fixed]',
+            [
+                "parameter 'effect.adjacent.T': its range is 11 to 18 K; expected 223.15 to 333.15 K; is it in degC or"
+                " degF?",
+                'relativeQuantity="true"',
+            ],
+        ),
         ("[fixed]", "[fixed]\nTSky = 280.0", ["fixed 'TSky' is one of [[inputs]]", "expected it in one of the two"]),
     ],
 )

@@ -46,6 +46,17 @@ def test_an_estimated_parameter_that_is_an_input_of_the_fmu_can_be_set(small_sys
         simulate(system, parameters={"switch": 1.0})
 
 
+def test_a_parameter_beyond_its_range_and_a_slip_in_a_name_are_told(default_system, caplog):
+    with caplog.at_level("WARNING", logger="zeroshot"):
+        simulate(default_system, parameters={"roo.V": 150.0, "roo.hRoo": 4.0}, hours=2)
+        assert not caplog.records
+        simulate(default_system, parameters={"roo.V": 10000.0}, hours=2)
+    (record,) = caplog.records
+    assert record.getMessage().startswith("roo.V is set to 10000 m3, beyond its range of 40 to 300: no estimator")
+    with pytest.raises(SystemDescriptionError, match=r"'roo\.v' is not a parameter .*; did you mean roo\.V\?$"):
+        simulate(default_system, parameters={"roo.v": 100.0})
+
+
 @pytest.mark.parametrize(
     ("given", "said"),
     [

@@ -1,8 +1,13 @@
 """Readings beside what the description declares in their unit, and beside the air outdoors."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from datagen.driving.inputs import system_weather
+from diagnosis.importing.declared import HOTTEST, WIDEST
+from shared.system import parse_system
 from tests.diagnosis.importing.house_cases import HOUSE, MAPPING, measured
 
 OUTPUTS = (
@@ -60,7 +65,7 @@ def test_a_flow_far_beyond_all_that_is_declared_in_its_unit(said):
     (note,) = said(frame, "air: ", MAPPING.replace('unit = "m3/h"', 'unit = "m3/s"'), "seconds.nc")
     assert note == (
         "air: valve [m3/s] is usually 144 kg/s where it is not 0, and the largest number in kg/s that the description"
-        " has is 0.1; is the unit right?"
+        " has is 0.1 (upper of effect leak); is the unit right?"
     )
 
 
@@ -86,6 +91,27 @@ def test_degrees_fahrenheit_outdoors_that_are_declared_as_celsius(said):
     assert said(frame, "degF") == []
     (note,) = said(frame.assign(outside=frame["outside"] * 1.8 + 32), "degF", out="fahrenheit.nc")
     assert note == "outdoors: outside [degC], the air outdoors, has a median of 46.4 degC; is the unit right (degF?)"
+
+
+def test_a_winter_in_degrees_fahrenheit_is_too_hot_or_too_wide(said):
+    frame, hours = measured()
+    winter = 3.0 + 12.0 * np.sin(2 * np.pi * hours / 24)  # degC
+    assert said(frame.assign(outside=winter), "degF") == []
+    (wide,) = said(frame.assign(outside=winter * 1.8 + 32 - 10.0), "degF", out="wide.nc")
+    assert wide == "outdoors: outside [degC], the air outdoors, moves by 43.2 K within a day; is the unit right (degF?)"
+    (hot,) = said(frame.assign(outside=winter * 1.8 + 32), "degF", out="hot.nc")
+    assert hot == (
+        "outdoors: outside [degC], the air outdoors, reaches 59.0 degC (the highest ever recorded on earth is 56.7"
+        " degC); is the unit right (degF?)"
+    )
+
+
+@pytest.mark.parametrize("file", ["723170TYA.CSV", "703165TY.csv"])
+def test_no_weather_of_a_year_is_suspected(file):
+    text = HOUSE.replace("723170TYA.CSV", file)
+    air = system_weather(parse_system(text, Path("house.toml")), 0, 0).signal("temp_air", 0.0, 365 * 86400.0)
+    days = air.at(np.arange(8760.0) * 3600.0).reshape(365, 24)
+    assert days.max() < HOTTEST and np.ptp(days, axis=1).max() < WIDEST
 
 
 def test_a_cold_store_is_no_swap(said):

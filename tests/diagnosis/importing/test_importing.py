@@ -142,6 +142,7 @@ def test_what_is_not_mapped_is_said(house):
         measured()[0], mapping.replace('[variables.air]\ncolumn = "valve"', "[variables.air]\nconstant = 50.0")
     )
     assert report.not_recorded == ["people"]
+    assert report.lacking == ["nobody counted persons (people): fits take them for unknown"]
     assert any("measured cloud cover" in note for note in report.notes)
     data, _ = steps_of(report)
     np.testing.assert_allclose(data["air"], 0.04, rtol=1e-6)
@@ -241,7 +242,7 @@ def test_text_in_brackets_is_printed_as_it_stands(house):
     for old, new in names.items():
         mapping = mapping.replace(f'"{old}"', f'"{new}"')
     report = house(frame.rename(columns=names), mapping)
-    report.not_recorded.append("wish [/h]")
+    report.lacking.append("wish [/h]")
     console = Console(file=io.StringIO(), width=200)
     print_report(report, console)
     assert all(text in console.file.getvalue() for text in (*names.values(), "wish [/h]"))

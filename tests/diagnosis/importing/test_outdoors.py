@@ -187,3 +187,18 @@ def test_a_whole_recording_may_be_calm_if_it_is_short(house, tmp_path, days, ref
             house(frame, mapping, system=tmp_path / "windy.toml")
     else:
         assert "column cups: every reading is 0 m/s" in house(frame, mapping, system=tmp_path / "windy.toml").notes
+
+
+def test_sun_on_a_facade_that_cannot_be_is_left_out(house):
+    """A log of the American east coast, read as of another zone: a low sun, and much light on the horizontal."""
+    frame, hours = measured()
+    frame["sun"] = np.where((hours % 24 > 4) & (hours % 24 < 20), 600.0 + hours % 24, 0.0)
+    report = house(frame)
+    (sunshine,) = [one for one in report.variables if one.name == "sunshine"]
+    (note,) = [one for one in report.notes if one.startswith("sunshine: ") and "left out" in one]
+    assert note.startswith(f"sunshine: {sunshine.impossible} of 865 computed values, up to ")
+    assert note.endswith(
+        "not -20 to 1500 W/m2; the irradiance does not go with the sun's height: check time.zone, stamps and place"
+    )
+    assert sunshine.impossible > 0
+    assert float(xr.load_dataset(report.recording)["sunshine"].max()) <= 1500.0

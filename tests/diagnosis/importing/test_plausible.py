@@ -183,3 +183,15 @@ def test_persons_that_the_mapping_states_are_said_to_count_as_counted(house):
     valve = 'column = "valve"\nunit = "m3/h"\nscale = 2.4\nreading = "mean"\nfill = 0.0'
     other = house(frame, MAPPING.replace(valve, 'constant = 50.0\nunit = "m3/h"'), out="other.nc")
     assert not told(other, "as the mapping states")
+
+
+def test_zeros_and_ones_are_hardly_a_count(house):
+    frame, _ = measured()
+    count = MAPPING.replace('unit = "presence"\npersons = 2.0', 'unit = "persons"')
+    assert told(
+        house(frame, count, out="count.nc"),
+        "people: column presence holds only 0 and 1, taken for a count, and the description has up to 2 persons; is it"
+        " presence? then write unit = 'presence'",
+    )
+    assert not told(house(frame, out="presence.nc"), "only 0 and 1")
+    assert not told(house(frame.assign(presence=2 * frame["presence"]), count, out="two.nc"), "only 0 and 1")

@@ -159,3 +159,25 @@ def test_mapping_and_measurements_in_the_wrong_order(tmp_path):
         RecordingError, match=r"expected the mapping \(TOML\) first and the measurements \(CSV\) second"
     ):
         import_recording(tmp_path / "log.csv", tmp_path / "map.toml", out=tmp_path / "out.nc")
+
+
+def test_lines_above_the_column_names_are_named(text):
+    content = measured(days=2)[0].to_csv(index=False)
+    for above in ("Logger 7\nRoom 12\n", "Logger,7\n,\n", "Logger 7, Room 12, the house,,,,,,,,,\nfirst\n"):
+        with pytest.raises(RecordingError, match=r"; the column names are in line 3: expected file\.skip = 2$"):
+            text(above + content)
+        skipping = MAPPING.replace("[time]", "[file]\nskip = 2\n[time]")
+        assert text(above + content, skipping).rows == 289
+    with pytest.raises(RecordingError, match=r"; the column names are in line 1: expected file\.skip = 0$"):
+        text(content, MAPPING.replace("[time]", "[file]\nskip = 2\n[time]"))
+
+
+@pytest.mark.parametrize("stamp", ["", "yyyy-mm-dd hh:mm:ss"])
+def test_a_row_of_units_is_named(text, stamp):
+    names, *rows = measured(days=2)[0].to_csv(index=False).splitlines()
+    units = ",".join([stamp, *["degC"] * (names.count(","))])
+    with pytest.raises(
+        RecordingError,
+        match=rf"the row below the column names has no time and no numbers but '{stamp}', 'degC', .*: units\?.*remove",
+    ):
+        text("\n".join([names, units, *rows]))

@@ -66,7 +66,10 @@ def test_an_array_is_its_elements(values, pair):
         ("degC", "ppm", "'degC' cannot become 'ppm'"),
         ("C", "K", "'C' is coulomb, write 'degC'"),
         ("m3", "kg/s", "'m3' cannot become 'kg/s'"),
-        ("bananas", "K", "unit 'bananas' is not known"),
+        ("bananas", "K", "unit 'bananas' is not known.*'presence'$"),
+        ("DegC", "K", "unit 'DegC' is not known.*; did you mean 'degC'\\?"),
+        ("PPM", "ppm", "unit 'PPM' is not known.*; did you mean 'ppm'\\?"),
+        ("people", "1", "unit 'people' is not known.*; did you mean 'persons'\\?"),
         ("import os", "K", "unit 'import os' is not known"),
     ],
 )

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from shared.errors import RecordingError
+from shared.errors import EstimatorError, RecordingError
 from shared.store import DatasetFolder, Records
 from trainer.cli import app
-from trainer.predicting.prediction import predict
+from trainer.predicting.prediction import Estimate, Prediction, Predictions, predict
 from trainer.predicting.readings import comparable
 from trainer.predicting.recorded import read_window
 from trainer.reading.encoding import Encoding, make_encoding
@@ -328,3 +328,29 @@ def test_temperatures_in_degrees_are_refused_however_wide_the_training_was(tmp_p
         RecordingError, match=r"air is 10 K at 2001-01-01T01:00:00, 27 standard deviations .* at most 13"
     ):
         comparable(tmp_path / "r.nc", values, times, [None], encoding)
+
+
+def test_a_folder_where_samples_shall_be_written_is_named(ridge_run, tanks, tmp_path):
+    for name, kind in (("out", "NetCDF"), ("corner", "PNG")):
+        with pytest.raises(EstimatorError, match=rf"^{name}: .* is a folder; expected a {kind} file to write$"):
+            predict(ridge_run, tanks / "shards" / "000.nc", **{name: tmp_path})
+
+
+def test_the_table_says_which_of_two_answers_to_take(monkeypatch, capsys):
+    value = Estimate(value=2.0, unit="m2", rmse=0.5, at_bound=False, median=2.1, low=1.5, high=2.7)
+
+    def answer(one):
+        predictions = [Prediction(system=None, begin="a", end="b", parameters={"tank.fill": one}, unlike=[])]
+        more = {"file": "r.nc", "model": "ridge", "context_hours": 24, "noise": "none", "rmse_note": "rmse: of rooms"}
+        monkeypatch.setattr(
+            "trainer.predicting.prediction.predict", lambda *_, **__: Predictions(predictions=predictions, **more)
+        )
+        app(["predict", "run", "r.nc"], result_action="return_value", exit_on_error=False)
+        return capsys.readouterr().out
+
+    both = answer(value)
+    assert "Take the median and its 90 % interval" in both
+    assert "remark" not in both
+    assert "Take the median" not in answer(value.model_copy(update={"median": None, "low": None, "high": None}))
+    bound = answer(value.model_copy(update={"at_bound": True}))
+    assert "remark" in bound and "at the end of its range" in bound
