@@ -107,9 +107,9 @@ def draw_corner(
     for k, axes in enumerate(figure.axes[:: count + 1]):  # the diagonal
         for end in (found.low, found.median, found.high):
             axes.axvline(end[0, k], linestyle="dashed", color=BLUE)
-        for end in ranges[k]:
-            if shown[k][0] <= end <= shown[k][1]:
-                axes.axvline(end, color="#888888", linewidth=2)
+        for bound in ranges[k]:
+            if shown[k][0] <= bound <= shown[k][1]:
+                axes.axvline(bound, color="#888888", linewidth=2)
         axes.set_title("prior {:.4g} to {:.4g}".format(*ranges[k]), fontsize=8)
     figure.subplots_adjust(top=(side - 0.1) / figure.get_figheight())
     figure.suptitle(title, fontsize=10, y=0.995, va="top")
