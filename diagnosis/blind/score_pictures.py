@@ -52,7 +52,7 @@ def confusion(matrix: Matrix, down: str, across: str, *, of: int, missing: str =
     panel.set_ylabel(down)
     panel.set_xlabel(across)
     panel.tick_params(length=0)
-    said = _holds(int(counts.sum()), of, missing)
+    said = _holds(int(counts.sum()), of, missing) + (" Framed: right." if panel.patches else "")
     made.suptitle(fill(said, round(14 * made.get_figwidth())), fontsize=8)
     return embedded(made)
 
@@ -60,7 +60,7 @@ def confusion(matrix: Matrix, down: str, across: str, *, of: int, missing: str =
 def _holds(count: int, of: int, missing: str) -> str:
     """How many recordings a matrix holds, which not, and what its colours are."""
     which = f"{count} recordings" if count >= of else f"{count} of {of} recordings, all but {missing}"
-    return f"{which}. Colour: share of the row. Framed: right."
+    return f"{which}. Colour: share of the row."
 
 
 def _frame(column: int, row: int) -> Any:

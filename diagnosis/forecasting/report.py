@@ -32,8 +32,7 @@ def render(done: Forecasted) -> str:
         .get_template("forecast.html.j2")
         .render(
             report=done.report,
-            summary=answer(done.report, names),
-            told=sentences(done.report.calibration),
+            summary=answer(done.report, names) + sentences(done.report.calibration),
             outputs=names,
             picture=_picture(done),
         )

@@ -61,7 +61,8 @@ def render(done: Diagnosis) -> str:
         shown=SHOWN_TWINS,
         against=_against(done),
         outputs={one.name: one.long_name for one in system.outputs},
-        parameters={one.name: one.description for one in [*system.parameters, *system.uncertain]},
+        parameters={one.name: one.description for one in system.parameters}
+        | {one.name: one.description for one in system.uncertain},
         negligible=f"{NEGLIGIBLE:g}",
         level=f"{LEVEL:.0%}",
         limit=f"{LIMIT:g}",

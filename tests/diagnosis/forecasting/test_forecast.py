@@ -160,11 +160,7 @@ def test_parameters_of_the_context_are_said_to_be_its_own_whatever_its_length(st
         system="room", recording="room.nc", begin="2001-01-01 00:00", calibration=used, context_hours=hours,
         ahead_hours=1.0, occupancy="measured", outputs={}, replayed=[], level=0.9,
     )  # fmt: skip
-    page = (
-        page_environment()
-        .get_template("forecast.html.j2")
-        .render(report=report, summary=[], told=[], outputs={}, picture="")
-    )
+    page = page_environment().get_template("forecast.html.j2").render(report=report, summary=[], outputs={}, picture="")
     assert said in " ".join(page.split())
 
 
