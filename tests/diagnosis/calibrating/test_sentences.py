@@ -23,10 +23,14 @@ def test_what_lies_at_an_end_of_its_range_is_not_said_to_be_the_prior(house, hou
         in said
     )
     others = ", ".join(name for name, place in zip(names[2:], z[2:], strict=False) if abs(place) < 1.28)
-    assert f"It hardly tells {others}: what is given for it is mostly the prior." in said
+    assert f"It hardly tells {others}: what is given for them is mostly the prior." in said
     assert any(one.startswith(f"{names[0]} lies on a bound") for one in said)
+    alone = [one.model_copy(update={"identified": "well"}) for one in ranges]
+    alone[2] = ranges[2].model_copy(update={"description": "Heat capacity"})
+    one_of_them = sentences(report.model_copy(update={"parameters": alone}))
+    assert "It hardly tells heat capacity (c): what is given for it is mostly the prior." in one_of_them
     said = sentences(report.model_copy(update={"converged": False}))
-    assert f"It hardly tells {others}, and the fit did not settle on it: values are not the prior's either." in said
+    assert f"It hardly tells {others}, and the fit did not settle on them: values are not the prior's either." in said
 
 
 def test_uncertain_constants_far_outside_of_the_description_come_first(house, house_recording):
