@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from jinja2 import Environment, PackageLoader, StrictUndefined
+
+GREAT = 1e6
+"""From here on numbers are written with powers of ten."""
 
 
 def page_environment(decimals: int = 1) -> Environment:
-    """Templates of this package with the filters ``number`` and ``percent``; a dash where there is no value.
+    """Templates of this package with the filters ``number``, ``percent`` and ``named``; a dash where there is no value.
 
     Parameters
     ----------
@@ -16,6 +21,42 @@ def page_environment(decimals: int = 1) -> Environment:
     environment = Environment(
         loader=PackageLoader("diagnosis"), undefined=StrictUndefined, autoescape=True, trim_blocks=True
     )
-    environment.filters["number"] = lambda value: "–" if value is None else f"{value:.4g}"
-    environment.filters["percent"] = lambda value: "–" if value is None else f"{value:.{decimals}%}"
+    environment.filters["number"] = number
+    environment.filters["percent"] = lambda value: percent(value, decimals)
+    environment.filters["named"] = long_named
     return environment
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """A number to so many digits, without powers of ten where people can do without, and zero without a sign."""
+    if value is None:
+        return "–"
+    text = f"{value:.{digits}g}"
+    if float(text) == 0:
+        return "0"
+    return f"{float(text):.0f}" if "e+" in text and abs(value) < GREAT else text
+
+
+def percent(value: float | None, decimals: int = 1) -> str:
+    """A share as a percentage; zero without a sign."""
+    if value is None:
+        return "–"
+    text = f"{value:.{decimals}%}"
+    return text[1:] if text.startswith("-") and float(text[:-1]) == 0 else text
+
+
+def within_sentence(text: str) -> str:
+    """A description as it stands within a sentence: with a small letter, unless it begins with an abbreviation."""
+    return text if text[1:2].isupper() or text[1:2] in "-0123456789" else f"{text[:1].lower()}{text[1:]}"
+
+
+def long_named(name: str, long: Mapping[str, str] | str | None) -> str:
+    """What something is, and in brackets the name that the model has for it; the name where nothing else is known.
+
+    Parameters
+    ----------
+    long
+        What it is, or that by name.
+    """
+    what = long.get(name) if isinstance(long, Mapping) else long
+    return f"{what} ({name})" if what and what != name else name

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import base64
 import io
+from textwrap import fill
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-from shared.variables import ZERO_CELSIUS
+from diagnosis.pages import long_named
+from shared.variables import ZERO_CELSIUS, Output, Parameter, spaced
 
 BLUE, ORANGE, GREY, RED = "#1f5fa8", "#d9730d", "#8a8f98", "#b3261e"
 
@@ -40,6 +44,37 @@ def as_png(made: Figure, dpi: int = 110) -> bytes:
     buffer = io.BytesIO()
     made.savefig(buffer, format="png", dpi=dpi)
     return buffer.getvalue()
+
+
+def calendar(panel: Axes, begin: np.datetime64 | str) -> None:
+    """Dates below the days of a horizontal axis, which counts them from the begin of a recording."""
+    zero = np.datetime64(begin)
+
+    def label(day: float, _: int | None = None) -> str:
+        return f"{day:g}\n{at_day(zero, day * 86400.0)}"
+
+    panel.xaxis.set_major_locator(MaxNLocator(nbins=8, steps=[1, 2, 2.5, 5, 10]))
+    panel.xaxis.set_major_formatter(FuncFormatter(label))
+
+
+def at_day(zero: np.datetime64, second: float, *, minutes: bool = False) -> str:
+    """Day and month of a time [s since ``zero``], with hour and minute if asked for or where it is not midnight."""
+    at = (zero + np.timedelta64(round(second / 60), "m")).astype("datetime64[m]").item()
+    text = f"{at.day} {at:%b}"
+    return f"{text} {at:%H:%M}" if minutes or (at.hour, at.minute) != (0, 0) else text
+
+
+def axis_label(output: Output, unit: str) -> str:
+    """What an output is, the name that the model has for it, and the unit that it is drawn in, in short lines."""
+    return f"{fill(long_named(output.name, output.long_name), 22)}\n[{unit}]"
+
+
+def range_ends(panel: Axes, parameter: Parameter, row: float) -> None:
+    """Write the ends of a parameter's range, which spans 0 to 1, beside its row, and "log" where its scale is."""
+    log = ", log" if parameter.scale == "log" else ""
+    unit = spaced(parameter.unit)
+    for at, side, text in ((-0.01, "right", f"{parameter.min:g}"), (1.01, "left", f"{parameter.max:g}{unit}{log}")):
+        panel.text(at, row, text, ha=side, va="center", fontsize=7)
 
 
 def embedded(made: Figure) -> str:

@@ -23,9 +23,16 @@ MARKERS = {"paper": "o", "unseen": "x"}
 
 
 def save_png(figure: Figure, path: Path) -> None:
-    """Write a figure whole, names in it as they stand: between two dollars matplotlib would read a formula."""
+    """Write a figure whole, names in it as they stand: between two dollars matplotlib would read a formula.
+
+    Its own formulas are the labels of logarithmic axes.
+    """
     for text in figure.findobj(Text):
         text.set_parse_math(False)
+    for axes in figure.axes:
+        for axis, scale in ((axes.xaxis, axes.get_xscale()), (axes.yaxis, axes.get_yscale())):
+            for label in axis.get_ticklabels(which="both") if scale == "log" else ():
+                label.set_parse_math(True)
     data = io.BytesIO()
     figure.savefig(data, format="png", dpi=150)
     write_atomically(path, data.getvalue())

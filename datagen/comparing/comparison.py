@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from datagen.comparing.matching import handed_on, inputs_for, matched, unmatched
+from datagen.comparing.matching import handed_on, inputs_for, matched, told_apart, unmatched
 from datagen.comparing.recorded import HOUR, check_lengths, compared, load_recorded, series_of
 from datagen.comparing.regimes import months, regimes
 from datagen.driving.inputs import build_inputs
@@ -201,8 +201,7 @@ def _with_system(system: System, other: System, count: int, seed: int, excitatio
         b = simulators[1].run({**fixed, **values}, inputs_for(other, table), **span, tolerance=experiment.tolerance)
         edges = np.append(begin, a.time)
         runs.append(_Run(a.time, a.outputs[places], b.outputs, regimes(system, table, edges, a.outputs)))
-    names = system.fmu_path.name, other.fmu_path.name
-    return replace(_assembled(names, outputs, list(map(str, range(count))), runs), notes=notes)
+    return replace(_assembled(told_apart(system, other), outputs, list(map(str, range(count))), runs), notes=notes)
 
 
 def _with_recorded(system: System, mapping: Path, data: Path | str | None, count: int, quiet: bool) -> Comparison:

@@ -77,6 +77,12 @@ def _open(name: str, other: System, fmu: Fmu) -> bool:
     return there and name not in other.fixed and name not in other.input_names
 
 
+def told_apart(system: System, other: System) -> tuple[str, str]:
+    """What two systems are called: their FMUs, or where those have one name their descriptions, by name or by path."""
+    ways = [(one.fmu_path.name, one.name, str(one.path)) for one in (system, other)]
+    return next(((a, b) for a, b in zip(*ways, strict=True) if a != b), (ways[0][0], ways[1][0]))
+
+
 def unmatched(system: System, other: System, fmu: Fmu) -> list[str]:
     """In a sentence each, what one of the two has and the other has not, so that they differ in it by themselves.
 
@@ -87,7 +93,7 @@ def unmatched(system: System, other: System, fmu: Fmu) -> list[str]:
     fmu
         The other's, which holds a parameter that nobody sets at the value that it was made with.
     """
-    ours, theirs = system.fmu_path.name, other.fmu_path.name
+    ours, theirs = told_apart(system, other)
     held = [
         f"{p.name} ({fmu.variables[p.name].start} {p.unit})"
         for p in other.parameters

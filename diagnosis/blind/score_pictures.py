@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -27,8 +28,11 @@ def _panels(columns: int, width: float, height: float) -> tuple[Drawing, list[An
     return made, panels
 
 
-def confusion(matrix: Matrix, down: str, across: str) -> str:
-    """Rows' truth by columns' answer: shares of each row as colour, numbers as text; right answers are framed."""
+def confusion(matrix: Matrix, down: str, across: str, *, of: int, missing: str = "") -> str:
+    """Rows' truth by columns' answer: shares of each row as colour, numbers as text; right answers are framed.
+
+    ``of`` so many recordings; ``missing`` says which of them are not in the matrix.
+    """
     counts = np.array(matrix.counts, dtype=float).reshape(len(matrix.rows), len(matrix.columns))
     shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
     rows, columns = [[_words(name) for name in names] for names in (matrix.rows, matrix.columns)]
@@ -48,7 +52,15 @@ def confusion(matrix: Matrix, down: str, across: str) -> str:
     panel.set_ylabel(down)
     panel.set_xlabel(across)
     panel.tick_params(length=0)
+    said = _holds(int(counts.sum()), of, missing) + (" Framed: right." if panel.patches else "")
+    made.suptitle(fill(said, round(14 * made.get_figwidth())), fontsize=8)
     return embedded(made)
+
+
+def _holds(count: int, of: int, missing: str) -> str:
+    """How many recordings a matrix holds, which not, and what its colours are."""
+    which = f"{count} recordings" if count >= of else f"{count} of {of} recordings, all but {missing}"
+    return f"{which}. Colour: share of the row."
 
 
 def _frame(column: int, row: int) -> Any:
@@ -63,7 +75,11 @@ def _words(name: str) -> str:
 
 def power(by_size: Sequence[Point], by_gap: Sequence[Point], by_length: Sequence[Point]) -> str:
     """How often a gap is found, and the right effect named first: by amplitude, gap, and length of the gap."""
-    labels = ("amplitude / its scale", "largest gap / noise of one reading", "length beyond imitation / noise")
+    labels = (
+        "size of the effect,\nin times its usual size",
+        "largest gap,\nin times the noise of one reading",
+        "what nothing else imitates of the gap,\nin standard deviations of the noise",
+    )
     kept = [one for one in zip((by_size, by_gap, by_length), labels, strict=True) if one[0]]
     made, panels = _panels(len(kept), 4.4 * len(kept), 3.4)
     for panel, (points, label) in zip(panels, kept, strict=True):

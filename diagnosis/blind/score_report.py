@@ -242,8 +242,10 @@ def page(done: Score) -> str:
         named=NAMED,
         by_size=by_size(done.names),
         unknown=UNKNOWN,
-        strata_picture=pictures.confusion(done.strata, "stratum", "verdict"),
-        confusion_picture=pictures.confusion(done.confusion, "true effect", "named first"),
+        strata_picture=pictures.confusion(done.strata, "stratum", "verdict", of=done.recordings),
+        confusion_picture=pictures.confusion(
+            done.confusion, "true effect", "named first", of=done.recordings, missing="those of two causes"
+        ),
         power_picture=pictures.power(done.power_by_size, done.power_by_gap, done.power_by_length),
         reliability_picture=pictures.reliability(done.first_statement, done.all_statements),
         shrinkage_picture=pictures.shrinkage(done.shrinkage),

@@ -11,8 +11,9 @@ from datagen.driving.tables import Piecewise
 from diagnosis.calibrating.calibrated import Calibrated
 from diagnosis.calibrating.sentences import sentences
 from diagnosis.calibrating.summary import CORRELATED
-from diagnosis.pages import page_environment
-from diagnosis.pictures import BLUE, GREY, ORANGE, RED, embedded, figure, readable
+from diagnosis.fitting.unknowns import LIMIT, within_limit
+from diagnosis.pages import long_named, page_environment
+from diagnosis.pictures import BLUE, GREY, ORANGE, RED, axis_label, calendar, embedded, figure, range_ends, readable
 from diagnosis.recording import DAY, HOUR
 from diagnosis.whole import whole
 
@@ -34,11 +35,15 @@ def write_calibration(done: Calibrated, folder: Path) -> None:
 def render(done: Calibrated) -> str:
     """The page as HTML, pictures and all."""
     environment = page_environment()
+    relative = {one.name: one.relative for one in done.problem.constants}
     return environment.get_template("calibration.html.j2").render(
         report=done.report,
         begin=done.problem.recording.began,
         days=done.report.steps * done.report.step / DAY,
         correlated_above=CORRELATED,
+        outputs={one.name: one.long_name for one in done.problem.system.outputs},
+        limit=f"{LIMIT:g}",
+        within=lambda name, value: within_limit(value, relative.get(name)),
         summary=sentences(done.report),
         fit_picture=_fit(done),
         parameter_picture=_parameters(done),
@@ -62,11 +67,12 @@ def _fit(done: Calibrated) -> str:
         simulated, _ = readable(done.fit.around.outputs[k], output.unit)
         panel.plot(_days(done), measured, ".", ms=2.5, color=BLUE, label="measured")
         panel.plot(_days(done), simulated, lw=1.1, color=ORANGE, label="fitted")
-        panel.set_ylabel(f"{name} [{unit}]")
+        panel.set_ylabel(axis_label(output, unit), fontsize=8)
         if not done.report.outputs[name].used:
             panel.set_title("replayed: drives the model, not fitted", fontsize=8, loc="right")
         widened(panel, SPAN * float(problem.floor[k]))
     panels[0].legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, fontsize=8)
+    calendar(panels[-1], done.problem.recording.began)
     panels[-1].set_xlabel(f"days since {done.problem.recording.began}")
     return embedded(made)
 
@@ -89,7 +95,8 @@ def _residuals(done: Calibrated) -> str:
         band = 1.96 * problem.floor[k]
         panel.axhspan(-band, band, color=GREY, alpha=0.2, lw=0)
         panel.plot(_days(done), left, lw=0.8, color=RED)
-        panel.set_ylabel(f"{name} [{problem.system.outputs[k].unit}]")
+        panel.set_ylabel(axis_label(problem.system.outputs[k], problem.system.outputs[k].unit), fontsize=8)
+    calendar(panels[-1], done.problem.recording.began)
     panels[-1].set_xlabel(f"days since {done.problem.recording.began}")
     return embedded(made)
 
@@ -106,11 +113,10 @@ def _parameters(done: Calibrated) -> str:
         panel.plot(place(one.value), row, "o", color=colour, ms=6)
         if one.zero_shot is not None:
             panel.plot(place(one.zero_shot), row, "D", color=ORANGE, ms=5)
-        panel.text(-0.01, row, f"{one.prior_min:g}", ha="right", va="center", fontsize=7)
-        panel.text(
-            1.01, row, f"{one.prior_max:g} {'' if one.unit == '1' else one.unit}", ha="left", va="center", fontsize=7
-        )
-    panel.set_yticks(range(len(report.parameters)), [one.name for one in report.parameters], fontsize=8)
+        range_ends(panel, described, row)
+    panel.set_yticks(
+        range(len(report.parameters)), [long_named(one.name, one.description) for one in report.parameters], fontsize=8
+    )
     panel.tick_params(axis="y", pad=34, length=0)
     panel.set_xlim(-0.02, 1.02)
     panel.set_xticks([])
@@ -164,5 +170,6 @@ def _inputs(done: Calibrated) -> str:
         signal = Piecewise(grid, persons, "previous")
         panel.step((grid - grid[0]) / DAY, signal.at(grid), where="post", lw=0.9, color=ORANGE)
         panel.set_ylabel(f"{system.inputs[place].name}\ninferred", fontsize=8)
+    calendar(panels[-1], done.problem.recording.began)
     panels[-1].set_xlabel(f"days since {done.problem.recording.began}")
     return embedded(made)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from diagnosis.calibrating.schema import Calibration
+from diagnosis.calibrating.schema import Calibration, Parameter
+from diagnosis.pages import long_named, within_sentence
 
 POOR = 0.5
 """A model that explains less than this share of what an output did is not believed."""
@@ -15,7 +16,7 @@ OUTER = 1.28
 ROUGH = 1.5
 """Noise of readings so many times the declared one is told."""
 FAR = 2.0
-"""Beyond this [prior standard deviations] an uncertain constant is not what the description allows."""
+"""Beyond this [prior standard deviations] an uncertain constant is not what the description expects."""
 
 
 def sentences(report: Calibration) -> list[str]:
@@ -35,7 +36,7 @@ def _lacking(report: Calibration) -> list[str]:
 
 
 def far_outside(factors: Mapping[str, tuple[float, float]], model: str = "") -> list[str]:
-    """That uncertain constants are far from what the description allows; nothing where none is.
+    """That uncertain constants are far from what the description expects; nothing where none is.
 
     Parameters
     ----------
@@ -45,7 +46,7 @@ def far_outside(factors: Mapping[str, tuple[float, float]], model: str = "") -> 
         Which model they are of, to begin the sentence with.
     """
     said = [
-        f"{name} x{factor:.2g} (allowed: x{np.exp(-FAR * relative):.2g} to x{np.exp(FAR * relative):.2g})"
+        f"{name} x{factor:.2g} (expected: x{np.exp(-FAR * relative):.2g} to x{np.exp(FAR * relative):.2g})"
         for name, (factor, relative) in factors.items()
         if is_far(factor, relative)
     ]
@@ -53,8 +54,8 @@ def far_outside(factors: Mapping[str, tuple[float, float]], model: str = "") -> 
         return []
     are, they = ("is", "it") if len(said) == 1 else ("are", "them")
     return [
-        f"{model}{', '.join(said)} {are} far outside of what the description allows: parameters that lean on {they} are"
-        " not to be believed."
+        f"{model}{', '.join(said)} {are} far outside of what the description expects: parameters that lean on {they}"
+        " are not to be believed."
     ]
 
 
@@ -78,18 +79,19 @@ def _factors(report: Calibration) -> dict[str, tuple[float, float]]:
 
 def _told(report: Calibration) -> list[str]:
     """What the recording tells of each parameter."""
-    groups: dict[str, list[str]] = {"well": [], "partly": [], "hardly": [], "pushed": [], "bound": []}
+    groups: dict[str, list[Parameter]] = {"well": [], "partly": [], "hardly": [], "pushed": [], "bound": []}
     for p, place in zip(report.parameters, report.z, strict=False):
         pushed = "pushed" if abs(place) > OUTER else "hardly"
-        groups["bound" if p.at_bound else pushed if p.identified == "hardly" else p.identified].append(p.name)
-    hardly = "It hardly tells {}: what is given for them is mostly the prior."
+        groups["bound" if p.at_bound else pushed if p.identified == "hardly" else p.identified].append(p)
+    them = "it" if len(groups["hardly"]) == 1 else "them"
+    hardly = f"It hardly tells {{}}: what is given for {them} is mostly the prior."
     if not report.converged:  # what still moved is in the interval, so that it looks like a prior that nothing moved
-        hardly = "It hardly tells {}, and the fit did not settle on them: values are not the prior's either."
+        hardly = f"It hardly tells {{}}, and the fit did not settle on {them}: values are not the prior's either."
     well = "The recording tells {} well."
     if any(is_far(*one) for one in _factors(report).values()):
         well = "Only with such constants does the recording tell {} as closely as their intervals say."
     said = [
-        words.format(", ".join(groups[kind]))
+        words.format(_listed(groups[kind]))
         for kind, words in (
             ("well", well),
             ("partly", "It tells {} in part."),
@@ -104,10 +106,15 @@ def _told(report: Calibration) -> list[str]:
     bound = groups["bound"]
     if bound:
         said.append(
-            f"{', '.join(bound)} {'lies' if len(bound) == 1 else 'lie'} on a bound of the range: either the range is"
+            f"{_listed(bound)} {'lies' if len(bound) == 1 else 'lie'} on a bound of the range: either the range is"
             " too narrow, or the model lacks something that the parameter makes up for."
         )
     return said
+
+
+def _listed(ones: Sequence[Parameter]) -> str:
+    """Parameters by what they are, with the names that the model has for them."""
+    return ", ".join(long_named(one.name, within_sentence(one.description)) for one in ones)
 
 
 def _meant(report: Calibration) -> list[str]:

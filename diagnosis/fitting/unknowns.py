@@ -25,6 +25,16 @@ EDGE = 0.01
 """A parameter this close to an end of its range, as a share of the range, lies on its bound."""
 
 
+def within_limit(factor: float, relative: float | None) -> float:
+    """An end of a factor's interval as it is shown: no further than a fit takes the constant.
+
+    ``relative`` is the prior standard deviation of its logarithm; what has none stays as it is.
+    """
+    if relative is None:
+        return factor
+    return float(np.clip(factor, np.exp(-LIMIT * relative), np.exp(LIMIT * relative)))
+
+
 @dataclass(frozen=True)
 class Unknowns:
     """Parameters by the probit of their place in their range, amplitudes in units of their scales, constants, levels.

@@ -56,6 +56,7 @@ def forecast(
     """
     from diagnosis.calibrating.sentences import sentences
     from diagnosis.forecasting.forecast import forecast as forecast_
+    from diagnosis.forecasting.sentences import answer
 
     with stages("reading", shown=not report.quiet) as tell:
         done = forecast_(
@@ -74,7 +75,8 @@ def forecast(
         return OK
     scored = {name: one for name, one in done.report.outputs.items() if one is not None}
     console.print(score_table(scored, within_the_band={name: one.covered for name, one in scored.items()}))
-    for sentence in sentences(done.report.calibration):
+    names = {one.name: one.long_name for one in done.system.outputs}
+    for sentence in answer(done.report, names) + sentences(done.report.calibration):
         console.print(sentence, markup=False)
     console.print(f"{out / 'forecast.html'}")
     return OK

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from diagnosis.calibrating.sentences import sentences
-from diagnosis.forecasting.forecasted import Forecasted, about_failed
+from diagnosis.forecasting.forecasted import Forecasted
+from diagnosis.forecasting.sentences import answer
 from diagnosis.pages import page_environment
-from diagnosis.pictures import BLUE, ORANGE, embedded, figure, readable
+from diagnosis.pictures import BLUE, ORANGE, axis_label, calendar, embedded, figure, readable
 from diagnosis.recording import DAY
 from diagnosis.whole import whole
 
@@ -25,10 +26,16 @@ def write_forecast(done: Forecasted, folder: Path) -> None:
 
 def render(done: Forecasted) -> str:
     """The page as HTML, pictures and all."""
-    environment, report = page_environment(), done.report
-    failed = [f"{about_failed(report.draws, report.failed)}."] if report.failed else []
-    return environment.get_template("forecast.html.j2").render(
-        report=report, summary=sentences(report.calibration) + failed, picture=_picture(done)
+    names = {one.name: one.long_name for one in done.system.outputs}
+    return (
+        page_environment()
+        .get_template("forecast.html.j2")
+        .render(
+            report=done.report,
+            summary=answer(done.report, names) + sentences(done.report.calibration),
+            outputs=names,
+            picture=_picture(done),
+        )
     )
 
 
@@ -47,7 +54,8 @@ def _picture(done: Forecasted) -> str:
         panel.fill_between(days, low, high, color=ORANGE, alpha=0.25, lw=0, label=f"{done.report.level:.0%} band")
         panel.plot(days, readable(done.measured[k], output.unit)[0], lw=1.0, color=BLUE, label="measured")
         panel.plot(days, readable(done.centre[k], output.unit)[0], "--", lw=1.0, color=ORANGE, label="model")
-        panel.set_ylabel(f"{output.name} [{unit}]")
+        panel.set_ylabel(axis_label(output, unit), fontsize=8)
     panels[0].legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3, fontsize=8)
+    calendar(panels[-1], done.report.begin)
     panels[-1].set_xlabel(f"days since {done.report.begin}; shaded: the context")
     return embedded(made)

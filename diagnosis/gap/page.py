@@ -7,13 +7,19 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from diagnosis.fitting.unknowns import LIMIT, within_limit
 from diagnosis.gap.concluded import Diagnosis
 from diagnosis.gap.pictures import SHOWN, draw_angles, draw_candidates, draw_outputs, draw_parameters, draw_shares
+from diagnosis.gap.reporting import sensors_among
+from diagnosis.gap.scan import LEVEL, NEGLIGIBLE
+from diagnosis.gap.schema import Place
 from diagnosis.gap.twins import SHOWN as SHOWN_TWINS
 from diagnosis.pages import page_environment
-from diagnosis.pictures import embedded
+from diagnosis.pictures import at_day, embedded
 from diagnosis.recording import DAY
+from diagnosis.where.ink import readable
 from diagnosis.where.pictures import draw_cells, draw_correlations
+from diagnosis.where.source import Source, Verdict
 from diagnosis.where.timelines import draw_episodes, draw_sources
 from diagnosis.whole import whole
 
@@ -36,7 +42,11 @@ def write_report(done: Diagnosis, folder: Path) -> None:
 def render(done: Diagnosis) -> str:
     """The page as HTML, pictures and all."""
     environment = page_environment(decimals=0)
-    begin = done.whole.recording.zero + np.timedelta64(round(done.report.start), "s")
+    zero, system = done.whole.recording.zero, done.whole.system
+    begin = zero + np.timedelta64(round(done.report.start), "s")
+    environment.filters["dated"] = lambda one: dated(one, zero)
+    relative = {one.name: one.relative for one in done.base.problem.constants}
+    widest = {one.name: float(max(abs(one.estimate).max(), abs(one.high).max())) for one in _sources(done)}
     return environment.get_template("gap.html.j2").render(
         report=done.report,
         headline=VERDICTS[done.report.verdict],
@@ -47,6 +57,15 @@ def render(done: Diagnosis) -> str:
         days=done.report.steps * done.report.step / DAY,
         shown=SHOWN_TWINS,
         against=_against(done),
+        outputs={one.name: one.long_name for one in system.outputs},
+        parameters={one.name: one.description for one in system.parameters}
+        | {one.name: one.description for one in system.uncertain},
+        negligible=f"{NEGLIGIBLE:g}",
+        level=f"{LEVEL:.0%}",
+        limit=f"{LIMIT:g}",
+        constants=relative,
+        within=lambda name, value: within_limit(value, relative.get(name)),
+        shown_in=lambda one: readable(one.unit, widest.get(one.name, 0.0)),
         pictures=_pictures(done),
     )
 
@@ -57,15 +76,32 @@ def _against(done: Diagnosis) -> dict[str, str]:
     if tested is None:
         return {}
     labels = dict(zip(residuals.names, residuals.labels, strict=True))
-    return {one.name: tested.words(one, labels[one.rival]) for one in tested.sources}
+    answered = answered_by(done)
+    return {one.name: tested.words(one, labels[one.rival], answered=answered) for one in tested.sources}
+
+
+def _sources(done: Diagnosis) -> list[Source]:
+    return done.where.sources.sources if done.where.sources is not None else []
+
+
+def answered_by(done: Diagnosis) -> set[Verdict]:
+    """What the effects that the answer names are: errors of a sensor, of a balance, or both."""
+    sensors = sensors_among(done.search.stages[0])
+    return {"sensor" if one.name in sensors else "balance" for one in done.report.effects if one.named}
+
+
+def dated(one: Place, zero: np.datetime64) -> str:
+    """The dates of a finding that has a time, in brackets; nothing for others."""
+    stretch = [float(one.cell[key]) for key in ("first_s", "last_s") if key in one.cell]
+    return f" ({' to '.join(at_day(zero, second, minutes=True) for second in stretch)})" if stretch else ""
 
 
 def _pictures(done: Diagnosis) -> dict[str, str]:
     """All pictures by name, those that there is something to show in."""
-    where, scan = done.where, done.search.stages[0].scan
+    where, scan, zero = done.where, done.search.stages[0].scan, done.whole.recording.zero
     made: dict[str, Figure] = {
         "outputs": draw_outputs(done),
-        "episodes": draw_episodes(where.residuals, where.episodes, alpha=where.alpha_in("episodes")),
+        "episodes": draw_episodes(where.residuals, where.episodes, alpha=where.alpha_in("episodes"), zero=zero),
         "parameters": draw_parameters(done),
     }
     looked = [where.residuals.names[k] for k in where.cells.channels]
@@ -82,7 +118,7 @@ def _pictures(done: Diagnosis) -> dict[str, str]:
             where.residuals, where.correlations, alpha=where.alpha_in("correlations")
         )
     if where.sources is not None:
-        made["sources"] = draw_sources(where.residuals, where.sources)
+        made["sources"] = draw_sources(where.residuals, where.sources, answered=answered_by(done), zero=zero)
     if any(one.share is not None for one in done.report.shrinkage):
         made["shares"] = draw_shares(done)
     return {name: embedded(one) for name, one in made.items()}

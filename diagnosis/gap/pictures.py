@@ -2,46 +2,46 @@
 
 from __future__ import annotations
 
+from textwrap import fill
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
 from diagnosis.gap.concluded import Diagnosis
-from diagnosis.gap.scan import LEVEL, NEGLIGIBLE
 from diagnosis.gap.shrinkage import left_by
-from diagnosis.pictures import BLUE, GREY, ORANGE, RED, figure, readable
+from diagnosis.pages import long_named
+from diagnosis.pictures import BLUE, GREY, ORANGE, RED, axis_label, calendar, figure, range_ends, readable
 from diagnosis.recording import DAY
 
 SHOWN = 0.5
 """Expected log-likelihood ratio at one scale from which a candidate's angles are shown."""
 LEAST = -0.5
 """Shares below this are drawn here, with their number."""
+_LEAST_SHARE = 0.01
+"""Where the bars of candidates begin, as a share of the mark: what has less has no bar."""
+_HATCH = "#b8a468"
 _MOST = 14
 """Candidates that a picture shows."""
 
 
 def draw_candidates(done: Diagnosis) -> Figure:
-    """What is tested of all candidates' log-likelihood ratios beside what it must reach, all of them considered."""
+    """What is tested of all candidates' log-likelihood ratios over what each must reach, all of them considered."""
     scan = done.search.stages[0].scan
-    order = np.argsort(-scan.beyond / scan.threshold, kind="stable")[:_MOST][::-1]
+    share = scan.beyond / scan.threshold
+    order = np.argsort(-share, kind="stable")[:_MOST][::-1]
     made = Figure(figsize=(10, 0.28 * len(order) + 1.0), layout="constrained")
     axes = made.subplots()
     names = [scan.effects[j].name for j in order]
     named = {name for one in done.report.sets for name in one}
-    shortest = min(0.05, float(scan.threshold.min(initial=1.0)) / 2)
-    axes.barh(names, np.maximum(scan.beyond[order], shortest), color=[BLUE if n in named else GREY for n in names])
-    axes.scatter(scan.threshold[order], names, marker="|", s=90, color=RED, zorder=3)
+    axes.barh(names, share[order], color=[BLUE if n in named else GREY for n in names])
+    axes.axvline(1, color=RED, lw=1.5)
     axes.set_xscale("log")
-    axes.set_xlabel(
-        f"log-likelihood ratio beyond that of {NEGLIGIBLE:g} of the usual size, "
-        "each with the parameters refitted on the straight line (log scale)"
-    )
-    axes.set_title(
-        f"Red: in {LEVEL:.0%} of the twins, which have no gap, some candidate reaches its own mark. Blue: the answer.",
-        fontsize=9,
-        loc="left",
-    )
+    axes.set_xlim(_LEAST_SHARE, max(3.0, 1.5 * float(share.max(initial=0.0))))
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.set_xlabel("log-likelihood ratio over its mark (log scale)")
+    axes.set_title("Red: the mark. Blue: the answer.", fontsize=9, loc="left")
     return made
 
 
@@ -67,7 +67,7 @@ def draw_angles(done: Diagnosis) -> Figure:
 def draw_outputs(done: Diagnosis) -> Figure:
     """Residuals of the base model and with the chosen effects; grey is what noise allows.
 
-    With effects both are of the fits that do without the shaded part.
+    With effects both are of the fits that do without the hatched part.
     """
     first = done.search.stages[0]
     base, found = first.twins.residual, None
@@ -81,29 +81,33 @@ def draw_outputs(done: Diagnosis) -> Figure:
     for panel, k in zip(panels, channels, strict=True):
         output = problem.system.outputs[k]
         size = float(np.hypot(*first.colours.best[k][:2]))
-        panel.axhspan(-2 * size, 2 * size, color=GREY, alpha=0.2, lw=0)
+        panel.axhspan(-2 * size, 2 * size, color=GREY, alpha=0.2, lw=0, label="two standard deviations of noise")
         panel.plot(days, base[k], color=ORANGE, lw=0.9, label="base model")
         if found is not None:
             panel.plot(days, found[k], color=BLUE, lw=0.9, label="with the effects found")
-            _shade(panel, days - problem.recording.step / DAY, days, done.scored)
-        panel.set_ylabel(f"{output.name} [{readable(np.zeros(1), output.unit)[1].replace('°C', 'K')}]")
-    panels[0].legend(loc="lower right", bbox_to_anchor=(1, 1), fontsize=8, ncols=2, frameon=False)
-    panels[-1].set_xlabel("days of the recording")
+            _hatch(panel, days - problem.recording.step / DAY, days, done.scored)
+        panel.set_ylabel(axis_label(output, readable(np.zeros(1), output.unit)[1].replace("°C", "K")), fontsize=8)
+    panels[0].legend(loc="lower right", bbox_to_anchor=(1, 1), fontsize=8, ncols=4, frameon=False)
+    calendar(panels[-1], problem.recording.began)
+    panels[-1].set_xlabel("days of the recording, and the date on which they begin")
     return made
 
 
-def _shade(panel: Axes, begins: np.ndarray, ends: np.ndarray, scored: np.ndarray) -> None:
-    """Shade runs of scored steps from the begin of the first to the end of the last, all (steps,) [d]."""
+def _hatch(panel: Axes, begins: np.ndarray, ends: np.ndarray, scored: np.ndarray) -> None:
+    """Hatch runs of scored steps from the begin of the first to the end of the last, all (steps,) [d]."""
     turns = np.flatnonzero(np.diff(scored.astype(int), prepend=0, append=0))
     for first, after in zip(turns[::2], turns[1::2], strict=True):
-        panel.axvspan(begins[first], ends[after - 1], color=GREY, alpha=0.12, lw=0)
+        panel.axvspan(
+            begins[first], ends[after - 1], facecolor="none", edgecolor=_HATCH, hatch="//", lw=0, zorder=0,
+            label="days kept from the fit" if first == turns[0] else None,
+        )  # fmt: skip
 
 
 def draw_parameters(done: Diagnosis) -> Figure:
     """Parameters before and after, in their ranges, each in the scale of its prior."""
     system = done.base.problem.system
     rows = done.report.parameters
-    made = Figure(figsize=(10, 0.36 * len(rows) + 0.8), layout="constrained")
+    made = Figure(figsize=(10, 0.36 * len(rows) + 0.5), layout="constrained")
     axes = made.subplots()
     for i, (one, parameter) in enumerate(zip(rows, system.parameters, strict=True)):
         at = parameter.to_unit
@@ -114,15 +118,21 @@ def draw_parameters(done: Diagnosis) -> Figure:
         if one.after is not None and one.after_low is not None and one.after_high is not None:
             axes.plot([at(one.after_low), at(one.after_high)], [y - 0.14] * 2, color=BLUE, lw=2)
             axes.plot(at(one.after), y - 0.14, "o", color=RED if one.at_bound_after else BLUE, ms=5)
-    axes.set_yticks(range(len(rows)), [one.name for one in rows][::-1])
-    axes.set_xticks([0, 1], ["least", "greatest"])
-    axes.spines[["top", "right", "left"]].set_visible(False)
+        range_ends(axes, parameter, y)
+    axes.set_yticks(
+        range(len(rows)), [long_named(one.name, one.description) for one in system.parameters][::-1], fontsize=8
+    )
+    axes.tick_params(axis="y", pad=34, length=0)
+    axes.set_xlim(-0.02, 1.02)
+    axes.set_xticks([])
+    axes.spines[["top", "right", "left", "bottom"]].set_visible(False)
     return made
 
 
 def draw_shares(done: Diagnosis) -> Figure:
     """Shares of the gap that the effects remove, beside placebos: as the page and the answer tell them."""
     rows = [one for one in done.report.shrinkage if one.share is not None]
+    long = {one.name: one.long_name for one in done.base.problem.system.outputs}
     made = Figure(figsize=(10, 0.5 * len(rows) + 0.9), layout="constrained")
     axes = made.subplots()
     for y, one in enumerate(reversed(rows)):
@@ -136,7 +146,7 @@ def draw_shares(done: Diagnosis) -> Figure:
                 axes.annotate(f"{value:.0%} ←", (LEAST - 0.01, height), ha="right", va="center", fontsize=8)
     axes.axvline(0, color=GREY, lw=1)
     axes.axvline(1, color=GREY, lw=1, ls=":")
-    axes.set_yticks(range(len(rows)), [one.channel for one in reversed(rows)])
+    axes.set_yticks(range(len(rows)), [fill(long_named(one.channel, long), 30) for one in reversed(rows)], fontsize=8)
     axes.xaxis.set_major_formatter(PercentFormatter(1.0))
     axes.set_xlabel("share of the gap above the noise that is gone (blue, 90 % interval); placebo (grey cross)")
     axes.set_xlim(LEAST - 0.1, 1.05)

@@ -104,10 +104,11 @@ def reported(
         cpu_seconds=cpu_seconds,
     )
     limited = limits(report) + strained(report, {one.name: one.relative for one in problem.constants})
-    return report.model_copy(update={"summary": summary(report, _sensors(first)), "limits": limited})
+    long = {one.name: one.long_name for one in problem.system.outputs}
+    return report.model_copy(update={"summary": summary(report, sensors_among(first), long), "limits": limited})
 
 
-def _sensors(first: Stage) -> set[str]:
+def sensors_among(first: Stage) -> set[str]:
     """Names of the candidates that are errors of a sensor: they touch what is shown of an output."""
     return {one.name for one in first.lin.effects if any(what.startswith("output:") for what in one.changes)}
 

@@ -77,6 +77,11 @@ class ShrinkageOf(_Table):
         return share, low, high
 
     @property
+    def all_gone(self) -> bool:
+        """Whether even the lower end of the interval is told as all of the gap."""
+        return self.told[1] is not None and f"{self.told[1]:.0%}" == f"{1:.0%}"
+
+    @property
     def few(self) -> bool:
         """Whether there are too few readings to tell."""
         return self.readings < FEWEST

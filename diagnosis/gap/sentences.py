@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
+from types import MappingProxyType
 
 from diagnosis.gap.schema import FEWEST, NamedEffect, Report, ShrinkageOf
 from diagnosis.gap.stages import LEVEL, PLAIN
+from diagnosis.pages import long_named, percent, within_sentence
 from shared.variables import spaced
 
 NEEDED = 0.05
@@ -14,15 +16,17 @@ LISTED = 6
 """So many names of a set are said."""
 
 
-def summary(report: Report, sensors: Collection[str] = ()) -> list[str]:
+def summary(
+    report: Report, sensors: Collection[str] = (), names: Mapping[str, str] = MappingProxyType({})
+) -> list[str]:
     """Where, which, and how far; how sure is said with each.
 
-    ``sensors``: names of the candidates that are errors of a sensor.
+    ``sensors``: names of the candidates that are errors of a sensor. ``names``: what outputs are, by name.
     """
-    return [_where(report, sensors), _which(report), _how_far(report)]
+    return [_where(report, sensors, names), _which(report), _how_far(report, names)]
 
 
-def _where(report: Report, sensors: Collection[str]) -> str:
+def _where(report: Report, sensors: Collection[str], names: Mapping[str, str]) -> str:
     if report.verdict == "no_gap":
         return _nowhere(report)
     if not report.where:
@@ -33,7 +37,7 @@ def _where(report: Report, sensors: Collection[str]) -> str:
     measured = [one.channel for one in others if one.kind != "source"]  # a source may have the name of an output
     channels = list(dict.fromkeys(one for one in measured if one != best.channel or best.kind == "source"))
     more = f"; {len(others)} more findings" if others else ""
-    also = f", also in {', '.join(channels)}" if channels else ""
+    also = f", also in {', '.join(long_named(one, names) for one in channels)}" if channels else ""
     return f"Where: {best.text}{more}{also}.{_kind(report, sensors)}"
 
 
@@ -120,7 +124,7 @@ def _left(report: Report) -> str:
 
 
 def _named(one: NamedEffect) -> str:
-    what = f"{one.description[:1].lower()}{one.description[1:]} ({one.name})" if one.description else one.name
+    what = long_named(one.name, within_sentence(one.description))
     return f"{what}, by {_amount(one)}, with probability {one.probability:.0%}"
 
 
@@ -141,7 +145,7 @@ def _amount(one: NamedEffect) -> str:
     return f"{one.amplitude:.3g}{spaced(one.unit)} ({one.low:.3g} to {one.high:.3g})"
 
 
-def _how_far(report: Report) -> str:
+def _how_far(report: Report, long: Mapping[str, str]) -> str:
     if report.verdict == "no_gap":
         return "How far: there is no gap to shrink."
     chosen = report.stages[-1].effects
@@ -155,7 +159,7 @@ def _how_far(report: Report) -> str:
             " longer recording would tell."
         )
     shares = [one for one in report.shrinkage if one.share is not None]
-    few = [one.channel for one in report.shrinkage if one.few]
+    few = [long_named(one.channel, long) for one in report.shrinkage if one.few]
     if len(few) == len(report.shrinkage):
         return (
             f"How far: the part that is kept from a fit for that has fewer than {FEWEST} readings of any channel, too"
@@ -167,7 +171,7 @@ def _how_far(report: Report) -> str:
             "How far: on the days that are kept from a fit for that, no channel's gap stands out from the noise, so no"
             f" share of it can be given.{untold}"
         )
-    said = ", ".join(_removed(one) for one in shares)
+    said = ", ".join(_removed(one, long_named(one.channel, long)) for one in shares)
     placebo = max((one.placebo or 0.0) for one in shares)
     days = (
         "days that took no part in the fit"
@@ -178,21 +182,21 @@ def _how_far(report: Report) -> str:
     what = {"none_of_these": f"even the nearest ({names})", "ambiguous": names}.get(report.verdict, "this")
     return (
         f"How far: on {days}, {what} removes {said} of the gap above noise;"
-        f" a meaningless signature of equal freedom removes {placebo:.0%} on average where it removes most."
+        f" a meaningless signature of equal freedom removes {_share(placebo)} on average where it removes most."
     )
 
 
-def _removed(one: ShrinkageOf) -> str:
+def _removed(one: ShrinkageOf, channel: str) -> str:
     """Share and interval of a channel; where even the lower end is all of the gap, what is left, beside the noise."""
     share, low, high = one.told
-    if _share(low) != _share(1.0):  # an interval of no width would be told
-        return f"{_share(share)} in {one.channel} (90 % interval {_share(low)} to {_share(high)})"
+    if not one.all_gone:  # an interval of no width would be told
+        return f"{_share(share)} in {channel} (90 % interval {_share(low)} to {_share(high)})"
     return (
-        f"all in {one.channel} (left are {one.after:.3g}{spaced(one.unit)}, root mean square, where noise is taken for"
+        f"all in {channel} (left are {one.after:.3g}{spaced(one.unit)}, root mean square, where noise is taken for"
         f" {one.floor:.3g}{spaced(one.unit)})"
     )
 
 
 def _share(value: float | None) -> str:
     """A share as text."""
-    return "?" if value is None else f"{value:.0%}"
+    return "?" if value is None else percent(value, 0)

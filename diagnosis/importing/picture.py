@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -41,6 +42,16 @@ def draw_recording(series: Sequence[Series], time: np.ndarray, clock: Clock, tit
     panels[-1].xaxis.set_major_formatter(matplotlib.dates.ConciseDateFormatter(locator))
     hours = clock.offset / 3600.0
     panels[-1].set_xlabel(f"local standard time (UTC{hours:+g} h, no daylight saving)")
+    labels = {text: handle for axes in panels for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)}
+    if len(labels) > 1:
+        figure.legend(
+            list(labels.values()),
+            list(labels),
+            loc="outside lower center",
+            ncols=len(labels),
+            fontsize=8,
+            frameon=False,
+        )
     figure.suptitle(title, fontsize=11)
     return as_png(figure)
 
@@ -76,8 +87,12 @@ def _panel(axes: Axes, one: Series, time: np.ndarray, clock: Clock) -> None:
                 at = clock.dates(signal.middle[chosen])
                 axes.plot(at, values, mark, color="#cc3311", markersize=4, label=text)
     axes.set_ylabel(f"{one.target.name}\n[{'°C' if one.target.unit == 'K' else one.target.unit}]")
-    axes.set_title(one.origin, loc="left", fontsize=8, pad=2)
+    axes.set_title(_from(one.origin), loc="left", fontsize=8, pad=2)
     axes.margins(x=0.005)
     axes.grid(alpha=0.25)
-    if len(axes.get_legend_handles_labels()[1]) > 1:
-        axes.legend(fontsize=7, loc="upper right", ncols=3, framealpha=0.8)
+
+
+def _from(origin: str) -> str:
+    """Where a variable comes from; the unit of a column is the log's, and not that of the axis."""
+    column = re.fullmatch(r"(.+) \[(.*)\]", origin)
+    return f"from {column[1]} ({column[2]})" if column else origin

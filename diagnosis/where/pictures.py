@@ -17,6 +17,8 @@ from diagnosis.where.ink import DIVERGING, MEASURED, QUIET, TWINS, outline
 from diagnosis.where.series import HOUR, Residuals
 
 _UNTESTED = "#dddddd"
+MOST = 10.0
+"""The colours of scatter end at so many times that of twins, and at that part of it."""
 
 
 def draw_cells(
@@ -40,7 +42,7 @@ def draw_cells(
     figure.suptitle(
         "Where measurement and calibrated model differ\n"
         "Left: red measured higher, blue lower.  Right: red more scatter than in twins without a gap, blue less.\n"
-        f"Black frame: beyond what {len(residuals.replicates)} twins show, whatever is looked at.  "
+        f"Black frame: beyond what {len(residuals.replicates)} twins show, whatever is looked at; right only more.  "
         "Grey: too few readings.",
         fontsize=10,
     )
@@ -107,16 +109,18 @@ def _draw_scatter(
     sure = cells.laid_out(cells.test.adjusted)[c, :, variance] <= alpha
     at = {w.day_type: j for j, w in enumerate(cells.windows) if (w.start, w.stop) == (0, 24)}
     image = np.array([[ratio[b, regime, at[day]] for b in range(len(cells.bands))] for _, regime, day in rows])
-    bound = max(2.0, float(np.nanmax(np.maximum(image, 1 / image)))) if np.isfinite(image).any() else 2.0
+    largest = float(np.nanmax(np.maximum(image, 1 / np.maximum(image, 1e-9)))) if np.isfinite(image).any() else 2.0
+    bound = min(max(2.0, largest), MOST)  # one odd cell must not bleach all others
     axes.set_facecolor(_UNTESTED)
     shown = axes.imshow(image, cmap=DIVERGING, norm=LogNorm(1 / bound, bound), aspect="auto", interpolation="nearest")
-    outline(axes, np.array([[sure[b, regime, at[day]] for b in range(len(cells.bands))] for _, regime, day in rows]))
+    framed = np.array([[sure[b, regime, at[day]] for b in range(len(cells.bands))] for _, regime, day in rows])
+    outline(axes, framed & (image > 1))  # twins that scatter more than the recording are no gap of it
     for i in range(len(rows)):
         for b in range(len(cells.bands)):
             if np.isfinite(image[i, b]):
-                dark = abs(np.log(image[i, b])) > 0.6 * np.log(bound)
+                dark = abs(np.log(max(image[i, b], 1e-9))) > 0.6 * np.log(bound)
                 axes.text(
-                    b, i, f"{image[i, b]:.1f}", ha="center", va="center", fontsize=7, color="white" if dark else "black"
+                    b, i, _ratio(image[i, b]), ha="center", va="center", fontsize=7, color="white" if dark else "black"
                 )
     axes.set_yticks([])
     axes.set_xticks(range(len(cells.bands)), [BRIEF[b] for b in cells.bands], fontsize=8)
@@ -127,6 +131,11 @@ def _draw_scatter(
     bar.set_ticks([1 / bound, bound**-0.5, 1.0, bound**0.5, bound])
     bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"x{value:.2g}"))
     bar.ax.yaxis.set_minor_formatter(NullFormatter())
+
+
+def _ratio(value: float) -> str:
+    """A ratio of two significant digits that fits into a cell."""
+    return "<.01" if value < 0.01 else ">99" if value >= 99.5 else f"{value:#.2g}".rstrip(".")
 
 
 def draw_correlations(residuals: Residuals, found: CorrelationTest, *, alpha: float = 0.05, most: int = 3) -> Figure:

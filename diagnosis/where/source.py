@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal
 
@@ -12,6 +13,10 @@ from diagnosis.where.significance import MaxTest
 
 STRONG = 3.0
 """Log likelihood ratio that Kass and Raftery (1995) call strong."""
+
+SUSPECT = "suspect that sensor"
+OTHERWISE = "that is of the base model, and the answer explains it otherwise"
+"""Of a source whose rival, or of a sensor whose source, is beside the answer."""
 
 Verdict = Literal["balance", "sensor", "undecided", "none"]
 
@@ -82,27 +87,31 @@ class SourceTest:
     findings: list[Finding]
     stands: bool = True
 
-    def words(self, one: Source, rival: str, alpha: float = 0.05) -> str:
+    def words(self, one: Source, rival: str, alpha: float = 0.05, *, answered: Collection[Verdict] = ()) -> str:
         """What the tests say of a source and its rival, whose label is given; goes on after the source's own label.
 
         Where a source explains no more than in twins, its rival may still be what another source explains better: a
         sensor is suspected only where the sensors' own test says so, of all sources and sensors together.
+        All that is of the base model alone: ``answered`` says of which sort the effects are that an answer names, which
+        were fitted with the parameters and are not contradicted.
         """
         if one.verdict == "none":
             return "explains no more than in twins without a gap"
         # a page that finds no place must not name a sensor or a balance
         suspected = self.stands and self.verdict == "sensor" and self.suspect == one.rival
+        suspect = OTHERWISE if "balance" in answered else SUSPECT
+        off = OTHERWISE if "sensor" in answered else "this balance is off"
         if not one.needed(alpha):
-            instead = f"; an error of {rival} alone explains more: suspect that sensor" if suspected else ""
+            instead = f"; an error of {rival} alone explains more: {suspect}" if suspected else ""
             return f"explains no more than in twins without a gap: none of it is needed{instead}"
         if not self.stands:
             return "explains more than in twins without a gap, but not once all places are tested together"
         if one.verdict == "balance":
-            return f"explains the residual better than an error of {rival} alone: this balance is off"
+            return f"explains the residual better than an error of {rival} alone: {off}"
         if one.verdict == "undecided":
             return f"and an error of {rival} alone explain the residual about equally well"
         worse = f"explains the residual worse than an error of {rival} alone"
-        return f"{worse}: suspect that sensor" if suspected else worse
+        return f"{worse}: {suspect}" if suspected else worse
 
     @property
     def verdict(self) -> Verdict:

@@ -2,25 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from diagnosis.pictures import calendar
 from diagnosis.where.episodes import REST, EpisodeTest
 from diagnosis.where.ink import MEASURED, QUIET, TWINS, readable
 from diagnosis.where.series import DAY, Residuals
-from diagnosis.where.source import SourceTest
+from diagnosis.where.source import SourceTest, Verdict
 from shared.variables import spaced
 
 _WIDTH = 150
 """So many letters of a title fit above a panel."""
+_ROWS, _LABEL = 5, 0.13
+"""Heights at which labels of stretches stand at least, and the height of one, as a share of the panel's."""
 _SPAN = "#ee9944"
 
 
-def draw_episodes(residuals: Residuals, found: EpisodeTest, *, alpha: float = 0.05) -> Figure:
-    """The residual of each channel against time, what twins show, and the stretches that stand out."""
+def draw_episodes(
+    residuals: Residuals, found: EpisodeTest, *, alpha: float = 0.05, zero: np.datetime64 | None = None
+) -> Figure:
+    """The residual of each channel against time, what twins show, and the stretches that stand out.
+
+    ``zero`` is the date from which time runs, for dates below the days.
+    """
     down = len(found.channels)
     figure = Figure(figsize=(12.5, 2.1 * down + 0.9), layout="constrained")
     panels = figure.subplots(down, 1, squeeze=False, sharex=True)[:, 0]
@@ -32,10 +41,14 @@ def draw_episodes(residuals: Residuals, found: EpisodeTest, *, alpha: float = 0.
         axes.axhline(0, color="black", linewidth=0.6)
         axes.plot(days, residuals.observed[k], color=QUIET, linewidth=0.9, label="this recording")
         _weekends(axes, residuals, begin)
-        heights = iter(np.tile([0.92, 0.78, 0.64], 10))
-        for one, (first, last) in zip(found.findings, found.spans, strict=True):
-            if one.channel != residuals.names[k] or one.p_value > alpha:
-                continue
+        _within(axes, residuals.observed[k], low, high)
+        own = [
+            (one, span)
+            for one, span in zip(found.findings, found.spans, strict=True)
+            if one.channel == residuals.names[k] and one.p_value <= alpha
+        ]
+        heights = np.linspace(0.95, 0.05 + _LABEL, max(len(own), _ROWS))
+        for place, (one, (first, last)) in enumerate(own):
             first, last = (first - begin) / DAY, (last - begin) / DAY
             briefly = one.direction.replace(REST, "than the rest").removeprefix("measured ")
             axes.axvspan(first, last, color=_SPAN, alpha=0.35, linewidth=0)
@@ -43,17 +56,22 @@ def draw_episodes(residuals: Residuals, found: EpisodeTest, *, alpha: float = 0.
                 axes.axvline(edge, color=MEASURED, linewidth=1.0, linestyle="--")
             axes.text(
                 (first + last) / 2,
-                next(heights),
+                heights[place],
                 f"{briefly} by {abs(one.size):.3g}{spaced(one.unit)}",
                 transform=axes.get_xaxis_transform(),
-                ha="left" if (first + last) / 2 < days[-1] * 0.12 else "right" if first > days[-1] * 0.88 else "center",
+                ha="left"
+                if (first + last) / 2 < days[-1] * 0.12
+                else "right"
+                if (first + last) / 2 > days[-1] * 0.88
+                else "center",
                 va="top",
                 fontsize=8,
                 bbox={"facecolor": "white", "edgecolor": MEASURED, "pad": 1.5, "alpha": 0.9},
+                zorder=3 + (len(own) - place) / len(own),  # the surest on top
             )
         _frame(axes, days, f"{residuals.labels[k]}\n[{residuals.units[k]}]")
-    panels[0].legend(fontsize=8, loc="upper right", bbox_to_anchor=(1, 1.22), ncols=2, frameon=False)
-    panels[-1].set_xlabel("day of the record", fontsize=9)
+    panels[0].legend(fontsize=8, loc="lower right", bbox_to_anchor=(1, 1), ncols=2, frameon=False)
+    _days_below(panels[-1], begin, zero)
     figure.suptitle(
         "When the residual (measured minus model) changes\n"
         "Orange: stretches that differ from the rest of the recording.  Light stripes: weekends.",
@@ -62,8 +80,18 @@ def draw_episodes(residuals: Residuals, found: EpisodeTest, *, alpha: float = 0.
     return figure
 
 
-def draw_sources(residuals: Residuals, found: SourceTest, *, alpha: float = 0.05) -> Figure:
-    """Each source that would close the residual, its uncertainty, and what twins without a gap would ask for."""
+def draw_sources(
+    residuals: Residuals,
+    found: SourceTest,
+    *,
+    alpha: float = 0.05,
+    answered: Collection[Verdict] = (),
+    zero: np.datetime64 | None = None,
+) -> Figure:
+    """Each source that would close the residual, its uncertainty, and what twins without a gap would ask for.
+
+    ``answered``: see :meth:`~diagnosis.where.source.SourceTest.words`. ``zero`` is the date from which time runs.
+    """
     figure = Figure(figsize=(12.5, 2.5 * len(found.sources) + 1.1), layout="constrained")
     panels = figure.subplots(len(found.sources), 1, squeeze=False, sharex=True)[:, 0]
     begin = float(residuals.time[0] - residuals.step)
@@ -101,11 +129,11 @@ def draw_sources(residuals: Residuals, found: SourceTest, *, alpha: float = 0.05
         _weekends(axes, residuals, begin)
         _frame(axes, edges, f"{one.label}\n[{unit}]")
         said = (
-            f"{one.label} {found.words(one, labels[one.rival], alpha)}"
+            f"{one.label} {found.words(one, labels[one.rival], alpha, answered=answered)}"
             f" (p = {one.p_value:.2g}, roughness {one.roughness:.1f}: 0 smooth, 2 noise, 4 spikes)"
         )
         axes.set_title(fill(said, _WIDTH), fontsize=9, loc="left")
-    panels[-1].set_xlabel("day of the record", fontsize=9)
+    _days_below(panels[-1], begin, zero)
     handles = {text: handle for axes in panels for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)}
     figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=3, fontsize=8, frameon=False)
     figure.suptitle(
@@ -126,6 +154,22 @@ def _band(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _weekends(axes: Axes, residuals: Residuals, begin: float) -> None:
     for day in np.unique(residuals.day[residuals.weekend]):
         axes.axvspan((day * DAY - begin) / DAY, ((day + 1) * DAY - begin) / DAY, color="#f3efe0", linewidth=0, zorder=0)
+
+
+def _days_below(axes: Axes, begin: float, zero: np.datetime64 | None) -> None:
+    """What the horizontal axis counts, with dates if there is a calendar; ``begin`` [s since ``zero``]."""
+    axes.set_xlabel("day of the record", fontsize=9)
+    if zero is not None:
+        calendar(axes, zero + np.timedelta64(round(begin), "s"))
+
+
+def _within(axes: Axes, residual: np.ndarray, low: np.ndarray, high: np.ndarray) -> None:
+    """Limits from the residual and the band's median width: single steps at which the twins are wide say little."""
+    wide = float(np.nanmedian(high - low)) if np.isfinite(high - low).any() else 0.0
+    seen = residual[np.isfinite(residual)]
+    least, most = min(seen.min(initial=0.0), -0.75 * wide), max(seen.max(initial=0.0), 0.75 * wide)
+    spare = 0.08 * (most - least) or 1.0
+    axes.set_ylim(least - spare, most + spare)
 
 
 def _frame(axes: Axes, days: np.ndarray, label: str) -> None:

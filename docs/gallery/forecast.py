@@ -120,9 +120,12 @@ def draw(made: Forecast, path: Path) -> None:
     figure, axes = plt.subplots(len(SHOWN), 1, figsize=(9, 5), sharex=True, layout="constrained")
     days = np.arange(1, AHEAD + 1) / 24
     for k, (axis, label) in enumerate(zip(axes, SHOWN.values(), strict=True)):
-        for cloud, colour, name in ((made.prior, "0.85", "without measurements"), (made.draws, "#9ecae1", "forecast")):
-            low, high = np.percentile(cloud[..., k], [5, 95], axis=0)
-            axis.fill_between(days, low, high, color=colour, label=f"{name}, 90 %")
+        low, high = np.percentile(made.draws[..., k], [5, 95], axis=0)
+        axis.fill_between(days, low, high, color="#9ecae1", label="forecast, 90 %")
+        for edge, said in zip(
+            np.percentile(made.prior[..., k], [5, 95], axis=0), ("without measurements, 90 %", None), strict=True
+        ):
+            axis.plot(days, edge, color="0.35", lw=0.9, ls="--", label=said)
         axis.plot(days, np.median(made.draws[..., k], axis=0), color="#1f5fa8", lw=1, label="median")
         axis.plot(days, made.truth[:, k], color="#d95f02", lw=1, label="what came")
         axis.set_ylabel(label)

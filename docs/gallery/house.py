@@ -124,10 +124,12 @@ def draw(made: Answer, path: Path) -> None:
     left.axvline(1, color="0.7", zorder=0)
     left.set_yticks(range(len(made.report.parameters)), [one.name for one in made.report.parameters])
     left.set_xlabel("estimate / truth, with 90 % intervals")
-    left.legend(fontsize="small")
+    left.set_title("What the parameters are, as shares of the truth", fontsize="medium")
+    left.legend(fontsize="small", loc="upper right", bbox_to_anchor=(1.0, 0.86))
     chances = {one.name: one.probability for one in made.report.effects}
     chances |= {"none of these": made.report.none_of_these, "no gap": made.report.no_gap}
     right.barh(list(chances)[::-1], list(chances.values())[::-1], color="#1f5fa8")
+    right.set_title("What the gap is", fontsize="medium")
     right.set_xlim(0, 1)
     right.set_xlabel("probability")
     figure.savefig(path, dpi=100)

@@ -38,6 +38,10 @@ ROOMS, LIMIT_ROOMS, WINDOWS = 60, 3, 300
 """Rooms that the estimator is scored on and that the limit is averaged over; windows of the first."""
 
 
+COLOURS = ("#0b2f6b", "#4a86c8", "#e0a01b", "#f3d98b")
+"""Of sets: by lightness too, for who sees no red or green."""
+
+
 class Worth(NamedTuple):
     """R2 by parameter for each set of sensors: ``limit`` and ``reached``, (sets, parameters)."""
 
@@ -83,11 +87,11 @@ def draw(made: Worth, path: Path) -> None:
     """Limit and score of each parameter, by set of sensors."""
     names = [*made.parameters, "mean"]
     figure, axes = plt.subplots(2, 1, figsize=(9, 5), sharex=True, layout="constrained")
-    for axis, values, title in ((axes[0], made.limit, "limit"), (axes[1], made.reached, "reached on unseen rooms")):
+    for axis, values, title in ((axes[0], made.limit, "limit"), (axes[1], made.reached, "reached on\nunseen rooms")):
         values = np.column_stack([values, values.mean(axis=1)])
         for k, (name, row) in enumerate(zip(SETS, values, strict=True)):
-            axis.bar(np.arange(len(names)) + 0.2 * (k - 1.5), row, 0.2, label=name, color=f"C{k}")
-        axis.set_ylabel(f"R2, {title}")
+            axis.bar(np.arange(len(names)) + 0.2 * (k - 1.5), row, 0.2, label=name, color=COLOURS[k])
+        axis.set_ylabel(f"R2,\n{title}")
         axis.set_ylim(min(0.0, values.min()), 1)
     axes[0].legend(ncols=4, fontsize="small", loc="lower center", bbox_to_anchor=(0.5, 1.0))
     axes[1].set_xticks(range(len(names)), names, rotation=20)

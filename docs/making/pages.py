@@ -28,6 +28,8 @@ _LINK = re.compile(r"(?<!!)\[(?P<text>[^\]]*)\]\((?P<target>[^)\s#:]+)(?P<anchor
 _ROLE = re.compile(r":(?:func|class|meth|mod|data|attr):<code>~?")
 _SECTION = re.compile(r"<!-- section (?P<file>\S+): (?P<heading>.+?) -->")
 _FILE = re.compile(r"<!-- (?P<kind>text|source) (?P<file>\S+) -->")
+_NUMBERS = r"[-+±/%,.:;()\[\] \d–−]*"
+_FIGURES = re.compile(rf"<td(?P<how>(?: style=[^>]*)?)>(?P<what>{_NUMBERS}\d{_NUMBERS}|<code>[^<]{{1,40}}</code>)</td>")
 _PUBLIC = re.compile(r"<!-- public (?P<package>\w+) -->")
 
 
@@ -103,8 +105,13 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
 
 
 def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Docstrings name other functions as Sphinx has it; of ``:func:`name``` the name is left."""
-    return _ROLE.sub("<code>", html)
+    """Docstrings name other functions as Sphinx has it; of ``:func:`name``` the name is left. Figures are marked."""
+    return marked(_ROLE.sub("<code>", html))
+
+
+def marked(html: str) -> str:
+    """Mark a table's cells of figures or of a piece of code alone, which are not to be broken over lines."""
+    return _FIGURES.sub(r'<td class="figures"\g<how>>\g<what></td>', html)
 
 
 def _moved(markdown: str, here: PurePosixPath, uri: str) -> str:

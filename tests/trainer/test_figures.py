@@ -1,8 +1,9 @@
 import matplotlib.image
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
-from trainer.figures import draw_loss_curve, draw_scatter
+from trainer.figures import draw_loss_curve, draw_scatter, save_png
 
 
 def test_a_loss_curve_is_drawn(tmp_path):
@@ -27,3 +28,14 @@ def test_dollars_in_names_are_drawn_as_they_stand(tmp_path):
     cloud = (truth, truth + 0.1, np.full(1, 0.5))
     draw_scatter({"paper": cloud, "unseen": cloud}, ["Room$20Air_$2d"], ["m"], "a$b_$", tmp_path / "scatter.png")
     assert matplotlib.image.imread(tmp_path / "scatter.png").std() > 0
+
+
+def test_powers_of_ten_on_a_logarithmic_axis_are_drawn_as_such(tmp_path):
+    figure = Figure()
+    axes = figure.subplots()
+    axes.plot([1, 2], [0.4, 0.9])
+    axes.set(yscale="log", title="a$b_$")
+    save_png(figure, tmp_path / "log.png")
+    labels = axes.get_yticklabels(which="both")
+    assert any("mathdefault" in one.get_text() for one in labels)
+    assert all(one.get_parse_math() for one in labels) and not axes.title.get_parse_math()

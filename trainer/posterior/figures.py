@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import fill
 
 import corner
 import numpy as np
@@ -18,6 +19,12 @@ from trainer.posterior.scores import bins_for, covered, uniformity
 BAND = 0.99
 """Share of the bars, or of the coverages, of a calibrated posterior that lie in the grey band."""
 BLUE = "#4477aa"
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
+DASHES = ("solid", "dashed", "dotted", "dashdot")
+"""Lines of a picture: colours that those tell apart who see no red or green (Okabe and Ito, 2008), then dashes."""
+INNER = 0.5
+SPARE = 0.1
+"""So much is left beside the samples of a corner plot, as a share of their range."""
 
 
 def draw_ranks(position: np.ndarray, parameters: Sequence[str], title: str, path: Path) -> None:
@@ -53,9 +60,11 @@ def draw_coverage(position: np.ndarray, systems: int, parameters: Sequence[str],
     ends = np.array(stats.binom.interval(BAND, systems, levels)) / systems - levels
     axes.fill_between(100 * levels, 100 * ends[0], 100 * ends[1], color="#dddddd", label=f"{100 * BAND:g} % band")
     axes.axhline(0, color="black", linewidth=0.8, linestyle=":")
+    styles = [(colour, dash) for dash in DASHES for colour in COLOURS]
     for k, name in enumerate(parameters):
+        colour, dash = styles[k % len(styles)]
         share = np.array([covered(position[:, k], level).mean() for level in levels])
-        axes.plot(100 * levels, 100 * (share - levels), label=name, linewidth=1.2)
+        axes.plot(100 * levels, 100 * (share - levels), label=name, linewidth=1.2, color=colour, linestyle=dash)
     axes.axvline(100 * LEVEL, color="#888888", linewidth=0.8)
     axes.set(xlabel="central interval [%]", ylabel="coverage less that [percentage points]", xlim=(0, 100))
     axes.set_title(title, fontsize=10)
@@ -66,19 +75,30 @@ def draw_coverage(position: np.ndarray, systems: int, parameters: Sequence[str],
 def draw_corner(
     samples: np.ndarray, names: Sequence[str], units: Sequence[str], ranges: Sequence[tuple[float, float]], path: Path
 ) -> None:
-    """Marginals and pairs of samples (n, parameters) [own units], over the whole prior ranges."""
+    """Marginals and pairs of samples (n, parameters) [own units], over what they reach of the prior ranges.
+
+    Grey lines are ends of the prior ranges, where those are near. Over the whole of them a narrow posterior would fall
+    into a bin or two, and be drawn far wider than it is.
+    """
     count = len(names)
-    figure = Figure(figsize=(1.9 * count + 0.8, 1.9 * count + 0.8))
+    shown = [_reached(samples[:, k], ends) for k, ends in enumerate(ranges)]
+    said = (
+        f"posterior, over what its samples reach; shades hold {100 * INNER:g} and {100 * LEVEL:g} % of them; dashed:"
+        f" median and {100 * LEVEL:g} % interval; grey lines: ends of the prior"
+    )
+    side = 1.9 * count + 0.8
+    title = fill(said, round(side / 0.08))
+    figure = Figure(figsize=(side, side + 0.3 + 0.17 * len(title.splitlines())))
     corner.corner(
         samples,
         labels=[f"{name}\n[{unit}]" for name, unit in zip(names, units, strict=True)],
-        range=list(ranges),
+        range=shown,
         bins=30,
         smooth=0.8,
         color=BLUE,
         plot_datapoints=False,
         fill_contours=True,
-        levels=(0.5, LEVEL),
+        levels=(INNER, LEVEL),
         label_kwargs={"fontsize": 9},
         max_n_ticks=3,
         fig=figure,
@@ -87,5 +107,17 @@ def draw_corner(
     for k, axes in enumerate(figure.axes[:: count + 1]):  # the diagonal
         for end in (found.low, found.median, found.high):
             axes.axvline(end[0, k], linestyle="dashed", color=BLUE)
-    figure.suptitle(f"posterior over the prior's ranges; dashed: median and {100 * LEVEL:g} % interval", fontsize=10)
+        for bound in ranges[k]:
+            if shown[k][0] <= bound <= shown[k][1]:
+                axes.axvline(bound, color="#888888", linewidth=2)
+        axes.set_title("prior {:.4g} to {:.4g}".format(*ranges[k]), fontsize=8)
+    figure.subplots_adjust(top=(side - 0.1) / figure.get_figheight())
+    figure.suptitle(title, fontsize=10, y=0.995, va="top")
     save_png(figure, path)
+
+
+def _reached(values: np.ndarray, ends: tuple[float, float]) -> tuple[float, float]:
+    """The range that samples (n,) reach, with something to spare."""
+    low, high = float(values.min()), float(values.max())
+    spare = SPARE * (high - low) or SPARE * (ends[1] - ends[0])
+    return low - spare, high + spare

@@ -1,10 +1,13 @@
 """What is in the way of a comparison's report is said before anything is simulated."""
 
 import importlib.util
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from datagen.cli import app
+from datagen.comparing.matching import told_apart
 from datagen.comparing.report import PICTURE
 from shared.console import FAULT, start
 
@@ -48,3 +51,17 @@ def test_a_missing_matplotlib_is_said_before_any_work(asked, tmp_path, monkeypat
     code, text = asked(tmp_path)
     assert code == FAULT
     assert f"{PICTURE}: matplotlib is not installed; expected it for the picture" in text
+
+
+@pytest.mark.parametrize(
+    ("other", "names"),
+    [
+        ({"fmu_path": Path("b/fine.fmu")}, ("room.fmu", "fine.fmu")),
+        ({"name": "Fine"}, ("Room", "Fine")),
+        ({"path": Path("b/system.toml")}, (str(Path("a/system.toml")), str(Path("b/system.toml")))),
+        ({}, ("room.fmu", "room.fmu")),
+    ],
+)
+def test_two_descriptions_of_one_fmu_are_not_told_by_its_name(other, names):
+    one = {"fmu_path": Path("a/room.fmu"), "name": "Room", "path": Path("a/system.toml")}
+    assert told_apart(SimpleNamespace(**one), SimpleNamespace(**one | other)) == names

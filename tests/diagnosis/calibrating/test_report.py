@@ -14,7 +14,11 @@ def done_with(measured, *, found=None):
     """A calibration of two outputs (outputs, steps) whose model misses them by a ten thousandth."""
     problem = SimpleNamespace(
         system=SimpleNamespace(
-            output_names=NAMES, outputs=[SimpleNamespace(unit="kg/s"), SimpleNamespace(unit="degC")]
+            output_names=NAMES,
+            outputs=[
+                SimpleNamespace(name="flow", long_name="air flow", unit="kg/s"),
+                SimpleNamespace(name="room", long_name="", unit="degC"),
+            ],
         ),
         measured=measured,
         floor=np.array([0.01, 0.1]),
@@ -34,7 +38,9 @@ def test_an_output_is_drawn_over_no_less_than_its_sensors_noise(monkeypatch):
     """A constant reading beside a model that misses it by a hundredth of the noise, and one that moves."""
     done = done_with(np.array([np.full(24, 0.0697), np.linspace(18.0, 22.0, 24)]))
     monkeypatch.setattr("diagnosis.calibrating.report.embedded", lambda made: made)
-    still, moving = (axes.get_ylim() for axes in _fit(done).axes)
+    panels = _fit(done).axes
+    still, moving = (axes.get_ylim() for axes in panels)
+    assert [axes.get_ylabel() for axes in panels] == ["air flow (flow)\n[kg/s]", "room\n[degC]"]
     assert (still[1] - still[0], 0.5 * sum(still)) == (pytest.approx(0.04), pytest.approx(0.06975))
     assert 4.0 < moving[1] - moving[0] < 5.0
 

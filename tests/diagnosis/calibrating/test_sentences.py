@@ -25,6 +25,10 @@ def test_what_lies_at_an_end_of_its_range_is_not_said_to_be_the_prior(house, hou
     others = ", ".join(name for name, place in zip(names[2:], z[2:], strict=False) if abs(place) < 1.28)
     assert f"It hardly tells {others}: what is given for them is mostly the prior." in said
     assert any(one.startswith(f"{names[0]} lies on a bound") for one in said)
+    alone = [one.model_copy(update={"identified": "well"}) for one in ranges]
+    alone[2] = ranges[2].model_copy(update={"description": "Heat capacity"})
+    one_of_them = sentences(report.model_copy(update={"parameters": alone}))
+    assert "It hardly tells heat capacity (c): what is given for it is mostly the prior." in one_of_them
     said = sentences(report.model_copy(update={"converged": False}))
     assert f"It hardly tells {others}, and the fit did not settle on them: values are not the prior's either." in said
 
@@ -49,9 +53,12 @@ def test_uncertain_constants_far_outside_of_the_description_come_first(house, ho
     within = told(1.9, 0.0)
     assert any(one.startswith("The recording tells ro") and one.endswith(" well.") for one in within)
     assert not any("far outside" in one for one in within)
-    for places, far in (((11 / 3, -1.9), "floor x3 (allowed: x0.55 to x1.8)"), ((0.0, -2.5), "wall x0.47 (allowed: ")):
+    for places, far in (
+        ((11 / 3, -1.9), "floor x3 (expected: x0.55 to x1.8)"),
+        ((0.0, -2.5), "wall x0.47 (expected: "),
+    ):
         first, second, *_ = told(*places)
-        assert first.startswith(far) and "is far outside of what the description allows" in first
+        assert first.startswith(far) and "is far outside of what the description expects" in first
         assert second.startswith("Only with such constants does the recording tell ro") and "well" not in second
 
 

@@ -35,7 +35,11 @@ def test_a_drifting_sensor_is_found_told_how_large_and_removed(drifted, house):
     assert page.count("data:image/png;base64,") >= 6
     assert "http://" not in page and "https://" not in page
     assert page.index(report.summary[0][:20]) < page.index("<img")
-    assert "the longest need not be the cause" in " ".join(page.split())
+    words = " ".join(page.split())
+    assert "the longest need not be the cause" in words
+    assert "Both are fitted to the days that are not hatched" in words and "is fitted to all days" in words
+    assert ("and the parameters told below are of where it then was" in words) == (not report.converged)
+    assert "(14 Jan 15:00)" in words  # of a source that is largest on day 13.62
     assert sorted(one.name for one in out.iterdir()) == ["report.html", "report.json"]
 
 

@@ -43,10 +43,10 @@ def test_uncertain_constants_far_outside_of_the_description_are_a_limit():
     relative = {"floor": 0.3, "wall": 0.3, "roof": 0.5}
     before, after = strained(given, relative)
     assert before == (
-        "In the base model floor x3 (allowed: x0.55 to x1.8), wall x0.5 (allowed: x0.55 to x1.8) are far outside of"
-        " what the description allows: parameters that lean on them are not to be believed."
+        "In the base model floor x3 (expected: x0.55 to x1.8), wall x0.5 (expected: x0.55 to x1.8) are far outside of"
+        " what the description expects: parameters that lean on them are not to be believed."
     )
-    assert after.startswith("With the effects found wall x1.8 (allowed: x0.55 to x1.8) is far outside")
+    assert after.startswith("With the effects found wall x1.8 (expected: x0.55 to x1.8) is far outside")
     assert strained(report(constants=[constant("floor", 1.7, None)]), relative) == []
 
 

@@ -34,7 +34,7 @@ def shrunk(share, low, high, placebo=0.0):
 def test_shares_are_drawn_as_they_are_said(share, low, high):
     """More than all of a gap cannot be gone; an interval that goes on beyond the picture's edge says how far."""
     one = shrunk(share, low, high)
-    (axes,) = draw_shares(SimpleNamespace(report=SimpleNamespace(shrinkage=[one]))).axes
+    (axes,) = draw_shares(SimpleNamespace(report=SimpleNamespace(shrinkage=[one]), base=based([]))).axes
     interval, dot = axes.lines[:2]
     drawn = [*dot.get_xdata(), *interval.get_xdata()]
     assert [_share(x) for x in one.told] == [_share(x) if x > LEAST else _share(low) for x in drawn]
@@ -44,12 +44,17 @@ def test_shares_are_drawn_as_they_are_said(share, low, high):
     assert (one.share, one.low, one.high) == (share, low, high)  # report.json has what was found
 
 
+def based(parameters):
+    outputs = [SimpleNamespace(name="room", long_name="air of the room")]
+    return SimpleNamespace(problem=SimpleNamespace(system=SimpleNamespace(parameters=parameters, outputs=outputs)))
+
+
 def residuals_of(left):
     """A stage whose residual (2, steps) is by the hour, from its start on."""
-    outputs = [SimpleNamespace(name=name, unit="K") for name in ("room", "wall")]
+    outputs = [SimpleNamespace(name=name, long_name=f"air of the {name}", unit="K") for name in ("room", "wall")]
     problem = SimpleNamespace(
         time=3600.0 * np.arange(1, left.shape[1] + 1),
-        recording=SimpleNamespace(start=0.0, step=3600.0),
+        recording=SimpleNamespace(start=0.0, step=3600.0, began="2001-01-05 00:00"),
         system=SimpleNamespace(outputs=outputs),
     )
     return SimpleNamespace(
@@ -87,11 +92,24 @@ def test_kept_days_are_shaded_from_their_midnight_to_their_midnight(monkeypatch)
     panel = draw_outputs(done).axes[0]
     spans = [(one.get_x(), one.get_x() + one.get_width()) for one in panel.patches]
     assert [one for one in spans if one[0] > 0] == [pytest.approx((1.0, 2.0)), pytest.approx((3.0, 4.0))]
+    said = [text.get_text() for text in panel.get_legend().get_texts()]
+    assert said[:1] + said[-1:] == ["two standard deviations of noise", "days kept from the fit"] and len(said) == 4
+    noise, *kept = panel.patches
+    assert noise.get_hatch() is None and {one.get_hatch() for one in kept} == {"//"}
+    assert panel.get_ylabel().split("\n")[0] == "air of the room (room)"
+
+
+def test_days_have_their_dates_below_them():
+    stage = residuals_of(np.zeros((2, 96)))
+    made = draw_outputs(SimpleNamespace(search=SimpleNamespace(stages=[stage]), apart=None))
+    made.draw_without_rendering()
+    labels = [one.get_text().split("\n") for one in made.axes[-1].get_xticklabels()]
+    assert ["1", "6 Jan"] in labels and ["2", "7 Jan"] in labels
 
 
 def test_parameters_are_drawn_in_the_scale_of_their_priors():
     parameters = [
-        Parameter(name="linear", unit="m", min=2.0, max=4.0),
+        Parameter(name="linear", description="How long", unit="m", min=2.0, max=4.0),
         Parameter(name="log", unit="m", min=1.0, max=100.0, scale="log"),
     ]
     rows = [
@@ -102,11 +120,12 @@ def test_parameters_are_drawn_in_the_scale_of_their_priors():
         )
         for one, value in zip(parameters, (3.0, 10.0), strict=True)
     ]
-    problem = SimpleNamespace(system=SimpleNamespace(parameters=parameters))
-    done = SimpleNamespace(base=SimpleNamespace(problem=problem), report=SimpleNamespace(parameters=rows))
+    done = SimpleNamespace(base=based(parameters), report=SimpleNamespace(parameters=rows))
     (axes,) = draw_parameters(done).axes
     for _, before, at_before, after, at_after in (axes.lines[:5], axes.lines[5:]):
         np.testing.assert_allclose(before.get_xdata(), [0.0, 0.5])
         np.testing.assert_allclose(at_before.get_xdata(), 0.0)
         np.testing.assert_allclose(after.get_xdata(), [0.5, 1.0])
         np.testing.assert_allclose(at_after.get_xdata(), 0.5)
+    assert [one.get_text() for one in axes.texts] == ["2", "4 m", "1", "100 m, log"]
+    assert [one.get_text() for one in axes.get_yticklabels()] == ["log", "How long (linear)"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from diagnosis.gap.reporting import WIDE_90, _amplitude, _effects, _sensors, _values
+from diagnosis.gap.reporting import WIDE_90, _amplitude, _effects, _values, sensors_among
 from diagnosis.gap.scan import NEGLIGIBLE
 from diagnosis.gap.seen import OFTEN, smallest
 
@@ -39,7 +39,7 @@ def told(refits, sets, named, settled=None, beside=None):
 def test_errors_of_a_sensor_are_told_by_what_they_touch():
     touched = {"drift": {"output:room", "wish"}, "leak": {"k", "air"}}
     effects = [SimpleNamespace(name=name, changes=frozenset(what)) for name, what in touched.items()]
-    assert _sensors(SimpleNamespace(lin=SimpleNamespace(effects=effects))) == {"drift"}
+    assert sensors_among(SimpleNamespace(lin=SimpleNamespace(effects=effects))) == {"drift"}
 
 
 def test_effects_that_act_together_have_the_amplitudes_of_the_fit_with_both():

@@ -6,6 +6,7 @@ from scipy.stats import multivariate_normal
 
 from diagnosis.where.colour import fill, fit_colour, whiten
 from diagnosis.where.inverse import decompose
+from diagnosis.where.source import OTHERWISE
 from diagnosis.where.sources import scan_sources
 from diagnosis.where.timelines import draw_sources
 from diagnosis.where.whitened import whitened
@@ -95,6 +96,11 @@ def test_a_sensor_fault_is_told_from_a_balance(quiet, plant):
     assert found.sources[0].balance < -3
     assert [f.kind for f in found.findings] == ["sensor"]
     assert found.words(found.sources[0], "the thermometer").endswith("suspect that sensor")
+    answers = ({"sensor"}, {"balance"}, {"sensor", "balance"})
+    for answered, said in zip(answers, ("suspect that sensor", OTHERWISE, OTHERWISE), strict=True):
+        assert found.words(found.sources[0], "the thermometer", answered=answered).endswith(f": {said}")
+        title = draw_sources(with_observed(quiet, observed), found, answered=answered).axes[0].get_title(loc="left")
+        assert said in " ".join(title.split())
 
 
 def test_no_sensor_is_suspected_where_another_source_explains_what_its_error_would(quiet):
@@ -107,6 +113,7 @@ def test_no_sensor_is_suspected_where_another_source_explains_what_its_error_wou
     assert (found.verdict, one.verdict) == ("balance", "balance")
     assert other.p_value > 0.05 and (other.verdict, other.rival) == ("sensor", "y0")
     assert found.words(one, "the thermometer").endswith("than an error of the thermometer alone: this balance is off")
+    assert found.words(one, "the thermometer", answered={"sensor"}).endswith(f"alone: {OTHERWISE}")
     assert found.words(other, "the thermometer") == (
         "explains no more than in twins without a gap: none of it is needed"
     )

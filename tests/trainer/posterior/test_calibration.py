@@ -86,6 +86,28 @@ def test_the_lines_of_a_corner_plot_are_those_of_the_table(tmp_path, monkeypatch
         assert dashed == pytest.approx([found.low[0, k], found.median[0, k], found.high[0, k]])
 
 
+def test_a_narrow_posterior_is_drawn_over_what_its_samples_reach(tmp_path, monkeypatch):
+    """A thousandth of the prior's range: in thirty bins over all of that it would fill one."""
+    rng, seen = np.random.default_rng(0), []
+    samples = np.stack([rng.normal(5.0, 0.002, 4000), rng.uniform(0, 1, 4000)], axis=1)
+    monkeypatch.setattr(figures, "save_png", lambda figure, _: seen.append(figure))
+    figures.draw_corner(samples, ["a", "b"], ["1", "1"], [(0, 10), (0, 1)], tmp_path / "c.png")
+    narrow, wide = seen[0].axes[0], seen[0].axes[3]
+    low, high = narrow.get_xlim()
+    assert low < samples[:, 0].min() and samples[:, 0].max() < high and high - low < 1.5 * np.ptp(samples[:, 0])
+    solid = [[line.get_xdata()[0] for line in axes.lines if line.get_linestyle() == "-"] for axes in (narrow, wide)]
+    assert solid == [[], [0, 1]]
+    assert (narrow.get_title(), "50 and 90 %" in seen[0].get_suptitle().replace("\n", " ")) == ("prior 0 to 10", True)
+
+
+def test_no_two_lines_of_coverage_look_alike(tmp_path, monkeypatch):
+    seen, names = [], [f"p{k}" for k in range(12)]
+    monkeypatch.setattr(figures, "save_png", lambda figure, _: seen.append(figure))
+    figures.draw_coverage(np.random.default_rng(0).uniform(size=(40, 12)), 40, names, "toy", tmp_path / "c.png")
+    lines = [line for line in seen[0].axes[0].lines if line.get_label() in names]
+    assert len({(line.get_color(), line.get_linestyle()) for line in lines}) == 12
+
+
 def test_bins_hold_enough_systems():
     assert [bins_for(n) for n in (5, 60, 10_000)] == [2, 6, 20]
 
