@@ -32,8 +32,9 @@ PYTHONS ?= python3.11 python3.12 python3.13
 wheels: $(READY)
 	ZEROSHOT_PYTHONS="$(PYTHONS)" $(BIN)/python -m pytest -rA tests/packaging
 
+# check has run the tests of the README already
 test: check
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 --ignore=tests/test_readme.py
 
 clean:
 	rm -rf demo .mypy_cache .ruff_cache .pytest_cache build dist *.egg-info

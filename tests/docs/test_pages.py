@@ -14,6 +14,7 @@ from diagnosis.blind.truth import load_truth
 from diagnosis.cli import app as diagnosis_app
 from shared.console import start
 from shared.system import load_system
+from tests.datagen.faults import stay_in_this_process
 from trainer.cli import app as trainer_app
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -32,7 +33,8 @@ def commands(page):
 
 
 def run(page, folder, monkeypatch):
-    """Run a page's quick commands in a folder; returns how many there were."""
+    """Run a page's quick commands in a folder, farms in this process; returns how many there were."""
+    stay_in_this_process(monkeypatch)
     monkeypatch.chdir(folder)
     if not (folder / "docs").exists():
         (folder / "docs").symlink_to(ROOT / "docs")

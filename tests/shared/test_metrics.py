@@ -42,7 +42,7 @@ def test_interval_resamples_systems_not_windows():
     low, high = bootstrap_by_system(systems, lambda rows: np.array(level[rows].mean()), draws=2000)
     # 100 copies of each system carry no more than one: the interval is that of 30 values
     sd = level[::100].std() / np.sqrt(30)
-    assert (high - low) == pytest.approx(2 * 1.645 * sd, rel=0.15)
+    assert (high - low) == pytest.approx(2 * 1.645 * sd, rel=0.05)
 
 
 @pytest.mark.parametrize(("count", "known"), [(1, False), (2, False), (3, False), (8, True)])

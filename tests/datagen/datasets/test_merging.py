@@ -16,7 +16,7 @@ from shared.lock import FolderLock
 from shared.store import DatasetFolder, read_manifest, write_manifest
 from shared.system import load_system
 from tests.datagen.cf_checks import cf_faults
-from tests.datagen.faults import faulty
+from tests.datagen.faults import faulty, stay_in_this_process
 
 STORED = Path(__file__).resolve().parents[2] / "data" / "schema-1.0"
 RECORDED = [0.286494, 0.274189]
@@ -29,9 +29,11 @@ def teams(tmp_path_factory):
     folder = tmp_path_factory.mktemp("teams")
     faulty.build(folder)
     toml = faulty.describe(folder)
-    run(toml, folder / "a", seed=1, **SIZE)
-    run(toml, folder / "b", seed=2, **SIZE)
-    run(toml, folder / "short", seed=4, hours=12.0, **SIZE)
+    with pytest.MonkeyPatch.context() as patch:
+        stay_in_this_process(patch)
+        run(toml, folder / "a", seed=1, **SIZE)
+        run(toml, folder / "b", seed=2, **SIZE)
+        run(toml, folder / "short", seed=4, hours=12.0, **SIZE)
     return folder
 
 

@@ -147,3 +147,37 @@ def test_prior_means_are_exact_for_a_certain_schedule():
 def test_prior_refuses_edges_that_do_not_increase():
     with pytest.raises(ValueError, match="strictly increase"):
         occupancy_prior(SPEC, [0, 0], 2, seed=0)
+
+
+PLAIN = SPEC.model_copy(
+    update={"jitter": 0.0, "gaps": (0, 0), "absence": 0.0, "weekend": 1.0, "attendance": (1.0, 1.0)}
+)
+
+
+def test_what_a_system_draws_once_is_uniform_and_independent():
+    """Every headcount of the span, ends included; arrivals say nothing about how long the day is."""
+    signals = [year(index, 0.0, 2 * DAY, PLAIN) for index in range(400)]
+    heads = [one.values.max() for one in signals]
+    assert set(heads) == set(range(4, 17))
+    assert np.mean(heads) == pytest.approx(10.0, abs=0.7)  # standard error 0.19
+    begin, end = np.array([one.times[1:3] / HOUR for one in signals]).T
+    for drawn, (low, high) in ((begin, SPEC.arrival), (end - begin, SPEC.duration)):
+        assert low <= drawn.min() < low + 0.05 * (high - low) and high - 0.05 * (high - low) < drawn.max() <= high
+        assert drawn.mean() == pytest.approx((low + high) / 2, abs=0.06 * (high - low))  # standard error 0.014
+    assert abs(np.corrcoef(begin, end - begin)[0, 1]) < 0.2  # standard error 0.05
+
+
+def test_how_many_come_and_how_many_of_them_leave_for_a_while():
+    """Of a thousand heads 0.4 to 1.0 on a day, 0.7 in the mean; of those who came 0.3 to 1.0 leave, 0.65."""
+    many = PLAIN.model_copy(update={"headcount": (1000, 1000), "attendance": SPEC.attendance})
+    present = year(0, spec=many).values
+    present = present[present > 0]
+    assert len(present) == 365
+    assert present.mean() == pytest.approx(700.0, abs=30.0)  # standard error 9
+    assert 400 <= present.min() < 420 and 980 < present.max() <= 1000
+    leaving = many.model_copy(update={"gaps": (1, 1), "gap_duration": (1.0, 1.0)})
+    values = year(0, spec=leaving).values[1:].reshape(365, 4)  # they come, some leave, these return, all leave
+    np.testing.assert_array_equal(values[:, 0], values[:, 2])
+    share = 1 - values[:, 1] / values[:, 0]
+    assert share.mean() == pytest.approx(0.65, abs=0.04)  # standard error 0.011
+    assert 0.299 < share.min() < 0.33 and share.max() > 0.97

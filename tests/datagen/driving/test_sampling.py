@@ -3,12 +3,13 @@
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import datagen.driving.sampling
-from datagen.driving.sampling import sample_parameters, stream
+from datagen.driving.sampling import record_start, sample_parameters, stream
 from shared.system import System, parse_system
 from shared.variables import Parameter
 
@@ -83,3 +84,17 @@ def test_purposes_are_independent():
 def test_negative_numbers_are_refused(seed, index):
     with pytest.raises(ValueError, match="expected numbers that are not negative"):
         stream(seed, index, "x")
+
+
+@pytest.mark.parametrize(
+    ("span", "days"), [((0.0, 48.0), {0, 1, 2}), ((12.0, 60.0), {1, 2}), ((0.0, 47.0), {0, 1}), ((24.0, 24.0), {1})]
+)
+def test_a_record_begins_at_any_midnight_of_the_span_the_last_one_too(span, days):
+    system = SimpleNamespace(experiment=SimpleNamespace(start=span))
+    starts = [record_start(system, 3, index) for index in range(200)]
+    assert set(starts) == {86400.0 * day for day in days}
+
+
+def test_where_the_span_has_no_midnight_a_record_begins_with_it():
+    system = SimpleNamespace(experiment=SimpleNamespace(start=(5.0, 20.0)))
+    assert {record_start(system, 3, index) for index in range(20)} == {5 * 3600.0}

@@ -152,6 +152,8 @@ def test_sky_temperature_by_hand():
     assert sky_temperature(clear)[0] == pytest.approx(278.53, abs=0.01)
     # overcast: 1 + 0.224 - 0.35 + 0.28 = 1.154, emissivity 0.9404, 288.68 K
     assert sky_temperature(clear | {"opaque_cover": np.array([10.0])})[0] == pytest.approx(288.68, abs=0.01)
+    # half covered: 1 + 0.112 - 0.0875 + 0.035 = 1.0595, emissivity 0.8634, 282.58 K
+    assert sky_temperature(clear | {"opaque_cover": np.array([5.0])})[0] == pytest.approx(282.58, abs=0.01)
     # an infrared reading goes first: 300 W/m2 are (300 / 5.67e-8)^(1/4) = 269.70 K
     assert sky_temperature(clear | {"infrared": np.array([300.0])})[0] == pytest.approx(269.70, abs=0.01)
     table = read()

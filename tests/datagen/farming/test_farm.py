@@ -17,6 +17,7 @@ from shared.errors import DatasetError, SystemDescriptionError
 from shared.store import DatasetFolder, read_manifest, write_manifest
 from shared.system import parse_system
 from tests.datagen.cf_checks import cf_faults
+from tests.datagen.faults import stay_in_this_process
 
 SIZE = {"systems": 6, "hours": 96.0, "seed": 5, "shard_size": 2, "quiet": True}
 
@@ -65,7 +66,9 @@ def test_the_cards_lines_read_the_dataset(made, monkeypatch):
 def roaming(default_system, tmp_path_factory):
     """A dataset whose records begin on days of their own."""
     folder = tmp_path_factory.mktemp("farm") / "roaming"
-    run(default_system, folder, preset="many-rooms", hours=24.0, systems=3, seed=5, shard_size=3, quiet=True)
+    with pytest.MonkeyPatch.context() as patch:
+        stay_in_this_process(patch)
+        run(default_system, folder, preset="many-rooms", hours=24.0, systems=3, seed=5, shard_size=3, quiet=True)
     return folder
 
 
@@ -109,7 +112,8 @@ def test_a_shorter_record_is_the_beginning_of_a_longer_one(default_system, made)
 
 
 @pytest.mark.slow
-def test_an_unfinished_run_is_resumed_to_the_same_data(made, default_system, tmp_path):
+def test_an_unfinished_run_is_resumed_to_the_same_data(made, default_system, tmp_path, monkeypatch):
+    stay_in_this_process(monkeypatch)
     manifest = read_manifest(made)
     (tmp_path / "shards").mkdir()
     kept = manifest.shards[1]
@@ -185,9 +189,10 @@ def nothing_simulated(monkeypatch):
     monkeypatch.setattr("datagen.farming.farm.missing", lambda *_, **__: iter(()))
 
 
-def test_a_share_of_the_systems_is_calm_and_stays_so_when_it_is_mended(made, default_system, tmp_path):
-    run(default_system, tmp_path / "some", workers=2, calm=0.5, **SIZE)
-    run(default_system, tmp_path / "all", workers=2, excitation=False, **SIZE)
+def test_a_share_of_the_systems_is_calm_and_stays_so_when_it_is_mended(made, default_system, tmp_path, monkeypatch):
+    stay_in_this_process(monkeypatch)
+    run(default_system, tmp_path / "some", calm=0.5, **SIZE)
+    run(default_system, tmp_path / "all", excitation=False, **SIZE)
     names = [one.name for one in default_system.inputs if one.source == "excitation"]
     some, none, every = (DatasetFolder(folder) for folder in (tmp_path / "some", tmp_path / "all", made))
     loaded = [one.load([*names, *default_system.output_names]) for one in (some, none, every)]

@@ -12,7 +12,7 @@ from datagen.farming.worker import Job, simulate_shard
 from shared.errors import ClusterError, DatasetError
 from shared.store import read_manifest, write_manifest
 from shared.system import load_system
-from tests.datagen.faults import faulty, hashes
+from tests.datagen.faults import faulty, hashes, stay_in_this_process
 
 SIZE = {"shard_size": 2, "workers": 1, "quiet": True}
 OLDER = all_here() | {"pvlib": "0.0.1", "dask": "1.0"}
@@ -24,8 +24,10 @@ def tanks(tmp_path_factory):
     """Two datasets of tanks, with different seeds."""
     folder = tmp_path_factory.mktemp("versions")
     faulty.build(folder)
-    for seed in (1, 2):
-        run(faulty.describe(folder), folder / f"seed-{seed}", systems=2, seed=seed, **SIZE)
+    with pytest.MonkeyPatch.context() as patch:
+        stay_in_this_process(patch)
+        for seed in (1, 2):
+            run(faulty.describe(folder), folder / f"seed-{seed}", systems=2, seed=seed, **SIZE)
     return folder
 
 

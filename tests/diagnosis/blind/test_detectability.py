@@ -102,7 +102,7 @@ def test_a_parameter_s_gap_is_imitated_and_a_sensor_s_by_its_candidate(simulator
     path, answer = made
     system = simulator.system
     z = problem.unknowns(answer["parameters"])
-    effects = library(system)
+    effects = {one.name: one for one in library(system)}
     size = np.array([[one.noise["sensor"].sd] for one in system.outputs])
     gaps = [problem.simulate(z + 0.02 * step) - problem.simulate(z) for step in np.eye(len(z))]
     whole, k = max((float(np.sqrt(np.sum((gap / size) ** 2))), k) for k, gap in enumerate(gaps))
@@ -113,7 +113,7 @@ def test_a_parameter_s_gap_is_imitated_and_a_sensor_s_by_its_candidate(simulator
         one = problem.with_effects([effect])
         return one.simulate(one.unknowns(answer["parameters"] | {effect.name: amplitude})) - base
 
-    imitated = detectability(simulator, path, answered(answer, system, gaps[k]), effects, signature)
+    imitated = detectability(simulator, path, answered(answer, system, gaps[k]), [], signature)
     assert imitated["length"] < 0.05 * whole  # the bend of the response, and a prior that resists by 0.02
 
     lin = linearised(problem, z, problem.linearise(z))
@@ -129,8 +129,8 @@ def test_a_parameter_s_gap_is_imitated_and_a_sensor_s_by_its_candidate(simulator
     bias = np.zeros_like(gaps[0])
     k = 1
     bias[k] = 2.0 * size[k]
-    biased = detectability(simulator, path, answered(answer, system, bias), effects, signature)
     name = f"sensor.{system.output_names[k]}.bias"
+    biased = detectability(simulator, path, answered(answer, system, bias), [effects[name]], signature)
     assert biased["beside"][name] < 0.3 * biased["length"]
     assert biased["length"] > 5.0
 

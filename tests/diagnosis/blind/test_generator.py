@@ -88,7 +88,9 @@ def test_no_building_is_as_described(generator, truth, default_system):
     room, heat = default_system.output_names.index("TRoo"), default_system.output_names.index("QHea")
     for series in ("clean", "base"):
         there, other = getattr(made, series), getattr(described, series)
-        assert np.std((there - other)[heat]) > 20.0 or np.std((there - other)[room]) > 0.1
+        # a room that is heated: its power tells, and what its controller lets through of the temperature
+        assert np.std((there - other)[heat]) > 50.0
+        assert np.std((there - other)[room]) > 0.02
     gap = np.sqrt(np.mean((made.clean - made.base) ** 2, axis=1))
     assert 0 < gap[room] < 0.25
     answer = answer_of(made, measured(made, default_system, truth)[1], default_system)

@@ -1,14 +1,16 @@
-"""Recordings of a blind set are written whole or not at all."""
+"""Recordings of a blind set have the noise that the truth says, and are written whole or not at all."""
 
 import sys
+from types import SimpleNamespace
 
 import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
 
-from diagnosis.blind.measuring import write
+from diagnosis.blind.measuring import measured, write
 from shared.errors import RecordingError
+from shared.variables import Noise
 from tests.small_disk import SAID, small_disk
 
 
@@ -40,3 +42,18 @@ def test_a_full_disk_is_a_sentence_and_leaves_all_as_it_was(tmp_path):
         write(path, recording(8760))
     assert list(tmp_path.iterdir()) == [path]
     assert path.read_bytes() == before
+
+
+def test_noise_has_the_size_and_the_colour_that_the_truth_says():
+    """Of a variance of 4, three tenths with a memory of five steps: correlation 0.3 exp(-1/5) from step to step."""
+    steps = 50_000
+    rng = np.random.default_rng(3)
+    made = SimpleNamespace(
+        clean=np.zeros((1, steps)), time=3600.0 * np.arange(steps), case=SimpleNamespace(rng=lambda purpose: rng)
+    )
+    system = SimpleNamespace(outputs=[SimpleNamespace(name="T", noise={"good": Noise(sd=2.0)})])
+    truth = SimpleNamespace(measuring=SimpleNamespace(noise="good", slow=0.3, hours=(5.0, 5.0)))
+    ((shown,), noises) = measured(made, system, truth)
+    assert shown.std() == pytest.approx(2.0, rel=0.01)
+    assert np.corrcoef(shown[1:], shown[:-1])[0, 1] == pytest.approx(0.2456, abs=0.015)
+    assert noises == {"T": {"sd": 2.0, "slow_share": 0.3, "hours": pytest.approx(5.0)}}

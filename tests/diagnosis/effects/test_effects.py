@@ -231,6 +231,31 @@ def test_meters_are_corrected_where_their_readings_are_replayed(default_system, 
     np.testing.assert_allclose(shown[2], 500.0)
 
 
+@pytest.mark.parametrize(("operation", "size", "true"), [("bias", 50.0, 450.0), ("gain", 0.25, 484.0)])
+def test_what_a_replayed_meter_shows_of_what_was_there_is_what_was_recorded(
+    default_system, recording, inputs, operation, size, true
+):
+    """It showed 500: 450 and 50 more, or 484 and a quarter of what that is above 420."""
+    spec = SensorEffect(
+        name="own",
+        kind="sensor",
+        unit="W",
+        outputs=["QHea"],
+        operation=operation,
+        about=420.0,
+        replayed={"QHea": "QHea_in"},
+        scale=0.1,
+        lower=-0.5,
+        upper=100.0,
+    )
+    meter = build(spec, default_system)
+    read = {**inputs, "QHea_in": Piecewise(recording.time - HOUR, 500.0 + 0 * recording.time, "previous")}
+    there = meter.inputs(size, read, recording)["QHea_in"]
+    np.testing.assert_allclose(there.values, true)
+    shown = meter.outputs(size, np.tile(there.values, (4, 1)), recording.time)
+    np.testing.assert_allclose(shown[2], 500.0)
+
+
 def test_thermostat_moves_the_set_point_against_its_error(default_system, recording, inputs):
     thermostat = effects(default_system)["thermostat.bias"]
     np.testing.assert_allclose(thermostat.inputs(0.5, inputs, recording)["TSet"].values, inputs["TSet"].values - 0.5)

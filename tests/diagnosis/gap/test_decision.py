@@ -6,7 +6,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagnosis.gap.decision import AFTER_ALL, HALF, LEAST, NOTHING, OUTSIDE, STEEP, decide, mistaken_by
+from diagnosis.gap.decision import (
+    AFTER_ALL,
+    HALF,
+    LEAST,
+    NOTHING,
+    OUTSIDE,
+    STEEP,
+    UNSEEN_OUTSIDE,
+    decide,
+    mistaken_by,
+)
 from diagnosis.gap.search import PARSIMONY, worth_more
 from diagnosis.gap.weighing import TEMPER
 
@@ -22,6 +32,7 @@ def stage(
     chosen=(),
     evidence=(50.0, 48.0, 1.0),
     p=0.0025,
+    misfit_p=None,
     replay=False,
 ):
     effects = tuple(SimpleNamespace(name=name) for name in EFFECTS if name not in chosen)
@@ -33,7 +44,9 @@ def stage(
         left_over=left_over,
         discrepant={},
         lin=SimpleNamespace(effects=effects, failed=(), chosen=chosen, problem=SimpleNamespace(replay=replay)),
-        scan=SimpleNamespace(evidence=np.array(evidence[: len(effects)]), p_value=p, misfit_p=p),
+        scan=SimpleNamespace(
+            evidence=np.array(evidence[: len(effects)]), p_value=p, misfit_p=p if misfit_p is None else misfit_p
+        ),
     )
 
 
@@ -69,10 +82,27 @@ def test_nothing_significant_is_no_gap_and_probabilities_sum_to_one():
     assert done.nothing + done.none + sum(done.probabilities.values()) == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize(("left_over", "verdict"), [(100.0, "none_of_these"), (0.0, "no_gap")])
-def test_a_place_alone_is_a_gap_without_a_cause_if_a_discrepancy_is_plausible(left_over, verdict):
+@pytest.mark.parametrize(
+    ("p", "misfit_p", "confirmed", "odds"),
+    [(0.5, 0.1, True, 5.0), (0.04, 0.5, True, 2.0), (0.0025, 0.5, False, 1.0), (0.0025, 0.01, False, 0.5)],
+)
+def test_how_likely_nothing_is_follows_the_least_p(p, misfit_p, confirmed, odds):
+    """Odds are the p in units of 0.02, the level; a candidate that no refit confirms is no better than at the level."""
+    only = stage(found=not confirmed, misfits=False, left_over=1.0, p=p, misfit_p=misfit_p)
+    done = decide(searched([only], [], confirmed=confirmed), 0.5, 0.5)
+    assert done.verdict == "no_gap"
+    assert done.nothing == pytest.approx(NOTHING * odds / (1 + odds))
+    assert done.none == pytest.approx(UNSEEN_OUTSIDE * (1 - done.nothing))
+
+
+@pytest.mark.parametrize(
+    ("left_over", "p", "verdict"),
+    [(100.0, 0.01, "none_of_these"), (0.0, 0.01, "no_gap"), (100.0, 0.015, "no_gap")],
+)
+def test_a_place_alone_is_a_gap_without_a_cause_if_a_discrepancy_is_plausible(left_over, p, verdict):
+    """At half the level of 0.02."""
     only = stage(found=False, misfits=False, left_over=left_over)
-    assert decide(searched([only], []), 0.01, 0.01).verdict == verdict
+    assert decide(searched([only], []), p, p).verdict == verdict
 
 
 def test_an_episode_alone_is_a_gap_without_a_cause():

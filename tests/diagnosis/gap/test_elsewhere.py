@@ -4,13 +4,17 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from datagen.simulating.simulator import Simulator
 from diagnosis.effects import build
 from diagnosis.effects.base import Nothing
-from diagnosis.gap import diagnose
+from diagnosis.fitting.problem import Problem
 from diagnosis.gap.elsewhere import FAR, GRID, elsewhere, grid
 from diagnosis.gap.grams import Grams
 from diagnosis.gap.linear import linearised
 from diagnosis.gap.refit import misfit, refit
+from diagnosis.gap.search import at_its_optimum, search
+from diagnosis.gap.starting import begun
+from diagnosis.recording import read_recording
 from shared.effects import InputEffect
 from tests.diagnosis.conftest import HOUR
 
@@ -51,8 +55,12 @@ def ahead(house_recorded, tmp_path_factory):
 def test_another_trough_is_found_if_it_is_deeper(house, ahead):
     """Readings at the ends of hours hardly tell shifts within one hour apart, so that five may be nearly six."""
     system = house("me")
-    done = diagnose(system, ahead, effects=[late_heater(system)], tell=lambda _: None)
-    (there,), colours = done.search.settled, done.search.last.colours.best
+    record = read_recording(ahead, system)
+    whole = Problem(Simulator(system.with_experiment(hours=336.0)), record)
+    first = begun(whole, None)
+    made = search(first.fit, [late_heater(system)], whole.observed, whole.floor, begin=first.start, tell=lambda _: None)
+    made = at_its_optimum(made)
+    (there,), colours = made.settled, made.last.colours.best
     place = len(system.parameters)
     assert LATE - 0.1 < there.lin.z[place] < LATE + 1.0
 

@@ -178,6 +178,22 @@ def test_a_candidate_that_noise_imitates_does_not_hide_one_that_it_does_not():
     assert found.threshold[0] > 3 * found.threshold[1]
 
 
+def test_the_unit_of_a_candidate_is_of_the_recording_among_its_twins():
+    """Of forty twins two in a hundred are less than one: a candidate's unit is drawn up by the recording's own gap."""
+    rng = np.random.default_rng(13)
+    lin = problem_of(rng)
+    colours = {0: (1.0, 0.0, HOUR), 1: (1.0, 0.0, HOUR)}
+    sure = Colours(colours, {k: [(one, 1.0)] for k, one in colours.items()}, 0.0)
+    lin.residual = rng.standard_normal(lin.residual.shape) + 3.0 * lin.by_effect[..., 1]
+    twins = draw_twins(Grams(lin, np.ones(lin.residual.shape, dtype=bool)), sure, 40)
+    found = scan(twins, lin.effects, twins.left.square)
+    bounds = (np.array([getattr(one, end) / one.scale for one in lin.effects]) for end in ("lower", "upper"))
+    _, null = ratios(twins.left, twins.left.score_of(twins.scores), *bounds)
+    unit = [max(np.quantile([own, *others], 0.98), 0.3) for own, others in zip(found.ratio, null, strict=True)]
+    assert unit[1] > 2 * null[1].max()
+    np.testing.assert_allclose(found.threshold / found.threshold[0], np.array(unit) / unit[0])
+
+
 @pytest.mark.parametrize(("times", "is_seen"), [(0.97, False), (1.03, True)])
 def test_what_is_said_to_be_seen_is_seen_and_nothing_smaller(times, is_seen):
     rng = np.random.default_rng(11)

@@ -1,15 +1,18 @@
-"""Derivatives that go along with the steps of a refit."""
+"""Derivatives that go along with the steps of a refit; its spread and its misfit, written out densely."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from datagen.simulating.simulator import Simulator
 from diagnosis.fitting.problem import Problem
-from diagnosis.gap.linear import linearised
-from diagnosis.gap.refit import TELLING, _at
+from diagnosis.gap.grams import AMPLITUDE, Grams
+from diagnosis.gap.linear import Linearised, linearised
+from diagnosis.gap.refit import TELLING, _at, misfit, refit
 from diagnosis.recording import read_recording
+from tests.diagnosis.gap.test_linear import covariance_of, problem_of
 
 
 @pytest.fixture(scope="module")
@@ -38,3 +41,57 @@ def test_a_step_that_is_none_corrects_no_derivative(point, share):
     near = replace(point, outputs=point.outputs + 1e-6)
     found = _at(point.problem, point.z + share * TELLING / np.sqrt(len(point.z)), near)
     np.testing.assert_array_equal(found.by_unknown, near.by_unknown)
+
+
+HOUR = 3600.0
+MIXED = {0: (1.0, 0.5, 5 * HOUR), 1: (0.7, 0.0, HOUR)}
+
+
+def straight(seed=4):
+    """A problem that is linear throughout, with one chosen effect, and its products; all readings observed."""
+    toy = problem_of(np.random.default_rng(seed), chosen=1)
+    bounds = (np.full(len(toy.z), -9.0), np.full(len(toy.z), 9.0))
+    problem = SimpleNamespace(**vars(toy.problem), effects=toy.chosen, bounds=bounds)
+    problem.with_effects = lambda effects: problem
+    lin = Linearised(
+        problem=problem,
+        around=None,
+        z=toy.z,
+        residual=np.random.default_rng(seed + 1).standard_normal(toy.residual.shape),
+        outputs=toy.residual,
+        by_nuisance=toy.by_nuisance,
+        turn=np.eye(toy.by_nuisance.shape[2]),
+        by_unknown=toy.by_unknown,
+        by_effect=toy.by_effect,
+        effects=toy.effects,
+        failed=(),
+        simulations=0,
+    )
+    return lin, Grams(lin, np.ones(lin.residual.shape, dtype=bool))
+
+
+def weight_of(lin):
+    """Inverse covariance of all readings, channel after channel, with the nuisance in it."""
+    n = len(lin.problem.time)
+    noise = np.zeros((2 * n, 2 * n))
+    for k, colour in MIXED.items():
+        noise[k * n : (k + 1) * n, k * n : (k + 1) * n] = covariance_of(colour, lin.problem.time)
+    nuisance = np.concatenate(lin.by_nuisance)
+    return np.linalg.inv(noise + nuisance @ nuisance.T)
+
+
+def test_the_spread_of_the_unknowns_is_that_of_the_dense_posterior():
+    """Two parameters with a prior of one, and an amplitude with one of AMPLITUDE [scales]."""
+    lin, grams = straight()
+    columns = np.concatenate(lin.by_unknown)
+    prior = np.diag(1 / np.array([1.0, 1.0, AMPLITUDE]) ** 2)
+    expected = np.sqrt(np.diag(np.linalg.inv(prior + columns.T @ weight_of(lin) @ columns)))
+    np.testing.assert_allclose(refit(grams, MIXED, lin.z, (), steps=0).sd, expected, rtol=1e-8)
+
+
+def test_the_misfit_is_half_the_squares_of_residual_and_of_unknowns_in_their_spreads():
+    lin, grams = straight()
+    left = np.concatenate(lin.residual)
+    expected = left @ weight_of(lin) @ left + lin.z[0] ** 2 + lin.z[1] ** 2 + (lin.z[2] / AMPLITUDE) ** 2
+    assert abs(lin.z[2]) > 0.1
+    assert misfit(grams, MIXED) == pytest.approx(0.5 * expected, rel=1e-9)

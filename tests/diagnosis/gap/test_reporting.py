@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from diagnosis.gap.reporting import WIDE_90, _amplitude, _effects, _values, sensors_among
+from diagnosis.gap.reporting import WIDE_90, _amplitude, _effects, _noise, _values, sensors_among
 from diagnosis.gap.scan import NEGLIGIBLE
 from diagnosis.gap.seen import OFTEN, smallest
 
@@ -116,3 +116,15 @@ def test_an_interval_of_a_parameter_is_wider_than_the_recording_says_but_no_wide
     np.testing.assert_allclose(low, -expected, rtol=1e-9)
     np.testing.assert_array_equal(value, 0)
     assert high[0] == pytest.approx(1.5 * 1.645 * posterior[0], rel=1e-3)
+
+
+def test_the_slow_share_of_noise_is_one_of_its_variance():
+    """A white part of 0.8 and a slow one of 0.6 are 1 together, of whose square 0.36 is slow."""
+    colours = SimpleNamespace(best={0: (0.8, 0.6, 7200.0), 1: (2.0, 0.0, 3600.0)})
+    problem = SimpleNamespace(system=SimpleNamespace(output_names=("T", "q")))
+    slow, white = _noise(SimpleNamespace(lin=SimpleNamespace(problem=problem), colours=colours))
+    assert (slow.channel, slow.size, slow.slow_share, slow.hours) == (
+        "T",
+        *(pytest.approx(v) for v in (1.0, 0.36, 2.0)),
+    )
+    assert (white.channel, white.size, white.slow_share, white.hours) == ("q", 2.0, 0.0, 0.0)

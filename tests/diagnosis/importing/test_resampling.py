@@ -203,3 +203,9 @@ def test_what_is_read_as_often_as_the_step_is_left_alone():
     time = np.arange(0.0, 86401.0, 3600.0)
     signal = points(time, np.sin(time))
     np.testing.assert_array_equal(around(signal, time), np.sin(time)[1:])
+
+
+def test_around_an_instant_a_straight_line_has_its_value():
+    time = np.arange(0.0, 86401.0, 600.0)
+    made = around(points(time, 5.0 + time / 1000.0), np.arange(0.0, 86401.0, 3600.0))
+    np.testing.assert_allclose(made, 5.0 + 3.6 * np.arange(1, 25))

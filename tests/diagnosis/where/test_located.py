@@ -37,6 +37,31 @@ def test_nothing_is_found_where_nothing_is(quiet, inputs):
     assert scan_correlations(quiet, {"constant": inputs["constant"]}) is None
 
 
+def test_bands_hold_95_percent_of_the_twins_at_each_lag_and_at_all_of_them_together():
+    """What a twin's correlation is, the scan says of it as the recording, and of the recording as its twin."""
+    calm = twins(9, outputs=1, steps=168, twins=39)
+    wind = {"wind": wander(np.random.default_rng(2), (168,), 0.9)}
+    found = scan_correlations(calm, wind)
+    own = []
+    for b in range(39):
+        others = calm.replicates.copy()
+        others[b] = calm.observed
+        own.append(scan_correlations(replace(calm, observed=calm.replicates[b], replicates=others), wind).correlation)
+    own = np.array(own)
+    np.testing.assert_allclose(found.low, np.quantile(own, 0.025, axis=0), atol=1e-9)
+    np.testing.assert_allclose(found.high, np.quantile(own, 0.975, axis=0), atol=1e-9)
+    # together, in Fisher's z: as many standard deviations about the twins' mean as the second largest of 39 twins
+    # reaches, each beside all other recordings
+    z = np.arctanh(np.concatenate([found.correlation[None], own]))
+    reached = []
+    for b in range(1, 40):
+        others = np.delete(z, b, axis=0)
+        reached.append(np.max(np.abs(z[b] - others.mean(axis=0)) / others.std(axis=0, ddof=1)))
+    half = sorted(reached)[-2] * z[1:].std(axis=0, ddof=1)
+    np.testing.assert_allclose(found.simultaneous_low, np.tanh(z[1:].mean(axis=0) - half), atol=1e-9)
+    np.testing.assert_allclose(found.simultaneous_high, np.tanh(z[1:].mean(axis=0) + half), atol=1e-9)
+
+
 def test_the_input_that_the_residual_follows_is_named_with_its_lag(quiet, inputs):
     observed = quiet.observed.copy()
     observed[0, 5:] -= 0.4 * inputs["wind"][:-5]

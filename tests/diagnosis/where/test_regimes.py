@@ -38,6 +38,10 @@ def test_states_follow_from_sources_and_bounds(default_system, series):
     assert found["sun on HFac"].mask[inputs["HFac"] == 0].sum() == 0
     assert found["sun on HFac"].mask[inputs["HFac"] > 250].all()
     assert found["windy"].mask.mean() == pytest.approx(0.25, abs=0.01)
+    for label, sign in (("cold outside", -1.0), ("warm outside", 1.0)):
+        there = found[label].mask
+        assert there.mean() == pytest.approx(0.25, abs=0.01)
+        assert (sign * inputs["TDryBul"])[there].min() > (sign * inputs["TDryBul"])[~there].max()
     np.testing.assert_array_equal(found["TSet in its upper half"].mask, inputs["TSet"] > 292)
     np.testing.assert_array_equal(found["heater power at its maximum"].mask, simulated[2] > 3993)
     np.testing.assert_array_equal(found["heater power above its minimum"].mask, simulated[2] > 6)

@@ -7,7 +7,7 @@ from scipy.stats import multivariate_normal
 from diagnosis.where.colour import fill, fit_colour, whiten
 from diagnosis.where.inverse import decompose
 from diagnosis.where.source import OTHERWISE
-from diagnosis.where.sources import scan_sources
+from diagnosis.where.sources import MEMORIES, scan_sources
 from diagnosis.where.timelines import draw_sources
 from diagnosis.where.whitened import whitened
 from tests.diagnosis.where.where_cases import first_order, heat, twins, wander, with_observed
@@ -81,8 +81,31 @@ def test_a_missing_source_is_found_with_its_course(quiet, plant):
     assert one.estimate[truth > 0].mean() == pytest.approx(250, rel=0.2)
     assert np.mean(np.abs(one.estimate - truth) < 2 * one.uncertainty) > 0.8
     assert one.roughness < 1.5
+    assert one.roughness_p > 0.5  # twins are rougher
     assert found.findings[0].direction == "the model lacks a gain"
     assert found.findings[0].unit == "W"
+
+
+def test_a_source_that_pulses_both_ways_is_rougher_than_any_twins(quiet, plant):
+    pulses = 300.0 * (-1.0) ** np.arange(STEPS // PER)
+    (one,) = scan_sources(with_observed(quiet, quiet.observed + plant.response @ pulses), [plant]).sources
+    assert one.roughness > 3.5  # von Neumann's ratio of pulses of changing sign is nearly 4, of independent ones 2
+    assert one.roughness_p == pytest.approx(1 / 60)
+
+
+def test_the_band_of_a_source_holds_95_percent_of_the_twins(quiet, plant):
+    """Of what the twins have for a source under the recording's own prior."""
+    case = with_observed(quiet, quiet.observed + plant.response @ np.full(STEPS // PER, 250.0))
+    (one,) = scan_sources(case, [plant]).sources
+    white = whitened(case, None)
+    centres = (plant.edges[1:] + plant.edges[:-1]) / 2
+    solved = []
+    for memory in MEMORIES:
+        problem = decompose(white.rows, white.response(plant.response), centres, memory)
+        solved.append(problem.solve(problem.gains()[1][0]))
+    (rows,) = [each for each in solved if np.allclose(each[0], one.estimate)]
+    np.testing.assert_allclose(one.low, np.quantile(rows[1:], 0.025, axis=0))
+    np.testing.assert_allclose(one.high, np.quantile(rows[1:], 0.975, axis=0))
 
 
 def test_a_sensor_fault_is_told_from_a_balance(quiet, plant):

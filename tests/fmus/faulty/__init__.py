@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import zipfile
+from functools import cache
 from pathlib import Path
 
 from fmus.toolchain import BINARIES, compile_binary, native_platform
@@ -11,9 +12,15 @@ from fmus.toolchain import BINARIES, compile_binary, native_platform
 HERE = Path(__file__).resolve().parent
 
 
+@cache
+def _binary() -> tuple[str, bytes]:
+    """Its place in the archive and what it is: compiled once in a process."""
+    return compile_binary(BINARIES[native_platform()], {"faulty.c": (HERE / "faulty.c").read_text()}, "faulty")
+
+
 def build(folder: Path) -> Path:
-    """Compile ``faulty.fmu`` into a folder."""
-    path, content = compile_binary(BINARIES[native_platform()], {"faulty.c": (HERE / "faulty.c").read_text()}, "faulty")
+    """Write ``faulty.fmu`` into a folder."""
+    path, content = _binary()
     with zipfile.ZipFile(folder / "faulty.fmu", "w", zipfile.ZIP_DEFLATED) as archive:
         archive.write(HERE / "modelDescription.xml", "modelDescription.xml")
         archive.writestr(path, content)

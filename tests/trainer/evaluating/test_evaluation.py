@@ -7,6 +7,7 @@ import pytest
 
 from shared.ceiling import Ceiling, Ceilings, Origin, unknown_constants, write_ceilings
 from shared.errors import DatasetError, EstimatorError, ZeroshotError
+from shared.metrics import bootstrap_by_system, r2
 from shared.store import DatasetFolder
 from shared.uncertain import Uncertain
 from trainer.evaluating.evaluation import evaluate, figures_of_merit, unseen_rows
@@ -313,3 +314,24 @@ def test_a_context_that_was_not_trained_is_refused(ridge_run, tanks, tmp_path, h
 def test_a_folder_without_a_dataset_is_told(ridge_run, tmp_path):
     with pytest.raises(DatasetError, match="expected a dataset made by `datagen run`"):
         evaluate(ridge_run, tmp_path)
+
+
+def test_relative_accuracy_is_that_of_the_middle_window():
+    """Accuracies 0.9, 0.8, 0.7, 0.6 and, of one that is far off, -9: the one in the middle is 0.7."""
+    truth = np.array([[1.0], [2.0], [4.0], [5.0], [8.0]])
+    estimate = truth * np.array([[0.9], [1.2], [0.7], [1.4], [11.0]])
+    found = figures_of_merit(["a"], truth, estimate, np.arange(5), np.zeros(5, dtype=bool))
+    assert found.relative_accuracy["a"] == pytest.approx(0.7)
+
+
+def test_intervals_are_as_wide_as_there_are_few_systems_however_many_windows():
+    """Forty windows of a system that are all alike say no more than one."""
+    rng = np.random.default_rng(6)
+    truth = rng.normal(size=(30, 2))
+    estimate = truth + rng.normal(size=(30, 2))
+    where, seen = np.repeat(np.arange(30), 40), np.zeros(30, dtype=bool)
+    found = figures_of_merit(["a", "b"], truth[where], estimate[where], where, seen)
+    low, high = bootstrap_by_system(np.arange(30), lambda rows: r2(truth[rows], estimate[rows]), level=0.9)
+    assert found.r2_interval["a"] == pytest.approx((low[0], high[0]))
+    assert found.r2_interval["b"] == pytest.approx((low[1], high[1]))
+    assert found.windows == 1200
