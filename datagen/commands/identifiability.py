@@ -52,8 +52,8 @@ def identifiability(
         Noise presets of the description; by default `none` alone, the numerical floor, which no sensor reaches.
     channels
         Outputs that are measured: names of one set separated by commas, several sets by spaces, as in
-        `--channels TRoo,CO2 TRoo,CO2,QHea,mOA`. With an occupancy input among them, persons are counted. By default
-        the estimator's.
+        `--channels FIRST,SECOND FIRST,SECOND,THIRD`. With an occupancy input among them, persons are counted. By
+        default the estimator's.
     preset
         Windows of records as this preset of the description has them: its season, length and step.
     systems

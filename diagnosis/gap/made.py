@@ -21,9 +21,12 @@ class Made:
     model's fit began, by their names. ``settled``: a refit simulated anew where it came to, by its effects' names.
     ``renewed``: a refit linearised by the candidates that remain, by its effects' names and its unknowns' bytes.
     ``apart``: both lines of a fit to a part, by the bytes of what was fitted; its path is that of these stages alone.
-    None is what cannot be simulated.
+    None is what cannot be simulated. ``base``: the base model's fit, and linearised by all candidates; ``further``: the
+    same after going on with it, without the second part where that led to nothing better.
     """
 
+    base: tuple[Refit, Linearised] | None = None
+    further: tuple[Refit, Linearised | None] | None = None
     refits: dict[tuple[Hashable, str], Refit] = field(default_factory=dict)
     abroad: dict[Hashable, Abroad] = field(default_factory=dict)
     from_there: dict[tuple[Hashable, str], Refit | None] = field(default_factory=dict)

@@ -64,30 +64,7 @@ def search(
         A search from the same fit among these candidates and others; what does not depend on the others is taken
         from it.
     """
-    if known is not None:
-        names = {one.name for one in effects}
-        one, count, made = known.base, 0, known.made
-        why = {name: reason for name, reason in known.excluded.items() if name in names}
-        lin = fewer(known.stages[0].lin, effects, why)
-    else:
-        one, made = settled_base(base, observed), Made()
-        usable, why = applicable(one.lin.problem, effects)
-        tell(f"sensitivities of {len(usable)} effects")
-        lin, count = among(one, usable), one.simulations
-    stage = examine(lin, observed, seed=seed)
-    count += 0 if known is not None else lin.simulations
-    if known is None and not base.converged and (stage.candidate_found or stage.misfits or stage.episodic):
-        # what looks like a gap may be a fit that stopped early
-        tell("going on with the fit of the base model")
-        more = fit(base.problem, [base.z], rounds=FURTHER, around=base.around)
-        other = settled_base(more, observed)
-        count += more.simulations + other.simulations
-        if other.evidence > one.evidence:
-            one, lin = other, among(other, usable)
-            stage = examine(lin, observed, seed=seed)
-            count += lin.simulations
-    found = Search([stage], one, base.problem, begin, excluded=why, simulations=count, made=made)
-    found.excluded |= dict.fromkeys(lin.failed, "its simulation fails")
+    found = _begun(base, effects, observed, begin, seed, tell, known)
     while len(found.chosen) < MOST_EFFECTS:
         stage, first = found.last, not found.chosen
         tried: Sequence[Judged]
@@ -125,6 +102,55 @@ def search(
         found.refits.append(refits)
         found.settled.append(best)
         found.tried.append(tried)
+    return found
+
+
+def _begun(
+    base: Fit,
+    effects: Sequence[Effect],
+    observed: np.ndarray,
+    begin: np.ndarray | None,
+    seed: int,
+    tell: Tell,
+    known: Search | None,
+) -> Search:
+    """A search at its first stage; where what looks like a gap may be a fit that stopped early, after going on with it.
+
+    Whether to go on is asked anew among fewer candidates: some of them may see no gap.
+    """
+    if known is not None:
+        made, count = known.made, 0
+        if made.base is None:
+            raise ValueError("a search that is known has a base; expected one that search() made")
+        one, lin = made.base
+        why = {name: known.excluded[name] for name in (one.name for one in effects) if name in known.excluded}
+        lin = fewer(lin, effects, {*why, *lin.failed})
+        usable: Sequence[Effect] = lin.effects
+    else:
+        made = Made()
+        one = settled_base(base, observed)
+        usable, why = applicable(one.lin.problem, effects)
+        tell(f"sensitivities of {len(usable)} effects")
+        lin = among(one, usable)
+        made.base, count = (one, lin), one.simulations + lin.simulations
+    stage = examine(lin, observed, seed=seed)
+    if not base.converged and (stage.candidate_found or stage.misfits or stage.episodic):
+        tell("going on with the fit of the base model")
+        if made.further is None or known is None:
+            more = fit(base.problem, [base.z], rounds=FURTHER, around=base.around)
+            other = settled_base(more, observed)
+            there = among(other, usable) if other.evidence > one.evidence else None
+            count += more.simulations + other.simulations + (there.simulations if there is not None else 0)
+            if known is None:
+                made.further = other, there
+        else:
+            other, there = made.further
+            there = fewer(there, effects, {*why, *there.failed}) if there is not None else None
+        if there is not None:
+            one, lin = other, there
+            stage = examine(lin, observed, seed=seed)
+    found = Search([stage], one, base.problem, begin, excluded=why, simulations=count, made=made)
+    found.excluded |= dict.fromkeys(lin.failed, "its simulation fails")
     return found
 
 

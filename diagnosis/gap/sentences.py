@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
@@ -191,10 +192,9 @@ def _removed(one: ShrinkageOf, channel: str) -> str:
     share, low, high = one.told
     if not one.all_gone:  # an interval of no width would be told
         return f"{_share(share)} in {channel} (90 % interval {_share(low)} to {_share(high)})"
-    return (
-        f"all in {channel} (left are {one.after:.3g}{spaced(one.unit)}, root mean square, where noise is taken for"
-        f" {one.floor:.3g}{spaced(one.unit)})"
-    )
+    rest = one.after / one.floor if one.floor > 0 else math.inf
+    left = "less than 1%" if rest < 0.01 else percent(rest, 0)
+    return f"all in {channel} (what is left is {left} of what noise is taken for, {one.floor:.3g}{spaced(one.unit)})"
 
 
 def _share(value: float | None) -> str:

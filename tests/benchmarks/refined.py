@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from intervals import QUANTILE, noisy
+from intervals import noisy
 from resumed import depends, resumed
 
 from datagen import simulate
@@ -32,6 +32,7 @@ from datagen.simulating.simulator import Simulator
 from diagnosis.calibrating.calibration import calibrate
 from diagnosis.fitting.fit import fit
 from diagnosis.fitting.problem import Problem
+from diagnosis.intervals import HALF_WIDTH
 from diagnosis.recording import HOUR, Recording, read_recording
 from shared.errors import ZeroshotError
 from shared.metrics import bootstrap_by_system, r2
@@ -116,7 +117,7 @@ def table(rows: list[dict[str, Any]], title: str) -> None:
     found = scores(np.arange(len(some)))
     low, high = bootstrap_by_system(np.arange(len(some)), scores)
     off = np.abs([row["off"] for row in some])
-    held = [*(off < QUANTILE).mean(axis=0), float((off < QUANTILE).mean())]
+    held = [*(off < HALF_WIDTH).mean(axis=0), float((off < HALF_WIDTH).mean())]
     print(
         f"\n{title}: {len(some)} of {len(rows)} calibrated, {sum(row['converged'] for row in some)} came to rest;"
         f" median {np.median([row['simulations'] for row in some]):.0f} simulations,"

@@ -1,9 +1,8 @@
 """Irradiance on a plane while the sun is at the horizon or below, by hand."""
 
 import numpy as np
-import pandas as pd
 
-from datagen.driving.transposition import sunlit_middle, transposed
+from datagen.driving.transposition import SunPosition, sunlit_middle, transposed
 
 
 def test_the_middle_of_the_sunlit_part_of_a_span():
@@ -14,11 +13,10 @@ def test_the_middle_of_the_sunlit_part_of_a_span():
 
 def test_after_sunset_a_plane_gets_the_diffuse_light_of_its_part_of_the_sky():
     """At 60 degree it sees three quarters of the sky and a quarter of the ground: 10 * 0.75 + 20 * 0.2 * 0.25."""
-    times = pd.DatetimeIndex(["2001-06-01 21:00", "2001-06-01 22:00"], tz="UTC")
-    sun = pd.DataFrame({"apparent_zenith": [91.0, 96.0], "azimuth": [310.0, 320.0]}, index=times)
+    sun = SunPosition(zenith=np.array([91.0, 96.0]), azimuth=np.array([310.0, 320.0]))
     for model in ("perez", "isotropic"):
         found = transposed(
-            times,
+            np.array([152, 152]),
             sun,
             dni=np.zeros(2),
             dhi=np.array([10.0, 0.0]),

@@ -58,7 +58,7 @@ def test_another_trough_is_found_if_it_is_deeper(house, ahead):
     record = read_recording(ahead, system)
     whole = Problem(Simulator(system.with_experiment(hours=336.0)), record)
     first = begun(whole, None)
-    made = search(first.fit, [late_heater(system)], whole.observed, whole.floor, begin=first.start, tell=lambda _: None)
+    made = search(first.fit, [late_heater(system)], whole.observed, begin=first.start)
     made = at_its_optimum(made)
     (there,), colours = made.settled, made.last.colours.best
     place = len(system.parameters)

@@ -157,3 +157,34 @@ def test_where_another_size_fits_better_it_is_the_best_refit(monkeypatch, eviden
 def test_nothing_is_said_where_nobody_is_told(function, capsys):
     signature(function).parameters["tell"].default("looking")
     assert capsys.readouterr() == ("", "")
+
+
+def test_whether_to_go_on_with_the_base_fit_is_asked_of_the_candidates_that_remain(monkeypatch):
+    """A gap that only one candidate sees is none without it, and the fit that stopped early is then what is told."""
+    both = [SimpleNamespace(name="seer"), SimpleNamespace(name="other")]
+
+    def a_fit(evidence):
+        return SimpleNamespace(evidence=evidence, simulations=1, lin=SimpleNamespace(problem=None))
+
+    def linearised(one, effects):
+        return SimpleNamespace(of=one, effects=tuple(effects), failed=(), simulations=1, chosen=())
+
+    def examine(lin, *_, **__):
+        seen = any(one.name == "seer" for one in lin.effects)
+        return SimpleNamespace(candidate_found=False, misfits=False, discrepancy=False, episodic=seen, lin=lin)
+
+    early, late, fits = a_fit(1.0), a_fit(2.0), []
+    stopped = SimpleNamespace(converged=False, problem=None, z=None, around=None)
+    monkeypatch.setattr(searching, "fit", lambda *_, **__: fits.append(1) or SimpleNamespace(simulations=1))
+    monkeypatch.setattr(searching, "settled_base", lambda one, *_: early if one is stopped else late)
+    monkeypatch.setattr(searching, "applicable", lambda _, effects: (effects, {}))
+    monkeypatch.setattr(searching, "among", linearised)
+    monkeypatch.setattr(searching, "fewer", lambda lin, effects, _: linearised(lin.of, effects))
+    monkeypatch.setattr(searching, "examine", examine)
+    whole = search(stopped, both, np.ones((1, 2), dtype=bool))
+    blind = search(stopped, both[1:], np.ones((1, 2), dtype=bool), known=whole)
+    seen = search(stopped, both[:1], np.ones((1, 2), dtype=bool), known=whole)
+    assert (whole.base, blind.base, seen.base) == (late, early, late)
+    assert [one.stages[0].lin.of for one in (whole, blind, seen)] == [late, early, late]
+    assert fits == [1]
+    assert [one.stages[0].lin.effects for one in (blind, seen)] == [(both[1],), (both[0],)]

@@ -51,13 +51,12 @@ def test_the_answer_says_what_where_and_how_far_in_words():
     # an interval of no width says nothing, what is left does
     for low in (1.2, 0.996):
         far = summary(done.model_copy(update={"shrinkage": [gone.model_copy(update={"low": low})]}))[2]
-        left = "(left are 0.1 K, root mean square, where noise is taken for 0.1 K)"
+        left = "(what is left is 100% of what noise is taken for, 0.1 K)"
         assert f"this removes all in room {left} of the gap above noise;" in far and "interval" not in far
-    loud = gone.model_copy(update={"low": 1.1, "unit": "W", "after": 3.04, "floor": 99.9})
-    assert (
-        "(left are 3.04 W, root mean square, where noise is taken for 99.9 W)"
-        in summary(done.model_copy(update={"shrinkage": [loud]}))[2]
-    )
+    for after, left in ((3.04, "3%"), (0.304, "less than 1%")):
+        quiet = gone.model_copy(update={"low": 1.1, "unit": "W", "after": after, "floor": 99.9})
+        said = summary(done.model_copy(update={"shrinkage": [quiet]}))[2]
+        assert f"(what is left is {left} of what noise is taken for, 99.9 W)" in said
     # a source may have the name of an output
     alike = done.model_copy(update={"sources": [source("flow", "none", 1.0)]})
     assert summary(alike)[0].startswith("Where: room: measured higher; 2 more findings, also in flow.")
