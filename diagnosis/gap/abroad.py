@@ -30,8 +30,8 @@ from shared.errors import SimulationError
 
 UNEXPLAINED = 10.0
 """Log evidence of a discrepancy without a cause, beside the best candidate, from which on all are asked again. With 100
-a window in replay that left 23 was missed; with 10 it is found, and of five other recordings of two opened sets none is
-answered worse (docs/blind-check.md). What follows was set by hand, not varied."""
+a window in replay that left 23 was missed, with 10 it is found; chosen on opened sets (docs/blind-check.md). What
+follows was set by hand, not varied."""
 ROUNDS = 4
 """How often the candidates are simulated, each time with a better amplitude."""
 CONTENDING = 50.0

@@ -9,16 +9,13 @@ from concurrent.futures.process import BrokenProcessPool
 import numpy as np
 import pytest
 import xarray as xr
-from cyclopts import App
 
-from diagnosis.blind.command import app as blind_app
-from diagnosis.blind.detectability import detectability
 from diagnosis.blind.generator import Generator
 from diagnosis.blind.make import make
 from diagnosis.blind.sealed import open_answers, read_manifest
 from diagnosis.effects import library
 from diagnosis.recording import read_recording
-from shared.errors import RecordingError, SimulationError, SystemDescriptionError, ZeroshotError
+from shared.errors import RecordingError, SimulationError, SystemDescriptionError
 from shared.system import system_from_canonical
 
 HOURS, SEED, COUNT = 72.0, 20, 4
@@ -334,26 +331,3 @@ def test_a_folder_is_not_written_over_and_answers_stay_outside(blind_set, defaul
         make(default_system, folder, answers=tmp_path / "a.json", recordings=1, hours=HOURS)
     with pytest.raises(RecordingError, match="which is published"):
         make(default_system, tmp_path / "x", answers=tmp_path / "x" / "a.json", recordings=1, hours=HOURS)
-
-
-@pytest.mark.parametrize("hours", [100.5, 0.0, float("nan")])
-def test_hours_that_are_refused_leave_nothing_behind(default_system, tmp_path, hours):
-    with pytest.raises(ZeroshotError):
-        make(default_system, tmp_path / "set", recordings=1, seed=SEED, hours=hours)
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.slow
-def test_command(default_system, tmp_path, capsys, monkeypatch):
-    """With the real lengths, which are the same when they are made again."""
-    monkeypatch.setattr("diagnosis.blind.make.detectability", detectability)
-    app = App(result_action="return_value")
-    app.command(blind_app)
-    words = ["--system", str(default_system.path), "--recordings", "1", "--seed", "4", "--hours", "48", "--json"]
-    for name in ("set", "again"):
-        assert app(["blind", "make", str(tmp_path / name), *words]) == 0
-        said = json.loads(capsys.readouterr().out)
-        assert said["answers_sha256"] == read_manifest(tmp_path / name)["answers_sha256"]
-    (answer,) = open_answers(tmp_path / "set", tmp_path / "set.answers.json")["recordings"]
-    assert answer["detectability"]["length"] > 0.0
-    assert (tmp_path / "set.answers.json").read_bytes() == (tmp_path / "again.answers.json").read_bytes()

@@ -1,4 +1,4 @@
-"""Codes for missing readings among readings that are rare."""
+"""Readings that can be compared with a training's: codes for missing ones, constant channels, units."""
 
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,7 +10,11 @@ from hypothesis import strategies as st
 
 from shared.codes import CODES
 from shared.errors import RecordingError
+from shared.store import Records
 from trainer.predicting.readings import check_gaps, comparable
+from trainer.reading.encoding import Encoding, make_encoding
+
+from ..conftest import tank_system
 
 
 def encoding(mean, sd, unit="W", constant=()):
@@ -71,3 +75,48 @@ def test_infinite_readings_are_told_apart_from_missing_ones():
     sentence = r"r\.nc: power has 1 infinite value in its last 10 samples; expected numbers: check the unit"
     with pytest.raises(RecordingError, match=sentence):
         check_gaps(Path("r.nc"), "power", values, [None], 0.9)
+
+
+def test_a_constant_channel_at_zero_stays_there_and_may_have_gaps():
+    system = tank_system()
+    values = np.zeros((3, 1, 20), np.float32)
+    records = Records(["level"], values, np.full((3, 2), 3.0), np.arange(3), np.zeros(3, np.int8), np.arange(1, 21.0))
+    encoding = make_encoding(system, records, [], 4, np.arange(3))
+    window = np.array([[0.0, np.nan, 0.0, 0.0]], np.float32)[..., None]
+    times = 1800.0 * np.arange(1, 5)[None]
+    read = comparable(Path("r.nc"), window, times, [None], encoding)
+    np.testing.assert_array_equal(read, window)
+    with pytest.raises(
+        RecordingError, match="level is 1e-06 m at 2001-01-01T02:00:00; in the run's training it was 0 m"
+    ):
+        comparable(Path("r.nc"), window + np.float32([0, 0, 0, 1e-6])[:, None], times, [None], encoding)
+
+
+@pytest.mark.parametrize("unit", ["K", "m"])
+def test_temperatures_in_degrees_are_refused_however_wide_the_training_was(tmp_path, unit):
+    """283 K with a spread of 10 K: 10 degC are 27 standard deviations away, and yet no such temperature exists."""
+    encoding = Encoding(
+        recorded=["air"],
+        outputs=1,
+        units=[unit],
+        derived=[],
+        step=3600.0,
+        length=3,
+        mean=[283.0],
+        sd=[10.0],
+        parameters=["k"],
+        parameter_units=["1"],
+        parameter_min=[1.0],
+        parameter_max=[2.0],
+        target_mean=[0.1],
+        target_sd=[0.1],
+    )
+    values = np.array([[[10.0], [11.0], [12.0]]], dtype=np.float32)
+    times = np.array([[3600.0, 7200.0, 10800.0]])
+    if unit == "m":
+        assert comparable(tmp_path / "r.nc", values, times, [None], encoding) == pytest.approx(values)
+        return
+    with pytest.raises(
+        RecordingError, match=r"air is 10 K at 2001-01-01T01:00:00, 27 standard deviations .* at most 13"
+    ):
+        comparable(tmp_path / "r.nc", values, times, [None], encoding)

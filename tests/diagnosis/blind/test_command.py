@@ -1,0 +1,33 @@
+"""``diagnosis blind make`` as a command, with the lengths of gaps that it works out."""
+
+import json
+
+import pytest
+from cyclopts import App
+
+from diagnosis.blind.command import app as blind_app
+from diagnosis.blind.make import make
+from diagnosis.blind.sealed import open_answers, read_manifest
+from shared.errors import ZeroshotError
+
+
+@pytest.mark.parametrize("hours", [100.5, 0.0, float("nan")])
+def test_hours_that_are_refused_leave_nothing_behind(default_system, tmp_path, hours):
+    with pytest.raises(ZeroshotError):
+        make(default_system, tmp_path / "set", recordings=1, seed=20, hours=hours)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_command(default_system, tmp_path, capsys):
+    """With the real lengths, which are the same when they are made again."""
+    app = App(result_action="return_value")
+    app.command(blind_app)
+    words = ["--system", str(default_system.path), "--recordings", "1", "--seed", "4", "--hours", "48", "--json"]
+    for name in ("set", "again"):
+        assert app(["blind", "make", str(tmp_path / name), *words]) == 0
+        said = json.loads(capsys.readouterr().out)
+        assert said["answers_sha256"] == read_manifest(tmp_path / name)["answers_sha256"]
+    (answer,) = open_answers(tmp_path / "set", tmp_path / "set.answers.json")["recordings"]
+    assert answer["detectability"]["length"] > 0.0
+    assert (tmp_path / "set.answers.json").read_bytes() == (tmp_path / "again.answers.json").read_bytes()
