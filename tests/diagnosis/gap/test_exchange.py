@@ -18,7 +18,11 @@ HOURS, HOUR, MONTH = 336, 3600.0, 30 * 86400.0
 
 @pytest.mark.slow
 def test_a_wrong_first_choice_does_not_stay(house, house_recorded, tmp_path, monkeypatch):
-    """A sensor that is slow and drifts, and a search that begins with a third cause, as one of two causes can look."""
+    """A sensor that is slow and drifts, and a search that would begin with a third cause, as two can look.
+
+    Here fitting afresh puts that right before anything is asked beside the second cause; that an exchange does is held
+    by the searches that are made up, below.
+    """
 
     def misled(refits, stage, found, tell):
         if stage is found.stages[0] and len(refits) > 1:
