@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from typing import Any
 
 from distributed import get_worker
@@ -11,7 +12,11 @@ from datagen.fmi.fmu import SCRATCH
 
 RECYCLE = 512 * 2**20
 """Bytes that a worker may grow by after its first shard before it is replaced by a fresh one."""
+LEAVE_WITHIN = 90
+"""Seconds that a worker has for going: to hand over its results, to finish the shard at work (Dask waits for 30 s), to
+clear up."""
 _BASE: list[int] = []
+_LEAVING: list[bool] = []
 
 
 def this_worker() -> Any:
@@ -48,7 +53,25 @@ def recycle(growth: float, rss: int) -> None:
     worker = this_worker()
     if not _BASE:
         _BASE.append(rss)
-    if worker is None or worker.nanny is None or rss < _BASE[0] + growth:
+    if worker is None or worker.nanny is None or _LEAVING or rss < _BASE[0] + growth:
         return
+    _LEAVING.append(True)
+    end_within(LEAVE_WITHIN)
     # a little later, so that the client has fetched this shard by then
     worker.loop.add_callback(worker.loop.call_later, 0.5, worker.close_gracefully, restart=True)
+
+
+def end_within(seconds: int) -> None:
+    """Have the system end this process after a time, whatever it hangs in: its nanny starts a fresh one then.
+
+    A process that is done with Python may hang in what a library does at its end, with the interpreter's lock held;
+    its nanny waits for it and starts no other. An alarm needs neither lock nor thread. Windows has none: a process
+    that hangs there has to be ended by hand.
+
+    Parameters
+    ----------
+    seconds
+        The time [s], from 1.
+    """
+    if hasattr(signal, "alarm"):
+        signal.alarm(seconds)
