@@ -17,7 +17,7 @@ import xarray as xr
 
 from tests.docker.compose import image_file
 from tests.docker.images import ROOT, build, context, read
-from tests.packaging.wheels import PROMISES, index_answers
+from tests.packaging.wheels import EVERY_MODULE, PROMISES, index_answers
 
 IMAGES = ("datagen", "trainer")
 RECIPE = ROOT / "fmus" / "modelica" / "Dockerfile"
@@ -129,6 +129,8 @@ def test_the_steps_install_what_the_image_is_for(built, tmp_path, record_propert
     where = built.run("python", "-c", "import shared; print(shared.__file__)", cwd=tmp_path).stdout
     assert where.startswith(str(built.inside("/opt/zeroshot")))
     assert built.megabytes() < LIMIT_MB[name]
+    imported = built.run("python", "-c", EVERY_MODULE, *promise.imports, cwd=tmp_path)
+    assert imported.returncode == 0 and int(imported.stdout) > 10, imported.stderr
 
     shown = built.run(name, "--help", cwd=tmp_path)
     assert shown.returncode == 0 and f"Usage: {name}" in shown.stdout, shown.stderr

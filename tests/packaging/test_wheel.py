@@ -81,7 +81,11 @@ def python(request):
     return found
 
 
-@pytest.mark.parametrize("extra", PROMISES, ids=lambda extra: extra or "bare")
+# what the images hold is the wheel with the extras datagen and trainer (tests/docker/test_images.py)
+EXTRAS = [*PROMISES] if "ZEROSHOT_PYTHONS" in os.environ else ["", "diagnosis"]
+
+
+@pytest.mark.parametrize("extra", EXTRAS, ids=lambda extra: extra or "bare")
 def test_the_wheel_works_where_nothing_else_is(dist, extra, python, tmp_path, default_system):
     environment = install(dist[1], extra, tmp_path / "environment", python)
     holds(environment, extra, tmp_path, default_system)

@@ -40,7 +40,7 @@ PROMISES = {
 }
 """By extra; the empty one is the distribution without any. (torch itself requires jinja2.)"""
 
-_EVERY_MODULE = """
+EVERY_MODULE = """
 import importlib, pkgutil, sys
 count = 0
 for package in sys.argv[1:]:
@@ -49,6 +49,7 @@ for package in sys.argv[1:]:
         count += 1
 print(count)
 """
+"""Imports all modules of the packages that it is given, and prints how many there are."""
 _DISTRIBUTIONS = "import importlib.metadata as m; print(*(d.name.lower().replace('_', '-') for d in m.distributions()))"
 
 
@@ -79,7 +80,7 @@ class Environment:
 
     def import_all(self, packages: Sequence[str], cwd: Path) -> int:
         """Import every module of some packages; returns how many there are."""
-        return int(self.out("python", "-c", _EVERY_MODULE, *packages, cwd=cwd))
+        return int(self.out("python", "-c", EVERY_MODULE, *packages, cwd=cwd))
 
 
 def sources(target: Path) -> None:
