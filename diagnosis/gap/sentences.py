@@ -109,7 +109,8 @@ def _which(report: Report) -> str:
             return f"Which: {'; and '.join([*alone, sets])}, which the recording cannot tell apart.{rest}"
         return f"Which: {sets}; the recording cannot tell these apart.{rest}"
     said = "; and ".join(_named(one) for one in named)
-    return f"Which: {said}.{rest}"
+    both = f" That one of them at least is a cause is {1 - report.mistaken:.0%} sure." if len(named) > 1 else ""
+    return f"Which: {said}.{both}{rest}"
 
 
 def _left(report: Report) -> str:

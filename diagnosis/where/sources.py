@@ -198,6 +198,7 @@ def _findings(residuals: Residuals, done: SourceTest, sensors: list[int], alpha:
                     t=float(whole.t[j]),
                 )
             )
+    for one in sorted(sources, key=lambda one: -one.gain):  # a sensor beside the best of what it can be mistaken for
         suspected(one.rival, one, one.verdict, one.balance)
     if done.suspect is not None:
         most = max(sources, key=lambda one: one.gain)

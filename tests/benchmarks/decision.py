@@ -3,7 +3,8 @@
 Prints, over all sets given and apart for simulated and replayed actuators: the share of the gap left about which
 rejected best fits cease to hold a true cause (HALF, with STEEP, by maximum likelihood), and how often what is named
 holds none though the best fit is not rejected (LEAST). Of what holds none the share of causes outside the library
-and of no gap at all (OUTSIDE, AFTER_ALL), how often there is no gap where none was found (NOTHING), of the other such
+and of no gap at all (OUTSIDE, AFTER_ALL), of two effects that are named and not both mistaken how often each is a cause
+(BESIDE; recordings as they are), how often there is no gap where none was found (NOTHING), of the other such
 recordings the share of causes outside (UNSEEN_OUTSIDE), and what evidences are best divided by (TEMPER), so that the
 probabilities are most likely to hold the truth where one effect was found. Strata are weighted as ``blind make`` draws
 them, but for HALF. A set that takes part is not to be reported afterwards.
@@ -26,7 +27,7 @@ from scipy.special import expit
 from diagnosis.blind.opened import Row, side_by_side
 from diagnosis.blind.sealed import open_answers
 from diagnosis.blind.verdicts import Verdict, read_run
-from diagnosis.gap.decision import AFTER_ALL, HALF, LEAST, NOTHING, OUTSIDE, STEEP, UNSEEN_OUTSIDE
+from diagnosis.gap.decision import AFTER_ALL, BESIDE, HALF, LEAST, NOTHING, OUTSIDE, STEEP, UNSEEN_OUTSIDE
 from diagnosis.gap.weighing import TEMPER
 
 WEIGHTS = {"none": 4, "library": 5, "form": 5, "outside": 4}
@@ -87,11 +88,14 @@ def main() -> None:
     kept: list[tuple[str, bool, bool]] = []
     weighed: list[tuple[float, np.ndarray]] = []
     wrong: dict[str, int] = defaultdict(int)
+    pairs: list[list[bool]] = []
     for one in given.sets:
         folder, answers, results = one.split(",")
         rows = side_by_side(open_answers(Path(folder), Path(answers)), results, read_run(results))
         for row in rows:
             verdict, stratum = row.outcome.verdict, row.stratum
+            if verdict is not None and len(verdict.sets) == 2 and verdict.named:
+                pairs.append([bool(set(row.effects) & set(one)) for one in verdict.sets])
             if verdict is None or stratum == "two":
                 continue
             quiet[stratum].append(verdict.verdict == "no_gap")
@@ -125,6 +129,8 @@ def main() -> None:
     mistakes = {name: each[name] * count for name, count in wrong.items()}
     for name, stratum, used_ in (("OUTSIDE", "outside", OUTSIDE), ("AFTER_ALL", "none", AFTER_ALL)):
         lines.append((name, mistakes.get(stratum, 0.0) / sum(mistakes.values()), used_, sum(wrong.values())))
+    held = [one for pair in pairs if any(pair) for one in pair]
+    lines.append(("BESIDE", float(np.mean(held)) if held else np.nan, BESIDE, len(held) // 2))
     calm = {name: each[name] * sum(values) for name, values in quiet.items()}
     lines.append(("NOTHING", calm["none"] / silent, NOTHING, sum(map(sum, quiet.values()))))
     unseen = silent - calm["none"]

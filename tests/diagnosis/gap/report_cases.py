@@ -57,6 +57,7 @@ BARE = {
     "sets": [],
     "parameters": [],
     "converged": True,
+    "mistaken": 0.1,
     "assumed": {},
     "rejected": False,
     "balance": "none",

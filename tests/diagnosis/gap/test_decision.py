@@ -8,6 +8,7 @@ import pytest
 
 from diagnosis.gap.decision import (
     AFTER_ALL,
+    BESIDE,
     HALF,
     LEAST,
     NOTHING,
@@ -235,6 +236,21 @@ def test_effects_that_act_together_are_those_that_were_fitted_together():
         one.evidence_with = lambda colours, value=value: value
     done = decide(search, 0.002, 0.4)
     assert (done.verdict, done.sets) == ("effect", (("one",), ("two",)))
+
+
+def test_each_of_two_effects_is_less_sure_than_that_not_both_are_mistaken():
+    """And what may be the one or the other has the sum of both chances."""
+    middle = stage(left_over=50.0, chosen=("one",), evidence=(20.0, 1.0))
+    after = stage(found=False, misfits=False, left_over=0.0, chosen=("one", "two"))
+    search = searched([stage(), middle, after], [refits(one=0.0, three=-9.0), refits(two=0.0, three=-9.0)])
+    done = decide(search, 0.002, 0.4)
+    even = (done.mistaken - done.none - done.nothing) / len(EFFECTS)
+    three = np.exp(-9.0 / TEMPER) / (1 + np.exp(-9.0 / TEMPER))
+    each = (1 - done.mistaken) * BESIDE
+    assert done.named == ("one", "two")
+    assert done.probabilities["one"] == pytest.approx(each * (1 - three) + even)
+    assert done.probabilities["one"] < 1 - done.mistaken
+    assert done.probabilities["three"] == pytest.approx(2 * each * three + even)
 
 
 @pytest.mark.parametrize(("left_over", "worth"), [(0.99 * PARSIMONY, True), (1.01 * PARSIMONY, False)])

@@ -141,6 +141,14 @@ def test_of_a_set_of_many_the_foremost_are_said():
     assert summary(left)[1].endswith("these apart. Something more is left that these do not explain.")
 
 
+def test_of_two_effects_it_is_said_how_sure_one_of_them_is():
+    stages = [stage(0.01, 0.01), stage(0.5, 0.5, ["a", "b"])]
+    two = report(effects=[named("a", 0.65), named("b", 0.64)], sets=[["a"], ["b"]], stages=stages, mistaken=0.19)
+    which = summary(two)[1]
+    assert "with probability 65%; and the b leaks" in which
+    assert which.endswith("with probability 64%. That one of them at least is a cause is 81% sure.")
+
+
 def test_a_cause_beside_a_set_is_told_with_its_size():
     """Only of the set the recording does not tell which it is."""
     effects = [named("a", 0.85), named("b", 0.5), named("c", 0.3)]

@@ -7,7 +7,7 @@ from scipy.stats import multivariate_normal
 from diagnosis.where.colour import fill, fit_colour, whiten
 from diagnosis.where.inverse import decompose
 from diagnosis.where.source import OTHERWISE
-from diagnosis.where.sources import MEMORIES, scan_sources
+from diagnosis.where.sources import MEMORIES, _findings, scan_sources
 from diagnosis.where.timelines import draw_sources
 from diagnosis.where.whitened import whitened
 from tests.diagnosis.where.where_cases import first_order, heat, twins, wander, with_observed
@@ -146,6 +146,21 @@ def test_no_sensor_is_suspected_where_another_source_explains_what_its_error_wou
         " but worse than missing heat"
     )
     assert "suspect" not in draw_sources(with_observed(quiet, observed), found).axes[1].get_title(loc="left")
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_what_explains_a_residual_does_not_depend_on_the_order_of_sources(quiet, turned):
+    """One output that two sources move: what one of them explains, its sensor's error explains about as well."""
+    found = scan_sources(quiet, [heat(first_order(STEPS, 12, 1 / 300, outputs=2, output=0, per=PER))])
+    far = replace(found.sources[0], name="far", label="missing heat", gain=0.3, balance=-19.7, p_value=0.9)
+    far = replace(far, verdict="sensor", rival="y0")
+    near = replace(far, name="near", label="missing CO2", gain=19.0, balance=-1.0, p_value=0.01, verdict="undecided")
+    sources = [near, far] if turned else [far, near]
+    test = replace(found.test, adjusted=np.full(3, 0.01), t=np.full(3, 4.0))
+    done = replace(found, sources=sources, sensor_gains={"y0": 20.0}, suspect="y0", test=test)
+    assert done.verdict == "undecided"
+    (said,) = [one.direction for one in _findings(quiet, done, [0], 0.05) if one.kind == "sensor"]
+    assert said == "an error of this channel alone explains the residual about as well as missing CO2"
 
 
 def test_what_is_said_of_a_source_is_not_cut_by_the_pictures_edge(quiet, plant):
