@@ -70,18 +70,20 @@ def residuals(
     table = Table("output", "unit", "RMSE", "bias", "CVRMSE", "NMBE", "lag-1 autocorrelation", box=None)
     for name, one in found["outputs"].items():
         table.add_row(
-            name,
+            f"{name} (replayed)" if name in found["replayed"] else name,
             one["unit"],
             f"{one['rmse']:.4g}",
             f"{one['bias']:.4g}",
             "-" if one["cvrmse"] is None else f"{one['cvrmse']:.2%}",
             "-" if one["nmbe"] is None else f"{one['nmbe']:.2%}",
-            f"{one['autocorrelation']:.2f}",
+            "-" if one["autocorrelation"] is None else f"{one['autocorrelation']:.2f}",
         )
     console.print(table)
     if found["assumed"]:
         taken = "; ".join(f"{name} = {what}" for name, what in found["assumed"].items())
         console.print(f"Not measured, and taken as: {taken}.", markup=False)
+    if found["replayed"]:
+        console.print("Replayed: what was read drives the model, so that these rows say nothing of it.", markup=False)
     return OK
 
 

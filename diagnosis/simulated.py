@@ -53,8 +53,10 @@ def residuals(
     Returns
     -------
     dict
-        ``parameters`` used, what is ``assumed`` of inputs that were not measured, and in ``outputs`` for each that was
-        measured the figures of :class:`diagnosis.scores.Score` and the ``autocorrelation`` of the residual at one step.
+        ``parameters`` used, what is ``assumed`` of inputs that were not measured, which outputs were ``replayed``
+        (their readings drive the model, so that their figures say nothing of it), and in ``outputs`` for each that was
+        measured the figures of :class:`diagnosis.scores.Score` and the ``autocorrelation`` of the residual at one step
+        (None where no two neighbouring readings are there).
 
     Raises
     ------
@@ -80,7 +82,13 @@ def residuals(
         seen = np.isfinite(record.outputs[k])
         if seen.any():
             found[output.name] = _compare(record.outputs[k], simulated[k], output.unit)
-    return {"recording": str(recording), "parameters": values, "assumed": problem.drive.assumed, "outputs": found}
+    return {
+        "recording": str(recording),
+        "parameters": values,
+        "assumed": problem.drive.assumed,
+        "replayed": list(problem.drive.replayed),
+        "outputs": found,
+    }
 
 
 class _Given(InProcess):
@@ -115,6 +123,10 @@ def _compare(measured: np.ndarray, simulated: np.ndarray, unit: str) -> dict[str
     seen = np.isfinite(measured)
     both = seen[1:] & seen[:-1]
     series = np.where(seen, measured - simulated - found.bias, 0.0)
-    spread = float(np.sum(series**2))
-    lagged = float(np.sum((series[1:] * series[:-1])[both])) / spread if spread > 0 else 0.0
+    variance = float(np.mean(series[seen] ** 2))
+    # per pair as per reading: where readings are missing there are fewer pairs
+    pairs = (series[1:] * series[:-1])[both]
+    lagged: float | None = None
+    if pairs.size:
+        lagged = float(np.clip(np.mean(pairs) / variance, -1.0, 1.0)) if variance > 0 else 0.0
     return {**found.model_dump(), "autocorrelation": lagged}

@@ -14,7 +14,7 @@ from diagnosis.pages import page_environment
 
 Lines = list[tuple[str, str, str]]
 LEAST = "the same, with nothing removed where there is no figure"
-UNKNOWN = "named, but no gap above the noise on the scored part"
+UNKNOWN = "named, but no share on the scored part (no gap above the noise there, or too few readings)"
 NAMED = ("effects that an answer names", "a true cause is among them", "if as many were drawn at random")
 OWN_FORM = "as the candidate has it; declared after parameters have compensated"
 
@@ -44,8 +44,8 @@ def against_oracle(one: Shrinkage) -> str:
         return number(one.ratio)
     unseen = f", {one.unseen} with a gap that no channel shows" if one.unseen else ""
     return (
-        f"{number(one.ratio)}; {one.share.n} of {one.asked} have a figure, {one.unknown} named effects but saw no gap"
-        f" on the scored part{unseen}"
+        f"{number(one.ratio)}; {one.share.n} of {one.asked} have a figure, {one.unknown} named effects but gave no"
+        f" share on the scored part{unseen}"
     )
 
 

@@ -25,9 +25,9 @@ class Shrinkage(_Table):
 
     ``share``: mean of what was removed (nothing where no effect was named); ``oracle``: of what an oracle would have;
     ``ratio``: mean of the first over mean of the second; ``median``: median of the recordings' own ratios. ``unknown``:
-    recordings without a figure, because the diagnosis named effects but saw no gap above the noise on the part that it
-    scored; ``unseen``: further recordings that were asked about whose gap can be seen in no channel; ``least``: the
-    ratio if nothing had been removed from any of both.
+    recordings without a figure, because the diagnosis named effects but gave no share on the part that it scored (it
+    saw no gap above the noise there, or had too few readings); ``unseen``: further recordings that were asked about
+    whose gap can be seen in no channel; ``least``: the ratio if nothing had been removed from any of both.
     """
 
     channel: str

@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from diagnosis.gap.decision import Verdict
 
-SCHEMA_VERSION = 9
+SCHEMA_VERSION = 10
 NOTICED = 0.02
 """Candidates of less probability are told together."""
 FEWEST = 12
@@ -52,15 +52,16 @@ class ShrinkageOf(_Table):
     """Of one channel, on the days that took no part in the fit that this is of.
 
     Root mean squares [unit], and the share of the gap above the noise that the chosen effects remove. Shares are
-    null where no gap stands out from the noise, or too few ``readings`` on those days to tell.
+    null where no gap stands out from the noise, or too few ``readings`` on those days to tell; with no readings at all,
+    root mean squares are null, too.
     """
 
     channel: str
     unit: str
     readings: int
-    before: float
-    after: float
-    floor: float
+    before: float | None
+    after: float | None
+    floor: float | None
     share: float | None
     low: float | None
     high: float | None

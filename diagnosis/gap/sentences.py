@@ -167,8 +167,8 @@ def _how_far(report: Report, long: Mapping[str, str]) -> str:
             f"How far: the part that is kept from a fit for that has fewer than {FEWEST} readings of any channel, too"
             " few to say how far the gap shrinks; a longer recording would tell."
         )
+    untold = f" Of {', '.join(few)} there are too few readings on these days to tell." if few else ""
     if not shares:
-        untold = f" Of {', '.join(few)} there are too few readings on them to tell." if few else ""
         return (
             "How far: on the days that are kept from a fit for that, no channel's gap stands out from the noise, so no"
             f" share of it can be given.{untold}"
@@ -185,6 +185,7 @@ def _how_far(report: Report, long: Mapping[str, str]) -> str:
     return (
         f"How far: on {days}, {what} removes {said} of the gap above noise;"
         f" a meaningless signature of equal freedom removes {_share(placebo)} on average where it removes most."
+        f"{untold}"
     )
 
 
@@ -193,9 +194,10 @@ def _removed(one: ShrinkageOf, channel: str) -> str:
     share, low, high = one.told
     if not one.all_gone:  # an interval of no width would be told
         return f"{_share(share)} in {channel} (90 % interval {_share(low)} to {_share(high)})"
-    rest = one.after / one.floor if one.floor > 0 else math.inf
+    after, floor = one.after or 0.0, one.floor or 0.0  # there is a share, so there are readings
+    rest = after / floor if floor > 0 else math.inf
     left = "less than 1%" if rest < 0.01 else percent(rest, 0)
-    return f"all in {channel} (what is left is {left} of what noise is taken for, {one.floor:.3g}{spaced(one.unit)})"
+    return f"all in {channel} (what is left is {left} of what noise is taken for, {floor:.3g}{spaced(one.unit)})"
 
 
 def _share(value: float | None) -> str:

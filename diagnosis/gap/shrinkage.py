@@ -40,7 +40,8 @@ CLEAR = 3.0
 class Shrinkage:
     """One channel.
 
-    Root mean squares [unit] on the ``readings`` of the scored part, ``floor`` of noise alone; ``share`` of the gap that
+    Root mean squares [unit] on the ``readings`` of the scored part, ``floor`` of noise alone, None where there are no
+    readings; ``share`` of the gap that
     the effect removes with its 90 % interval, None where there is no gap above the floor or too few readings to tell;
     ``placebo`` the mean share of placebos and ``placebo_best`` the largest.
     """
@@ -48,9 +49,9 @@ class Shrinkage:
     channel: str
     unit: str
     readings: int
-    before: float
-    after: float
-    floor: float
+    before: float | None
+    after: float | None
+    floor: float | None
     share: float | None
     low: float | None
     high: float | None
@@ -61,7 +62,7 @@ class Shrinkage:
 def shrinkages(
     apart: Apart, first: Stage, colours: Colours, scored: np.ndarray, observed: np.ndarray, *, seed: int = 0
 ) -> list[Shrinkage]:
-    """Shares of the gap that the chosen effects remove, of channels with readings on the scored part.
+    """Shares of the gap that the chosen effects remove, of all channels that count; none where no reading is scored.
 
     Parameters
     ----------
@@ -83,7 +84,10 @@ def shrinkages(
     system, found = apart.before.problem.system, []
     for k, output in enumerate(system.outputs):
         rows = observed[k] & scored
-        if not rows.any():
+        if not observed[k].any():
+            continue
+        if not rows.any():  # what it would show is not known, which is no sign that it shows nothing
+            found.append(Shrinkage(output.name, output.unit, 0, *(None,) * 8))
             continue
         old, new = before[k] ** 2, after[k] ** 2
         gap = float(old[rows].mean() - floors[k])
@@ -106,7 +110,7 @@ def shrinkages(
                 placebo_best=float(np.max(placebo)) if placebo else None,
             )
         )
-    return found
+    return found if any(one.readings for one in found) else []
 
 
 def _bare(lin: Linearised, observed: np.ndarray) -> Grams:

@@ -117,7 +117,8 @@ class SourceTest:
     def verdict(self) -> Verdict:
         """That of the source which, with its rival, explains most, unless a sensor that no source moves explains more.
 
-        Of sources that one and the same sensor can be mistaken for, the one that itself explains most. Parameters that make up for such a sensor's error leave in other channels what looks like a source.
+        Of sources that one and the same sensor can be mistaken for, the one that itself explains most. Parameters that
+        make up for such a sensor's error leave in other channels what looks like a source.
         """
         foremost = max(self.sources, key=lambda one: (max(one.gain, self.sensor_gains[one.rival]), one.gain))
         if self.suspect is None or self.suspect == foremost.rival:

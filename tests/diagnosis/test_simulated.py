@@ -5,11 +5,13 @@ import json
 import numpy as np
 import pytest
 import xarray as xr
+from scipy.signal import lfilter
 
 from datagen import simulate
 from diagnosis import calibrate, diagnose, residuals
 from diagnosis.cli import app
 from diagnosis.recording import read_recording
+from diagnosis.simulated import _compare
 from shared.console import FAULT, OK, start
 from shared.errors import RecordingError
 
@@ -71,6 +73,32 @@ def test_what_was_not_recorded_is_the_descriptions_and_is_told(recording, truth,
     told = " ".join(capsys.readouterr().out.split())
     assert "Not measured, and taken as:" in told
     assert "nPer = unknown, inferred with the prior of the description" in told and "excHea = none" in told
+
+
+def test_replayed_outputs_are_marked(recording, truth, default_system, capsys):
+    """Their readings drive the model: that little is left says nothing of it."""
+    done = residuals(default_system, recording, parameters=truth, replay=True)
+    assert done["replayed"] and {*done["replayed"]} < {*done["outputs"]}
+    assert residuals(default_system, recording, parameters=truth)["replayed"] == []
+    values = [f"{name}={value}" for name, value in truth.items()]
+    for words, marked in (([], False), (["--replay"], True)):
+        assert start(app, ["residuals", str(default_system.path), str(recording), "--set", *values, *words]) == OK
+        said = capsys.readouterr().out
+        assert ("Replayed: " in said) is marked
+        assert all((f"{name} (replayed)" in said) is marked for name in done["replayed"])
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.3, "every second"])
+def test_the_autocorrelation_does_not_shrink_where_readings_are_missing(lost):
+    """Of a first-order autoregression it is its coefficient (Box and Jenkins); it is not told where no pairs are."""
+    rng = np.random.default_rng(3)
+    made = lfilter([1.0], [1.0, -0.9], rng.standard_normal(20000))
+    if lost == "every second":
+        made[::2] = np.nan
+        assert _compare(made, np.zeros_like(made), "K")["autocorrelation"] is None
+    else:
+        made[rng.random(made.size) < lost] = np.nan
+        assert _compare(made, np.zeros_like(made), "K")["autocorrelation"] == pytest.approx(0.9, abs=0.02)
 
 
 def test_values_beyond_their_ranges_are_simulated_as_they_are(recording, truth, default_system):

@@ -167,7 +167,7 @@ def test_shrinkage_is_held_against_the_oracle(scored):
     assert (by_channel[AIR].share.n, by_channel[AIR].unknown) == (0, 2)
     largest = by_channel["where the gap is largest"]
     assert largest.share.n + largest.unknown == 6  # each of these recordings once, with a figure or without
-    assert f"{largest.share.n} of 6 have a figure, {largest.unknown} named effects but saw no gap" in markdown(done)
+    assert f"{largest.share.n} of 6 have a figure, {largest.unknown} named effects but gave no share" in markdown(done)
     assert (room.least.n, room.least.value) == (6, pytest.approx(1.8 / (oracles.sum() + 3 - 0.04 * (1 / 9 + 2 / 16))))
 
 

@@ -42,7 +42,7 @@ def test_recordings_without_a_figure_are_told_and_what_they_could_make_of_it():
     # of the gap that no channel shows an oracle leaves 1 / 1.25 ** 2
     assert done.least.n == 4 and done.least.value == pytest.approx(0.6 / (3 * 0.75 + 0.36))
     said = against_oracle(done)
-    assert said.startswith(f"{number(done.ratio)}; 2 of 5 have a figure, 1 named effects but saw no gap on the scored")
+    assert said.startswith(f"{number(done.ratio)}; 2 of 5 have a figure, 1 named effects but gave no share on the sco")
     assert said.endswith("2 with a gap that no channel shows") and bound(done) == number(done.least)
     whole = where_largest(*removed(rows[:2], limits))
     assert against_oracle(whole) == number(whole.ratio)

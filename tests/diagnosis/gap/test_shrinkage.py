@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagnosis.gap.shrinkage import _bootstrap
+from diagnosis.gap import shrinkage
+from diagnosis.gap.shrinkage import _bootstrap, shrinkages
 from diagnosis.recording import HOUR
 
 
@@ -48,3 +49,31 @@ def test_blocks_do_not_join_days_between_which_others_were_fitted():
     _bootstrap(old, np.ones(240), rows, (1.0, 0.5), HOUR, rng)
     (starts,) = drawn
     assert set(starts.tolist()) == {*range(96 - 23), *range(96, 192 - 23)}
+
+
+def test_a_channel_without_readings_on_the_scored_part_is_told(monkeypatch):
+    """It may be the one that carries the gap: what it would show is not known."""
+    steps = 96
+    scored = np.arange(steps) >= 48
+    observed = np.ones((3, steps), dtype=bool)
+    observed[1] = ~scored  # missing on the days that are kept
+    observed[2] = False  # never measured
+    monkeypatch.setattr(shrinkage, "left_by", lambda size, *_: np.full((3, steps), size))
+    monkeypatch.setattr(shrinkage, "_floor", lambda *_: (np.full(3, 0.01), np.full(3, 0.001)))
+    monkeypatch.setattr(shrinkage, "_placebos", lambda *_: [])
+    size = float(np.sqrt(2.0))
+    before = FakeFit(size)
+    before.problem = SimpleNamespace(
+        system=SimpleNamespace(outputs=[SimpleNamespace(name=name, unit="K") for name in ("room", "air", "slab")]),
+        recording=SimpleNamespace(step=HOUR),
+    )
+    apart = SimpleNamespace(before=before, after=FakeFit(1.0))
+    room, air = shrinkages(apart, None, None, scored, observed)
+    assert (room.channel, room.readings) == ("room", 48) and room.share == pytest.approx(1.0 / 1.99)
+    assert (air.channel, air.readings) == ("air", 0)
+    assert {air.before, air.after, air.floor, air.share, air.low, air.high} == {None}
+    assert shrinkages(apart, None, None, ~observed.any(axis=0), observed) == []
+
+
+class FakeFit(float):
+    """A residual of one size."""
