@@ -12,6 +12,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 from rich.table import Table
 
+from diagnosis.recording import HOUR
+
 NO_SHARE = ("K", "degC", "degF")
 """Units whose zero is arbitrary or far away: a share of their mean says nothing."""
 HOURLY_CVRMSE = 0.30
@@ -88,13 +90,15 @@ def score(measured: np.ndarray, simulated: np.ndarray, unit: str) -> Score:
     )
 
 
-def guideline14(channel: str, unit: str, measured: np.ndarray, residual: np.ndarray) -> Guideline14:
-    """The figures of Guideline 14, and whether they are within what it asks for.
+def guideline14(channel: str, unit: str, measured: np.ndarray, residual: np.ndarray, step: float = HOUR) -> Guideline14:
+    """The figures of Guideline 14, and whether they are within what it asks for of hourly data.
 
     Parameters
     ----------
     measured, residual
         Shape (steps,) [unit]; NaN where missing.
+    step
+        Of the recording [s]: of others than hours the limits are not asked.
     """
     seen = np.isfinite(measured) & np.isfinite(residual)
     left = residual[seen]
@@ -102,7 +106,9 @@ def guideline14(channel: str, unit: str, measured: np.ndarray, residual: np.ndar
         return Guideline14(channel, unit, float("nan"), float("nan"), None, None, None)
     rmse, bias = float(np.sqrt(np.mean(left**2))), float(left.mean())
     cvrmse, nmbe = shares(measured[seen], left, unit)
-    within = None if cvrmse is None or nmbe is None else cvrmse <= HOURLY_CVRMSE and abs(nmbe) <= HOURLY_NMBE
+    within = None
+    if cvrmse is not None and nmbe is not None and abs(step - HOUR) < 1.0:
+        within = cvrmse <= HOURLY_CVRMSE and abs(nmbe) <= HOURLY_NMBE
     return Guideline14(channel, unit, rmse, bias, cvrmse, nmbe, within)
 
 

@@ -114,7 +114,8 @@ def concluded(
         sources, unknown, better, spent = known.sources, known.unknown, known.otherwise, 0
     where = place(first, whole.observed, sources)
     if found.chosen and not gap_found(first, where.p_value, found.confirmed):
-        found = replace(found, stages=[first], refits=[], settled=[])
+        dropped = tuple(one.name for one in found.chosen)
+        found = replace(found, stages=[first], refits=[], settled=[], dropped=dropped)
     where_left = place(found.last, whole.observed, []) if found.chosen else None
     decision = decide(found, where.p_value, where_left.p_value if where_left is not None else where.p_value)
     apart, shrinkage = None, []

@@ -73,9 +73,9 @@ def limits(report: Report) -> list[str]:
         for one in named
     ]
     found += [
-        f"The size of {one.name} stopped at the bound of what its description allows ({one.amplitude:.3g}"
-        f"{spaced(one.unit)}): more of it would fit better still. Either the bound is too narrow for this building, or"
-        " the cause is another."
+        f"The size of {one.name} lies at the end of what its description allows ({one.amplitude:.3g}"
+        f"{spaced(one.unit)}). If that is as far as such an effect can go, it may be there in full; else the bound is"
+        " too narrow for this building and more would fit better, or the cause is another."
         for one in report.effects
         if one.named and one.at_bound and one.amplitude is not None
     ]

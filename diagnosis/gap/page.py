@@ -85,7 +85,9 @@ def _sources(done: Diagnosis) -> list[Source]:
 
 
 def answered_by(done: Diagnosis) -> set[Verdict]:
-    """What the effects that the answer names are: errors of a sensor, of a balance, or both."""
+    """What the effects that the answer names are: errors of a sensor, of a balance, or both; "none" without a gap."""
+    if done.report.verdict == "no_gap":
+        return {"none"}
     sensors = sensors_among(done.search.stages[0])
     return {"sensor" if one.name in sensors else "balance" for one in done.report.effects if one.named}
 

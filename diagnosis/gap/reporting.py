@@ -66,7 +66,7 @@ def reported(
         mistaken=decision.mistaken,
         rejected=decision.rejected,
         where=_places(where, first, dict(zip(problem.system.output_names, problem.floor.tolist(), strict=True))),
-        balance=where.verdict,
+        balance=where.verdict if decision.verdict != "no_gap" else "none",
         sources=_sources(where),
         sources_unknown=unknown,
         shrinkage=[ShrinkageOf(**vars(one)) for one in shrinkage],
@@ -77,6 +77,7 @@ def reported(
         ),
         detectability=detectability(first),
         otherwise=[otherwise_seen(one, first, problem.floor) for one in otherwise],
+        dropped=list(search.dropped),
         excluded=search.excluded,
         stages=_stages(search, where, where_left),
         noise=_noise(first),
@@ -242,11 +243,13 @@ def _stages(search: Search, where: Where, where_left: Where | None) -> list[Stag
     found = []
     for k, stage in enumerate(search.stages):
         best = stage.scan.foremost
+        strongest = int(np.argmax(stage.scan.evidence)) if len(stage.scan.evidence) else None
         p = where.p_value if k == 0 else where_left.p_value if where_left and k == len(search.stages) - 1 else None
         found.append(
             StageOf(
                 effects=[one.name for one in stage.lin.chosen],
                 best=stage.scan.effects[best].name if best is not None else None,
+                strongest=stage.scan.effects[strongest].name if strongest is not None else None,
                 ratio=float(stage.scan.ratio[best]) if best is not None else 0.0,
                 evidence=float(stage.scan.evidence.max(initial=0.0)),
                 p_value=stage.scan.p_value,

@@ -157,14 +157,16 @@ class ConditionOf(_Table):
 class StageOf(_Table):
     """One stage of the search.
 
-    With which effects, and the best further candidate; the largest log Bayes factor of a candidate on a straight line
-    (``evidence``), p of the best candidate (family-wise), p of the residual's whole
-    square, p of where the residual lies, p of the stretch of one channel that reads off the most, and how much log
-    evidence a discrepancy without a cause would still gain: slow or for a while (``left_over``), and for a while.
+    With which effects, and the candidate that stands out most from its own twins (``best``); the largest log Bayes
+    factor of a candidate on a straight line (``evidence``) and whose it is (``strongest``), p of the best candidate
+    (family-wise), p of the residual's whole square, p of where the residual lies, p of the stretch of one channel that
+    reads off the most, and how much log evidence a discrepancy without a cause would still gain: slow or for a while
+    (``left_over``), and for a while.
     """
 
     effects: list[str]
     best: str | None
+    strongest: str | None
     ratio: float
     evidence: float
     p_value: float
@@ -211,11 +213,17 @@ class Report(_Table):
     constants: list[ParameterOf] = Field(description="factors of the description's uncertain constants")
     detectability: list[Detectability]
     otherwise: list[ConditionOf] = Field(description="what would be seen under better conditions")
+    dropped: list[str] = Field(
+        description="without a gap: candidates that fit much better than none where they were fitted from afar"
+    )
     excluded: dict[str, str] = Field(description="candidates that could not be tried, and why")
     stages: list[StageOf]
     noise: list[NoiseOf]
     limits: list[str]
-    guideline14: list[dict[str, Any]]
+    guideline14: list[dict[str, Any]] = Field(
+        description="figures of ASHRAE Guideline 14, of the residual with the nuisances at their most likely; whether"
+        " they are within its limits is told of hourly recordings"
+    )
     system: str
     system_hash: str
     fmu_sha256: str

@@ -53,6 +53,12 @@ def _nowhere(report: Report) -> str:
             "a candidate stands out where the model is taken for a straight line, but fitted with the parameters none"
             " is strong evidence"
         )
+    if report.dropped:
+        seemed.append(
+            f"fitted from where the search began, {' with '.join(report.dropped)} explains the recording much better"
+            " than the base model does, but what the base model leaves is no larger than noise in any way that was"
+            " tested"
+        )
     if where_p <= LEVEL / 2:
         what = f" ({report.where[0].text})" if report.where else ""
         seemed.append(f"a place{what} stands out, but what is left as a whole is no larger than noise")
@@ -117,11 +123,11 @@ def _left(report: Report) -> str:
     """What is left of the gap, and which candidate would be next: of two causes the first found may be neither."""
     last = report.stages[-1]
     named = {name for one in report.sets for name in one}
-    if last.best is None or last.best in named or last.evidence < PLAIN:
+    if last.strongest is None or last.strongest in named or last.evidence < PLAIN:
         return " Something more is left that these do not explain."
     return (
-        f" Something more is left that these do not explain: of the other candidates {last.best} stands out most, and"
-        " may be the cause in place of one of these."
+        f" Something more is left that these do not explain: of the other candidates {last.strongest} would explain"
+        " most of it, and may be the cause in place of one of these."
     )
 
 

@@ -131,7 +131,7 @@ def locate(
         episodes=episodes,
         sources=sources,
         guideline=[
-            guideline14(residuals.names[k], residuals.units[k], measured[k], residuals.observed[k])
+            guideline14(residuals.names[k], residuals.units[k], measured[k], residuals.observed[k], residuals.step)
             for k in residuals.measured
         ],
         families=list(used),

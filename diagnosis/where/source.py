@@ -15,6 +15,7 @@ STRONG = 3.0
 """Log likelihood ratio that Kass and Raftery (1995) call strong."""
 
 SUSPECT = "suspect that sensor"
+FAINT = "too little for a gap"
 OTHERWISE = "that is of the base model, and the answer explains it otherwise"
 """Of a source whose rival, or of a sensor whose source, is beside the answer."""
 
@@ -93,7 +94,7 @@ class SourceTest:
         Where a source explains no more than in twins, its rival may still be what another source explains better: a
         sensor is suspected only where the sensors' own test says so, of all sources and sensors together.
         All that is of the base model alone: ``answered`` says of which sort the effects are that an answer names, which
-        were fitted with the parameters and are not contradicted.
+        were fitted with the parameters and are not contradicted; "none" where the answer is that there is no gap.
         """
         if one.verdict == "none":
             return "explains no more than in twins without a gap"
@@ -101,6 +102,8 @@ class SourceTest:
         suspected = self.stands and self.verdict == "sensor" and self.suspect == one.rival
         suspect = OTHERWISE if "balance" in answered else SUSPECT
         off = OTHERWISE if "sensor" in answered else "this balance is off"
+        if "none" in answered:
+            suspect = off = FAINT
         if not one.needed(alpha):
             instead = f"; an error of {rival} alone explains more: {suspect}" if suspected else ""
             return f"explains no more than in twins without a gap: none of it is needed{instead}"

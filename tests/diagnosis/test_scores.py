@@ -17,6 +17,7 @@ def test_the_figures_of_a_case_worked_by_hand():
     assert found.within is True
     assert guideline14("QHea", "W", measured, residual + 3).nmbe == pytest.approx(12 / (3 * 13))
     assert guideline14("QHea", "W", measured, residual + 3).within is False
+    assert guideline14("QHea", "W", measured, residual, 86400.0).within is None  # its limits are of hours
 
 
 @pytest.mark.parametrize("unit", ["K", "degC"])

@@ -163,7 +163,7 @@ def test_a_recording_counts_for_less_than_the_fit_believes_and_the_page_says_so(
     problem.replay = True
     report = summarise(replace(done.fit, problem=problem), {}, "the middle of the prior")
     said = " ".join(sentences(report))
-    assert "Intervals are about 1.5 times as wide" in said and "Actuators were replayed" in said
+    assert "Intervals are up to 1.5 times as wide" in said and "Actuators were replayed" in said
     said = " ".join(sentences(report.model_copy(update={"occupancy": "unknown"})))
     assert "Nobody counted the persons" in said and "Actuators were replayed" in said
     assert report.undeclared == {} and "No noise is declared" not in said

@@ -56,6 +56,7 @@ BARE = {
     "excluded": {},
     "sets": [],
     "parameters": [],
+    "dropped": [],
     "converged": True,
     "mistaken": 0.1,
     "assumed": {},
@@ -77,6 +78,7 @@ def stage(p_value, where_p, effects=()):
     return StageOf(
         effects=list(effects),
         best="fan",
+        strongest="fan",
         ratio=5.0,
         evidence=2.0,
         p_value=p_value,

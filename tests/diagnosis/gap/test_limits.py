@@ -61,7 +61,7 @@ def test_a_size_that_stopped_at_its_bound_is_a_limit_of_an_answer_that_names_it(
     ends = named("valve").model_copy(update={"at_bound": True, "amplitude": -4.0})
     other = named("bridge", answer=False).model_copy(update={"at_bound": True})
     found = limits(report(effects=[ends, other, named("load")]))
-    (said,) = [one for one in found if "stopped at the bound" in one]
+    (said,) = [one for one in found if "lies at the end of what" in one]
     assert said.startswith("The size of valve") and "(-4 W)" in said
 
 

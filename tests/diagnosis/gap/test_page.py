@@ -4,7 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from diagnosis.gap.page import answered_by, dated
+from diagnosis.gap import concluded, decision
+from diagnosis.gap.page import answered_by, dated, render
+from diagnosis.where.source import SUSPECT
 from tests.diagnosis.gap.report_cases import named, place, report
 
 
@@ -32,3 +34,17 @@ def test_an_answer_is_of_a_sensor_of_a_balance_or_of_both():
         {"balance"},
         {"sensor", "balance"},
     ]
+
+
+def test_where_there_is_no_gap_no_place_is_called_one(drifted, monkeypatch):
+    """Places are listed at one in twenty, a gap takes one in a hundred; and what was fitted and given up is said."""
+    for module in (concluded, decision):
+        monkeypatch.setattr(module, "gap_found", lambda *_: False)
+    done = drifted.done.without([])
+    assert (done.report.verdict, done.report.dropped, done.report.balance) == ("no_gap", ["drift"], "none")
+    assert done.report.where and not any(one.named for one in done.report.effects)
+    assert "drift explains the recording much better" in done.report.summary[0]
+    page = " ".join(render(done).split())
+    assert "None of this is enough for a gap" in page and {"none"} == answered_by(done)
+    assert SUSPECT not in page and "this balance is off" not in page
+    assert drifted.done.report.dropped == [] and "None of this is enough" not in " ".join(render(drifted.done).split())

@@ -16,6 +16,8 @@ def test_where_there_is_no_gap_what_seemed_to_be_one_is_said():
     assert "a candidate stands out" in line and "none is strong evidence" in line
     assert "a place" not in line and "fan" not in line
     assert "(room: measured higher) stands out" in spot and "candidate stands out" not in spot
+    given_up = summary(report(verdict="no_gap", no_gap=0.3, stages=[stage(0.4, 0.3)], dropped=["clock"]))[0]
+    assert "from noise for sure" in given_up and "clock explains the recording much better" in given_up
 
 
 def test_the_answer_says_what_where_and_how_far_in_words():
@@ -170,13 +172,14 @@ def test_what_is_left_is_said_to_look_like_a_cause_that_was_passed_over():
     """Of two causes the one that was found first may be neither: what would be next is then plain, and is named."""
     found = stage(0.01, 0.01, ["a", "b"])
     said = report(effects=[named("a"), named("b")], stages=[stage(0.01, 0.01), found], rejected=True)
-    for best, evidence, names in ((None, 0.0, False), ("valve", PLAIN - 1, False), ("valve", PLAIN, True)):
-        last = found.model_copy(update={"best": best, "evidence": evidence})
+    # what stands out most from its own twins may be another one, of little evidence
+    for most, evidence, names in ((None, 0.0, False), ("valve", PLAIN - 1, False), ("valve", PLAIN, True)):
+        last = found.model_copy(update={"best": "fan", "strongest": most, "evidence": evidence})
         which = summary(said.model_copy(update={"stages": [said.stages[0], last]}))[1]
         assert "Something more is left" in which
-        assert ("of the other candidates valve stands out most" in which) == names
+        assert ("of the other candidates valve would explain most of it" in which) == names
     # one of a set that is named already is no other candidate
-    last = found.model_copy(update={"best": "valve", "evidence": PLAIN})
+    last = found.model_copy(update={"strongest": "valve", "evidence": PLAIN})
     update = {"verdict": "ambiguous", "sets": [["a", "valve"]], "stages": [said.stages[0], last]}
     update["effects"] = [named("a"), named("valve")]
     which = summary(said.model_copy(update=update))[1]

@@ -6,7 +6,7 @@ from scipy.stats import multivariate_normal
 
 from diagnosis.where.colour import fill, fit_colour, whiten
 from diagnosis.where.inverse import decompose
-from diagnosis.where.source import OTHERWISE
+from diagnosis.where.source import FAINT, OTHERWISE
 from diagnosis.where.sources import MEMORIES, _findings, scan_sources
 from diagnosis.where.timelines import draw_sources
 from diagnosis.where.whitened import whitened
@@ -119,8 +119,8 @@ def test_a_sensor_fault_is_told_from_a_balance(quiet, plant):
     assert found.sources[0].balance < -3
     assert [f.kind for f in found.findings] == ["sensor"]
     assert found.words(found.sources[0], "the thermometer").endswith("suspect that sensor")
-    answers = ({"sensor"}, {"balance"}, {"sensor", "balance"})
-    for answered, said in zip(answers, ("suspect that sensor", OTHERWISE, OTHERWISE), strict=True):
+    answers = ({"sensor"}, {"balance"}, {"sensor", "balance"}, {"none"})
+    for answered, said in zip(answers, ("suspect that sensor", OTHERWISE, OTHERWISE, FAINT), strict=True):
         assert found.words(found.sources[0], "the thermometer", answered=answered).endswith(f": {said}")
         title = draw_sources(with_observed(quiet, observed), found, answered=answered).axes[0].get_title(loc="left")
         assert said in " ".join(title.split())
