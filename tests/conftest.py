@@ -1,12 +1,15 @@
 """What all tests share."""
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
 from shared.system import load_system
+from tests.forked import Forked
 
 # new examples are for people who can look at what they find; CI repeats the ones it knows
 settings.register_profile("ci", derandomize=True)
@@ -14,6 +17,25 @@ if os.environ.get("CI"):
     settings.load_profile("ci")
 
 ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="session", autouse=True)
+def forked_readers():
+    """Children that read NetCDF files are forked, where that can be done safely: to start each takes far longer."""
+    if sys.platform != "linux":
+        yield
+        return
+    forked = Forked()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("shared.netcdf.subprocess", forked)
+        yield
+    forked.close()
+
+
+@pytest.fixture
+def started_readers(monkeypatch):
+    """Children that read NetCDF files are started, as users have them."""
+    monkeypatch.setattr("shared.netcdf.subprocess", subprocess)
 
 
 @pytest.fixture(scope="session")
