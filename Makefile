@@ -32,9 +32,10 @@ PYTHONS ?= python3.11 python3.12 python3.13
 wheels: $(READY)
 	ZEROSHOT_PYTHONS="$(PYTHONS)" $(BIN)/python -m pytest -rA tests/packaging
 
-# check has run the tests of the README already
+# check has run the tests of the README already; the tests of a file stay together, so that what they share is made once,
+# and tests/conftest.py has the longest files first
 test: check
-	$(BIN)/python -m pytest -n 2 --ignore=tests/test_readme.py
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --ignore=tests/test_readme.py
 
 clean:
 	rm -rf demo .mypy_cache .ruff_cache .pytest_cache build dist *.egg-info

@@ -1,12 +1,15 @@
 """What all tests share."""
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
 from shared.system import load_system
+from tests.forked import Forked
 
 # new examples are for people who can look at what they find; CI repeats the ones it knows
 settings.register_profile("ci", derandomize=True)
@@ -14,6 +17,50 @@ if os.environ.get("CI"):
     settings.load_profile("ci")
 
 ROOT = Path(__file__).resolve().parents[1]
+LONGEST = (
+    "datagen/farming/test_faults.py",
+    "diagnosis/gap/test_conditions.py",
+    "docker/test_images.py",
+    "diagnosis/gap/test_fewer.py",
+    "packaging/test_wheel.py",
+    "docs/test_gallery.py",
+    "diagnosis/blind/test_detectability.py",
+    "docker/test_farm.py",
+    "diagnosis/blind/test_running.py",
+    "diagnosis/blind/test_make.py",
+    "diagnosis/gap/test_apart.py",
+    "diagnosis/gap/test_gap.py",
+    "trainer/benchmarking/test_running.py",
+    "diagnosis/fitting/test_fit.py",
+    "docs/test_pages.py",
+)
+"""Files that take longest, in that order. They come first: where files are dealt out to processes, one that begins late
+keeps a process busy when the others have nothing left to do."""
+
+
+def pytest_collection_modifyitems(items):
+    """Sort by file alone: within a file, and among all other files, the order stays."""
+    place = {ROOT / "tests" / name: k for k, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: place.get(item.path, len(place)))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def forked_readers():
+    """Children that read NetCDF files are forked, where that can be done safely: to start each takes far longer."""
+    if sys.platform != "linux":
+        yield
+        return
+    forked = Forked()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("shared.netcdf.subprocess", forked)
+        yield
+    forked.close()
+
+
+@pytest.fixture
+def started_readers(monkeypatch):
+    """Children that read NetCDF files are started, as users have them."""
+    monkeypatch.setattr("shared.netcdf.subprocess", subprocess)
 
 
 @pytest.fixture(scope="session")

@@ -19,7 +19,7 @@ from datagen.farming.cluster import ClusterError
 from datagen.farming.worker import Job, simulate_shard
 from shared.errors import DatasetError
 from shared.system import load_system
-from tests.datagen.faults import faulty, hashes, wait_for
+from tests.datagen.faults import faulty, hashes, stay_in_this_process, wait_for
 
 pytestmark = pytest.mark.slow
 SIZE = {"systems": 12, "seed": 3, "shard_size": 2, "quiet": True}
@@ -29,6 +29,12 @@ if not hasattr(versions, "real"):  # a preload is imported twice
     versions.real = versions._version_cached
 versions._version_cached = lambda name: "0.0.1" if name == "zeroshot-fmu" else versions.real(name)
 """
+
+
+@pytest.fixture(autouse=True)
+def taken_to_be_alive(monkeypatch):
+    """No FMU is tried in a process apart before a run: that has nothing to do with where the workers are."""
+    monkeypatch.setattr("datagen.farming.farm.check_live_apart", lambda *_: None)
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +76,9 @@ def test_workers_that_see_none_of_our_files_get_the_fmu_and_hand_the_shards_back
     hide += [str(tanks), str(tmp_path)]
     if subprocess.run([*hide, "true"], capture_output=True).returncode:
         pytest.skip("only root can hide a folder from a process")
-    run(toml, tmp_path / "here", workers=1, **SIZE)
+    with pytest.MonkeyPatch.context() as patch:
+        stay_in_this_process(patch)
+        run(toml, tmp_path / "here", **SIZE)
     with scheduler_with(before=hide) as address:
         run(toml, tmp_path / "there", scheduler=address, **SIZE)
     assert hashes(tmp_path / "there") == hashes(tmp_path / "here")
@@ -108,7 +116,9 @@ def test_slurm_gives_the_same_data(tanks, tmp_path):
         pytest.skip("SLURM_CONF is not set; tests/cluster/slurm.sh start prints it")
     pytest.importorskip("dask_jobqueue")
     toml = faulty.describe(tanks)
-    run(toml, tmp_path / "here", workers=1, **SIZE)
+    with pytest.MonkeyPatch.context() as patch:
+        stay_in_this_process(patch)
+        run(toml, tmp_path / "here", **SIZE)
     options = {"memory": "1GiB", "walltime": "00:10:00", "log_directory": str(tmp_path / "logs")}
     place = {"cluster": "slurm", "workers": 2, "host": "127.0.0.1"}  # a node of this machine
     run(toml, tmp_path / "slurm", cluster_options=options, **place, **SIZE)

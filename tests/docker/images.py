@@ -3,7 +3,7 @@
 Every ``COPY`` and ``RUN`` is carried out, the ``ENV`` holds for what is run afterwards. What is changed on the way:
 absolute paths of the Dockerfile point into the folder, ``python`` and ``pip`` are this machine's, no account is made.
 What ``pip`` installs into the image, ``uv`` installs: it takes the same words, and has unpacked most of it for other
-tests.
+tests. It compiles no modules as ``pip`` does, so the first program that imports one keeps it compiled.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import dockerfile
+import matplotlib
 import pathspec
 
 from tests.packaging.wheels import uv, uv_settings
@@ -118,9 +119,12 @@ class Built:
         return self.root / path.lstrip("/")
 
     def run(self, *words: str, cwd: Path, timeout: float = 300) -> subprocess.CompletedProcess[str]:
-        """Run a command with the image's environment, and nothing of ours."""
+        """Run a command with the image's environment, and nothing of ours but the list of this machine's fonts."""
         environment = {name: _moved(value, self.root) for name, value in self.final.environment.items()}
         environment["PATH"] = environment["PATH"].replace("$PATH", "/usr/bin:/bin")
+        environment["PYTHONDONTWRITEBYTECODE"] = ""  # else each program would compile torch, numba and pandas anew
+        if "MPLCONFIGDIR" in environment:
+            environment["MPLCONFIGDIR"] = matplotlib.get_cachedir()  # of which fonts this machine has is known there
         program = shutil.which(words[0], path=environment["PATH"]) or words[0]
         moved = [_moved(word, self.root) for word in words[1:]]
         return subprocess.run(

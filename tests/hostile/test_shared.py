@@ -217,10 +217,13 @@ def test_a_shard_beside_the_folder_is_refused(folder):
             load(folder)
 
 
-# ---------------------------------------------------------------- NetCDF, in a child process
+# ---------------------------------------------------------------- NetCDF, in a child process that is started for it
+
+started = pytest.mark.usefixtures("started_readers")
 
 
 @pytest.mark.parametrize("form", ["NETCDF4", "NETCDF3_CLASSIC"])
+@started
 def test_a_whole_file_is_read_as_xarray_reads_it(tmp_path, form):
     values = np.array([1.0, np.nan, 3.0])
     data = xr.Dataset({"a": ("time", values.astype("f4"), {"units": "K"}), "n": ("time", 0.5 * np.arange(3))})
@@ -234,6 +237,7 @@ def test_a_whole_file_is_read_as_xarray_reads_it(tmp_path, form):
         xr.testing.assert_identical(ours, xr.load_dataset(path, decode_times=times, decode_timedelta=False))
 
 
+@started
 def test_a_file_that_declares_more_than_it_can_hold_is_refused(tmp_path):
     with netCDF4.Dataset(tmp_path / "a.nc", "w") as file:
         file.createDimension("time", 1 << 40)
@@ -262,6 +266,7 @@ def crash(tmp_path, monkeypatch, body):
         ('print(\'{"variables": [{"name": "a", "dims": ["t"], "shape": [9], "dtype": "f8"}]}\')', "buffer"),
     ],
 )
+@started
 def test_a_reader_that_goes_down_takes_nobody_along(tmp_path, monkeypatch, body, sentence):
     path = crash(tmp_path, monkeypatch, body)
     with pytest.raises(
@@ -270,6 +275,7 @@ def test_a_reader_that_goes_down_takes_nobody_along(tmp_path, monkeypatch, body,
         read_netcdf(path, RecordingError, "a recording")
 
 
+@started
 def test_attributes_that_make_no_sense_are_a_sentence(tmp_path):
     with netCDF4.Dataset(tmp_path / "a.nc", "w") as file:
         file.createDimension("time", 3)

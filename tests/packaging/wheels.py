@@ -12,7 +12,10 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+
+from datagen import simulate
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = "zeroshot-fmu"
@@ -115,6 +118,7 @@ def install(wheel: Path, extra: str, folder: Path, python: str = sys.executable)
     return Environment(folder)
 
 
+@cache
 def index_answers() -> bool:
     """Whether there is an index to install from."""
     asked = [sys.executable, "-m", "pip", "index", "versions", "setuptools"]
@@ -131,6 +135,7 @@ def _uv(*words: str) -> None:
     assert done.returncode == 0, f"uv {' '.join(words)}\n{done.stderr[-4000:]}"
 
 
+@cache
 def uv_settings() -> dict[str, str]:
     """Variables that hand pip's settings on: uv has its own, but a machine is set up for pip."""
     listed = subprocess.run(
@@ -146,10 +151,7 @@ def uv_settings() -> dict[str, str]:
 def recording(folder: Path) -> Path:
     """A week of the default system, simulated here: a recording is all that passes between environments."""
     path = folder / "room.nc"
-    words = ["simulate", "MixedAirCO2", "--out", str(path), "--hours", "168", "--seed", "3"]
-    subprocess.run(
-        [Path(sys.executable).parent / "datagen", *words], cwd=folder, check=True, capture_output=True, timeout=300
-    )
+    simulate("MixedAirCO2", hours=168.0, seed=3, out=path)
     return path
 
 

@@ -23,6 +23,11 @@ RECORDED = [0.286494, 0.274189]
 SIZE = {"systems": 4, "shard_size": 2, "workers": 1, "quiet": True}
 
 
+@pytest.fixture(autouse=True)
+def in_this_process(monkeypatch):
+    stay_in_this_process(monkeypatch)
+
+
 @pytest.fixture(scope="module")
 def teams(tmp_path_factory):
     """The same system simulated by two teams with different seeds, and by one with other settings."""

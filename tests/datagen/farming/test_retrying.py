@@ -9,6 +9,7 @@ import pytest
 
 from datagen import info, run, verify
 from datagen.farming import worker
+from shared.errors import SimulationError
 from shared.store import DatasetFolder, read_manifest
 from tests.datagen.faults import failing, faulty_system, hashes, shards_in, stay_in_this_process
 
@@ -128,6 +129,17 @@ def test_systems_that_no_longer_fail_count_before_the_budget_is_spent(system, tm
     run(system, folder, **SIZE)
     failing(monkeypatch, 4)
     assert len(run(system, folder, retry_failures=True, **(SIZE | {"failure_budget": 0.2})).shards) == 2
+
+
+def test_one_system_may_fail_however_few_there_are(system, tmp_path, monkeypatch):
+    """Five percent of six are less than one."""
+    failing(monkeypatch, 3)
+    assert len(run(system, tmp_path / "one", **(SIZE | {"failure_budget": 0.05})).done()) == 5
+    with pytest.raises(SimulationError, match="1 systems failed, more than the failure budget of 0% of 6"):
+        run(system, tmp_path / "none", **(SIZE | {"failure_budget": 0.0}))
+    failing(monkeypatch, 3, 4)
+    with pytest.raises(SimulationError, match="2 systems failed, more than the failure budget of 5% of 6"):
+        run(system, tmp_path / "two", **(SIZE | {"failure_budget": 0.05}))
 
 
 def test_stopped_in_order_what_was_there_is_still_listed(system, tmp_path, monkeypatch):

@@ -19,6 +19,11 @@ OLDER = all_here() | {"pvlib": "0.0.1", "dask": "1.0"}
 OURS = f"pvlib {all_here()['pvlib']}"
 
 
+@pytest.fixture(autouse=True)
+def in_this_process(monkeypatch):
+    stay_in_this_process(monkeypatch)
+
+
 @pytest.fixture(scope="module")
 def tanks(tmp_path_factory):
     """Two datasets of tanks, with different seeds."""

@@ -14,6 +14,7 @@ from datagen.simulating.simulator import Simulator
 from shared.errors import DatasetError, SystemDescriptionError
 from shared.store import read_manifest
 from shared.uncertain import Uncertain
+from tests.datagen.faults import stay_in_this_process
 
 SIZE = {"systems": 4, "hours": 48.0, "seed": 5, "shard_size": 2, "workers": 1, "quiet": True}
 # of fmus/MixedAirCO2/DESIGN.md: 0.019 m of floor layer, J/(m2.K) and m2.K/W
@@ -28,7 +29,9 @@ def simulator(default_system):
 @pytest.fixture(scope="module")
 def drawn(default_system, tmp_path_factory):
     folder = tmp_path_factory.mktemp("constants") / "drawn"
-    run(default_system, folder, uncertain=True, **SIZE)
+    with pytest.MonkeyPatch.context() as patch:
+        stay_in_this_process(patch)
+        run(default_system, folder, uncertain=True, **SIZE)
     return folder
 
 
@@ -95,7 +98,8 @@ def test_nothing_else_is_drawn_otherwise(default_system):
     assert all(one.name not in both[1] for one in default_system.uncertain)
 
 
-def test_a_drawn_dataset_is_mended_and_resumed_as_it_was(drawn, default_system):
+def test_a_drawn_dataset_is_mended_and_resumed_as_it_was(drawn, default_system, monkeypatch):
+    stay_in_this_process(monkeypatch)
     manifest = read_manifest(drawn)
     victim = drawn / "shards" / manifest.shards[1].file
     victim.unlink()

@@ -17,27 +17,32 @@ from diagnosis.effects import library
 from diagnosis.recording import read_recording
 from shared.errors import RecordingError, SimulationError, SystemDescriptionError
 from shared.system import system_from_canonical
+from tests.diagnosis.blind.blind_cases import length_at_once, prepare_quickly
 
 HOURS, SEED, COUNT = 72.0, 20, 4
 
 
 @pytest.fixture(scope="module", autouse=True)
 def quick():
-    """Lengths beyond imitation are one of the gaps in their stead: the real ones take most of the time."""
-
-    def length(_, path, answer, *__):
-        return {"length": sum(answer["gap"].values()), "beside": {}}
-
+    """Lengths beyond imitation are something else, in the processes that are started too."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("diagnosis.blind.make.detectability", length)
+        patch.setattr("diagnosis.blind.make.detectability", length_at_once)
+        patch.setattr("diagnosis.blind.make._prepare", prepare_quickly)
         yield
 
 
 @pytest.fixture(scope="module")
-def blind_set(default_system, tmp_path_factory):
+def system(default_system):
+    """The default system with two days before each record: nothing here depends on how settled a room is."""
+    experiment = default_system.experiment.model_copy(update={"warm_up_hours": 48.0})
+    return default_system.model_copy(update={"experiment": experiment})
+
+
+@pytest.fixture(scope="module")
+def blind_set(system, tmp_path_factory):
     """Folder, sealed file."""
     folder = tmp_path_factory.mktemp("blind") / "set"
-    make(default_system, folder, recordings=COUNT, seed=SEED, hours=HOURS)
+    make(system, folder, recordings=COUNT, seed=SEED, hours=HOURS)
     return folder, folder.with_name("set.answers.json")
 
 
@@ -70,7 +75,7 @@ def test_hash_is_published_and_holds(blind_set, answers, tmp_path):
         open_answers(copy, sealed)
 
 
-def test_nothing_but_recordings_and_their_conditions_is_published(blind_set, answers, default_system, truth):
+def test_nothing_but_recordings_and_their_conditions_is_published(blind_set, answers, system, truth):
     folder, sealed = blind_set
     assert published_files(folder) == ["manifest.json", *(f"recordings/{k:04}.nc" for k in range(COUNT))]
     assert folder not in sealed.parents
@@ -81,7 +86,7 @@ def test_nothing_but_recordings_and_their_conditions_is_published(blind_set, ans
         "recordings",
     }  # fmt: skip
     assert all(set(one) == {"file", "sha256", "occupancy", "replay"} for one in manifest["recordings"])
-    words = [effect.name for effect in library(default_system)] + [form.name for form in truth.forms]
+    words = [effect.name for effect in library(system)] + [form.name for form in truth.forms]
     words += ["stratum", "amplitude", "salt", str(answers["seed"]), answers["salt"]]
     for file in published_files(folder):
         content = (folder / file).read_bytes()
@@ -117,23 +122,23 @@ def test_size_attributes_order_and_times_follow_the_public_conditions_alone(blin
     assert len({answer["stratum"] for answer in answers["recordings"]}) > 2
 
 
-def test_recordings_can_be_read_and_hold_what_was_measured(blind_set, answers, default_system):
+def test_recordings_can_be_read_and_hold_what_was_measured(blind_set, answers, system):
     folder, _ = blind_set
     for answer in answers["recordings"]:
-        record = read_recording(folder / answer["file"], default_system)
+        record = read_recording(folder / answer["file"], system)
         assert len(record.time) == HOURS
         assert record.start == answer["start"]
         assert ("nPer" in record.inputs) == (answer["occupancy"] == "measured")
         assert ("TSet" in record.inputs) == (not answer["replay"])
         clean = np.array(list(answer["clean"].values()))
         noise = record.outputs - clean
-        for k, output in enumerate(default_system.outputs):
+        for k, output in enumerate(system.outputs):
             assert np.nanstd(noise[k]) == pytest.approx(output.noise["sensor"].sd, rel=0.5)
         assert 0 < np.isnan(record.outputs).mean() < 0.05
 
 
 def test_the_same_seed_gives_the_same_bytes_in_any_order_and_after_an_interruption(
-    blind_set, default_system, tmp_path, monkeypatch
+    blind_set, system, tmp_path, monkeypatch
 ):
     folder, sealed = blind_set
     again = tmp_path / "again"
@@ -149,12 +154,12 @@ def test_the_same_seed_gives_the_same_bytes_in_any_order_and_after_an_interrupti
 
     monkeypatch.setattr(module, "write_one", stopped)
     with pytest.raises(KeyboardInterrupt):
-        make(default_system, again, recordings=COUNT, seed=SEED, hours=HOURS)
+        make(system, again, recordings=COUNT, seed=SEED, hours=HOURS)
     assert not again.exists()  # nothing is published before all is made
     monkeypatch.undo()
     with pytest.raises(RecordingError, match="begun with other settings"):
-        make(default_system, again, recordings=COUNT, seed=SEED + 1, hours=HOURS)
-    make(default_system, again, recordings=COUNT, hours=HOURS)
+        make(system, again, recordings=COUNT, seed=SEED + 1, hours=HOURS)
+    make(system, again, recordings=COUNT, hours=HOURS)
     assert published_files(again) == published_files(folder)
     for file in published_files(folder):
         assert (again / file).read_bytes() == (folder / file).read_bytes()
@@ -186,27 +191,34 @@ def stop_after(monkeypatch, count):
 
 
 @pytest.mark.parametrize("what", ["uncertain", "tolerance", "warm-up", "program"])
-def test_a_set_does_not_go_on_under_other_constants_tolerance_or_program(default_system, tmp_path, monkeypatch, what):
+def test_a_set_does_not_go_on_under_other_constants_tolerance_or_program(system, tmp_path, monkeypatch, what):
     stop_after(monkeypatch, 1)
     with pytest.raises(KeyboardInterrupt):
-        make(default_system, tmp_path / "set", recordings=2, seed=SEED, hours=HOURS)
-    uncertain = [one.model_dump(mode="json") | {"relative": 0.1} for one in default_system.uncertain]
+        make(system, tmp_path / "set", recordings=2, seed=SEED, hours=HOURS)
+    uncertain = [one.model_dump(mode="json") | {"relative": 0.1} for one in system.uncertain]
     other = {
-        "uncertain": lambda: changed(default_system, uncertain=uncertain),
-        "tolerance": lambda: changed(default_system, experiment={"tolerance": 1e-5}),
-        "warm-up": lambda: changed(default_system, experiment={"warm_up_hours": 120.0}),
-        "program": lambda: default_system,
+        "uncertain": lambda: changed(system, uncertain=uncertain),
+        "tolerance": lambda: changed(system, experiment={"tolerance": 1e-5}),
+        "warm-up": lambda: changed(system, experiment={"warm_up_hours": 120.0}),
+        "program": lambda: system,
     }[what]()
-    assert other.hash() == default_system.hash()
+    assert other.hash() == system.hash()
     if what == "program":
         monkeypatch.setattr("diagnosis.blind.make.program_sha256", lambda: "another")
     with pytest.raises(RecordingError, match=r"set\.answers\.json\.part: was begun with other settings"):
         make(other, tmp_path / "set", recordings=2, seed=SEED, hours=HOURS)
 
 
+@pytest.fixture(scope="module")
+def two(system, tmp_path_factory):
+    """A set of two recordings that nothing disturbed: its sealed answers."""
+    folder = tmp_path_factory.mktemp("two") / "set"
+    make(system, folder, recordings=2, seed=SEED, hours=48.0)
+    return open_answers(folder, folder.with_name("set.answers.json"))["recordings"]
+
+
 @pytest.mark.parametrize("where", ["make_case", "detectability"])
-def test_what_cannot_be_simulated_is_drawn_anew_and_counted(default_system, tmp_path, monkeypatch, where):
-    make(default_system, tmp_path / "whole", recordings=2, seed=SEED, hours=48.0)
+def test_what_cannot_be_simulated_is_drawn_anew_and_counted(two, system, tmp_path, monkeypatch, where):
     made, failed = Generator.make_case, []
 
     def fails(self, case):
@@ -219,59 +231,61 @@ def test_what_cannot_be_simulated_is_drawn_anew_and_counted(default_system, tmp_
         if path.name == "1.nc" and answer["attempt"] < 2:
             failed.append(answer)
             raise SimulationError("stiff")
-        return {"length": sum(answer["gap"].values()), "beside": {}}
+        return length_at_once(_, path, answer)
 
     if where == "make_case":
         monkeypatch.setattr(Generator, "make_case", fails)
     else:
         monkeypatch.setattr("diagnosis.blind.make.detectability", fails_late)
-    make(default_system, tmp_path / "set", recordings=2, seed=SEED, hours=48.0)
+    make(system, tmp_path / "set", recordings=2, seed=SEED, hours=48.0)
     assert len(failed) == 2
-    before, after = (
-        open_answers(tmp_path / name, tmp_path / f"{name}.answers.json")["recordings"] for name in ("whole", "set")
-    )
+    before, after = two, open_answers(tmp_path / "set", tmp_path / "set.answers.json")["recordings"]
     assert after[0] == before[0]
     assert [one["attempt"] for one in after] == [0, 2]
     assert after[1]["stratum"] == before[1]["stratum"]
     assert [one["effect"] for one in after[1]["causes"]] == [one["effect"] for one in before[1]["causes"]]
     for drawn in ("parameters", "constants", "start"):
         assert after[1][drawn] != before[1][drawn]
-    read_recording(tmp_path / "set" / after[1]["file"], default_system)
+    read_recording(tmp_path / "set" / after[1]["file"], system)
+
+
+@pytest.fixture(scope="module")
+def singles(system, tmp_path_factory):
+    """Sets of one recording that nothing disturbed, of two seeds."""
+    folders = [tmp_path_factory.mktemp("single") / name for name in ("whole", "other")]
+    for folder, seed in zip(folders, (SEED, SEED + 1), strict=True):
+        make(system, folder, recordings=1, seed=seed, hours=48.0)
+    return folders
 
 
 @pytest.mark.parametrize("where", ["publish", "shutil.rmtree"])
 def test_a_set_that_is_sealed_and_not_published_is_finished_by_the_same_call(
-    default_system, tmp_path, monkeypatch, where
+    singles, system, tmp_path, monkeypatch, where
 ):
     def stopped(*_):
         raise KeyboardInterrupt
 
-    sets = [tmp_path / name for name in ("whole", "set", "other")]
-    for folder, seed in zip(sets, (SEED, SEED, SEED + 1), strict=True):
-        with monkeypatch.context() as patch:
-            if folder != sets[0]:
-                patch.setattr(f"diagnosis.blind.make.{where}", stopped)
-                with pytest.raises(KeyboardInterrupt):
-                    make(default_system, folder, recordings=1, seed=seed, hours=48.0)
-            else:
-                make(default_system, folder, recordings=1, seed=seed, hours=48.0)
+    sets = [singles[0], tmp_path / "set", singles[1]]
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(f"diagnosis.blind.make.{where}", stopped)
+        make(system, sets[1], recordings=1, seed=SEED, hours=48.0)
     whole, again, other = (folder.with_name(f"{folder.name}.answers.json") for folder in sets)
     made = again.read_bytes()
     again.write_bytes(other.read_bytes())  # sealed, but not what this call would seal
     with pytest.raises(RecordingError, match=r"expected a new f(ile for the answers|older)$"):
-        make(default_system, sets[1], recordings=1, seed=SEED, hours=48.0)
+        make(system, sets[1], recordings=1, seed=SEED, hours=48.0)
     again.write_bytes(made)
-    make(default_system, sets[1], recordings=1, seed=SEED, hours=48.0)
+    make(system, sets[1], recordings=1, seed=SEED, hours=48.0)
     assert published_files(sets[1]) == published_files(sets[0])
     for file in published_files(sets[0]):
         assert (sets[1] / file).read_bytes() == (sets[0] / file).read_bytes()
     assert again.read_bytes() == whole.read_bytes()
     assert not again.with_name(f"{again.name}.part").exists()
     with pytest.raises(RecordingError, match="holds a blind set; expected a new folder"):
-        make(default_system, sets[1], recordings=1, seed=SEED, hours=48.0)
+        make(system, sets[1], recordings=1, seed=SEED, hours=48.0)
 
 
-def test_a_recording_that_no_draw_can_make_is_told(default_system, tmp_path, monkeypatch):
+def test_a_recording_that_no_draw_can_make_is_told(system, tmp_path, monkeypatch):
     def fails(self, case):
         raise SimulationError(f"stiff at {case.attempt}")
 
@@ -279,10 +293,10 @@ def test_a_recording_that_no_draw_can_make_is_told(default_system, tmp_path, mon
     with pytest.raises(
         SimulationError, match=r"truth\.toml: recording 0 of this seed .* none of its 5 draws; .* draw: stiff at 4"
     ):
-        make(default_system, tmp_path / "set", recordings=1, seed=SEED, hours=48.0)
+        make(system, tmp_path / "set", recordings=1, seed=SEED, hours=48.0)
 
 
-def test_a_process_that_died_is_a_sentence(default_system, tmp_path, monkeypatch):
+def test_a_process_that_died_is_a_sentence(system, tmp_path, monkeypatch):
     class Dead:
         def __init__(self, *_):
             pass
@@ -300,10 +314,10 @@ def test_a_process_that_died_is_a_sentence(default_system, tmp_path, monkeypatch
 
     monkeypatch.setattr("diagnosis.blind.make.ProcessPoolExecutor", Dead)
     with pytest.raises(SimulationError, match=r"took a process down that made recordings of 48 h, .* fewer workers"):
-        make(default_system, tmp_path / "set", recordings=2, seed=SEED, hours=48.0, workers=2)
+        make(system, tmp_path / "set", recordings=2, seed=SEED, hours=48.0, workers=2)
 
 
-def test_where_nothing_was_made_another_set_may_be_begun(default_system, tmp_path, monkeypatch):
+def test_where_nothing_was_made_another_set_may_be_begun(system, tmp_path, monkeypatch):
     """A system that the generator cannot use had left settings behind, and the mended one was refused for them."""
     import diagnosis.blind.make as module
 
@@ -313,21 +327,21 @@ def test_where_nothing_was_made_another_set_may_be_begun(default_system, tmp_pat
     monkeypatch.setattr(module, "Generator", refused)
     for hours in (HOURS, 2 * HOURS):
         with pytest.raises(SystemDescriptionError, match=r"^no$"):
-            make(default_system, tmp_path / "set", recordings=1, seed=SEED, hours=hours)
+            make(system, tmp_path / "set", recordings=1, seed=SEED, hours=hours)
 
 
 @pytest.mark.slow
-def test_two_processes_make_the_same(blind_set, default_system, tmp_path):
+def test_two_processes_make_the_same(blind_set, system, tmp_path):
     """And a set of other length has the same recordings: each depends on the seed and its number alone."""
     folder, _ = blind_set
-    make(default_system, tmp_path / "two", recordings=2, seed=SEED, hours=HOURS, workers=2)
+    make(system, tmp_path / "two", recordings=2, seed=SEED, hours=HOURS, workers=2)
     for file in ("recordings/0000.nc", "recordings/0001.nc"):
         assert (tmp_path / "two" / file).read_bytes() == (folder / file).read_bytes()
 
 
-def test_a_folder_is_not_written_over_and_answers_stay_outside(blind_set, default_system, tmp_path):
+def test_a_folder_is_not_written_over_and_answers_stay_outside(blind_set, system, tmp_path):
     folder, _ = blind_set
     with pytest.raises(RecordingError, match="holds a blind set; expected a new folder"):
-        make(default_system, folder, answers=tmp_path / "a.json", recordings=1, hours=HOURS)
+        make(system, folder, answers=tmp_path / "a.json", recordings=1, hours=HOURS)
     with pytest.raises(RecordingError, match="which is published"):
-        make(default_system, tmp_path / "x", answers=tmp_path / "x" / "a.json", recordings=1, hours=HOURS)
+        make(system, tmp_path / "x", answers=tmp_path / "x" / "a.json", recordings=1, hours=HOURS)

@@ -145,23 +145,22 @@ def test_the_command_writes_figures_and_a_page(house, house_recording, tmp_path,
     assert "http" not in page.replace("http-equiv", "")
 
 
-def test_a_recording_counts_for_less_than_the_fit_believes_and_the_page_says_so(house, house_recording):
+def test_a_recording_counts_for_less_than_the_fit_believes_and_the_page_says_so(calibrated):
     """Each parameter's information is divided by 1.5 squared; the prior's, which is one, is not."""
-    done = calibrate(house("me"), house_recording(hours=48), starts=1)
-    assert (done.report.widened, done.report.started_from) == (1.5, "prior")
-    stated = np.array(done.report.covariance)
-    np.testing.assert_allclose(np.diag(stated), 1 / (1 + (done.fit.sd**-2 - 1) / 1.5**2), rtol=1e-6)
+    assert (calibrated.report.widened, calibrated.report.started_from) == (1.5, "prior")
+    stated = np.array(calibrated.report.covariance)
+    np.testing.assert_allclose(np.diag(stated), 1 / (1 + (calibrated.fit.sd**-2 - 1) / 1.5**2), rtol=1e-6)
     np.linalg.cholesky(stated)
     low, high = (
-        done.problem.unknowns({one.name: getattr(one, end) for one in done.report.parameters})
+        calibrated.problem.unknowns({one.name: getattr(one, end) for one in calibrated.report.parameters})
         for end in ("low", "high")
     )
-    inside = [k for k, one in enumerate(done.report.parameters) if not one.at_bound]
+    inside = [k for k, one in enumerate(calibrated.report.parameters) if not one.at_bound]
     np.testing.assert_allclose((high - low)[inside], 2 * 1.645 * np.sqrt(np.diag(stated))[inside], rtol=1e-3)
     assert inside
-    problem = copy(done.fit.problem)
+    problem = copy(calibrated.fit.problem)
     problem.replay = True
-    report = summarise(replace(done.fit, problem=problem), {}, "the middle of the prior")
+    report = summarise(replace(calibrated.fit, problem=problem), {}, "the middle of the prior")
     said = " ".join(sentences(report))
     assert "Intervals are up to 1.5 times as wide" in said and "Actuators were replayed" in said
     said = " ".join(sentences(report.model_copy(update={"occupancy": "unknown"})))

@@ -2,21 +2,19 @@
 
 import numpy as np
 
-from diagnosis.calibrating.calibration import calibrate
 from diagnosis.calibrating.schema import Constant
 from diagnosis.calibrating.sentences import sentences
 
 
-def test_what_lies_at_an_end_of_its_range_is_not_said_to_be_the_prior(house, house_recording):
+def test_what_lies_at_an_end_of_its_range_is_not_said_to_be_the_prior(calibrated):
     """Hardly told by its variance, and yet moved: the range's end made the interval."""
-    done = calibrate(house("me"), house_recording(hours=48), starts=1)
     ranges = [
         one.model_copy(update={"identified": "hardly", "at_bound": k == 0})
-        for k, one in enumerate(done.report.parameters)
+        for k, one in enumerate(calibrated.report.parameters)
     ]
-    z = [3.0, 2.0, 0.1, *done.report.z[3:]]
+    z = [3.0, 2.0, 0.1, *calibrated.report.z[3:]]
     names = [one.name for one in ranges]
-    report = done.report.model_copy(update={"parameters": ranges, "z": z, "converged": True})
+    report = calibrated.report.model_copy(update={"parameters": ranges, "z": z, "converged": True})
     said = sentences(report)
     assert (
         f"It pushes {names[1]} to an end of the range, as far as it tells: the interval ends where the range does."
@@ -33,14 +31,10 @@ def test_what_lies_at_an_end_of_its_range_is_not_said_to_be_the_prior(house, hou
     assert f"It hardly tells {others}, and the fit did not settle on them: values are not the prior's either." in said
 
 
-def test_uncertain_constants_far_outside_of_the_description_come_first(house, house_recording):
+def test_uncertain_constants_far_outside_of_the_description_come_first(calibrated):
     """Three and two thirds of a standard deviation of 0.3 make x3."""
-    report = calibrate(house("me"), house_recording(hours=48), starts=1).report
-    report = report.model_copy(
-        update={
-            "parameters": [p.model_copy(update={"at_bound": False, "identified": "well"}) for p in report.parameters]
-        }
-    )
+    well = [p.model_copy(update={"at_bound": False, "identified": "well"}) for p in calibrated.report.parameters]
+    report = calibrated.report.model_copy(update={"parameters": well})
 
     def told(*places):
         ones = [
@@ -62,9 +56,9 @@ def test_uncertain_constants_far_outside_of_the_description_come_first(house, ho
         assert second.startswith("Only with such constants does the recording tell ro") and "well" not in second
 
 
-def test_what_is_left_is_held_against_the_declared_noise(house, house_recording):
+def test_what_is_left_is_held_against_the_declared_noise(calibrated):
     """A fit that found much noise has no more room for what is slow: the sensor has not become worse by it."""
-    report = calibrate(house("me"), house_recording(hours=48), starts=1).report
+    report = calibrated.report
     name, one = next((name, one) for name, one in report.outputs.items() if one.used)
 
     def told(undeclared=(), **noise):

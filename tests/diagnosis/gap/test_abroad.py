@@ -28,7 +28,7 @@ def looked_at(request, tmp_path_factory):
     path = tmp_path_factory.mktemp("abroad") / "room.nc"
     simulate(system, parameters=truth | {variable: size}, hours=96.0, seed=seed, out=path)
     record = noisy(read_recording(path, system), system, 5)
-    problem = Problem(Simulator(system), record, occupancy="measured")
+    problem = Problem(Simulator(system), record, occupancy="measured", warm_up=48 * HOUR)
     some = [
         one
         for one in library(system)

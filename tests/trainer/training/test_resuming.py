@@ -84,7 +84,7 @@ def test_a_training_that_was_killed_ends_with_the_weights_of_one_that_was_not(ta
         child.wait()
     assert reached < 400
     assert not (tmp_path / "killed" / "curve.csv").exists()
-    subprocess.run(command, check=True)
+    fit(tanks, tmp_path / "killed", resume=True, **settings)
     assert weights(tmp_path / "killed") == weights(tmp_path / "whole")
     assert not state.exists()
     whole, killed = (read_card(tmp_path / name) for name in ("whole", "killed"))

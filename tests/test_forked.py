@@ -1,0 +1,85 @@
+"""Readers of NetCDF files that are forked for tests: as those that are started, each with its own end."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import psutil
+import pytest
+import xarray as xr
+
+import shared.netcdf
+from shared.children import command, environment
+from shared.errors import RecordingError
+from tests.datagen.faults import wait_for
+from tests.forked import Forked
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="they are started there, as users have them")
+HOW = {"stdin": subprocess.DEVNULL, "capture_output": True, "timeout": 60}
+
+
+@pytest.fixture(scope="module")
+def forked():
+    one = Forked()
+    yield one
+    one.close()
+
+
+def how(**more):
+    """How a reader is started."""
+    return HOW | {"env": environment() | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}} | more
+
+
+def words(path, most="1000000"):
+    return command("shared.netcdf_child", str(path), most, "10")
+
+
+def test_what_comes_back_is_what_a_started_one_says(forked, tmp_path, monkeypatch):
+    path = tmp_path / "a.nc"
+    xr.Dataset({"a": ("time", np.arange(30000.0))}).to_netcdf(path)
+    (tmp_path / "bad.nc").write_bytes(b"rubbish")
+    cases = [words(path, "8"), words(tmp_path / "bad.nc"), words(path)]
+    begun = [subprocess.run(one, **how()) for one in cases]
+    monkeypatch.setattr(subprocess, "run", None)  # none of them is started
+    for one, before in zip(cases, begun, strict=True):
+        after = forked.run(one, **how())
+        assert (after.returncode, after.stdout, after.stderr) == (before.returncode, before.stdout, before.stderr)
+    assert [one.returncode for one in begun] == [1, 1, 0]
+
+
+def test_one_that_does_not_end_is_ended_in_time_and_the_next_reads(forked, tmp_path):
+    os.mkfifo(tmp_path / "pipe.nc")
+    began = time.monotonic()
+    with pytest.raises(subprocess.TimeoutExpired):
+        forked.run(words(tmp_path / "pipe.nc"), **how(timeout=0.5))
+    assert time.monotonic() - began < 30
+    assert forked.run(words(tmp_path / "none.nc"), **how()).returncode == 1
+
+
+def test_one_that_crashes_takes_nobody_along(forked, tmp_path):
+    os.mkfifo(tmp_path / "pipe.nc")
+    mother = psutil.Process(forked._mother.pid)
+    with ThreadPoolExecutor() as pool:
+        ended = pool.submit(forked.run, words(tmp_path / "pipe.nc"), **how())
+        (child,) = wait_for(mother.children)
+        wait_for(lambda: child.rlimit(psutil.RLIMIT_CPU)[0] == 10)  # each has limits of its own
+        child.send_signal(signal.SIGSEGV)
+        assert ended.result().returncode == -signal.SIGSEGV
+    assert mother.rlimit(psutil.RLIMIT_CPU)[0] == psutil.RLIM_INFINITY and mother.num_threads() == 1
+    assert forked.run(words(tmp_path / "none.nc"), **how()).returncode == 1
+
+
+def test_all_else_is_started(forked, tmp_path, monkeypatch):
+    said = forked.run([sys.executable, "-c", "print(1)"], **how())
+    assert said.stdout.strip() == b"1"
+    (tmp_path / "lethal.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)")
+    xr.Dataset({"a": ("time", np.zeros(3))}).to_netcdf(tmp_path / "a.nc")
+    monkeypatch.setattr("shared.netcdf.command", lambda _, *rest: command("lethal", *rest))
+    monkeypatch.setattr("shared.netcdf.environment", lambda: environment() | {"PYTHONPATH": str(tmp_path)})
+    monkeypatch.setattr("shared.netcdf.subprocess", forked)
+    with pytest.raises(RecordingError, match="its reader crashed: SIGSEGV"):
+        shared.netcdf.read_netcdf(tmp_path / "a.nc", RecordingError, "a recording")
