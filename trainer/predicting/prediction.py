@@ -13,6 +13,7 @@ from trainer.predicting.readings import date_of
 from trainer.predicting.recorded import Window, read_window
 from trainer.reading.encoding import Encoding
 from trainer.reading.familiar import Familiar, stuck, unlike
+from trainer.reading.kind import Kind
 from trainer.runs.checkpoint import Run, load_run
 from trainer.runs.unfinished import unfinished
 from trainer.runs.validation import Typical, typical_errors
@@ -65,7 +66,7 @@ class Prediction(_Table):
 class Predictions(_Table):
     """What ``trainer predict`` prints."""
 
-    schema_version: int = 5
+    schema_version: int = 6
     file: str
     model: str
     unfinished: str | None = None
@@ -75,10 +76,16 @@ class Predictions(_Table):
     absent: list[str] = []
     """Channels that the run can do without, and that the recording lacks."""
     held: list[str] | None = None
-    """uncertain constants of the description that the run has seen as declared only: where a building's are others,
-    errors are larger than is said; None where the run does not remember it"""
+    """uncertain constants of the description that the run has seen as declared only; None where it does not remember"""
+    rmse_held: list[str] | None = None
+    """those that the systems which ``rmse`` is of have as declared: where a building's are others, errors are larger;
+    None where there is no such error, or the run does not remember it"""
+    interval_held: list[str] | None = None
+    """the same of the systems that the posterior was fitted to, and of its intervals"""
     rmse_note: str
     """What ``rmse`` is over, or why it is null."""
+    interval_note: str | None = None
+    """In what the posterior's systems are unlike those of the run's last training; None where in nothing."""
     predictions: list[Prediction]
 
 
@@ -160,6 +167,7 @@ def predict(
 
         ranges = list(zip(encoding.parameter_min, encoding.parameter_max, strict=True))
         draw_corner(drawn[0], names, units, ranges, Path(corner))
+    fitted_to = None if posterior is None else posterior.card.dataset
     typical = typical_errors(run.card, len(window.stamps), window.absent)
     low, high = np.array(encoding.parameter_min), np.array(encoding.parameter_max)
     near = NEAR * (high - low)
@@ -198,7 +206,10 @@ def predict(
         noise=run.card.noise,
         absent=window.absent,
         held=run.card.held,
+        rmse_held=None if typical.rmse is None else run.card.errors_held,
+        interval_held=None if fitted_to is None else fitted_to.held,
         rmse_note=_rmse_note(typical, window, encoding, posterior is not None),
+        interval_note=_interval_note(fitted_to, run.card.dataset),
         predictions=predictions,
     )
 
@@ -239,3 +250,10 @@ def _rmse_note(typical: Typical, window: Window, encoding: Encoding, posterior: 
         "; the recording has gaps, with which errors are larger" if np.isnan(window.values[..., present]).any() else ""
     )
     return f"rmse: {typical.note}{gaps}"
+
+
+def _interval_note(fitted_to: Kind | None, trained_on: Kind | None) -> str | None:
+    """A sentence where intervals are of systems of another kind than those of the training."""
+    if fitted_to is None or trained_on is None or not (unlike := fitted_to.unlike(trained_on)):
+        return None
+    return f"the posterior was fitted to systems unlike those of the estimator's training: {'; '.join(unlike)}"
