@@ -28,7 +28,7 @@ from datagen.fmi.fmu import fmu_sha256
 from datagen.simulating.liveness import check_live_apart
 from datagen.simulating.simulator import Simulator
 from shared.ceiling import FILE_NAME as CEILING_FILE
-from shared.ceiling import Origin, fitting, read_ceilings, unknown_constants
+from shared.ceiling import Origin, fitting, read_ceilings, unknown_constants, write_ceilings
 from shared.errors import DatasetError
 from shared.lock import FILE_NAME as LOCK_FILE
 from shared.lock import FolderLock
@@ -255,7 +255,8 @@ def _clear(folder: Path) -> None:
 def _copy_ceilings(system: System, folder: Path, *, excitation: bool, uncertain: bool) -> None:
     """Put the ceilings beside the description into the dataset, if any is for this very dataset.
 
-    That is, of its system, FMU, season, weather, and of constants that are drawn or as declared, as its own are.
+    That is, of its system, FMU, season, weather, and of constants that are drawn or as declared, as its own are. Limits
+    that the dataset has already stay: of the same condition and season its own count.
     """
     beside = system.path.parent / CEILING_FILE
     if not beside.exists():
@@ -271,4 +272,15 @@ def _copy_ceilings(system: System, folder: Path, *, excitation: bool, uncertain:
         if limit is None:
             _log.info("%s: not copied: %s", beside, reason)  # nothing is wrong with the dataset
             return
-        write_atomically(folder / CEILING_FILE, beside.read_bytes())
+        there = folder / CEILING_FILE
+        if not there.exists():
+            write_atomically(there, beside.read_bytes())
+            return
+        own = read_ceilings(there)
+        if (own.system_hash, own.fmu_sha256) != (ceilings.system_hash, ceilings.fmu_sha256):
+            _log.warning("%s: of another system or FMU than the dataset's; left as it is", there)
+            return
+        for one in own.ceilings:
+            ceilings.put(one)
+        if {one.model_dump_json() for one in ceilings.ceilings} != {one.model_dump_json() for one in own.ceilings}:
+            write_ceilings(there, ceilings)
