@@ -172,7 +172,7 @@ def _figures_of_merit(
     of_prior = crps(truth, np.broadcast_to(flat, drawn.shape), quantiles=True).mean(axis=0)
     found = summarise(drawn)
     of_mean, of_point = r2(truth, found.mean), r2(truth, estimate)
-    width = np.median((found.high - found.low) / (prior.high - prior.low), axis=0)
+    width = np.median(prior.to_unit(found.high) - prior.to_unit(found.low), axis=0)
     parameters = {
         name: ParameterCalibration(
             coverage=cover[k],

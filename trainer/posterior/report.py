@@ -48,7 +48,7 @@ class ParameterCalibration(_Table):
     r2_point: float | None
     """of the estimator's answer"""
     width: float
-    """median width of the 90 % interval, as a share of the range"""
+    """median width of the 90 % interval, as a share of the range in the scale of the prior"""
 
 
 class LogScore(_Table):
@@ -139,7 +139,7 @@ def notes(result: Calibration) -> list[str]:
         "p: of the ranks being uniform, one window of each system",
         "CRPS as a share of the prior's",
         result.gaussian_note,
-        "width: median width of the 90 % interval, as a share of the range",
+        "width: median width of the 90 % interval, as a share of the range in the scale of the prior",
         f"mean log density at the truth above the prior's: posterior {score.posterior - score.prior:.2f} nat{gaussian}",
     ]
 

@@ -22,7 +22,7 @@ from trainer.seeds import check_seed
 _log = logger(__name__)
 
 NEAR = 1e-3
-"""An estimate this close to an end of its range, as a share of the range, is said to lie at its bound."""
+"""An estimate this close to an end of its range, as a share of the prior, is said to lie at its bound."""
 
 SAMPLES = 1000
 """Drawn from a posterior."""
@@ -127,7 +127,7 @@ def predict(
         If the run cannot be used, samples or a figure are wanted and it has no posterior, or samples are too few for an
         interval.
     """
-    from trainer.posterior.checkpoint import load_posterior  # the flows take a while to import
+    from trainer.posterior.checkpoint import load_posterior, prior_of  # the flows take a while to import
     from trainer.posterior.inference import check_samples, summarise
     from trainer.posterior.recording import write_samples
 
@@ -169,8 +169,8 @@ def predict(
         draw_corner(drawn[0], names, units, ranges, Path(corner))
     fitted_to = None if posterior is None else posterior.card.dataset
     typical = typical_errors(run.card, len(window.stamps), window.absent)
-    low, high = np.array(encoding.parameter_min), np.array(encoding.parameter_max)
-    near = NEAR * (high - low)
+    prior = prior_of(run, encoding.scales()) if posterior is None else posterior.prior
+    place = prior.to_unit(estimates)
     predictions = []
     for i, (system, row, moved) in enumerate(zip(window.systems, estimates, window.begins, strict=True)):
         # a stamp is the end of its step, and so the window begins a step before its first one
@@ -180,7 +180,7 @@ def predict(
                 value=float(row[k]),
                 unit=encoding.parameter_units[k],
                 rmse=None if typical.rmse is None else typical.rmse[name],
-                at_bound=bool(row[k] < low[k] + near[k] or row[k] > high[k] - near[k]),
+                at_bound=bool(place[i, k] < NEAR or place[i, k] > 1 - NEAR),
                 median=None if found is None else float(found.median[i, k]),
                 low=None if found is None else float(found.low[i, k]),
                 high=None if found is None else float(found.high[i, k]),
