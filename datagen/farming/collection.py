@@ -27,6 +27,8 @@ MANIFEST_EVERY = 5.0
 """Seconds between two writes of the manifest, at least; a shard between two of them is adopted by the next run."""
 _DEATHS = 4
 """A shard under guard cannot take its worker down. If its workers still die so often, it is not the FMU."""
+_ALONE = 2
+"""Deaths under guard after which a shard is sent alone: before, it may only have waited beside one that crashed."""
 _EARLY = 20
 """Systems after which a run stops if more than half have failed, whatever the budget."""
 
@@ -46,7 +48,9 @@ class _Better:
 @dataclass
 class _Task:
     piece: Piece
+    guarded: bool = False
     deaths: int = 0
+    """of workers while it was with them under guard"""
 
 
 class Collection:
@@ -96,7 +100,7 @@ class Collection:
         flight = Dispatcher(
             client,
             simulate_shard,
-            lambda task: (self.job, self.target(task.piece), tuple(task.piece.systems), task.deaths > 0),
+            lambda task: (self.job, self.target(task.piece), tuple(task.piece.systems), task.guarded),
             (_Task(piece) for piece in pieces),
             patience=patience,
         )
@@ -131,15 +135,19 @@ class Collection:
         client.run(receive, self.job.package, package_files(self.system), workers=[worker])
 
     def _killed(self, flight: Dispatcher[_Task], task: _Task, error: KilledWorker) -> None:
-        """Nobody knows yet whose fault it was: simulate the shard under guard, which tells."""
-        task.deaths += 1
+        """Nobody knows yet whose fault it was: simulate the shard under guard, which tells.
+
+        When a worker dies, Dask suspects all that was with it, also the shard that waited for the one at work.
+        """
         _log.debug("a worker died over shard %s", task.piece.file, extra=fields(worker=str(error.last_worker)))
+        task.deaths += task.guarded
+        task.guarded = True
         if task.deaths >= _DEATHS:
             raise SimulationError(
                 f"{task.piece.file}: {task.deaths} workers died over it, the last at {error.last_worker.address}, "
                 "though its FMU ran in a process apart; look for what ends them (memory, a queue's limits), run again"
             )
-        flight.again(task)
+        flight.again(task, alone=task.deaths >= _ALONE)
 
     def take(self, piece: Piece, result: ShardResult) -> None:
         """Record one shard: first its failures, then its file, then its entry.
