@@ -178,7 +178,9 @@ def run(
                 timeout=timeout,
                 recycle=recycle,
             )
-            collection = Collection(folder, manifest, failures, job, described, budget=failure_budget)
+            collection = Collection(
+                *(folder, manifest, failures, job, described), budget=failure_budget, early=not retry_failures
+            )
             collection.store()
             pieces = missing(manifest, failures, retry=retry_failures)
             first = next(pieces, None)

@@ -13,6 +13,7 @@ from datagen.farming.plan import Piece
 from datagen.farming.worker import ShardResult
 from shared.errors import SimulationError
 from shared.manifest import Manifest
+from tests.datagen.faults import failing, faulty_system, stay_in_this_process
 
 BEHIND = 2
 """Shards that a worker has: the one at work, and one that waits."""
@@ -146,3 +147,23 @@ def test_one_that_is_sent_alone_has_no_other_in_flight(monkeypatch):
     assert sorted(seen) == ["a", "a", "b", "c", "d", "e", "f"]
     alone = [many for target, _, many in client.tries if target == "a"][1]
     assert alone == 1
+
+
+SIZE = {"systems": 40, "seed": 3, "shard_size": 10, "hours": 1.0, "quiet": True}
+
+
+@pytest.mark.slow
+def test_an_early_stop_says_what_it_found_and_does_not_bar_a_retry(tmp_path, monkeypatch):
+    from datagen import run
+
+    stay_in_this_process(monkeypatch)
+    system = faulty_system(tmp_path)
+    bad = [0, 1, 2, 3, 4, 5, 10, 11, 12, 13, 14]
+    failing(monkeypatch, *bad)
+    settings = SIZE | {"failure_budget": 0.4}
+    with pytest.raises(SimulationError, match=r"ds: 11 of the first 20 systems failed; expected at most half of them"):
+        run(system, tmp_path / "ds", **settings)
+    assert len(run(system, tmp_path / "ds", **settings).shards) == 4  # those that are left do not fail
+    again = run(system, tmp_path / "ds", retry_failures=True, **settings)  # nor do so many more
+    assert len(again.done()) == 29
+    assert "29 of 40 systems" in (tmp_path / "ds" / "README.md").read_text()
