@@ -181,19 +181,21 @@ def run(
             collection = Collection(
                 *(folder, manifest, failures, job, described), budget=failure_budget, early=not retry_failures
             )
-            collection.store()
-            pieces = missing(manifest, failures, retry=retry_failures)
-            first = next(pieces, None)
-            if first is not None:
-                with connect(**places) as client:
-                    note(manifest, all_here(), folder, "this run")  # before a shard is there that they made
-                    collection.store()
-                    patience = float("inf") if cluster in QUEUES else PATIENCE  # jobs may be queued for days
-                    collection.collect(client, chain([first], pieces), quiet=quiet, patience=patience)
-            if not (folder / FAILURES_FILE).exists():
-                failures.write(folder)
-            _copy_ceilings(described, folder, excitation=excitation and not calm, uncertain=uncertain)
-            write_card(folder, manifest, described)
+            try:
+                collection.store()
+                pieces = missing(manifest, failures, retry=retry_failures)
+                first = next(pieces, None)
+                if first is not None:
+                    with connect(**places) as client:
+                        note(manifest, all_here(), folder, "this run")  # before a shard is there that they made
+                        collection.store()
+                        patience = float("inf") if cluster in QUEUES else PATIENCE  # jobs may be queued for days
+                        collection.collect(client, chain([first], pieces), quiet=quiet, patience=patience)
+                if not (folder / FAILURES_FILE).exists():
+                    failures.write(folder)
+                _copy_ceilings(described, folder, excitation=excitation and not calm, uncertain=uncertain)
+            finally:  # however it ends, the card says what the manifest says
+                write_card(folder, manifest, described)
     except OSError as error:
         raise DatasetError(
             f"{error.filename or folder}: cannot be written: {error.strerror or error}; "
