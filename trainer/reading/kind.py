@@ -52,6 +52,13 @@ class Kind(BaseModel):
             fingerprint=digest_of(identity_of(dataset, index)),
         )
 
+    def heading(self) -> str:
+        """The same in few words, for a heading: what tells most figures apart."""
+        seeds = f"root seed {', '.join(map(str, self.root_seeds))}"
+        constants = "constants drawn" if self.drawn else "constants as declared" if self.held else ""
+        calm = "no excitation" if not self.excitation else f"{self.calm:g} without excitation" if self.calm else ""
+        return ", ".join(one for one in (seeds, constants, calm) if one)
+
     def sentence(self) -> str:
         """Of what dataset something is, in words."""
         seeds = ", ".join(map(str, self.root_seeds))
