@@ -64,6 +64,9 @@ class Collection:
         Whether to stop early where most systems fail; of no use among those that have failed before.
     """
 
+    replaces = False
+    """Whether a shard that is simulated again has the content that its entry promises."""
+
     def __init__(
         self,
         folder: Path,
@@ -218,11 +221,13 @@ class Collection:
 
         Shards that were simulated again take their places now, and are out of the manifest while they do: were one
         listed when the run is killed, the file would not be what the manifest says. A file that is not listed is held
-        against itself by the next run, and adopted, with the systems that had failed before.
+        against itself by the next run, and adopted, with the systems that had failed before. Where ``replaces`` they
+        stay listed: nobody adopts a shard of a merged dataset, and one that is not what its entry says is mended again.
         """
         began = time.monotonic()
         if self._better:
-            self._write([entry for file, entry in self._entries.items() if file not in self._better])
+            if not self.replaces:
+                self._write([entry for file, entry in self._entries.items() if file not in self._better])
             for file in list(self._better):
                 os.replace(
                     self.folder / "shards" / self.target(self._better[file].piece), self.folder / "shards" / file
@@ -236,7 +241,8 @@ class Collection:
         self._pause = max(MANIFEST_EVERY, 20 * (self._stored - began))
 
     def _write(self, entries: list[ShardEntry]) -> None:
-        self.manifest.shards = sorted(entries, key=lambda one: one.file)
+        # of a merged dataset the order is that of its parts, and systems of equal index follow it
+        self.manifest.shards = entries if self.manifest.sources else sorted(entries, key=lambda one: one.file)
         write_manifest(self.folder, self.manifest)
 
     def _count(self) -> int:
