@@ -27,6 +27,8 @@ from shared.system import System, load_system
 class _Repair(Collection):
     """A collection that takes only shards with the very content that the manifest promises."""
 
+    replaces = True
+
     def take(self, piece: Piece, result: ShardResult) -> None:
         old = self._entries[piece.file]
         path = self.folder / "shards" / piece.file

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from datagen.farming.card import write_card
+from datagen.farming.failures import FILE_NAME as FAILURES_FILE
 from datagen.farming.failures import Failures
 from datagen.farming.versions import note
 from shared.ceiling import FILE_NAME as CEILING_FILE
@@ -21,6 +22,8 @@ from shared.store import DatasetFolder, Manifest, ShardEntry, Source, sha256_of,
 
 _DRAFT = ".merging"
 """In a folder that was there before: what becomes its content. A merge that was killed leaves it."""
+_MADE = {"shards", "README.md", FAILURES_FILE, CEILING_FILE}
+"""What of that may have got to its place before the manifest, which is the last to."""
 _log = logger(__name__)
 _SAME = ("system_hash", "fmu_sha256", "settings")
 
@@ -43,7 +46,7 @@ def merge(folders: Sequence[Path | str], out: Path | str) -> Manifest:
         raise DatasetError(f"{len(datasets)} dataset to merge; expected at least two")
     sources = _check(datasets)
     target = Path(out)
-    if target.exists() and (not target.is_dir() or any(path.name != _DRAFT for path in target.iterdir())):
+    if target.exists() and (not target.is_dir() or {*target.iterdir()} - {target / _DRAFT, *_moved(target)}):
         raise DatasetError(f"{target}: already there; expected a new folder")
     first = datasets[0].manifest
     try:
@@ -81,6 +84,8 @@ def _whole(target: Path) -> Iterator[Path]:
     draft.parent.mkdir(parents=True, exist_ok=True)
     if found := at_work(draft):
         raise DatasetError(f"{target}: another merge is at it ({found}); expected a new folder")
+    if there:
+        _remove(_moved(target))
     shutil.rmtree(draft, ignore_errors=True)  # of a process that was killed
     draft.mkdir()  # not of tempfile, whose folders nobody else may read
     try:
@@ -91,10 +96,32 @@ def _whole(target: Path) -> Iterator[Path]:
         with FolderLock(draft):
             yield draft
             made = [path for path in draft.iterdir() if path.name != LOCK_FILE]
-            for path in sorted(made, key=lambda one: one.name == "manifest.json"):  # a reader looks for that
-                path.rename(target / path.name)
+            try:
+                for path in sorted(made, key=lambda one: one.name == "manifest.json"):  # a reader looks for that
+                    path.rename(target / path.name)
+            except BaseException:
+                _remove(_moved(target))
+                raise
     finally:
         shutil.rmtree(draft, ignore_errors=True)
+
+
+def _moved(target: Path) -> list[Path]:
+    """What a merge that did not come to its end had moved out of its draft, which was whole then.
+
+    The folder was empty before, and whoever else looks for one refuses it with a draft in it.
+    """
+    if (target / "manifest.json").exists() or not (target / _DRAFT / "manifest.json").exists():
+        return []
+    return [path for path in target.iterdir() if path.name in _MADE]
+
+
+def _remove(paths: list[Path]) -> None:
+    for path in paths:
+        if path.is_dir():
+            shutil.rmtree(path)
+        else:
+            path.unlink()
 
 
 def _check(datasets: Sequence[DatasetFolder]) -> list[Source]:

@@ -50,6 +50,7 @@ class Dispatcher(Generic[Task]):
         self._source = source
         self._patience = patience
         self._again: deque[Task] = deque()
+        self._alone: deque[Task] = deque()
         self._flying: dict[str, tuple[Task, Future]] = {}
         self._landed: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._run = uuid4().hex[:12]
@@ -58,16 +59,22 @@ class Dispatcher(Generic[Task]):
         self._looked = -_LOOK
         self._seen = time.monotonic()
 
-    def again(self, task: Task) -> None:
-        """Put a task in line once more, before all others."""
-        self._again.append(task)
+    def again(self, task: Task, *, alone: bool = False) -> None:
+        """Put a task in line once more, before all others; ``alone`` with no other in flight."""
+        (self._alone if alone else self._again).append(task)
 
     def __iter__(self) -> Iterator[tuple[Task, Any]]:
+        single = False  # whether the one in flight is to stay alone
         while True:
             self._look()
-            while len(self._flying) < self._limit and self._submit():
-                pass
-            if not self._flying and not self._again:
+            if self._alone:
+                if self._limit and not self._flying:
+                    self._send(self._alone.popleft())
+                    single = True
+            elif not single:
+                while len(self._flying) < self._limit and self._submit():
+                    pass
+            if not self._flying and not self._again and not self._alone:
                 if self._limit:
                     return
                 time.sleep(0.2)
@@ -77,19 +84,23 @@ class Dispatcher(Generic[Task]):
             except queue.Empty:
                 continue
             task, future = self._flying.pop(key)
+            single = False
             yield task, self._outcome(future)
 
     def _submit(self) -> bool:
         task = self._again.popleft() if self._again else next(self._source, None)
         if task is None:
             return False
+        self._send(task)
+        return True
+
+    def _send(self, task: Task) -> None:
         self._submitted += 1
         # the key is of this run alone: several runs may share a scheduler
         key = f"shard-{self._run}-{self._submitted}"
         future = self._client.submit(self._function, *self._arguments(task), key=key, pure=False)
         self._flying[key] = (task, future)
         future.add_done_callback(lambda _, key=key: self._landed.put(key))
-        return True
 
     def _outcome(self, future: Future) -> Any:
         if future.status == "cancelled":

@@ -28,7 +28,7 @@ from datagen.fmi.fmu import fmu_sha256
 from datagen.simulating.liveness import check_live_apart
 from datagen.simulating.simulator import Simulator
 from shared.ceiling import FILE_NAME as CEILING_FILE
-from shared.ceiling import Origin, fitting, read_ceilings, unknown_constants
+from shared.ceiling import Origin, fitting, read_ceilings, unknown_constants, write_ceilings
 from shared.errors import DatasetError
 from shared.lock import FILE_NAME as LOCK_FILE
 from shared.lock import FolderLock
@@ -178,20 +178,24 @@ def run(
                 timeout=timeout,
                 recycle=recycle,
             )
-            collection = Collection(folder, manifest, failures, job, described, budget=failure_budget)
-            collection.store()
-            pieces = missing(manifest, failures, retry=retry_failures)
-            first = next(pieces, None)
-            if first is not None:
-                with connect(**places) as client:
-                    note(manifest, all_here(), folder, "this run")  # before a shard is there that they made
-                    collection.store()
-                    patience = float("inf") if cluster in QUEUES else PATIENCE  # jobs may be queued for days
-                    collection.collect(client, chain([first], pieces), quiet=quiet, patience=patience)
-            if not (folder / FAILURES_FILE).exists():
-                failures.write(folder)
-            _copy_ceilings(described, folder, excitation=excitation and not calm, uncertain=uncertain)
-            write_card(folder, manifest, described)
+            collection = Collection(
+                *(folder, manifest, failures, job, described), budget=failure_budget, early=not retry_failures
+            )
+            try:
+                collection.store()
+                pieces = missing(manifest, failures, retry=retry_failures)
+                first = next(pieces, None)
+                if first is not None:
+                    with connect(**places) as client:
+                        note(manifest, all_here(), folder, "this run")  # before a shard is there that they made
+                        collection.store()
+                        patience = float("inf") if cluster in QUEUES else PATIENCE  # jobs may be queued for days
+                        collection.collect(client, chain([first], pieces), quiet=quiet, patience=patience)
+                if not (folder / FAILURES_FILE).exists():
+                    failures.write(folder)
+                _copy_ceilings(described, folder, excitation=excitation and not calm, uncertain=uncertain)
+            finally:  # however it ends, the card says what the manifest says
+                write_card(folder, manifest, described)
     except OSError as error:
         raise DatasetError(
             f"{error.filename or folder}: cannot be written: {error.strerror or error}; "
@@ -255,7 +259,8 @@ def _clear(folder: Path) -> None:
 def _copy_ceilings(system: System, folder: Path, *, excitation: bool, uncertain: bool) -> None:
     """Put the ceilings beside the description into the dataset, if any is for this very dataset.
 
-    That is, of its system, FMU, season, weather, and of constants that are drawn or as declared, as its own are.
+    That is, of its system, FMU, season, weather, and of constants that are drawn or as declared, as its own are. Limits
+    that the dataset has already stay: of the same condition and season its own count.
     """
     beside = system.path.parent / CEILING_FILE
     if not beside.exists():
@@ -271,4 +276,15 @@ def _copy_ceilings(system: System, folder: Path, *, excitation: bool, uncertain:
         if limit is None:
             _log.info("%s: not copied: %s", beside, reason)  # nothing is wrong with the dataset
             return
-        write_atomically(folder / CEILING_FILE, beside.read_bytes())
+        there = folder / CEILING_FILE
+        if not there.exists():
+            write_atomically(there, beside.read_bytes())
+            return
+        own = read_ceilings(there)
+        if (own.system_hash, own.fmu_sha256) != (ceilings.system_hash, ceilings.fmu_sha256):
+            _log.warning("%s: of another system or FMU than the dataset's; left as it is", there)
+            return
+        for one in own.ceilings:
+            ceilings.put(one)
+        if {one.model_dump_json() for one in ceilings.ceilings} != {one.model_dump_json() for one in own.ceilings}:
+            write_ceilings(there, ceilings)

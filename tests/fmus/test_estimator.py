@@ -80,7 +80,8 @@ def test_it_has_seen_rooms_whose_walls_are_not_as_declared(tmp_path):
     for index in range(6):
         simulate(NAME, seed=4712, index=index, hours=168, uncertain=True, out=tmp_path / "other.nc")
         found, truth = predict(NAME, tmp_path / "other.nc"), xr.load_dataset(tmp_path / "other.nc")
-        assert found.held == []
+        assert found.held == found.rmse_held == found.interval_held == []
+        assert found.interval_note is None
         told = found.predictions[0].parameters
         errors += [(one.value - float(truth[name])) / usual[name] for name, one in told.items()]
     assert np.sqrt(np.mean(np.square(errors))) < 0.95

@@ -28,7 +28,8 @@ def test_a_first_session(tanks, tmp_path, capsys):
     code, out, err = run(capsys, "evaluate", folder, tanks, "--json", "--windows", "100")
     assert code == 0
     found = json.loads(out)
-    assert found["schema_version"] == 2
+    assert found["schema_version"] == 3
+    assert (found["dataset"]["root_seeds"], found["dataset"]["systems"]) == ([1], 100)
     assert set(found["protocols"]) == {"paper", "unseen"}
     code, out, _ = run(capsys, "evaluate", folder, tanks)
     assert code == 0

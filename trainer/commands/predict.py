@@ -12,7 +12,7 @@ from rich.table import Table
 from shared.console import new_console
 
 if TYPE_CHECKING:
-    from trainer.predicting.prediction import Estimate, Prediction
+    from trainer.predicting.prediction import Estimate, Prediction, Predictions
 
 
 def predict(
@@ -78,15 +78,36 @@ def predict(
     console.print(result.rmse_note, markup=False)
     if result.unfinished:
         console.print(result.unfinished, markup=False)
-    if result.held:
-        console.print(
-            f"The run was trained on systems that have {', '.join(result.held)} as declared. Where a building has"
-            " others, errors are larger than is said; `datagen run --uncertain` simulates such systems.",
-            markup=False,
-        )
+    if result.interval_note:
+        console.print(result.interval_note, markup=False)
+    for sentence in _on_constants(result):
+        console.print(sentence, markup=False)
     for path in (out, corner):
         if path is not None:
             console.print(f"written to {path}", markup=False)
+
+
+def _on_constants(result: Predictions) -> list[str]:
+    """What was as declared in the training, and in what is said of errors and intervals."""
+    said = []
+    if result.held:
+        said.append(f"The run was trained on systems that have {', '.join(result.held)} as declared.")
+    told: dict[str, list[str]] = {}
+    for what, names in (("the rmse", result.rmse_held), ("the intervals", result.interval_held)):
+        if names:
+            told.setdefault(", ".join(names), []).append(what)
+    said += [
+        f"The systems of {' and '.join(what)} have {names} as declared. Where a building has others, errors are larger"
+        " than is said; `datagen run --uncertain` simulates such systems."
+        for names, what in told.items()
+    ]
+    posterior = any(value.median is not None for one in result.predictions for value in one.parameters.values())
+    if posterior and result.interval_held is None:
+        said.append(
+            "The posterior does not remember whether its systems had constants of the description as declared: fit it"
+            " again to know."
+        )
+    return said
 
 
 def _table(one: Prediction) -> Table:

@@ -24,6 +24,7 @@ from trainer.evaluating.limit import find_ceiling
 from trainer.evaluating.report import Answers, Evaluation, Protocol, write_answers, write_report
 from trainer.figures import draw_scatter
 from trainer.reading.data import load_records
+from trainer.reading.kind import Kind
 from trainer.reading.noise import Sensors
 from trainer.reading.windows import WindowSource, disjoint_windows
 from trainer.runs.checkpoint import Card, Run, load_run, make_folder
@@ -130,6 +131,7 @@ def evaluate(
         answers[name] = Answers(index.seeds[where], index.systems[where], batch.time.numpy(), truth, estimate)
     result = Evaluation(
         model=card.model,
+        dataset=Kind.of(dataset, index),
         unfinished=cut_short,
         context_hours=hours,
         step=card.encoding.step,

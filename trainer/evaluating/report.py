@@ -14,6 +14,7 @@ from rich.table import Table
 from shared.errors import EstimatorError
 from shared.reading import MIB, read_text, why
 from shared.store import write_atomically
+from trainer.reading.kind import Kind
 from trainer.runs.checkpoint import Card
 from trainer.tables import Row, markdown_table
 from trainer.tables import terminal_table as plain_table
@@ -66,8 +67,10 @@ class CeilingFigures(_Table):
 class Evaluation(_Table):
     """``evaluation.json``."""
 
-    schema_version: int = 2
+    schema_version: int = 3
     model: str
+    dataset: Kind | None = None
+    """what it is on; None in files of earlier versions"""
     unfinished: str | None = None
     """a sentence where the run's training did not come to its end, or another run is at work in its folder"""
     context_hours: float
@@ -117,13 +120,18 @@ def notes(evaluation: Evaluation) -> list[str]:
         "R2 in the parameters' own units, with 90 % intervals by system; accuracy: median of 1 less the relative error"
     )
     cut_short = [evaluation.unfinished] if evaluation.unfinished else []
-    return [*cut_short, *lines, meant, evaluation.ceiling_note]
+    data = [evaluation.dataset.sentence()] if evaluation.dataset else []
+    return [*cut_short, *data, *lines, meant, evaluation.ceiling_note]
+
+
+def _on(dataset: Kind | None) -> str:
+    return "" if dataset is None else f", {dataset.heading()}"
 
 
 def terminal_table(evaluation: Evaluation) -> Table:
     """The table for the terminal."""
     header, rows = table_rows(evaluation)
-    title = f"{evaluation.model}, {evaluation.context_hours:g} h, noise {evaluation.noise}"
+    title = f"{evaluation.model}, {evaluation.context_hours:g} h, noise {evaluation.noise}{_on(evaluation.dataset)}"
     return plain_table(title, header, rows, whole=1 + len(evaluation.protocols))
 
 
@@ -131,7 +139,7 @@ def markdown(evaluation: Evaluation, card: Card) -> str:
     """The table as Markdown."""
     header, rows = table_rows(evaluation)
     lines = [
-        f"# {evaluation.model} on {card.system_name}",
+        f"# {evaluation.model} on {card.system_name}{_on(evaluation.dataset)}",
         "",
         f"Context {evaluation.context_hours:g} h, step {evaluation.step:g} s, noise {evaluation.noise},"
         f" channels {', '.join(evaluation.channels)}; {card.training.best_step} steps of {card.training.batch_size}"

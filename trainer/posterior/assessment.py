@@ -21,6 +21,7 @@ from trainer.posterior.inference import Posterior, check_samples, summarise
 from trainer.posterior.report import LEVELS, Calibration, Coverage, LogScore, ParameterCalibration, write_calibration
 from trainer.posterior.scores import covered, crps, positions, truncated_normal, uniformity
 from trainer.reading.data import load_records
+from trainer.reading.kind import Kind
 from trainer.reading.noise import Sensors
 from trainer.reading.windows import WindowSource, disjoint_windows
 from trainer.runs.checkpoint import Run, load_run, make_folder
@@ -112,6 +113,7 @@ def calibration(
     typical = typical_errors(card, length, without or [], preset)
     result = Calibration(
         model=card.model,
+        dataset=Kind.of(dataset, index),
         unfinished=cut_short,
         context_hours=hours,
         noise=preset,
@@ -172,7 +174,7 @@ def _figures_of_merit(
     of_prior = crps(truth, np.broadcast_to(flat, drawn.shape), quantiles=True).mean(axis=0)
     found = summarise(drawn)
     of_mean, of_point = r2(truth, found.mean), r2(truth, estimate)
-    width = np.median((found.high - found.low) / (prior.high - prior.low), axis=0)
+    width = np.median(prior.to_unit(found.high) - prior.to_unit(found.low), axis=0)
     parameters = {
         name: ParameterCalibration(
             coverage=cover[k],

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
+from shared.logs import logger
 from shared.store import Records
-from trainer.runs.checkpoint import Systems
+from trainer.reading.kind import Kind
+from trainer.runs.checkpoint import Card
+from trainer.runs.systems import Systems
 
-SCHEMA_VERSION = 2
+_log = logger(__name__)
+
+SCHEMA_VERSION = 3
+"""The first version knows no temperatures of windows that lack an output, and before the third it is not said of what
+dataset the posterior is."""
 
 
 class PosteriorCard(BaseModel):
@@ -22,6 +30,8 @@ class PosteriorCard(BaseModel):
     """of the estimator's weights: the posterior is of no use with others"""
     logarithmic: list[bool]
     """of each parameter: whether its prior is uniform in the logarithm"""
+    dataset: Kind | None = None
+    """what it was fitted to: intervals allow for what differs between its systems; None in cards of earlier versions"""
     context: int
     lengths: list[int]
     """window lengths [samples], rising; each has temperatures of its own"""
@@ -48,3 +58,18 @@ class PosteriorCard(BaseModel):
     def seen(self, records: Records) -> np.ndarray:
         """Which rows of records, of the run's own system, the posterior was made with; bool (systems,)."""
         return self.fitting_systems.rows_in(records) | self.calibration_systems.rows_in(records)
+
+
+def tell_kind(kind: Kind, run: Card, folder: Path) -> None:
+    """Warn where intervals will be of systems of another kind than the estimator was trained on.
+
+    ``kind`` is that of the dataset in ``folder``, which a posterior is to be fitted to.
+    """
+    if run.held is not None and (held := [name for name in kind.held if name not in run.held]):
+        _log.warning(
+            "%s: has %s as declared, and the estimator's training had them drawn: intervals will be too narrow for"
+            " systems that have others",
+            *(folder, ", ".join(held)),
+        )
+    if run.dataset is not None and (unlike := kind.unlike(run.dataset)):
+        _log.warning("%s: is unlike the dataset of the estimator's training: %s", folder, "; ".join(unlike))

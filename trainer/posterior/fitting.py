@@ -27,7 +27,7 @@ from shared.progress import tracked
 from shared.store import DatasetFolder
 from trainer.evaluating.evaluation import check_records, check_same_system
 from trainer.memory import memory_for
-from trainer.posterior.card import PosteriorCard
+from trainer.posterior.card import PosteriorCard, tell_kind
 from trainer.posterior.checkpoint import CARD, load_posterior, save_posterior
 from trainer.posterior.conditions import Contexts, draw_contexts, source_of
 from trainer.posterior.flow import PosteriorFlow
@@ -35,7 +35,9 @@ from trainer.posterior.inference import Posterior
 from trainer.posterior.prior import Prior
 from trainer.posterior.tempering import temper
 from trainer.reading.data import load_records, rows_of
-from trainer.runs.checkpoint import CALIBRATION, Run, Systems, load_run
+from trainer.reading.kind import Kind
+from trainer.runs.checkpoint import CALIBRATION, Run, load_run
+from trainer.runs.systems import Systems
 from trainer.runs.unfinished import check_not_replaced, unfinished
 from trainer.seeds import check_seed, check_threads, torch_state
 
@@ -149,6 +151,8 @@ def _fit(
     check_same_system(run.card, dataset)
     index = load_records(dataset, [])
     check_records(run.card, index, dataset.folder, max(run.card.encoding.lengths))
+    kind = Kind.of(dataset, index)
+    tell_kind(kind, run.card, dataset.folder)
     prior = Prior.of(dataset.system)
     seeds = [int(s) for s in np.random.SeedSequence(seed).generate_state(5)]
     fitting, calibration = _halves(rows_of(index, "validation", dataset.folder), systems, seeds[0])
@@ -173,6 +177,7 @@ def _fit(
     card = PosteriorCard(
         estimator_sha256=run.card.weights_sha256,
         logarithmic=prior.log.tolist(),
+        dataset=kind,
         context=fit_to.context.shape[1],
         lengths=run.card.encoding.lengths,
         options=options,

@@ -39,7 +39,7 @@ class Prior:
     def to_unit(self, parameters: np.ndarray) -> np.ndarray:
         """Unit positions of parameters (..., parameters) [own units]; outside [0, 1] where these leave their ranges."""
         linear = (parameters - self.low) / (self.high - self.low)
-        with np.errstate(invalid="ignore"):
+        with np.errstate(invalid="ignore", divide="ignore"):  # of linear ranges that begin at nought or below
             logarithmic = np.log(np.maximum(parameters, 1e-300) / self.low) / np.log(self.high / self.low)
         return np.where(self.log, logarithmic, linear)
 

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict
 from rich.table import Table
 
 from shared.store import write_atomically
+from trainer.reading.kind import Kind
 from trainer.tables import Row, markdown_table
 from trainer.tables import terminal_table as plain_table
 
@@ -48,7 +49,7 @@ class ParameterCalibration(_Table):
     r2_point: float | None
     """of the estimator's answer"""
     width: float
-    """median width of the 90 % interval, as a share of the range"""
+    """median width of the 90 % interval, as a share of the range in the scale of the prior"""
 
 
 class LogScore(_Table):
@@ -62,8 +63,10 @@ class LogScore(_Table):
 class Calibration(_Table):
     """``calibration.json``."""
 
-    schema_version: int = 3
+    schema_version: int = 4
     model: str
+    dataset: Kind
+    """what it is on"""
     unfinished: str | None = None
     """a sentence where the estimator's training did not come to its end, or another run is at work in its folder"""
     context_hours: float
@@ -133,19 +136,21 @@ def notes(result: Calibration) -> list[str]:
     gaussian = "" if score.gaussian is None else f", Gaussian {score.gaussian - score.prior:.2f} nat"
     return [
         *([result.unfinished] if result.unfinished else []),
+        result.dataset.sentence(),
         f"{result.windows} disjoint windows of {result.systems} systems that neither estimator nor posterior has seen,"
         f" {result.samples} samples each",
         "% columns: share of the windows whose central interval holds the truth; for 90 % with its interval by system",
         "p: of the ranks being uniform, one window of each system",
         "CRPS as a share of the prior's",
         result.gaussian_note,
-        "width: median width of the 90 % interval, as a share of the range",
+        "width: median width of the 90 % interval, as a share of the range in the scale of the prior",
         f"mean log density at the truth above the prior's: posterior {score.posterior - score.prior:.2f} nat{gaussian}",
     ]
 
 
 def _title(result: Calibration) -> str:
-    return f"Posterior of {result.model}, {result.context_hours:g} h, noise {result.noise}"
+    condition = f"{result.context_hours:g} h, noise {result.noise}, {result.dataset.heading()}"
+    return f"Posterior of {result.model}, {condition}"
 
 
 def terminal_table(result: Calibration) -> Table:

@@ -13,6 +13,7 @@ from trainer.predicting.readings import date_of
 from trainer.predicting.recorded import Window, read_window
 from trainer.reading.encoding import Encoding
 from trainer.reading.familiar import Familiar, stuck, unlike
+from trainer.reading.kind import Kind
 from trainer.runs.checkpoint import Run, load_run
 from trainer.runs.unfinished import unfinished
 from trainer.runs.validation import Typical, typical_errors
@@ -21,7 +22,7 @@ from trainer.seeds import check_seed
 _log = logger(__name__)
 
 NEAR = 1e-3
-"""An estimate this close to an end of its range, as a share of the range, is said to lie at its bound."""
+"""An estimate this close to an end of its range, as a share of the prior, is said to lie at its bound."""
 
 SAMPLES = 1000
 """Drawn from a posterior."""
@@ -65,7 +66,7 @@ class Prediction(_Table):
 class Predictions(_Table):
     """What ``trainer predict`` prints."""
 
-    schema_version: int = 5
+    schema_version: int = 6
     file: str
     model: str
     unfinished: str | None = None
@@ -75,10 +76,16 @@ class Predictions(_Table):
     absent: list[str] = []
     """Channels that the run can do without, and that the recording lacks."""
     held: list[str] | None = None
-    """uncertain constants of the description that the run has seen as declared only: where a building's are others,
-    errors are larger than is said; None where the run does not remember it"""
+    """uncertain constants of the description that the run has seen as declared only; None where it does not remember"""
+    rmse_held: list[str] | None = None
+    """those that the systems which ``rmse`` is of have as declared: where a building's are others, errors are larger;
+    None where there is no such error, or the run does not remember it"""
+    interval_held: list[str] | None = None
+    """the same of the systems that the posterior was fitted to, and of its intervals"""
     rmse_note: str
     """What ``rmse`` is over, or why it is null."""
+    interval_note: str | None = None
+    """In what the posterior's systems are unlike those of the run's last training; None where in nothing."""
     predictions: list[Prediction]
 
 
@@ -120,7 +127,7 @@ def predict(
         If the run cannot be used, samples or a figure are wanted and it has no posterior, or samples are too few for an
         interval.
     """
-    from trainer.posterior.checkpoint import load_posterior  # the flows take a while to import
+    from trainer.posterior.checkpoint import load_posterior, prior_of  # the flows take a while to import
     from trainer.posterior.inference import check_samples, summarise
     from trainer.posterior.recording import write_samples
 
@@ -160,9 +167,10 @@ def predict(
 
         ranges = list(zip(encoding.parameter_min, encoding.parameter_max, strict=True))
         draw_corner(drawn[0], names, units, ranges, Path(corner))
+    fitted_to = None if posterior is None else posterior.card.dataset
     typical = typical_errors(run.card, len(window.stamps), window.absent)
-    low, high = np.array(encoding.parameter_min), np.array(encoding.parameter_max)
-    near = NEAR * (high - low)
+    prior = prior_of(run, encoding.scales()) if posterior is None else posterior.prior
+    place = prior.to_unit(estimates)
     predictions = []
     for i, (system, row, moved) in enumerate(zip(window.systems, estimates, window.begins, strict=True)):
         # a stamp is the end of its step, and so the window begins a step before its first one
@@ -172,7 +180,7 @@ def predict(
                 value=float(row[k]),
                 unit=encoding.parameter_units[k],
                 rmse=None if typical.rmse is None else typical.rmse[name],
-                at_bound=bool(row[k] < low[k] + near[k] or row[k] > high[k] - near[k]),
+                at_bound=bool(place[i, k] < NEAR or place[i, k] > 1 - NEAR),
                 median=None if found is None else float(found.median[i, k]),
                 low=None if found is None else float(found.low[i, k]),
                 high=None if found is None else float(found.high[i, k]),
@@ -198,7 +206,10 @@ def predict(
         noise=run.card.noise,
         absent=window.absent,
         held=run.card.held,
+        rmse_held=None if typical.rmse is None else run.card.errors_held,
+        interval_held=None if fitted_to is None else fitted_to.held,
         rmse_note=_rmse_note(typical, window, encoding, posterior is not None),
+        interval_note=_interval_note(fitted_to, run.card.dataset),
         predictions=predictions,
     )
 
@@ -239,3 +250,10 @@ def _rmse_note(typical: Typical, window: Window, encoding: Encoding, posterior: 
         "; the recording has gaps, with which errors are larger" if np.isnan(window.values[..., present]).any() else ""
     )
     return f"rmse: {typical.note}{gaps}"
+
+
+def _interval_note(fitted_to: Kind | None, trained_on: Kind | None) -> str | None:
+    """A sentence where intervals are of systems of another kind than those of the training."""
+    if fitted_to is None or trained_on is None or not (unlike := fitted_to.unlike(trained_on)):
+        return None
+    return f"the posterior was fitted to systems unlike those of the estimator's training: {'; '.join(unlike)}"

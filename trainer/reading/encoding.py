@@ -26,7 +26,7 @@ LONGEST = 10_000_000
 """Samples of a window: a year at steps of three seconds, or a fortnight of every tenth of one."""
 DERIVED = {"time_of_day": DAY, "day_of_week": 7 * DAY}
 """Derived channels: sine and cosine of the time stamp with this period [s]."""
-LATER = {"methods", "constant"}
+LATER = {"methods", "constant", "logarithmic"}
 """Fields of an encoding that earlier cards lack, and that follow from the system's hash and from mean and sd."""
 
 MEASURED = ("mean", "sd", "target_mean", "target_sd", "constant")
@@ -102,6 +102,8 @@ class Encoding(BaseModel):
     parameter_units: list[str]
     parameter_min: list[float]
     parameter_max: list[float]
+    logarithmic: list[bool] = []
+    """Of each parameter, whether its prior is uniform in the logarithm; none in earlier cards."""
     target_mean: list[float]
     target_sd: list[float]
 
@@ -115,8 +117,9 @@ class Encoding(BaseModel):
             for name in names:
                 if len(getattr(self, name)) != count:
                     raise ValueError(f"{name}: has {len(getattr(self, name))} values; expected {count}")
-        if self.methods and len(self.methods) != len(self.recorded):
-            raise ValueError(f"methods: has {len(self.methods)} values; expected {len(self.recorded)}, or none")
+        for name, count in (("methods", len(self.recorded)), ("logarithmic", len(self.parameters))):
+            if len(getattr(self, name)) not in (0, count):
+                raise ValueError(f"{name}: has {len(getattr(self, name))} values; expected {count}, or none")
         for name in self.constant:
             if name not in self.recorded:
                 raise ValueError(f"constant: {name!r} is not known; expected one of {', '.join(self.recorded)}")
@@ -146,6 +149,10 @@ class Encoding(BaseModel):
     def columns(self) -> int:
         """Columns of an encoded window."""
         return len(self.recorded) + 2 * len(self.derived)
+
+    def scales(self) -> list[bool]:
+        """Of each parameter, whether its prior is uniform in the logarithm; none is where a card does not say it."""
+        return self.logarithmic or [False] * len(self.parameters)
 
     def encode(self, values: torch.Tensor, time: torch.Tensor) -> torch.Tensor:
         """Windows (batch, length, recorded) [units] and first stamps (batch,) [s] to (batch, length, columns)."""
@@ -213,6 +220,7 @@ def make_encoding(
         parameter_units=[p.unit for p in system.parameters],
         parameter_min=[p.min for p in system.parameters],
         parameter_max=[p.max for p in system.parameters],
+        logarithmic=[p.scale == "log" for p in system.parameters],
         target_mean=target_mean.tolist(),
         target_sd=np.where(target_sd > 1e-9, target_sd, 1.0).tolist(),
     )

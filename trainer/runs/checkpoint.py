@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 import torch
-from pydantic import BaseModel, ConfigDict, field_serializer, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, model_validator
 
 from shared.errors import EstimatorError
 from shared.reading import read_json, validated
@@ -20,13 +20,15 @@ from trainer.models import build
 from trainer.models.base import Estimator, Shape
 from trainer.reading.encoding import Encoding
 from trainer.reading.familiar import Familiar
+from trainer.reading.kind import Kind
 from trainer.runs.pair import digest, write_pair
-from trainer.runs.spans import packed, unpacked
+from trainer.runs.systems import Systems
 from trainer.runs.weights import check_card_version, load_weights, weights_data
 
-SCHEMA_VERSION = 4
+SCHEMA_VERSION = 5
 """The first version has no errors by condition; before the third it is not said which channels are means of a step, and
-which never varied, and before the fourth not which uncertain constants were as declared."""
+which never varied, before the fourth not which uncertain constants were as declared, and before the fifth not of what
+dataset the errors are."""
 CARD = "estimator.json"
 WEIGHTS = "weights.safetensors"
 CALIBRATION = ("calibration.json", "calibration.md", "calibration.csv", "sbc.png", "coverage.png")
@@ -43,41 +45,6 @@ Keep = Literal["best", "last"]
 
 class _Table(BaseModel):
     model_config = ConfigDict(extra="forbid")
-
-
-class Systems(_Table):
-    """Systems of a dataset: with the system hash, (root seed, index) is what a simulated system is."""
-
-    root_seeds: list[int]
-    """of each system: a merged dataset has several"""
-    indices: list[int]
-
-    @field_serializer("root_seeds", "indices", when_used="json")
-    def _pack(self, numbers: list[int]) -> str:
-        return packed(numbers)
-
-    @field_validator("root_seeds", "indices", mode="before")
-    @classmethod
-    def _unpack(cls, found: Any) -> Any:
-        return unpacked(found) if isinstance(found, str) else found
-
-    @classmethod
-    def of(cls, records: Records, rows: np.ndarray) -> Systems:
-        """The systems in some rows of records."""
-        return cls(root_seeds=[int(s) for s in records.seeds[rows]], indices=records.systems[rows].tolist())
-
-    def rows_in(self, records: Records) -> np.ndarray:
-        """Which rows of records are of these systems; bool (systems,)."""
-        known = set(zip(self.root_seeds, self.indices, strict=True))
-        rows = zip(records.seeds, records.systems, strict=True)
-        return np.array([(int(seed), int(index)) in known for seed, index in rows], dtype=bool)
-
-    def with_those(self, others: Systems) -> Systems:
-        """These, and those of ``others`` that are not among them."""
-        own = list(zip(self.root_seeds, self.indices, strict=True))
-        known = set(own)
-        own += [pair for pair in zip(others.root_seeds, others.indices, strict=True) if pair not in known]
-        return Systems(root_seeds=[seed for seed, _ in own], indices=[index for _, index in own])
 
 
 class Training(_Table):
@@ -157,6 +124,8 @@ class Card(_Table):
     """The same condition by condition; none in a card of the first version, or of a training that was interrupted."""
     familiar: list[Familiar] = []
     """What windows of the training and of the one it began with look like, by length; none in cards of old."""
+    dataset: Kind | None = None
+    """What the training itself was on, and the errors are of; None in cards of earlier versions."""
     held: list[str] | None = None
     """Uncertain constants of the description that all systems of both had as declared; None where it is not known, in
     cards of earlier versions and of what began with these."""
@@ -185,6 +154,15 @@ class Card(_Table):
         if system_hash != self.system_hash:
             return np.zeros(len(records.systems), dtype=bool)
         return self.training_systems.rows_in(records) | self.validation_systems.rows_in(records)
+
+    @property
+    def errors_held(self) -> list[str] | None:
+        """Uncertain constants that the systems of its errors have as declared; None where it is not known."""
+        if self.dataset is not None:
+            return self.dataset.held
+        return (
+            self.held if self.begun_with is None else self.held or None
+        )  # what both trainings had so, the last one had
 
     @property
     def length(self) -> int:

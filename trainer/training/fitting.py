@@ -18,9 +18,10 @@ from shared.store import DatasetFolder
 from trainer.memory import memory_for
 from trainer.models import build, estimator_class, option_defaults
 from trainer.models.base import Estimator
-from trainer.reading.data import fingerprint
+from trainer.reading.data import load_records
 from trainer.reading.encoding import LATER
 from trainer.reading.familiar import familiar
+from trainer.reading.kind import Kind
 from trainer.reading.missing import Missing
 from trainer.reading.windows import Sampler, WindowSource, disjoint_windows
 from trainer.runs.checkpoint import (
@@ -29,7 +30,6 @@ from trainer.runs.checkpoint import (
     Errors,
     Keep,
     Run,
-    Systems,
     Training,
     load_run,
     make_folder,
@@ -37,6 +37,7 @@ from trainer.runs.checkpoint import (
     shape_of,
 )
 from trainer.runs.state import STATE, check_settings
+from trainer.runs.systems import Systems
 from trainer.runs.validation import measured_errors
 from trainer.runs.versions import versions_here
 from trainer.seeds import check_seed, check_threads, noise_seed, torch_state
@@ -189,6 +190,7 @@ def fit(
             hashes = dataset.manifest.system_hash, dataset.manifest.fmu_sha256
             check_same_model(first, model, merged, *hashes)
         earlier = None if first is None else take_weights(network, first)
+        of = Kind.of(dataset, load_records(dataset, []))
         card = Card(
             model=model,
             options=merged,
@@ -203,7 +205,8 @@ def fit(
             validation_systems=Systems.of(records, validation),
             validation_rmse={},
             familiar=familiar(source, training, seeds[5]),
-            held=held(dataset),
+            dataset=of,
+            held=of.held,
             training=Training(
                 seed=seed,
                 batch_size=recipe.batch_size,
@@ -219,7 +222,7 @@ def fit(
                 planned=None if minutes else recipe.steps,
                 keep=keep,
                 coarse=coarse,
-                data=None if first is None else fingerprint(dataset),
+                data=None if first is None else of.fingerprint,
             ),
             versions=versions_here(),
         )
@@ -247,12 +250,6 @@ def fit(
             with memory_for(f"steps of {recipe.batch_size} windows (batch_size)"):
                 Loop(folder, card, network, sampler, held_out, recipe, minutes, settings, measure).run(progress)
     return load_run(folder)
-
-
-def held(dataset: DatasetFolder) -> list[str]:
-    """Names of the uncertain constants that a dataset's systems all have as declared."""
-    drawn = "uncertain" in dataset.manifest.settings
-    return [] if drawn else [one.name for one in dataset.system.uncertain]
 
 
 def settings_of(card: Card, steps: int | None) -> dict[str, Any]:

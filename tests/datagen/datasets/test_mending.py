@@ -1,8 +1,12 @@
 """A repair has the whole dataset in view: what had failed before, what fails now, and what others did meanwhile."""
 
+import os
+import shutil
+from contextlib import suppress
+
 import pytest
 
-from datagen import run, verify
+from datagen import merge, run, verify
 from datagen.datasets import mending
 from shared.errors import SimulationError
 from shared.lock import FolderLock
@@ -73,3 +77,54 @@ def test_what_another_run_did_before_the_lock_was_had_stays(damaged, system, mon
     mending.repair(folder)
     assert read_manifest(folder).systems == 13
     assert verify(folder) == []
+
+
+class Killed(BaseException):
+    """In place of ``kill -9``."""
+
+
+def of_two_seeds(system, folder):
+    """A merged dataset, whose order is not that of its file names, of which two shards are damaged; and what it was."""
+    for seed in (9, 10):
+        run(system, folder / f"{seed}", **{**SIZE, "systems": 5, "seed": seed})
+    merge([folder / "9", folder / "10"], folder / "ds")
+    before = read_manifest(folder / "ds")
+    for entry in before.shards[:3:2]:
+        path = folder / "ds" / "shards" / entry.file
+        path.write_bytes(path.read_bytes()[:100])
+    return folder / "ds", before
+
+
+def test_the_shards_of_a_merged_dataset_keep_their_order(system, tmp_path):
+    """Systems of equal index follow it, and with them what a training takes for the same dataset."""
+    folder, before = of_two_seeds(system, tmp_path)
+    assert [entry.file for entry in before.shards] != sorted(entry.file for entry in before.shards)
+    mending.repair(folder, system)
+    assert read_manifest(folder) == before
+    assert verify(folder) == []
+
+
+def test_a_repair_of_a_merged_dataset_that_is_killed_loses_no_shard(system, tmp_path, monkeypatch):
+    folder, before = of_two_seeds(system, tmp_path)
+    real, writes = os.replace, 1000
+    for last in range(1000):
+        copy, count = shutil.copytree(folder, tmp_path / f"killed-{last}"), 0
+
+        def replace(*names, last=last):
+            nonlocal count
+            if count >= last:
+                raise Killed
+            count += 1
+            real(*names)
+
+        with monkeypatch.context() as patch, suppress(Killed):
+            patch.setattr(os, "replace", replace)
+            mending.repair(copy, system)
+            writes = last
+        assert [entry.file for entry in read_manifest(copy).shards] == [entry.file for entry in before.shards]
+        if writes == last:
+            break
+        mending.repair(copy, system)
+        assert read_manifest(copy) == before
+        assert verify(copy) == []
+    assert writes >= 4

@@ -12,7 +12,8 @@ from shared.store import DatasetFolder
 from shared.uncertain import Uncertain
 from trainer.evaluating.evaluation import evaluate, figures_of_merit, unseen_rows
 from trainer.reading.windows import WindowSource
-from trainer.runs.checkpoint import Run, Systems
+from trainer.runs.checkpoint import Run
+from trainer.runs.systems import Systems
 from trainer.training.fitting import fit
 
 from ..conftest import TANK, make_dataset

@@ -199,7 +199,7 @@ def cut(folder):
     ("damage", "sentence"),
     [
         (lambda f: spoil(f, "posterior.json", estimator_sha256="f" * 64), "was fitted to the estimator ffffffffffff"),
-        (lambda f: spoil(f, "posterior.json", schema_version=9), "schema version is 9; this version .* reads up to 2"),
+        (lambda f: spoil(f, "posterior.json", schema_version=9), "schema version is 9; this version .* reads up to 3"),
         (lambda f: spoil(f, "posterior.json", gain="much"), "damaged: gain"),
         (lambda f: spoil(f, "posterior.json", context=3), "does not fit posterior.json"),
         (lambda f: (f / "posterior.json").write_text("{"), "posterior.json: not valid JSON"),

@@ -119,6 +119,7 @@ def test_wrong_channels_are_refused(channels, sentence):
     ("change", "sentence"),
     [
         ({"methods": ["point", "mean"]}, "methods: has 2 values; expected 1, or none"),
+        ({"logarithmic": [True]}, "logarithmic: has 1 values; expected 2, or none"),
         ({"methods": ["maximum"]}, "'point' or 'mean'"),
         ({"constant": ["glow"]}, "constant: 'glow' is not known; expected one of level"),
     ],

@@ -1,0 +1,66 @@
+"""A merge into a folder that was there, stopped while what it had made got to its place."""
+
+from pathlib import Path
+
+import pytest
+
+from datagen import info, merge
+from shared.errors import DatasetError
+from tests.trainer.conftest import make_dataset
+
+PARTS = ["shards", "README.md", "failures.jsonl"]
+
+
+@pytest.fixture
+def two(tmp_path):
+    return [make_dataset(tmp_path / f"{k}", systems=4, root_seed=k, settings={"excitation": True}) for k in (1, 2)]
+
+
+def content(folder):
+    return {str(one.relative_to(folder)): one.read_bytes() for one in sorted(folder.rglob("*")) if one.is_file()}
+
+
+@pytest.mark.parametrize("moved", range(len(PARTS) + 1))
+def test_what_it_had_moved_bars_no_second_one(two, tmp_path, moved):
+    merge(two, tmp_path / "whole")
+    out = tmp_path / "out"
+    out.mkdir()
+    merge(two, out)
+    assert {one.name for one in out.iterdir()} == {*PARTS, "manifest.json"}
+    draft = out / ".merging"
+    draft.mkdir()
+    for name in [*PARTS, "manifest.json"][moved:]:
+        (out / name).rename(draft / name)
+    merge(two, out)
+    assert content(out) == content(tmp_path / "whole")
+    assert not draft.exists()
+    assert info(out)["complete"]
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(28, "No space left on device")])
+def test_stopped_in_between_it_leaves_the_folder_empty(two, tmp_path, monkeypatch, error):
+    out, real = tmp_path / "out", Path.rename
+    out.mkdir()
+
+    def rename(path, target):
+        if path.name == "manifest.json":
+            raise error
+        return real(path, target)
+
+    with monkeypatch.context() as patch, pytest.raises((KeyboardInterrupt, DatasetError)):
+        patch.setattr(Path, "rename", rename)
+        merge(two, out)
+    assert list(out.iterdir()) == []
+
+
+def test_files_of_others_are_not_taken_for_its_own(two, tmp_path):
+    out = tmp_path / "out"
+    (out / ".merging").mkdir(parents=True)  # a draft that was not whole: nothing was moved out of it
+    (out / "README.md").write_text("mine")
+    with pytest.raises(DatasetError, match="already there; expected a new folder"):
+        merge(two, out)
+    (out / ".merging" / "manifest.json").write_text("{}")
+    (out / "README.md").rename(out / "thesis.md")
+    with pytest.raises(DatasetError, match="already there; expected a new folder"):
+        merge(two, out)
+    assert (out / "thesis.md").read_text() == "mine"

@@ -1,0 +1,61 @@
+"""What a run leaves beside its shards, however it ends: the dataset's card, and limits that were computed for it."""
+
+import pytest
+
+from datagen import run
+from shared.ceiling import read_ceilings, write_ceilings
+from shared.store import read_manifest
+from tests.datagen.faults import faulty_system, stay_in_this_process
+
+SIZE = {"shard_size": 3, "hours": 1.0, "quiet": True}
+
+
+@pytest.fixture
+def nothing_simulated(monkeypatch):
+    monkeypatch.setattr("datagen.farming.farm.check_live_apart", lambda *_: None)
+    monkeypatch.setattr("datagen.farming.farm.missing", lambda *_, **__: iter(()))
+
+
+@pytest.mark.usefixtures("nothing_simulated")
+def test_limits_that_were_computed_for_a_dataset_stay(default_system, tmp_path):
+    settings = {"systems": 6, "preset": "many-rooms", "quiet": True}
+    run(default_system, tmp_path, **settings)
+    path = tmp_path / "identifiability.json"
+    beside = read_ceilings(default_system.path.parent / "identifiability.json")
+    assert read_ceilings(path) == beside
+    own = beside.model_copy(deep=True)
+    same = own.ceilings[0].model_copy(update={"r2_mean": 0.123, "systems": 3})
+    other = own.ceilings[0].model_copy(update={"context_hours": 17.0})
+    own.ceilings = [same, other]
+    write_ceilings(path, own)
+    run(default_system, tmp_path, **settings)
+    found = read_ceilings(path).ceilings
+    assert same in found and other in found
+    assert [one for one in found if one not in (same, other)] == beside.ceilings[1:]
+    before = path.stat()
+    run(default_system, tmp_path, **settings)
+    assert (path.stat().st_ino, path.stat().st_mtime_ns) == (before.st_ino, before.st_mtime_ns)
+    strange = own.model_copy(update={"system_hash": "0" * 64})
+    write_ceilings(path, strange)
+    run(default_system, tmp_path, **settings)
+    assert read_ceilings(path) == strange
+
+
+def test_the_card_of_an_extension_that_was_stopped_is_that_of_its_manifest(tmp_path, monkeypatch):
+    stay_in_this_process(monkeypatch)
+    system = faulty_system(tmp_path)
+    card = tmp_path / "ds" / "README.md"
+    run(system, tmp_path / "ds", systems=3, **SIZE)
+    assert "3 of 3 systems" in card.read_text()
+    from datagen.farming.collection import simulate_shard
+
+    def stopped(*arguments):
+        if 6 in arguments[2]:
+            raise KeyboardInterrupt
+        return simulate_shard(*arguments)
+
+    monkeypatch.setattr("datagen.farming.collection.simulate_shard", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        run(system, tmp_path / "ds", systems=9, extend=True, **SIZE)
+    assert len(read_manifest(tmp_path / "ds").done()) == 6
+    assert "6 of 9 systems" in card.read_text()

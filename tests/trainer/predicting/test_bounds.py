@@ -1,0 +1,37 @@
+"""What lies at the end of a range is told in the scale of the prior, as diagnosis does."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from shared.store import DatasetFolder
+from trainer.predicting.prediction import predict
+from trainer.runs.checkpoint import Run, load_run
+
+# [h] from 2 to 20, linear; [m] from 1 to 4, in the logarithm: a thousandth of it ends at 1.00139, and begins at 3.99446
+PLACES = [
+    ([2.017, 1.0013], [True, True]),
+    ([2.019, 1.0015], [False, False]),
+    ([19.983, 3.9950], [True, True]),
+    ([19.981, 3.9940], [False, False]),
+]
+
+
+@pytest.mark.parametrize(("estimate", "at_bound"), PLACES)
+def test_a_bound_is_near_in_the_scale_of_the_prior(ridge_run, tanks, monkeypatch, estimate, at_bound):
+    assert ridge_run.card.encoding.logarithmic == [p.scale == "log" for p in DatasetFolder(tanks).system.parameters]
+    monkeypatch.setattr(Run, "estimate", lambda _, values, __: np.tile(estimate, (len(values), 1)))
+    found = predict(ridge_run, tanks / "shards" / "000.nc").predictions[0].parameters
+    assert [one.at_bound for one in found.values()] == at_bound
+
+
+def test_a_card_of_before_has_linear_ranges(ridge_run, tanks, tmp_path, monkeypatch):
+    own = shutil.copytree(ridge_run.folder, tmp_path / "own")
+    card = json.loads((own / "estimator.json").read_text())
+    del card["encoding"]["logarithmic"]
+    (own / "estimator.json").write_text(json.dumps(card | {"schema_version": 4}))
+    monkeypatch.setattr(Run, "estimate", lambda _, values, __: np.tile([2.1, 1.002], (len(values), 1)))
+    found = predict(load_run(own), tanks / "shards" / "000.nc").predictions[0].parameters
+    assert [one.at_bound for one in found.values()] == [False, True]

@@ -1,0 +1,47 @@
+"""Which systems a run has seen, as its card says it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, field_serializer, field_validator
+
+from shared.store import Records
+from trainer.runs.spans import packed, unpacked
+
+
+class Systems(BaseModel):
+    """Systems of a dataset: with the system hash, (root seed, index) is what a simulated system is."""
+
+    model_config = ConfigDict(extra="forbid")
+    root_seeds: list[int]
+    """of each system: a merged dataset has several"""
+    indices: list[int]
+
+    @field_serializer("root_seeds", "indices", when_used="json")
+    def _pack(self, numbers: list[int]) -> str:
+        return packed(numbers)
+
+    @field_validator("root_seeds", "indices", mode="before")
+    @classmethod
+    def _unpack(cls, found: Any) -> Any:
+        return unpacked(found) if isinstance(found, str) else found
+
+    @classmethod
+    def of(cls, records: Records, rows: np.ndarray) -> Systems:
+        """The systems in some rows of records."""
+        return cls(root_seeds=[int(s) for s in records.seeds[rows]], indices=records.systems[rows].tolist())
+
+    def rows_in(self, records: Records) -> np.ndarray:
+        """Which rows of records are of these systems; bool (systems,)."""
+        known = set(zip(self.root_seeds, self.indices, strict=True))
+        rows = zip(records.seeds, records.systems, strict=True)
+        return np.array([(int(seed), int(index)) in known for seed, index in rows], dtype=bool)
+
+    def with_those(self, others: Systems) -> Systems:
+        """These, and those of ``others`` that are not among them."""
+        own = list(zip(self.root_seeds, self.indices, strict=True))
+        known = set(own)
+        own += [pair for pair in zip(others.root_seeds, others.indices, strict=True) if pair not in known]
+        return Systems(root_seeds=[seed for seed, _ in own], indices=[index for _, index in own])
