@@ -82,8 +82,9 @@ def residuals(
     if found["assumed"]:
         taken = "; ".join(f"{name} = {what}" for name, what in found["assumed"].items())
         console.print(f"Not measured, and taken as: {taken}.", markup=False)
-    if found["replayed"]:
-        console.print("Replayed: what was read drives the model, so that these rows say nothing of it.", markup=False)
+    if any(name in found["outputs"] for name in found["replayed"]):
+        said = "Replayed: what was read drives the model, so that rows marked so say nothing of it."
+        console.print(said, markup=False)
     return OK
 
 

@@ -3,7 +3,8 @@
 A ceiling belongs to a system, a context length, a noise preset, a set of channels, a season and what is known of the
 constants: weeks in January and in July do not tell the same, and neither do a floor as declared and one of nobody
 knows what weight. The file lies beside the system description and is copied into every dataset made from it that has
-the season, the weather and the constants of one of its ceilings.
+the season, the weather and the constants of one of its ceilings; with ceilings that the dataset has already it is
+joined, and of one condition those of more systems stay.
 """
 
 from __future__ import annotations
@@ -138,11 +139,15 @@ class Ceilings(BaseModel):
 
     def put(self, ceiling: Ceiling) -> None:
         """Add a ceiling in place of those for the same condition and season."""
+        self.ceilings = [one for one in self.ceilings if self._key(one) != self._key(ceiling)] + [ceiling]
 
-        def key(one: Ceiling) -> tuple[object, ...]:
-            return (*self._condition(one), one.known_origin().season())
+    def put_unless_fewer(self, ceiling: Ceiling) -> None:
+        """The same, unless there is one of more systems already."""
+        if all(one.systems <= ceiling.systems for one in self.ceilings if self._key(one) == self._key(ceiling)):
+            self.put(ceiling)
 
-        self.ceilings = [one for one in self.ceilings if key(one) != key(ceiling)] + [ceiling]
+    def _key(self, one: Ceiling) -> tuple[object, ...]:
+        return (*self._condition(one), one.known_origin().season())
 
     def _told(self, channels: list[str]) -> tuple[list[str], bool]:
         """The outputs among channels, and whether they tell the nuisance: all of these are one and the same signal."""

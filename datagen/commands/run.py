@@ -90,7 +90,8 @@ def run(
         Simulate the systems in failures.jsonl once more, each together with the others of its shard: a shard is
         always written whole.
     failure_budget
-        Share of the systems, 0 to 1, that may fail before the run is stopped.
+        Share of the systems, 0 to 1, that may fail before the run is stopped. Below 0.5 a run also stops when more
+        than half of its first twenty or more have failed, unless with --retry-failures.
     timeout
         Seconds that one system may take before it counts as failed.
     """

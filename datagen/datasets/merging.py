@@ -113,7 +113,8 @@ def _moved(target: Path) -> list[Path]:
     """
     if (target / "manifest.json").exists() or not (target / _DRAFT / "manifest.json").exists():
         return []
-    return [path for path in target.iterdir() if path.name in _MADE]
+    draft = target / _DRAFT
+    return [path for path in target.iterdir() if path.name in _MADE and not (draft / path.name).exists()]
 
 
 def _remove(paths: list[Path]) -> None:

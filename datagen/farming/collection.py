@@ -61,7 +61,8 @@ class Collection:
     budget
         Share of the systems that may fail.
     early
-        Whether to stop early where most systems fail; of no use among those that have failed before.
+        Whether to stop early where most systems fail, and for failures that are there already: of no use where those
+        that have failed before are tried again.
     """
 
     replaces = False
@@ -85,6 +86,7 @@ class Collection:
         self.system = system
         self.budget = budget
         self.early = early
+        self._allowed = float(len(failures)) if not early else 0.0
         self._entries = {entry.file: entry for entry in manifest.shards}
         self._better: dict[str, _Better] = {}  # to take their places when the manifest is written
         self._unwritten = False  # whether failures.jsonl is behind
@@ -109,7 +111,8 @@ class Collection:
         Raises
         ------
         SimulationError
-            If more systems fail than the budget allows, or the workers are gone.
+            If more systems fail than the budget allows, or more than half of the first twenty or more do (not with a
+            budget of a half or more, nor where failed ones are tried again), or the workers are gone.
         """
         flight = Dispatcher(
             client,
@@ -129,7 +132,7 @@ class Collection:
                         raise outcome
                     elif outcome.lacks_package:
                         self._send_package(client, outcome.worker)
-                        flight.again(task)
+                        flight.again(task, alone=task.deaths >= _ALONE)
                     else:
                         self.take(task.piece, outcome)
                         finished += len(task.piece.systems)
@@ -250,7 +253,7 @@ class Collection:
 
     def _check_budget(self, finished: int) -> None:
         systems = self.manifest.systems
-        allowed = max(self.budget * systems, 1.0 if self.budget else 0.0)
+        allowed = max(self.budget * systems, 1.0 if self.budget else 0.0, self._allowed)
         if self._better and len(self.failures) > allowed:
             self.store()  # some of them did not fail again
         failed = len(self.failures)
@@ -258,9 +261,12 @@ class Collection:
         if failed <= allowed and not mostly:
             return
         if failed > allowed:
-            found = f"{failed} systems failed, more than the failure budget of {self.budget:.0%} of {systems} allows"
+            some = f"{failed} {'system' if failed == 1 else 'systems'}"
+            found = f"{some} failed, more than the failure budget of {self.budget:.0%} of {systems} allows"
         else:
-            found = f"{self._failed_now} of the first {finished} systems failed; expected at most half of them to"
+            found = (
+                f"{self._failed_now} of the {finished} systems that this run has tried failed; expected at most half to"
+            )
         raise SimulationError(
             f"{self.folder}: {found}; see failures.jsonl. One cause: {list(self.failures)[-1]['cause']}"
         )

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -103,7 +104,8 @@ def run(
     ClusterError
         If the workers that are asked for cannot be had.
     SimulationError
-        If more systems fail than the failure budget allows.
+        If more systems fail than the failure budget allows, or more than half of the first twenty or more do (not with
+        a budget of a half or more, nor where failed ones are tried again).
     """
     described = load_system(system) if not isinstance(system, System) else system
     if preset is not None:
@@ -194,8 +196,11 @@ def run(
                 if not (folder / FAILURES_FILE).exists():
                     failures.write(folder)
                 _copy_ceilings(described, folder, excitation=excitation and not calm, uncertain=uncertain)
-            finally:  # however it ends, the card says what the manifest says
-                write_card(folder, manifest, described)
+            except BaseException:  # the card says what the manifest says, if it can; what went wrong is told either way
+                with suppress(OSError):
+                    write_card(folder, manifest, described)
+                raise
+            write_card(folder, manifest, described)
     except OSError as error:
         raise DatasetError(
             f"{error.filename or folder}: cannot be written: {error.strerror or error}; "
@@ -260,7 +265,7 @@ def _copy_ceilings(system: System, folder: Path, *, excitation: bool, uncertain:
     """Put the ceilings beside the description into the dataset, if any is for this very dataset.
 
     That is, of its system, FMU, season, weather, and of constants that are drawn or as declared, as its own are. Limits
-    that the dataset has already stay: of the same condition and season its own count.
+    that the dataset has already are joined: of the same condition and season those of more systems stay, or its own.
     """
     beside = system.path.parent / CEILING_FILE
     if not beside.exists():
@@ -285,6 +290,6 @@ def _copy_ceilings(system: System, folder: Path, *, excitation: bool, uncertain:
             _log.warning("%s: of another system or FMU than the dataset's; left as it is", there)
             return
         for one in own.ceilings:
-            ceilings.put(one)
+            ceilings.put_unless_fewer(one)
         if {one.model_dump_json() for one in ceilings.ceilings} != {one.model_dump_json() for one in own.ceilings}:
             write_ceilings(there, ceilings)

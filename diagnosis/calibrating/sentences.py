@@ -157,7 +157,7 @@ def _meant(report: Calibration) -> list[str]:
             "Actuators were replayed: what their meters get wrong drives the model; take the intervals with care."
         )
     said.append(
-        f"Intervals are up to {report.widened:g} times as wide as the recording alone makes them, because a building is"
+        f"Intervals are up to {report.widened:g} times as wide as the fit makes them, because a building is"
         " not the model; of a parameter that is hardly told they are hardly wider, being the prior's. For a gap that"
         " the model does not explain they do not allow."
     )

@@ -243,7 +243,8 @@ def _stages(search: Search, where: Where, where_left: Where | None) -> list[Stag
     found = []
     for k, stage in enumerate(search.stages):
         best = stage.scan.foremost
-        strongest = int(np.argmax(stage.scan.evidence)) if len(stage.scan.evidence) else None
+        some = stage.scan.evidence.max(initial=0.0) > 0
+        strongest = int(np.argmax(stage.scan.evidence)) if some else None
         p = where.p_value if k == 0 else where_left.p_value if where_left and k == len(search.stages) - 1 else None
         found.append(
             StageOf(

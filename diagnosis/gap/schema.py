@@ -214,7 +214,8 @@ class Report(_Table):
     detectability: list[Detectability]
     otherwise: list[ConditionOf] = Field(description="what would be seen under better conditions")
     dropped: list[str] = Field(
-        description="without a gap: candidates that fit much better than none where they were fitted from afar"
+        description="without a gap: candidates that explain the recording much better than the base model, fitted from"
+        " where its fit began, and that were given up"
     )
     excluded: dict[str, str] = Field(description="candidates that could not be tried, and why")
     stages: list[StageOf]

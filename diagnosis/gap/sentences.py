@@ -55,9 +55,8 @@ def _nowhere(report: Report) -> str:
         )
     if report.dropped:
         seemed.append(
-            f"fitted from where the search began, {' with '.join(report.dropped)} explains the recording much better"
-            " than the base model does, but what the base model leaves is no larger than noise in any way that was"
-            " tested"
+            f"fitted from where the base model's fit began, {' with '.join(report.dropped)} explains the recording much"
+            " better than the base model does, but what that leaves is no larger than noise in any way that was tested"
         )
     if where_p <= LEVEL / 2:
         what = f" ({report.where[0].text})" if report.where else ""
@@ -107,6 +106,11 @@ def _which(report: Report) -> str:
             f" is {report.none_of_these:.0%} sure{otherwise}."
         )
     rest = _left(report) if report.rejected else ""
+    at_least = (
+        "of these causes at least is among them" if report.verdict == "ambiguous" else "of them at least is a cause"
+    )
+    if len(report.sets) > 1:
+        rest = f" That one {at_least} is {1 - report.mistaken:.0%} sure.{rest}"
     if report.verdict == "ambiguous":
         sure = {one[0] for one in report.sets if len(one) == 1}
         alone = [_named(one) for one in named if one.name in sure]
@@ -115,8 +119,7 @@ def _which(report: Report) -> str:
             return f"Which: {'; and '.join([*alone, sets])}, which the recording cannot tell apart.{rest}"
         return f"Which: {sets}; the recording cannot tell these apart.{rest}"
     said = "; and ".join(_named(one) for one in named)
-    both = f" That one of them at least is a cause is {1 - report.mistaken:.0%} sure." if len(named) > 1 else ""
-    return f"Which: {said}.{both}{rest}"
+    return f"Which: {said}.{rest}"
 
 
 def _left(report: Report) -> str:
@@ -127,7 +130,7 @@ def _left(report: Report) -> str:
         return " Something more is left that these do not explain."
     return (
         f" Something more is left that these do not explain: of the other candidates {last.strongest} would explain"
-        " most of it, and may be the cause in place of one of these."
+        " more of it than any other, and may be the cause in place of one of these."
     )
 
 

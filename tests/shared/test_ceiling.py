@@ -63,6 +63,14 @@ def test_put_replaces_and_file_round_trips(ceilings, tmp_path):
     assert read_ceilings(tmp_path / "c.json") == ceilings
 
 
+@pytest.mark.parametrize(("systems", "kept"), [(1, 0.9), (2, 0.5), (20, 0.5)])
+def test_of_two_for_one_condition_that_of_more_systems_stays(ceilings, systems, kept):
+    for count, value in ((2, 0.9), (systems, 0.5)):
+        ceilings.put_unless_fewer(ceiling(systems=count, r2_mean=value, noise="sensor", origin=JULY))
+    (found,) = [one for one in ceilings.ceilings if one.noise == "sensor" and one.origin == JULY]
+    assert found.r2_mean == kept
+
+
 def test_a_counted_nuisance_is_a_condition_of_its_own(ceilings):
     counted = {**CONDITION, "channels": ["T", "C", "n"]}
     for value in (0.94, 0.95):

@@ -67,8 +67,8 @@ def tell_kind(kind: Kind, run: Card, folder: Path) -> None:
     """
     if run.held is not None and (held := [name for name in kind.held if name not in run.held]):
         _log.warning(
-            "%s: has %s as declared, and the estimator's training had them drawn: intervals will be too narrow for"
-            " systems that have others",
+            "%s: has as declared what the estimator has seen drawn, %s: intervals will be too narrow for systems that"
+            " have other values",
             *(folder, ", ".join(held)),
         )
     if run.dataset is not None and (unlike := kind.unlike(run.dataset)):

@@ -52,17 +52,19 @@ class Kind(BaseModel):
             fingerprint=digest_of(identity_of(dataset, index)),
         )
 
+    def _seeds(self) -> str:
+        return f"root {'seed' if len(self.root_seeds) == 1 else 'seeds'} {', '.join(map(str, self.root_seeds))}"
+
     def heading(self) -> str:
         """The same in few words, for a heading: what tells most figures apart."""
-        seeds = f"root seed {', '.join(map(str, self.root_seeds))}"
+        seeds = self._seeds()
         constants = "constants drawn" if self.drawn else "constants as declared" if self.held else ""
         calm = "no excitation" if not self.excitation else f"{self.calm:g} without excitation" if self.calm else ""
         return ", ".join(one for one in (seeds, constants, calm) if one)
 
     def sentence(self) -> str:
         """Of what dataset something is, in words."""
-        seeds = ", ".join(map(str, self.root_seeds))
-        facts = [f"{self.systems} systems of root seed {seeds}", f"records of {self._season()}", self._excited()]
+        facts = [f"{self.systems} systems of {self._seeds()}", f"records of {self._season()}", self._excited()]
         if self.held:
             facts.append(f"{', '.join(self.held)} as declared")
         if self.drawn:

@@ -24,9 +24,10 @@ def test_limits_that_were_computed_for_a_dataset_stay(default_system, tmp_path):
     beside = read_ceilings(default_system.path.parent / "identifiability.json")
     assert read_ceilings(path) == beside
     own = beside.model_copy(deep=True)
-    same = own.ceilings[0].model_copy(update={"r2_mean": 0.123, "systems": 3})
+    same = own.ceilings[0].model_copy(update={"r2_mean": 0.123, "systems": 30})
+    fewer = own.ceilings[1].model_copy(update={"r2_mean": 0.123, "systems": 3})  # older than those beside
     other = own.ceilings[0].model_copy(update={"context_hours": 17.0})
-    own.ceilings = [same, other]
+    own.ceilings = [same, fewer, other]
     write_ceilings(path, own)
     run(default_system, tmp_path, **settings)
     found = read_ceilings(path).ceilings

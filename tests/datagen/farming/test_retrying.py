@@ -131,11 +131,21 @@ def test_systems_that_no_longer_fail_count_before_the_budget_is_spent(system, tm
     assert len(run(system, folder, retry_failures=True, **(SIZE | {"failure_budget": 0.2})).shards) == 2
 
 
+def test_what_failed_before_does_not_bar_its_retry(system, tmp_path, monkeypatch):
+    """With a budget that it exceeds already: else the first one that fails again would end every retry."""
+    folder = tmp_path / "ds"
+    failing(monkeypatch, 0, 3)
+    run(system, folder, **SIZE)
+    failing(monkeypatch, 0)
+    kept = run(system, folder, retry_failures=True, **(SIZE | {"failure_budget": 0.0}))
+    assert len(kept.done()) == 5 and [one["system"] for one in failures(folder)] == [0]
+
+
 def test_one_system_may_fail_however_few_there_are(system, tmp_path, monkeypatch):
     """Five percent of six are less than one."""
     failing(monkeypatch, 3)
     assert len(run(system, tmp_path / "one", **(SIZE | {"failure_budget": 0.05})).done()) == 5
-    with pytest.raises(SimulationError, match="1 systems failed, more than the failure budget of 0% of 6"):
+    with pytest.raises(SimulationError, match="1 system failed, more than the failure budget of 0% of 6"):
         run(system, tmp_path / "none", **(SIZE | {"failure_budget": 0.0}))
     failing(monkeypatch, 3, 4)
     with pytest.raises(SimulationError, match="2 systems failed, more than the failure budget of 5% of 6"):

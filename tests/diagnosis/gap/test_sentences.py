@@ -144,9 +144,10 @@ def test_of_a_set_of_many_the_foremost_are_said():
     few = ", ".join(f"{name} (10%)" for name in "abcdef")
     assert which == (
         f"Which: one of 8, foremost {few} and one of d (10%), e (10%); the recording cannot tell these apart."
+        " That one of these causes at least is among them is 90% sure."
     )
     left = report(verdict="ambiguous", effects=effects, sets=sets, stages=stages, rejected=True)
-    assert summary(left)[1].endswith("these apart. Something more is left that these do not explain.")
+    assert summary(left)[1].endswith("is 90% sure. Something more is left that these do not explain.")
 
 
 def test_of_two_effects_it_is_said_how_sure_one_of_them_is():
@@ -165,6 +166,7 @@ def test_a_cause_beside_a_set_is_told_with_its_size():
         assert summary(report(verdict="ambiguous", effects=effects, sets=sets, stages=stages))[1] == (
             "Which: the a leaks (a), by 2 W (1 to 3), with probability 85%;"
             " and one of b (50%), c (30%), which the recording cannot tell apart."
+            " That one of these causes at least is among them is 90% sure."
         )
 
 
@@ -177,7 +179,7 @@ def test_what_is_left_is_said_to_look_like_a_cause_that_was_passed_over():
         last = found.model_copy(update={"best": "fan", "strongest": most, "evidence": evidence})
         which = summary(said.model_copy(update={"stages": [said.stages[0], last]}))[1]
         assert "Something more is left" in which
-        assert ("of the other candidates valve would explain most of it" in which) == names
+        assert ("of the other candidates valve would explain more of it than any other" in which) == names
     # one of a set that is named already is no other candidate
     last = found.model_copy(update={"strongest": "valve", "evidence": PLAIN})
     update = {"verdict": "ambiguous", "sets": [["a", "valve"]], "stages": [said.stages[0], last]}
