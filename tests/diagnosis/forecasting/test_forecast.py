@@ -146,7 +146,7 @@ def test_a_fit_is_not_called_a_forecast_and_the_page_says_why_not_to_believe(hou
     page = " ".join((tmp_path / "ahead" / "forecast.html").read_text().split())
     assert f"Parameters from a calibration on 96 h of {path}" in page
     assert "Intervals are up to 1.5 times as wide as the fit makes them" in page
-    assert page.index("Over the 24 h ahead the forecast was off in room by") < page.index("Intervals are about")
+    assert page.index("Over the 24 h ahead the forecast was off in room by") < page.index("Intervals are up to")
 
 
 @pytest.mark.parametrize(

@@ -41,7 +41,7 @@ def test_a_wrong_first_choice_does_not_stay(house, house_recorded, tmp_path, mon
     assert report.verdict == "effect"
     sizes = {one.name: one for one in report.effects if one.named}
     assert sizes.keys() == {"lag", "drift"}
-    assert all(one.probability > 0.7 for one in sizes.values())
+    assert all(one.probability > 0.6 for one in sizes.values())
     # of what was told once where the fit's steps had ended, 1.75 to 2.13 h, the truth is ten standard deviations off
     for name, true in (("lag", 3.0), ("drift", 4.0)):
         one = sizes[name]
