@@ -105,7 +105,8 @@ def concluded(
     tell("finding where the gap lies")
     problem = first.lin.problem
     counted = problem.simulations
-    if known is None:
+    # with fewer candidates the base model's fit may not have gone on, and lie elsewhere
+    if known is None or not np.array_equal(known.search.stages[0].lin.z, first.lin.z):
         sources, unknown = operators(problem, first.lin.z, first.lin.around.heights)
         spent = -whole.simulations
         better = otherwise(first, whole, candidates)
