@@ -60,9 +60,9 @@ class Collection:
     ----------
     budget
         Share of the systems that may fail.
-    early
-        Whether to stop early where most systems fail, and for failures that are there already: of no use where those
-        that have failed before are tried again.
+    retry
+        Whether systems that have failed before are tried again: then neither their failures of before nor that most of
+        them fail again is a reason to stop.
     """
 
     replaces = False
@@ -77,7 +77,7 @@ class Collection:
         system: System,
         *,
         budget: float,
-        early: bool = True,
+        retry: bool = False,
     ) -> None:
         self.folder = folder
         self.manifest = manifest
@@ -85,8 +85,8 @@ class Collection:
         self.job = job
         self.system = system
         self.budget = budget
-        self.early = early
-        self._allowed = float(len(failures)) if not early else 0.0
+        self.retry = retry
+        self._before = len(failures)
         self._entries = {entry.file: entry for entry in manifest.shards}
         self._better: dict[str, _Better] = {}  # to take their places when the manifest is written
         self._unwritten = False  # whether failures.jsonl is behind
@@ -253,11 +253,12 @@ class Collection:
 
     def _check_budget(self, finished: int) -> None:
         systems = self.manifest.systems
-        allowed = max(self.budget * systems, 1.0 if self.budget else 0.0, self._allowed)
+        allowed = max(self.budget * systems, 1.0 if self.budget else 0.0, self._before if self.retry else 0.0)
         if self._better and len(self.failures) > allowed:
             self.store()  # some of them did not fail again
         failed = len(self.failures)
-        mostly = self.early and finished >= _EARLY and self._failed_now > finished / 2 and self.budget < 0.5
+        early = not self.retry and self.budget < 0.5
+        mostly = early and finished >= _EARLY and self._failed_now > finished / 2
         if failed <= allowed and not mostly:
             return
         if failed > allowed:

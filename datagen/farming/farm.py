@@ -181,7 +181,7 @@ def run(
                 recycle=recycle,
             )
             collection = Collection(
-                *(folder, manifest, failures, job, described), budget=failure_budget, early=not retry_failures
+                *(folder, manifest, failures, job, described), budget=failure_budget, retry=retry_failures
             )
             try:
                 collection.store()

@@ -160,9 +160,9 @@ class Card(_Table):
         """Uncertain constants that the systems of its errors have as declared; None where it is not known."""
         if self.dataset is not None:
             return self.dataset.held
-        return (
-            self.held if self.begun_with is None else self.held or None
-        )  # what both trainings had so, the last one had
+        if self.begun_with is None:
+            return self.held
+        return self.held or None  # what both trainings had so, the last one had; of others it is not known
 
     @property
     def length(self) -> int:
