@@ -198,8 +198,10 @@ def run(
                 _copy_ceilings(described, folder, excitation=excitation and not calm, uncertain=uncertain)
             except BaseException:  # the card says what the manifest says, if it can; what went wrong is told either way
                 with suppress(OSError):
+                    _clear(folder)
                     write_card(folder, manifest, described)
                 raise
+            _clear(folder)  # a worker that was killed in this run may have been writing
             write_card(folder, manifest, described)
     except OSError as error:
         raise DatasetError(

@@ -1,6 +1,7 @@
 """The farm: the same data whoever computes them, resumed where it stopped, and every fault named."""
 
 import json
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,11 @@ import xarray as xr
 from datagen import info, run, simulate, verify
 from datagen.datasets.mending import repair
 from datagen.driving.sampling import is_calm, sample_parameters
+from datagen.farming.collection import Collection
 from datagen.farming.worker import Job, simulate_shard
 from diagnosis.recording import read_recording
 from shared.ceiling import Origin, read_ceilings, write_ceilings
-from shared.errors import DatasetError, SystemDescriptionError
+from shared.errors import DatasetError, SimulationError, SystemDescriptionError
 from shared.store import DatasetFolder, read_manifest, write_manifest
 from shared.system import parse_system
 from tests.datagen.cf_checks import cf_faults
@@ -124,6 +126,25 @@ def test_an_unfinished_run_is_resumed_to_the_same_data(made, default_system, tmp
     run(default_system, tmp_path, workers=1, **SIZE)
     assert hashes(tmp_path) == hashes(made)
     assert (tmp_path / "shards" / kept.file).stat().st_mtime_ns == before
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fails", [False, True])
+def test_what_a_killed_worker_was_writing_is_gone_when_the_run_ends(made, default_system, tmp_path, monkeypatch, fails):
+    """A worker is killed while it writes, another one does its work, and the run ends well; or badly."""
+    stay_in_this_process(monkeypatch)
+    out, collect = tmp_path / "ds", Collection.collect
+
+    def killed(self, *args, **kwargs):
+        collect(self, *args, **kwargs)
+        (out / "shards" / ".shard-000001.nc.elsewhere.7.tmp").write_bytes(b"half a shard")
+        if fails:
+            raise SimulationError("too many")
+
+    monkeypatch.setattr(Collection, "collect", killed)
+    with pytest.raises(SimulationError, match="too many") if fails else nullcontext():
+        run(default_system, out, workers=1, **SIZE)
+    assert sorted(path.name for path in (out / "shards").iterdir()) == sorted(hashes(made))
 
 
 @pytest.mark.parametrize(
