@@ -14,10 +14,11 @@ import numpy as np
 from diagnosis.gap.abroad import UNEXPLAINED as UNEXPLAINED
 from diagnosis.gap.abroad import Ranked, abroad
 from diagnosis.gap.afresh import bent, fitted_afresh, fitted_with
+from diagnosis.gap.bare import bare
 from diagnosis.gap.refit import Refit
 from diagnosis.gap.renewal import settled
 from diagnosis.gap.searched import Search
-from diagnosis.gap.stages import Stage
+from diagnosis.gap.stages import STRONG, Stage
 from shared.errors import SimulationError
 
 AFRESH = 3
@@ -31,8 +32,8 @@ Tell = Callable[[str], None]
 def contended(refits: list[Refit], stage: Stage, found: Search, tell: Tell) -> tuple[list[Refit], Refit]:
     """Refits, the best first, and the best simulated anew at its optimum.
 
-    Where that shows that the way there was bent, the foremost are fitted afresh as well, and only they are left: what
-    straight lines say of the others is no measure beside them.
+    Where that shows that the way there was bent, the foremost are fitted afresh as well, and only they are left, each
+    where it is most plausible: straight lines may have led to the wrong place, or the others to one that is worse.
     """
     first = settled_refit(refits[0], stage, found)
     if found.chosen or not bent(refits[0], first):  # a second effect begins where the first one is in the model
@@ -45,9 +46,10 @@ def contended(refits: list[Refit], stage: Stage, found: Search, tell: Tell) -> t
         if other is None or other.evidence < one.evidence:
             there = settled_refit(one, stage, found)
             other = there if other is None or other.evidence < there.evidence else other
-        made.append(other)
-    made.sort(key=lambda one: -one.evidence)
-    return made, made[0]
+        laid_bare(other, stage, found)
+        made.append((max(one, other, key=lambda each: each.evidence), other))
+    made.sort(key=lambda pair: -pair[0].evidence)
+    return [one for one, _ in made], made[0][1]
 
 
 def fitted_abroad(stage: Stage, found: Search, tell: Tell) -> tuple[list[Refit], list[Ranked]]:
@@ -56,14 +58,16 @@ def fitted_abroad(stage: Stage, found: Search, tell: Tell) -> tuple[list[Refit],
     observed, colours = stage.grams.observed, stage.colours.best
     at = np.zeros(plain.with_effects(()).size) if begin is None else begin
     path, made = found.path, []
-    if path not in found.made.abroad:
+    names = {one.name for one in stage.lin.effects}
+    tried, there = found.made.abroad.get(path, (names, None))
+    if there is None or not names <= tried:
         tell("looking at all effects from where the fit began")
         try:
-            found.made.abroad[path] = abroad(plain, at, stage.lin.effects, observed, colours)
+            there = abroad(plain, at, stage.lin.effects, observed, colours)
         except SimulationError:
             return [], []
-        found.simulations += found.made.abroad[path].simulations
-    there = found.made.abroad[path]
+        found.made.abroad[path] = names, there
+        found.simulations += there.simulations
     for effect, amplitude, start in there.foremost([one.name for one in stage.lin.effects]):
         own, fitted = (path, effect.name), found.made.from_there
         if own not in fitted:
@@ -71,9 +75,11 @@ def fitted_abroad(stage: Stage, found: Search, tell: Tell) -> tuple[list[Refit],
             one = fitted[own] = fitted_with(plain, [effect], np.array([amplitude]), observed, colours, start)
             found.simulations += one.simulations if one is not None else 0
         made.append(fitted[own])
-    names = {(one.name,) for one in stage.lin.effects}
-    ranked = [one for one in there.ranked if one.names in names]
-    return best_of([one for one in made if one is not None]), ranked
+    some = [one for one in made if one is not None]
+    for one in some:
+        laid_bare(one, stage, found)
+    ranked = [one for one in there.ranked if one.names[0] in names]
+    return best_of(some), ranked
 
 
 def best_of(refits: Sequence[Refit]) -> list[Refit]:
@@ -92,6 +98,15 @@ def afresh(one: Refit, stage: Stage, found: Search, tell: Tell) -> Refit | None:
     return made[key]
 
 
+def laid_bare(one: Refit, stage: Stage, found: Search) -> None:
+    """Fit the base model where a first effect's refit lies, too (:mod:`.bare`)."""
+    key, made = (found.path, one.names, one.lin.z.tobytes()), found.made.bare
+    if key not in made:
+        made[key] = bare(one, found.base, stage.colours.best)
+        found.simulations += sum(each.simulations for each in made[key])
+    found.bare += made[key]
+
+
 def settled_refit(one: Refit, stage: Stage, found: Search) -> Refit:
     """A refit with all simulated anew where it came to."""
     key, made = (found.path, one.names), found.made.settled
@@ -102,3 +117,22 @@ def settled_refit(one: Refit, stage: Stage, found: Search) -> Refit:
         )
         found.simulations += made[key].simulations
     return made[key]
+
+
+def stands(refits: list[Refit], best: Refit, stage: Stage, found: Search) -> bool:
+    """Whether a first effect is strong evidence beside the base model where it lies, too, which by far is not asked."""
+    value = max(refits[0].evidence, best.evidence)
+    if value - evidence_before(found) < CONTENDING:
+        laid_bare(best, stage, found)
+    return value - evidence_before(found) >= STRONG
+
+
+def evidence_before(found: Search) -> float:
+    """Log evidence of what was chosen so far, its amplitudes within their bounds as those of refits are.
+
+    Of the base model it is that of the best of its fits.
+    """
+    stage = found.last
+    if not found.settled:
+        return max([stage.grams.evidence(stage.colours.best), *(one.evidence for one in found.bare)])
+    return found.settled[-1].evidence_with(stage.colours.best)

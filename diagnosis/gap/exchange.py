@@ -15,9 +15,9 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.effects import Effect
-from diagnosis.gap.contending import Tell, best_of, contended, settled_refit
+from diagnosis.gap.contending import Tell, best_of, contended, evidence_before, settled_refit
 from diagnosis.gap.refit import linear_start, refit
-from diagnosis.gap.search import evidence_before, refitted, renewed_among, told, worth_more
+from diagnosis.gap.search import refitted, renewed_among, told, worth_more
 from diagnosis.gap.searched import Search
 from diagnosis.gap.stages import CLEAR, examine
 from shared.errors import SimulationError

@@ -13,7 +13,15 @@ import numpy as np
 
 from diagnosis.effects import Effect
 from diagnosis.fitting.fit import Fit, fit
-from diagnosis.gap.contending import UNEXPLAINED, Tell, best_of, contended, fitted_abroad
+from diagnosis.gap.contending import (
+    UNEXPLAINED,
+    Tell,
+    best_of,
+    contended,
+    evidence_before,
+    fitted_abroad,
+    stands,
+)
 from diagnosis.gap.elsewhere import elsewhere
 from diagnosis.gap.fewer import fewer
 from diagnosis.gap.linear import Linearised, applicable, linearised
@@ -36,6 +44,8 @@ NEAR = 8.0
 SHARE = 0.5
 """Of the best one's log Bayes factor: a large gap is far along a line, and what is known that far of it is coarse."""
 MOST_EFFECTS = 2
+FAILS = "its simulation fails"
+"""Why a candidate was not tried."""
 PARSIMONY = 0.6
 """A further effect must leave less than this share of what was left without a cause before it."""
 
@@ -64,35 +74,57 @@ def search(
         A search from the same fit among these candidates and others; what does not depend on the others is taken
         from it.
     """
-    found = _begun(base, effects, observed, begin, seed, tell, known)
+    found = _followed(_begun(base, effects, observed, begin, seed, tell, known), effects, observed, seed, tell)
+    better = better_base(found)
+    if better is None:
+        return found
+    tell("going on from a better fit of the base model")
+    try:
+        lin = renewed_among(better, effects, found)
+        anew = replace(found, stages=[examine(lin, observed, seed=seed)], base=better, confirmed=True)
+        anew = replace(anew, refits=[], settled=[], tried=[], bare=[])
+        anew.excluded = {**found.excluded, **dict.fromkeys(lin.failed, FAILS)}
+        return _followed(anew, effects, observed, seed, tell)
+    except SimulationError:
+        return found
+
+
+def _followed(found: Search, effects: Sequence[Effect], observed: np.ndarray, seed: int, tell: Tell) -> Search:
+    """A search gone on with until no effect more is found."""
     while len(found.chosen) < MOST_EFFECTS:
         stage, first = found.last, not found.chosen
-        tried: Sequence[Judged]
+        gap = first and (stage.misfits or stage.discrepancy)
+        refits: list[Refit] = []
+        anew: list[Refit] = []
+        tried: Sequence[Judged] = []
         if stage.candidate_found:
             refits = refitted(stage, tell, found)
             gain = refits[0].evidence - evidence_before(found) if refits else -np.inf
             if first:
-                found.confirmed = gain >= STRONG or stage.misfits or stage.discrepancy
+                found.confirmed = gain >= STRONG or gap
             if not refits or not found.confirmed or (not first and gain < CLEAR):
                 break
             tried = refits
             refits, best = contended(tried, stage, found, tell)
-            anew = refits[1:] if refits is not tried else []  # others that were simulated anew, too
-        elif first and (stage.misfits or stage.discrepancy):  # a gap, and no straight line that points to its cause
-            refits, tried = fitted_abroad(stage, found, tell)
+            anew = refits if refits is not tried else []  # others that were simulated anew, too
+            refits, best = moved(refits, best, stage, found)
+            if first and not stands(refits, best, stage, found):
+                found.confirmed, refits = gap, []
+        looked = first and not refits
+        if looked:  # what straight lines point to, if anything, is not the cause; but a gap may be there
+            refits, tried = fitted_abroad(stage, found, tell) if gap else ([], [])
             if not refits or refits[0].evidence - evidence_before(found) < PLAIN:
                 break
-            best = refits[0]
-        else:
+            refits, best = moved(refits, refits[0], stage, found)
+        elif not refits:
             break
-        refits, best = moved(refits, best, stage, found)
         lin = renewed_among(best, effects, found)
         after = examine(lin, observed, seed=seed + len(found.stages))
-        rest = first and stage.candidate_found and after.left_over > UNEXPLAINED
+        rest = first and not looked and after.left_over > UNEXPLAINED
         again, ranked = fitted_abroad(stage, found, tell) if rest else ([], [])
         if again:
             tried, refits = ranked, best_of([*again, best, *anew])
-            if refits[0] is not best:
+            if refits[0].lin is not best.lin:
                 best = refits[0]
                 lin = renewed_among(best, effects, found)
                 after = examine(lin, observed, seed=seed + len(found.stages))
@@ -123,7 +155,7 @@ def _begun(
         if made.base is None:
             raise ValueError("a search that is known has a base; expected one that search() made")
         one, lin = made.base
-        why = {name: known.excluded[name] for name in (one.name for one in effects) if name in known.excluded}
+        _, why = applicable(one.lin.problem, effects)
         lin = fewer(lin, effects, {*why, *lin.failed})
         usable: Sequence[Effect] = lin.effects
     else:
@@ -150,8 +182,31 @@ def _begun(
             one, lin = other, there
             stage = examine(lin, observed, seed=seed)
     found = Search([stage], one, base.problem, begin, excluded=why, simulations=count, made=made)
-    found.excluded |= dict.fromkeys(lin.failed, "its simulation fails")
+    found.excluded |= dict.fromkeys(lin.failed, FAILS)
     return found
+
+
+def better_base(found: Search) -> Refit | None:
+    """A fit of the base model that is more plausible than the one a search began with, where no effect is plain.
+
+    Effects that were fitted elsewhere have shown it: there the model without them may do as well as with them, and
+    better than where its own fit had ended. What then looks like a gap is a fit that ended too early.
+    """
+    best = max(found.bare, key=lambda one: one.evidence, default=None)
+    if best is None:
+        return None
+    own = found.stages[0].grams.evidence(found.stages[0].colours.best)
+    before = max(own, best.evidence)
+    plain = len(found.refits) > 1 or any(ones[0].evidence - before >= PLAIN for ones in found.refits)
+    if plain or best.evidence - own < CLEAR:
+        return None
+    lin = best.lin
+    try:
+        there = settled(lin.problem, lin.z, lin.around, best.grams.observed, lin.problem.floor)
+    except SimulationError:
+        return None
+    found.simulations += there.simulations
+    return there if there.evidence > found.base.evidence + CLEAR else None
 
 
 def moved(refits: list[Refit], best: Refit, stage: Stage, found: Search) -> tuple[list[Refit], Refit]:
@@ -165,14 +220,6 @@ def moved(refits: list[Refit], best: Refit, stage: Stage, found: Search) -> tupl
     if one.lin is best.lin:
         return refits, best
     return ([one, *refits[1:]] if one.evidence > refits[0].evidence else refits), one
-
-
-def evidence_before(found: Search) -> float:
-    """Log evidence of what was chosen so far, its amplitudes within their bounds as those of refits are."""
-    stage = found.last
-    if not found.settled:
-        return stage.grams.evidence(stage.colours.best)
-    return found.settled[-1].evidence_with(stage.colours.best)
 
 
 def at_its_optimum(found: Search) -> Search:

@@ -27,6 +27,7 @@ class Search:
     the middle of the prior if None.
     ``beside``: the stage and refits by which the candidates of a stage are weighed, by its place, where the effect that
     was found with them was chosen later (:mod:`diagnosis.gap.exchange`); its own if it is not there.
+    ``bare``: the base model fitted on the straight lines of refits that have lines of their own.
     ``dropped``: effects that were chosen and given up, because nothing shows that there is a gap.
     ``simulations`` in all of the search; ``made``: what need not be made again.
     """
@@ -40,6 +41,7 @@ class Search:
     tried: list[Sequence[Judged]] = field(default_factory=list)
     excluded: dict[str, str] = field(default_factory=dict)
     beside: dict[int, tuple[Stage, list[Refit]]] = field(default_factory=dict)
+    bare: list[Refit] = field(default_factory=list)
     confirmed: bool = True
     dropped: tuple[str, ...] = ()
     simulations: int = 0

@@ -11,11 +11,11 @@ from scipy.stats import multivariate_normal, norm
 
 from diagnosis.effects.base import Nothing
 from diagnosis.gap.colours import Colours
+from diagnosis.gap.contending import evidence_before
 from diagnosis.gap.grams import AMPLITUDE, Grams
 from diagnosis.gap.pictures import draw_angles, draw_candidates
 from diagnosis.gap.refit import Refit
 from diagnosis.gap.scan import LEVEL, PRIORS, mass, scan
-from diagnosis.gap.search import evidence_before
 from diagnosis.gap.seen import smallest
 from diagnosis.gap.stages import PLAIN
 from diagnosis.gap.twins import draw_twins
@@ -144,7 +144,7 @@ def test_a_second_effect_is_not_credited_with_what_the_first_gains_by_its_bounds
     before = evidence_before(SimpleNamespace(last=stage, settled=[first]))
     assert second.evidence_with(SURE.best) == pytest.approx(before, abs=1e-9)
     assert before - first.grams.evidence(SURE.best) == pytest.approx(np.log(2), abs=0.1)  # half of its prior is left
-    assert evidence_before(SimpleNamespace(last=stage, settled=[])) == first.grams.evidence(SURE.best)
+    assert evidence_before(SimpleNamespace(last=stage, settled=[], bare=[])) == first.grams.evidence(SURE.best)
 
 
 def opposed(first, second, cosine=-0.99):

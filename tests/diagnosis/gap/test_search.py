@@ -6,12 +6,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from diagnosis.gap import contending
 from diagnosis.gap import search as searching
 from diagnosis.gap.contending import UNEXPLAINED
 from diagnosis.gap.exchange import exchanged
 from diagnosis.gap.made import Made
 from diagnosis.gap.search import search
 from diagnosis.gap.searched import Search
+from shared.errors import SimulationError
 
 COLOURS = SimpleNamespace(best={})
 
@@ -29,7 +31,7 @@ def searched(monkeypatch):
     and those ``abroad``, with what all are worth there. The base model's evidence is 10.
     """
 
-    def made(before, left=0.0, refits=(), abroad=((), ())):
+    def made(before, left=0.0, refits=(), abroad=((), ()), contended=lambda refits, *_: (refits, refits[0])):
         base = SimpleNamespace(chosen=(), simulations=0, failed=())
         grams = SimpleNamespace(evidence=lambda colours: 10.0)
         first = SimpleNamespace(**before, episodic=False, lin=base, grams=grams, colours=COLOURS)
@@ -44,7 +46,8 @@ def searched(monkeypatch):
         monkeypatch.setattr(searching, "among", lambda *_: base)
         monkeypatch.setattr(searching, "examine", examine)
         monkeypatch.setattr(searching, "refitted", lambda *_: [*refits])
-        monkeypatch.setattr(searching, "contended", lambda refits, *_: (refits, refits[0]))
+        monkeypatch.setattr(searching, "contended", contended)
+        monkeypatch.setattr(contending, "laid_bare", lambda *_: None)
         monkeypatch.setattr(searching, "moved", lambda refits, best, *_: ([*refits], best))
         monkeypatch.setattr(searching, "renewed_among", lambda best, *_: best.lin)
         monkeypatch.setattr(searching, "fitted_abroad", lambda *_: looked.append(1) or abroad)
@@ -61,11 +64,24 @@ def searched(monkeypatch):
     [(2.9, False, False, False), (3.1, False, False, True), (-5.0, True, False, True), (-5.0, False, True, True)],
 )
 def test_a_refit_confirms_what_a_straight_line_found(searched, gain, misfits, discrepancy, confirmed):
-    """The first candidate is chosen if its refit is strong evidence, or the residual alone says that there is a gap."""
+    """And is there a gap as the residual alone says, others are looked at where the fit began."""
     before = {"candidate_found": True, "misfits": misfits, "discrepancy": discrepancy}
-    found, _ = searched(before, refits=[a_refit("one", 10.0 + gain)])
+    found, looked = searched(before, refits=[a_refit("one", 10.0 + gain)])
     assert found.confirmed == confirmed
-    assert [one.name for one in found.chosen] == (["one"] if confirmed else [])
+    assert [one.name for one in found.chosen] == (["one"] if gain > 3 else [])
+    assert looked == (confirmed and gain < 3)
+
+
+@pytest.mark.parametrize(
+    ("gain", "misfits", "named", "confirmed"),
+    [(2.9, False, [], False), (2.9, True, ["far"], True), (3.1, False, ["anew"], True), (3.1, True, ["anew"], True)],
+)
+def test_where_the_way_is_bent_what_is_simulated_anew_has_to_confirm_it(searched, gain, misfits, named, confirmed):
+    """Whatever straight lines have promised; of a gap that the residual shows the cause may then be found elsewhere."""
+    before = {"candidate_found": True, "misfits": misfits, "discrepancy": False}
+    anew, far = [a_refit("anew", 10.0 + gain)], [a_refit("far", 19.0)]
+    found, _ = searched(before, refits=[a_refit("one", 50.0)], abroad=(far, []), contended=lambda *_: (anew, anew[0]))
+    assert ([one.name for one in found.chosen], found.confirmed) == (named, confirmed)
 
 
 @pytest.mark.parametrize(
@@ -151,6 +167,69 @@ def test_where_another_size_fits_better_it_is_the_best_refit(monkeypatch, eviden
     monkeypatch.setattr(searching, "elsewhere", lambda *_: other)
     assert searching.moved([first, second], first, stage, found) == ([other if listed else first, second], other)
     assert found.simulations == 40
+
+
+@pytest.mark.parametrize(
+    ("gain", "there", "settles", "moves"),
+    [
+        (2.0, 60.0, 17.0, True),  # nothing is plain, and the base model does better there
+        (7.5, 60.0, 17.0, True),
+        (8.5, 60.0, 17.0, False),  # an effect is
+        (2.0, 14.0, 17.0, False),  # no better on the lines
+        (2.0, 60.0, 14.0, False),  # nor with lines of its own
+        (2.0, 60.0, None, False),  # it cannot be simulated
+    ],
+)
+def test_the_base_model_is_fitted_where_a_refit_shows_that_it_does_better(monkeypatch, gain, there, settles, moves):
+    def settled(*_):
+        if settles is None:
+            raise SimulationError("fails")
+        return SimpleNamespace(evidence=settles, simulations=40)
+
+    monkeypatch.setattr(searching, "settled", settled)
+    lin = SimpleNamespace(problem=SimpleNamespace(floor=None), z=None, around=None)
+    bare = [SimpleNamespace(evidence=value, lin=lin, grams=SimpleNamespace(observed=None)) for value in (11.0, there)]
+    stage = SimpleNamespace(grams=SimpleNamespace(evidence=lambda _: 10.0), colours=COLOURS)
+    base = SimpleNamespace(evidence=10.0)
+    for refits in ([], [[a_refit("one", there + gain)]]):
+        found = SimpleNamespace(stages=[stage], refits=refits, bare=bare, base=base, simulations=0)
+        moved = moves or (not refits and gain > 8)
+        better = searching.better_base(found)
+        assert (better is not None) == moved and (better is None or better.evidence == settles)
+        assert found.simulations == (40 if moved or settles == 14.0 else 0)
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_a_search_begins_again_once_where_the_base_model_does_better(monkeypatch, fails):
+    """With nothing left of the first one but what candidates could not be tried, and what it has cost."""
+    lin = SimpleNamespace(failed=("broken",))
+    old = Search(["old"], "base", "plain", excluded={"absent": "no such input"}, confirmed=False, simulations=7)
+    old.refits, old.settled, old.tried, old.bare = ["refits"], ["settled"], ["tried"], ["bare"]
+    followed = []
+
+    def follow(found, *_):
+        if fails and followed:
+            raise SimulationError("fails")
+        followed.append(found)
+        return found
+
+    monkeypatch.setattr(searching, "_begun", lambda *_: old)
+    monkeypatch.setattr(searching, "_followed", follow)
+    monkeypatch.setattr(searching, "better_base", lambda _: "better")
+    monkeypatch.setattr(searching, "renewed_among", lambda *_: lin)
+    monkeypatch.setattr(searching, "examine", lambda lin, *_, **__: ("stage", lin))
+    found = search("fit", (), np.ones((1, 2), dtype=bool))
+    if fails:
+        assert found is old
+        return
+    assert (found.stages, found.base, found.confirmed, found.simulations) == ([("stage", lin)], "better", True, 7)
+    assert (found.refits, found.settled, found.tried, found.bare) == ([], [], [], [])
+    assert found.excluded == {"absent": "no such input", "broken": searching.FAILS}
+    assert followed == [old, found] and old.refits == ["refits"]
+
+
+def test_without_a_refit_that_lies_elsewhere_the_base_model_stays():
+    assert searching.better_base(SimpleNamespace(bare=[])) is None
 
 
 @pytest.mark.parametrize("function", [search, exchanged])
