@@ -28,6 +28,7 @@ from shared.variables import (
     Effect,
     ExcitationInput,
     Input,
+    MeasuredInput,
     Noise,
     OccupancyInput,
     Output,
@@ -113,6 +114,8 @@ class System(Table):
                 raise ValueError(f"inputs: {one.name!r} comes from the weather, but there is no [weather] table")
             if isinstance(one, OccupancyInput) and self.occupancy is None:
                 raise ValueError(f"inputs: {one.name!r} comes from the occupancy, but there is no [occupancy] table")
+            if isinstance(one, MeasuredInput) and (wrong := one.fault(self.outputs)):
+                raise ValueError(f"inputs: {wrong}")
         known = {*self.output_names, *self.input_names}
         for k, source in enumerate(self.sources):
             before = [earlier.name for earlier in self.sources[:k]]

@@ -127,11 +127,30 @@ class ConstantInput(_Input):
 
 
 class MeasuredInput(_Input):
-    """An input that only a recording provides; ``value`` stands in where there is none."""
+    """An input that only a recording provides; ``value`` stands in where there is none.
+
+    ``column`` may be an output, the meter that reads it.
+    """
 
     source: Literal["measured"]
     column: str
     value: float = 0.0
+
+    def fault(self, outputs: Sequence[Output]) -> str:
+        """What is wrong beside the output whose readings drive it as they are; nothing if all is well."""
+        for one in outputs:
+            if one.name != self.column:
+                continue
+            if one.unit != self.unit:
+                return f"{self.name!r} is in {self.unit}, its column {self.column!r} in {one.unit}; expected one unit"
+            held = self.interpolation == "previous"
+            if held != (one.method == "mean"):
+                is_, expected = self.interpolation, "previous" if one.method == "mean" else "linear"
+                return (
+                    f"{self.name!r} has interpolation {is_!r}; its column {self.column!r} is"
+                    f" {'the mean over a step' if one.method == 'mean' else 'an instant'}: expected {expected!r}"
+                )
+        return ""
 
 
 Input = Annotated[

@@ -51,8 +51,9 @@ def drive(
 ) -> Drive:
     """Collect the inputs over a recording and ``warm_up`` seconds before it.
 
-    What was not measured is taken from the description: constants and schedules as they are, excitation as none. The
-    occupancy is left at zero where it was not measured: see :mod:`diagnosis.fitting.nuisance`.
+    What was not measured is taken from the description: constants and schedules as they are, excitation as none, and
+    actuators where the FMU has controllers of its own, which ``[replay]`` would switch off. The occupancy is left at
+    zero where it was not measured: see :mod:`diagnosis.fitting.nuisance`.
 
     Parameters
     ----------
@@ -63,7 +64,7 @@ def drive(
     Raises
     ------
     RecordingError
-        If the weather was not measured, or an actuator that is to be replayed.
+        If the weather was not measured, or an actuator that is to be replayed or has no controller in the FMU.
     """
     lead = round(warm_up / recording.step)
     begin = recording.start - whole_days(recording, lead) * recording.step
@@ -84,13 +85,13 @@ def drive(
                     meters[one.name] = meter
                 if (values == one.value).all():
                     assumed[one.name] = f"{one.value:g} {one.unit} throughout"
-            elif values is None or one.name in recording.assumed:
-                assumed[one.name] = f"{one.value:g} {one.unit}, unused"
+            elif system.replay and (values is None or one.name in recording.assumed):
+                assumed[one.name] = f"{one.value:g} {one.unit}, unused"  # the FMU's controllers act in its place
         if values is not None:
-            if one.name in recording.assumed and one.source != "measured":
+            if one.name in recording.assumed and not (one.source == "measured" and replay):
                 assumed.setdefault(one.name, recording.assumed[one.name])
             signals[one.name] = extended(recording, values, lead, held=one.interpolation == "previous")
-        elif one.source == "weather":
+        elif one.source == "weather" or (one.source == "measured" and not system.replay):
             raise RecordingError(f"{recording.path}: input {one.name!r} was not recorded; expected it in {one.unit}")
         elif one.source == "schedule":
             signals[one.name] = schedule_signal(system.schedules[one.schedule], begin, recording.stop)

@@ -17,6 +17,7 @@ from diagnosis.calibrating.calibration import calibrate
 from diagnosis.calibrating.checks import check_recording
 from diagnosis.calibrating.schema import Calibration, read_calibration
 from diagnosis.calibrating.seen import check_unseen
+from diagnosis.fitting.drive import LOST
 from diagnosis.fitting.noise import errors_under
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.renewing import renewed
@@ -57,8 +58,8 @@ def forecast(
 ) -> Forecasted:
     """Calibrate on the first ``context`` hours of a recording and simulate the next ``ahead`` hours.
 
-    Ahead, the recording's inputs drive the model; its outputs are only compared with. What is not listed here is as in
-    :func:`diagnosis.calibrating.calibration.calibrate`.
+    Ahead, the recording's inputs drive the model, with ``replay`` also what was read of actuators; other outputs are
+    only compared with. What is not listed here is as in :func:`diagnosis.calibrating.calibration.calibrate`.
 
     Parameters
     ----------
@@ -77,7 +78,7 @@ def forecast(
     ------
     RecordingError
         If the recording ends before the forecast does, or cannot be calibrated on; if the given calibration has seen
-        what is to be forecast; if the folder cannot be written to.
+        what is to be forecast; if an actuator to be replayed was not read there; if the folder cannot be written to.
     """
     for name, hours in (("context", context), ("ahead", ahead)):
         if not hours > 0:
@@ -134,6 +135,13 @@ def forecast(
                 f" {problem.occupancy} and {len(problem.constants)} constants: give both the same occupancy and system"
             )
         check_constants(report, problem, z)
+        for output in problem.drive.replayed:
+            found = np.isfinite(whole_record.outputs[described.output_names.index(output), split:])
+            if found.mean() < 1 - LOST:
+                raise RecordingError(
+                    f"{record.path}: {output!r} was read in {found.mean():.0%} of the hours ahead; expected at least"
+                    f" {1 - LOST:.0%}, as it drives the model: forecast with simulated controllers, without replay"
+                )
         tell("simulating")
         seen = np.zeros(problem.observed.shape, dtype=bool)
         seen[:, :split] = True

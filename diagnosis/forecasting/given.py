@@ -46,8 +46,14 @@ def check_constants(report: Calibration, problem: Problem, z: np.ndarray) -> Non
     Raises
     ------
     RecordingError
-        If a name or a factor is another one.
+        If a name or a factor is another one, or there are more or fewer.
     """
+    had, has = ([one.name for one in some] for some in (report.constants, problem.constants))
+    if len(had) != len(has):
+        raise RecordingError(
+            f"the calibration has {len(had)} uncertain constants ({', '.join(had) or 'none'}), the description"
+            f" {len(has)} ({', '.join(has) or 'none'}): expected the same"
+        )
     factors = problem.values(z)[problem.unknown.places_of_constants]
     for told, one, factor in zip(report.constants, problem.constants, factors, strict=True):
         if told.name != one.name or not np.isclose(told.factor, factor, rtol=1e-6):

@@ -60,6 +60,16 @@ def test_default_system_is_table_1():
                 " is it in degC or degF?"
             ],
         ),
+        (
+            'unit = "W"\nsource = "measured"',
+            'unit = "kW"\nsource = "measured"',
+            ["inputs: 'QHea_in' is in kW, its column 'QHea' in W; expected one unit"],
+        ),
+        (
+            'column = "QHea"\ninterpolation = "previous"',
+            'column = "QHea"',
+            ["'QHea_in' has interpolation 'linear'; its column 'QHea' is the mean over a step: expected 'previous'"],
+        ),
         ("value = 420.0", "value = 0.00042", ["inputs 'CO2Out': value is 0.00042 ppm", "is it in a fraction?"]),
     ],
 )

@@ -1,5 +1,7 @@
 """What drives the model over a recording: its own inputs, and its first day before them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from datagen import simulate
 from datagen.driving.tables import merge
 from diagnosis.fitting.drive import drive
 from diagnosis.recording import DAY, HOUR, read_recording
+from shared.errors import RecordingError
 
 
 @pytest.fixture(scope="module")
@@ -39,3 +42,16 @@ def test_whole_first_days_stand_before_the_recording(record, default_system, hou
     held = driven.signals["nPer"]
     middles = first - 0.5 * record.step
     np.testing.assert_array_equal(held.at(middles - DAY), held.at(middles))
+
+
+def test_what_drives_a_model_without_controllers_must_have_been_measured(house, house_recorded, tmp_path):
+    """Nothing in the FMU takes its place, and the description's 0 degC is no weather."""
+    system = house("me")
+    record = read_recording(house_recorded(tmp_path, hours=72), system)
+    assert drive(system, record, warm_up=0.0).assumed == {}
+    without = {name: values for name, values in record.inputs.items() if name != "To"}
+    with pytest.raises(RecordingError, match="input 'To' was not recorded; expected it in degC"):
+        drive(system, replace(record, inputs=without), warm_up=0.0)
+    # an import has said so, and says it still
+    stands_in = replace(record, assumed={"To": "assumed, not measured"})
+    assert drive(system, stands_in, warm_up=0.0).assumed == {"To": "assumed, not measured"}

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from datagen import simulate
 from diagnosis.calibrating.calibration import calibrate
 from diagnosis.calibrating.schema import read_calibration
 from diagnosis.fitting.problem import Problem
@@ -25,6 +26,7 @@ def test_a_house_is_forecast_within_its_noise(house, house_recording, tmp_path):
     done = forecast(
         house("me"), house_recording(hours=192), context=96, ahead=96, starts=1, draws=15, out=tmp_path / "ahead"
     )
+    assert "Parameters from the context." in " ".join((tmp_path / "ahead" / "forecast.html").read_text().split())
     ahead = done.report.outputs["room"]
     assert ahead.rmse < 0.1  # the sensor's own noise is 0.05
     assert ahead.covered > 0.7
@@ -130,6 +132,29 @@ def test_hours_that_are_none_are_told(house, house_recording, options, said):
         forecast(house("me"), house_recording(hours=96), **options)
 
 
+def test_a_replayed_actuator_that_was_not_read_ahead_is_refused(default_system, tmp_path, monkeypatch):
+    """It would be bridged by a straight line from its last reading, and drive the model."""
+    simulate(default_system, hours=72.0, seed=1, out=tmp_path / "room.nc")
+    record = read_recording(tmp_path / "room.nc", default_system)
+    outputs = record.outputs.copy()
+    outputs[default_system.output_names.index("QHea"), 50:] = np.nan
+    fitted = np.zeros(len(default_system.parameters))
+    monkeypatch.setattr(forecasting, "check_given", lambda *_, **__: None)
+    monkeypatch.setattr(forecasting, "check_unseen", lambda *_: None)
+    monkeypatch.setattr(forecasting, "check_constants", lambda *_: None)
+    monkeypatch.setattr(forecasting, "read_calibration", lambda _: SimpleNamespace(z=fitted, covariance=[], outputs={}))
+    with pytest.raises(RecordingError, match=r"'QHea' was read in 8% of the hours ahead; expected at least 95%"):
+        forecast(
+            default_system.model_copy(update={"uncertain": []}),
+            replace(record, outputs=outputs),
+            context=48.0,
+            ahead=24.0,
+            calibration="made before",
+            replay=True,
+            occupancy="measured",
+        )
+
+
 @pytest.mark.slow
 def test_a_fit_is_not_called_a_forecast_and_the_page_says_why_not_to_believe(house, house_recording, tmp_path):
     system, path = house("me"), house_recording(hours=96)
@@ -150,13 +175,19 @@ def test_a_fit_is_not_called_a_forecast_and_the_page_says_why_not_to_believe(hou
 
 
 @pytest.mark.parametrize(
-    ("steps", "said"), [(13, "Parameters from the context."), (14, "from a calibration on 2.33333 h of room.nc")]
+    ("steps", "day", "said"),
+    [
+        (13, 1, "Parameters from the context."),
+        (14, 1, "from a calibration on 2.33333 h of room.nc"),
+        (13, 2, "from a calibration on 2.16667 h of room.nc"),  # of the file as it was before
+    ],
 )
-def test_parameters_of_the_context_are_said_to_be_its_own_whatever_its_length(steps, said):
+def test_parameters_of_the_context_are_said_to_be_its_own_whatever_its_length(steps, day, said):
     """Of 7800 s an hour's fraction of seconds is not the same number any more."""
     hours = 13 * 600.0 / 3600.0
     assert 3600 * hours != 13 * 600.0
-    used = SimpleNamespace(recording="room.nc", steps=steps, step=600.0, parameters=[])
+    days = [SimpleNamespace(begin=f"2001-01-0{day}T00:00:00")]
+    used = SimpleNamespace(recording="room.nc", days=days, steps=steps, step=600.0, parameters=[])
     report = SimpleNamespace(
         system="room", recording="room.nc", begin="2001-01-01 00:00", calibration=used, context_hours=hours,
         ahead_hours=1.0, occupancy="measured", outputs={}, replayed=[], level=0.9,
@@ -167,7 +198,13 @@ def test_parameters_of_the_context_are_said_to_be_its_own_whatever_its_length(st
 
 @pytest.mark.parametrize(
     ("names", "relative", "said"),
-    [("ab", 0.3, None), ("ba", 0.3, "constant 'a'"), ("ab", 0.1, "'a' is 1.35; the description has 'a' there")],
+    [
+        ("ab", 0.3, None),
+        ("ba", 0.3, "constant 'a'"),
+        ("ab", 0.1, "'a' is 1.35; the description has 'a' there"),
+        ("abc", 0.3, r"has 2 uncertain constants \(a, b\), the description 3 \(a, b, c\)"),
+        ("", 0.3, r"the description 0 \(none\)"),
+    ],
 )
 def test_a_calibration_with_other_uncertain_constants_is_refused(names, relative, said):
     """They are no part of the description's hash, and the unknowns stand for what the description says they are."""
