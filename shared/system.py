@@ -105,6 +105,8 @@ class System(Table):
         for parameter in self.parameters:
             if parameter.name in self.fixed:
                 raise ValueError(f"fixed: {parameter.name!r} is also an estimated parameter")
+            if parameter.name in self.replay:
+                raise ValueError(f"replay: {parameter.name!r} is also an estimated parameter")
         for one in self.inputs:
             if isinstance(one, ScheduleInput) and one.schedule not in self.schedules:
                 raise ValueError(f"inputs: {one.name!r} names schedule {one.schedule!r}, which is not declared")

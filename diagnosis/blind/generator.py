@@ -164,7 +164,10 @@ class Generator:
             lived, signals = self._live(room, case, recorded, steps, measured)
             return lived, self._shown(case, lived, signals, warm, steps)
 
-        following = [one.label for one in case.causes if getattr(one.acts, "follows", frozenset())]
+        # what does not say may look at anything that is measured
+        some = frozenset(self.system.output_names)
+        causes = [one for one in case.causes if not isinstance(one.acts, Form)]
+        following = [one.label for one in causes if getattr(one.acts, "follows", some)]
         if not following:
             return once(np.zeros((len(self.system.outputs), len(steps.time))))
         accuracy = np.array([[one.accuracy] for one in self.system.outputs])

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.blind.verdicts import Outcome, Run, read_outcome, read_withheld
+from diagnosis.blind.verdicts import Outcome, Run, check_program, read_outcome, read_withheld
 from shared.errors import RecordingError
 
 WITHHELD = "withheld"
@@ -166,6 +166,7 @@ def side_by_side(opened: dict[str, Any], results: Path | str, run: Run, first: i
         outcome = read_outcome(results, answer["file"])
         if outcome.file != answer["file"]:
             raise RecordingError(f"{results}: found the verdict on {outcome.file}; expected that on {answer['file']}")
+        check_program(results, outcome, run)
         effects = tuple(name for name in answer["effects"] if name not in run.without)
         stratum, truth = answer["stratum"], answer["verdict"]
         if truth == "effect" and not effects:

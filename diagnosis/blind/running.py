@@ -21,7 +21,19 @@ from typing import Any
 from diagnosis.blind.begun import uncertain_sha256
 from diagnosis.blind.judging import Diagnoser, Judge, program
 from diagnosis.blind.sealed import read_manifest
-from diagnosis.blind.verdicts import LIMIT, RUN, VERDICTS, WITHOUT, Parameter, Run, name_of, read_run, write_run
+from diagnosis.blind.verdicts import (
+    LIMIT,
+    RUN,
+    VERDICTS,
+    WITHOUT,
+    Parameter,
+    Run,
+    check_program,
+    name_of,
+    read_outcome,
+    read_run,
+    write_run,
+)
 from diagnosis.blind.working import CHANCE, Job, lost, work
 from diagnosis.effects import library
 from shared import __version__
@@ -135,6 +147,8 @@ def run(
         _side_by_side(jobs, workers, limit, tell)
     if program() != asked.program:
         raise RecordingError(f"{results}: the program's source changed while it ran; expected verdicts of one program")
+    for one in listed:
+        check_program(results, read_outcome(results, one["file"]), asked)
     return asked
 
 

@@ -289,4 +289,38 @@ def load_truth(path: Path | str, system: System) -> Truth:
             raise SystemDescriptionError(f"{path}: forms {form.name!r}: {form.effect!r} is not an effect of the system")
     for name in {*truth.measuring.inputs} - set(system.input_names):
         raise SystemDescriptionError(f"{path}: measuring.inputs: {name!r} is not an input of the system")
+    if truth.measuring.noise not in system.noise_presets:
+        raise SystemDescriptionError(
+            f"{path}: measuring.noise is {truth.measuring.noise!r}; expected one of {', '.join(system.noise_presets)}"
+        )
+    low, high = truth.amplitudes
+    if not 0 < low <= high:
+        raise SystemDescriptionError(f"{path}: amplitudes are {low:g} to {high:g}; expected 0 < first <= last")
+    _check_strata(truth, system)
     return truth
+
+
+def _check_strata(truth: Truth, system: System) -> None:
+    """Refuse strata of which there is nothing to draw, and names that a process needs and the truth does not have."""
+    if not truth.strata.order:
+        raise SystemDescriptionError(f"{truth.path}: strata are all 0; expected a recording of some")
+    effects, forms = bool(system.effects), any(form.effect for form in truth.forms)
+    for stratum, there, needed in (
+        ("library", effects, "[[effects]] of the system"),
+        ("form", forms, "forms with an effect"),
+        ("two", effects, "[[effects]] of the system"),
+        ("outside", bool(truth.outside), "forms without an effect"),
+    ):
+        if getattr(truth.strata, stratum) and not there:
+            raise SystemDescriptionError(f"{truth.path}: strata.{stratum} is above 0; expected {needed}")
+    inputs = {*system.input_names, *(one.name for one in truth.inputs)}
+    for form in truth.forms:
+        for one in form.inputs:
+            for field in ("series", "by", "presence", "outdoor", "room"):
+                name = getattr(one.process, field, "")
+                known = set(system.output_names) if field == "room" else inputs
+                if name and name not in known:
+                    raise SystemDescriptionError(
+                        f"{truth.path}: forms {form.name!r}: {field} {name!r} is not an"
+                        f" {'output of the system' if field == 'room' else 'input of the truth'}"
+                    )

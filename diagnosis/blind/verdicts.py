@@ -131,7 +131,10 @@ class Verdict(_Table):
 
 
 class Outcome(_Table):
-    """One recording: a verdict, or why there is none; how long it took, and what of that its process computed [s]."""
+    """One recording: a verdict, or why there is none; how long it took, and what of that its process computed [s].
+
+    ``program`` is the hash of the source that said it; earlier ones do not know.
+    """
 
     file: str
     sha256: str
@@ -139,6 +142,7 @@ class Outcome(_Table):
     cpu_seconds: float | None = None
     verdict: Verdict | None = None
     failure: str = ""
+    program: str = ""
 
     @property
     def answer(self) -> str:
@@ -221,6 +225,22 @@ def read_outcome(results: Path | str, file: str) -> Outcome:
         If it is missing or not one.
     """
     return Outcome.model_validate(_read(Path(results) / VERDICTS / name_of(file), Outcome))
+
+
+def check_program(results: Path | str, outcome: Outcome, run: Run) -> None:
+    """Refuse a verdict of another program than the run's: source that was changed, and changed back, while it ran.
+
+    Raises
+    ------
+    RecordingError
+        If it is.
+    """
+    if outcome.program not in ("", run.program):
+        where = Path(results) / VERDICTS / name_of(outcome.file)
+        raise RecordingError(
+            f"{where}: program is {outcome.program[:12]}, the run's {run.program[:12]}; expected verdicts of one"
+            " program: remove what the other one said and run again"
+        )
 
 
 def write_withheld(results: Path, withheld: Withheld) -> None:

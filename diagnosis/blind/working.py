@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from diagnosis.blind.judging import Judge, Judged
+from diagnosis.blind.judging import Judge, Judged, program
 from diagnosis.blind.verdicts import (
     VERDICTS,
     WITHOUT,
@@ -23,8 +23,8 @@ from diagnosis.blind.verdicts import (
 )
 
 CHANCE = 0.01
-"""Leave-one-out withholds candidates that were named or given this probability: without another one, the verdict is
-the same, because no conclusion rested on it."""
+"""Leave-one-out withholds candidates that were named, fitted in the end or given this probability: without another one,
+the verdict is taken to be the same."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,8 @@ def contenders(verdict: Verdict) -> list[str]:
     """Candidates on which a verdict rested: none where there was no gap."""
     if verdict.verdict == "no_gap":
         return []
-    return [name for name, p in verdict.pointed.items() if p >= CHANCE or name in verdict.named]
+    rested = {*verdict.named, *verdict.chosen}
+    return [name for name, p in verdict.pointed.items() if p >= CHANCE or name in rested]
 
 
 def _outcome(listed: dict[str, Any], judge: Callable[[], Verdict]) -> Outcome:
@@ -83,13 +84,14 @@ def _outcome(listed: dict[str, Any], judge: Callable[[], Verdict]) -> Outcome:
         cpu_seconds=time.process_time() - used,
         verdict=verdict,
         failure=failure,
+        program=program(),
     )
 
 
 def lost(job: Job, seconds: float, why: str) -> None:
     """Write down a failure for what a process that has ended did not write."""
     file = job.listed["file"]
-    failed = Outcome(file=file, sha256=job.listed["sha256"], seconds=seconds, failure=why)
+    failed = Outcome(file=file, sha256=job.listed["sha256"], seconds=seconds, failure=why, program=program())
     if not (job.results / VERDICTS / name_of(file)).exists():
         write_outcome(job.results, failed)
     if job.leave_one_out and not (job.results / WITHOUT / name_of(file)).exists():

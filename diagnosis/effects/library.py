@@ -18,6 +18,7 @@ from diagnosis.effects.kinds import ChangedInput, Declared, FmuParameters, Senso
 from shared.effects import DiurnalShape, InputEffect, ParameterEffect, SensorEffect, Shape, ShapedEffect, TimetableShape
 from shared.errors import SystemDescriptionError
 from shared.system import System
+from shared.variables import ConstantInput, MeasuredInput
 
 ENTRY_POINTS = "zeroshot_fmu.effects"
 
@@ -71,11 +72,24 @@ def build(spec: Declared, system: System) -> Effect:
     if isinstance(spec, ShapedEffect | InputEffect):
         known(spec.input, inputs, "an input")
         shapes = spec.shape
+    if isinstance(spec, ShapedEffect):
+        driven = next(one for one in system.inputs if one.name == spec.input)
+        if not (isinstance(driven, ConstantInput) and driven.value == 0):
+            raise SystemDescriptionError(
+                f"{where}: {spec.input!r} is no constant of 0; expected one, which the shape takes the place of"
+            )
     if isinstance(spec, SensorEffect):
         for name in spec.outputs:
             known(name, outputs, "an output")
         for name in [*spec.fed_back, *spec.replayed.values()]:
             known(name, inputs, "an input")
+        for output, name in spec.replayed.items():
+            one = next(one for one in system.inputs if one.name == name)
+            if not (isinstance(one, MeasuredInput) and one.column == output):
+                raise SystemDescriptionError(
+                    f"{where}: replayed: {name!r} is not what {output!r} measures; expected an input of source"
+                    f" 'measured' with that column"
+                )
     for shape in shapes:
         if not isinstance(shape, TimetableShape | DiurnalShape):
             known(shape.series, inputs + outputs, "an input or output")

@@ -135,11 +135,11 @@ def forecast(
                 f" {problem.occupancy} and {len(problem.constants)} constants: give both the same occupancy and system"
             )
         check_constants(report, problem, z)
-        for output in problem.drive.replayed:
-            found = np.isfinite(whole_record.outputs[described.output_names.index(output), split:])
+        for name in problem.drive.replayed:
+            found = np.isfinite(whole_record.outputs[described.output_names.index(name), split:])
             if found.mean() < 1 - LOST:
                 raise RecordingError(
-                    f"{record.path}: {output!r} was read in {found.mean():.0%} of the hours ahead; expected at least"
+                    f"{record.path}: {name!r} was read in {found.mean():.0%} of the hours ahead; expected at least"
                     f" {1 - LOST:.0%}, as it drives the model: forecast with simulated controllers, without replay"
                 )
         tell("simulating")

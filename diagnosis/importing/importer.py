@@ -263,11 +263,12 @@ def _about(one: Series) -> VariableReport:
 def _compare(one: Series) -> Comparison | None:
     """Two meters of one quantity where both have values; None if there is no second or they share too little.
 
-    The first may be a constant of the mapping.
+    The first may be a constant of the mapping; where its gaps were filled there is nothing to compare.
     """
     if one.second is None:
         return None
-    both = np.isfinite(one.values) & np.isfinite(one.second)
+    read = (one.flags & (INTERPOLATED | ASSUMED)) == 0 if one.signal is not None else True
+    both = np.isfinite(one.values) & np.isfinite(one.second) & read
     if both.sum() < 2:
         return None
     used, second = one.values[both], one.second[both]

@@ -110,6 +110,8 @@ class Judge:
         own = {name: getattr(meter, name) for name in ("column", "unit", "scale", "offset", "persons")}
         other = self.signal(Source(**own, **same), made.target.unit, f"{where}.compare", moving=False)
         made.second, _ = resample(other, self.edges, made.target.method, self.mapping.grid.coverage)
+        if made.target.role == "input" and made.target.method == "point":  # as the first one is
+            made.second = around(other, self.edges)
         made.second_name = meter.column
         return made
 
@@ -183,6 +185,12 @@ class Judge:
         readings = self.data.numbers(column, where)
         density = self.mapping.air_density
         kind = source.reading or self.mapping.defaults.reading
+        if kind != "mean":
+            for field, value in (("stamp", source.stamp), ("interval", source.interval)):
+                if value is not None:
+                    raise RecordingError(
+                        f"{where}: {field} is {value!r}, which only a mean has; expected reading = 'mean' with it"
+                    )
         usual = plausible.sparse(self.data.utc, readings) if kind != "hold" and source.max_gap is None else None
         if usual is not None and kind == "point" and source.reading is None and source.unit in _STATES:
             raise RecordingError(

@@ -102,7 +102,8 @@ class Outdoors:
                 plausible.about_closure(ghi, weather.global_of(ghi, **parts, clock=self.judge.clock, place=place))
             )
         columns = " and ".join(str(self.known[name].column) for name in measured)
-        made = self.judge.gridded(target, signal, self.known[base_name], f"computed from {columns}", where)
+        base = self._unfilled(target, base_name)
+        made = self.judge.gridded(target, signal, base, f"computed from {columns}", where)
         known = (
             np.any([np.isfinite(one) for one in parts.values()], axis=0) if parts else np.zeros(len(ghi.values), bool)
         )
@@ -134,7 +135,8 @@ class Outdoors:
         signal, how = weather.sky(self.signal("temp_air"), others, self.judge.clock, place)
         self._taken |= {"temp_air", *others}
         air = self.known["temp_air"]
-        made = self.judge.gridded(target, signal, air, f"estimated from {air.column or 'a constant'}", where)
+        base = self._unfilled(target, "temp_air")
+        made = self.judge.gridded(target, signal, base, f"estimated from {air.column or 'a constant'}", where)
         constant = [name for name in ("temp_air", *others) if name in self.known and not self._measured(name)]
         stands = f"; {' and '.join(constant)} as the mapping's constant" if constant else ""
         made.comment = f"not measured; estimated from {how}{stands}"
@@ -143,6 +145,17 @@ class Outdoors:
             if self._measured(name):
                 self.judge.tell(plausible.about_helper(target.name, str(self.known[name].column), one))
         return made
+
+    def _unfilled(self, target: Target, name: str) -> Source:
+        """The source of what is computed from, without a constant that stands in its gaps: it is none of the target.
+
+        No sun makes no sun, though.
+        """
+        source = self.known[name]
+        if not isinstance(source.fill, float) or (source.fill == 0 and name != "temp_air"):
+            return source
+        self.judge.tell(f"{target.name}: the fill of {name} is not one of it; its gaps are left")
+        return source.model_copy(update={"fill": "none"})
 
     def _global(self) -> Signal | None:
         """Global horizontal irradiance: measured, or of direct and diffuse; None if neither is there."""

@@ -162,6 +162,9 @@ def about_instants(name: str, apart: float, step: float) -> str | None:
     )
 
 
+_UTC = {"UTC", "UCT", "Z", "ZULU", "UNIVERSAL", "GMT", "GMT0", "GMT+0", "GMT-0", "GREENWICH", "+00:00", "-00:00"}
+
+
 def about_helper(name: str, column: str, signal: Signal) -> str | None:
     """A sentence if a quantity that only helps to compute another one had readings left out, or long gaps bridged."""
     clean = signal.clean()
@@ -177,7 +180,7 @@ def about_helper(name: str, column: str, signal: Signal) -> str | None:
 
 def about_zone(clock: Clock, place: Place | None) -> str | None:
     """A sentence if the recording's standard time cannot be that of the place."""
-    if clock.zone.upper() in ("UTC", "Z", "GMT", "+00:00", "-00:00"):
+    if clock.zone.upper().removeprefix("ETC/") in _UTC:
         return (
             f"time.zone is {clock.zone}: days, schedules and habits of the recording run by it; expected the place's"
             " zone, with stamps = 'UTC' where the logger keeps UTC"

@@ -125,11 +125,16 @@ def read_measurements(path: Path, mapping: Mapping) -> Measurements:
     if not keep.all():  # a logger may write a row for each of its sensors
         there = columns.apply(lambda one: one.where(~one.str.strip().isin(settings.missing)))
         rows = np.cumsum(keep) - 1
-        columns = there.groupby(rows).first()
+        columns, held = there.groupby(rows).first(), ""
+        holding = [one for one in _mapped(mapping, "hold") if one in columns and names[one] == 1]
+        if holding:  # of changes within one stamp what the last one made holds
+            columns[holding] = there[holding].groupby(rows).last()
+            held = f" (the last of {', '.join(holding)}, which hold{'s' if len(holding) == 1 else ''})"
         used = [one for one in _mapped(mapping) if names[one] == 1 and one != name]
+        unlike = _unlike(there[used], columns[used].iloc[rows], settings)
         notes.append(
             f"{int((~keep).sum())} of {len(keep)} rows repeat the time stamp of the row before, and are counted with"
-            f" it: the first reading of each column is used{_unlike(there[used], columns[used].iloc[rows], settings)}"
+            f" it: the first reading of each column is used{held}{unlike}"
         )
     return Measurements(
         path=path,
@@ -164,9 +169,13 @@ def _text(path: Path, settings: File) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
 
-def _mapped(mapping: Mapping) -> list[str]:
-    """The columns that a mapping names, each once."""
-    sources = [*mapping.variables.values(), *mapping.weather.values()]
+def _mapped(mapping: Mapping, reading: str = "") -> list[str]:
+    """The columns that a mapping names, each once; only those that are read in one way if ``reading`` is given."""
+    sources = [
+        one
+        for one in [*mapping.variables.values(), *mapping.weather.values()]
+        if reading in ("", one.reading or mapping.defaults.reading)
+    ]
     named = [one.column for one in sources] + [one.compare.column for one in sources if one.compare is not None]
     return [one for one in dict.fromkeys(named) if one is not None]
 

@@ -87,9 +87,9 @@ def main() -> None:
 
 
 def nearest(one: Row) -> str:
-    """The candidate that the evidence points to most; empty where it points to none."""
+    """The candidate that a report calls nearest: the first that was fitted in the end; empty where none was."""
     verdict = one.outcome.verdict
-    return verdict.foremost if verdict is not None else ""
+    return verdict.chosen[0] if verdict is not None and verdict.chosen else ""
 
 
 if __name__ == "__main__":

@@ -43,6 +43,7 @@ def test_default_system_is_table_1():
         ("step = 3600.0", "stpe = 3600.0", ["experiment.stpe", "unknown field", "; did you mean step?"]),
         ("[experiment]", "[experimnt]", ["experimnt: unknown field", "; did you mean experiment?"]),
         ('schedule = "set_point"', 'shedule = "set_point"', ["shedule: unknown field", "; did you mean schedule?"]),
+        ("[replay]", '[replay]\n"roo.V" = 100.0', ["replay: 'roo.V' is also an estimated parameter"]),
         ("step = 3600.0", "step = 3601.0", ["step 3601 s does not divide"]),
         ("[experiment]", "[experiment", ["not valid TOML"]),
         ('channels = ["TRoo", "CO2"]', 'channels = ["TRoo", "H2O"]', ["estimator.channels", "'H2O'"]),

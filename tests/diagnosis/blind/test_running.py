@@ -16,6 +16,7 @@ from cyclopts import App
 import diagnosis.blind.judging as judging
 import diagnosis.blind.running as running
 import diagnosis.blind.source as source_of_programs
+import diagnosis.blind.working as working
 from diagnosis.blind.begun import uncertain_sha256
 from diagnosis.blind.command import app as blind_app
 from diagnosis.blind.make import make
@@ -42,6 +43,7 @@ def hand_set(folder, system, rooms):
 def one_program(monkeypatch):
     """Sources may be edited while tests run; what a run makes of that has a test of its own."""
     monkeypatch.setattr(running, "program", lambda: "program")
+    monkeypatch.setattr(working, "program", lambda: "program")
 
 
 @pytest.fixture
@@ -158,6 +160,22 @@ def test_a_program_that_changes_while_it_runs_is_noticed(blind_set, default_syst
         run(default_system, blind_set, tmp_path / "out", workers=0, judge=HandJudge())
 
 
+def test_a_verdict_of_another_program_is_not_one_of_the_run_s(default_system, tmp_path, monkeypatch):
+    """Source that was changed and changed back while it ran."""
+    blind_set, answers = hand_set(tmp_path / "set", default_system, [3.0, 0.0, 3.0])
+    said = iter(["program", "another", "program"])
+    monkeypatch.setattr(working, "program", lambda: next(said))
+    out = tmp_path / "out"
+    with pytest.raises(RecordingError, match=r"0001\.json: program is another, the run's program; .* of one program"):
+        run(default_system, blind_set, out, workers=0, judge=HandJudge())
+    with pytest.raises(RecordingError, match=r"0001\.json: program is another"):
+        score(blind_set, answers, out)
+    (out / "verdicts" / "0001.json").unlink()
+    monkeypatch.setattr(working, "program", lambda: "program")
+    run(default_system, blind_set, out, workers=0, judge=HandJudge())
+    score(blind_set, answers, out)
+
+
 def test_sets_of_another_system_and_changed_recordings_are_refused(blind_set, default_system, house, tmp_path):
     with pytest.raises(RecordingError, match="system_hash is"):
         run(house("me"), blind_set, tmp_path / "out", workers=0, judge=HandJudge())
@@ -191,7 +209,8 @@ def test_a_recording_that_fails_has_an_outcome(blind_set, default_system, tmp_pa
 
 
 @pytest.mark.slow
-def test_processes_that_die_or_hang_lose_one_recording_each(default_system, tmp_path):
+def test_processes_that_die_or_hang_lose_one_recording_each(default_system, tmp_path, monkeypatch):
+    monkeypatch.setattr(running, "check_program", lambda *_: None)  # each process finds the program that there is
     folder, _ = hand_set(tmp_path / "set", default_system, [3.0, 0.0, 3.0, 0.0])
     judge = HandJudge(dies=("0001",), hangs=("0002",))
     run(default_system, folder, tmp_path / "out", workers=2, judge=judge, limit=20.0, leave_one_out=True)
@@ -220,6 +239,7 @@ from diagnosis.cli import app
 from shared.console import start
 from tests.diagnosis.blind.blind_cases import HandJudge
 running.program = lambda: "program"
+running.check_program = lambda *_: None  # workers do not know this one
 running.Diagnoser = lambda *_: HandJudge(hangs=tuple(sys.argv[1].split()))
 sys.exit(start(app, sys.argv[2:]))
 """
@@ -290,11 +310,14 @@ def test_a_run_opens_the_recordings_and_their_manifest_only(blind_set, default_s
 
 
 def said(results):
-    """All verdicts, without how long they took."""
+    """All verdicts, without how long they took and which program said them."""
     found = {}
     for path in sorted(results.rglob("0*.json")):
         text = path.read_text()
-        found[path.parent.name, path.name] = [line for line in text.splitlines() if "seconds" not in line]
+        apart = ("seconds", '"program"')
+        found[path.parent.name, path.name] = [
+            line for line in text.splitlines() if not any(word in line for word in apart)
+        ]
     return found
 
 

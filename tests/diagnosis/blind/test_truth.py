@@ -333,6 +333,10 @@ def test_every_candidate_has_another_form_and_there_are_strangers(truth, default
         ('input = "ySha"', 'input = "shade"', "'shade' is not an input"),
         ('outputs = ["CO2"]', 'outputs = ["VOC"]', "'VOC' is not an output"),
         ("step = 600.0", "step = -1.0", "step: Input should be greater than 0"),
+        ('noise = "sensor"', 'noise = "sensors"', "measuring.noise is 'sensors'; expected one of none, .*sensor"),
+        ("amplitudes = [", "amplitudes = [0.0, 4.0] # [", "amplitudes are 0 to 4; expected 0 < first <= last"),
+        ('presence = "nPer"', 'presence = "nPers"', "presence 'nPers' is not an input of the truth"),
+        ('room = "TRoo"', 'room = "TRoom"', "room 'TRoom' is not an output of the system"),
     ],
 )
 def test_a_wrong_truth_is_refused_with_a_sentence(truth, default_system, tmp_path, old, new, sentence):

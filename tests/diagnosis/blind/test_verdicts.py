@@ -12,6 +12,8 @@ def test_what_every_candidate_has_alike_is_no_reason_to_diagnose_again():
     one = Verdict(verdict="effect", probabilities=said, none=0.25, nothing=0.04, mistaken=0.49, named=["a"])
     assert one.pointed == pytest.approx({"a": 0.5, "b": 0.0, "c": 0.0, "d": 0.01})
     assert contenders(one) == ["a", "d"]
+    rejected = {"verdict": "none_of_these", "named": [], "chosen": ["b"], "mistaken": 0.6}
+    assert contenders(one.model_copy(update=rejected)) == ["a", "b"]  # its fit is what was rejected
 
 
 def test_a_verdict_of_earlier_programs_points_where_its_probabilities_do():

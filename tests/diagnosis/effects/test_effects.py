@@ -170,13 +170,13 @@ def test_a_mean_that_is_followed_holds_over_its_own_step(default_system, recordi
         kind="shaped",
         unit="1",
         parameters={"x": 1.0},
-        input="nPer",
+        input="yPlu",
         shape=[{"form": "series", "series": "QHea", "reference": 1000.0}],
         scale=1.0,
         lower=0.0,
         upper=1.0,
     )
-    made = build(spec, default_system).inputs(1.0, inputs, read)["nPer"]
+    made = build(spec, default_system).inputs(1.0, inputs, read)["yPlu"]
     assert (made.kind, made.at(read.start + 8.5 * HOUR), made.at(read.start + 16.5 * HOUR)) == ("previous", 1.0, 0.0)
 
 

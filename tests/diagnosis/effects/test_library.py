@@ -29,6 +29,19 @@ from shared.system import parse_system
             {"kind": "sensor", "outputs": ["CO2"], "operation": "lag", "factor": -3600.0},
             "a lag with factor -3600; expected more than 0",
         ),
+        (
+            {"kind": "sensor", "outputs": ["QHea"], "operation": "gain", "lower": 0.0, "replayed": {"QHea": "mOA_in"}},
+            "'mOA_in' is not what 'QHea' measures",
+        ),
+        (
+            {
+                "kind": "shaped",
+                "parameters": {"effect.window.m0": 1.0},
+                "input": "nPer",
+                "shape": [{"form": "timetable", "hours": [[8.0, 18.0]]}],
+            },
+            "'nPer' is no constant of 0",
+        ),
     ],
 )
 def test_wrong_declarations_are_refused_with_a_sentence(default_system, change, sentence):
@@ -41,10 +54,10 @@ def test_wrong_declarations_are_refused_with_a_sentence(default_system, change, 
 
 def _toml(value):
     if isinstance(value, dict):
-        return "{ " + ", ".join(f'"{k}" = {v}' for k, v in value.items()) + " }"
-    return (
-        str(value).replace("'", '"') if isinstance(value, list) else f'"{value}"' if isinstance(value, str) else value
-    )
+        return "{ " + ", ".join(f'"{k}" = {_toml(v)}' for k, v in value.items()) + " }"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    return f'"{value}"' if isinstance(value, str) else str(value)
 
 
 def test_every_kind_of_the_description_has_a_maker(default_system):

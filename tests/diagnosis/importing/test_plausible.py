@@ -59,8 +59,9 @@ def test_another_zone_than_the_places_is_told(house):
     frame, _ = measured()
     far = house(frame, MAPPING.replace("longitude = 5.0", "longitude = -35.0"), out="far.nc")
     assert told(far, "ahead of the sun at longitude -35: check time.zone and place")
-    utc = house(universal(frame), MAPPING.replace('"Europe/Amsterdam"', '"UTC"'), out="utc.nc")
-    assert told(utc, "time.zone is UTC: days, schedules and habits")
+    for k, zone in enumerate(("UTC", "Etc/UTC", "Zulu")):
+        utc = house(universal(frame), MAPPING.replace("Europe/Amsterdam", zone), out=f"utc-{k}.nc")
+        assert told(utc, f"time.zone is {zone}: days, schedules and habits")
 
 
 def test_a_sun_that_mostly_shines_by_night_is_refused(house, tmp_path):

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 
 from diagnosis.importing import import_recording
 from shared.errors import RecordingError
@@ -104,6 +105,58 @@ def test_rows_twice_with_other_readings_say_how_unlike_they_are(house):
         " to 0.25 (as in the file)"
     )
     assert report.rows == 865
+
+
+def test_of_changes_in_one_stamp_what_the_last_one_made_holds(house, tmp_path):
+    """The last two persons leave within a minute: nobody is there, not one of them all night."""
+    frame, hours = measured()
+    by_day = hours % 24
+    frame["presence"] = np.where(np.isclose(by_day, 8.0), "2", "")
+    frame.loc[np.isclose(by_day, 17.0), "presence"] = "1"
+    leaving = frame[np.isclose(by_day, 17.0)].assign(presence="0")
+    both = pd.concat([frame, leaving]).sort_index(kind="stable")
+    held = 'unit = "1"\nreading = "hold"\nmax_gap = 24.0'
+    report = house(both, MAPPING.replace('unit = "presence"\npersons = 2.0\nreading = "mean"', held))
+    (note,) = [one for one in report.notes if "repeat the time stamp" in one]
+    assert "the first reading of each column is used (the last of presence, which holds); " in note
+    with xr.open_dataset(tmp_path / "out" / "house.nc", decode_times=False) as data:
+        persons = data["people"].values
+    assert {0.0, 2.0} <= set(np.unique(persons)) and not ((persons > 0.9) & (persons < 1.1)).any()
+
+
+@pytest.mark.parametrize("field", ["stamp = 'start'", "interval = 3600.0"])
+def test_what_only_a_mean_has_is_refused_of_an_instant(house, field):
+    """It would be passed over, and hourly means stamped at their start would be half an hour early."""
+    frame, _ = measured()
+    mapping = MAPPING.replace('column = "room"\n', f'column = "room"\n{field}\n')
+    with pytest.raises(RecordingError, match=r"column 'room': .*which only a mean has; expected reading = 'mean'"):
+        house(frame, mapping)
+
+
+def test_two_meters_that_read_the_same_do_not_differ(house):
+    """Of an input's instants as of means, and not where a constant stands in the first one's gaps."""
+    frame, hours = measured()
+    frame["set"] = frame["set 2"] = 20.0 + np.arange(len(frame)) % 7
+    frame["valve 2"] = frame["valve"]
+    frame.loc[(hours > 48) & (hours < 60), "valve"] = np.nan
+    second = 'compare = { column = "valve 2", unit = "m3/h", scale = 2.4 }'
+    mapping = HOURLY.replace("fill = 0.0\n", f"fill = 0.0\n{second}\n")
+    mapping += '[variables.wish]\ncolumn = "set"\nunit = "degC"\nreading = "point"\n'
+    mapping += 'compare = { column = "set 2", unit = "degC" }\n'
+    found = {one.name: one for one in house(frame, mapping).comparisons}
+    for name in ("air", "wish"):
+        assert (found[name].mean_difference, found[name].largest_difference) == pytest.approx((0.0, 0.0), abs=1e-9)
+
+
+def test_a_constant_in_the_gaps_of_the_air_s_temperature_is_none_of_the_sky_s(house, tmp_path):
+    frame, hours = measured()
+    frame.loc[(hours > 96) & (hours < 116), "outside"] = np.nan
+    report = house(
+        frame, MAPPING.replace('column = "outside"\nunit = "degC"\n', 'column = "outside"\nunit = "degC"\nfill = 8.0\n')
+    )
+    assert "sky: the fill of temp_air is not one of it; its gaps are left" in report.notes
+    with xr.open_dataset(tmp_path / "out" / "house.nc", decode_times=False) as data:
+        assert (data["outdoors"] - data["sky"]).min() > 5.0
 
 
 def test_rows_that_are_the_same_twice_differ_in_nothing(house):
