@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 from typing import Any
 
 from distributed import get_worker
@@ -15,6 +16,10 @@ RECYCLE = 512 * 2**20
 LEAVE_WITHIN = 90
 """Seconds that a worker has for going: to hand over its results, to finish the shard at work (Dask waits for 30 s), to
 clear up."""
+FETCHED = 0.5
+"""Seconds in which the client has fetched a shard's result, after which its worker may go."""
+HELD_BACK = 5.0
+"""Seconds for which a worker that is about to go begins nothing: short shards could make it grow much further yet."""
 _BASE: list[int] = []
 _LEAVING: list[bool] = []
 
@@ -58,7 +63,13 @@ def recycle(growth: float, rss: int) -> None:
     _LEAVING.append(True)
     end_within(LEAVE_WITHIN)
     # a little later, so that the client has fetched this shard by then
-    worker.loop.add_callback(worker.loop.call_later, 0.5, worker.close_gracefully, restart=True)
+    worker.loop.add_callback(worker.loop.call_later, FETCHED, worker.close_gracefully, restart=True)
+
+
+def hold_back() -> None:
+    """Wait where this worker is about to go: what it is given meanwhile is done by the one that takes its place."""
+    if _LEAVING:
+        time.sleep(HELD_BACK)
 
 
 def end_within(seconds: int) -> None:

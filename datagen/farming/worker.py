@@ -22,7 +22,7 @@ import numpy as np
 import psutil
 
 from datagen.driving.sampling import is_calm, record_start, sample_parameters
-from datagen.farming.dask_worker import RECYCLE, address, recycle, this_worker, unpack_in_scratch
+from datagen.farming.dask_worker import RECYCLE, address, hold_back, recycle, this_worker, unpack_in_scratch
 from datagen.farming.package import locate, sees_folder
 from datagen.farming.usual import TIMEOUT
 from datagen.farming.versions import PACKAGE, deciding_here, difference
@@ -162,6 +162,7 @@ def simulate_shard(job: Job, file: str, indices: Sequence[int], guarded: bool = 
     """
     _check_versions(job)
     with _ONE_AT_A_TIME:
+        hold_back()
         unpack_in_scratch()
         began = time.perf_counter()
         outcomes = _simulated(job, indices, guarded)

@@ -6,6 +6,7 @@ import shlex
 import shutil
 import signal
 import subprocess
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -229,7 +230,7 @@ def test_the_failure_budget_stops_a_run_that_goes_wrong(tanks, tmp_path, taken_t
 
 
 def test_a_leaking_fmu_gets_fresh_workers(tanks, tmp_path, monkeypatch, taken_to_be_alive):
-    """Twelve years of a tank, each of which loses sixty megabytes: no worker sees many of them."""
+    """Twelve years of a tank, each of which loses sixty megabytes: no worker sees many of them, however short."""
     leaky = faulty.describe(tanks, leak=60e6)
     seen, take = [], Collection.take
     monkeypatch.setattr(
@@ -241,8 +242,9 @@ def test_a_leaking_fmu_gets_fresh_workers(tanks, tmp_path, monkeypatch, taken_to
     manifest = run(leaky, tmp_path / "leaky", recycle=100e6, **size)
     assert len(manifest.done()) == len(seen) == 12
     assert (tmp_path / "leaky" / "failures.jsonl").read_text() == ""
-    assert len({pid for pid, _ in seen}) >= 2
-    assert max(rss for _, rss in seen) - min(rss for _, rss in seen) < 10 * 60e6
+    counts = Counter(pid for pid, _ in seen)
+    assert len(counts) >= 2
+    assert max(counts.values()) <= 6  # two or three make it grow by a hundred; what the system gives back is left
 
 
 def test_more_systems_by_extension_leave_the_old_shards_alone(good, dozen, tmp_path, monkeypatch):
