@@ -218,7 +218,7 @@ def left_out(rows: Sequence[Row], results: Path | str) -> list[LeftOut]:
     Raises
     ------
     RecordingError
-        If one of these verdicts is on another recording.
+        If one of these verdicts is on another recording, or of another program.
     """
     found = []
     for row in rows:
@@ -226,6 +226,11 @@ def left_out(rows: Sequence[Row], results: Path | str) -> list[LeftOut]:
         if again is None:
             continue
         for one in again.outcomes.values():
+            if one.program != row.outcome.program and "" not in (one.program, row.outcome.program):
+                raise RecordingError(
+                    f"{results}: found a verdict of program {one.program[:12]} on {one.file} with effects withheld;"
+                    f" expected {row.outcome.program[:12]}, that of the verdict with all"
+                )
             if (one.file, one.sha256) != (row.outcome.file, row.outcome.sha256):
                 raise RecordingError(
                     f"{results}: found a verdict on {one.file} ({one.sha256}) among those on {row.answer['file']} with"

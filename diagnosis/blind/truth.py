@@ -297,11 +297,12 @@ def load_truth(path: Path | str, system: System) -> Truth:
     if not 0 < low <= high:
         raise SystemDescriptionError(f"{path}: amplitudes are {low:g} to {high:g}; expected 0 < first <= last")
     _check_strata(truth, system)
+    _check_series(truth, system)
     return truth
 
 
 def _check_strata(truth: Truth, system: System) -> None:
-    """Refuse strata of which there is nothing to draw, and names that a process needs and the truth does not have."""
+    """Refuse strata of which there is nothing to draw."""
     if not truth.strata.order:
         raise SystemDescriptionError(f"{truth.path}: strata are all 0; expected a recording of some")
     effects, forms = bool(system.effects), any(form.effect for form in truth.forms)
@@ -313,6 +314,10 @@ def _check_strata(truth: Truth, system: System) -> None:
     ):
         if getattr(truth.strata, stratum) and not there:
             raise SystemDescriptionError(f"{truth.path}: strata.{stratum} is above 0; expected {needed}")
+
+
+def _check_series(truth: Truth, system: System) -> None:
+    """Refuse processes that follow what the truth does not have."""
     inputs = {*system.input_names, *(one.name for one in truth.inputs)}
     for form in truth.forms:
         for one in form.inputs:

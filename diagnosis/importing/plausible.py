@@ -33,6 +33,8 @@ COARSE = 0.25
 their spacing late."""
 CLOSES = 0.15
 """Share by which direct and diffuse irradiance together may differ from the global one: three instruments' errors."""
+UTC = {"UTC", "UCT", "Z", "ZULU", "UNIVERSAL", "GMT", "GMT0", "GMT+0", "GMT-0", "GREENWICH", "+00:00", "-00:00"}
+"""Its names, also with ``Etc/`` before them."""
 
 
 def sparse(time: np.ndarray, readings: np.ndarray) -> float | None:
@@ -162,9 +164,6 @@ def about_instants(name: str, apart: float, step: float) -> str | None:
     )
 
 
-_UTC = {"UTC", "UCT", "Z", "ZULU", "UNIVERSAL", "GMT", "GMT0", "GMT+0", "GMT-0", "GREENWICH", "+00:00", "-00:00"}
-
-
 def about_helper(name: str, column: str, signal: Signal) -> str | None:
     """A sentence if a quantity that only helps to compute another one had readings left out, or long gaps bridged."""
     clean = signal.clean()
@@ -180,7 +179,7 @@ def about_helper(name: str, column: str, signal: Signal) -> str | None:
 
 def about_zone(clock: Clock, place: Place | None) -> str | None:
     """A sentence if the recording's standard time cannot be that of the place."""
-    if clock.zone.upper().removeprefix("ETC/") in _UTC:
+    if clock.zone.upper().removeprefix("ETC/") in UTC:
         return (
             f"time.zone is {clock.zone}: days, schedules and habits of the recording run by it; expected the place's"
             " zone, with stamps = 'UTC' where the logger keeps UTC"

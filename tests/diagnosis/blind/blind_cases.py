@@ -180,3 +180,13 @@ def said(*named, p=None, none=0.0, nothing=0.0, **more):
 
 def counts(one):
     return (one.hits, one.n)
+
+
+def hand_set(folder, system, rooms):
+    """A set of recordings that are off or not, published as if they were of a system."""
+    cases = [Case("library", ("a",), room=room, replay=k == 1) for k, room in enumerate(rooms)]
+    folder, answers = write_set(folder, cases)
+    manifest = json.loads((folder / "manifest.json").read_text())
+    manifest |= {"system_hash": system.hash(), "fmu_sha256": sha256_of(system.fmu_path)}
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    return folder, answers
