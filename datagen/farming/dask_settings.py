@@ -9,6 +9,9 @@ SETTINGS: dict[str, Any] = {
     "distributed.scheduler.allowed-failures": 0,
     # an FMU may hold the interpreter for minutes; hanging is for the per-system timeout to judge
     "distributed.scheduler.worker-ttl": None,
+    # a worker that leaves is replaced by its nanny, which Dask would close for good if at that moment, so long after an
+    # earlier one has left, there is none; whether none comes is for the farm's own patience to judge
+    "distributed.deploy.lost-worker-timeout": "10 days",
     # a worker above its share of memory is ended, never paused for good
     "distributed.worker.memory.target": False,
     "distributed.worker.memory.spill": False,

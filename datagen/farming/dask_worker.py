@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import time
 from typing import Any
 
@@ -13,9 +12,6 @@ from datagen.fmi.fmu import SCRATCH
 
 RECYCLE = 512 * 2**20
 """Bytes that a worker may grow by after its first shard before it is replaced by a fresh one."""
-LEAVE_WITHIN = 90
-"""Seconds that a worker has for going: to hand over its results, to finish the shard at work (Dask waits for 30 s), to
-clear up."""
 FETCHED = 0.5
 """Seconds in which the client has fetched a shard's result, after which its worker may go."""
 HELD_BACK = 5.0
@@ -61,7 +57,6 @@ def recycle(growth: float, rss: int) -> None:
     if worker is None or worker.nanny is None or _LEAVING or rss < _BASE[0] + growth:
         return
     _LEAVING.append(True)
-    end_within(LEAVE_WITHIN)
     # a little later, so that the client has fetched this shard by then
     worker.loop.add_callback(worker.loop.call_later, FETCHED, worker.close_gracefully, restart=True)
 
@@ -70,19 +65,3 @@ def hold_back() -> None:
     """Wait where this worker is about to go: what it is given meanwhile is done by the one that takes its place."""
     if _LEAVING:
         time.sleep(HELD_BACK)
-
-
-def end_within(seconds: int) -> None:
-    """Have the system end this process after a time, whatever it hangs in: its nanny starts a fresh one then.
-
-    A process that is done with Python may hang in what a library does at its end, with the interpreter's lock held;
-    its nanny waits for it and starts no other. An alarm needs neither lock nor thread. Windows has none: a process
-    that hangs there has to be ended by hand.
-
-    Parameters
-    ----------
-    seconds
-        The time [s], from 1.
-    """
-    if hasattr(signal, "alarm"):
-        signal.alarm(seconds)

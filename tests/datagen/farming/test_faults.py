@@ -8,6 +8,7 @@ import signal
 import subprocess
 from collections import Counter
 
+import dask
 import numpy as np
 import pytest
 
@@ -230,7 +231,10 @@ def test_the_failure_budget_stops_a_run_that_goes_wrong(tanks, tmp_path, taken_t
 
 
 def test_a_leaking_fmu_gets_fresh_workers(tanks, tmp_path, monkeypatch, taken_to_be_alive):
-    """Twelve years of a tank, each of which loses sixty megabytes: no worker sees many of them, however short."""
+    """Twelve years of a tank, each of which loses sixty megabytes: no worker sees many of them, however short.
+
+    Dask would give up for good a worker that is not back in time: the farm does not let it, whatever is set.
+    """
     leaky = faulty.describe(tanks, leak=60e6)
     seen, take = [], Collection.take
     monkeypatch.setattr(
@@ -239,7 +243,8 @@ def test_a_leaking_fmu_gets_fresh_workers(tanks, tmp_path, monkeypatch, taken_to
         lambda self, piece, result: seen.append((result.pid, result.rss)) or take(self, piece, result),
     )
     size = {**SIZE, "shard_size": 1, "workers": 1, "hours": 8760.0}
-    manifest = run(leaky, tmp_path / "leaky", recycle=100e6, **size)
+    with dask.config.set({"distributed.deploy.lost-worker-timeout": "1s"}):
+        manifest = run(leaky, tmp_path / "leaky", recycle=100e6, **size)
     assert len(manifest.done()) == len(seen) == 12
     assert (tmp_path / "leaky" / "failures.jsonl").read_text() == ""
     counts = Counter(pid for pid, _ in seen)
