@@ -12,12 +12,11 @@ from typing import Any
 import dask
 from dask.distributed import Client, LocalCluster
 from dask.utils import parse_timedelta
-from distributed.comm import CommClosedError
 
-from datagen.farming.dask_settings import SETTINGS
+from datagen.farming.dask_settings import SETTINGS, STARTING
 from datagen.farming.dispatch import PATIENCE
 from datagen.farming.slurm import slurm
-from datagen.farming.versions import DECIDING, deciding_here, difference
+from datagen.farming.versions import DECIDING, PACKAGE, deciding_here, difference
 from shared.errors import ClusterError
 from shared.interrupts import interrupts_held
 from shared.logs import fields, logger
@@ -129,7 +128,7 @@ def connect(
     listening = {"host": host or LOOPBACK, "dashboard_address": f"{LOOPBACK}:0"}
     failure: BaseException | None = None
     try:
-        with dask.config.set(_CONFIG), ExitStack() as stack:
+        with dask.config.set(_CONFIG | STARTING), ExitStack() as stack:
             try:
                 with _starting(cluster, host):
                     if cluster in QUEUES:
@@ -181,8 +180,8 @@ def _held(what: str) -> Iterator[None]:
     """Say in a sentence that the connection is lost: to Dask that is an OSError, as if a file could not be written."""
     try:
         yield
-    except (TimeoutError, CommClosedError) as error:
-        if error.errno is not None:  # a file system's
+    except OSError as error:
+        if error.errno is not None:  # a file system's; those of Dask's connections have none
             raise
         raise ClusterError(
             f"{what}: the connection to the scheduler was lost: {_words(error)}; what was finished is kept, run again "
@@ -222,6 +221,10 @@ def _count(client: Client) -> int:
 def _check_versions(client: Client) -> None:
     """Refuse workers whose numbers would not be ours; one that joins later is refused by its first shard."""
     found: Any = client.get_versions(packages=DECIDING)
+    if not found["scheduler"]["packages"].get(PACKAGE):  # it unpacks what it hands on
+        raise ClusterError(
+            f"the scheduler has no {PACKAGE}, this run {deciding_here()[PACKAGE]}; expected the same there, too"
+        )
     for address, one in found["workers"].items():
         other = difference(one["packages"], deciding_here())
         if other is not None:

@@ -12,7 +12,7 @@ from typing import Any
 
 from dask.distributed import Client, KilledWorker
 
-from datagen.farming.dispatch import PATIENCE, PER_WORKER, Dispatcher
+from datagen.farming.dispatch import PATIENCE, Dispatcher
 from datagen.farming.failures import Failures
 from datagen.farming.package import package_files, receive
 from datagen.farming.plan import Piece
@@ -29,6 +29,10 @@ _DEATHS = 4
 """A shard under guard cannot take its worker down. If its workers still die so often, it is not the FMU."""
 _ALONE = 2
 """Deaths under guard after which a shard is sent alone: before, it may only have waited beside one that crashed."""
+_TRIES = 3
+"""Times that a shard is tried where a worker cannot do it: one node may have a full disk, or older packages."""
+_LACKS = 3
+"""Times that a worker to which the FMU was sent may ask for it again."""
 _EARLY = 20
 """Systems after which a run stops if more than half have failed, whatever the budget."""
 
@@ -51,6 +55,15 @@ class _Task:
     guarded: bool = False
     deaths: int = 0
     """of workers while it was with them under guard"""
+    refusals: int = 0
+    """by workers that could not do it"""
+    sent: float = 0.0
+    """when it was given to Dask last [s]"""
+
+    def arguments(self, job: Job, target: str) -> tuple[Any, ...]:
+        """What :func:`simulate_shard` is called with, now."""
+        self.sent = time.monotonic()
+        return job, target, tuple(self.piece.systems), self.guarded
 
 
 class Collection:
@@ -94,6 +107,7 @@ class Collection:
         self._pause = MANIFEST_EVERY
         self._failed_now = 0
         self._sent: Counter[str] = Counter()
+        self._delivered: dict[str, float] = {}  # to each worker, when [s]
 
     def target(self, piece: Piece) -> str:
         """File name for a worker to write a shard under.
@@ -117,7 +131,7 @@ class Collection:
         flight = Dispatcher(
             client,
             simulate_shard,
-            lambda task: (self.job, self.target(task.piece), tuple(task.piece.systems), task.guarded),
+            lambda task: task.arguments(self.job, self.target(task.piece)),
             (_Task(piece) for piece in pieces),
             patience=patience,
         )
@@ -129,9 +143,14 @@ class Collection:
                     if isinstance(outcome, KilledWorker):
                         self._killed(flight, task, outcome)
                     elif isinstance(outcome, BaseException):
-                        raise outcome
+                        task.refusals += 1
+                        if task.refusals >= _TRIES:
+                            raise outcome
+                        _log.warning("%s: %s; tried again", task.piece.file, outcome)
+                        flight.again(task, alone=task.deaths >= _ALONE)
                     elif outcome.lacks_package:
-                        self._send_package(client, outcome.worker)
+                        if task.sent > self._delivered.get(outcome.worker, -1.0):
+                            self._send_package(client, outcome.worker)
                         flight.again(task, alone=task.deaths >= _ALONE)
                     else:
                         self.take(task.piece, outcome)
@@ -144,12 +163,18 @@ class Collection:
 
     def _send_package(self, client: Client, worker: str) -> None:
         self._sent[worker] += 1
-        if self._sent[worker] > 2 * PER_WORKER:
+        if self._sent[worker] > _LACKS:
             raise SimulationError(
                 f"worker {worker} was sent the FMU and still lacks it; was a file of {self.system.path.parent} changed "
                 "while the farm ran? Run again to go on"
             )
-        client.run(receive, self.job.package, package_files(self.system), workers=[worker])
+        try:
+            client.run(receive, self.job.package, package_files(self.system), workers=[worker])
+        except OSError as error:
+            if error.errno is not None:
+                raise
+            _log.debug("worker %s cannot be reached: %s", worker, error)  # it may be gone: others ask themselves
+        self._delivered[worker] = time.monotonic()
 
     def _killed(self, flight: Dispatcher[_Task], task: _Task, error: KilledWorker) -> None:
         """Nobody knows yet whose fault it was: simulate the shard under guard, which tells.

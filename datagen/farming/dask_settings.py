@@ -9,15 +9,20 @@ SETTINGS: dict[str, Any] = {
     "distributed.scheduler.allowed-failures": 0,
     # an FMU may hold the interpreter for minutes; hanging is for the per-system timeout to judge
     "distributed.scheduler.worker-ttl": None,
-    # a worker that leaves is replaced by its nanny, which Dask would close for good if at that moment, so long after an
-    # earlier one has left, there is none; whether none comes is for the farm's own patience to judge
-    "distributed.deploy.lost-worker-timeout": "10 days",
     # a worker above its share of memory is ended, never paused for good
     "distributed.worker.memory.target": False,
     "distributed.worker.memory.spill": False,
     "distributed.worker.memory.pause": False,
     "distributed.worker.memory.terminate": 0.95,
 }
+
+STARTING: dict[str, Any] = {
+    # a worker that leaves is replaced by its nanny, which Dask would close for good if at that moment, so long after an
+    # earlier one has left, there is none; whether none comes is for the farm's own patience to judge, and for the
+    # keeper of a queue's jobs
+    "distributed.deploy.lost-worker-timeout": "10 days",
+}
+"""The same for a cluster that we start ourselves."""
 
 
 def worker_exports() -> list[str]:

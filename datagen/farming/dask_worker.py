@@ -57,8 +57,16 @@ def recycle(growth: float, rss: int) -> None:
     if worker is None or worker.nanny is None or _LEAVING or rss < _BASE[0] + growth:
         return
     _LEAVING.append(True)
-    # a little later, so that the client has fetched this shard by then
-    worker.loop.add_callback(worker.loop.call_later, FETCHED, worker.close_gracefully, restart=True)
+    worker.loop.add_callback(_leave, worker)
+
+
+def _leave(worker: Any) -> None:
+    """On the worker's loop: have it go a little later, so that the client has fetched this shard by then.
+
+    A heartbeat that the scheduler gets when it has let the worker go would make it close its nanny as well, for good.
+    """
+    worker.periodic_callbacks["heartbeat"].stop()
+    worker.loop.call_later(FETCHED, worker.close_gracefully, restart=True)
 
 
 def hold_back() -> None:

@@ -22,6 +22,8 @@ PER_WORKER = 3
 PATIENCE = 300.0
 """Seconds without any worker after which a run stops."""
 _LOOK = 2.0
+_FETCH = 60.0
+"""Seconds in which a finished task's result, some megabytes at most, is here."""
 
 Task = TypeVar("Task")
 
@@ -83,9 +85,15 @@ class Dispatcher(Generic[Task]):
                 key = self._landed.get(timeout=_LOOK)
             except queue.Empty:
                 continue
-            task, future = self._flying.pop(key)
+            try:
+                outcome = self._outcome(self._flying[key][1])
+            except TimeoutError:  # its worker is gone, and somebody else works it out: another message comes
+                self._await(key)
+                continue
+            # the future goes with it: a worker leaves in order only when nobody wants anything of it any more
+            task, _ = self._flying.pop(key)
             single = False
-            yield task, self._outcome(future)
+            yield task, outcome
 
     def _submit(self) -> bool:
         task = self._again.popleft() if self._again else next(self._source, None)
@@ -100,13 +108,20 @@ class Dispatcher(Generic[Task]):
         key = f"shard-{self._run}-{self._submitted}"
         future = self._client.submit(self._function, *self._arguments(task), key=key, pure=False)
         self._flying[key] = (task, future)
-        future.add_done_callback(lambda _, key=key: self._landed.put(key))
+        self._await(key)
+
+    def _await(self, key: str) -> None:
+        self._flying[key][1].add_done_callback(lambda _: self._landed.put(key))
 
     def _outcome(self, future: Future) -> Any:
         if future.status == "cancelled":
             raise SimulationError("the scheduler went away; what was finished is kept, run again to go on")
         try:
-            return future.result()
+            return future.result(timeout=_FETCH)
+        except TimeoutError as error:
+            if future.status != "error":
+                raise
+            return error
         except Exception as error:
             return error
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -9,10 +10,13 @@ from typing import Any
 import dask
 
 from datagen.farming.dask_settings import worker_exports
+from datagen.farming.jobs import Keeper
 from shared.errors import ClusterError
 
 _MEMORY = 2
 """Memory of a job by default [GiB per core]: each core has a worker, and an idle one takes 0.4 already."""
+_EARLY = 300.0
+"""Workers leave so long before their job ends [s], give or take half, or a tenth of its time if that is less."""
 _WHOLE = ("cores", "job_cpu")
 _LISTS = (
     *("job_extra_directives", "job_directives_skip", "job_script_prologue", "worker_extra_args"),
@@ -35,7 +39,8 @@ def slurm(jobs: int, options: dict[str, str], listening: dict[str, str]) -> Any:
     Raises
     ------
     ClusterError
-        If Slurm or dask-jobqueue is missing, or the latter does not know an option or cannot use its value.
+        If Slurm or dask-jobqueue is missing, the latter does not know an option or cannot use its value, or no job
+        is taken.
     """
     try:
         from dask_jobqueue import SLURMCluster
@@ -57,6 +62,9 @@ def slurm(jobs: int, options: dict[str, str], listening: dict[str, str]) -> Any:
         **given,
         "job_script_prologue": [*worker_exports(), *prologue],
     }
+    extra = given.get("worker_extra_args") or settings.pop("extra", None)
+    extra = extra or dask.config.get("jobqueue.slurm.worker-extra-args", None) or []
+    settings["worker_extra_args"] = [*_lifetime(str(settings["walltime"]), extra), *extra]
     try:
         cluster = SLURMCluster(
             cores=cores,
@@ -75,9 +83,26 @@ def slurm(jobs: int, options: dict[str, str], listening: dict[str, str]) -> Any:
             f"cluster option log_directory is {where}, which cannot be written: {error.strerror or error}; expected a "
             "folder that the jobs' nodes share with this machine"
         ) from None
-    # a job that ends, by its wall time or otherwise, is replaced
-    cluster.adapt(minimum_jobs=jobs, maximum_jobs=jobs, interval="5s")
+    Keeper(cluster, jobs, settings["log_directory"]).begin()
     return cluster
+
+
+def _lifetime(walltime: str, extra: list[str]) -> list[str]:
+    """Have workers leave in order before their job's time is up: a shard that one dies over is suspected to be why.
+
+    Nothing where the time is not limited, or the options of a worker have a lifetime already.
+    """
+    found = re.fullmatch(r"(?:(\d+)-)?(\d+)(?::(\d+))?(?::(\d+))?", walltime)
+    if found is None or any("--lifetime" in one for one in extra):
+        return []
+    days, *parts = found.groups()
+    given = [int(one) for one in parts if one is not None]
+    if days is None and len(given) < 3:  # minutes, minutes:seconds
+        given = [0, *given]
+    hours, minutes, seconds = [*given, 0, 0][:3]
+    total = ((int(days or 0) * 24 + hours) * 60 + minutes) * 60 + seconds
+    early = min(_EARLY, total / 10)
+    return [f"--lifetime {total - early:.0f}s", f"--lifetime-stagger {early / 2:.0f}s"]
 
 
 def _value(name: str, text: str) -> Any:

@@ -38,6 +38,9 @@ from datagen.fmi.calls import (
     set_slopes,
 )
 
+BUILT_ON = "3bef5b8b79c55422"
+"""Of what this file imports, see :mod:`datagen.fmi.calls`."""
+
 LONGEST_STEP = 300.0
 """Longest communication step [s]; also at most the FMU's own default step, where that is not very small."""
 STEPS_FOR_A_MEAN = 12

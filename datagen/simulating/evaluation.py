@@ -23,6 +23,9 @@ from datagen.fmi.calls import (
 )
 from datagen.fmi.foreign import foreign
 
+BUILT_ON = "69f4f123952e0d3d"
+"""Of what this file imports, see :mod:`datagen.fmi.calls`."""
+
 _c_ppp = foreign("i:ppp")
 
 

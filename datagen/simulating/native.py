@@ -68,6 +68,9 @@ from datagen.fmi.calls import (
 from datagen.fmi.foreign import foreign
 from datagen.simulating.evaluation import evaluate, set_states
 
+BUILT_ON = "048cd92166cf8e76"
+"""Of what this file imports, see :mod:`datagen.fmi.calls`."""
+
 MAX_EVENTS_AT_ONCE = 1000
 _ROOT_RETURN = 2
 _NORMAL, _ONE_STEP = 1, 2

@@ -39,6 +39,9 @@ from datagen.fmi.foreign import foreign
 from datagen.simulating.evaluation import evaluate
 from datagen.simulating.sparse import analyse, colour, factorise, substitute
 
+BUILT_ON = "d60367bc26401dea"
+"""Of what this file imports, see :mod:`datagen.fmi.calls`."""
+
 # places in the counts
 STEPS_SINCE_FACTORS, STEPS_SINCE_JACOBIAN, FAILED, ITERATIONS, FACTORISATIONS, JACOBIANS, COLOURS, PATTERNS = range(8)
 COUNTS = 8

@@ -76,6 +76,10 @@ def predict(
             markup=False,
         )
     console.print(result.rmse_note, markup=False)
+    if result.bridged:
+        console.print(f"{result.bridged} missing readings were put in on straight lines.", markup=False)
+    if result.passed:
+        console.print(f"No longer window was read: {result.passed}", markup=False)
     if result.unfinished:
         console.print(result.unfinished, markup=False)
     if result.interval_note:

@@ -66,7 +66,7 @@ class Prediction(_Table):
 class Predictions(_Table):
     """What ``trainer predict`` prints."""
 
-    schema_version: int = 6
+    schema_version: int = 7
     file: str
     model: str
     unfinished: str | None = None
@@ -74,7 +74,11 @@ class Predictions(_Table):
     context_hours: float
     noise: str
     absent: list[str] = []
-    """Channels that the run can do without, and that the recording lacks."""
+    """channels that the run can do without, and that the recording lacks, or lacks too much of"""
+    bridged: int = 0
+    """readings that were put in where single ones were missing, in all systems"""
+    passed: str | None = None
+    """why a longer window, which the run knows as well, was not read; None where none was passed over"""
     held: list[str] | None = None
     """uncertain constants of the description that the run has seen as declared only; None where it does not remember"""
     rmse_held: list[str] | None = None
@@ -205,6 +209,8 @@ def predict(
         context_hours=len(window.stamps) * encoding.step / 3600,
         noise=run.card.noise,
         absent=window.absent,
+        bridged=window.bridged,
+        passed=window.passed,
         held=run.card.held,
         rmse_held=None if typical.rmse is None else run.card.errors_held,
         interval_held=None if fitted_to is None else fitted_to.held,
@@ -246,9 +252,8 @@ def _rmse_note(typical: Typical, window: Window, encoding: Encoding, posterior: 
         interval = "; the 90 % interval is the posterior's own, for this very recording" if posterior else ""
         return f"no rmse: {typical.note}{interval}"
     present = [name not in window.absent for name in encoding.recorded]
-    gaps = (
-        "; the recording has gaps, with which errors are larger" if np.isnan(window.values[..., present]).any() else ""
-    )
+    gappy = window.bridged or np.isnan(window.values[..., present]).any()
+    gaps = "; the recording has gaps, with which errors are larger" if gappy else ""
     return f"rmse: {typical.note}{gaps}"
 
 

@@ -13,8 +13,12 @@ from shared.netcdf import read_netcdf
 from shared.reading import shown
 from shared.schema import Method, method_fault
 from shared.times import recorded_begins, recorded_times
-from trainer.predicting.readings import check_gaps, comparable, date_of
+from trainer.predicting.readings import bridge, check_gaps, comparable, date_of
 from trainer.reading.encoding import Encoding
+
+BRIDGED = 2
+"""Readings that may be missing in a row, of an output, and are put in on a straight line: an estimator has seen longer
+gaps in training, and none that come one by one."""
 
 
 class Window(NamedTuple):
@@ -22,7 +26,8 @@ class Window(NamedTuple):
 
     ``values`` float32 (systems, length, recorded) [the run's units], ``stamps`` (length,) [s since time zero, or since
     ``begins``], ``begins`` (systems,) [s since time zero], ``systems`` their indices (None for a recording without
-    them), ``absent`` the optional channels that the recording lacks.
+    them), ``absent`` the optional channels that the recording lacks, or lacks too much of, ``bridged`` how many
+    readings were put in where single ones were missing, ``passed`` why no longer window was read, if one was tried.
     """
 
     values: np.ndarray
@@ -30,18 +35,42 @@ class Window(NamedTuple):
     begins: np.ndarray
     systems: list[int | None]
     absent: list[str]
+    bridged: int = 0
+    passed: str | None = None
 
 
 def read_window(path: Path, encoding: Encoding) -> Window:
-    """The last context window of a recording: the longest that it has of those that the run was trained on.
+    """The last context window of a recording: the longest of those that the run was trained on, and can read.
 
     Raises
     ------
     RecordingError
-        If the recording does not fit the run; the sentence says in what.
+        If the recording does not fit the run; the sentence says in what, of the longest window that it has.
     """
     recording = read_netcdf(path, RecordingError, "a recording (NetCDF)", times=True)
-    stamps = _stamps(path, recording, encoding)
+    seconds = recorded_times(path, recording)
+    lengths = sorted((length for length in encoding.lengths if length <= len(seconds)), reverse=True)
+    if not lengths:
+        hours, least = len(seconds) * encoding.step / 3600, min(encoding.lengths)
+        raise RecordingError(
+            f"{path}: has {len(seconds)} samples ({hours:g} h at the run's step);"
+            f" the run needs {least} ({least * encoding.step / 3600:g} h)"
+        )
+    first: RecordingError | None = None
+    for length in lengths:
+        try:
+            window = _window(path, recording, seconds[-length:], encoding)
+        except RecordingError as error:  # an outage long ago does not spoil the days since
+            first = first or error
+            continue
+        return window._replace(passed=None if first is None else str(first))
+    assert first is not None
+    raise first
+
+
+def _window(path: Path, recording: xr.Dataset, stamps: np.ndarray, encoding: Encoding) -> Window:
+    """The window of a recording that has these time stamps [s since time zero], its last ones."""
+    _check_step(path, recording, stamps, encoding)
     length = len(stamps)
     absent = [name for name in encoding.optional if name not in recording.data_vars]
     methods: list[Method] | list[None] = encoding.methods or [None] * len(encoding.recorded)
@@ -59,35 +88,35 @@ def read_window(path: Path, encoding: Encoding) -> Window:
         raise RecordingError(f"{path}: its dimension system is empty; expected at least one system")
     values = values.reshape(-1, length, len(encoding.recorded))
     for k, name in enumerate(encoding.recorded):
-        if name not in absent:
-            check_gaps(path, name, values[..., k], indices, encoding.largest_gap if k < encoding.outputs else 0.0)
+        if name in absent:
+            continue
+        largest = encoding.largest_gap if k < encoding.outputs else 0.0
+        try:
+            check_gaps(path, name, values[..., k], indices, largest)
+        except RecordingError:
+            if name not in encoding.optional or np.isinf(values[..., k]).any():
+                raise
+            values[..., k] = np.nan  # a meter that failed: the run does without it
+            absent.append(name)
     begins = recorded_begins(path, recording, len(values))
     values = comparable(path, values, begins[:, None] + stamps, indices, encoding)
-    return Window(values, stamps, begins, indices, absent)
+    return Window(values, stamps, begins, indices, absent, bridge(values[..., : encoding.outputs], BRIDGED))
 
 
-def _stamps(path: Path, recording: xr.Dataset, encoding: Encoding) -> np.ndarray:
-    """Time stamps of the last context window [s since time zero]."""
-    seconds = recorded_times(path, recording)
-    lengths = [length for length in encoding.lengths if length <= len(seconds)]
-    if not lengths:
-        hours, least = len(seconds) * encoding.step / 3600, min(encoding.lengths)
-        raise RecordingError(
-            f"{path}: has {len(seconds)} samples ({hours:g} h at the run's step);"
-            f" the run needs {least} ({least * encoding.step / 3600:g} h)"
-        )
-    window = seconds[-max(lengths) :]
+def _check_step(path: Path, recording: xr.Dataset, window: np.ndarray, encoding: Encoding) -> None:
+    """Refuse time stamps [s since time zero] that are not the run's step apart."""
+    if not np.isfinite(window).all():
+        raise RecordingError(f"{path}: a time stamp is missing; expected one for each sample")
     steps = np.diff(window)
     wrong = np.flatnonzero(~(np.abs(steps - encoding.step) <= 1e-3 * encoding.step))
     if len(wrong):
         at = float(window[wrong[0]])
-        dated = np.issubdtype(recording["time"].dtype, np.datetime64) and np.isfinite(at)
+        dated = np.issubdtype(recording["time"].dtype, np.datetime64)
         where = date_of(at) if dated else f"{at:g} s"
         raise RecordingError(
             f"{path}: its step is {steps[wrong[0]]:g} s after {where};"
             f" the run was trained on steps of {encoding.step:g} s throughout"
         )
-    return np.asarray(window, dtype=np.float64)
 
 
 def _channel(path: Path, recording: xr.Dataset, name: str, unit: str, method: Method | None) -> np.ndarray:

@@ -165,6 +165,11 @@ def fit(
         systems=systems,
     )
     first = None if begin_with is None else load_run(begin_with)
+    if first is not None and first.folder is not None and Path(out).exists() and Path(out).samefile(first.folder):
+        raise EstimatorError(
+            f"begin_with: is {begin_with}, the folder to write to; expected another folder for one of both: a training"
+            " that is interrupted goes on from the weights that it began with"
+        )
     if first is not None:
         encoding = encoding_of(first, encoding)
     gaps = Missing(encoding.recorded, encoding.outputs, optional or []) if kind.reads_missing else None

@@ -233,6 +233,8 @@ class Loop:
         self.curve.rows = [(row[0], row[1], row[2], row[3]) for row in facts["curve"]]
         summary = self.card.training
         summary.best_step, summary.validation_loss = facts["best_step"], facts["validation_loss"]
+        if self.curve.rows:
+            summary.steps, summary.seconds = self.curve.rows[-1][0], round(self.curve.rows[-1][1], 2)
         self.card.validation_rmse = facts["validation_rmse"]
         self.begin = time.monotonic() - facts["seconds"]
 

@@ -26,18 +26,23 @@ class Future:
     def add_done_callback(self, call):
         self.call = call
 
-    def result(self):
+    def result(self, timeout):
+        assert timeout > 0
         if isinstance(self.outcome, Exception):
             raise self.outcome
         return self.outcome
 
 
 class Client:
-    """One worker, as Dask has it: where it dies, all that is with it is lost. ``dies(file, guarded)`` says when."""
+    """One worker, as Dask has it: where it dies, all that is with it is lost. ``dies(file, guarded)`` says when.
+
+    ``answers(file)``: what comes back in place of a result, if anything.
+    """
 
     status = "running"
 
-    def __init__(self, monkeypatch, dies):
+    def __init__(self, monkeypatch, dies, answers=lambda _: None):
+        self.answers, self.sent = answers, 0
         self.line, self.dies, self.deaths = [], dies, 0
         self.tries = []
         monkeypatch.setattr(queue, "SimpleQueue", lambda: SimpleNamespace(put=self.landed, get=self.next))
@@ -50,6 +55,11 @@ class Client:
         future = Future(arguments)
         self.line.append(future)
         return future
+
+    def run(self, *_, **__):
+        self.sent += 1
+        if self.sent == 1:
+            raise OSError("Timed out trying to connect to tcp://one")
 
     def landed(self, key):
         self.done.append(key)
@@ -66,23 +76,25 @@ class Client:
                     one.call(one)
             else:
                 one = self.line.pop(0)
-                one.outcome = ShardResult(None, [])
+                one.outcome = self.answers(target) or ShardResult(None, [])
                 one.call(one)
         return self.done.pop(0)
 
 
 @pytest.fixture
 def collected(tmp_path, monkeypatch):
-    """``collected(files, dies)``: has shards simulated by one worker; returns the client."""
+    """``collected(files, dies, answers)``: has shards simulated by one worker; returns the client."""
 
-    def collect(files, dies):
+    def collect(files, dies=lambda *_: False, answers=lambda _: None):
         manifest = Manifest(
             **dict.fromkeys(("system_name", "system_hash", "system", "fmu_sha256"), "x"),
             **{"root_seed": 1, "systems": len(files), "shard_size": 1},
         )
         (tmp_path / "shards").mkdir()
-        client = Client(monkeypatch, dies)
-        made = Collection(tmp_path, manifest, Failures([]), None, None, budget=1.0)
+        client = Client(monkeypatch, dies, answers)
+        job, system = SimpleNamespace(package="p"), SimpleNamespace(path=tmp_path / "mine" / "system.toml")
+        made = Collection(tmp_path, manifest, Failures([]), job, system, budget=1.0)
+        monkeypatch.setattr("datagen.farming.collection.package_files", lambda _: {})
         monkeypatch.setattr(made, "_count", lambda: 0)
         monkeypatch.setattr(made, "take", lambda piece, _: client.tries.append(piece.file))
         monkeypatch.setattr(made, "_check_budget", lambda _: None)
@@ -147,6 +159,62 @@ def test_one_that_is_sent_alone_has_no_other_in_flight(monkeypatch):
     assert sorted(seen) == ["a", "a", "b", "c", "d", "e", "f"]
     alone = [many for target, _, many in client.tries if target == "a"][1]
     assert alone == 1
+
+
+def simulated(client):
+    return [one for one in client.tries if isinstance(one, str)]
+
+
+def test_what_one_worker_cannot_do_is_tried_again_and_ends_the_run_only_where_none_can(collected):
+    troubles = {"bad": 2}
+
+    def answers(file):
+        troubles[file] = troubles.get(file, 0) - 1
+        return OSError(28, "No space left on device") if troubles[file] >= 0 else None
+
+    assert sorted(simulated(collected(["good", "bad", "fine"], answers=answers))) == ["bad", "fine", "good"]
+
+
+def test_what_no_worker_can_do_ends_the_run(collected):
+    with pytest.raises(OSError, match="No space left"):
+        collected(["good", "bad"], answers=lambda file: OSError(28, "No space left") if file == "bad" else None)
+
+
+def test_a_worker_that_lacks_the_fmu_for_long_is_sent_it_once_more_only(collected):
+    """The first sending fails, as if the worker were gone; what it was given before the second does not count."""
+    files = [f"s{k}" for k in range(12)]
+    left = iter(range(7))
+    client = collected(files, answers=lambda _: lacking() if next(left, None) is not None else None)
+    assert sorted(simulated(client)) == sorted(files)
+    assert client.sent < 4
+
+
+def test_a_worker_that_never_has_the_fmu_ends_the_run(collected):
+    with pytest.raises(SimulationError, match="worker tcp://one was sent the FMU and still lacks it"):
+        collected(["a", "b"], answers=lambda _: lacking())
+
+
+def lacking():
+    return ShardResult(lacks_package=True, worker="tcp://one")
+
+
+def test_a_result_that_was_lost_is_waited_for_and_not_alone(monkeypatch):
+    """Its worker is gone before it was fetched, and it is worked out anew, while others are handed out."""
+    client = Client(monkeypatch, lambda *_: False)
+    slow = []
+
+    def result(self, timeout):
+        if self.work[0] == "b" and len(slow) < 2:
+            slow.append(len(client.tries))
+            client.line.append(self)
+            raise TimeoutError
+        return self.work[0]
+
+    monkeypatch.setattr(Future, "result", result)
+    flight = Dispatcher(client, None, lambda task: (task, task, None, False), iter("abcdefgh"))
+    seen = [outcome for _, outcome in flight]
+    assert sorted(seen) == [*"abcdefgh"]
+    assert seen.index("b") > seen.index("e")
 
 
 SIZE = {"systems": 40, "seed": 3, "shard_size": 10, "hours": 1.0, "quiet": True}

@@ -5,7 +5,6 @@ import sys
 from types import SimpleNamespace
 
 import dask
-import dask_jobqueue
 import pytest
 
 from datagen.commands.run import _options
@@ -24,8 +23,15 @@ class Queue:
             raise TypeError("nonsense is not known")
         self.options = options
 
-    def adapt(self, **limits):
-        self.limits = limits
+
+class Keeper:
+    """Remembers how many jobs it was to keep."""
+
+    def __init__(self, cluster, jobs, where):
+        cluster.kept = jobs, where
+
+    def begin(self):
+        pass
 
 
 @pytest.fixture(autouse=True)
@@ -37,13 +43,14 @@ def submitting(monkeypatch, tmp_path):
 
 @pytest.fixture
 def queue(monkeypatch):
+    monkeypatch.setattr("datagen.farming.slurm.Keeper", Keeper)
     monkeypatch.setitem(sys.modules, "dask_jobqueue", SimpleNamespace(SLURMCluster=Queue))
 
 
 @pytest.mark.usefixtures("queue")
-def test_jobs_are_replaced_and_options_reach_the_queue():
+def test_jobs_are_kept_and_options_reach_the_queue(tmp_path):
     made = slurm(7, {"cores": "4", "memory": "9GiB", "account": "heat"}, LISTENING)
-    assert (made.limits["minimum_jobs"], made.limits["maximum_jobs"]) == (7, 7)
+    assert made.kept == (7, str(tmp_path / ".zeroshot-fmu" / "slurm"))
     asked = made.options
     assert (asked["cores"], asked["processes"], asked["interface"]) == (4, 4, None)
     assert (asked["memory"], asked["account"], asked["walltime"]) == ("9GiB", "heat", "24:00:00")
@@ -90,7 +97,7 @@ def test_each_core_has_memory_for_a_worker(cores, memory):
 
 
 def test_the_job_script_has_a_workers_settings_and_each_directive_whole(monkeypatch, tmp_path):
-    monkeypatch.setattr(dask_jobqueue.SLURMCluster, "adapt", lambda *_, **__: None)  # submits nothing
+    monkeypatch.setattr("datagen.farming.slurm.Keeper", Keeper)  # submits nothing
     words = ["job_extra_directives=--exclusive", "job_extra_directives=--qos=long run", "job_cpu=3"]
     words += ["job_script_prologue=module load python", "worker_extra_args=--resources a=1"]
     listening = {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"}
@@ -106,7 +113,27 @@ def test_the_job_script_has_a_workers_settings_and_each_directive_whole(monkeypa
     with dask.config.set(dask.config.collect_env(exports)):
         assert {name: dask.config.get(name) for name in workers} == workers
     assert lines.index("module load python") > max(k for k, line in enumerate(lines) if line.startswith("export "))
-    assert lines[-1].endswith(" --resources a=1")
+    assert lines[-1].endswith(" --lifetime 86100s --lifetime-stagger 150s --resources a=1")
+
+
+@pytest.mark.usefixtures("queue")
+@pytest.mark.parametrize(
+    ("walltime", "words"),
+    [
+        ("04:00:00", ["--lifetime 14100s", "--lifetime-stagger 150s"]),
+        ("30", ["--lifetime 1620s", "--lifetime-stagger 90s"]),
+        ("10:30", ["--lifetime 567s", "--lifetime-stagger 32s"]),
+        ("2-12", ["--lifetime 215700s", "--lifetime-stagger 150s"]),
+        ("1-00:30", ["--lifetime 87900s", "--lifetime-stagger 150s"]),
+        ("UNLIMITED", []),
+    ],
+)
+def test_workers_leave_before_their_job_ends(walltime, words):
+    assert slurm(1, {"walltime": walltime}, LISTENING).options["worker_extra_args"] == words
+    own = slurm(1, {"walltime": walltime, "extra": "--lifetime 5m"}, LISTENING).options
+    assert own["worker_extra_args"] == ["--lifetime 5m"] and "extra" not in own
+    with dask.config.set({"jobqueue.slurm.worker-extra-args": ["--resources a=1"]}):
+        assert slurm(1, {"walltime": walltime}, LISTENING).options["worker_extra_args"] == [*words, "--resources a=1"]
 
 
 @pytest.mark.usefixtures("queue")

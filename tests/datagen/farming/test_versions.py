@@ -94,13 +94,14 @@ def test_another_major_schema_is_not_extended(tanks, older):
 
 
 class _Client:
-    """Tells the versions of one worker, as Dask's client does."""
+    """Tells the versions of a scheduler and one worker, as Dask's client does."""
 
-    def __init__(self, found):
-        self.found = found
+    def __init__(self, found, scheduler=None):
+        self.found, self.scheduler = found, scheduler or deciding_here()
 
     def get_versions(self, packages):
-        return {"workers": {"tcp://far:1": {"packages": {name: self.found.get(name) for name in packages}}}}
+        worker, scheduler = ({name: one.get(name) for name in packages} for one in (self.found, self.scheduler))
+        return {"scheduler": {"packages": scheduler}, "workers": {"tcp://far:1": {"packages": worker}}}
 
 
 def test_a_worker_with_other_versions_is_refused():
@@ -109,6 +110,8 @@ def test_a_worker_with_other_versions_is_refused():
         _check_versions(_Client(OLDER))
     with pytest.raises(ClusterError, match=r"has no numba, this run numba "):
         _check_versions(_Client(deciding_here() | {"numba": None}))
+    with pytest.raises(ClusterError, match=r"the scheduler has no zeroshot-fmu, this run .*; expected the same there"):
+        _check_versions(_Client(deciding_here(), {"numpy": "2.0"}))
 
 
 def test_a_worker_that_joins_later_checks_all_versions_itself(tanks):

@@ -115,3 +115,12 @@ def test_what_either_training_has_seen_is_familiar(tanks, tmp_path):
 
     assert odd(alone) > 20
     assert odd(again) == 0
+
+
+def test_a_training_does_not_begin_with_what_it_writes_over(tanks, tmp_path):
+    settings = {"options": {"width": 16, "layers": 1, "heads": 2, "feedforward": 32}, "context_hours": 12.0}
+    fit(tanks, tmp_path / "run", steps=2, **settings)
+    before = {path.name: path.read_bytes() for path in (tmp_path / "run").iterdir()}
+    with pytest.raises(EstimatorError, match=r"begin_with: is .*run, the folder to write to; expected another"):
+        fit(tanks, tmp_path / "run", steps=2, begin_with=tmp_path / "run", overwrite=True, **settings)
+    assert {path.name: path.read_bytes() for path in (tmp_path / "run").iterdir()} == before

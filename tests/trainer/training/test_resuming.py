@@ -266,3 +266,16 @@ def test_fewer_training_systems_are_the_first_ones(tanks, tmp_path):
     for wrong in (0, 1, 81):  # one alone had losses in log10, told as shares of the spread
         with pytest.raises(EstimatorError, match=f"systems: is {wrong}; expected 2 to the 80 training systems"):
             fit(tanks, tmp_path / "none", model="mean", systems=wrong)
+
+
+def test_a_training_that_is_stopped_again_before_it_validates_says_what_is_done(tanks, tmp_path, stopping, monkeypatch):
+    settings, steps = SETTINGS | {"steps": 200}, []
+    for draws in (150, 1):
+        stopping(draws)
+        with pytest.raises(KeyboardInterrupt):
+            fit(tanks, tmp_path / "run", resume=draws == 1, **settings)
+        monkeypatch.undo()
+        training = read_card(tmp_path / "run").training
+        assert training.seconds > 0
+        steps.append(training.steps)
+    assert steps[0] == steps[1] > 0
