@@ -13,7 +13,7 @@ from shared.errors import ClusterError
 from tests.datagen.faults import wait_for
 
 SUBMIT = """#!/bin/bash
-n=$(( $(cat {folder}/count) + 1 )); echo $n > {folder}/count
+n=$(( $(cat {folder}/count) + 1 )); echo $n > {folder}/count.new; mv {folder}/count.new {folder}/count
 if grep -qx $n {folder}/refuse; then echo "sbatch: error: Invalid account" >&2; exit 1; fi
 cp "$1" {folder}/job-$n.sh
 setsid bash {folder}/job-$n.sh > {folder}/job-$n.log 2>&1 < /dev/null &
