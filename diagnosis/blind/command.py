@@ -10,7 +10,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from shared.console import OK, PARTLY, NotNegative, Positive, new_console, resumable
+from shared.console import OK, PARTLY, NotNegative, Place, Positive, new_console, resumable
 from shared.logs import USUAL, Reporting
 from shared.progress import progress_bar
 
@@ -21,7 +21,7 @@ console = new_console()
 @app.command
 @resumable()
 def make(
-    out: Path,
+    out: Place,
     *,
     system: Path = Path("MixedAirCO2"),
     recordings: Positive = 200,
@@ -84,7 +84,7 @@ def run(
     system: Path,
     set_: Annotated[Path, Parameter(name="SET")],
     *,
-    out: Path,
+    out: Place,
     workers: int = 1,
     without: Annotated[list[str] | None, Parameter(consume_multiple=True, negative=())] = None,
     leave_one_out: Annotated[bool, Parameter(negative=())] = False,
@@ -161,7 +161,7 @@ def score(
     answers: Path,
     results: Path,
     *,
-    out: Path,
+    out: Place,
     first: int | None = None,
     seed: NotNegative = 0,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,

@@ -12,7 +12,7 @@ from rich.table import Table
 from diagnosis.options import PLAIN, Fitting
 from diagnosis.scores import score_table
 from diagnosis.usual import STARTS, WARM_UP
-from shared.console import OK, NotNegative, Positive, new_console
+from shared.console import OK, NotNegative, Place, Positive, new_console
 from shared.logs import USUAL, Reporting
 from shared.progress import stages
 
@@ -23,7 +23,7 @@ def calibrate(
     system: Path,
     recording: Path,
     *,
-    out: Path,
+    out: Place,
     starts: Positive = STARTS,
     warm_up: float = WARM_UP,
     seed: NotNegative = 0,

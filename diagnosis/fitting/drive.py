@@ -48,6 +48,7 @@ def drive(
     warm_up: float,
     replay: bool = False,
     noise: Mapping[str, float] | None = None,
+    occupancy: str | None = None,
 ) -> Drive:
     """Collect the inputs over a recording and ``warm_up`` seconds before it.
 
@@ -60,6 +61,8 @@ def drive(
     noise
         Standard deviation of each output's meter [unit of the output], which is cleared from what is replayed; none if
         not given.
+    occupancy
+        ``unknown`` leaves persons at zero that were counted.
 
     Raises
     ------
@@ -87,7 +90,10 @@ def drive(
                     assumed[one.name] = f"{one.value:g} {one.unit} throughout"
             elif system.replay and (values is None or one.name in recording.assumed):
                 assumed[one.name] = f"{one.value:g} {one.unit}, unused"  # the FMU's controllers act in its place
-        if values is not None:
+        if one.source == "occupancy" and occupancy == "unknown" and values is not None:
+            signals[one.name] = Piecewise.constant(0.0)
+            assumed[one.name] = "recorded, but not used: inferred with the prior of the description"
+        elif values is not None:
             if one.name in recording.assumed and not (one.source == "measured" and replay):
                 assumed.setdefault(one.name, recording.assumed[one.name])
             signals[one.name] = extended(recording, values, lead, held=one.interpolation == "previous")

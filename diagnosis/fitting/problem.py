@@ -98,7 +98,7 @@ class Problem:
         self.noise = noise if isinstance(noise, NoiseModel) else NoiseModel.white_only(noise)
         self.floor = self.noise.white
         meters = dict(zip(system.output_names, self.floor.tolist(), strict=True))
-        self.drive = drive(system, recording, warm_up=warm_up, replay=replay, noise=meters)
+        self.drive = drive(system, recording, warm_up=warm_up, replay=replay, noise=meters, occupancy=self.occupancy)
         self.nuisance, stand_ins = nuisance_of(system, recording, self.drive, occupancy=self.occupancy)
         if not history:
             self.nuisance = self.nuisance.only(self.nuisance.recorded)

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from diagnosis.options import PLAIN, Fitting
 from diagnosis.scores import score_table
 from diagnosis.usual import STARTS
-from shared.console import OK, Positive, new_console
+from shared.console import OK, Place, Positive, new_console
 from shared.logs import USUAL, Reporting
 from shared.progress import stages
 
@@ -22,7 +22,7 @@ def forecast(
     system: Path,
     recording: Path,
     *,
-    out: Path,
+    out: Place,
     context: float = 168.0,
     ahead: float = 336.0,
     calibration: Path | None = None,

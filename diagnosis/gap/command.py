@@ -11,7 +11,7 @@ from rich.table import Table
 
 from diagnosis.options import PLAIN, Fitting
 from diagnosis.usual import WARM_UP
-from shared.console import OK, NotNegative, new_console
+from shared.console import OK, NotNegative, Place, new_console
 from shared.logs import USUAL, Reporting
 from shared.progress import stages
 
@@ -24,7 +24,7 @@ def run(
     system: Path,
     recording: Path,
     *,
-    out: Path,
+    out: Place,
     warm_up: float = WARM_UP,
     seed: NotNegative = 0,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from statistics import median
 
 from diagnosis.calibrating.sentences import far_outside
+from diagnosis.gap.decision import Verdict
 from diagnosis.gap.schema import Report
 from shared.variables import spaced
 
@@ -19,6 +20,11 @@ UNEXPLAINED = (
     "A gap that is not explained sits in the parameters as well, and their intervals do not allow for it: in the last"
     " two blind checks 64 % of such 90 % intervals held the truth. Do not take the parameters from this answer."
 )
+
+
+def added(verdict: Verdict) -> str:
+    """What the fit "after" has that the base model has not, goes on in a sentence."""
+    return "with the nearest candidate, which is rejected," if verdict == "none_of_these" else "with the effects found"
 
 
 def _cost(report: Report, condition: str, begin: str) -> str:
@@ -59,18 +65,23 @@ def limits(report: Report) -> list[str]:
             " evidence, and errors of their meters act on the other outputs."
             + _cost(report, "controlled", "With the control loops simulated, had they been those of the model")
         )
-    blind = [one.name for one in report.detectability if one.smallest is None and one.name not in report.excluded]
+    named = {name for one in report.sets for name in one}
+    blind = [
+        one.name
+        for one in report.detectability
+        if one.smallest is None and one.name not in report.excluded and one.name not in named
+    ]
     if blind:
-        found.append(f"Could not be seen in this recording at any size that is allowed: {', '.join(blind)}.")
+        found.append(f"At no size that is allowed would nine of ten recordings like this one show: {', '.join(blind)}.")
     if report.sources_unknown:
         why = "; ".join(f"{name} ({reason})" for name, reason in report.sources_unknown.items())
         found.append(f"Missing sources that could not be worked out: {why}.")
     if report.excluded:
         found.append("Not tried: " + "; ".join(f"{name} ({why})" for name, why in report.excluded.items()) + ".")
-    named = [one for one in report.detectability if one.name in {n for s in report.sets for n in s} and one.confusable]
     found += [
         f"A gap by {one.name} of twice the usual size would be hard to tell from {', '.join(one.confusable)} here."
-        for one in named
+        for one in report.detectability
+        if one.name in named and one.confusable
     ]
     found += [
         f"The size of {one.name} lies at the end of what its description allows ({one.amplitude:.3g}"
@@ -96,7 +107,7 @@ def strained(report: Report, relative: Mapping[str, float]) -> list[str]:
     """
     before = {one.name: (one.before, relative[one.name]) for one in report.constants}
     after = {one.name: (one.after, relative[one.name]) for one in report.constants if one.after is not None}
-    return far_outside(before, "In the base model ") + far_outside(after, "With the effects found ")
+    return far_outside(before, "In the base model ") + far_outside(after, f"{added(report.verdict).capitalize()} ")
 
 
 def noiseless(undeclared: Mapping[str, str]) -> list[str]:

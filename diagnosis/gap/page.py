@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from diagnosis.fitting.unknowns import LIMIT, within_limit
 from diagnosis.gap.concluded import Diagnosis
+from diagnosis.gap.limits import added
 from diagnosis.gap.pictures import SHOWN, draw_angles, draw_candidates, draw_outputs, draw_parameters, draw_shares
 from diagnosis.gap.reporting import sensors_among
 from diagnosis.gap.scan import LEVEL, NEGLIGIBLE
@@ -54,6 +55,7 @@ def render(done: Diagnosis) -> str:
         units={one.name: one.unit for one in done.report.effects},
         better={one.condition: one.smallest for one in done.report.otherwise},
         apart=done.apart is not None,
+        added=f"{added(done.report.verdict).rstrip(',')}.",
         days=done.report.steps * done.report.step / DAY,
         shown=SHOWN_TWINS,
         against=_against(done),
@@ -100,25 +102,23 @@ def dated(one: Place, zero: np.datetime64) -> str:
 
 def _pictures(done: Diagnosis) -> dict[str, str]:
     """All pictures by name, those that there is something to show in."""
-    where, scan, zero = done.where, done.search.stages[0].scan, done.whole.recording.zero
+    where, scan, zero = done.where.among_all(), done.search.stages[0].scan, done.whole.recording.zero
     made: dict[str, Figure] = {
         "outputs": draw_outputs(done),
-        "episodes": draw_episodes(where.residuals, where.episodes, alpha=where.alpha_in("episodes"), zero=zero),
+        "episodes": draw_episodes(where.residuals, where.episodes, zero=zero),
         "parameters": draw_parameters(done),
     }
     looked = [where.residuals.names[k] for k in where.cells.channels]
     named = [name for name in looked if name in {one.channel for one in done.report.where if one.kind != "source"}]
     for name, only in (("cells", named), ("other_cells", [name for name in looked if name not in named])):
         if only:
-            made[name] = draw_cells(where.residuals, where.cells, only=only, alpha=where.alpha_in("cells"))
+            made[name] = draw_cells(where.residuals, where.cells, only=only)
     if scan.effects:
         made["candidates"] = draw_candidates(done)
     if (scan.expected > SHOWN).any():
         made["angles"] = draw_angles(done)
     if where.correlations is not None:
-        made["correlations"] = draw_correlations(
-            where.residuals, where.correlations, alpha=where.alpha_in("correlations")
-        )
+        made["correlations"] = draw_correlations(where.residuals, where.correlations)
     if where.sources is not None:
         made["sources"] = draw_sources(where.residuals, where.sources, answered=answered_by(done), zero=zero)
     if any(one.share is not None for one in done.report.shrinkage):

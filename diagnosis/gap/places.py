@@ -9,11 +9,13 @@ import numpy as np
 
 from diagnosis.gap.stages import Stage
 from diagnosis.gap.twins import SHOWN
+from diagnosis.pages import long_named
 from diagnosis.recording import HOUR, Recording
 from diagnosis.where import Finding, Operator, Residuals, Where, find_regimes, locate
 from diagnosis.where.colour import ORDER
 from diagnosis.where.episodes import period
 from shared.errors import RecordingError
+from shared.system import System
 
 
 def check_places(recording: Recording, observed: np.ndarray) -> None:
@@ -56,9 +58,11 @@ def place(stage: Stage, observed: np.ndarray, operators: list[Operator]) -> Wher
         replicates=stage.twins.residuals,
         names=problem.system.output_names,
         units=[one.unit for one in problem.system.outputs],
-        labels=[one.long_name or one.name for one in problem.system.outputs],
+        labels=labels_of(problem.system),
     )
-    inputs = {k: v for k, v in problem.recording.inputs.items() if float(np.ptp(v)) > 0}
+    # twins draw persons of their own where nobody is to know of those who were counted
+    hidden = {one.name for one in problem.system.inputs if one.source == "occupancy" and problem.occupancy == "unknown"}
+    inputs = {k: v for k, v in problem.recording.inputs.items() if float(np.ptp(v)) > 0 and k not in hidden}
     return locate(
         residuals,
         inputs=inputs,
@@ -67,6 +71,15 @@ def place(stage: Stage, observed: np.ndarray, operators: list[Operator]) -> Wher
         operators=operators,
         left=lambda response: left_of(stage, response),
     )
+
+
+def labels_of(system: System) -> list[str]:
+    """What each output is, with the model's own name where two are the same."""
+    long = [one.long_name or one.name for one in system.outputs]
+    return [
+        long_named(one.name, what) if long.count(what) > 1 else what
+        for one, what in zip(system.outputs, long, strict=True)
+    ]
 
 
 def left_of(stage: Stage, response: np.ndarray) -> np.ndarray:
@@ -95,7 +108,7 @@ def stretch(stage: Stage) -> list[Finding]:
         Finding(
             kind="episode",
             channel=output.name,
-            label=output.long_name or output.name,
+            label=labels_of(problem.system)[one.channel],
             cell=when | {"statistic": "offset"},
             p_value=max(one.p_value, 1 / (SHOWN + 1)),  # as fine as those of all other places
             direction="measured higher" if one.offset > 0 else "measured lower",

@@ -94,7 +94,7 @@ def _which(report: Report) -> str:
     if report.verdict == "no_gap":
         return (
             f"Which: no effect is needed; that none is there is {report.no_gap:.0%} sure, because small ones go unseen"
-            " (the smallest that would be seen stand below)."
+            " (the report has the smallest that would be seen)."
         )
     if report.verdict == "none_of_these":
         chosen = " with ".join(report.stages[-1].effects)

@@ -8,14 +8,14 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from shared.console import OK, new_console
+from shared.console import OK, Place, new_console
 
 
 def import_(
     mapping: Path,
     data: Path,
     *,
-    out: Path,
+    out: Place,
     system: Path | None = None,
     ahead: Annotated[bool, Parameter(negative=())] = False,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,

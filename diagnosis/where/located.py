@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -50,24 +51,28 @@ class Where:
         found = []
         for name, ones in by_family.items():
             for one in ones:
-                p_value = float(self._p_of_all(name, abs(one.t)))
+                p_value = max(float(self._p_of_all(name, abs(one.t))), one.p_value)
                 if p_value <= self.alpha:
                     found.append(replace(one, p_value=p_value))
         return found
 
-    def alpha_in(self, family: str) -> float:
-        """A family's own p up to which its places stand among all families: what its pictures mark; -1 if none does."""
-        tests: dict[str, CellTest | EpisodeTest | CorrelationTest | None] = {
-            "cells": self.cells,
-            "episodes": self.episodes,
-            "correlations": self.correlations,
-        }
-        one = tests[family]
-        if one is None:
-            return -1.0
-        some = one.test.adjusted <= self.alpha
-        stands = self._p_of_all(family, np.abs(one.test.t[some])) <= self.alpha
-        return float(one.test.adjusted[some][stands].max(initial=-1.0))
+    def among_all(self) -> Where:
+        """The same, each place's p over all families: what pictures mark is then what :attr:`findings` names."""
+        episodes = [
+            replace(one, p_value=max(float(self._p_of_all("episodes", abs(one.t))), one.p_value))
+            for one in self.episodes.findings
+        ]
+        return replace(
+            self,
+            cells=replace(self.cells, test=self._told("cells", self.cells.test)),
+            episodes=replace(self.episodes, test=self._told("episodes", self.episodes.test), findings=episodes),
+            correlations=None
+            if self.correlations is None
+            else replace(self.correlations, test=self._told("correlations", self.correlations.test)),
+        )
+
+    def _told(self, family: str, test: MaxTest) -> MaxTest:
+        return replace(test, adjusted=np.maximum(self._p_of_all(family, np.abs(test.t)), test.adjusted))
 
     def _p_of_all(self, family: str, size: float | np.ndarray) -> np.ndarray:
         """Family-wise p over all families of studentised values in one of them, of the same shape."""
@@ -77,7 +82,20 @@ class Where:
         if not self.whole.kept[j]:
             return np.ones(np.shape(size))
         t = (np.asarray(size) - self.whole.typical[j]) / self.whole.spread[j]
-        return rank_p(t, self.whole.maxima[1:])
+        return rank_p(t, self._twins)
+
+    @cached_property
+    def _twins(self) -> np.ndarray:
+        """The largest of all families in each twin, against the twins alone, as the recording is: shape (twins,).
+
+        In the maxima of the test itself each row has all others for its yardstick. A gap that is far beyond the twins
+        would stretch theirs, and with it make all that is found beside it look surer than it is.
+        """
+        tests = {"cells": self.cells, "correlations": self.correlations, "episodes": self.episodes}
+        by_name = {name: one.test for name, one in (tests | {"sources": self.sources}).items() if one is not None}
+        maxima = np.stack([by_name[name].maxima[1:] for name in self.families], axis=1)[:, self.whole.kept]
+        typical, spread = self.whole.typical[self.whole.kept], self.whole.spread[self.whole.kept]
+        return np.asarray(((maxima - typical) / spread).max(axis=1, initial=-np.inf))
 
     @property
     def verdict(self) -> Verdict:

@@ -110,7 +110,8 @@ class SourceTest:
         if not self.stands:
             return "explains more than in twins without a gap, but not once all places are tested together"
         if one.verdict == "balance":
-            return f"explains the residual better than an error of {rival} alone: {off}"
+            better = f"explains the residual better than an error of {rival} alone"
+            return f"{better}: {off}" if self.verdict == "balance" else better
         if one.verdict == "undecided":
             return f"and an error of {rival} alone explain the residual about equally well"
         worse = f"explains the residual worse than an error of {rival} alone"

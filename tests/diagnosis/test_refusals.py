@@ -65,3 +65,10 @@ def test_a_forecast_says_that_it_is_still_reading(refused, options, said):
 def test_no_starts_are_wrong_usage(refused, command):
     code, told = refused(command, ["--starts", "0"])
     assert code == USAGE and "reading" not in told and "--starts" in told
+
+
+@pytest.mark.parametrize("command", ["calibrate", "forecast", "run"])
+def test_a_place_without_a_name_is_wrong_usage(refused, command):
+    """A shell's variable that is not set would be the folder that one happens to be in."""
+    code, told = refused(command, ["--out", ""])
+    assert code == USAGE and "reading" not in told and "it is empty; expected a path" in " ".join(told.split())

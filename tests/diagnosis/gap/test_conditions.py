@@ -96,7 +96,12 @@ def test_persons_whom_nobody_counted_are_not_moved_in_time(warm):
 
 @pytest.mark.slow
 def test_persons_not_counted_costs_what_the_report_says(folder):
-    report = diagnose(room(), drifting(folder), occupancy="unknown", effects=some(room(), *FEW), warm_up=WARM_UP).report
+    done = diagnose(room(), drifting(folder), occupancy="unknown", effects=some(room(), *FEW), warm_up=WARM_UP)
+    report = done.report
+    # they were, and must not be looked at: twins draw others
+    assert report.assumed["nPer"] == "recorded, but not used: inferred with the prior of the description"
+    assert "nPer" not in done.where.correlations.inputs
+    assert not {"occupied", "empty"} & {one.label for one in done.where.cells.regimes}
     assert "sensor.temperature.drift" in held_together(report)
     (found,) = [one.amplitude for one in report.effects if one.name == "sensor.temperature.drift"]
     assert found == pytest.approx(0.75 * 30 * 24 / HOURS, rel=0.1)

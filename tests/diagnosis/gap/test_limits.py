@@ -48,6 +48,14 @@ def test_uncertain_constants_far_outside_of_the_description_are_a_limit():
     )
     assert after.startswith("With the effects found wall x1.8 (expected: x0.55 to x1.8) is far outside")
     assert strained(report(constants=[constant("floor", 1.7, None)]), relative) == []
+    _, rejected = strained(given.model_copy(update={"verdict": "none_of_these"}), relative)
+    assert rejected.startswith("With the nearest candidate, which is rejected, wall x1.8 (expected: x0.55 to x1.8) is")
+
+
+def test_what_an_answer_names_could_be_seen():
+    found = limits(report(effects=[named("valve")], sets=[["valve"]], detectability=seen(valve=None, load=None)))
+    (said,) = [one for one in found if "nine of ten" in one]
+    assert said == "At no size that is allowed would nine of ten recordings like this one show: load."
 
 
 def test_sensors_without_declared_noise_are_named():
@@ -67,7 +75,7 @@ def test_a_size_that_stopped_at_its_bound_is_a_limit_of_an_answer_that_names_it(
 
 def test_a_candidate_that_could_not_be_simulated_was_not_looked_for():
     found = limits(report(detectability=seen(a=None, b=None), excluded={"b": "its simulation fails"}))
-    (blind,) = [one for one in found if one.startswith("Could not be seen")]
+    (blind,) = [one for one in found if one.startswith("At no size that is allowed would")]
     assert blind.endswith(": a.")
     assert any("Not tried: b (its simulation fails)" in one for one in found)
     none = report(

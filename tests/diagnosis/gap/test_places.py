@@ -5,6 +5,7 @@ import pytest
 import xarray as xr
 
 from diagnosis.gap import diagnosed
+from diagnosis.gap.places import labels_of
 from shared.errors import RecordingError
 from tests.diagnosis.gap.gap_cases import candidates, changed
 
@@ -38,3 +39,13 @@ def test_a_day_of_three_steps(house_recording, refused, tmp_path):
     path = tmp_path / "third.nc"
     data.to_netcdf(path)
     assert refused(path) == f"{path}: has 3 steps of 8 h; expected at least 4"
+
+
+def test_outputs_with_the_same_description_are_told_apart(house):
+    system = house("me")
+    (one,) = system.outputs
+    outputs = [
+        one.model_copy(update={"name": name, "long_name": long})
+        for name, long in (("north", "air"), ("south", "air"), ("west", "wall"), ("top", None))
+    ]
+    assert labels_of(system.model_copy(update={"outputs": outputs})) == ["air (north)", "air (south)", "wall", "top"]

@@ -242,6 +242,7 @@ def test_what_parameters_make_of_a_sensors_error_is_no_missing_source(quiet):
     assert found.sources[0].verdict == "balance"
     assert found.suspect == "y1"
     assert found.verdict == "sensor"
+    assert found.words(found.sources[0], "y0") == "explains the residual better than an error of y0 alone"
     assert ("sensor", "y1") in [(one.kind, one.channel) for one in found.findings]
 
 
