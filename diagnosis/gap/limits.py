@@ -20,6 +20,10 @@ UNEXPLAINED = (
     "A gap that is not explained sits in the parameters as well, and their intervals do not allow for it: in the last"
     " two blind checks 64 % of such 90 % intervals held the truth. Do not take the parameters from this answer."
 )
+WITHHELD = (
+    "An answer is of the candidates that there are. Where the true one was withheld from them in a blind check, another"
+    " was named for it in 7 of 19 recordings."
+)
 
 
 def added(verdict: Verdict) -> str:
@@ -52,6 +56,8 @@ def limits(report: Report) -> list[str]:
     found = [CHECKED]
     if report.verdict == "none_of_these":
         found.append(UNEXPLAINED)
+    if report.verdict in ("effect", "ambiguous"):
+        found.append(WITHHELD)
     if report.occupancy == "unknown":
         found.append(
             "Persons were not counted: whatever looks like people coming and going at other times than usual is taken"

@@ -30,6 +30,8 @@ def test_parameters_of_an_unexplained_gap_are_not_to_be_believed():
     for verdict in ("none_of_these", "effect", "ambiguous", "no_gap"):
         said = any("Do not take the parameters" in one for one in limits(report(verdict=verdict)))
         assert said == (verdict == "none_of_these")
+        warned = any(one.startswith("An answer is of the candidates") for one in limits(report(verdict=verdict)))
+        assert warned == (verdict in ("effect", "ambiguous"))
 
 
 def test_a_missing_source_that_could_not_be_worked_out_is_said():
