@@ -49,16 +49,25 @@ def estimate(run: Path | str, recording: Recording, system: System) -> dict[str,
     with tempfile.TemporaryDirectory(prefix="zeroshot-span-") as folder:
         path = Path(folder) / recording.path.name
         _write_span(data, path)
+        whole, refused = None, None
         try:
-            told = predict(run, path).predictions[0]
-        except RecordingError:
-            bridged = _bridged(data, round(BRIDGED * HOUR / recording.step))
+            whole = predict(run, path)
+        except RecordingError as error:
+            refused = error
+        if whole is None or whole.passed:  # with short gaps filled it may read all, or a longer window
             path.unlink()
-            _write_span(bridged, path)
+            _write_span(_bridged(data, round(BRIDGED * HOUR / recording.step)), path)
             try:
-                told = predict(run, path).predictions[0]
+                filled = predict(run, path)
             except RecordingError as error:
-                raise RecordingError(str(error).replace(str(path), str(recording.path))) from None
+                refused = error
+            else:
+                whole = filled if whole is None or filled.context_hours > whole.context_hours else whole
+        if whole is None:
+            raise RecordingError(str(refused).replace(str(path), str(recording.path))) from None
+    if whole.passed:
+        _log.warning("the estimator read no longer window: %s", whole.passed.replace(str(path), str(recording.path)))
+    told = whole.predictions[0]
     for note in told.unlike or ():
         _log.warning("%s: unlike all that the estimator was trained on: %s", recording.path, note)
     values_by_name = {name: one.value for name, one in told.parameters.items()}

@@ -52,7 +52,8 @@ def simulate(
     SimulationError
         If the end was not reached.
     DatasetError
-        If the seed or the index is out of range, or ``out`` cannot be written; a file that was there is as it was.
+        If the seed or the index is out of range, or ``out`` cannot be written or is no .nc; a file that was there is as
+        it was.
     """
     for name, value in (("seed", seed), ("index", index)):
         if value < 0:
@@ -133,6 +134,8 @@ def _place(out: Path | str) -> Path:
     path = Path(out)
     if not path.name or path.is_dir():
         raise DatasetError(f"{str(out)!r}: is a folder, or has no name; expected the name of a NetCDF file to write")
+    if path.suffix != ".nc":  # a description that was just read has another, and would be lost
+        raise DatasetError(f"{path}: ending is {path.suffix!r}; expected .nc")
     check_folder(path.parent, DatasetError)
     return path
 

@@ -118,6 +118,7 @@ def test_identifiability_is_kept_and_copied(default_system, tmp_path, capsys):
         (["verify", "nowhere", "--system", "TOML"], FAULT, "--system is given without --repair; expected both"),
         (["verify", "nowhere", "--timeout", "9"], FAULT, "--timeout is given without --repair; expected both"),
         (["simulate", "TOML", "--out", "."], FAULT, "'.': is a folder, or has no name; expected the name of a NetCDF"),
+        (["simulate", "TOML", "--out", "TOML"], FAULT, "ending is '.toml'; expected .nc"),
         (["simulate", "TOML", "--out", "/"], FAULT, "'/': is a folder, or has no name; expected the name of a NetCDF"),
         (["simulate", "TOML", "--out", "TOML/x.nc"], FAULT, "nothing can be written there, because"),
         (["simulate", "TOML", "--out", ""], USAGE, "it is empty; expected a path"),

@@ -111,3 +111,19 @@ def test_a_full_disk_of_temporary_files_is_a_sentence(default_system, tmp_path, 
     with pytest.raises(RecordingError, match=rf"one\.nc: cannot be written \({SAID}\); expected free space .* TMPDIR"):
         estimate("run", record, default_system)
     assert list((tmp_path / "scratch").iterdir()) == []
+
+
+def test_a_lost_reading_of_the_weather_does_not_shorten_the_window(default_system, tmp_path):
+    """The estimator would read the last day alone; with the short gap filled it reads all."""
+    simulate(default_system, hours=72.0, seed=1, out=tmp_path / "one.nc")
+    data = xr.load_dataset(tmp_path / "one.nc", decode_times=False)
+    temperature = data["TDryBul"].values
+    temperature[30] = 0.5 * (temperature[29] + temperature[31])
+    data.to_netcdf(tmp_path / "filled.nc")
+    whole = estimate("MixedAirCO2", read_recording(tmp_path / "filled.nc", default_system), default_system)
+    record = read_recording(tmp_path / "filled.nc", default_system)
+    temperature[30] = np.nan
+    data.to_netcdf(tmp_path / "lost.nc")
+    found = estimate("MixedAirCO2", replace(record, path=tmp_path / "lost.nc"), default_system)
+    assert found == pytest.approx(whole, rel=1e-4)
+    assert predict("MixedAirCO2", tmp_path / "lost.nc").context_hours < 72.0

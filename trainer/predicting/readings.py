@@ -24,6 +24,10 @@ ROUNDING = 1e-3
 """Share of its value by which a channel that did not vary in training may differ: that much is how it was written."""
 
 
+class GapError(RecordingError):
+    """Readings, or whole rows, are missing: a shorter window may have them all."""
+
+
 def date_of(stamp: float) -> str:
     """The date of a time stamp [s since time zero]."""
     return str(np.datetime64(EPOCH, "s") + np.timedelta64(round(stamp), "s"))
@@ -52,7 +56,8 @@ def check_gaps(path: Path, name: str, values: np.ndarray, systems: list[int | No
         if counts[worst] > most:
             whose = "" if systems[worst] is None else f" of system {systems[worst]}"
             many = f"{counts[worst]} {what} value{'' if counts[worst] == 1 else 's'}"
-            raise RecordingError(f"{path}: {name}{whose} has {many} in its last {length} samples; {expected}")
+            kind = GapError if what == "missing" else RecordingError
+            raise kind(f"{path}: {name}{whose} has {many} in its last {length} samples; {expected}")
 
 
 def bridge(values: np.ndarray, longest: int) -> int:

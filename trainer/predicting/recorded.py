@@ -13,7 +13,7 @@ from shared.netcdf import read_netcdf
 from shared.reading import shown
 from shared.schema import Method, method_fault
 from shared.times import recorded_begins, recorded_times
-from trainer.predicting.readings import bridge, check_gaps, comparable, date_of
+from trainer.predicting.readings import GapError, bridge, check_gaps, comparable, date_of
 from trainer.reading.encoding import Encoding
 
 BRIDGED = 2
@@ -56,11 +56,11 @@ def read_window(path: Path, encoding: Encoding) -> Window:
             f"{path}: has {len(seconds)} samples ({hours:g} h at the run's step);"
             f" the run needs {least} ({least * encoding.step / 3600:g} h)"
         )
-    first: RecordingError | None = None
+    first: GapError | None = None
     for length in lengths:
         try:
             window = _window(path, recording, seconds[-length:], encoding)
-        except RecordingError as error:  # an outage long ago does not spoil the days since
+        except GapError as error:  # an outage long ago does not spoil the days since; a code or another unit does
             first = first or error
             continue
         return window._replace(passed=None if first is None else str(first))
@@ -93,8 +93,8 @@ def _window(path: Path, recording: xr.Dataset, stamps: np.ndarray, encoding: Enc
         largest = encoding.largest_gap if k < encoding.outputs else 0.0
         try:
             check_gaps(path, name, values[..., k], indices, largest)
-        except RecordingError:
-            if name not in encoding.optional or np.isinf(values[..., k]).any():
+        except GapError:
+            if name not in encoding.optional:
                 raise
             values[..., k] = np.nan  # a meter that failed: the run does without it
             absent.append(name)
@@ -113,7 +113,7 @@ def _check_step(path: Path, recording: xr.Dataset, window: np.ndarray, encoding:
         at = float(window[wrong[0]])
         dated = np.issubdtype(recording["time"].dtype, np.datetime64)
         where = date_of(at) if dated else f"{at:g} s"
-        raise RecordingError(
+        raise GapError(
             f"{path}: its step is {steps[wrong[0]]:g} s after {where};"
             f" the run was trained on steps of {encoding.step:g} s throughout"
         )

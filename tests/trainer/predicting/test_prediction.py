@@ -239,6 +239,14 @@ def test_an_outage_long_ago_does_not_spoil_the_days_since(flexible, recording, t
     assert alone.passed is None
 
 
+@pytest.mark.parametrize("wrong", [-9999.0, np.inf])
+def test_a_code_long_ago_is_refused_all_the_same(flexible, recording, tmp_path, wrong):
+    """Nobody knows what else it was written for; only what is declared missing is passed over."""
+    recording["level"][20] = wrong
+    with pytest.raises(RecordingError, match="declare"):
+        predict(flexible, write(recording, tmp_path / "r.nc"))
+
+
 @pytest.mark.parametrize("lost", [slice(70, 90), slice(0, 100)])
 def test_an_optional_meter_that_failed_is_done_without(flexible, shard, recording, tmp_path, lost):
     without = predict(flexible, write(recording, tmp_path / "without.nc"))
