@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ import xarray as xr
 
 from diagnosis.recording import HOUR, Recording
 from shared.errors import EstimatorError, RecordingError
+from shared.gaps import bridge
 from shared.logs import logger
 from shared.netcdf import read_netcdf, write_netcdf
 from shared.system import System
@@ -95,16 +95,14 @@ def _bridged(data: xr.Dataset, longest: int) -> xr.Dataset:
     for name in filled.data_vars:
         values = filled[name].values
         if filled[name].dims == ("time",) and np.issubdtype(values.dtype, np.floating):
-            _bridge(values, longest)
+            _fill(values, longest)
     return filled
 
 
-def _bridge(values: np.ndarray, longest: int) -> None:
-    """Fill gaps of at most ``longest`` steps in readings (steps,) by straight lines, in place."""
+def _fill(values: np.ndarray, longest: int) -> None:
+    """Fill gaps of at most ``longest`` steps in readings (steps,), in place; at the ends with the reading beside."""
     seen = np.flatnonzero(np.isfinite(values))
-    for before, after in pairwise(seen):
-        if 1 < after - before <= longest + 1:
-            values[before : after + 1] = np.linspace(values[before], values[after], after - before + 1)
+    bridge(values, longest)
     for end, inner in ((slice(None, seen[0]), seen[0]), (slice(seen[-1] + 1, None), seen[-1])) if len(seen) else ():
         if len(values[end]) <= longest:
             values[end] = values[inner]

@@ -13,7 +13,7 @@ import dask
 from dask.distributed import Client, LocalCluster
 from dask.utils import parse_timedelta
 
-from datagen.farming.dask_settings import SETTINGS, STARTING
+from datagen.farming.dask_settings import OWN_CLUSTER, SETTINGS
 from datagen.farming.dispatch import PATIENCE
 from datagen.farming.slurm import slurm
 from datagen.farming.versions import DECIDING, PACKAGE, deciding_here, difference
@@ -128,7 +128,7 @@ def connect(
     listening = {"host": host or LOOPBACK, "dashboard_address": f"{LOOPBACK}:0"}
     failure: BaseException | None = None
     try:
-        with dask.config.set(_CONFIG | STARTING), ExitStack() as stack:
+        with dask.config.set(_CONFIG | OWN_CLUSTER), ExitStack() as stack:
             try:
                 with _starting(cluster, host):
                     if cluster in QUEUES:

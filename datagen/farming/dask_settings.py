@@ -16,13 +16,13 @@ SETTINGS: dict[str, Any] = {
     "distributed.worker.memory.terminate": 0.95,
 }
 
-STARTING: dict[str, Any] = {
+OWN_CLUSTER: dict[str, Any] = {
     # a worker that leaves is replaced by its nanny, which Dask would close for good if at that moment, so long after an
     # earlier one has left, there is none; whether none comes is for the farm's own patience to judge, and for the
     # keeper of a queue's jobs
     "distributed.deploy.lost-worker-timeout": "10 days",
 }
-"""The same for a cluster that we start ourselves."""
+"""More, for a cluster that the farm starts itself."""
 
 
 def worker_exports() -> list[str]:

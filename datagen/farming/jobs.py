@@ -65,7 +65,10 @@ class Keeper(SchedulerPlugin):
         self._seen[str(scheduler.workers[worker].name)] = time.monotonic()
 
     async def _submit(self) -> str:
-        """Submit the jobs that are missing; returns what the queue says where it refuses one."""
+        """Submit the jobs that are missing; returns what the queue says where it refuses one.
+
+        Dask's own ``scale`` does the same in the background, where nobody hears of a refusal.
+        """
         spec = self._cluster.worker_spec
         while len(spec) < self._jobs:
             spec.update(self._cluster.new_worker_spec())

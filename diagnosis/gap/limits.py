@@ -22,13 +22,13 @@ UNEXPLAINED = (
 )
 WITHHELD = (
     "An answer is of the candidates that there are. Where the true one was withheld from them in a blind check, another"
-    " was named for it in 7 of 19 recordings."
+    " was named for it in 7 of 19 recordings whose gap no other candidate resembles."
 )
 
 
 def added(verdict: Verdict) -> str:
     """What the fit "after" has that the base model has not, goes on in a sentence."""
-    return "with the nearest candidate, which is rejected," if verdict == "none_of_these" else "with the effects found"
+    return "with the nearest candidate (rejected)" if verdict == "none_of_these" else "with the effects found"
 
 
 def _cost(report: Report, condition: str, begin: str) -> str:

@@ -55,7 +55,7 @@ def render(done: Diagnosis) -> str:
         units={one.name: one.unit for one in done.report.effects},
         better={one.condition: one.smallest for one in done.report.otherwise},
         apart=done.apart is not None,
-        added=f"{added(done.report.verdict).rstrip(',')}.",
+        added=added(done.report.verdict),
         days=done.report.steps * done.report.step / DAY,
         shown=SHOWN_TWINS,
         against=_against(done),

@@ -85,7 +85,7 @@ def draw_outputs(done: Diagnosis) -> Figure:
         panel.axhspan(-2 * size, 2 * size, color=GREY, alpha=0.2, lw=0, label="two standard deviations of noise")
         panel.plot(days, base[k], color=ORANGE, lw=0.9, label="base model")
         if found is not None:
-            panel.plot(days, found[k], color=BLUE, lw=0.9, label=added(done.report.verdict).rstrip(","))
+            panel.plot(days, found[k], color=BLUE, lw=0.9, label=added(done.report.verdict))
             _hatch(panel, days - problem.recording.step / DAY, days, done.scored)
         panel.set_ylabel(axis_label(output, readable(np.zeros(1), output.unit)[1].replace("°C", "K")), fontsize=8)
     panels[0].legend(loc="lower right", bbox_to_anchor=(1, 1), fontsize=8, ncols=4, frameon=False)

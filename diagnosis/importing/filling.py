@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from shared.flags import ASSUMED, INTERPOLATED
+from shared.gaps import bridge
 
 
 def runs(mask: np.ndarray) -> list[tuple[int, int]]:
@@ -21,10 +22,7 @@ def runs(mask: np.ndarray) -> list[tuple[int, int]]:
 def interpolate_short(values: np.ndarray, flags: np.ndarray, longest: int) -> tuple[np.ndarray, np.ndarray]:
     """Straight lines over inner gaps of at most ``longest`` steps; both (n,)."""
     values, flags = values.copy(), flags.copy()
-    for a, b in runs(~np.isfinite(values)):
-        if a > 0 and b < len(values) and b - a <= longest:
-            values[a:b] = np.interp(np.arange(a, b), [a - 1, b], [values[a - 1], values[b]])
-            flags[a:b] |= INTERPOLATED
+    flags[bridge(values, longest)] |= INTERPOLATED
     return values, flags
 
 

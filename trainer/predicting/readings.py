@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -58,26 +57,6 @@ def check_gaps(path: Path, name: str, values: np.ndarray, systems: list[int | No
             many = f"{counts[worst]} {what} value{'' if counts[worst] == 1 else 's'}"
             kind = GapError if what == "missing" else RecordingError
             raise kind(f"{path}: {name}{whose} has {many} in its last {length} samples; {expected}")
-
-
-def bridge(values: np.ndarray, longest: int) -> int:
-    """Put in missing readings (systems, length, channels), in place, where at most so many are missing in a row.
-
-    On straight lines, and nowhere at the ends of a window.
-
-    Returns
-    -------
-    How many.
-    """
-    missing = np.isnan(values)
-    if not missing.any():
-        return 0
-    for i, k in zip(*np.nonzero(missing.any(axis=1)), strict=True):
-        series = values[i, :, k]  # a view
-        for before, after in pairwise(np.flatnonzero(np.isfinite(series))):
-            if 1 < after - before <= longest + 1:
-                series[before : after + 1] = np.linspace(series[before], series[after], after - before + 1)
-    return int(missing.sum() - np.isnan(values).sum())
 
 
 def comparable(

@@ -9,11 +9,12 @@ import numpy as np
 import xarray as xr
 
 from shared.errors import RecordingError
+from shared.gaps import bridge
 from shared.netcdf import read_netcdf
 from shared.reading import shown
 from shared.schema import Method, method_fault
 from shared.times import recorded_begins, recorded_times
-from trainer.predicting.readings import GapError, bridge, check_gaps, comparable, date_of
+from trainer.predicting.readings import GapError, check_gaps, comparable, date_of
 from trainer.reading.encoding import Encoding
 
 BRIDGED = 2
@@ -100,7 +101,13 @@ def _window(path: Path, recording: xr.Dataset, stamps: np.ndarray, encoding: Enc
             absent.append(name)
     begins = recorded_begins(path, recording, len(values))
     values = comparable(path, values, begins[:, None] + stamps, indices, encoding)
-    return Window(values, stamps, begins, indices, absent, bridge(values[..., : encoding.outputs], BRIDGED))
+    bridged = sum(
+        int(bridge(values[i, :, k], BRIDGED).sum())
+        for i in range(len(values))
+        for k in range(encoding.outputs)
+        if np.isnan(values[i, :, k]).any()
+    )
+    return Window(values, stamps, begins, indices, absent, bridged)
 
 
 def _check_step(path: Path, recording: xr.Dataset, window: np.ndarray, encoding: Encoding) -> None:

@@ -9,7 +9,7 @@ import pytest
 from dask.distributed import Client, LocalCluster
 from distributed.scheduler import Scheduler
 
-from datagen.farming.dask_settings import SETTINGS, STARTING
+from datagen.farming.dask_settings import OWN_CLUSTER, SETTINGS
 from datagen.farming.dask_worker import recycle
 from tests.datagen.faults import wait_for
 
@@ -29,7 +29,7 @@ def stay(seconds):
 @pytest.fixture
 def client():
     local = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": None, "silence_logs": 60}
-    settings = dask.config.set(SETTINGS | STARTING)
+    settings = dask.config.set(SETTINGS | OWN_CLUSTER)
     with settings, LocalCluster(**local) as cluster, Client(cluster, set_as_default=False) as client:
         yield client
 

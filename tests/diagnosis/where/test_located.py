@@ -341,24 +341,3 @@ def test_the_ends_of_a_long_stretch_are_found_in_little_memory():
     tracemalloc.stop()
     assert peak < 200e6
     assert abs(start - first) <= 50 and abs(stop - last) <= 50
-
-
-def test_a_strong_gap_makes_nothing_beside_it_surer(quiet):
-    """What is found among all places is no surer than among those of its own kind, against twins that have no gap."""
-    case = twins(1, outputs=2, steps=STEPS, twins=199, phi=0.7)
-    wind = wander(np.random.default_rng(1001), (STEPS,), 0.9)
-    observed = case.observed.copy()
-    observed[0] += 8 * wind
-    observed[0, 100:150] += 8
-    found = locate(with_observed(case, observed), inputs={"wind": wind}, measured=observed)
-    own = [*found.cells.findings, *found.episodes.findings, *found.correlations.findings]
-    assert len(found.findings) > 3
-    for one in found.findings:
-        assert one.p_value >= next(same for same in own if replace(same, p_value=one.p_value) == one).p_value
-    # the same, worked out from the twins alone
-    tests = [found.cells.test, found.correlations.test, found.episodes.test]
-    twin = np.stack([one.maxima[1:] for one in tests], axis=1)
-    reach = ((twin - twin.mean(axis=0)) / twin.std(axis=0, ddof=1)).max(axis=1)
-    size = (found.correlations.test.level(0.05) - twin[:, 1].mean()) / twin[:, 1].std(ddof=1)
-    expected = (1 + (reach >= size).sum()) / 200
-    assert found._p_of_all("correlations", found.correlations.test.level(0.05)) == pytest.approx(expected)

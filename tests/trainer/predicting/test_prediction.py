@@ -3,7 +3,6 @@ import shutil
 
 import numpy as np
 import pytest
-import xarray as xr
 
 from shared.errors import EstimatorError, RecordingError
 from shared.store import DatasetFolder
@@ -14,23 +13,7 @@ from trainer.reading.encoding import make_encoding
 from trainer.training.fitting import fit
 
 from ..conftest import TANK, tank_system
-
-
-@pytest.fixture
-def shard(tanks):
-    with xr.open_dataset(tanks / "shards" / "000.nc") as opened:
-        return opened.load()
-
-
-@pytest.fixture
-def recording(shard):
-    """One tank as a user would have measured it: the level alone, over time."""
-    return shard.isel(system=4, drop=True)[["level"]].isel(time=slice(0, 100))
-
-
-def write(dataset, path):
-    dataset.to_netcdf(path)
-    return path
+from .conftest import write
 
 
 def test_a_shard_is_estimated_system_by_system(ridge_run, tanks):
@@ -182,101 +165,6 @@ def test_a_file_that_is_missing_or_no_netcdf_is_told(ridge_run, tmp_path):
     (tmp_path / "text.nc").write_text("time,level\n")
     with pytest.raises(RecordingError, match="cannot be read as NetCDF"):
         predict(ridge_run, tmp_path / "text.nc")
-
-
-@pytest.fixture(scope="module")
-def flexible(tanks, tmp_path_factory):
-    """An estimator that can do without one output, and with a shorter context."""
-    return fit(
-        *(tanks, tmp_path_factory.mktemp("flexible") / "run"),
-        model="multiscale-transformer",
-        channels=["level", "glow"],
-        optional=["glow"],
-        context_hours=24.0,
-        other_contexts=[48.0],
-        steps=30,
-        options={"width": 16, "layers": 1, "feedforward": 16},
-    )
-
-
-def test_an_optional_channel_may_be_absent(flexible, recording, tmp_path):
-    found = predict(flexible, write(recording, tmp_path / "r.nc"))
-    assert found.absent == ["glow"]
-    assert found.context_hours == 48.0  # the longest of the run's that the recording has
-    values = np.full((1, 96, 2), np.nan, dtype=np.float32)
-    values[0, :, 0] = recording["level"].values[-96:]
-    expected = flexible.estimate(values, recording["time"].values[-96:-95].astype("M8[s]").astype(float) - 978307200)
-    assert found.predictions[0].parameters["tank.drain"].value == pytest.approx(expected[0, 0])
-
-
-def test_a_shorter_recording_uses_a_shorter_context(flexible, recording, tmp_path):
-    short = write(recording.isel(time=slice(0, 60)), tmp_path / "r.nc")
-    assert predict(flexible, short).context_hours == 24.0
-
-
-def test_gaps_are_read_up_to_what_was_trained_on(flexible, recording, tmp_path):
-    gappy = recording.copy(deep=True)
-    gappy["level"][60:70] = np.nan
-    assert predict(flexible, write(gappy, tmp_path / "some.nc")).predictions
-    gappy["level"][60:90] = np.nan
-    with pytest.raises(RecordingError, match=r"level has 30 missing values.*expected at most 14"):
-        predict(flexible, write(gappy, tmp_path / "many.nc"))
-
-
-def test_an_outage_long_ago_does_not_spoil_the_days_since(flexible, recording, tmp_path, capsys):
-    alone = predict(flexible, write(recording.isel(time=slice(52, None)), tmp_path / "alone.nc"))
-    recording["level"][10:45] = np.nan
-    path = write(recording, tmp_path / "r.nc")
-    found = predict(flexible, path)
-    assert found.context_hours == 24.0 and found.predictions == alone.predictions
-    assert found.passed == f"{path}: level has 35 missing values in its last 96 samples; expected at most 14: " + (
-        "fill them first, for example by holding the last value"
-    )
-    assert app(["predict", str(flexible.folder), str(path)], result_action="return_value") in (None, 0)
-    assert "No longer window was read: " in capsys.readouterr().out
-    lost = recording.isel(time=np.delete(np.arange(100), 20))  # a row that is missing spoils it no more
-    assert predict(flexible, write(lost, tmp_path / "lost.nc")).predictions == alone.predictions
-    assert alone.passed is None
-
-
-@pytest.mark.parametrize("wrong", [-9999.0, np.inf])
-def test_a_code_long_ago_is_refused_all_the_same(flexible, recording, tmp_path, wrong):
-    """Nobody knows what else it was written for; only what is declared missing is passed over."""
-    recording["level"][20] = wrong
-    with pytest.raises(RecordingError, match="declare"):
-        predict(flexible, write(recording, tmp_path / "r.nc"))
-
-
-@pytest.mark.parametrize("lost", [slice(70, 90), slice(0, 100)])
-def test_an_optional_meter_that_failed_is_done_without(flexible, shard, recording, tmp_path, lost):
-    without = predict(flexible, write(recording, tmp_path / "without.nc"))
-    glow = shard.isel(system=4, drop=True)["glow"][:100].copy(deep=True)
-    glow[lost] = np.nan
-    found = predict(flexible, write(recording.assign(glow=glow), tmp_path / "r.nc"))
-    assert found.absent == ["glow"] and found.predictions == without.predictions
-
-
-def test_readings_that_are_missing_one_by_one_are_put_in(flexible, recording, tmp_path):
-    holes = recording.copy(deep=True)
-    holes["level"][50:90:10] = np.nan
-    holes["level"][51] = np.nan
-    holes["level"][-3:] = np.nan  # three in a row, at the end
-    window = read_window(write(holes, tmp_path / "r.nc"), flexible.card.encoding)
-    values = recording["level"].values[-96:].astype(np.float64)
-    missing = np.isnan(holes["level"].values[-96:])
-    steps = np.arange(96)
-    expected = np.interp(steps, steps[~missing], values[~missing])
-    expected[-3:] = np.nan
-    np.testing.assert_allclose(window.values[0, :, 0], expected, rtol=1e-6)
-    assert window.bridged == 5
-    assert "the recording has gaps" in predict(flexible, tmp_path / "r.nc").rmse_note
-
-
-def test_a_stamp_that_is_missing_is_a_sentence(flexible, recording, tmp_path):
-    stamps = recording["time"].values.copy()
-    stamps[-1] = np.datetime64("NaT")
-    with pytest.raises(RecordingError, match=r"r\.nc: "):
-        predict(flexible, write(recording.drop_vars("time").assign_coords(time=stamps), tmp_path / "r.nc"))
 
 
 def test_a_shards_records_have_their_own_beginning(ridge_run, shard, tmp_path):

@@ -1,0 +1,32 @@
+"""The p-value of a place among all that was looked at."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.where import locate
+from tests.diagnosis.where.where_cases import twins, wander, with_observed
+
+STEPS = 336
+
+
+def test_a_strong_gap_makes_nothing_beside_it_surer():
+    """What is found among all places is no surer than among those of its own kind, against twins that have no gap."""
+    case = twins(1, outputs=2, steps=STEPS, twins=199, phi=0.7)
+    wind = wander(np.random.default_rng(1001), (STEPS,), 0.9)
+    observed = case.observed.copy()
+    observed[0] += 8 * wind
+    observed[0, 100:150] += 8
+    found = locate(with_observed(case, observed), inputs={"wind": wind}, measured=observed)
+    own = [*found.cells.findings, *found.episodes.findings, *found.correlations.findings]
+    assert len(found.findings) > 3
+    for one in found.findings:
+        assert one.p_value >= next(same for same in own if replace(same, p_value=one.p_value) == one).p_value
+    # the same, worked out from the twins alone
+    tests = [found.cells.test, found.correlations.test, found.episodes.test]
+    twin = np.stack([one.maxima[1:] for one in tests], axis=1)
+    reach = ((twin - twin.mean(axis=0)) / twin.std(axis=0, ddof=1)).max(axis=1)
+    size = (found.correlations.test.level(0.05) - twin[:, 1].mean()) / twin[:, 1].std(ddof=1)
+    expected = (1 + (reach >= size).sum()) / 200
+    assert found._p_of_all("correlations", found.correlations.test.level(0.05)) == pytest.approx(expected)
