@@ -6,12 +6,13 @@ import os
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from dask.distributed import Client, KilledWorker
 
+from datagen.farming.dask_worker import worker_of
 from datagen.farming.dispatch import PATIENCE, Dispatcher
 from datagen.farming.failures import Failures
 from datagen.farming.package import package_files, receive
@@ -30,7 +31,8 @@ _DEATHS = 4
 _ALONE = 2
 """Deaths under guard after which a shard is sent alone: before, it may only have waited beside one that crashed."""
 _TRIES = 3
-"""Times that a shard is tried where a worker cannot do it: one node may have a full disk, or older packages."""
+"""Times that a shard is tried where a worker cannot do it: one node may have a full disk, or older packages. Such a one
+is idle at once, and would take it each time: the next try is another's, where there is one."""
 _LACKS = 3
 """Times that a worker to which the FMU was sent may ask for it again."""
 _EARLY = 20
@@ -57,6 +59,8 @@ class _Task:
     """of workers while it was with them under guard"""
     refusals: int = 0
     """by workers that could not do it"""
+    refused_by: set[str] = field(default_factory=set)
+    """those of them that are known"""
     sent: float = 0.0
     """when it was given to Dask last [s]"""
 
@@ -134,6 +138,7 @@ class Collection:
             lambda task: task.arguments(self.job, self.target(task.piece)),
             (_Task(piece) for piece in pieces),
             patience=patience,
+            avoided=lambda task: task.refused_by,
         )
         began, finished = time.monotonic(), 0
         try:
@@ -143,10 +148,12 @@ class Collection:
                     if isinstance(outcome, KilledWorker):
                         self._killed(flight, task, outcome)
                     elif isinstance(outcome, BaseException):
+                        where = worker_of(outcome)
                         task.refusals += 1
+                        task.refused_by |= {where} - {""}
                         if task.refusals >= _TRIES:
                             raise outcome
-                        _log.warning("%s: %s; tried again", task.piece.file, outcome)
+                        _log.warning("%s: worker %s: %s; tried again", task.piece.file, where or "unknown", outcome)
                         flight.again(task, alone=task.deaths >= _ALONE)
                     elif outcome.lacks_package:
                         if task.sent > self._delivered.get(outcome.worker, -1.0):

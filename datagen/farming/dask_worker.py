@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from distributed import get_worker
@@ -16,6 +18,7 @@ FETCHED = 0.5
 """Seconds in which the client has fetched a shard's result, after which its worker may go."""
 HELD_BACK = 5.0
 """Seconds for which a worker that is about to go begins nothing: short shards could make it grow much further yet."""
+_NOTE = "on worker "
 _BASE: list[int] = []
 _LEAVING: list[bool] = []
 
@@ -32,6 +35,23 @@ def address() -> str:
     """Of this worker; empty where there is none."""
     worker = this_worker()
     return worker.address if worker is not None else ""
+
+
+@contextmanager
+def named() -> Iterator[None]:
+    """Note in an exception which worker it comes from: the client does not learn it otherwise."""
+    try:
+        yield
+    except Exception as error:
+        if where := address():
+            error.add_note(_NOTE + where)
+        raise
+
+
+def worker_of(error: BaseException) -> str:
+    """Address of the worker that an exception comes from; empty where that is not known."""
+    notes = [note.removeprefix(_NOTE) for note in getattr(error, "__notes__", ()) if note.startswith(_NOTE)]
+    return notes[-1] if notes else ""
 
 
 def unpack_in_scratch() -> None:

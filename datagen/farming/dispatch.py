@@ -9,7 +9,7 @@ from __future__ import annotations
 import queue
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Set
 from typing import Any, Generic, TypeVar
 from uuid import uuid4
 
@@ -35,6 +35,8 @@ class Dispatcher(Generic[Task]):
     ----------
     function, arguments
         ``function(*arguments(task))`` is what a worker does.
+    avoided
+        Addresses of workers that a task goes to only where there is no other.
     """
 
     def __init__(
@@ -45,12 +47,15 @@ class Dispatcher(Generic[Task]):
         source: Iterator[Task],
         *,
         patience: float = PATIENCE,
+        avoided: Callable[[Task], Set[str]] = lambda _: frozenset(),
     ) -> None:
         self._client = client
         self._function = function
         self._arguments = arguments
         self._source = source
         self._patience = patience
+        self._avoided = avoided
+        self._workers: set[str] = set()
         self._again: deque[Task] = deque()
         self._alone: deque[Task] = deque()
         self._flying: dict[str, tuple[Task, Future]] = {}
@@ -106,7 +111,9 @@ class Dispatcher(Generic[Task]):
         self._submitted += 1
         # the key is of this run alone: several runs may share a scheduler
         key = f"shard-{self._run}-{self._submitted}"
-        future = self._client.submit(self._function, *self._arguments(task), key=key, pure=False)
+        others = self._workers - avoided if (avoided := self._avoided(task)) else set()
+        where: dict[str, Any] = {"workers": sorted(others), "allow_other_workers": True} if others else {}
+        future = self._client.submit(self._function, *self._arguments(task), key=key, pure=False, **where)
         self._flying[key] = (task, future)
         self._await(key)
 
@@ -133,10 +140,10 @@ class Dispatcher(Generic[Task]):
         self._looked = now
         if self._client.status not in ("running", "connecting"):
             raise SimulationError("the scheduler went away; what was finished is kept, run again to go on")
-        workers = len(self._client.scheduler_info(n_workers=-1)["workers"])
-        if workers:
+        self._workers = {*self._client.scheduler_info(n_workers=-1)["workers"]}
+        if self._workers:
             self._seen = now
-            self._limit = PER_WORKER * workers
+            self._limit = PER_WORKER * len(self._workers)
         elif now - self._seen > self._patience:
             raise SimulationError(
                 f"no worker for {self._patience:g} s; what was finished is kept, run again when there are workers"

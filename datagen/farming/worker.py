@@ -22,7 +22,7 @@ import numpy as np
 import psutil
 
 from datagen.driving.sampling import is_calm, record_start, sample_parameters
-from datagen.farming.dask_worker import RECYCLE, address, hold_back, recycle, this_worker, unpack_in_scratch
+from datagen.farming.dask_worker import RECYCLE, address, hold_back, named, recycle, this_worker, unpack_in_scratch
 from datagen.farming.package import locate, sees_folder
 from datagen.farming.usual import TIMEOUT
 from datagen.farming.versions import PACKAGE, deciding_here, difference
@@ -160,8 +160,9 @@ def simulate_shard(job: Job, file: str, indices: Sequence[int], guarded: bool = 
     DatasetError
         If this worker has other versions than the client, or has nowhere to write a file.
     """
-    _check_versions(job)
-    with _ONE_AT_A_TIME:
+    with named():
+        _check_versions(job)
+    with _ONE_AT_A_TIME, named():
         hold_back()
         unpack_in_scratch()
         began = time.perf_counter()

@@ -1,6 +1,7 @@
 """A worker that goes, with Dask's own processes: a fresh one takes its place, and no shard is blamed for it."""
 
 import asyncio
+import functools
 import os
 import time
 
@@ -9,8 +10,13 @@ import pytest
 from dask.distributed import Client, LocalCluster
 from distributed.scheduler import Scheduler
 
+from datagen.farming.collection import Collection
 from datagen.farming.dask_settings import OWN_CLUSTER, SETTINGS
-from datagen.farming.dask_worker import recycle
+from datagen.farming.dask_worker import address, named, recycle, worker_of
+from datagen.farming.failures import Failures
+from datagen.farming.plan import Piece
+from datagen.farming.worker import ShardResult
+from shared.manifest import Manifest
 from tests.datagen.faults import wait_for
 
 pytestmark = pytest.mark.slow
@@ -19,6 +25,43 @@ pytestmark = pytest.mark.slow
 def leave():
     recycle(0.0, 1)
     return os.getpid()
+
+
+def all_but(place, *_):
+    """A shard that one worker refuses at once, as one with a full disk does, and others take their time for."""
+    with named():
+        if address() == place:
+            raise OSError(28, "No space left on device")
+    time.sleep(0.2)
+    return ShardResult(worker=address())
+
+
+def test_one_worker_that_can_do_nothing_leaves_all_to_the_others(tmp_path, monkeypatch):
+    manifest = Manifest(
+        **dict.fromkeys(("system_name", "system_hash", "system", "fmu_sha256"), "x"),
+        **{"root_seed": 1, "systems": 12, "shard_size": 1},
+    )
+    (tmp_path / "shards").mkdir()
+    local = {"n_workers": 2, "threads_per_worker": 1, "processes": False, "dashboard_address": None}
+    with dask.config.set(SETTINGS), LocalCluster(**local) as cluster, Client(cluster, set_as_default=False) as client:
+        bad, good = sorted(client.scheduler_info(n_workers=-1)["workers"])
+        made = Collection(tmp_path, manifest, Failures([]), None, None, budget=1.0)
+        taken = []
+        monkeypatch.setattr("datagen.farming.collection.simulate_shard", functools.partial(all_but, bad))
+        monkeypatch.setattr(made, "take", lambda piece, result: taken.append((piece.file, result.worker)))
+        monkeypatch.setattr(made, "_count", lambda: 0)
+        made.collect(client, iter([Piece(f"s{k}", (k,), 1) for k in range(12)]), quiet=True)
+    assert sorted(taken) == sorted((f"s{k}", good) for k in range(12))
+
+
+def test_where_an_exception_comes_from_is_known_only_of_a_worker():
+    try:
+        with named():
+            raise OSError("here")
+    except OSError as error:
+        assert worker_of(error) == ""
+        error.add_note("of another kind")
+        assert worker_of(error) == ""
 
 
 def stay(seconds):
