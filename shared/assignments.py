@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
 from shared.errors import SystemDescriptionError
@@ -22,8 +23,10 @@ def assignments(items: Iterable[str]) -> dict[str, float]:
             if not equals:
                 raise ValueError
             value = float(text)
+            if not math.isfinite(value):
+                raise ValueError
         except ValueError:
-            sentence = f"--set {item!r}: expected NAME=VALUE with a number, like volume=150"
+            sentence = f"--set {item!r}: expected NAME=VALUE with a finite number, like volume=150"
             raise SystemDescriptionError(sentence) from None
         if name.strip() in values:
             raise SystemDescriptionError(f"--set {item!r}: {name.strip()!r} is set twice; expected one value of it")

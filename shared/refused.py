@@ -20,7 +20,8 @@ def meant(word: str, names: Iterable[str]) -> str:
 def sentence_of(error: ValidationError, model: type[BaseModel]) -> str:
     """The sentence of an error of validating a table by ``model``: its field, what was found, what was expected.
 
-    Of several errors the first; but a field that is like a known one is told before that the known one is missing.
+    Of several errors the first; but a field that is like a known one is told before that the known one is missing, and
+    where no likeness tells, the unknown field beside the missing one.
     """
     errors = error.errors(include_url=False)
     hints = [_hint(one["loc"], model) if one["type"] == "extra_forbidden" else "" for one in errors]
@@ -35,7 +36,11 @@ def sentence_of(error: ValidationError, model: type[BaseModel]) -> str:
     what = first["msg"].removeprefix("Value error, ")
     kind = first["type"]
     if kind == "missing":
-        what = "missing; expected a value"
+        table = first["loc"][:-1]
+        beside = [
+            f"{one['loc'][-1]}" for one in errors if one["type"] == "extra_forbidden" and one["loc"][:-1] == table
+        ]
+        what = f"missing; expected a value{f' (found the unknown field {shown(beside[0])})' if beside else ''}"
     elif kind == "extra_forbidden":
         what = f"unknown field (found {shown(first['input'])}){hint}"
     elif kind != "value_error":

@@ -28,6 +28,8 @@ from shared.reading import MIB, read_json, size_of, validated, why
 from shared.schema import CONTENT_HASH, SPLITS, check_version, dataset_hash
 from shared.system import System, system_from_canonical
 
+MANIFEST = "manifest.json"
+"""In a dataset's folder; it is what makes it one."""
 MOST_MANIFEST = 4096 * MIB
 """Bytes; a manifest has about 500 for each shard."""
 
@@ -58,7 +60,7 @@ def sha256_of(path: Path) -> str:
 
 def write_manifest(folder: Path, manifest: Manifest) -> None:
     """Write ``manifest.json``."""
-    write_atomically(folder / "manifest.json", (manifest.model_dump_json(indent=1) + "\n").encode())
+    write_atomically(folder / MANIFEST, (manifest.model_dump_json(indent=1) + "\n").encode())
 
 
 def read_manifest(folder: Path | str) -> Manifest:
@@ -69,7 +71,7 @@ def read_manifest(folder: Path | str) -> Manifest:
     DatasetError
         If it is missing, damaged, or of a newer schema.
     """
-    path = Path(folder) / "manifest.json"
+    path = Path(folder) / MANIFEST
     if Path(folder).is_file():
         raise DatasetError(f"{folder}: is a file; expected the folder of a dataset made by `datagen run`")
     raw = read_json(path, DatasetError, "a dataset made by `datagen run`", most=MOST_MANIFEST)
@@ -159,7 +161,7 @@ class DatasetFolder:
     def __init__(self, folder: Path | str) -> None:
         self.folder = Path(folder)
         self.manifest = read_manifest(self.folder)
-        self.system: System = system_from_canonical(self.manifest.system, self.folder / "manifest.json")
+        self.system: System = system_from_canonical(self.manifest.system, self.folder / MANIFEST)
         if self.system.hash() != self.manifest.system_hash:
             raise DatasetError(f"{self.folder / 'manifest.json'}: system and system_hash disagree; it was changed")
 

@@ -194,7 +194,8 @@ class System(Table):
             return self
         raw = json.loads(self.canonical())
         raw["experiment"].update(changes)
-        return _validate({**raw, "path": self.path}, self.path)
+        asked = ", ".join(f"{name} {value}" for name, value in changes.items())
+        return _validate({**raw, "path": self.path}, self.path, f" with {asked}")
 
     def preset(self, name: str) -> Preset:
         """A preset by its name.
@@ -258,12 +259,13 @@ def system_from_canonical(text: str, path: Path) -> System:
     return _validate({**raw, "path": path}, path)
 
 
-def _validate(raw: dict[str, object], path: Path) -> System:
+def _validate(raw: dict[str, object], path: Path, changed: str = "") -> System:
+    """Of a table of the file at ``path``; ``changed`` says what was asked for in place of what stands there."""
     _name_unnamed(raw, path)
     try:
         return System.model_validate(raw)
     except ValidationError as error:
-        raise SystemDescriptionError(f"{path}: {sentence_of(error, System)}") from None
+        raise SystemDescriptionError(f"{path}{changed}: {sentence_of(error, System)}") from None
 
 
 def _name_unnamed(raw: dict[str, object], path: Path) -> None:
@@ -271,7 +273,7 @@ def _name_unnamed(raw: dict[str, object], path: Path) -> None:
     for table in ("parameters", "inputs", "outputs"):
         items = raw.get(table, [])
         for item in items if isinstance(items, list) else []:
-            if isinstance(item, dict) and "name" in item and not item.get("unit"):
+            if isinstance(item, dict) and "name" in item and not item.get("unit") and not meant("unit", item):
                 raise SystemDescriptionError(
                     f'{path}: {table} {shown(item["name"])} has no unit; expected for example "K", or "1" for a number'
                 )

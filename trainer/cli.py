@@ -71,7 +71,8 @@ def fit(
 ) -> None:
     """Fit an estimator to the training systems of a dataset.
 
-    The run folder gets weights.safetensors, estimator.json (all that it takes to use them), curve.csv and curve.png.
+    The run folder gets weights.safetensors, estimator.json (all that it takes to use them), curve.csv and, of
+    what is trained by steps, curve.png.
 
     Examples: `trainer fit DATASET --out RUN` is the paper's estimator and recipe; `--model ridge` takes seconds;
     `--noise sensor --channels OUTPUT OUTPUT time_of_day` trains for real sensors, two outputs and the time of day.

@@ -18,7 +18,16 @@ from shared.errors import DatasetError
 from shared.lock import FILE_NAME as LOCK_FILE
 from shared.lock import FolderLock, at_work
 from shared.logs import logger
-from shared.store import DatasetFolder, Manifest, ShardEntry, Source, sha256_of, temporary_name, write_manifest
+from shared.store import (
+    MANIFEST,
+    DatasetFolder,
+    Manifest,
+    ShardEntry,
+    Source,
+    sha256_of,
+    temporary_name,
+    write_manifest,
+)
 
 _DRAFT = ".merging"
 """In a folder that was there before: what becomes its content. A merge that was killed leaves it."""
@@ -97,7 +106,7 @@ def _whole(target: Path) -> Iterator[Path]:
             yield draft
             made = [path for path in draft.iterdir() if path.name != LOCK_FILE]
             try:
-                for path in sorted(made, key=lambda one: one.name == "manifest.json"):  # a reader looks for that
+                for path in sorted(made, key=lambda one: one.name == MANIFEST):  # a reader looks for that
                     path.rename(target / path.name)
             except BaseException:
                 _remove(_moved(target))
@@ -111,7 +120,7 @@ def _moved(target: Path) -> list[Path]:
 
     The folder was empty before, and whoever else looks for one refuses it with a draft in it.
     """
-    if (target / "manifest.json").exists() or not (target / _DRAFT / "manifest.json").exists():
+    if (target / MANIFEST).exists() or not (target / _DRAFT / MANIFEST).exists():
         return []
     draft = target / _DRAFT
     return [path for path in target.iterdir() if path.name in _MADE and not (draft / path.name).exists()]

@@ -12,6 +12,9 @@ from typing import Any
 import dask
 from dask.distributed import Client, LocalCluster
 from dask.utils import parse_timedelta
+from distributed.comm.addressing import parse_address, parse_host_port
+from distributed.comm.registry import backends
+from distributed.security import Security
 
 from datagen.farming.dask_settings import OWN_CLUSTER, SETTINGS
 from datagen.farming.dispatch import PATIENCE
@@ -29,6 +32,7 @@ scheduler's own."""
 _CONFIG = SETTINGS
 _MOST_WORKERS = 100_000
 """More than any cluster starts; Dask would try for ever."""
+_EXPECTED = "tcp://HOST:PORT, or tls://HOST:PORT with certificates set"
 ANSWER = 20.0
 """A scheduler that runs already answers within so long [s]."""
 
@@ -59,6 +63,8 @@ def check_places(
         raise ClusterError(
             f"workers is {workers}; expected at least 1{'' if workers < 1 else f', at most {_MOST_WORKERS}'}"
         )
+    if scheduler:
+        _check_address(scheduler)
     given = {"workers": workers is not None, "host": host is not None, "cluster": cluster != "local"}
     if scheduler and (beside := [name for name, one in given.items() if one]):
         raise ClusterError(
@@ -76,6 +82,19 @@ def check_places(
             f"{LOOPBACK}; expected --cluster-option interface=NAME or --host ADDRESS of this machine in the nodes' "
             f"network, or --host {LOOPBACK} where all jobs run on this machine"
         )
+
+
+def _check_address(scheduler: str) -> None:
+    """Refuse what is no address before Dask does: its client would be cleared away with a traceback, 40 s later."""
+    try:
+        scheme, place = parse_address(scheduler)
+        parse_host_port(place)
+        if scheme not in backends:
+            raise ValueError(f"no Dask scheduler talks {scheme}://")
+        if scheme == "tls" and Security().get_connection_args("client").get("ssl_context") is None:
+            raise ValueError("no certificates are set")
+    except ValueError as error:
+        raise ClusterError(f"scheduler is {scheduler!r}: {error}; expected {_EXPECTED}") from None
 
 
 @contextmanager
@@ -113,10 +132,7 @@ def connect(
         try:
             client = _client(scheduler, timeout=_patience())
         except (OSError, ValueError, TypeError, RuntimeError) as error:  # the last two: TLS on one side only
-            raise ClusterError(
-                f"{scheduler}: no Dask scheduler answers: {error}; expected tcp://HOST:PORT, or tls://HOST:PORT with"
-                " certificates set"
-            ) from None
+            raise ClusterError(f"{scheduler}: no Dask scheduler answers: {error}; expected {_EXPECTED}") from None
         with client, _held(scheduler):
             if not _count(client):
                 _log.info("waiting for a worker at %s", scheduler)

@@ -34,7 +34,8 @@ from shared.errors import DatasetError
 from shared.lock import FILE_NAME as LOCK_FILE
 from shared.lock import FolderLock
 from shared.logs import logger
-from shared.store import Manifest, read_manifest, write_atomically, write_manifest
+from shared.places import check_folder
+from shared.store import MANIFEST, Manifest, read_manifest, write_atomically, write_manifest
 from shared.system import System, load_system
 
 _log = logger(__name__)
@@ -155,7 +156,7 @@ def run(
     folder = Path(out)
     where = str(described.path.resolve())
     _check_folder(folder)
-    if not (folder / "manifest.json").exists():
+    if not (folder / MANIFEST).exists():
         check_live_apart(described, timeout)
     try:
         (folder / "shards").mkdir(parents=True, exist_ok=True)
@@ -219,7 +220,8 @@ def settings_text(manifest: Manifest) -> str:
 def _check_folder(folder: Path) -> None:
     if folder.exists() and not folder.is_dir():
         raise DatasetError(f"{folder}: a file; expected a new folder or a dataset")
-    if not folder.exists() or (folder / "manifest.json").exists():
+    check_folder(folder, DatasetError)
+    if not folder.exists() or (folder / MANIFEST).exists():
         return
     ours = {LOCK_FILE, "shards"}  # of a run that was stopped before it had written a manifest
     if any(path.name not in ours and not path.name.endswith(".tmp") for path in folder.iterdir()):
@@ -227,11 +229,11 @@ def _check_folder(folder: Path) -> None:
 
 
 def _open_or_start(folder: Path, wanted: Manifest, extend: bool) -> Manifest:
-    if not (folder / "manifest.json").exists():
+    where = folder / MANIFEST
+    found = read_manifest(folder) if where.exists() else None
+    if found is None or _empty(folder, found):  # what was begun with other settings and has nothing binds nobody
         write_manifest(folder, wanted)
         return wanted
-    found = read_manifest(folder)
-    where = folder / "manifest.json"
     if found.sources:
         raise DatasetError(f"{where}: merged from other datasets; extend or resume one of those, and merge again")
     ours, theirs = (one.schema_version for one in (wanted, found))
@@ -241,10 +243,13 @@ def _open_or_start(folder: Path, wanted: Manifest, extend: bool) -> Manifest:
             "its own schema: simulate a new one"
         )
     for field in _FIXED:
-        if getattr(found, field) != getattr(wanted, field):
+        before, now = getattr(found, field), getattr(wanted, field)
+        if before != now:
+            if isinstance(before, dict):  # of a dozen settings the one that differs
+                name = next(one for one in {**before, **now} if before.get(one) != now.get(one))
+                field, before, now = f"{field}.{name}", before.get(name, "not set"), now.get(name, "not set")
             raise DatasetError(
-                f"{where}: {field} is {getattr(found, field)}, this run has {getattr(wanted, field)}; "
-                "a dataset can only be resumed with its own settings"
+                f"{where}: {field} is {before}, this run has {now}; a dataset can only be resumed with its own settings"
             )
     if wanted.systems == found.systems:
         return found
@@ -255,6 +260,13 @@ def _open_or_start(folder: Path, wanted: Manifest, extend: bool) -> Manifest:
         )
     stages = [*(found.stages or [found.systems]), wanted.systems]
     return found.model_copy(update={"systems": wanted.systems, "stages": stages})
+
+
+def _empty(folder: Path, found: Manifest) -> bool:
+    """Whether a dataset was begun and has no system, simulated or failed: its workers were never there."""
+    return not (
+        found.shards or found.sources or (folder / FAILURES_FILE).exists() or any((folder / "shards").iterdir())
+    )
 
 
 def _clear(folder: Path) -> None:

@@ -16,7 +16,8 @@ from datagen.fmi.watchdog import watchdog
 from datagen.simulating import cosimulation, native
 from datagen.simulating.canary import resets_cleanly
 from datagen.simulating.solver import Cvode
-from shared.errors import SimulationError
+from shared.errors import FmuError, SimulationError
+from shared.reading import shown
 from shared.system import System
 from shared.variables import WeatherInput
 
@@ -61,6 +62,11 @@ class Simulator:
 
     def __init__(self, system: System) -> None:
         self.system = system
+        if not system.fmu_path.exists():  # as in a description that was copied without its FMU
+            raise FmuError(
+                f"{system.path}: fmu is {shown(system.fmu)}, but {system.fmu_path} is not there; expected where the FMU"
+                " lies, as seen from the description's folder"
+            )
         self.fmu = Fmu(system.fmu_path)
         check_system(system, self.fmu)
         self.reuse: bool | None = None

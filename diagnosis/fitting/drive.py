@@ -14,7 +14,7 @@ from datagen.driving.inputs import schedule_signal
 from datagen.driving.tables import Piecewise
 from diagnosis.fitting.meters import Cleared, cleared
 from diagnosis.recording import HOUR, Recording, extended, whole_days
-from shared.errors import RecordingError
+from shared.errors import RecordingError, SystemDescriptionError
 from shared.system import System
 from shared.variables import MeasuredInput
 
@@ -68,7 +68,14 @@ def drive(
     ------
     RecordingError
         If the weather was not measured, or an actuator that is to be replayed or has no controller in the FMU.
+    SystemDescriptionError
+        If actuators are to be replayed and the system has none.
     """
+    if replay and not any(one.source == "measured" for one in system.inputs):
+        raise SystemDescriptionError(
+            f"{system.path}: inputs: none has the source 'measured', so that there is no actuator to replay; expected"
+            " one, or no replay"
+        )
     lead = round(warm_up / recording.step)
     begin = recording.start - whole_days(recording, lead) * recording.step
     signals: dict[str, Piecewise] = {}

@@ -18,7 +18,7 @@ from datagen.farming.worker import simulator_for
 from datagen.simulating.simulator import Simulator
 from diagnosis.fitting.run import Run
 from diagnosis.fitting.warmed import warmed
-from shared.errors import SimulationError
+from shared.errors import ClusterError, SimulationError
 from shared.interrupts import interrupts_held
 from shared.system import System
 
@@ -85,8 +85,10 @@ def side_by_side(simulator: Simulator, *, workers: int = 1, scheduler: str | Non
     Raises
     ------
     ClusterError
-        If the scheduler does not answer.
+        If the scheduler does not answer, or there would be no worker.
     """
+    if workers < 1:
+        raise ClusterError(f"workers is {workers}; expected at least 1")
     if scheduler is not None:
         from datagen.farming.cluster import connect
 

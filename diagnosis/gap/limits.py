@@ -101,6 +101,11 @@ def limits(report: Report) -> list[str]:
         found.append(f"On the bounds of their ranges in the base model: {', '.join(bound)}.")
     if not report.converged:
         found.append("The fit of the base model had not come to rest when it stopped.")
+    if report.converged_after is False:
+        found.append(
+            f"The fit {added(report.verdict)} had not come to rest when it stopped: sizes and parameters after are of"
+            " where it then was, and their intervals those of an optimum."
+        )
     if report.assumed:
         found.append("Not measured: " + "; ".join(f"{name}: {what}" for name, what in report.assumed.items()) + ".")
     return found

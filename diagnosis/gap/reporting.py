@@ -100,6 +100,7 @@ def reported(
         seed=seed,
         started_from=started_from,
         converged=search.base.settled,
+        converged_after=search.settled[-1].settled if search.chosen else None,
         simulations=simulations,
         seconds=seconds,
         cpu_seconds=cpu_seconds,

@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from diagnosis.gap.decision import Verdict
 
-SCHEMA_VERSION = 10
+SCHEMA_VERSION = 11
 NOTICED = 0.02
 """Candidates of less probability are told together."""
 FEWEST = 12
@@ -243,7 +243,11 @@ class Report(_Table):
     twins: int
     seed: int
     started_from: str = Field(description="the estimator whose estimate the base model's fit began with, or prior")
-    converged: bool
+    converged: bool = Field(description="whether the fit of the base model came to rest")
+    converged_after: bool | None = Field(
+        None,
+        description="the same of the fit with what was chosen, of which sizes and parameters are told; None without",
+    )
     simulations: int
     seconds: float
     cpu_seconds: float

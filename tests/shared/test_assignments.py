@@ -13,8 +13,9 @@ def test_names_have_their_numbers():
 @pytest.mark.parametrize(
     ("items", "said"),
     [
-        (["a"], "'a': expected NAME=VALUE with a number"),
-        (["a=b"], "'a=b': expected NAME=VALUE with a number"),
+        (["a"], "'a': expected NAME=VALUE with a finite number"),
+        (["a=b"], "'a=b': expected NAME=VALUE with a finite number"),
+        (["a=nan"], "'a=nan': expected NAME=VALUE with a finite number"),
         (["a=1", "b=1", "a =2"], "'a =2': 'a' is set twice; expected one value"),
     ],
 )

@@ -34,7 +34,8 @@ def test_the_nearest_name_is_meant_or_none():
     ("given", "said"),
     [
         ({"shape": []}, r"^shape: unknown field \(found \[\]\); did you mean shapes\? \(and 1 more\)$"),
-        ({"weight": 1}, r"^shapes: missing; expected a value \(and 1 more\)$"),
+        ({"weight": 1}, r"^shapes: missing; expected a value \(found the unknown field 'weight'\) \(and 1 more\)$"),
+        ({}, r"^shapes: missing; expected a value$"),
         ({"shapes": [{"kind": "square", "ratios": 2.0}]}, r"ratios: unknown field .*; did you mean ratio\?$"),
         # a field of another kind of table is not meant
         ({"shapes": [{"kind": "square", "radus": 2.0}]}, r"radus: unknown field \(found 2.0\)$"),

@@ -19,6 +19,7 @@ import torch
 
 from shared.errors import EstimatorError
 from shared.metrics import bootstrap_by_system, r2, relative_accuracy
+from shared.places import check_folder
 from shared.store import DatasetFolder, Records
 from trainer.evaluating.limit import find_ceiling
 from trainer.evaluating.report import Answers, Evaluation, Protocol, write_answers, write_report
@@ -86,6 +87,9 @@ def evaluate(
     cut_short = unfinished(card, run.folder)
     dataset = DatasetFolder(dataset_dir)
     check_same_system(card, dataset)
+    folder = Path(out) if out is not None else run.results
+    if folder is not None:
+        check_folder(folder, EstimatorError)
     if windows < 1:
         raise EstimatorError(f"windows: is {windows}; expected at least 1")
     index = load_records(dataset, [])
@@ -141,7 +145,6 @@ def evaluate(
         ceiling=limit,
         ceiling_note=note,
     )
-    folder = Path(out) if out is not None else run.results
     if folder is not None:
         if folder == run.folder:
             check_not_replaced(run)

@@ -9,12 +9,13 @@ from pydantic import BaseModel, ConfigDict
 
 from shared.errors import EstimatorError, RecordingError
 from shared.logs import logger
+from shared.places import check_folder
 from trainer.predicting.readings import date_of
 from trainer.predicting.recorded import Window, read_window
 from trainer.reading.encoding import Encoding
 from trainer.reading.familiar import Familiar, stuck, unlike
 from trainer.reading.kind import Kind
-from trainer.runs.checkpoint import Run, load_run
+from trainer.runs.checkpoint import Run, load_run, make_folder
 from trainer.runs.unfinished import unfinished
 from trainer.runs.validation import Typical, typical_errors
 from trainer.seeds import check_seed
@@ -147,7 +148,7 @@ def predict(
             if Path(path).is_dir():
                 kind = {"out": "NetCDF", "corner": "PNG"}[name]
                 raise EstimatorError(f"{name}: {path} is a folder; expected a {kind} file to write")
-            _make_folder(Path(path).parent)
+            check_folder(Path(path).parent, EstimatorError)
     encoding = run.card.encoding
     window = read_window(Path(file), encoding)
     known = {one.length: one for one in run.card.familiar}.get(len(window.stamps))
@@ -163,6 +164,9 @@ def predict(
     drawn = None if posterior is None else posterior.sample(window.values, begins, samples, seed=seed)
     found = None if drawn is None else summarise(drawn)
     names, units = encoding.parameters, encoding.parameter_units
+    for path in (out, corner):
+        if path is not None:
+            make_folder(Path(path).parent)
     if drawn is not None and out is not None:
         facts: dict[str, str | int] = {"recording": str(file), "estimator": run.card.weights_sha256, "seed": seed}
         write_samples(Path(out), drawn, window.systems, names, units, facts)
@@ -218,14 +222,6 @@ def predict(
         interval_note=_interval_note(fitted_to, run.card.dataset),
         predictions=predictions,
     )
-
-
-def _make_folder(folder: Path) -> None:
-    """Before the work: what it makes must have a place."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise EstimatorError(f"{folder}: cannot be made ({error.strerror}); expected a folder to write to") from None
 
 
 def _check_moving(path: Path, window: Window, known: Familiar, encoding: Encoding) -> None:

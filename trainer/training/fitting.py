@@ -85,7 +85,8 @@ def fit(
     dataset_dir
         A dataset made by ``datagen run``.
     out
-        Run folder to write: weights.safetensors, estimator.json, curve.csv, curve.png.
+        Run folder to write: weights.safetensors, estimator.json, curve.csv and, if it is trained by
+        steps, curve.png.
     model
         One of ``trainer.models.ESTIMATORS``.
     context_hours

@@ -6,6 +6,8 @@ from pathlib import Path
 
 from shared.errors import EstimatorError
 from shared.lock import FILE_NAME, FolderLock
+from shared.places import check_folder
+from shared.store import MANIFEST
 from trainer.runs.checkpoint import CALIBRATION, CARD
 from trainer.runs.pair import remove_pair
 
@@ -19,13 +21,18 @@ POSTERIOR = ("posterior.safetensors", "posterior.json")
 
 
 def check_place(folder: Path, *, replacing: bool) -> None:
-    """Refuse a folder where another training is at work, or whose estimator is not to be replaced.
+    """Refuse a folder that cannot be written to, is a dataset's, or holds an estimator that is not to be replaced.
+
+    Nor is one taken where another training is at work.
 
     Raises
     ------
     EstimatorError
         If it is one.
     """
+    check_folder(folder, EstimatorError)
+    if (folder / MANIFEST).exists():
+        raise EstimatorError(f"{folder}: is a dataset (it has a {MANIFEST}); expected a folder for the run alone")
     if (folder / CARD).exists() and not replacing:
         raise EstimatorError(f"{folder}: already holds an estimator; choose another folder, resume it, or overwrite it")
     if (folder / FILE_NAME).exists():

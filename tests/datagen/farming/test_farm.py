@@ -15,7 +15,7 @@ from datagen.farming.collection import Collection
 from datagen.farming.worker import Job, simulate_shard
 from diagnosis.recording import read_recording
 from shared.ceiling import Origin, read_ceilings, write_ceilings
-from shared.errors import DatasetError, SimulationError, SystemDescriptionError
+from shared.errors import ClusterError, DatasetError, SimulationError, SystemDescriptionError
 from shared.store import DatasetFolder, read_manifest, write_manifest
 from shared.system import parse_system
 from tests.datagen.cf_checks import cf_faults
@@ -148,13 +148,27 @@ def test_what_a_killed_worker_was_writing_is_gone_when_the_run_ends(made, defaul
 
 
 @pytest.mark.parametrize(
-    ("change", "field"), [({"seed": 6}, "root_seed"), ({"hours": 48.0}, "settings"), ({"systems": 7}, "systems")]
+    ("change", "field"),
+    [({"seed": 6}, "root_seed"), ({"hours": 48.0}, r"settings\.hours"), ({"systems": 7}, "systems")],
 )
 def test_other_settings_are_refused(made, default_system, change, field):
     before = (made / "manifest.json").read_bytes()
-    with pytest.raises(DatasetError, match=rf"{field} is .*own settings"):
+    with pytest.raises(DatasetError, match=rf"{field} is \S+, this run has \S+; .*own settings"):
         run(default_system, made, workers=1, **{**SIZE, **change})
     assert (made / "manifest.json").read_bytes() == before
+
+
+def test_a_dataset_whose_workers_never_came_binds_nobody(default_system, tmp_path, monkeypatch):
+    """The first command had a wrong address and a wrong length; both may be corrected."""
+    monkeypatch.setattr("datagen.farming.farm.check_live_apart", lambda *_: None)
+    with pytest.raises(ClusterError, match="no Dask scheduler answers"):
+        run(default_system, tmp_path, scheduler="tcp://127.0.0.1:1", **{**SIZE, "hours": 48.0})
+    assert read_manifest(tmp_path).settings["hours"] == 48.0
+    stay_in_this_process(monkeypatch)
+    run(default_system, tmp_path, **{**SIZE, "systems": 2})
+    manifest = read_manifest(tmp_path)
+    assert (manifest.settings["hours"], manifest.systems, manifest.stages) == (96.0, 2, [])
+    assert verify(tmp_path) == []
 
 
 def test_a_folder_with_other_things_is_left_alone(default_system, tmp_path):

@@ -107,9 +107,9 @@ def test_a_drawn_dataset_is_mended_and_resumed_as_it_was(drawn, default_system, 
     repair(drawn, default_system.path)
     assert verify(drawn) == []
     assert read_manifest(drawn).shards[1].content_hash == manifest.shards[1].content_hash
-    with pytest.raises(DatasetError, match=r"settings is .*; a dataset can only be resumed with its own settings"):
+    with pytest.raises(DatasetError, match=r"settings\.uncertain is .*, this run has not set; .* its own settings"):
         run(default_system, drawn, **SIZE)
-    with pytest.raises(DatasetError, match="settings is"):
+    with pytest.raises(DatasetError, match=r"settings\.uncertain is"):
         run(default_system.model_copy(update={"uncertain": wider}), drawn, uncertain=True, **SIZE)
 
 

@@ -10,7 +10,8 @@ from datagen.driving.inputs import build_inputs
 from datagen.driving.sampling import sample_parameters
 from datagen.driving.tables import Piecewise, merge
 from datagen.simulating.simulator import Simulator
-from shared.errors import SimulationError
+from shared.errors import FmuError, SimulationError
+from shared.system import load_system
 
 VOLUME, DENSITY, PPM_PER_SHARE = 150.0, 1.2, 28.9647 / 44.0095 * 1e6
 BASE = {"TDryBul": 283.15, "TSky": 273.15, "winSpe": 2.0, "CO2Out": 420.0, "TSet": 293.15}
@@ -183,6 +184,13 @@ def test_a_bad_input_is_an_error_never_short_data(simulator):
     table.left[0, simulator.system.input_names.index("TDryBul")] = np.nan
     with pytest.raises(SimulationError, match=r"stopped at|at t = "):
         simulator.run(middle(simulator.system), table, start=0.0, stop=7200.0)
+
+
+def test_a_description_that_was_copied_without_its_fmu_says_which_field_leads_nowhere(default_system, tmp_path):
+    copied = tmp_path / "system.toml"
+    copied.write_bytes(default_system.path.read_bytes())
+    with pytest.raises(FmuError, match=rf"system.toml: fmu is '{default_system.fmu}', but \S+ is not there"):
+        Simulator(load_system(copied))
 
 
 def test_loading_leaves_the_working_directory(default_system):

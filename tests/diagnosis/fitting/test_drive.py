@@ -9,7 +9,7 @@ from datagen import simulate
 from datagen.driving.tables import merge
 from diagnosis.fitting.drive import drive
 from diagnosis.recording import DAY, HOUR, read_recording
-from shared.errors import RecordingError
+from shared.errors import RecordingError, SystemDescriptionError
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +42,13 @@ def test_whole_first_days_stand_before_the_recording(record, default_system, hou
     held = driven.signals["nPer"]
     middles = first - 0.5 * record.step
     np.testing.assert_array_equal(held.at(middles - DAY), held.at(middles))
+
+
+def test_nothing_is_replayed_where_no_actuator_is_measured(record, default_system):
+    """The page would say that actuators were replayed."""
+    inputs = [one for one in default_system.inputs if one.source != "measured"]
+    with pytest.raises(SystemDescriptionError, match=r"system.toml: inputs: none has the source 'measured'"):
+        drive(default_system.model_copy(update={"inputs": inputs}), record, warm_up=0.0, replay=True)
 
 
 def test_what_drives_a_model_without_controllers_must_have_been_measured(house, house_recorded, tmp_path):

@@ -7,6 +7,14 @@ from datagen.simulating.simulator import Simulator
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.side_by_side import Cluster, side_by_side
 from diagnosis.recording import read_recording
+from shared.errors import ClusterError
+
+
+@pytest.mark.parametrize("workers", [0, -3])
+def test_without_a_worker_there_is_no_runner(workers):
+    refused = pytest.raises(ClusterError, match=f"workers is {workers}; expected at least 1")
+    with refused, side_by_side(None, workers=workers):
+        pass
 
 
 @pytest.mark.slow

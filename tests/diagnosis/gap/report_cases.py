@@ -58,6 +58,7 @@ BARE = {
     "parameters": [],
     "dropped": [],
     "converged": True,
+    "converged_after": None,
     "mistaken": 0.1,
     "assumed": {},
     "rejected": False,

@@ -1,5 +1,7 @@
 """Sentences of what limits an answer, from reports that hold as much as each needs."""
 
+import pytest
+
 from diagnosis.gap.limits import limits, noiseless, strained
 from diagnosis.gap.schema import ConditionOf
 from diagnosis.gap.sentences import summary
@@ -52,6 +54,20 @@ def test_uncertain_constants_far_outside_of_the_description_are_a_limit():
     assert strained(report(constants=[constant("floor", 1.7, None)]), relative) == []
     _, rejected = strained(given.model_copy(update={"verdict": "none_of_these"}), relative)
     assert rejected.startswith("With the nearest candidate (rejected) wall x1.8 (expected: x0.55 to x1.8) is")
+
+
+@pytest.mark.parametrize(
+    ("verdict", "rested", "words"),
+    [
+        ("effect", False, "The fit with the effects found had not come to rest when it stopped"),
+        ("none_of_these", False, "The fit with the nearest candidate (rejected) had not come to rest when it stopped"),
+        ("effect", True, None),
+        ("no_gap", None, None),
+    ],
+)
+def test_a_fit_with_effects_that_still_moved_is_a_limit(verdict, rested, words):
+    found = " ".join(limits(report(verdict=verdict, converged_after=rested)))
+    assert (words in found) if words else ("come to rest" not in found)
 
 
 def test_what_an_answer_names_could_be_seen():

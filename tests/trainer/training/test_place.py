@@ -30,6 +30,26 @@ def contents(folder):
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.name != ".lock"}
 
 
+def test_no_run_is_written_into_a_dataset(tanks):
+    with pytest.raises(EstimatorError, match=r"is a dataset \(it has a manifest.json\); expected a folder for the run"):
+        fit(tanks, tanks, model="mean", overwrite=True)
+
+
+def test_where_nothing_can_be_written_is_said_before_the_work(old_file, tanks):
+    with pytest.raises(EstimatorError, match="nothing can be written there"):
+        fit(tanks, old_file / "run", model="mean")
+    fit(tanks, old_file.parent / "run", model="mean")
+    with pytest.raises(EstimatorError, match="nothing can be written there"):
+        evaluate(old_file.parent / "run", tanks, out=old_file / "results", windows=0)
+
+
+@pytest.fixture
+def old_file(tmp_path):
+    """Where a folder would be expected."""
+    (tmp_path / "file").write_text("")
+    return tmp_path / "file"
+
+
 @pytest.fixture
 def old(tanks, tmp_path):
     """A finished and evaluated estimator in ``run``."""
