@@ -246,7 +246,7 @@ class Report(_Table):
     converged: bool = Field(description="whether the fit of the base model came to rest")
     converged_after: bool | None = Field(
         None,
-        description="the same of the fit with what was chosen, of which sizes and parameters are told; None without",
+        description="the same of the fit with what was chosen, by which sizes are told; None without",
     )
     simulations: int
     seconds: float
