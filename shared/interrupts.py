@@ -20,9 +20,17 @@ class Terminated(KeyboardInterrupt):
     """SIGTERM, by which a queue or a container ends its processes: as good a reason as Ctrl-C to stop in order."""
 
 
+AGAIN = 0.05
+"""A signal whose exception was swallowed is sent anew after so long [s]."""
+
+
 @contextmanager
 def terminable() -> Iterator[None]:
-    """Take SIGTERM for Ctrl-C while this lasts: it raises :class:`Terminated`."""
+    """Take SIGTERM for Ctrl-C while this lasts: it raises :class:`Terminated`.
+
+    Where either is raised within a destructor, Python drops the exception, and the program would go on as if nobody had
+    wanted to stop it. So it is raised again, a moment later.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield  # only the main thread may set a handler, and only it is interrupted
         return
@@ -34,11 +42,34 @@ def terminable() -> Iterator[None]:
             os.kill(os.getpid(), number)
         raise Terminated
 
+    dropped = sys.unraisablehook
+
+    def again(found: Any) -> None:
+        if not isinstance(found.exc_value, KeyboardInterrupt):
+            dropped(found)
+            return
+        number = signal.SIGTERM if isinstance(found.exc_value, Terminated) else signal.SIGINT
+        later = threading.Timer(AGAIN, _interrupt, [number])  # at once, it would be dropped here, too
+        later.daemon = True
+        later.start()
+
     before = signal.signal(signal.SIGTERM, stop)
+    sys.unraisablehook = again
     try:
         yield
     finally:
+        sys.unraisablehook = dropped
         signal.signal(signal.SIGTERM, before)
+
+
+def _interrupt(number: int) -> None:
+    """Send a signal to the main thread of this process, which may be waiting."""
+    if sys.platform == "win32":
+        signal.raise_signal(number)
+        return
+    main = threading.main_thread().ident
+    assert main is not None
+    signal.pthread_kill(main, number)
 
 
 @contextmanager

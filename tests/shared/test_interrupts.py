@@ -1,0 +1,46 @@
+"""Interrupts arrive, wherever the program is when they come."""
+
+import os
+import signal
+import time
+
+import pytest
+
+from shared.interrupts import Terminated, terminable
+
+
+class Dying:
+    """Whose destructor is being run when a signal comes."""
+
+    def __init__(self, number):
+        self.number = number
+
+    def __del__(self):
+        os.kill(os.getpid(), self.number)
+        time.sleep(0.01)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a signal that one sends to oneself ends a process there")
+@pytest.mark.parametrize(("number", "kind"), [(signal.SIGTERM, Terminated), (signal.SIGINT, KeyboardInterrupt)])
+def test_an_interrupt_that_python_drops_in_a_destructor_comes_again(number, kind, capfd):
+    one = Dying(number)
+    began = time.monotonic()
+    with pytest.raises(KeyboardInterrupt) as caught, terminable():
+        del one
+        time.sleep(10)
+    assert type(caught.value) is kind
+    assert time.monotonic() - began < 5
+    assert capfd.readouterr().err == ""
+
+
+def test_other_exceptions_in_destructors_are_told_as_ever(monkeypatch):
+    told = []
+    monkeypatch.setattr("sys.unraisablehook", lambda found: told.append(found.exc_type))
+
+    class Broken:
+        def __del__(self):
+            raise ValueError
+
+    with terminable():
+        Broken()
+    assert told == [ValueError]
