@@ -17,6 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from shared.errors import ZeroshotError
 from shared.reading import read_json, shown, validated
 from shared.store import write_atomically
+from shared.system import Experiment
 from shared.uncertain import Uncertain
 
 FILE_NAME = "identifiability.json"
@@ -31,13 +32,26 @@ WHOLE = YEAR - 168.0
 class Origin(BaseModel):
     """Records that windows are drawn from: they begin between two hours of the year, and each has ``hours``.
 
-    ``weather`` is the sha256 of each weather file: the system's hash knows their names alone.
+    ``weather`` is the sha256 of each weather file: the system's hash knows their names alone. ``warm_up_hours`` is how
+    long they are simulated before they begin: a transient from the model's start tells what a settled room does not.
+    Of files that do not say it, it was 240 h, whatever the description said.
     """
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
     start: tuple[float, float]
     hours: float = Field(gt=0)
     weather: dict[str, str] = {}
+    warm_up_hours: float = Field(240.0, ge=0)
+
+    @classmethod
+    def of(cls, experiment: Experiment, weather: Mapping[str, str] | None = None) -> Origin:
+        """That of records as a description has them."""
+        start, hours, warm_up = experiment.start, experiment.hours, experiment.warm_up_hours
+        return cls(start=start, hours=hours, weather=dict(weather or {}), warm_up_hours=warm_up)
+
+    def kind(self) -> tuple[tuple[float, float] | None, float]:
+        """Season and warm-up: limits of one condition and of one kind are of the same."""
+        return self.season(), self.warm_up_hours
 
     def season(self) -> tuple[float, float] | None:
         """First and last hour of the year that any window covers; beyond a turn of the year it counts on.
@@ -52,6 +66,9 @@ class Origin(BaseModel):
         """Why limits on windows of this origin are none for a dataset of ``other``; empty where they are."""
         if self.season() != other.season():
             return f"it is of {_named(self.season())}; this dataset is of {_named(other.season())}"
+        if self.warm_up_hours != other.warm_up_hours:
+            ours, theirs = (f"{one.warm_up_hours:g} h" for one in (self, other))
+            return f"it is of records that are warmed up for {ours}; this dataset's are for {theirs}"
         for file in sorted(self.weather.keys() & other.weather.keys()):
             ours, theirs = self.weather[file], other.weather[file]
             if ours != theirs:
@@ -147,7 +164,7 @@ class Ceilings(BaseModel):
             self.put(ceiling)
 
     def _key(self, one: Ceiling) -> tuple[object, ...]:
-        return (*self._condition(one), one.known_origin().season())
+        return (*self._condition(one), one.known_origin().kind())
 
     def _told(self, channels: list[str]) -> tuple[list[str], bool]:
         """The outputs among channels, and whether they tell the nuisance: all of these are one and the same signal."""

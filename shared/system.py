@@ -48,7 +48,9 @@ class Experiment(Table):
 
     step: float = Field(3600.0, gt=0, description="output step [s]")
     hours: float = Field(8760.0, gt=0, description="length of the record [h]")
-    start: tuple[float, float] = Field((0.0, 0.0), description="a record begins at a midnight between these hours [h]")
+    start: tuple[float, float] = Field(
+        (0.0, 0.0), description="a record begins at a midnight between these hours, at the first if there is none [h]"
+    )
     warm_up_hours: float = Field(0.0, ge=0, description="simulated before the record begins and dropped [h]")
     tolerance: float = Field(1e-6, gt=0, le=1e-2, description="relative tolerance of the integrator")
 

@@ -289,8 +289,7 @@ def _copy_ceilings(system: System, folder: Path, *, excitation: bool, uncertain:
         if not excitation and any(one.source == "excitation" for one in system.inputs):
             _log.warning("%s: not copied: its ceilings hold with excitation, this dataset is not all with it", beside)
             return
-        experiment = system.experiment
-        origin = Origin(start=experiment.start, hours=experiment.hours, weather=weather_hashes(system))
+        origin = Origin.of(system.experiment, weather_hashes(system))
         limit, reason = fitting(ceilings.ceilings, origin, unknown_constants(system.uncertain if uncertain else []))
         if limit is None:
             _log.info("%s: not copied: %s", beside, reason)  # nothing is wrong with the dataset

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import difflib
+from collections.abc import Sequence
 
+import numpy as np
 from fmpy.model_description import ScalarVariable
 
 from datagen.fmi.baselines import check_effects
 from datagen.fmi.fmu import UNITLESS, Fmu, unit_of, value_fault
-from shared.errors import SystemDescriptionError
+from shared.errors import FmuError, SystemDescriptionError
 from shared.possible import in_another_unit
+from shared.reading import shown
 from shared.system import System
 
 
@@ -62,11 +65,12 @@ def check_system(system: System, fmu: Fmu) -> None:
             raise SystemDescriptionError(
                 f'{where}: input {one.name!r} is discrete in {fmu.path.name}; expected interpolation = "previous"'
             )
-    declared = set(system.input_names) | set(system.parameter_names)
+    declared = {*system.input_names, *system.parameter_names, *system.fixed}
     for name, found in fmu.variables.items():
         if found.causality == "input" and name not in declared:
             raise SystemDescriptionError(
-                f"{where}: {fmu.path.name} has an input {name!r} that no [[inputs]] table names; expected one"
+                f"{where}: {fmu.path.name} has an input {name!r} that no [[inputs]] table names; expected one, or"
+                " its value under [fixed]"
             )
     for output in system.outputs:
         unit("output", output.fmu_variable, output.unit)
@@ -96,6 +100,44 @@ def check_system(system: System, fmu: Fmu) -> None:
                     f" {value} in {fmu.path.name}; expected a positive {real} parameter that can be set"
                 )
     check_effects(system, fmu)
+
+
+def fmu_of(system: System) -> Fmu:
+    """The FMU that a description names.
+
+    Raises
+    ------
+    FmuError
+        If it is not there, as in a description that was copied without it, or cannot be loaded.
+    """
+    if not system.fmu_path.exists():
+        raise FmuError(
+            f"{system.path}: fmu is {shown(system.fmu)}, but {system.fmu_path} is not there; expected where the FMU"
+            " lies, as seen from the description's folder"
+        )
+    return Fmu(system.fmu_path)
+
+
+def check_held(system: System, fmu: Fmu, names: Sequence[str], left: np.ndarray, right: np.ndarray) -> None:
+    """Refuse what changes a discrete input on straight lines: such are set at events alone, and would be stale.
+
+    Parameters
+    ----------
+    names, left, right
+        Of the discrete inputs; their values at both ends of each stretch between two knots, shapes (stretches, inputs).
+
+    Raises
+    ------
+    SystemDescriptionError
+        Naming the first.
+    """
+    bent = (left != right).any(axis=0)
+    if bent.any():
+        name = names[int(np.argmax(bent))]
+        raise SystemDescriptionError(
+            f"{system.path}: input {name!r} is discrete in {fmu.path.name}, and what drives it changes on straight"
+            ' lines; expected interpolation = "previous"'
+        )
 
 
 def _is_difference(variable: ScalarVariable) -> bool:

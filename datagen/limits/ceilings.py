@@ -114,10 +114,11 @@ def ceilings_of(
                 windows.append(window)
                 bar.update(count * systems + len(windows), note=f"{context:g} h")
             visited = np.concatenate([w.visited for w in windows])
-            start = (visited - visited.mean(axis=0)).T @ (visited - visited.mean(axis=0)) / len(visited)
+            moved = visited - visited.sum(axis=0) / max(len(visited), 1)  # none where all begin as the FMU does
+            start = moved.T @ moved / max(len(visited), 1)
             experiment = described.experiment
             # a window that is longer than a record is a record of its own
-            origin = Origin(start=experiment.start, hours=max(experiment.hours, context), weather=weather)
+            origin = Origin.of(experiment.model_copy(update={"hours": max(experiment.hours, context)}), weather=weather)
             for noise, channels in wanted:
                 variances = np.array([posterior_variance(described, w, start, noise, channels) for w in windows])
                 results.append(_summarise(described, variances, context, noise, channels, seed, origin, constants))

@@ -84,14 +84,14 @@ def check_as_many(
         Naming the first condition of which there is one of more systems.
     """
     experiment = system.experiment
-    season = Origin(start=experiment.start, hours=experiment.hours).season()
+    kind = Origin.of(experiment).kind()
     constants = unknown_constants(system.uncertain if uncertain else [])
     for hours in contexts:
         for noise, channels in conditions:
             same = kept.find(
                 context_hours=hours, step=experiment.step, noise=noise, channels=channels, constants=constants
             )
-            most = max((one.systems for one in same if one.known_origin().season() == season), default=0)
+            most = max((one.systems for one in same if one.known_origin().kind() == kind), default=0)
             if most > systems:
                 raise ZeroshotError(
                     f"{path}: holds a limit for {hours:g} h of {', '.join(channels)} with noise {noise} over {most}"

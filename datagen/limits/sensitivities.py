@@ -30,6 +30,7 @@ PULSE = 600.0
 would pass for known within: with 1800 here a day of clean readings has a mean R2 of 0.80, with 600 of 0.75, with 300 of
 0.74 (the default system, two sensors, three rooms, seed 1)."""
 SPIN_UP_HOURS = 240.0
+"""Of a window's past, what is simulated before it at least, where its record goes back so far."""
 PARAMETER_STEP = 0.02
 """Half-width of the difference for a parameter or a constant, in prior standard deviations of its own scale."""
 STATE_STEP = 0.02
@@ -86,7 +87,9 @@ def random_window(system: System, context: float, seed: int, index: int, uncerta
     """Sensitivities of a random window of ``context`` [h] of a random system, from its record as the farm makes it.
 
     Where ``uncertain`` is set its uncertain constants are drawn, too, and the window has their sensitivities. Like the
-    parameters they are moved from the window's start on alone: the state there is an unknown of its own.
+    parameters they are moved from the window's start on alone: the state there is an unknown of its own. It is what the
+    record's past leads to, so that a window on a record's first hours, where the record is not warmed up, begins with
+    the state of the FMU itself, which is known, and shows how it settles.
     """
     key = f"{system.canonical()} {system.fmu_path} {sha256_of(system.fmu_path)}"
     if key not in _SIMULATORS:
@@ -95,20 +98,35 @@ def random_window(system: System, context: float, seed: int, index: int, uncerta
     step = system.experiment.step
     span = context * HOUR
     latest = max(int((system.experiment.hours * HOUR - span) // step), 0)
-    begin = record_start(system, seed, index) + step * int(stream(seed, index, "window").integers(latest + 1))
+    since = step * int(stream(seed, index, "window").integers(latest + 1))
+    begin = record_start(system, seed, index) + since
     theta = sample_parameters(system, seed, index)
     scale = np.array([float(np.std(p.from_unit(np.linspace(0, 1, 2001)))) for p in system.parameters])
     known = constants(system, simulator.fmu) if uncertain else ()
     drawn = sample_factors(system, seed, index) if uncertain else np.empty(0)
-    spin_up = step * np.ceil(SPIN_UP_HOURS * HOUR / step - 1e-9)  # whole steps, lest there be no value at its end
+    warm_up = system.experiment.warm_up_hours * HOUR
+    spin_up = min(step * np.ceil(max(SPIN_UP_HOURS * HOUR, warm_up) / step - 1e-9), since + warm_up)
     table = build_inputs(system, root_seed=seed, index=index, start=begin - spin_up, stop=begin + span)
 
     def setting(values: np.ndarray, factors: np.ndarray) -> dict[str, float]:
         return dict(zip(system.parameter_names, values.tolist(), strict=True)) | values_of(known, factors)
 
-    warm = simulator.run(setting(theta, drawn), table, start=begin - spin_up, stop=begin, record_states=True)
-    start_states = warm.states[-1]
-    spread = warm.states.std(axis=0)
+    visited = np.empty((0, simulator.fmu.n_states))
+    if spin_up > 0:
+        spacing = min(step, spin_up)
+        recorded = begin - spacing * np.floor(
+            spin_up / spacing + 1e-9
+        )  # whole steps, lest there be no value at their end
+        visited = simulator.run(
+            setting(theta, drawn),
+            table,
+            start=begin - spin_up,
+            stop=begin,
+            step=spacing,
+            record_from=recorded,
+            record_states=True,
+        ).states
+    start_states = visited[-1] if len(visited) else None
     each = int(np.ceil(step / PULSE - 1e-9))
     edges = begin + step / each * np.arange(round(span / step) * each + 1)
     fine = table.restricted(begin, begin + span).refined(edges)
@@ -116,7 +134,7 @@ def random_window(system: System, context: float, seed: int, index: int, uncerta
     def outputs(
         values: np.ndarray = theta,
         factors: np.ndarray = drawn,
-        states: np.ndarray = start_states,
+        states: np.ndarray | None = start_states,
         inputs: InputTable = fine,
     ) -> np.ndarray:
         return simulator.run(
@@ -139,12 +157,16 @@ def random_window(system: System, context: float, seed: int, index: int, uncerta
         ratio[k] = np.exp(PARAMETER_STEP * constant.relative)
         up, down = (outputs(factors=factors) for factors in (drawn * ratio, drawn / ratio))
         by_constant.append((up - down) / (2 * PARAMETER_STEP))
-    for k in range(len(start_states)):
-        move = np.zeros_like(start_states)
-        move[k] = max(STATE_STEP * spread[k], 1e-9 * abs(start_states[k]), 1e-12)
-        up, down = (outputs(states=states) for states in (start_states + move, start_states - move))
-        by_state.append((up - down) / (2 * move[k]))
     shape = (len(system.outputs), round(span / step), 0)
+    if start_states is None:  # known: it moves nothing
+        by_state = [np.zeros(shape[:2])] * simulator.fmu.n_states
+    else:
+        spread = visited.std(axis=0)
+        for k in range(len(start_states)):
+            move = np.zeros_like(start_states)
+            move[k] = max(STATE_STEP * spread[k], 1e-9 * abs(start_states[k]), 1e-12)
+            up, down = (outputs(states=states) for states in (start_states + move, start_states - move))
+            by_state.append((up - down) / (2 * move[k]))
     by_pulse, covariance, within = np.empty(shape), np.empty((0, 0)), np.empty(0, dtype=int)
     crowd = [system.input_names.index(name) for name in crowd_inputs(system)]
     if crowd and system.occupancy is not None:
@@ -174,5 +196,5 @@ def random_window(system: System, context: float, seed: int, index: int, uncerta
         occupancy=by_pulse,
         occupancy_covariance=covariance,
         occupancy_steps=within,
-        visited=warm.states,
+        visited=visited,
     )

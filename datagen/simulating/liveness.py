@@ -22,8 +22,11 @@ _log = logger(__name__)
 
 PROBE_HOURS = 96.0
 PROBE_SEED = 0
-SEASONS = (0.0, 182.0 * 86400.0)
-"""When a look may begin [s]: what only shades or cools in summer is not ignored."""
+SEASONS = (0.0, 182.0 * 86400.0, 4.0 * 86400.0, 179.0 * 86400.0)
+"""When a look may begin [s]: what only shades or cools in summer is not ignored, nor what acts at weekends alone, in
+either. Time zero is a Monday."""
+LONGEST = 336.0
+"""Of the last look, at a record as described [h]."""
 HARDLY = 1e-3
 """Of an output's accuracy: a parameter that moves outputs by less is ignored; one that moves them by more is weak."""
 PATIENCE = 600.0
@@ -33,9 +36,10 @@ PATIENCE = 600.0
 def responses(simulator: Simulator, names: Collection[str] | None = None) -> dict[str, float | SimulationError]:
     """Largest change of any output over each parameter's range, in units of the output's accuracy.
 
-    Simulates a few winter days from the middle of the ranges, once at each end of each parameter, and summer days too
-    where the outputs do not move. For an end that cannot be simulated the middle stands in; if only one of the three
-    can be, the cause stands in place of the change, and other parameters are looked at all the same.
+    Simulates a few winter days from the middle of the ranges, once at each end of each parameter, and where the outputs
+    do not move, summer days, weekends, and the beginning of a record as described, too. For an end that cannot be
+    simulated the middle stands in; if only one of the three can be, the cause stands in place of the change, and other
+    parameters are looked at all the same.
 
     Parameters
     ----------
@@ -130,18 +134,22 @@ class _Look:
 
     def __init__(self, simulator: Simulator) -> None:
         self.simulator, system = simulator, simulator.system
-        span = min(PROBE_HOURS, system.experiment.hours) * 3600.0
-        self.span = max(system.experiment.step, span - span % system.experiment.step)
+        experiment = system.experiment
+        short, long = (
+            experiment.step * max(1, int(min(hours, experiment.hours) * 3600.0 / experiment.step + 1e-6))
+            for hours in (PROBE_HOURS, LONGEST)
+        )
+        self.looks = [*((start, short) for start in SEASONS), (experiment.start[0] * 3600.0, long)]
         self.middle = {p.name: float(p.from_unit(0.5)) for p in system.parameters}
         self.ends = {p.name: (p.max, p.min) for p in system.parameters}
         self.accuracy = np.array([[o.accuracy] for o in system.outputs])
-        self._inputs: dict[float, InputTable] = {}
+        self._inputs: dict[tuple[float, float], InputTable] = {}
 
     def response(self, name: str) -> float | SimulationError:
         """The largest change that a parameter makes, or why it cannot be had."""
         largest = 0.0
-        for start in SEASONS:
-            change = self._change(name, start)
+        for start, span in self.looks:
+            change = self._change(name, start, span)
             if isinstance(change, SimulationError):
                 return change
             largest = max(largest, change)
@@ -149,21 +157,22 @@ class _Look:
                 break
         return largest
 
-    def outputs(self, start: float, values: Mapping[str, float]) -> np.ndarray:
-        """Outputs from ``start`` [s] on, with some parameters elsewhere than in the middle."""
-        if start not in self._inputs:
-            self._inputs[start] = build_inputs(
-                self.simulator.system, root_seed=PROBE_SEED, index=0, start=start, stop=start + self.span
+    def outputs(self, start: float, span: float, values: Mapping[str, float]) -> np.ndarray:
+        """Outputs from ``start`` on for ``span`` [s], with some parameters elsewhere than in the middle."""
+        stop = start + span
+        if (start, stop) not in self._inputs:
+            self._inputs[start, stop] = build_inputs(
+                self.simulator.system, root_seed=PROBE_SEED, index=0, start=start, stop=stop
             )
         parameters = {**self.middle, **values}
-        return self.simulator.run(parameters, self._inputs[start], start=start, stop=start + self.span).outputs
+        return self.simulator.run(parameters, self._inputs[start, stop], start=start, stop=stop).outputs
 
-    def _change(self, name: str, start: float) -> float | SimulationError:
+    def _change(self, name: str, start: float, span: float) -> float | SimulationError:
         found: list[np.ndarray] = []
         cause = SimulationError("")
         for value in (*self.ends[name], self.middle[name]):
             try:
-                found.append(self.outputs(start, {name: value}))
+                found.append(self.outputs(start, span, {name: value}))
             except SimulationError as error:
                 cause = error
             if len(found) == 2:
@@ -178,7 +187,8 @@ def _probe(work: tuple[System, tuple[str, ...]]) -> dict[str, float | Simulation
 
 def _middle(system: System) -> None:
     """Raises if the middle of the ranges cannot be simulated either."""
-    _Look(Simulator(system)).outputs(SEASONS[0], {})
+    look = _Look(Simulator(system))
+    look.outputs(*look.looks[0], {})
 
 
 def _found(result: dict[str, float | SimulationError] | ZeroshotError) -> dict[str, float | SimulationError]:

@@ -71,6 +71,9 @@ from datagen.simulating.evaluation import evaluate, set_states
 BUILT_ON = "048cd92166cf8e76"
 """Of what this file imports, see :mod:`datagen.fmi.calls`."""
 
+BELOW_ZERO = -1e-300
+"""An indicator that is 0 counts as this: to FMI its two domains are z > 0 and z <= 0, while CVODE reports 0 itself,
+where the FMU sees no change yet, and then takes no notice when it becomes positive."""
 MAX_EVENTS_AT_ONCE = 1000
 _ROOT_RETURN = 2
 _NORMAL, _ONE_STEP = 1, 2
@@ -116,8 +119,13 @@ def event_indicators(t: float, y: int, gout: int, data: Any) -> int:
     plan[STATUS] = 0
     ok = apply(plan, t) and set_states(plan, _address_of(plan[VECTOR_DATA], y))
     count = plan[N_INDICATORS]
-    ok = ok and check(plan, _c_ppp(plan[GET_INDICATORS], plan[COMPONENT], gout, count), GET_INDICATORS)
-    return 0 if ok else -1
+    if not (ok and check(plan, _c_ppp(plan[GET_INDICATORS], plan[COMPONENT], gout, count), GET_INDICATORS)):
+        return -1
+    found = carray(doubles(gout), (count,))
+    for i in range(count):
+        if found[i] == 0.0:
+            found[i] = BELOW_ZERO
+    return 0
 
 
 @njit(cache=True, error_model="numpy")

@@ -10,14 +10,12 @@ import numpy as np
 
 from datagen.driving.tables import InputTable
 from datagen.fmi import calls, instances
-from datagen.fmi.checking import check_system
-from datagen.fmi.fmu import Fmu
+from datagen.fmi.checking import check_held, check_system, fmu_of
 from datagen.fmi.watchdog import watchdog
 from datagen.simulating import cosimulation, native
 from datagen.simulating.canary import resets_cleanly
 from datagen.simulating.solver import Cvode
-from shared.errors import FmuError, SimulationError
-from shared.reading import shown
+from shared.errors import SimulationError
 from shared.system import System
 from shared.variables import WeatherInput
 
@@ -62,12 +60,7 @@ class Simulator:
 
     def __init__(self, system: System) -> None:
         self.system = system
-        if not system.fmu_path.exists():  # as in a description that was copied without its FMU
-            raise FmuError(
-                f"{system.path}: fmu is {shown(system.fmu)}, but {system.fmu_path} is not there; expected where the FMU"
-                " lies, as seen from the description's folder"
-            )
-        self.fmu = Fmu(system.fmu_path)
+        self.fmu = fmu_of(system)
         check_system(system, self.fmu)
         self.reuse: bool | None = None
         self._finished = False
@@ -125,6 +118,8 @@ class Simulator:
         ------
         SimulationError
             If the end was not reached; data are never short.
+        SystemDescriptionError
+            If a discrete input of the FMU changes other than in steps.
         ValueError
             If the span is not a whole number of steps.
         """
@@ -141,6 +136,8 @@ class Simulator:
                 f"{self.fmu.path.name}: Co-Simulation; expected Model Exchange, which shows its states"
             )
         table = self._arranged(inputs.restricted(start, stop))
+        n = self._n_continuous
+        check_held(system, self.fmu, table.names[n:], table.left[:, n:], table.right[:, n:])
         records = _Records(
             points=np.full((count + 1, len(self._points)), np.nan),
             quadratures=np.full((count + 1, len(self._means)), np.nan),

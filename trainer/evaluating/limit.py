@@ -54,9 +54,9 @@ def find_ceiling(
 
 def origin_of(dataset: DatasetFolder) -> Origin:
     """What a dataset's windows are of; datasets of old say nothing of their weather."""
-    experiment, weather = dataset.system.experiment, dataset.manifest.settings.get("weather")
+    weather = dataset.manifest.settings.get("weather")
     known = {str(k): str(v) for k, v in weather.items()} if isinstance(weather, dict) else {}
-    return Origin(start=experiment.start, hours=experiment.hours, weather=known)
+    return Origin.of(dataset.system.experiment, known)
 
 
 def constants_of(dataset: DatasetFolder) -> dict[str, Unknown]:

@@ -177,6 +177,20 @@ def test_what_acts_in_summer_alone_is_not_ignored(toml, monkeypatch):
     assert responses(simulator, ["roo.V"])["roo.V"] > 1
 
 
+def test_what_acts_at_weekends_alone_is_not_ignored(toml, monkeypatch):
+    """Looks of four days that begin on Mondays end before the weekend."""
+    simulator = Simulator(parse_system(toml, Path("mine.toml")))
+    real = simulator.run
+
+    def run(parameters, inputs, *, start, stop, **words):
+        weekend = any(day % 7 >= 5 for day in range(int(start // 86400), int(stop // 86400)))
+        held = parameters if weekend else {**parameters, "roo.V": 200.0}
+        return real(held, inputs, start=start, stop=stop, **words)
+
+    monkeypatch.setattr(simulator, "run", run)
+    assert responses(simulator, ["roo.V"])["roo.V"] > 1
+
+
 def test_what_is_weak_is_refused_for_a_dataset_and_not_for_its_limit(default_system):
     assert _judged(default_system, {"roo.V": 0.5}, HARDLY) == {"roo.V": 0.5}
     with pytest.raises(SystemDescriptionError, match=r"moves by its accuracy for 'roo\.V' \(0\.5 of it\)"):

@@ -11,6 +11,7 @@ name = "House"
 fmu = "{fmu}"
 [experiment]
 hours = 48.0
+warm_up_hours = 240.0
 [estimator]
 channels = ["room"]
 [[parameters]]

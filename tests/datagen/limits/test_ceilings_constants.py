@@ -29,6 +29,7 @@ name = "House"
 fmu = "{fmu}"
 [experiment]
 hours = 48.0
+warm_up_hours = 24.0
 tolerance = 1e-9
 [estimator]
 channels = ["room"]
@@ -238,7 +239,10 @@ def test_limits_are_put_beside_data_with_their_constants_alone(house, tmp_path, 
     caplog.set_level("INFO", "zeroshot")
     system = house(HEAT).model_copy(update={"path": tmp_path / "house.toml"})
     limit = identifiability(house(HEAT), context=24.0, systems=1).model_copy(
-        update={"origin": Origin(start=(0.0, 0.0), hours=48.0), "constants": unknown_constants(house(*taken).uncertain)}
+        update={
+            "origin": Origin(start=(0.0, 0.0), hours=48.0, warm_up_hours=24.0),
+            "constants": unknown_constants(house(*taken).uncertain),
+        }
     )
     write_ceilings(
         tmp_path / FILE_NAME,

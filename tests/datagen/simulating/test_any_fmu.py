@@ -72,6 +72,20 @@ def test_a_ball_bounces_when_it_should(small_system, flavour):
     assert (run.outputs[1] != expected).mean() < (1e-9 if kind == "me" else 0.02)
 
 
+@pytest.mark.parametrize(
+    ("rate", "top", "closes"), [(1.0, 3.0, 3.0), (0.5, 2.0, 4.0), (-1.0, -3.0, 3.0), (1.0, 0.0, 0.0)]
+)
+def test_an_event_where_an_indicator_is_exactly_zero_is_no_end_of_it(small_system, fmi, rate, top, closes):
+    """The integrator is at z = 0 where an output falls on it, and the FMU's domains are z > 0 and z <= 0."""
+    system = small_system(
+        "meter", fmi, ("me",), outputs={"x": "point", "closed": "point"}, parameters=("rate",), step=1.0
+    )
+    run = Simulator(system).run({"rate": rate, "top": top}, no_inputs(8.0), start=0.0, stop=8.0)
+    np.testing.assert_allclose(run.outputs[0], rate * run.time, atol=1e-9)
+    after = run.time > closes
+    assert np.array_equal(run.outputs[1][run.time != closes], (after == (rate > 0))[run.time != closes])
+
+
 def echo(t, count=12):
     """x' = -x(t - 1), x = 1 before: a sum of powers, one more in each second (method of steps)."""
     return sum((-1) ** k * np.maximum(t - (k - 1), 0.0) ** k / math.factorial(k) for k in range(count))
@@ -221,6 +235,29 @@ def test_inputs_pass_through(small_system, flavour):
     np.testing.assert_allclose(run.outputs[0], expected)
     np.testing.assert_allclose(run.outputs[1], run.time)
     np.testing.assert_allclose(run.inputs[1], 0.5 * run.time)
+
+
+def test_a_discrete_input_that_is_led_on_a_line_is_refused(small_system, flavour):
+    """It is set at events alone: between them it would stay what it was, without a word."""
+    version, kind = flavour
+    shape = {"outputs": {"stepped": "point"}, "parameters": ("gain",), "inputs": {"switch": "previous", "u": "linear"}}
+    simulator = Simulator(small_system("feedthrough", version, (kind,), **shape, **STEPWISE))
+    for drawn in (ramp(4.0), steps([0.0, 2.0], [1.0, 3.0])):
+        table = inputs(4.0, switch=drawn, u=ramp(4.0))
+        if drawn.kind == "previous":
+            simulator.run({"gain": 1.0}, table, start=0.0, stop=4.0)
+            continue
+        with pytest.raises(SystemDescriptionError, match=r"'switch' is discrete in .*expected interpolation"):
+            simulator.run({"gain": 1.0}, table, start=0.0, stop=4.0)
+
+
+def test_an_input_may_be_held_at_a_value(small_system, flavour):
+    """As a switch that is on throughout, of whatever type: it needs no signal."""
+    version, kind = flavour
+    shape = {"outputs": {"y": "point", "stepped": "point"}, "parameters": ("gain",), "inputs": {"u": "linear"}}
+    simulator = Simulator(small_system("feedthrough", version, (kind,), **shape, fixed={"switch": 3.0}, **STEPWISE))
+    run = simulator.run({"gain": 2.0}, inputs(4.0, u=ramp(4.0)), start=0.0, stop=4.0)
+    np.testing.assert_allclose(run.outputs[1], 6.0)
 
 
 def test_means_of_what_follows_an_input_directly(small_system, flavour):

@@ -58,6 +58,15 @@ MODELS = {
     "stair": Model(
         (Variable("count", "output", 1.0, "discrete"), _parameter("period", 1.0), _parameter("top", 1e9)), internal=0.1
     ),
+    "meter": Model(
+        (
+            Variable("x", "output", 0.0, rate=True),
+            Variable("closed", "output", 0.0, "discrete"),
+            _parameter("rate", 1.0),
+            _parameter("top", 3.0),
+        ),
+        indicators=1,
+    ),
     "vanderpol": Model(
         (Variable("x", "output", 2.0, rate=True), Variable("y", "output", 0.0, rate=True), _parameter("mu", 1.0)),
         internal=1e-4,

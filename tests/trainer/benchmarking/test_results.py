@@ -70,7 +70,7 @@ def test_the_ceiling_is_that_of_the_file_named_now(finished, short, tmp_path):
     limit = Ceiling(
         **condition_of,
         channels=card.encoding.recorded,
-        origin=Origin(start=(0.0, 0.0), hours=48.0),
+        origin=Origin(start=(0.0, 0.0), hours=48.0, warm_up_hours=0.0),
         r2={"tank.drain": 0.99, "tank.fill": 0.98},
         **{"r2_mean": 0.985, "r2_mean_low": 0.98, "r2_mean_high": 0.99, "systems": 10, "seed": 0},
     )

@@ -126,7 +126,7 @@ def test_the_files_say_what_was_found(own_ridge, tanks):
     assert matplotlib.image.imread(own_ridge / "scatter.png").shape[1] > 400
 
 
-TANKS = Origin(start=(0.0, 0.0), hours=240.0)
+TANKS = Origin(start=(0.0, 0.0), hours=240.0, warm_up_hours=0.0)
 
 
 def ceilings_for(run, **changes):
@@ -184,7 +184,14 @@ def test_a_measured_nuisance_has_a_ceiling_of_its_own(ridge_run, tanks, tmp_path
     ("changes", "said"),
     [
         ({"origin": None}, "it is of the whole year; this dataset is of hours 0 to 240 of the year"),
-        ({"origin": Origin(start=(4344.0, 4344.0), hours=240.0)}, "it is of hours 4344 to 4584 of the year; this "),
+        (
+            {"origin": TANKS.model_copy(update={"warm_up_hours": 240.0})},
+            "it is of records that are warmed up for 240 h; ",
+        ),
+        (
+            {"origin": Origin(start=(4344.0, 4344.0), hours=240.0, warm_up_hours=0.0)},
+            "it is of hours 4344 to 4584 of the year; this ",
+        ),
         ({"origin": TANKS.model_copy(update={"weather": {"a.csv": "1" * 64}})}, "it is of weather a.csv with "),
         ({"origin": TANKS.model_copy(update={"weather": {"b.csv": "1" * 64}})}, None),
     ],
