@@ -62,11 +62,6 @@ class Marginal:
         projected = self._vectors.T @ (self.by_unknown.T @ residual)
         return np.asarray(self._vectors @ (projected / (1 + self._values)))
 
-    def unknowns_factor(self) -> np.ndarray:
-        """A factor of the posterior covariance of the unknowns given the rest, shape (unknowns, unknowns)."""
-        count = self.by_unknown.shape[1]
-        return np.asarray(np.eye(count) - self._vectors * (1 - 1 / np.sqrt(1 + self._values)) @ self._vectors.T)
-
     def inverse(self, rows: np.ndarray) -> np.ndarray:
         """S^(-1) applied to standardised rows, shape (rows,) or (rows, n)."""
         inside = self._basis.T @ rows

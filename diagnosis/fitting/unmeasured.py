@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import eigh
@@ -85,8 +86,26 @@ def _spans(driven: Drive) -> list[tuple[float, float]]:
     return [(max(b, driven.begin), a) for a, b in zip(ends, [*ends[1:], driven.begin], strict=True)]
 
 
-def _unknown_occupancy(system: System, place: int, driven: Drive, seed: int) -> tuple[Nuisance, Piecewise]:
-    """Half-hourly persons in the recording and their means before it; the signal holds the usual day before it."""
+@dataclass(frozen=True)
+class Courses:
+    """Courses of persons in a room of the average level, as the description draws them, by pulses.
+
+    ``begin``, ``end`` (pulses,) [s]: half hours of the recording at which somebody may come, then spans before it;
+    ``recorded`` is how many are of the former; ``heights`` (courses, pulses) [persons], of spans before the recording
+    against the usual; ``level`` (courses,) by which each was divided, 1 on average; ``known`` what the rest of the
+    signal is.
+    """
+
+    begin: np.ndarray
+    end: np.ndarray
+    recorded: int
+    heights: np.ndarray
+    level: np.ndarray
+    known: Piecewise
+
+
+def courses(system: System, driven: Drive, seed: int = 0) -> Courses:
+    """Draw courses of the persons that nobody counted; the same ones for the same seed."""
     assert system.occupancy is not None
     back = round((driven.start - driven.begin) / PULSE)
     count = int(np.ceil((driven.stop - driven.start) / PULSE - 1e-9))
@@ -112,24 +131,36 @@ def _unknown_occupancy(system: System, place: int, driven: Drive, seed: int) -> 
     known[np.setdiff1d(np.arange(back, back + count), inside)] = usual[
         np.setdiff1d(np.arange(back, back + count), inside)
     ]
-    stacked = np.concatenate(heights, axis=1)
-    covariance = np.atleast_2d(np.cov(stacked, rowvar=False))
-    variance = np.diag(covariance)[: len(inside)]
+    return Courses(
+        begin=np.concatenate(begins),
+        end=np.concatenate(ends),
+        recorded=len(inside),
+        heights=np.concatenate(heights, axis=1),
+        level=level,
+        known=Piecewise(edges[:-1], known, "previous"),
+    )
+
+
+def _unknown_occupancy(system: System, place: int, driven: Drive, seed: int) -> tuple[Nuisance, Piecewise]:
+    """Half-hourly persons in the recording and their means before it; the signal holds the usual day before it."""
+    found = courses(system, driven, seed)
+    covariance = np.atleast_2d(np.cov(found.heights, rowvar=False))
+    variance = np.diag(covariance)[: found.recorded]
     rare = np.maximum(RARE**2 * variance.max(initial=0.0) - variance, 0.0)
-    covariance = covariance + np.diag(np.append(rare, np.zeros(len(covariance) - len(inside))))
-    begin, end = np.concatenate(begins), np.concatenate(ends)
+    covariance = covariance + np.diag(np.append(rare, np.zeros(len(covariance) - found.recorded)))
+    level = np.log(found.level)
     return (
         Nuisance(
-            column=np.full(len(begin), place),
-            begin=begin,
-            end=end,
-            turns=np.zeros(len(begin), dtype=bool),
-            recorded=begin > driven.start - SNAP,
-            mean=stacked.mean(axis=0),
+            column=np.full(len(found.begin), place),
+            begin=found.begin,
+            end=found.end,
+            turns=np.zeros(len(found.begin), dtype=bool),
+            recorded=found.begin > driven.start - SNAP,
+            mean=found.heights.mean(axis=0),
             factor=_factor(covariance),
-            levels=(Level(place, float(np.log(level).mean()), float(np.log(level).std())),),
+            levels=(Level(place, float(level.mean()), float(level.std())),),
         ),
-        Piecewise(edges[:-1], known, "previous"),
+        found.known,
     )
 
 

@@ -24,6 +24,7 @@ from diagnosis.fitting.renewing import renewed
 from diagnosis.fitting.side_by_side import side_by_side
 from diagnosis.forecasting.forecasted import Ahead, Forecast, Forecasted, about_failed
 from diagnosis.forecasting.given import check_constants, check_given, noise_of
+from diagnosis.forecasting.persons import corrected, from_the_prior
 from diagnosis.intervals import LEVEL
 from diagnosis.recording import HOUR, Recording, check_warm_up, read_recording
 from diagnosis.scores import score
@@ -231,12 +232,11 @@ def _ensemble(
     rng = np.random.default_rng(seed)
     low, high = problem.bounds
     factor = np.linalg.cholesky(covariance)
-    spread = around.marginal.unknowns_factor()
     made = []
-    for _ in range(draws):
+    for unread in from_the_prior(problem, draws, rng):
         drawn = np.clip(z + factor @ rng.standard_normal(len(z)), low, high)
         try:
-            nuisance = problem.likely_nuisance(drawn, around) + spread @ rng.standard_normal(len(spread))
+            nuisance = corrected(unread, problem.likely_nuisance(drawn, around), around.marginal, rng)
             outputs = problem.simulate(drawn, problem.nuisance.heights(nuisance))
         except SimulationError:
             continue

@@ -4,8 +4,8 @@
 
 Ahead, the weather and the persons of the recording drive the model. Prints the median and quantiles over systems of
 each output's RMSE against its noisy readings (the sensor's own noise, which nobody can forecast, is beside it), CVRMSE
-and NMBE (medians of absolute values; a temperature has none), and the share of readings within the 90 % band. In
-brackets: 90 % intervals, bootstrapped over systems.
+and NMBE (medians of absolute values; a temperature has none), and the shares of readings within the 90 % band, below
+and above it. In brackets: 90 % intervals, bootstrapped over systems.
 """
 
 from __future__ import annotations
@@ -68,6 +68,18 @@ def unseen(
     return replace(read_recording(path, system), outputs=outputs)
 
 
+def beyond(done: Any, name: str) -> tuple[float, float]:
+    """Shares of an output's readings ahead that lie below the band, and above it."""
+    k = done.system.output_names.index(name)
+    ahead = slice(done.context, None)
+    read = done.measured[k, ahead]
+    kept = np.isfinite(read)
+    return (
+        float((read < done.low[k, ahead])[kept].mean()),
+        float((read > done.high[k, ahead])[kept].mean()),
+    )
+
+
 def made(case: dict[str, Any]) -> dict[str, Any]:
     """One forecast: scores by output, or why there is none."""
     began = time.process_time()
@@ -84,7 +96,7 @@ def made(case: dict[str, Any]) -> dict[str, Any]:
     finally:
         (folder / f"system-{case['index']}.nc").unlink(missing_ok=True)
     scores = {
-        name: [one.rmse, one.cvrmse, one.nmbe, one.covered]
+        name: [one.rmse, one.cvrmse, one.nmbe, one.covered, *beyond(done, name)]
         for name, one in done.report.outputs.items()
         if one is not None
     }
@@ -126,8 +138,9 @@ def main() -> None:
         f"\n{len(rows)} systems, {len(rows) - len(good)} failed, root seed {options.seed}, persons {options.occupancy}"
     )
     print(f"{np.median([one['seconds'] for one in good]):.0f} s of the processor each\n")
-    print("| output | unit | RMSE median | of the sensor alone | RMSE 10 %, 90 % | CVRMSE | NMBE | in the 90 % band |")
-    print("|---|---|---|---|---|---|---|---|")
+    print("| output | unit | RMSE median | of the sensor alone | RMSE 10 %, 90 % | CVRMSE | NMBE", end=" ")
+    print("| in the 90 % band | below, above |")
+    print("|---|---|---|---|---|---|---|---|---|")
     targets = {name: float(value) for name, value in (one.split("=") for one in options.targets)}
     kept = []
     for output, alone in zip(system.outputs, system.noise_sd(options.noise), strict=True):
@@ -142,7 +155,8 @@ def main() -> None:
             print(
                 f"| {output.name} | {output.unit} | {middle:.3g} [{first:.3g}, {last:.3g}] | {alone:.3g} "
                 f"| {low:.3g}, {high:.3g} | {cvrmse} | {nmbe} "
-                f"| {values[:, 3].mean():.1%} [{some:.1%}, {most:.1%}] |"
+                f"| {values[:, 3].mean():.1%} [{some:.1%}, {most:.1%}] "
+                f"| {values[:, 4].mean():.1%}, {values[:, 5].mean():.1%} |"
             )
             if output.name in targets:
                 target = targets[output.name]
