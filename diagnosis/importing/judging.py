@@ -23,7 +23,7 @@ from diagnosis.importing.quality import (
     to_target,
 )
 from diagnosis.importing.reading import Measurements
-from diagnosis.importing.resampling import CLOSER, around, resample
+from diagnosis.importing.resampling import CLOSER, around, as_read, resample
 from diagnosis.importing.series import Series, Target
 from shared.errors import RecordingError
 from shared.flags import ASSUMED, COMPUTED
@@ -232,9 +232,12 @@ class Judge:
 
     def gridded(self, target: Target, signal: Signal, source: Source, origin: str, where: str) -> Series:
         """A signal on the grid, an input's gaps filled as its mapping says: weather by short lines unless told."""
-        values, flags = resample(signal, self.edges, target.method, self.mapping.grid.coverage)
-        if target.role == "input" and target.method == "point":
-            values = around(signal, self.edges)
+        grid = (signal, self.edges, target.method, self.mapping.grid.coverage)
+        if target.role == "output":
+            values, flags = as_read(*grid, bridges=source.max_gap is not None)
+        else:
+            values, flags = resample(*grid)
+            values = around(signal, self.edges) if target.method == "point" else values
         # an output may be below by its noise, which whoever fits it counts; what drives a simulation may not
         low = np.isfinite(values) & (values < signal.floor)
         if target.role == "input" and low.any():

@@ -91,7 +91,10 @@ class Source(Table):
     shift: float = Field(0.0, description="added to the column's stamps, whose clock is known to be wrong [s]")
     interval: float | None = Field(None, gt=0, description="interval of a mean [s]; the usual spacing if not given")
     max_gap: float | None = Field(
-        None, gt=0, description="readings further apart leave a gap, and a state holds no longer [h]"
+        None,
+        gt=0,
+        description="readings further apart leave a gap, and a state holds no longer [h]; nearer ones of an output are"
+        " joined over what was lost between, flagged as interpolated",
     )
     valid: tuple[float, float] | None = Field(None, description="possible values, in ``unit``")
     stuck_after: float | None = Field(
