@@ -87,13 +87,13 @@ class Judge:
         """
         where = f"{self.mapping.path}: {key}"
         if source.constant is not None:
-            value = self.converted(source.constant, source, target.unit, where)
+            value = self.converted(source.constant, source, target.unit, where, sun=target.sun)
             made = self.assumed(target, value, f"constant of the mapping: {value:.6g}")
             return self._beside(made, source, where)
         # a set point stands still, the weather does not
         outdoors = weather is not None and weather != BEAM
         moving = target.unit in MOVING and (target.role == "output" or outdoors)
-        signal = self.signal(source, target.unit, where, moving=moving)
+        signal = self.signal(source, target.unit, where, moving=moving, sun=target.sun)
         if target.method == "mean" and not self._says_how(source):
             self._instants(target, signal, f"{where}: column {source.column!r}")
         if target.role == "output":
@@ -108,7 +108,9 @@ class Judge:
             return made
         same = {name: getattr(source, name) for name in ("reading", "stamp", "interval", "max_gap")}
         own = {name: getattr(meter, name) for name in ("column", "unit", "scale", "offset", "persons")}
-        other = self.signal(Source(**own, **same), made.target.unit, f"{where}.compare", moving=False)
+        other = self.signal(
+            Source(**own, **same), made.target.unit, f"{where}.compare", moving=False, sun=made.target.sun
+        )
         made.second, _ = resample(other, self.edges, made.target.method, self.mapping.grid.coverage)
         if made.target.role == "input" and made.target.method == "point":  # as the first one is
             made.second = around(other, self.edges)
@@ -164,15 +166,15 @@ class Judge:
             f" {usual:g} makes them, or reading = 'hold' for what holds until the next reading"
         )
 
-    def converted(self, value: float, source: Source, unit: str, where: str) -> float:
+    def converted(self, value: float, source: Source, unit: str, where: str, *, sun: bool = True) -> float:
         """A number of the mapping, as written in the source's unit, in ``unit``; refused if readings of it would be."""
         density = self.mapping.air_density
         made = float(to_target(np.array(value), source, unit, density=density, where=where))
-        check_possible(made, source, unit, density=density, where=where)
+        check_possible(made, source, unit, density=density, where=where, sun=sun)
         return made
 
-    def signal(self, source: Source, unit: str, where: str, *, moving: bool) -> Signal:
-        """A column as a judged signal; ``moving`` says that it never stands still.
+    def signal(self, source: Source, unit: str, where: str, *, moving: bool, sun: bool = True) -> Signal:
+        """A column as a judged signal; ``moving`` says that it never stands still, ``sun`` that W/m2 are irradiance.
 
         Raises
         ------
@@ -214,8 +216,8 @@ class Judge:
             if moving and not _is_calm(signal):
                 raise RecordingError(f"{where}: every reading is {signal.values[0]:g} {unit}; expected one that varies")
             self.notes.append(f"column {column}: every reading is {signal.values[0]:g} {unit}")
-        signal = mark_impossible(signal, source, density=density, where=where)
-        limits = possible_in_source(source, unit, density=density, where=where)
+        signal = mark_impossible(signal, source, density=density, where=where, sun=sun)
+        limits = possible_in_source(source, unit, density=density, where=where, sun=sun)
         self.tell(plausible.about_impossible(column, signal, source, *limits))
         self.tell(plausible.about_noise(column, signal))
         if source.unit in ("percent", "%") and source.scale == 1 and 0 < float(np.nanmax(readings)) <= 1.0:
@@ -255,7 +257,9 @@ class Judge:
                 values, flags = interpolate_short(values, flags, most)
             elif isinstance(fill, float):
                 plain = Source(constant=fill, unit=source.unit, persons=source.persons)
-                values, flags = fill_constant(values, flags, self.converted(fill, plain, target.unit, where))
+                values, flags = fill_constant(
+                    values, flags, self.converted(fill, plain, target.unit, where, sun=target.sun)
+                )
         return Series(target, origin, values, flags, signal=signal)
 
     def _usual_fill(self, source: Source) -> str:

@@ -251,7 +251,7 @@ class Outdoors:
         inputs = {one.name: one.column for one in self.system.inputs if isinstance(one, WeatherInput)}
         for one in series:
             name = one.target.name
-            sun = inputs.get(name) in (*_SUN, "poa_global") and _same(one.target.unit, "W/m2")
+            sun = one.target.sun and _same(one.target.unit, "W/m2")
             if sun and name in self.judge.mapping.variables and one.signal is not None:
                 found.append((f"variables.{name}", inputs[name], one.signal))
         return found

@@ -156,7 +156,7 @@ def about_register(column: str, signal: Signal) -> str | None:
 
 def about_instants(name: str, apart: float, step: float) -> str | None:
     """A sentence if means over a step [s] are made of readings so far apart [s] that it matters what they are."""
-    if apart <= COARSE * step:
+    if apart < COARSE * step * (1 - 1e-6):
         return None
     return (
         f"{name}: instants {apart:g} s apart are joined by straight lines to means over {step:g} s; if the logger wrote"
