@@ -83,9 +83,15 @@ class Judge:
         Raises
         ------
         RecordingError
-            If the column cannot be used, or the constant is impossible.
+            If the column cannot be used, the constant is impossible, or gaps of an output are to be filled.
         """
         where = f"{self.mapping.path}: {key}"
+        for name in ("fill", "fill_up_to") if target.role == "output" else ():
+            if name in source.model_fields_set:
+                raise RecordingError(
+                    f"{where}: {name} is {getattr(source, name)!r}, which only an input has; expected none, as the gaps"
+                    " of an output stay missing"
+                )
         if source.constant is not None:
             value = self.converted(source.constant, source, target.unit, where, sun=target.sun)
             made = self.assumed(target, value, f"constant of the mapping: {value:.6g}")
@@ -94,7 +100,7 @@ class Judge:
         outdoors = weather is not None and weather != BEAM
         moving = target.unit in MOVING and (target.role == "output" or outdoors)
         signal = self.signal(source, target.unit, where, moving=moving, sun=target.sun)
-        if target.method == "mean" and not self._says_how(source):
+        if target.method == "mean" and not self.says_how(source):
             self._instants(target, signal, f"{where}: column {source.column!r}")
         if target.role == "output":
             self._as_many(target, signal, f"{where}: column {source.column!r}")
@@ -117,7 +123,7 @@ class Judge:
         made.second_name = meter.column
         return made
 
-    def _says_how(self, source: Source) -> bool:
+    def says_how(self, source: Source) -> bool:
         """Whether the mapping itself says how a column's readings are to be understood."""
         return source.reading is not None or "reading" in self.mapping.defaults.model_fields_set
 
