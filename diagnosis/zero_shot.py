@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -15,17 +16,22 @@ from shared.logs import logger
 from shared.netcdf import read_netcdf, write_netcdf
 from shared.system import System
 
+if TYPE_CHECKING:
+    from trainer.predicting.prediction import Predictions
+    from trainer.runs.checkpoint import Run
+
 _log = logger(__name__)
 BRIDGED = 3.0
-"""Gaps in a channel up to so long [h] are interpolated for an estimator; how many longer ones it can do without, it
-says itself. A day that was made up would be one that it was never shown."""
+"""Gaps in a channel up to so long [h] are interpolated for an estimator, where no larger share of its window is missing
+than trainings leave out (:data:`trainer.reading.missing.LONGEST`); how many longer ones it can do without, it says
+itself. A day that was made up would be one that it was never shown, and so is a week of three made-up hours in four."""
 
 
 def estimate(run: Path | str, recording: Recording, system: System) -> dict[str, float]:
     """Zero-shot values by name [unit of the description], from the recording's readings and its own span of its file.
 
-    Where the estimator refuses gaps, readings that were lost for a short while (:data:`BRIDGED`) are interpolated; an
-    output that was never read is left out, which an estimator may be trained to do without.
+    Where the estimator refuses gaps, readings that were lost for a short while (:data:`BRIDGED`) are interpolated, and
+    a warning says how many; an output that was never read is left out, which an estimator may be trained to do without.
 
     Raises
     ------
@@ -35,7 +41,7 @@ def estimate(run: Path | str, recording: Recording, system: System) -> dict[str,
         If the recording lacks a channel of the estimator or too much of it, or is shorter than its context; or if there
         is no room for a copy of it among temporary files.
     """
-    from trainer import predict
+    from trainer import load_run, predict
 
     data = read_netcdf(recording.path, RecordingError, "a recording (NetCDF)", times=True)
     time = recording.times(data)
@@ -49,20 +55,17 @@ def estimate(run: Path | str, recording: Recording, system: System) -> dict[str,
     with tempfile.TemporaryDirectory(prefix="zeroshot-span-") as folder:
         path = Path(folder) / recording.path.name
         _write_span(data, path)
-        whole, refused = None, None
+        whole, refused, loaded = None, None, load_run(run)
         try:
-            whole = predict(run, path)
+            whole = predict(loaded, path)
         except RecordingError as error:
             refused = error
         if whole is None or whole.passed:  # with short gaps filled it may read all, or a longer window
-            path.unlink()
-            _write_span(_bridged(data, round(BRIDGED * HOUR / recording.step)), path)
+            least, longest = 0.0 if whole is None else whole.context_hours, round(BRIDGED * HOUR / recording.step)
             try:
-                filled = predict(run, path)
+                whole = _of_filled(loaded, data, path, least, longest, recording.path) or whole
             except RecordingError as error:
                 refused = error
-            else:
-                whole = filled if whole is None or filled.context_hours > whole.context_hours else whole
         if whole is None:
             raise RecordingError(str(refused).replace(str(path), str(recording.path))) from None
     if whole.passed:
@@ -87,6 +90,54 @@ def _write_span(data: xr.Dataset, path: Path) -> None:
             f"{path}: cannot be written ({error.strerror or error}); expected free space there, or in another folder"
             " that TMPDIR names"
         ) from None
+
+
+def _of_filled(run: Run, data: xr.Dataset, path: Path, least: float, longest: int, name: Path) -> Predictions | None:
+    """An estimate from the longest window, longer than ``least`` [h], that can be read once its short gaps are filled.
+
+    Gaps are of at most ``longest`` steps; ``path`` is where windows are written, ``name`` the recording's own.
+
+    Raises
+    ------
+    RecordingError
+        What the longest window is refused for, if no window can be read and nothing could be read without; or any for
+        something else than gaps.
+    """
+    from trainer import predict
+    from trainer.predicting.readings import GapError
+    from trainer.reading.missing import LONGEST
+
+    filled = _bridged(data, longest)
+    refused: GapError | None = None
+    passed: str | None = None
+    for length in sorted(run.card.encoding.lengths, reverse=True):
+        if length > data.sizes["time"] or length * run.card.encoding.step <= least * HOUR:
+            continue
+        last = {"time": slice(-length, None)}
+        window, read, put = filled.isel(last), data.isel(last), []
+        for channel in run.card.encoding.recorded:
+            if channel not in read or read[channel].dims != ("time",):
+                continue
+            lost = int((~np.isfinite(read[channel].values)).sum())
+            if lost > LONGEST * length:
+                window[channel] = read[channel]
+            elif count := lost - int((~np.isfinite(window[channel].values)).sum()):
+                put.append(f"{count} of {channel}")
+        path.unlink(missing_ok=True)
+        _write_span(window, path)
+        try:
+            found = predict(run, path)
+        except GapError as error:  # a shorter window may have fewer
+            refused, passed = refused or error, passed or str(error)
+            continue
+        passed = passed or found.passed
+        if found.context_hours * HOUR >= 0.999 * length * run.card.encoding.step:
+            if put:
+                _log.warning("%s: for the estimator, readings were put in on straight lines: %s", name, ", ".join(put))
+            return found.model_copy(update={"passed": passed})
+    if refused is not None and not least:
+        raise refused
+    return None
 
 
 def _bridged(data: xr.Dataset, longest: int) -> xr.Dataset:

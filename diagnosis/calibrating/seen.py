@@ -29,14 +29,17 @@ same in many rooms."""
 
 
 def days_of(recording: Recording, names: Sequence[str]) -> list[Day]:
-    """The days of a recording by its own clock, the first and the last as far as they reach.
+    """The days of a recording by its own clock, from the first to the last reading of any output.
 
+    Steps beyond, of weather to come, say, tell a fit nothing and have not been seen.
     Outputs, whose names are ``names``, have no hash where they hardly move: then they are alike in recordings that have
     nothing to do with each other. A day without any hash was fitted all the same, and is known by its neighbours.
     """
     begins = _begins(recording)
-    date = begins.astype("datetime64[D]")
-    edges = [0, *(np.flatnonzero(date[1:] != date[:-1]) + 1).tolist(), len(date)]
+    read = np.flatnonzero(np.isfinite(recording.outputs).any(axis=0))
+    first, after = (int(read[0]), int(read[-1]) + 1) if read.size else (0, len(begins))
+    date = begins[first:after].astype("datetime64[D]")
+    edges = [first, *(first + np.flatnonzero(date[1:] != date[:-1]) + 1).tolist(), after]
     return [
         Day(begin=str(begins[a]), steps=b - a, sha256=_hashes(recording, names, slice(a, b)))
         for a, b in pairwise(edges)

@@ -132,7 +132,8 @@ def read_stamps(
     """Time stamps to UTC [s since 1970], shape (rows,), and sentences on how they were understood.
 
     Stamps with an offset or a Z mean what they say. Stamps without are of the zone's wall clock; the hour that the end
-    of daylight saving repeats is its first pass until the clock goes back, and its second from there on.
+    of daylight saving repeats is its first pass until the clock goes back, and its second from there on; NaN where
+    nothing tells.
 
     Parameters
     ----------
@@ -153,6 +154,7 @@ def read_stamps(
     if empty.any():
         raise RecordingError(f"{where}: row {int(np.flatnonzero(empty)[0]) + 1} has no time stamp; expected one a row")
     notes: list[str] = []
+    doubtful = np.zeros(len(texts), dtype=bool)
     if settings.format == "unix":
         utc = pd.to_numeric(texts, errors="coerce").to_numpy(dtype=np.float64)
         _all_read(~np.isfinite(utc), texts, settings, where)
@@ -177,7 +179,7 @@ def read_stamps(
             else:
                 if settings.format != "ISO8601":  # first: the clock of another day may skip or repeat an hour
                     _no_months_for_days(seconds_of(pd.DatetimeIndex(parsed)), texts, settings, where)
-                utc, told = of_wall_clock(pd.DatetimeIndex(parsed), zone, name, where, sensors)
+                utc, doubtful, told = of_wall_clock(pd.DatetimeIndex(parsed), zone, name, where, sensors)
                 notes += told
         except TypeError:
             raise RecordingError(
@@ -203,7 +205,7 @@ def read_stamps(
         )
     if settings.format not in ("ISO8601", "unix"):
         _no_months_for_days(utc, texts, settings, where)
-    return utc, notes
+    return np.where(doubtful, np.nan, utc), notes
 
 
 def _parsed(texts: pd.Series, form: str, aware: bool) -> tuple[pd.Series, list[str]]:

@@ -37,7 +37,8 @@ class Composer:
     """Makes the series of a system's variables.
 
     ``edges`` of the grid, shape (steps + 1,) [s of the clock]; ``notes`` are sentences on what was done, ``used`` the
-    columns that were read, ``planned`` the inputs for which a schedule stands in, and its name.
+    columns that were read, ``planned`` the inputs for which a schedule stands in, and its name, ``uncounted`` persons
+    that nobody counted.
     """
 
     system: System
@@ -48,6 +49,7 @@ class Composer:
     judge: Judge = field(init=False)
     outdoors: Outdoors = field(init=False)
     planned: dict[str, str] = field(default_factory=dict)
+    uncounted: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.judge = Judge(self.mapping, self.data, self.clock, self.edges)
@@ -91,6 +93,9 @@ class Composer:
             return made
         if isinstance(one, WeatherInput):
             return self.outdoors.series(target, one.column)
+        if isinstance(one, OccupancyInput):
+            self.uncounted.append(one.name)
+            return None
         if isinstance(one, ConstantInput):
             return self.judge.assumed(target, one.value, "constant of the description")
         if isinstance(one, MeasuredInput):
@@ -107,13 +112,15 @@ class Composer:
         return None
 
     def tell_of_daylight_saving(self, first: int, last: int) -> None:
-        """A note where a schedule stands in on days, of steps ``first`` to ``last``, with daylight saving."""
+        """A note where a schedule or habits stand in on days, of steps ``first`` to ``last``, with daylight saving."""
         zone = find_zone(self.clock.zone, str(self.mapping.path))
         days = np.unique(np.floor(self.edges[first:last] / DAY)) * DAY + DAY / 2
         moments = [datetime.fromtimestamp(one, UTC).astimezone(zone).utcoffset() for one in self.clock.utc(days)]
         moved = sum(one is not None and one.total_seconds() != self.clock.offset for one in moments)
-        for name, schedule in self.planned.items() if moved else ():
+        planned = {name: f"not measured; schedule {one!r} stands in for it" for name, one in self.planned.items()}
+        habits = dict.fromkeys(self.uncounted, "not counted; the description's habits stand in for it")
+        for name, said in {**planned, **habits}.items() if moved else ():
             self.notes.append(
-                f"{name}: not measured; schedule {schedule!r} stands in for it, in standard time, an hour late by the"
-                f" clocks of {moved} of {len(days)} days with daylight saving"
+                f"{name}: {said}, in standard time, an hour late by the clocks of {moved} of {len(days)} days with"
+                " daylight saving"
             )

@@ -67,7 +67,7 @@ def about_size(series: Series, system: System) -> str | None:
     Numbers without a unit are of many kinds, and are not compared.
     """
     unit, signal = series.target.unit, series.signal
-    if signal is None or unit == "1" or np.isfinite(units.limits("", unit)[1]):
+    if signal is None or unit == "1" or np.isfinite(units.limits("", unit, sun=series.target.sun)[1]):
         return None
     sizes = np.abs(signal.clean().values)
     largest, field = _largest(system, unit)

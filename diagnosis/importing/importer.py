@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from diagnosis.importing import declared
+from diagnosis.importing import declared, ends
 from diagnosis.importing.clock import Clock, find_zone, make_clock
 from diagnosis.importing.composing import Composer
 from diagnosis.importing.filling import longest_whole
@@ -184,8 +184,9 @@ def _stretch(composer: Composer, series: list[Series], ahead: bool) -> tuple[int
     inputs = {one.target.name: one.values for one in series if one.target.role == "input"}
     known = np.all([np.isfinite(values) for values in inputs.values()], axis=0) if inputs else measured
     further = int(np.argmin([*known[last:], False]))
-    if further and ahead:
+    if ahead:
         last += further
+        composer.notes.extend(ends.about_ends(series, composer.edges, last))
     if further:
         kept = "are kept for a forecast" if ahead else "are left out (--ahead keeps them for a forecast)"
         composer.notes.append(f"inputs go on for {further} steps after the last reading of an output: these {kept}")

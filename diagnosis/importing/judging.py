@@ -23,7 +23,7 @@ from diagnosis.importing.quality import (
     to_target,
 )
 from diagnosis.importing.reading import Measurements
-from diagnosis.importing.resampling import CLOSER, around, resample
+from diagnosis.importing.resampling import CLOSER, around, as_read, resample
 from diagnosis.importing.series import Series, Target
 from shared.errors import RecordingError
 from shared.flags import ASSUMED, COMPUTED
@@ -83,18 +83,24 @@ class Judge:
         Raises
         ------
         RecordingError
-            If the column cannot be used, or the constant is impossible.
+            If the column cannot be used, the constant is impossible, or gaps of an output are to be filled.
         """
         where = f"{self.mapping.path}: {key}"
+        for name in ("fill", "fill_up_to") if target.role == "output" else ():
+            if name in source.model_fields_set:
+                raise RecordingError(
+                    f"{where}: {name} is {getattr(source, name)!r}, which only an input has; expected none, as the gaps"
+                    " of an output stay missing"
+                )
         if source.constant is not None:
-            value = self.converted(source.constant, source, target.unit, where)
+            value = self.converted(source.constant, source, target.unit, where, sun=target.sun)
             made = self.assumed(target, value, f"constant of the mapping: {value:.6g}")
             return self._beside(made, source, where)
         # a set point stands still, the weather does not
         outdoors = weather is not None and weather != BEAM
         moving = target.unit in MOVING and (target.role == "output" or outdoors)
-        signal = self.signal(source, target.unit, where, moving=moving)
-        if target.method == "mean" and not self._says_how(source):
+        signal = self.signal(source, target.unit, where, moving=moving, sun=target.sun)
+        if target.method == "mean" and not self.says_how(source):
             self._instants(target, signal, f"{where}: column {source.column!r}")
         if target.role == "output":
             self._as_many(target, signal, f"{where}: column {source.column!r}")
@@ -108,14 +114,16 @@ class Judge:
             return made
         same = {name: getattr(source, name) for name in ("reading", "stamp", "interval", "max_gap")}
         own = {name: getattr(meter, name) for name in ("column", "unit", "scale", "offset", "persons")}
-        other = self.signal(Source(**own, **same), made.target.unit, f"{where}.compare", moving=False)
+        other = self.signal(
+            Source(**own, **same), made.target.unit, f"{where}.compare", moving=False, sun=made.target.sun
+        )
         made.second, _ = resample(other, self.edges, made.target.method, self.mapping.grid.coverage)
         if made.target.role == "input" and made.target.method == "point":  # as the first one is
             made.second = around(other, self.edges)
         made.second_name = meter.column
         return made
 
-    def _says_how(self, source: Source) -> bool:
+    def says_how(self, source: Source) -> bool:
         """Whether the mapping itself says how a column's readings are to be understood."""
         return source.reading is not None or "reading" in self.mapping.defaults.model_fields_set
 
@@ -164,15 +172,15 @@ class Judge:
             f" {usual:g} makes them, or reading = 'hold' for what holds until the next reading"
         )
 
-    def converted(self, value: float, source: Source, unit: str, where: str) -> float:
+    def converted(self, value: float, source: Source, unit: str, where: str, *, sun: bool = True) -> float:
         """A number of the mapping, as written in the source's unit, in ``unit``; refused if readings of it would be."""
         density = self.mapping.air_density
         made = float(to_target(np.array(value), source, unit, density=density, where=where))
-        check_possible(made, source, unit, density=density, where=where)
+        check_possible(made, source, unit, density=density, where=where, sun=sun)
         return made
 
-    def signal(self, source: Source, unit: str, where: str, *, moving: bool) -> Signal:
-        """A column as a judged signal; ``moving`` says that it never stands still.
+    def signal(self, source: Source, unit: str, where: str, *, moving: bool, sun: bool = True) -> Signal:
+        """A column as a judged signal; ``moving`` says that it never stands still, ``sun`` that W/m2 are irradiance.
 
         Raises
         ------
@@ -214,8 +222,8 @@ class Judge:
             if moving and not _is_calm(signal):
                 raise RecordingError(f"{where}: every reading is {signal.values[0]:g} {unit}; expected one that varies")
             self.notes.append(f"column {column}: every reading is {signal.values[0]:g} {unit}")
-        signal = mark_impossible(signal, source, density=density, where=where)
-        limits = possible_in_source(source, unit, density=density, where=where)
+        signal = mark_impossible(signal, source, density=density, where=where, sun=sun)
+        limits = possible_in_source(source, unit, density=density, where=where, sun=sun)
         self.tell(plausible.about_impossible(column, signal, source, *limits))
         self.tell(plausible.about_noise(column, signal))
         if source.unit in ("percent", "%") and source.scale == 1 and 0 < float(np.nanmax(readings)) <= 1.0:
@@ -232,9 +240,12 @@ class Judge:
 
     def gridded(self, target: Target, signal: Signal, source: Source, origin: str, where: str) -> Series:
         """A signal on the grid, an input's gaps filled as its mapping says: weather by short lines unless told."""
-        values, flags = resample(signal, self.edges, target.method, self.mapping.grid.coverage)
-        if target.role == "input" and target.method == "point":
-            values = around(signal, self.edges)
+        grid = (signal, self.edges, target.method, self.mapping.grid.coverage)
+        if target.role == "output":
+            values, flags = as_read(*grid, bridges=source.max_gap is not None)
+        else:
+            values, flags = resample(*grid)
+            values = around(signal, self.edges) if target.method == "point" else values
         # an output may be below by its noise, which whoever fits it counts; what drives a simulation may not
         low = np.isfinite(values) & (values < signal.floor)
         if target.role == "input" and low.any():
@@ -252,7 +263,9 @@ class Judge:
                 values, flags = interpolate_short(values, flags, most)
             elif isinstance(fill, float):
                 plain = Source(constant=fill, unit=source.unit, persons=source.persons)
-                values, flags = fill_constant(values, flags, self.converted(fill, plain, target.unit, where))
+                values, flags = fill_constant(
+                    values, flags, self.converted(fill, plain, target.unit, where, sun=target.sun)
+                )
         return Series(target, origin, values, flags, signal=signal)
 
     def _usual_fill(self, source: Source) -> str:

@@ -91,7 +91,10 @@ class Source(Table):
     shift: float = Field(0.0, description="added to the column's stamps, whose clock is known to be wrong [s]")
     interval: float | None = Field(None, gt=0, description="interval of a mean [s]; the usual spacing if not given")
     max_gap: float | None = Field(
-        None, gt=0, description="readings further apart leave a gap, and a state holds no longer [h]"
+        None,
+        gt=0,
+        description="readings further apart leave a gap, and a state holds no longer [h]; nearer ones of an output are"
+        " joined over what was lost between, flagged as interpolated",
     )
     valid: tuple[float, float] | None = Field(None, description="possible values, in ``unit``")
     stuck_after: float | None = Field(
@@ -118,6 +121,8 @@ class Source(Table):
             raise ValueError(f"persons is given with unit {self.unit!r}; expected it with unit 'presence' only")
         if self.scale == 0:
             raise ValueError("scale is 0; expected another number")
+        if self.fill not in (None, "interpolate") and "fill_up_to" in self.model_fields_set:
+            raise ValueError(f"fill_up_to is given with fill = {self.fill!r}; expected fill = 'interpolate' with it")
         return self
 
 
@@ -150,6 +155,12 @@ class Mapping(Table):
         for name in self.weather:
             if name not in MEASURABLE:
                 raise ValueError(f"weather: {name!r} is not known; expected one of {', '.join(MEASURABLE)}")
+        for name, source in self.variables.items():  # those of the weather are interpolated anyway
+            if source.fill is None and "fill_up_to" in source.model_fields_set:
+                raise ValueError(
+                    f"variables.{name}: fill_up_to is {source.fill_up_to:g} without fill; expected fill = 'interpolate'"
+                    " with it, or neither for an output"
+                )
         if not any(one.column for one in self.variables.values()):
             raise ValueError("variables: no column is mapped; expected at least one output of the system")
         return self

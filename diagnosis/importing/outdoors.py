@@ -9,7 +9,7 @@ import numpy as np
 
 from diagnosis.importing import plausible, units, weather
 from diagnosis.importing.judging import BEAM, MOVING, Judge
-from diagnosis.importing.mapping import MEASURABLE, Source
+from diagnosis.importing.mapping import MEASURABLE, Mapping, Source
 from diagnosis.importing.quality import Signal
 from diagnosis.importing.resampling import values_at
 from diagnosis.importing.series import Series, Target
@@ -217,9 +217,13 @@ class Outdoors:
         judge, place = self.judge, self.judge.mapping.place
         zone = plausible.about_zone(judge.clock, place)
         judge.tell(zone)
+        found = self._irradiances(series)
+        for key, name, signal in found:
+            if name != "ghi" and not judge.says_how(_source(judge.mapping, key)):
+                judge.tell(plausible.about_sun(key, signal))
         if place is None:
             return
-        for key, name, signal in self._irradiances(series):
+        for key, name, signal in found:
             what = "the irradiance" if key == "weather" else f"the irradiance of {key}"
             late, correlation, down = weather.sun_clock(signal, judge.clock, place)
             if name == "ghi":  # on a facade, the sun's height alone says neither how strong it is nor when strongest
@@ -251,7 +255,7 @@ class Outdoors:
         inputs = {one.name: one.column for one in self.system.inputs if isinstance(one, WeatherInput)}
         for one in series:
             name = one.target.name
-            sun = inputs.get(name) in (*_SUN, "poa_global") and _same(one.target.unit, "W/m2")
+            sun = one.target.sun and _same(one.target.unit, "W/m2")
             if sun and name in self.judge.mapping.variables and one.signal is not None:
                 found.append((f"variables.{name}", inputs[name], one.signal))
         return found
@@ -280,6 +284,12 @@ def _is_share(signal: Signal, where: str) -> None:
             f"{where}: is {wrong[np.argmax(np.abs(wrong))]:g}; expected shares from 0 to 1: for tenths write scale ="
             " 0.1, for oktas scale = 0.125, and valid = [0, 1] where other readings are codes"
         )
+
+
+def _source(mapping: Mapping, key: str) -> Source:
+    """What stands in a mapping under ``weather.NAME`` or ``variables.NAME``."""
+    table, _, name = key.partition(".")
+    return (mapping.weather if table == "weather" else mapping.variables)[name]
 
 
 def _same(unit: str, other: str) -> bool:

@@ -31,6 +31,8 @@ DARK, BRIGHT = 0.3, 1.4
 COARSE = 0.25
 """Share of a step from which on it matters whether readings are means or instants: as instants, means come half of
 their spacing late."""
+SELDOM = 1800.0
+"""Irradiance that is read so many seconds apart, or more, is rarely an instant."""
 CLOSES = 0.15
 """Share by which direct and diffuse irradiance together may differ from the global one: three instruments' errors."""
 UTC = {"UTC", "UCT", "Z", "ZULU", "UNIVERSAL", "GMT", "GMT0", "GMT+0", "GMT-0", "GREENWICH", "+00:00", "-00:00"}
@@ -156,11 +158,26 @@ def about_register(column: str, signal: Signal) -> str | None:
 
 def about_instants(name: str, apart: float, step: float) -> str | None:
     """A sentence if means over a step [s] are made of readings so far apart [s] that it matters what they are."""
-    if apart <= COARSE * step:
+    if apart < COARSE * step * (1 - 1e-6):
         return None
     return (
         f"{name}: instants {apart:g} s apart are joined by straight lines to means over {step:g} s; if the logger wrote"
         f" means, write reading = 'mean' under variables.{name}"
+    )
+
+
+def about_sun(where: str, signal: Signal) -> str | None:
+    """A sentence if irradiance that nobody says how to read comes so seldom that it may be means, and late as instants.
+
+    Not of the one on the horizontal: the sun tells how late that is.
+    """
+    times = signal.clean().middle
+    apart = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    if signal.kind != "point" or apart < SELDOM:
+        return None
+    return (
+        f"{where}: irradiance read {apart:g} s apart is taken for instants; if the logger wrote means, write reading ="
+        f" 'mean' there: as instants they come {apart / 120:g} min late"
     )
 
 

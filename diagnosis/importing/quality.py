@@ -142,9 +142,11 @@ def to_target(readings: np.ndarray, source: Source, target: str, *, density: flo
     return values
 
 
-def _possible(source: Source, unit: str, *, density: float, where: str) -> tuple[float, float, units.Below, float]:
+def _possible(
+    source: Source, unit: str, *, density: float, where: str, sun: bool
+) -> tuple[float, float, units.Below, float]:
     """Lowest and highest possible value [unit], what is below zero, and how far beyond a limit is still rounding."""
-    low, high, below = units.limits(source.unit, unit)
+    low, high, below = units.limits(source.unit, unit, sun=sun)
     if source.persons is not None:
         low, high = low * source.persons, high * source.persons
     if source.valid is not None:
@@ -157,7 +159,7 @@ def _possible(source: Source, unit: str, *, density: float, where: str) -> tuple
     return low, high, below, _SLACK * max(sizes, default=0.0)
 
 
-def check_possible(value: float, source: Source, unit: str, *, density: float, where: str) -> None:
+def check_possible(value: float, source: Source, unit: str, *, density: float, where: str, sun: bool = True) -> None:
     """Refuse a constant that readings in its place would be refused for.
 
     Raises
@@ -165,7 +167,7 @@ def check_possible(value: float, source: Source, unit: str, *, density: float, w
     RecordingError
         If ``value`` [unit] is impossible.
     """
-    low, high, _, slack = _possible(source, unit, density=density, where=where)
+    low, high, _, slack = _possible(source, unit, density=density, where=where, sun=sun)
     if low - slack <= value <= high + slack:
         return
     raw = source_value(value, source, unit, density=density, where=where)
@@ -176,8 +178,8 @@ def check_possible(value: float, source: Source, unit: str, *, density: float, w
     )
 
 
-def mark_impossible(signal: Signal, source: Source, *, density: float, where: str) -> Signal:
-    """Mark readings outside the possible values.
+def mark_impossible(signal: Signal, source: Source, *, density: float, where: str, sun: bool = True) -> Signal:
+    """Mark readings outside the possible values; ``sun`` says that what is in W/m2 is irradiance.
 
     Of quantities that are never negative, small negative readings become zero if they are an offset or rounding. If
     they are a meter's noise they stay, as far down as its noise reaches: without them means would be too large. The
@@ -188,7 +190,7 @@ def mark_impossible(signal: Signal, source: Source, *, density: float, where: st
     RecordingError
         If more than half of the readings are impossible: then it is the unit, not the sensor.
     """
-    low, high, below, slack = _possible(source, signal.unit, density=density, where=where)
+    low, high, below, slack = _possible(source, signal.unit, density=density, where=where, sun=sun)
     if below == "noise":
         low = min(low, -reach_of_noise(signal.values[signal.used]))
     bad = (signal.values < low - slack) | (signal.values > high + slack)
@@ -209,11 +211,13 @@ def mark_impossible(signal: Signal, source: Source, *, density: float, where: st
     return replace(signal, values=values, flags=flags, floor=0.0 if below == "noise" else -np.inf)
 
 
-def possible_in_source(source: Source, unit: str, *, density: float, where: str) -> tuple[float, float]:
+def possible_in_source(
+    source: Source, unit: str, *, density: float, where: str, sun: bool = True
+) -> tuple[float, float]:
     """Lowest and highest possible value in the declared unit of a column: what ``valid`` says, or would say."""
     ends = [
         source_value(end, source, unit, density=density, where=where) if np.isfinite(end) else end
-        for end in _possible(source, unit, density=density, where=where)[:2]
+        for end in _possible(source, unit, density=density, where=where, sun=sun)[:2]
     ]
     each = source.persons or 1.0
     return min(ends) / each, max(ends) / each

@@ -117,9 +117,9 @@ def read_measurements(path: Path, mapping: Mapping) -> Measurements:
     if len(frame) < 2:
         raise RecordingError(f"{path}: has {len(frame)} rows; expected at least a day of measurements")
     check_first_row(frame, name, _mapped(mapping), path)
-    where = f"{path}: column {name!r}"
-    utc, told = read_stamps(frame[name].fillna(""), mapping.time, where, partial(_read, frame, mapping))
-    notes = [*broken, *told]
+    read = partial(_read, frame, mapping)
+    utc, notes = read_stamps(frame[name].fillna(""), mapping.time, f"{path}: column {name!r}", read)
+    frame, utc = frame[np.isfinite(utc)].reset_index(drop=True), utc[np.isfinite(utc)]
     keep = np.concatenate([[True], np.diff(utc) > 0])
     columns = frame.drop(columns=name).fillna("")
     if not keep.all():  # a logger may write a row for each of its sensors
@@ -144,7 +144,7 @@ def read_measurements(path: Path, mapping: Mapping) -> Measurements:
         missing=set(settings.missing),
         repeated=int((~keep).sum()),
         twice=frozenset(one for one, count in names.items() if count > 1),
-        notes=notes,
+        notes=[*broken, *notes],
     )
 
 

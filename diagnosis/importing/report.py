@@ -131,6 +131,8 @@ def print_report(report: ImportReport, console: Console) -> None:
         filled = [f"{one.interpolated} interpolated"] if one.interpolated else []
         if 0 < one.assumed < report.steps:
             filled.append(f"{one.assumed} assumed")
+        if one.partly:
+            filled.append(f"{one.partly} partly")
         table.add_row(
             one.name,
             one.unit,

@@ -1,21 +1,27 @@
 """From readings at any time to a regular grid: means stay means, instants stay instants.
 
-Between readings nothing is invented: readings further apart than their signal's ``max_gap`` leave a gap. A reading
-that is a mean stands for the middle of its interval where an instant is asked for: at the edge of two equal intervals
-this is the mean of the two, as for weather files.
+Between readings nothing is invented: readings further apart than their signal's ``max_gap`` leave a gap, and those of
+an output if one between them was lost. A reading that is a mean stands for the middle of its interval where an instant
+is asked for: at the edge of two equal intervals this is the mean of the two, as for weather files.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from diagnosis.importing.quality import Signal
-from shared.flags import IMPOSSIBLE, PARTLY, STUCK
+from shared.flags import IMPOSSIBLE, INTERPOLATED, PARTLY, STUCK
 
 CLOSER = 0.75
 """Readings closer than this share of a step are averaged where an input is joined by straight lines."""
 NEARLY = 0.9
 """Share of a step around an instant that readings must cover for their mean to be of its middle."""
+LOST = 1.5
+"""Readings of an output that are so many usual intervals apart, and so many steps, have lost one between them."""
+_AT = 0.25
+"""A reading nearer to an instant than this share of the usual interval, or of a step, was read there."""
 _WHOLE = 1.0 - 1e-9
 """Share from which on a step counts as covered."""
 
@@ -157,3 +163,46 @@ def resample(signal: Signal, edges: np.ndarray, method: str, coverage: float) ->
         for a, b in zip(np.minimum(first, last), last, strict=True):
             flags[max(a, 0) : max(b + 1, 0)] |= bit
     return values, flags
+
+
+def as_read(
+    signal: Signal, edges: np.ndarray, method: str, coverage: float, *, bridges: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same of an output, each value of which passes for a reading: a line over a lost one is none.
+
+    Parameters
+    ----------
+    bridges
+        Whether the mapping itself says how far apart readings may be: then lines over lost ones stay, interpolated.
+
+    Returns
+    -------
+    tuple
+        As :func:`resample`; a mean is partly covered where a reading was lost, though lines join those beside it.
+    """
+    values, flags = resample(signal, edges, method, coverage)
+    middle, step = signal.middle, float(edges[1] - edges[0])
+    if len(middle) < 2:
+        return values, flags
+    usual = float(np.median(np.diff(middle)))
+    apart = max(usual, step)
+    read, _ = resample(replace(signal, max_gap=min(signal.max_gap, LOST * apart)), edges, method, coverage)
+    if method == "point":  # stamps may be a little late
+        read = np.where(_nearest(signal, edges[1:]) <= _AT * apart, values, read)
+    else:
+        _, share = means_of(replace(signal, max_gap=min(signal.max_gap, LOST * usual)), edges)
+        flags |= np.where(np.isfinite(read) & (share < _WHOLE), PARTLY, 0).astype(np.int8)
+    if not bridges:
+        return read, flags & ~np.where(np.isfinite(read), 0, PARTLY).astype(np.int8)
+    made_up = np.isfinite(values) & ~np.isfinite(read)
+    return values, flags | np.where(made_up, INTERPOLATED, 0).astype(np.int8)
+
+
+def _nearest(signal: Signal, times: np.ndarray) -> np.ndarray:
+    """How far the nearest usable reading is from each instant [s], same shape as ``times``."""
+    middle = signal.clean().middle
+    if not len(middle):
+        return np.full(len(times), np.inf)
+    after = np.clip(np.searchsorted(middle, times), 0, len(middle) - 1)
+    before = np.maximum(after - 1, 0)
+    return np.asarray(np.minimum(np.abs(times - middle[before]), np.abs(middle[after] - times)))

@@ -9,17 +9,24 @@ import numpy as np
 
 from diagnosis.importing.quality import Signal
 from shared.flags import MISSING
-from shared.variables import Input, Output
+from shared.variables import Input, Output, WeatherInput
+
+IRRADIANCES = ("ghi", "dni", "dhi", "poa_global")
+"""pvlib's names of what the sun does."""
 
 
 @dataclass(frozen=True)
 class Target:
-    """What the system description wants: ``method`` is CF's, the mean of a step or the instant at its end."""
+    """What the system description wants: ``method`` is CF's, the mean of a step or the instant at its end.
+
+    ``sun`` says that it is irradiance of the weather, which is never negative.
+    """
 
     name: str
     role: Literal["output", "input"]
     unit: str
     method: Literal["mean", "point"]
+    sun: bool = False
 
 
 def output_target(one: Output) -> Target:
@@ -29,7 +36,8 @@ def output_target(one: Output) -> Target:
 
 def input_target(one: Input) -> Target:
     """What an input wants: held inputs the means of the steps, the others instants joined by straight lines."""
-    return Target(one.name, "input", one.unit, "mean" if one.interpolation == "previous" else "point")
+    sun = isinstance(one, WeatherInput) and one.column in IRRADIANCES
+    return Target(one.name, "input", one.unit, "mean" if one.interpolation == "previous" else "point", sun)
 
 
 @dataclass

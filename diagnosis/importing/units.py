@@ -143,8 +143,13 @@ COUNTS = ("person", "persons", "count", "counts")
 """Numbers of persons."""
 
 
-def limits(unit: str, target: str) -> tuple[float, float, Below]:
-    """Lowest and highest possible value [target], and what readings below zero are."""
+def limits(unit: str, target: str, *, sun: bool = True) -> tuple[float, float, Below]:
+    """Lowest and highest possible value [target], and what readings below zero are.
+
+    ``sun`` says that what is in W/m2 is irradiance: a heat flux or a net radiation goes either way.
+    """
+    if target == "W/m2" and not sun:
+        return -np.inf, np.inf, "impossible"
     if target == "1" and unit in WORD_LIMITS:
         return *WORD_LIMITS[unit], "impossible"
     if target == "1" and unit in COUNTS:

@@ -17,6 +17,8 @@ Sensors = Callable[[], np.ndarray]
 _OFTEN, _RARELY = 0.75, 1.25
 """A sensor whose usual interval is more than the first share of the repeated hour need not see the clock go back; one
 beyond the second may have no reading in either pass."""
+_APART = 1.5
+"""Rows so many usual intervals apart have lost one between them."""
 
 
 def seconds_of(index: pd.DatetimeIndex) -> np.ndarray:
@@ -27,12 +29,14 @@ def seconds_of(index: pd.DatetimeIndex) -> np.ndarray:
 
 def of_wall_clock(
     stamps: pd.DatetimeIndex, zone: tzinfo, name: str, where: str, sensors: Sensors | None = None
-) -> tuple[np.ndarray, list[str]]:
-    """Naive stamps of a zone's wall clock to UTC [s since 1970], shape (rows,), and sentences on the repeated hour.
+) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """Naive stamps of a zone's wall clock to UTC [s since 1970] and which may be an hour off, both (rows,); and notes.
 
-    Its stamps are of the first pass until the clock goes back: for a row, or for a sensor that was read at the same
-    stamp before, or much less than its usual interval ago. If there is no such row, they are of the first pass, or of
-    the second where that alone has rows beside it.
+    Stamps of the repeated hour are of the first pass until the clock goes back: for a row, or for a sensor that was
+    read at the same stamp before, or whose usual interval says so. If there is no such row, an hour is missing: where
+    rows at a usual interval have one gap, within the hour or beside it, that took it, and where they have none or
+    several, nothing tells. Rows at no usual interval are of the first pass, or of the second where that alone has rows
+    beside it: they may be changes, which are not to be lost.
 
     Raises
     ------
@@ -49,17 +53,22 @@ def of_wall_clock(
         )
     early, late, wall = seconds_of(first), seconds_of(second), seconds_of(stamps)
     repeated = early != late
+    doubtful = np.zeros(len(wall), dtype=bool)
     if not repeated.any():
-        return early, []
+        return early, doubtful, []
     read = sensors() if sensors is not None else np.empty((len(wall), 0), dtype=bool)
     if not read.shape[1]:
         read = np.ones((len(wall), 1), dtype=bool)
-    rows = _Rows(wall, read, *_usual(wall, read, float((late - early).max())), name, where)
+    hour = float((late - early).max())
+    rows = _Rows(wall, read, *_usual(wall, read, hour), hour, name, where)
     utc = early.copy()
     for start in np.flatnonzero(repeated & ~np.concatenate([[False], repeated[:-1]])).tolist():
         stop = start + int(np.argmin(np.concatenate([repeated[start:], [False]])))
         second_pass = rows.second_pass(start, stop)
-        utc[second_pass:stop] = late[second_pass:stop]
+        if second_pass is None:
+            doubtful[start:stop] = True
+        else:
+            utc[second_pass:stop] = late[second_pass:stop]
     again = int((utc != early).sum())
     notes = []
     if not again and not repeated[-1]:
@@ -69,22 +78,29 @@ def of_wall_clock(
         )
     notes.append(
         f"{int(repeated.sum())} stamps fall in the hour that the end of daylight saving repeats: {again} of them, from"
-        " where the clock goes back, are of its second pass"
+        " where the clock goes back, are taken for its second pass"
+        + (
+            f"; {int(doubtful.sum())} of them are left out, because nothing tells which pass they are of (an offset in"
+            " the stamps, as 2022-10-30 02:15:00+01:00, would)"
+            if doubtful.any()
+            else ""
+        )
     )
-    return utc, notes
+    return utc, doubtful, notes
 
 
 def _usual(wall: np.ndarray, read: np.ndarray, hour: float) -> tuple[np.ndarray, np.ndarray]:
-    """How soon each sensor cannot be read again [s], and which sensors are read less than once an hour; (sensors,).
+    """How soon each sensor cannot be read again, and the usual interval of those that are seldom, both (sensors,) [s].
 
     Half the usual interval, of one that is read hourly or more seldom; others may be read as soon as they like, but not
-    at the same stamp.
+    at the same stamp, and the interval of what is read hourly at least is given as zero.
     """
-    near, rarely = np.zeros(read.shape[1]), np.zeros(read.shape[1], dtype=bool)
+    near, rarely = np.zeros(read.shape[1]), np.zeros(read.shape[1])
     for k in range(read.shape[1]):
         apart = np.diff(wall[read[:, k]])
         if even(apart) and np.median(apart) > _OFTEN * hour:
-            near[k], rarely[k] = 0.5 * np.median(apart), np.median(apart) > _RARELY * hour
+            usual = float(np.median(apart))
+            near[k], rarely[k] = 0.5 * usual, usual if usual > _RARELY * hour else 0.0
     return near, rarely
 
 
@@ -96,11 +112,15 @@ class _Rows:
     read: np.ndarray
     near: np.ndarray
     rarely: np.ndarray
+    hour: float
     name: str
     where: str
 
-    def second_pass(self, start: int, stop: int) -> int:
-        """The first row of the second pass, of rows ``start`` to ``stop`` in a repeated hour; ``stop`` if none is."""
+    def second_pass(self, start: int, stop: int) -> int | None:
+        """The first row of the second pass, of rows ``start`` to ``stop`` in a repeated hour; ``stop`` if none is.
+
+        None if nothing tells.
+        """
         wall, read = self.wall, self.read
         falls = np.flatnonzero(np.diff(wall[start:stop]) < 0)
         # a file whose rows are written twice repeats stamps in either pass: there only the clock tells
@@ -111,6 +131,7 @@ class _Rows:
         back = stop
         for k in range(start, stop):
             soon = read[k] & (wall[k] - last <= within)
+            soon |= read[k] & self._later(wall[k] - last)
             again = soon & (held >= back)
             if again.any() and not falls.size:
                 raise RecordingError(
@@ -122,7 +143,27 @@ class _Rows:
             if back == stop and (soon.any() or (falls.size and k == start + falls[0] + 1)):
                 back = k
             last[read[k]], held[read[k]] = wall[k], k
-        return start if back == stop and self._after_a_gap(start, stop) else back
+        return back if back < stop else self._at_a_gap(start, stop)
+
+    def _later(self, apart: np.ndarray) -> np.ndarray:
+        """Whether an hour more makes times [s] since a seldom reading more nearly its usual interval, or so many."""
+        told = (self.rarely > 0) & np.isfinite(apart)
+        usual = np.where(told, self.rarely, 1.0)
+        apart = np.where(told, apart, 0.0)
+        off = [np.abs(one - usual * np.round(one / usual)) for one in (apart, apart + self.hour)]
+        return np.asarray(told & (off[1] < off[0]))
+
+    def _at_a_gap(self, start: int, stop: int) -> int | None:
+        """The row, of ``start`` to ``stop``, before which the missing hour was lost; None if nothing tells."""
+        step = np.diff(self.wall)
+        step = step[step > 0]
+        if self.rarely[self.read[start:stop].any(axis=0)].all() or (start == 0 and stop == len(self.wall)):
+            return stop  # their intervals have told, or nothing is beside them
+        if not even(step):
+            return start if self._after_a_gap(start, stop) else stop
+        beside = np.concatenate([[np.inf], np.diff(self.wall), [np.inf]])[start : stop + 1]
+        gaps = np.flatnonzero(beside > _APART * float(np.median(step)))
+        return start + int(gaps[0]) if len(gaps) == 1 else None
 
     def _after_a_gap(self, start: int, stop: int) -> bool:
         """Whether rows follow those in the repeated hour as closely as usual, and none are so close before them."""

@@ -3,6 +3,7 @@
 import sys
 import tempfile
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,21 @@ from shared.errors import RecordingError
 from shared.netcdf import write_netcdf
 from tests.small_disk import SAID, small_disk
 from trainer import predict
+from trainer.predicting.readings import GapError
+
+
+def asked(monkeypatch, hours):
+    """What an estimator of so many hours is given, which refuses all of it."""
+    given = []
+
+    def predicted(run, path):
+        given.append(xr.load_dataset(path, decode_times=False))
+        raise GapError(f"{path}: enough")
+
+    encoding = SimpleNamespace(lengths=[hours], step=3600.0, recorded=["TRoo", "CO2", "TDryBul"])
+    monkeypatch.setattr("trainer.load_run", lambda run: SimpleNamespace(card=SimpleNamespace(encoding=encoding)))
+    monkeypatch.setattr("trainer.predict", predicted, raising=False)
+    return given
 
 
 @pytest.mark.parametrize("units", ["hours since 2022-02-01 00:00:00", "seconds since 2022-01-05", "s"])
@@ -31,13 +47,7 @@ def test_the_estimate_is_of_the_stretch_that_is_calibrated(default_system, tmp_p
     record = read_recording(tmp_path / "other.nc", default_system)
     inputs = {name: values[24:60] for name, values in record.inputs.items()}
     part = replace(record, time=record.time[24:60], outputs=record.outputs[:, 24:60], inputs=inputs)
-    given = []
-
-    def predicted(run, path):
-        given.append(xr.load_dataset(path, decode_times=False))
-        raise RecordingError(f"{path}: enough")
-
-    monkeypatch.setattr("trainer.predict", predicted, raising=False)
+    given = asked(monkeypatch, 36)
     with pytest.raises(RecordingError, match=r"other\.nc: enough"):
         estimate("run", part, default_system)
     np.testing.assert_array_equal(given[0]["time"].values, time[24:60])
@@ -79,16 +89,11 @@ def test_an_estimate_is_not_made_from_days_that_were_made_up(default_system, tmp
     record = read_recording(tmp_path / "one.nc", default_system)
     shown = record.outputs.copy()
     shown[0, 0] = shown[0, 10:13] = shown[0, 20:24] = np.nan
-    given = []
-
-    def predicted(run, path):
-        given.append(xr.load_dataset(path, decode_times=False)[default_system.output_names[0]].values)
-        raise RecordingError(f"{path}: enough")
-
-    monkeypatch.setattr("trainer.predict", predicted, raising=False)
+    given = asked(monkeypatch, 72)
     with pytest.raises(RecordingError, match="enough"):
         estimate("run", replace(record, outputs=shown), default_system)
-    as_read, found = given  # an estimator that takes gaps is given them
+    # an estimator that takes gaps is given them
+    as_read, found = (one[default_system.output_names[0]].values for one in given)
     assert np.isnan(as_read).sum() == 8
     np.testing.assert_allclose(found[9:14], np.linspace(found[9], found[13], 5), rtol=1e-6)
     assert found[0] == found[1]
@@ -127,3 +132,35 @@ def test_a_lost_reading_of_the_weather_does_not_shorten_the_window(default_syste
     found = estimate("MixedAirCO2", replace(record, path=tmp_path / "lost.nc"), default_system)
     assert found == pytest.approx(whole, rel=1e-4)
     assert predict("MixedAirCO2", tmp_path / "lost.nc").context_hours < 72.0
+
+
+def test_a_recording_of_which_most_is_missing_is_not_made_up(default_system, tmp_path):
+    """Three hours of four are as lost as three days of four, and the estimator refuses the file by itself."""
+    simulate(default_system, hours=168.0, seed=1, out=tmp_path / "one.nc")
+    record = read_recording(tmp_path / "one.nc", default_system)
+    shown = record.outputs.copy()
+    shown[:2, np.arange(shown.shape[1]) % 4 != 0] = np.nan
+    with pytest.raises(RecordingError, match=r"one\.nc: TRoo has 126 missing values in its last 168 samples"):
+        estimate("MixedAirCO2", replace(record, outputs=shown), default_system)
+
+
+def test_what_was_put_in_is_told_and_an_old_outage_does_not_hinder(default_system, tmp_path, caplog):
+    """Days with most readings lost, then three with two of the weather: these are read as if nothing were missing."""
+    simulate(default_system, hours=168.0, seed=1, out=tmp_path / "one.nc")
+    data = xr.load_dataset(tmp_path / "one.nc", decode_times=False)
+    temperature = data["TDryBul"].values
+    temperature[150:152] = np.interp([150, 151], [149, 152], temperature[[149, 152]])
+    data.to_netcdf(tmp_path / "filled.nc")
+    record = read_recording(tmp_path / "filled.nc", default_system)
+    parts = {name: values[96:] for name, values in record.inputs.items()}
+    last = replace(record, time=record.time[96:], outputs=record.outputs[:, 96:], inputs=parts)
+    expected = estimate("MixedAirCO2", last, default_system)
+    temperature[150:152] = np.nan
+    data["CO2"].values[np.flatnonzero(np.arange(96) % 4)] = np.nan
+    data.to_netcdf(tmp_path / "lost.nc")
+    outputs = record.outputs.copy()
+    outputs[default_system.output_names.index("CO2"), np.flatnonzero(np.arange(96) % 4)] = np.nan
+    found = estimate("MixedAirCO2", replace(record, outputs=outputs, path=tmp_path / "lost.nc"), default_system)
+    assert found == pytest.approx(expected, rel=1e-4)
+    assert "lost.nc: for the estimator, readings were put in on straight lines: 2 of TDryBul" in caplog.text
+    assert "read no longer window" in caplog.text and "CO2 has 72 missing" in caplog.text

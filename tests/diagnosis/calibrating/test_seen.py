@@ -166,3 +166,17 @@ def test_a_file_whose_readings_were_changed_since_is_still_the_same():
     changed = replace(record, outputs=record.outputs + 273.15)
     with pytest.raises(RecordingError, match=r"2022-01-10 10:00 and what follows .* none of the 336 h ahead"):
         check_unseen(calibrated(record), changed, NAMES, 168, 504)
+
+
+def test_days_to_come_without_a_reading_have_not_been_seen():
+    """As `diagnosis import --ahead` makes them: weather goes on where outputs end, here at five in the afternoon."""
+    record = month()
+    record.outputs[:, :2] = record.outputs[:, 168 + 7 :] = np.nan
+    report = calibrated(record)
+    assert (report.days[0].begin, report.days[0].steps) == ("2022-01-03T12:00:00", 12)
+    assert (report.days[-1].begin, report.days[-1].steps) == ("2022-01-10T00:00:00", 17)
+    for path in ("whole.nc", "copy.nc"):
+        check_unseen(report, replace(record, path=Path(path)), NAMES, 168 + 7, 504)
+        check_unseen(report, replace(month(), path=Path(path)), NAMES, 168 + 7, 504)  # read in the meantime
+        with pytest.raises(RecordingError, match="2022-01-10 16:00 and what follows is to be forecast"):
+            check_unseen(report, replace(record, path=Path(path)), NAMES, 168 + 6, 504)

@@ -70,9 +70,12 @@ def test_hourly_stamps_repeat_once():
     np.testing.assert_array_equal(np.diff(utc), 3600.0)
 
 
-def test_a_logger_that_writes_the_repeated_hour_once_leaves_an_hour_out():
-    utc, _ = stamps(["2022-10-30 01:00", "2022-10-30 02:00", "2022-10-30 03:00"])
-    np.testing.assert_array_equal(np.diff(utc), [3600.0, 7200.0])
+def test_a_logger_that_writes_the_repeated_hour_once_leaves_two_hours_out():
+    """Of which pass the one row is, nothing tells."""
+    utc, notes = stamps(["2022-10-30 01:00", "2022-10-30 02:00", "2022-10-30 03:00"])
+    np.testing.assert_array_equal(np.isnan(utc), [False, True, False])
+    assert utc[2] - utc[0] == 3 * 3600.0
+    assert "0 of them, from where the clock goes back, are taken for its second pass; 1 of them are left" in notes[-1]
 
 
 def test_the_skipped_hour_is_no_gap_and_cannot_be_written():

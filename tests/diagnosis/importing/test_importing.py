@@ -264,6 +264,12 @@ def test_a_schedule_that_stands_in_says_where_clocks_show_another_hour(house):
     report = house(measured()[0])  # 27 October to 2 November 2022: three days of it are summer time
     said = [note for note in report.notes if "daylight saving" in note and "stands in" in note]
     assert len(said) == 1 and said[0].startswith("wish: not measured")
+    uncounted = MAPPING[: MAPPING.index("[variables.people]")] + MAPPING[MAPPING.index("[variables.air]") :]
+    habits = [note for note in house(measured()[0], uncounted, out="uncounted.nc").notes if "habits stand in" in note]
+    assert habits == [
+        "people: not counted; the description's habits stand in for it, in standard time, an hour late by the clocks of"
+        " 3 of 7 days with daylight saving"
+    ]
     assert "an hour late by the clocks of 3 of 7 days with daylight saving" in said[0]
     frame, hours = measured()
     frame.loc[hours < 80, ["outside", "room"]] = np.nan  # of these days nothing is kept

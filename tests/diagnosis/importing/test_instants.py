@@ -52,12 +52,12 @@ def test_an_instant_needs_no_word(house):
     house(measured(minutes=30)[0])
 
 
-@pytest.mark.parametrize(("minutes", "said"), [(10, True), (5, False)])
+@pytest.mark.parametrize(("minutes", "said"), [(10, True), (7.5, True), (5, False)])
 def test_closer_readings_are_told_while_it_matters(house, minutes, said):
     report = house(measured(minutes=minutes)[0], SILENT)
     assert bool(told(report, "gas")) == said
     if said:
         assert told(report, "gas") == [
-            "gas: instants 600 s apart are joined by straight lines to means over 1800 s; if the logger wrote means,"
-            " write reading = 'mean' under variables.gas"
+            f"gas: instants {60 * minutes:g} s apart are joined by straight lines to means over 1800 s; if the logger"
+            " wrote means, write reading = 'mean' under variables.gas"
         ]

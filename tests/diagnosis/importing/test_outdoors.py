@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from shared.errors import RecordingError
-from tests.diagnosis.importing.house_cases import HOUSE, MAPPING, measured
+from tests.diagnosis.importing.house_cases import HOURLY, HOUSE, MAPPING, measured
 
 GHI = '[weather.ghi]\ncolumn = "sun"\nunit = "W/m2"\n'
 AIR = '[weather.temp_air]\ncolumn = "outside"\nunit = "degC"\n'
@@ -202,3 +202,21 @@ def test_sun_on_a_facade_that_cannot_be_is_left_out(house):
     )
     assert sunshine.impossible > 0
     assert float(xr.load_dataset(report.recording)["sunshine"].max()) <= 1500.0
+
+
+@pytest.mark.parametrize(
+    ("minutes", "reading", "said"),
+    [(30, "", True), (60, "", True), (20, "", False), (30, 'reading = "point"\n', False)],
+)
+def test_means_of_facade_sun_that_may_be_taken_for_instants_are_told(house, minutes, reading, said):
+    """By half their interval they come late, and on a facade the sun's height does not tell it."""
+    frame, _ = measured(minutes=minutes)
+    grid = HOURLY if minutes == 60 else MAPPING
+    mapping = grid.replace("weather.ghi", "weather.poa_global") + reading
+    notes = [note for note in house(frame, mapping).notes if "irradiance read" in note]
+    expected = (
+        f"weather.poa_global: irradiance read {60 * minutes} s apart is taken for instants; if the logger wrote"
+        f" means, write reading = 'mean' there: as instants they come {minutes / 2:g} min late"
+    )
+    assert notes == [expected] * said
+    assert not [note for note in house(frame, grid, out="ghi.nc").notes if "irradiance read" in note]

@@ -55,6 +55,27 @@ from tests.small_disk import SAID, small_disk
         ),
         (
             None,
+            MAPPING.replace('"kW"\n', '"kW"\nfill = "interpolate"\n'),
+            "variables.gas: fill is 'interpolate', which only an input has; expected none",
+        ),
+        (
+            None,
+            MAPPING.replace('"kW"\n', '"kW"\nfill = "interpolate"\nfill_up_to = 6.0\n'),
+            "variables.gas: fill is 'interpolate', which only an input has",
+        ),
+        (
+            None,
+            MAPPING.replace('"kW"\n', '"kW"\nfill_up_to = 6.0\n'),
+            "variables.gas: fill_up_to is 6 without fill; expected fill = 'interpolate' with it, or neither",
+        ),
+        (None, MAPPING.replace("fill = 0.0", "fill_up_to = 6.0"), "variables.air: fill_up_to is 6 without fill"),
+        (
+            None,
+            MAPPING.replace("fill = 0.0", "fill = 0.0\nfill_up_to = 6.0"),
+            "variables.air: fill_up_to is given with fill = 0.0; expected fill = 'interpolate' with it",
+        ),
+        (
+            None,
             MAPPING.replace("fill = 0.0", "fill = -5.0"),
             r"variables.air: -5 m3/h is -0.00\d+ kg/s; expected -0.001 to inf kg/s",
         ),

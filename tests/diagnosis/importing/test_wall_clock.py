@@ -46,7 +46,6 @@ def by_hand(rows, every=60):
         (["02:00 A", "02:00 B", "02:00 A", "02:00 B"], [0, 0, 60, 60]),
         (["02:00 A", "02:00 B", "02:00 B", "02:00 A"], [0, 0, 60, 60]),
         (["02:00 AB", "02:00 AB"], [0, 60]),
-        (["02:00 A", "02:00 B"], [0, 0]),
         (["02:00 A", "02:30 B", "02:00 B"], [0, 30, 60]),
         # hourly, a little later the second time: nothing goes back
         (["02:00 AB", "02:01 AB"], [0, 61]),
@@ -60,7 +59,6 @@ def test_which_pass_a_row_of_an_hourly_log_is_of(rows, minutes):
 @pytest.mark.parametrize(
     ("rows", "minutes"),
     [
-        (["02:00 A", "02:00 B", "02:30 A", "02:30 B"], [0, 0, 30, 30]),
         (["02:00 A", "02:00 B", "02:30 A", "02:30 B", "02:00 A", "02:00 B"], [0, 0, 30, 30, 60, 60]),
         (["02:00 AB", "02:30 AB", "02:30 AB"], [0, 30, 90]),
         # every row is written twice
@@ -86,8 +84,52 @@ def test_rows_whose_order_does_not_tell_are_refused(rows):
 
 
 def test_an_hour_that_is_there_once_is_said_to_be():
-    _, notes = by_hand(["02:00 A", "02:00 B"])
+    minutes, notes = by_hand(["02:00 A", "02:00 B"])
     assert "there once only" in notes[0] and "2 stamps" in notes[1] and "0 of them" in notes[1]
+    assert np.isnan(minutes).all() and "2 of them are left out, because nothing tells" in notes[1]
+    assert np.isnan(by_hand(["02:00 A", "02:00 B", "02:30 A", "02:30 B"], every=30)[0]).all()
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    every=st.sampled_from([1, 5, 15, 20, 30, 60, 120, 180]),
+    after=st.integers(0, 179),
+    begin=st.integers(-150, 120),
+    length=st.integers(0, 240),
+)
+def test_one_outage_over_the_change_puts_no_row_an_hour_wrong(every, after, begin, length):
+    """Rows whose pass nothing tells are left out, and none of a log that lost nothing."""
+    first = BACK - timedelta(minutes=2 * 24 * 60 + after % every)
+    times = [first + timedelta(minutes=m) for m in range(0, 4 * 24 * 60, every)]
+    gone = (BACK + timedelta(minutes=begin), BACK + timedelta(minutes=begin + length))
+    times = [one for one in times if not gone[0] <= one < gone[1]]
+    utc, _ = understood(on_the_wall(times), ["A"] * len(times))
+    known = np.isfinite(utc)
+    np.testing.assert_array_equal(utc[known], np.array([one.timestamp() for one in times])[known])
+    assert known.all() or (every <= 60 and length > 0)
+    assert (~known).sum() * every <= 60
+
+
+@pytest.mark.parametrize("pass_", [0, 1])
+def test_an_hourly_log_that_lost_one_pass_has_no_reading_in_the_other(house, pass_):
+    """Held against the same log with offsets in its stamps."""
+    frame, hours = measured(minutes=60)
+    whole = HOURLY.replace("persons = 2.0\n", "persons = 2.0\nfill = 0.0\n")
+    kept = frame[hours != 50 + pass_].copy()  # the log begins at midnight of the 28th, by the clock
+    told = pd.to_datetime(kept["when"]).dt.tz_localize(ZONE, ambiguous=np.full(len(kept), pass_ == 1)).astype(str)
+    aware = xr.load_dataset(house(kept.assign(when=told), whole, out="aware.nc").recording)["warmth"].values
+    naive = xr.load_dataset(house(kept, whole, out="naive.nc").recording)["warmth"].values
+    both = np.isfinite(naive)
+    np.testing.assert_array_equal(naive[both], aware[both])
+    assert np.isfinite(aware).sum() - both.sum() == 1
+
+
+def test_changes_are_not_lost_for_the_hour_that_they_may_be_off():
+    """A valve that closes in that night stays closed."""
+    times = [BACK + timedelta(minutes=m) for m in (-1700, -1250, -1100, -630, -320, -45, 400, 700, 1300)]
+    utc, notes = understood(on_the_wall(times), ["A"] * len(times))
+    np.testing.assert_array_equal(utc, [one.timestamp() for one in times])
+    assert "0 of them, from where the clock goes back, are taken for its second pass" in notes[-1]
 
 
 @settings(max_examples=60, deadline=None)
