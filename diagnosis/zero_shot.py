@@ -70,6 +70,8 @@ def estimate(run: Path | str, recording: Recording, system: System) -> dict[str,
             raise RecordingError(str(refused).replace(str(path), str(recording.path))) from None
     if whole.passed:
         _log.warning("the estimator read no longer window: %s", whole.passed.replace(str(path), str(recording.path)))
+    if whole.bridged:
+        _log.warning("%s: the estimator itself put in %d readings that were lost singly", recording.path, whole.bridged)
     told = whole.predictions[0]
     for note in told.unlike or ():
         _log.warning("%s: unlike all that the estimator was trained on: %s", recording.path, note)
