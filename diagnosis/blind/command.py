@@ -51,7 +51,7 @@ def make(
     truth
         What is true beyond the model (TOML); truth/truth.toml beside the system's folder if not given.
     hours
-        Length of each recording [h].
+        Length of each recording [h], at least a day.
     workers
         Processes.
     as_json
