@@ -28,8 +28,12 @@ class Fitting:
         Parameter(help="Whether persons were counted; without this, they were if the recording has them."),
     ] = None
     noise: Annotated[str, Parameter(help="Noise preset of the description.")] = "sensor"
-    workers: Annotated[int, Parameter(help="Processes that simulate side by side.")] = 1
-    scheduler: Annotated[str | None, Parameter(help="Address of a Dask scheduler, to simulate on its workers.")] = None
+    workers: Annotated[
+        int | None, Parameter(help="Processes on this machine that simulate side by side; one, if not given.")
+    ] = None
+    scheduler: Annotated[
+        str | None, Parameter(help="Address of a Dask scheduler, to simulate on its workers in place of those.")
+    ] = None
 
     @property
     def given(self) -> dict[str, Any]:

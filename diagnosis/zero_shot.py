@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -76,11 +77,26 @@ def estimate(run: Path | str, recording: Recording, system: System) -> dict[str,
     for note in told.unlike or ():
         _log.warning("%s: unlike all that the estimator was trained on: %s", recording.path, note)
     values_by_name = {name: one.value for name, one in told.parameters.items()}
-    if sorted(values_by_name) != sorted(system.parameter_names):
-        raise EstimatorError(
-            f"{run}: estimates {', '.join(values_by_name)}; the system has {', '.join(system.parameter_names)}"
-        )
+    _check_parameters(run, values_by_name, system)
     return values_by_name
+
+
+def check_estimator(run: Path | str, system: System) -> None:
+    """Refuse what is no estimator of a system's parameters, before recordings are given to it.
+
+    Raises
+    ------
+    EstimatorError
+        If there is none, one of its files is damaged, or it estimates other parameters.
+    """
+    from trainer import load_run
+
+    _check_parameters(run, load_run(run).card.encoding.parameters, system)
+
+
+def _check_parameters(run: Path | str, names: Iterable[str], system: System) -> None:
+    if sorted(names) != sorted(system.parameter_names):
+        raise EstimatorError(f"{run}: estimates {', '.join(names)}; the system has {', '.join(system.parameter_names)}")
 
 
 def _write_span(data: xr.Dataset, path: Path) -> None:

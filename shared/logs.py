@@ -66,6 +66,12 @@ def fields(**values: Any) -> dict[str, Any]:
     return {"fields": values}
 
 
+def log_files() -> list[Path]:
+    """The files that ``--log`` has named, open now: they are no part of what a command finds in a folder."""
+    handlers = logging.getLogger(_ROOT).handlers
+    return [Path(one.baseFilename).resolve() for one in handlers if isinstance(one, logging.FileHandler)]
+
+
 class JsonLines(logging.Formatter):
     """A record as one line of JSON: time (UTC), level, logger, message, its fields, and a traceback if there is one.
 

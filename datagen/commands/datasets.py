@@ -92,7 +92,7 @@ def merge(folders: Annotated[list[Path], Parameter(consume_multiple=True, negati
     folders
         Dataset folders, at least two.
     out
-        Folder of the joint dataset; must not exist.
+        Folder of the joint dataset; new, or empty.
     """
     from datagen import merge as merge_
 

@@ -33,7 +33,7 @@ from shared.ceiling import Origin, fitting, read_ceilings, unknown_constants, wr
 from shared.errors import DatasetError
 from shared.lock import FILE_NAME as LOCK_FILE
 from shared.lock import FolderLock
-from shared.logs import logger
+from shared.logs import log_files, logger
 from shared.places import check_folder
 from shared.store import MANIFEST, Manifest, read_manifest, write_atomically, write_manifest
 from shared.system import System, load_system
@@ -224,7 +224,8 @@ def _check_folder(folder: Path) -> None:
     if not folder.exists() or (folder / MANIFEST).exists():
         return
     ours = {LOCK_FILE, "shards"}  # of a run that was stopped before it had written a manifest
-    if any(path.name not in ours and not path.name.endswith(".tmp") for path in folder.iterdir()):
+    found = [path for path in folder.iterdir() if path.resolve() not in log_files()]
+    if any(path.name not in ours and not path.name.endswith(".tmp") for path in found):
         raise DatasetError(f"{folder}: not empty and without a manifest; expected a new folder or a dataset")
 
 

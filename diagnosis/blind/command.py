@@ -11,11 +11,12 @@ from typing import Annotated
 from cyclopts import App, Parameter
 
 from shared.console import OK, PARTLY, NotNegative, Place, Positive, new_console, resumable
-from shared.logs import USUAL, Reporting
+from shared.logs import USUAL, Reporting, logger
 from shared.progress import progress_bar
 
 app = App(name="blind", help="Recordings whose effect is sealed, to find out what a diagnosis is worth.")
 console = new_console()
+_log = logger(__name__)
 
 
 @app.command
@@ -29,7 +30,7 @@ def make(
     answers: Path | None = None,
     truth: Path | None = None,
     hours: float = 672.0,
-    workers: int = 1,
+    workers: Positive = 1,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
     report: Reporting = USUAL,
 ) -> int:
@@ -50,7 +51,7 @@ def make(
     truth
         What is true beyond the model (TOML); truth/truth.toml beside the system's folder if not given.
     hours
-        Length of each recording [h].
+        Length of each recording [h], at least a day.
     workers
         Processes.
     as_json
@@ -85,7 +86,7 @@ def run(
     set_: Annotated[Path, Parameter(name="SET")],
     *,
     out: Place,
-    workers: int = 1,
+    workers: Positive = 1,
     without: Annotated[list[str] | None, Parameter(consume_multiple=True, negative=())] = None,
     leave_one_out: Annotated[bool, Parameter(negative=())] = False,
     estimator: Annotated[Path | None, Parameter(name="--run")] = None,
@@ -114,7 +115,7 @@ def run(
     leave_one_out
         Diagnose each recording again without each effect that had a chance.
     estimator
-        Folder of an estimator, whose estimate is the first start.
+        Folder of an estimator, or the name of a system that comes with one: its estimate is the first start.
     seed
         Of the diagnoses' own random numbers.
     limit
@@ -145,6 +146,9 @@ def run(
     seconds = sum(one.seconds for one in outcomes) / len(outcomes)
     sha256 = digest(out, files)
     code = PARTLY if verdicts[FAILED] else OK
+    failed = [one for one in outcomes if one.verdict is None]
+    if failed:
+        _log.warning("%s failed, the first of %d: %s", failed[0].file, len(failed), failed[0].failure)
     if as_json:
         said = {"recordings": len(files), "verdicts": verdicts, "seconds": seconds, "verdicts_sha256": sha256}
         sys.stdout.write(json.dumps(said, indent=1, allow_nan=False) + "\n")

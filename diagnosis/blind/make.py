@@ -16,16 +16,20 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.blind.begun import begin, program_sha256, uncertain_sha256
+from diagnosis.blind.begun import begin, check_new, program_sha256, uncertain_sha256
+from diagnosis.blind.commands import made_of
 from diagnosis.blind.detectability import detectability
 from diagnosis.blind.draw import describe
 from diagnosis.blind.generator import Generator, Made
 from diagnosis.blind.measuring import measured, published, write
-from diagnosis.blind.sealed import publish, read_manifest, salt_of, seal
+from diagnosis.blind.sealed import publish, salt_of, seal
 from diagnosis.blind.truth import default_truth, load_truth
 from diagnosis.effects import library
+from diagnosis.recording import DAY, HOUR
+from diagnosis.where.series import FEWEST
 from shared.errors import RecordingError, SimulationError, ZeroshotError
 from shared.interrupts import interrupts_held
+from shared.lock import FolderLock
 from shared.reading import read_json
 from shared.store import sha256_of, write_atomically
 from shared.system import System, load_system
@@ -68,14 +72,16 @@ def make(
     truth
         The truth's TOML; ``truth/truth.toml`` beside the system's folder if not given.
     hours
-        Length of each recording [h].
+        Length of each recording [h], at least a day and four steps.
     workers
         Processes. A recording depends on the seed and its number alone.
 
     Raises
     ------
     RecordingError
-        If the folder or the sealed file exists, one lies in the other, or what was begun was begun otherwise.
+        If there is something in the folder, the sealed file exists, one lies in the other, nothing can be written
+        there, recordings would be too short for a diagnosis, another call is at it, or what was begun was begun
+        otherwise.
     SystemDescriptionError, FmuError, SimulationError
         If system or truth cannot be used.
     """
@@ -87,8 +93,11 @@ def make(
     part = sealed.with_name(f"{sealed.name}.part")
     if recordings < 1:
         raise ValueError(f"recordings is {recordings}; expected at least 1")
-    _refuse(folder, sealed, all_made=all(_answer(part, index).exists() for index in range(recordings)))
+    width = max(len(str(recordings - 1)), 4)
+    copied = {f"{RECORDINGS}/{index:0{width}}.nc": _recording(part, index) for index in range(recordings)}
+    check_new(folder, sealed, copied)
     described.with_experiment(hours=hours)  # hours that no simulation can have are refused before anything is begun
+    _check_length(hours, described.experiment.step)
     about = {
         "system_name": described.name,
         "system_hash": described.hash(),
@@ -107,41 +116,49 @@ def make(
         "library": [one.name for one in library(described)],
         "program": program_sha256(),
     }
-    chosen = begin(part, begun, seed)
-    jobs = [(chosen, index, part) for index in range(recordings) if not _answer(part, index).exists()]
-    _work_off(described, where, hours, jobs, workers, lambda done: progress and progress(done, recordings), recordings)
-
-    width = max(len(str(recordings - 1)), 4)
-    files = [f"{RECORDINGS}/{index:0{width}}.nc" for index in range(recordings)]
-    opened = [
-        {"file": file, **read_json(_answer(part, index), RecordingError, "an answer of a set that is being made")}
-        for index, file in enumerate(files)
-    ]
-    digest = seal(sealed, {"salt": salt_of(chosen), "seed": chosen, **about, "recordings": opened})
-    (folder / RECORDINGS).mkdir(parents=True, exist_ok=True)
-    listed = []
-    for index, (file, answer) in enumerate(zip(files, opened, strict=True)):
-        # written anew and in order: when a file was made would tell how long its simulation took
-        write_atomically(folder / file, _recording(part, index).read_bytes())
-        os.utime(folder / file, (0, 0))
-        conditions = {"occupancy": answer["occupancy"], "replay": answer["replay"]}
-        listed.append({"file": file, "sha256": sha256_of(folder / file), **conditions})
-    manifest = {**about, "answers_sha256": digest, "recordings": listed}
-    publish(folder, manifest)
+    part.mkdir(parents=True, exist_ok=True)
+    with FolderLock(part, str(described.path.resolve()), kind=RecordingError):  # two calls would have two seeds
+        chosen = begin(part, begun, seed)
+        jobs = [(chosen, index, part) for index in range(recordings) if not _answer(part, index).exists()]
+        _work_off(described, where, hours, jobs, workers, partial(_tell, progress, recordings), recordings)
+        opened = [
+            {"file": file, **read_json(_answer(part, index), RecordingError, "an answer of a set that is being made")}
+            for index, file in enumerate(copied)
+        ]
+        sources = made_of(described, where)
+        digest = seal(sealed, {"salt": salt_of(chosen), "seed": chosen, **sources, **about, "recordings": opened})
+        check_new(folder, sealed, copied)  # a call with other answers may have published there
+        manifest = {**about, "answers_sha256": digest, "recordings": _published(folder, copied, opened)}
+        publish(folder, manifest)
     shutil.rmtree(part)
     return manifest
 
 
-def _refuse(folder: Path, sealed: Path, *, all_made: bool) -> None:
-    """Refuse what is there already, but for the very set that this call would have finished (``all_made``)."""
-    if (folder / RECORDINGS).exists() and any(folder.glob("manifest.json")):
-        stopped = all_made and sealed.is_file()
-        if not stopped or read_manifest(folder)["answers_sha256"] != sha256_of(sealed):
-            raise RecordingError(f"{folder}: holds a blind set; expected a new folder")
-    if sealed.exists() and not all_made:
-        raise RecordingError(f"{sealed}: exists; expected a new file for the answers")
-    if folder.resolve() in sealed.resolve().parents:
-        raise RecordingError(f"{sealed}: lies in {folder}, which is published; expected another place for the answers")
+def _tell(progress: Progress | None, recordings: int, done: int) -> None:
+    if progress is not None:
+        progress(done, recordings)
+
+
+def _check_length(hours: float, step: float) -> None:
+    """Refuse recordings that no diagnosis would read."""
+    if hours * HOUR < max(DAY, FEWEST * step):
+        raise RecordingError(
+            f"hours is {hours:g}; expected at least {max(DAY, FEWEST * step) / HOUR:g}: a diagnosis reads no recording"
+            f" that is shorter than a day or than {FEWEST} steps"
+        )
+
+
+def _published(folder: Path, copied: dict[str, Path], opened: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Copy the recordings to where they are published, and say what is published of each."""
+    (folder / RECORDINGS).mkdir(parents=True, exist_ok=True)
+    listed = []
+    for (file, path), answer in zip(copied.items(), opened, strict=True):
+        # written anew and in order: when a file was made would tell how long its simulation took
+        write_atomically(folder / file, path.read_bytes())
+        os.utime(folder / file, (0, 0))
+        conditions = {"occupancy": answer["occupancy"], "replay": answer["replay"]}
+        listed.append({"file": file, "sha256": sha256_of(folder / file), **conditions})
+    return listed
 
 
 def _recording(part: Path, index: int) -> Path:

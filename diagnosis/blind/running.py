@@ -36,11 +36,12 @@ from diagnosis.blind.verdicts import (
 )
 from diagnosis.blind.working import CHANCE, Job, lost, work
 from diagnosis.effects import library
+from diagnosis.zero_shot import check_estimator
 from shared import __version__
 from shared.errors import RecordingError, SystemDescriptionError
 from shared.interrupts import interrupts_held
-from shared.logs import fields, logger
-from shared.shipped import estimator_beside
+from shared.logs import fields, log_files, logger
+from shared.shipped import estimator_beside, resolved_estimator
 from shared.store import sha256_of
 from shared.system import System, load_system
 
@@ -80,7 +81,8 @@ def run(
         Diagnose each recording again without each candidate that had a chance in its first verdict
         (:data:`diagnosis.blind.working.CHANCE`); the score uses the verdicts without the one that is true.
     estimator
-        Folder of an estimator, whose zero-shot estimate is each diagnosis' first start.
+        Folder of an estimator, or the name of a system that comes with one: its estimate is each diagnosis' first
+        start.
     seed
         Of the diagnoses' own random numbers.
     limit
@@ -96,6 +98,8 @@ def run(
         If the set is not of this system, a recording has changed, the folder holds another run, or no time is given.
     SystemDescriptionError
         If a withheld candidate is not in the library.
+    EstimatorError
+        If there is no estimator, or it is of other parameters than the system's.
     """
     if not limit > 0:
         raise RecordingError(f"limit is {limit:g} s; expected more than 0")
@@ -108,6 +112,8 @@ def run(
         raise SystemDescriptionError(
             f"{described.path}: {name!r} is withheld but no effect; found {', '.join(names) or 'none'}"
         )
+    if estimator is not None:
+        check_estimator(estimator, described)
     asked = Run(
         system_name=described.name,
         system_hash=described.hash(),
@@ -209,7 +215,7 @@ def _end(process: SpawnProcess) -> None:
 def _begin(results: Path, asked: Run) -> None:
     """Note how this run is made, or hold it against how it was begun."""
     if not (results / RUN).exists():
-        if results.exists() and any(results.iterdir()):
+        if results.exists() and any(path.resolve() not in log_files() for path in results.iterdir()):
             raise RecordingError(f"{results}: is not empty and holds no run; expected a new folder or a run's")
         write_run(results, asked)
         return
@@ -237,10 +243,10 @@ def _hash(system: System) -> str:
 
 
 def _files(folder: Path | str | None) -> str | None:
-    """The sha256 of an estimator's files; None without one."""
+    """The sha256 of the files of an estimator, given as it may be loaded; None without one."""
     if folder is None:
         return None
-    files = sorted(path for path in Path(folder).rglob("*") if path.is_file())
+    files = sorted(path for path in resolved_estimator(folder).rglob("*") if path.is_file())
     return hashlib.sha256("".join(sha256_of(path) for path in files).encode()).hexdigest()
 
 

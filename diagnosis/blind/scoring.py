@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from diagnosis.blind import holding, naming, rates
+from diagnosis.blind.commands import commands
 from diagnosis.blind.expected import DETECTABLE, Expected
 from diagnosis.blind.intervals import Figure, figure, median, share
 from diagnosis.blind.opened import LeftOut, Row, left_out, side_by_side, structural
@@ -17,8 +17,9 @@ from diagnosis.blind.places import Hit, hit, inputs_of
 from diagnosis.blind.score_schema import Both, Rates, Score, Where
 from diagnosis.blind.sealed import MANIFEST, open_answers, read_manifest
 from diagnosis.blind.shrinking import by_channel, errors, removed, where_largest
-from diagnosis.blind.verdicts import LIMIT, RUN, WITHOUT, Run, digest, name_of, read_run
+from diagnosis.blind.verdicts import RUN, WITHOUT, Run, digest, name_of, read_run
 from shared.errors import RecordingError
+from shared.places import check_folder
 from shared.store import sha256_of, write_atomically
 
 
@@ -54,7 +55,7 @@ def score(
     ------
     RecordingError
         If the answers are not those that were sealed, the verdicts are incomplete or those of another set, or the page
-        would take the place of what is read.
+        cannot be written or would take the place of what is read.
     """
     folder, answers, results = Path(folder), Path(answers), Path(results)
     out = None if out is None else _page(Path(out), (answers, folder / MANIFEST, results / RUN))
@@ -79,7 +80,9 @@ def score(
             "verdicts_sha256": said,
             "planned": planned,
             "withheld": withheld,
-            "commands": _commands(opened, run, folder, answers, results, out, seed, count, withheld == count),
+            "commands": commands(
+                *(opened, run, folder, answers, results, out), seed=seed, count=count, leave_one_out=withheld == count
+            ),
         }
     )
     if out is not None:
@@ -99,6 +102,9 @@ def _page(out: Path, read: Sequence[Path]) -> Path:
     for path in read:
         if out.with_suffix(".json").resolve() == path.resolve():
             raise RecordingError(f"{out}: its JSON would be written over {path}; expected another name")
+    if out.is_dir():
+        raise RecordingError(f"{out}: is a folder; expected a name for the page, such as {out / 'score.html'}")
+    check_folder(out.parent, RecordingError)
     return out
 
 
@@ -241,34 +247,3 @@ def _places(rows: Sequence[Row], folder: Path, step: float) -> list[Hit]:
             continue
         found.append(hit(row, inputs_of(folder / row.answer["file"]), step))
     return found
-
-
-def _commands(
-    opened: dict[str, Any],
-    run: Run,
-    folder: Path,
-    answers: Path,
-    results: Path,
-    out: Path | None,
-    seed: int,
-    count: int,
-    leave_one_out: bool,
-) -> list[str]:
-    """The three commands that make, run and score this set again; leave-one-out only where all had it."""
-    planned, system = len(opened["recordings"]), f"{run.system_name}/system.toml"
-    make = ["make", folder, "--system", system, "--recordings", planned, "--seed", opened["seed"]]
-    made = ["run", system, folder, "--out", results, "--seed", run.settings.get("seed", 0)]
-    made += ["--run", run.settings["estimator"]] if run.settings.get("estimator") else []
-    made += ["--without", *run.without] if run.without else []
-    limit = run.settings.get("limit", LIMIT)
-    made += ["--limit", f"{limit:g}"] if limit != LIMIT else []
-    made += ["--leave-one-out"] if leave_one_out else []
-    scored = ["score", folder, answers, results, "--out", out or "score.html", "--seed", seed]
-    scored += ["--first", count] if count < planned else []
-    make += ["--hours", f"{opened['hours']:g}"]
-    return [shlex.join(["diagnosis", "blind", *map(_short, one)]) for one in (make, made, scored)]
-
-
-def _short(word: object) -> str:
-    """A word of a command; of paths the last part, wherever the folder was."""
-    return word.absolute().name if isinstance(word, Path) else str(word)

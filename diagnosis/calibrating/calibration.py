@@ -39,7 +39,7 @@ def calibrate(
     starts: int = STARTS,
     warm_up: float = WARM_UP,
     seed: int = 0,
-    workers: int = 1,
+    workers: int | None = None,
     scheduler: str | None = None,
     tell: Callable[[str], None] = lambda _: None,
 ) -> Calibrated:
@@ -64,7 +64,7 @@ def calibrate(
     warm_up
         The recording's first day is repeated this long before its start [h], at least a step.
     workers, scheduler
-        Processes on this machine, or the address of a Dask scheduler, for the simulations.
+        Processes on this machine (1), or the address of a Dask scheduler, for the simulations.
     tell
         Is told when what was given is found in order, and simulations begin.
 

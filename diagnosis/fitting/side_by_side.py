@@ -79,22 +79,22 @@ class Cluster:
 
 
 @contextmanager
-def side_by_side(simulator: Simulator, *, workers: int = 1, scheduler: str | None = None) -> Iterator[Runner]:
+def side_by_side(simulator: Simulator, *, workers: int | None = None, scheduler: str | None = None) -> Iterator[Runner]:
     """A runner: on a Dask cluster where a scheduler is given, in ``workers`` processes, or in this one.
 
     Raises
     ------
     ClusterError
-        If the scheduler does not answer, or there would be no worker.
+        If the scheduler does not answer, there would be no worker, or both are given: a cluster has its own workers.
     """
-    if workers < 1:
+    if workers is not None and workers < 1:
         raise ClusterError(f"workers is {workers}; expected at least 1")
     if scheduler is not None:
         from datagen.farming.cluster import connect
 
-        with connect(scheduler=scheduler) as client:
+        with connect(workers=workers, scheduler=scheduler) as client:
             yield Cluster(simulator.system, client)
-    elif workers > 1:
+    elif workers is not None and workers > 1:
         pool = Processes(simulator.system, workers)
         try:
             yield pool

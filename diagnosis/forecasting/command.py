@@ -10,7 +10,6 @@ from cyclopts import Parameter
 
 from diagnosis.options import PLAIN, Fitting
 from diagnosis.scores import score_table
-from diagnosis.usual import STARTS
 from shared.console import OK, Place, Positive, new_console
 from shared.logs import USUAL, Reporting
 from shared.progress import stages
@@ -26,7 +25,7 @@ def forecast(
     context: float = 168.0,
     ahead: float = 336.0,
     calibration: Path | None = None,
-    starts: Positive = STARTS,
+    starts: Positive | None = None,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
     fitting: Fitting = PLAIN,
     report: Reporting = USUAL,
@@ -48,9 +47,9 @@ def forecast(
     ahead
         What is forecast [h].
     calibration
-        A folder of `diagnosis calibrate`, in place of one on the context.
+        A folder of `diagnosis calibrate`, in place of one on the context, to which --run and --starts belong.
     starts
-        Starts of the calibration.
+        Starts of the calibration on the context, as of `diagnosis calibrate` if not given.
     as_json
         Print JSON.
     """

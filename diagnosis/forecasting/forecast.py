@@ -50,10 +50,10 @@ def forecast(
     occupancy: str | None = None,
     noise: str = "sensor",
     draws: int = DRAWS,
-    starts: int = STARTS,
+    starts: int | None = None,
     warm_up: float = WARM_UP,
     seed: int = 0,
-    workers: int = 1,
+    workers: int | None = None,
     scheduler: str | None = None,
     tell: Callable[[str], None] = lambda _: None,
 ) -> Forecasted:
@@ -64,10 +64,10 @@ def forecast(
 
     Parameters
     ----------
-    run
-        Folder of an estimator for the first guess.
+    run, starts
+        Of the calibration on the context: folder of an estimator for the first guess, and starts in all.
     calibration
-        A calibration made before, in place of one on the context.
+        A calibration made before, in place of that one.
     draws
         Simulations behind the bands.
     out
@@ -78,8 +78,9 @@ def forecast(
     Raises
     ------
     RecordingError
-        If the recording ends before the forecast does, or cannot be calibrated on; if the given calibration has seen
-        what is to be forecast; if an actuator to be replayed was not read there; if the folder cannot be written to.
+        If a calibration is given together with what only one on the context takes; if the recording ends before the
+        forecast does, or cannot be calibrated on; if the given calibration has seen what is to be forecast; if an
+        actuator to be replayed was not read there; if the folder cannot be written to.
     """
     for name, hours in (("context", context), ("ahead", ahead)):
         if not hours > 0:
@@ -88,6 +89,11 @@ def forecast(
         check_folder(Path(out), RecordingError)
     given = None
     if calibration is not None:
+        if idle := [name for name, one in (("run", run), ("starts", starts)) if one is not None]:
+            raise RecordingError(
+                f"calibration is given, and {' and '.join(idle)} beside it; expected one of both: nothing is fitted"
+                " where the parameters are those of a calibration made before"
+            )
         given = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
     described = system if isinstance(system, System) else load_system(system)
     errors_under(described, noise)  # whatever is wrong is said before the simulator is built
@@ -109,7 +115,7 @@ def forecast(
             first,
             run=run,
             noise=noise,
-            starts=starts,
+            starts=STARTS if starts is None else starts,
             seed=seed,
             workers=workers,
             scheduler=scheduler,

@@ -49,7 +49,7 @@ def diagnose(
     effects: Sequence[Effect] | None = None,
     warm_up: float = WARM_UP,
     seed: int = 0,
-    workers: int = 1,
+    workers: int | None = None,
     scheduler: str | None = None,
     tell: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
@@ -75,7 +75,7 @@ def diagnose(
     seed
         Of twins, placebos and bootstraps.
     workers, scheduler
-        Processes on this machine, or the address of a Dask scheduler, for the simulations.
+        Processes on this machine (1), or the address of a Dask scheduler, for the simulations.
     tell
         Is told what is being done.
 

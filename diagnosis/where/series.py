@@ -12,6 +12,8 @@ from shared.errors import RecordingError
 
 HOUR = 3600.0
 DAY = 24 * HOUR
+FEWEST = 4
+"""Steps of the shortest recording that can be looked at."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,7 @@ class Residuals:
                 f"for {outputs} outputs and {steps} steps; expected as many"
             )
         gaps = np.diff(self.time)
-        if steps < 4 or gaps[0] <= 0 or not np.allclose(gaps, gaps[0], rtol=0, atol=1e-3):
+        if steps < FEWEST or gaps[0] <= 0 or not np.allclose(gaps, gaps[0], rtol=0, atol=1e-3):
             raise RecordingError("time: not regular or shorter than four steps; expected one positive step throughout")
         if not self.labels:
             object.__setattr__(self, "labels", tuple(self.names))

@@ -129,8 +129,8 @@ def predict(
         If the recording cannot be read, or its channels, units, cell methods, step, length or values do not fit the
         run.
     EstimatorError
-        If the run cannot be used, samples or a figure are wanted and it has no posterior, or samples are too few for an
-        interval.
+        If the run cannot be used, samples or a figure are wanted and it has no posterior, or both in one file, or
+        samples are too few for an interval.
     """
     from trainer.posterior.checkpoint import load_posterior, prior_of  # the flows take a while to import
     from trainer.posterior.inference import check_samples, summarise
@@ -149,6 +149,10 @@ def predict(
                 kind = {"out": "NetCDF", "corner": "PNG"}[name]
                 raise EstimatorError(f"{name}: {path} is a folder; expected a {kind} file to write")
             check_folder(Path(path).parent, EstimatorError)
+    if out is not None and corner is not None and Path(out).resolve() == Path(corner).resolve():
+        raise EstimatorError(
+            f"out and corner: both are {out}, and one would be written over the other; expected two files"
+        )
     encoding = run.card.encoding
     window = read_window(Path(file), encoding)
     known = {one.length: one for one in run.card.familiar}.get(len(window.stamps))

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from rich.console import Console
 
 from datagen import info, run, simulate, verify
 from datagen.datasets.mending import repair
@@ -16,6 +17,7 @@ from datagen.farming.worker import Job, simulate_shard
 from diagnosis.recording import read_recording
 from shared.ceiling import Origin, read_ceilings, write_ceilings
 from shared.errors import ClusterError, DatasetError, SimulationError, SystemDescriptionError
+from shared.logs import Reporting, reported
 from shared.store import DatasetFolder, read_manifest, write_manifest
 from shared.system import parse_system
 from tests.datagen.cf_checks import cf_faults
@@ -176,6 +178,19 @@ def test_a_folder_with_other_things_is_left_alone(default_system, tmp_path):
     with pytest.raises(DatasetError, match="not empty"):
         run(default_system, tmp_path, workers=1, **SIZE)
     assert [p.name for p in tmp_path.iterdir()] == ["thesis.txt"]
+
+
+def test_a_log_in_the_folder_does_not_bar_it(default_system, tmp_path, monkeypatch):
+    """The command opens it first, and had then refused the folder for it."""
+    stay_in_this_process(monkeypatch)
+    with reported(Reporting(log=tmp_path / "log.jsonl"), Console()):
+        run(default_system, tmp_path, workers=1, **{**SIZE, "systems": 2})
+    assert verify(tmp_path) == []
+    assert (tmp_path / "log.jsonl").stat().st_size > 0
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "log.jsonl").write_text("of something else")
+    with pytest.raises(DatasetError, match="not empty"), reported(Reporting(log=tmp_path / "log.jsonl"), Console()):
+        run(default_system, tmp_path / "other", workers=1, **SIZE)
 
 
 @pytest.mark.parametrize("damage", ["flip", "cut", "remove", "add"])

@@ -56,7 +56,7 @@ def gap_series(rms, hours):
     return np.where(inside, rms / np.sqrt(inside.mean()), 0.0)
 
 
-def write_set(folder, cases, seed=7):
+def write_set(folder, cases, seed=7, system_name="Hand"):
     """A published set and its sealed answers: (folder, answers). Noise is 2 in the room and 5 in the air."""
     (folder / "recordings").mkdir(parents=True)
     noise = {ROOM: 2.0, AIR: 5.0}
@@ -97,7 +97,7 @@ def write_set(folder, cases, seed=7):
         )
         if case.length is not None:
             opened[-1]["detectability"] = {"length": case.length, "beside": case.beside}
-    about = {"system_name": "Hand", "system_hash": "h", "fmu_sha256": "f", "step": STEP, "hours": float(STEPS)}
+    about = {"system_name": system_name, "system_hash": "h", "fmu_sha256": "f", "step": STEP, "hours": float(STEPS)}
     answers = folder.with_name(f"{folder.name}.answers.json")
     digest = seal(answers, {"salt": "s", "seed": seed, **about, "recordings": opened})
     publish(folder, {**about, "answers_sha256": digest, "recordings": listed})

@@ -1,5 +1,6 @@
 """Running a blind set: it reads the recordings only, goes on where it stopped, and loses no recording that fails."""
 
+import hashlib
 import json
 import os
 import shlex
@@ -11,20 +12,19 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from cyclopts import App
 
 import diagnosis.blind.judging as judging
 import diagnosis.blind.running as running
 import diagnosis.blind.source as source_of_programs
 import diagnosis.blind.working as working
 from diagnosis.blind.begun import uncertain_sha256
-from diagnosis.blind.command import app as blind_app
 from diagnosis.blind.make import make
 from diagnosis.blind.running import run
 from diagnosis.blind.scoring import score
 from diagnosis.blind.verdicts import read_outcome, read_run, read_withheld
-from shared.console import PARTLY, STOPPED
-from shared.errors import RecordingError, SystemDescriptionError
+from diagnosis.cli import app
+from shared.console import FAULT, OK, PARTLY, STOPPED, start
+from shared.errors import EstimatorError, RecordingError, SystemDescriptionError
 from shared.store import sha256_of
 from tests.diagnosis.blind.blind_cases import HandJudge, hand_set
 
@@ -168,6 +168,55 @@ def test_a_set_of_rooms_whose_constants_vary_otherwise_is_refused(blind_set, def
     assert not (tmp_path / "out").exists()
 
 
+def test_an_estimator_that_is_none_is_told_before_a_folder_is_begun(blind_set, default_system, tmp_path, capsys):
+    """Every recording had failed for it, and the folder could not be used again without it."""
+    out = tmp_path / "out"
+    words = ["blind", "run", str(default_system.path), str(blind_set), "--out", str(out)]
+    assert start(app, [*words, "--run", str(tmp_path / "nowhere")]) == FAULT
+    assert "nowhere" in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_nor_is_one_begun_with_an_estimator_of_other_parameters(blind_set, default_system, tmp_path):
+    fewer = default_system.model_copy(update={"parameters": default_system.parameters[1:]})
+    folder, _ = hand_set(tmp_path / "fewer", fewer, [3.0])
+    with pytest.raises(EstimatorError, match=rf"MixedAirCO2: estimates .*{default_system.parameter_names[0]}.*has"):
+        run(fewer, folder, tmp_path / "out", workers=0, judge=HandJudge(), estimator="MixedAirCO2")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_run_knows_the_files_of_an_estimator_that_is_named(blind_set, default_system, tmp_path):
+    folder = default_system.path.parent / "estimator"
+    made = [
+        run(default_system, blind_set, tmp_path / f"{k}", workers=0, judge=HandJudge(), estimator=one)
+        for k, one in enumerate(["MixedAirCO2", default_system.path.parent, folder])
+    ]
+    hashes = "".join(sha256_of(path) for path in sorted(folder.rglob("*")) if path.is_file())
+    expected = hashlib.sha256(hashes.encode()).hexdigest()
+    assert [one.settings["estimator_files"] for one in made] == [expected] * 3
+
+
+def test_its_own_log_does_not_bar_the_folder_of_a_run(blind_set, default_system, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(running, "Diagnoser", lambda *_: HandJudge())
+    monkeypatch.setattr(running, "_side_by_side", one_after_another)
+    out = tmp_path / "out"
+    out.mkdir()
+    words = ["blind", "run", str(default_system.path), str(blind_set), "--out", str(out), "--log", str(out / "log")]
+    assert start(app, words) == OK, capsys.readouterr().err
+    assert files(out) == ["log", "run.json", *(f"verdicts/{k:04}.json" for k in range(3))]
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "log").write_text("of something else")
+    assert start(app, [*words[:5], str(tmp_path / "other")]) == FAULT
+    assert "is not empty and holds no run" in capsys.readouterr().err
+
+
+def one_after_another(jobs, workers, limit, tell):
+    """In place of processes, which see no patch of ours."""
+    for job in jobs:
+        working.work(job)
+        tell()
+
+
 def test_a_recording_that_fails_has_an_outcome(blind_set, default_system, tmp_path):
     run(default_system, blind_set, tmp_path / "out", workers=0, judge=HandJudge(fails=("0001",)))
     failed = read_outcome(tmp_path / "out", "recordings/0001.nc")
@@ -290,18 +339,19 @@ def said(results):
 
 def test_commands(blind_set, default_system, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(running, "Diagnoser", lambda *_: HandJudge())
-    app = App(result_action="return_value")
-    app.command(blind_app)
-    words = ["blind", "run", str(default_system.path), str(blind_set), "--out", str(tmp_path / "out"), "--workers", "0"]
-    assert app([*words, "--json"]) == 0
+    monkeypatch.setattr(running, "_side_by_side", one_after_another)
+    words = ["blind", "run", str(default_system.path), str(blind_set), "--out", str(tmp_path / "out"), "--workers", "2"]
+    assert start(app, [*words, "--json"]) == OK
     told = json.loads(capsys.readouterr().out)
     assert (told["recordings"], told["verdicts"]) == (3, {"effect": 2, "no_gap": 1})
-    monkeypatch.setattr(running, "Diagnoser", lambda *_: HandJudge(fails=("0001",)))
-    assert app([*words[:5], str(tmp_path / "partly"), *words[6:]]) == PARTLY
-    assert "1 failed" in capsys.readouterr().out
+    monkeypatch.setattr(running, "Diagnoser", lambda *_: HandJudge(fails=("0001", "0002")))
+    assert start(app, [*words[:5], str(tmp_path / "partly"), *words[6:]]) == PARTLY
+    told = told | {"partly": capsys.readouterr()}
+    assert "2 failed" in told["partly"].out
+    assert "0001.nc failed, the first of 2: ValueError: cannot judge this" in told["partly"].err.replace("\n", " ")
     answers, page = tmp_path / "set.answers.json", tmp_path / "score.html"
     words = ["blind", "score", str(blind_set), str(answers), str(tmp_path / "out"), "--out", str(page)]
-    assert app([*words, "--json"]) == 0
+    assert start(app, [*words, "--json"]) == OK
     scored = json.loads(capsys.readouterr().out)
     assert scored["verdicts_sha256"] == told["verdicts_sha256"]
     assert scored["answers_sha256"] == sha256_of(answers)

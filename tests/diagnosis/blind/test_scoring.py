@@ -234,6 +234,19 @@ def test_a_page_takes_the_place_of_nothing_that_is_read(tmp_path, out, why):
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
 
 
+@pytest.mark.parametrize("where", ["taken/score.html", "taken/deep/score.html", "folder"])
+def test_a_place_where_no_page_can_be_is_told_before_anything_is_opened(tmp_path, monkeypatch, where):
+    (tmp_path / "taken").write_text("a file")
+    (tmp_path / "folder").mkdir()
+    monkeypatch.setattr("diagnosis.blind.scoring.open_answers", lambda *_: pytest.fail("the answers were opened"))
+    folder, answers = write_set(tmp_path / "set", cases()[:1])
+    results = write_results(tmp_path / "results", folder, cases()[:1])
+    with pytest.raises(
+        RecordingError, match=r"taken is a file; expected a folder|folder: is a folder; expected a name"
+    ):
+        score(folder, answers, results, out=tmp_path / where)
+
+
 @pytest.mark.parametrize("again", [0, 2, 3])
 def test_the_command_of_a_run_says_leave_one_out_only_of_all_recordings(tmp_path, again):
     ones = [Case("library", ("a",), room=3.0, verdict=said("a")) for _ in range(4)]

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from datagen.simulating.simulator import Simulator
+from diagnosis.cli import app
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.side_by_side import Cluster, side_by_side
 from diagnosis.recording import read_recording
+from shared.console import FAULT, start
 from shared.errors import ClusterError
 
 
@@ -15,6 +17,24 @@ def test_without_a_worker_there_is_no_runner(workers):
     refused = pytest.raises(ClusterError, match=f"workers is {workers}; expected at least 1")
     with refused, side_by_side(None, workers=workers):
         pass
+
+
+@pytest.mark.parametrize("workers", [1, 4])
+def test_a_cluster_has_workers_of_its_own(workers):
+    """As many as there are, whatever was asked for."""
+    refused = pytest.raises(ClusterError, match=r"workers is given; expected one of both")
+    with refused, side_by_side(None, workers=workers, scheduler="tcp://127.0.0.1:1"):
+        pass
+
+
+@pytest.mark.slow
+def test_both_are_not_given_to_a_fit(house, house_recording, tmp_path, capsys):
+    house("me")
+    words = [str(house("me").path), str(house_recording(hours=48)), "--out", str(tmp_path / "out")]
+    for command in ("calibrate", "run"):
+        assert start(app, [command, *words, "--workers", "4", "--scheduler", "tcp://127.0.0.1:1"]) == FAULT
+        assert "workers is given; expected one of both" in capsys.readouterr().err.replace("\n", " ")
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.slow

@@ -10,6 +10,7 @@ import pytest
 from datagen import simulate
 from diagnosis.calibrating.calibration import calibrate
 from diagnosis.calibrating.schema import read_calibration
+from diagnosis.cli import app
 from diagnosis.fitting.problem import Problem
 from diagnosis.forecasting import forecast as forecasting
 from diagnosis.forecasting.forecast import band, forecast
@@ -18,6 +19,7 @@ from diagnosis.forecasting.given import check_constants
 from diagnosis.forecasting.report import _days
 from diagnosis.pages import page_environment
 from diagnosis.recording import read_recording
+from shared.console import FAULT, start
 from shared.errors import RecordingError, SimulationError
 
 
@@ -84,8 +86,8 @@ def test_a_calibration_from_a_file_has_the_bands_of_one_that_was_just_made(house
     inputs = {name: values[:96] for name, values in record.inputs.items()}
     first = replace(record, time=record.time[:96], outputs=record.outputs[:, :96], inputs=inputs)
     calibrate(system.with_experiment(hours=96.0), first, starts=1, out=tmp_path / "calibration")
-    common = {"context": 96, "ahead": 96, "starts": 1, "draws": 60}
-    fresh = forecast(system, path, **common)
+    common = {"context": 96, "ahead": 96, "draws": 60}
+    fresh = forecast(system, path, starts=1, **common)
     again = forecast(system, path, calibration=tmp_path / "calibration", **common)
     np.testing.assert_allclose(again.high - again.low, fresh.high - fresh.low, rtol=1e-3)
     assert again.report.outputs["room"].covered > 0.8
@@ -130,6 +132,23 @@ def test_a_calibration_from_a_file_has_the_bands_of_one_that_was_just_made(house
 def test_hours_that_are_none_are_told(house, house_recording, options, said):
     with pytest.raises(RecordingError, match=said):
         forecast(house("me"), house_recording(hours=96), **options)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--starts", "2"], "and starts beside it"),
+        (["--run", "MixedAirCO2"], "and run beside it"),
+        (["--run", "MixedAirCO2", "--starts", "1"], "and run and starts beside it"),
+    ],
+)
+def test_a_calibration_is_not_given_with_what_only_another_one_takes(tmp_path, capsys, words, said):
+    """They were not looked at."""
+    (tmp_path / "calibration").mkdir()
+    places = ["MixedAirCO2", str(tmp_path / "r.nc"), "--out", str(tmp_path / "out")]
+    assert start(app, ["forecast", *places, "--calibration", str(tmp_path / "calibration"), *words]) == FAULT
+    assert f"calibration is given, {said}; expected one of both" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_replayed_actuator_that_was_not_read_ahead_is_refused(default_system, tmp_path, monkeypatch):

@@ -233,6 +233,14 @@ def test_a_folder_where_samples_shall_be_written_is_named(ridge_run, tanks, tmp_
             predict(ridge_run, tanks / "shards" / "000.nc", **{name: tmp_path})
 
 
+def test_samples_and_their_picture_are_not_written_over_each_other(ridge_run, tanks, tmp_path, monkeypatch):
+    """The picture was, over the samples, and both were said to be written."""
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(EstimatorError, match=r"^out and corner: both are x\.nc, .*; expected two files$"):
+        predict(ridge_run, tanks / "shards" / "000.nc", out="x.nc", corner=tmp_path / "x.nc")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_the_table_says_which_of_two_answers_to_take(monkeypatch, capsys):
     value = Estimate(value=2.0, unit="m2", rmse=0.5, at_bound=False, median=2.1, low=1.5, high=2.7)
 
