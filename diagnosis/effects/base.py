@@ -92,11 +92,16 @@ class Effect(Protocol):
         ...
 
     def parameters(self, amplitude: float) -> dict[str, float]:
-        """FMU parameters to set, by name [unit of each]; empty at zero."""
+        """FMU parameters to set, by name [unit of each]; empty at zero.
+
+        None of them may be estimated, or one of the uncertain constants: these would jump from zero to the effect's.
+        """
         ...
 
     def inputs(self, amplitude: float, inputs: dict[str, Piecewise], recording: Recording) -> dict[str, Piecewise]:
-        """All inputs with the changed and additional ones replaced; ``inputs`` itself, unchanged, at zero.
+        """All inputs with the changed ones replaced; ``inputs`` itself, unchanged, at zero.
+
+        There can be no inputs but those of the description: one that an effect needs is a ``constant`` there.
 
         ``inputs`` may begin before the recording (warm-up); what they return spans at least the same time. Persons whom
         nobody counted are in them as they drive the model in this simulation: half-hourly means that need not be whole

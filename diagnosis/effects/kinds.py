@@ -20,7 +20,7 @@ MOST = 0.25
 
 
 @dataclass(frozen=True)
-class _Kind:
+class DeclaredKind:
     """An effect that was declared; ``input_names`` and ``output_names`` are the system's, in its order.
 
     ``means``: outputs that are means over the recording's steps.
@@ -119,7 +119,7 @@ class _Kind:
 
 
 @dataclass(frozen=True)
-class FmuParameters(_Kind):
+class FmuParameters(DeclaredKind):
     """Parameters of the FMU, each linear in the amplitude."""
 
     spec: ParameterEffect | ShapedEffect
@@ -163,7 +163,7 @@ class Shaped(FmuParameters):
 
 
 @dataclass(frozen=True)
-class ChangedInput(_Kind):
+class ChangedInput(DeclaredKind):
     """An input that is not what was recorded or scheduled."""
 
     spec: InputEffect
@@ -207,7 +207,7 @@ def _gained(x: np.ndarray, share: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Sensor(_Kind):
+class Sensor(DeclaredKind):
     """A sensor that does not show what is there."""
 
     spec: SensorEffect

@@ -13,6 +13,7 @@ import math
 from collections.abc import Sequence
 from importlib.metadata import EntryPoint, entry_points
 
+from diagnosis.effects.asked import check_parameters
 from diagnosis.effects.base import Effect
 from diagnosis.effects.kinds import ChangedInput, Declared, FmuParameters, Sensor, Shaped
 from shared.effects import DiurnalShape, InputEffect, ParameterEffect, SensorEffect, Shape, ShapedEffect, TimetableShape
@@ -29,8 +30,8 @@ def library(system: System, *, names: Sequence[str] | None = None) -> list[Effec
     Raises
     ------
     SystemDescriptionError
-        If an effect names what the system does not have, two have one name, or a package's effect is none or
-        has a scale or bounds that none can have.
+        If an effect names what the system does not have, two have one name, or a package's effect is none, has a scale
+        or bounds that none can have, or sets a parameter that is unknown otherwise.
     """
     found = [build(spec, system) for spec in system.effects]
     for entry in entry_points(group=ENTRY_POINTS):
@@ -109,6 +110,7 @@ def _loaded(entry: EntryPoint, system: System) -> list[Effect]:
             raise SystemDescriptionError(f"{where}: gives a {type(effect).__name__}; expected effects")
         if flaw := _flaw(effect):
             raise SystemDescriptionError(f"{where}: {effect.name!r} {flaw}")
+        check_parameters(effect, system)
     return effects
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from datagen.simulating.constants import constants
 from datagen.simulating.simulator import Simulator
+from diagnosis.effects.asked import outputs_of
 from diagnosis.effects.base import Effect
 from diagnosis.fitting.answers import lasting, responses
 from diagnosis.fitting.differences import one_sided
@@ -196,7 +197,7 @@ class Problem:
         for (z, _), outcome in zip(cases, outcomes, strict=True):
             if not isinstance(outcome, SimulationError):
                 for effect, amplitude in zip(self.effects, unknown.amplitudes(z), strict=True):
-                    outcome = effect.outputs(amplitude, outcome, self.time)
+                    outcome = outputs_of(effect, amplitude, outcome, self.time)
                 if not np.isfinite(outcome).all():
                     outcome = SimulationError("a simulation has outputs that are not finite; expected numbers")
             made.append(outcome)

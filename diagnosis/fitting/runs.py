@@ -14,6 +14,7 @@ from typing import TypeVar
 import numpy as np
 
 from datagen.driving.tables import InputTable, Piecewise, merge
+from diagnosis.effects.asked import inputs_of
 from diagnosis.effects.base import Effect
 from diagnosis.fitting.drive import Drive
 from diagnosis.fitting.nuisance import Nuisance
@@ -85,7 +86,7 @@ class Runs:
             seen = {**self._signals, **persons}
             signals = seen
             for effect, amplitude in zip(effects, amplitudes, strict=True):
-                signals = effect.inputs(amplitude, signals, self._recording)
+                signals = inputs_of(effect, amplitude, signals, self._recording)
             self._changes[key] = {name: signals[name] for name in seen if signals[name] is not seen[name]}
         return _latest(self._changes, key)
 

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from datagen.simulating.constants import Constant
+from diagnosis.effects.asked import parameters_of
 from diagnosis.effects.base import Effect
 from diagnosis.fitting.nuisance import Level
 from shared.system import System
@@ -113,7 +114,7 @@ class Unknowns:
         for constant, factor in zip(self.constants, values[len(made) + len(self.effects) :], strict=False):
             made |= {name: factor * value for name, value in constant.parameters.items()}
         for effect, amplitude in zip(self.effects, self.amplitudes(z), strict=True):
-            made |= effect.parameters(amplitude)
+            made |= parameters_of(effect, amplitude)
         return made
 
     def amplitudes(self, z: np.ndarray) -> tuple[float, ...]:

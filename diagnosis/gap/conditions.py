@@ -1,8 +1,9 @@
 """How much of an answer unknown occupancy or replayed actuators cost: what could be seen if it were otherwise.
 
 Both comparisons ask the linearised problem for the log-likelihood ratio that a candidate of one scale would be expected
-to reach. If persons had been counted: the same problem without the nuisance of who was there. If the control loops had
-been simulated: the same recording linearised anew with them, the actuators' own readings being evidence then.
+to reach. If persons had been counted: the same problem where of who was there is unknown when within a step they came,
+if anything, as of counts that are means over long steps. If the control loops had been simulated: the same recording
+linearised anew with them, the actuators' own readings being evidence then.
 """
 
 from __future__ import annotations
@@ -13,13 +14,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from datagen.driving.tables import Piecewise
 from diagnosis.effects import Effect
 from diagnosis.fitting.noise import HOUR
+from diagnosis.fitting.nuisance import Nuisance
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.pruning import pruned
+from diagnosis.fitting.within_steps import counted
 from diagnosis.gap.grams import Colour, Grams, projected
 from diagnosis.gap.linear import Linearised, applicable, felt_nuisance, linearised
-from diagnosis.gap.nuisances import widened
+from diagnosis.gap.nuisances import WITHIN, both, felt, late, widened
 from diagnosis.gap.stages import Stage
 from shared.errors import RecordingError, SimulationError
 
@@ -48,7 +52,9 @@ def otherwise(stage: Stage, whole: Problem, candidates: Sequence[Effect]) -> lis
     """
     found = []
     if whole.occupancy == "unknown":
-        found.append(Otherwise("counted", _counted(stage.lin), stage.grams.observed))
+        lin, count = _counted(stage.lin)
+        whole.simulations += count
+        found.append(Otherwise("counted", lin, stage.grams.observed))
     if whole.replay:
         # what the control loops need may not have been recorded, or they cannot follow: nothing to compare with
         with suppress(RecordingError, SimulationError):
@@ -74,20 +80,41 @@ def expected(one: Otherwise, colours: dict[int, Colour], size: np.ndarray) -> di
     return dict(zip([effect.name for effect in one.lin.effects], values.tolist(), strict=True))
 
 
-def _counted(lin: Linearised) -> Linearised:
-    """The same without persons as a nuisance, and without their level.
+def _counted(lin: Linearised) -> tuple[Linearised, int]:
+    """The same with the most likely persons taken for counted, without their level, and the simulations that took.
 
     Derivatives by effects stay as they are: they were simulated with the persons who are most likely, which an effect
-    that follows or changes persons sees (:mod:`diagnosis.fitting.runs`), and the most likely ones are who is taken to
-    have been counted.
+    that follows or changes persons sees (:mod:`diagnosis.fitting.runs`).
     """
-    nuisance = lin.problem.nuisance
+    nuisance, around = lin.problem.nuisance, lin.around
     keep = ~np.isin(nuisance.column, [level.column for level in nuisance.levels])
-    problem = lin.problem.with_effects(lin.problem.effects)
-    problem.nuisance = nuisance.only(keep)
-    by_nuisance, turn = felt_nuisance(problem, replace(lin.around, response=lin.around.response[..., keep]))
+    problem, other = lin.problem.with_effects(lin.problem.effects), lin.problem.with_effects(lin.problem.effects)
+    problem.nuisance, response = nuisance.only(keep), around.response[..., keep]
+    for level, factor in zip(nuisance.levels, lin.problem.unknown.level_values(lin.z).tolist(), strict=True):
+        pulses = _within_steps(lin, level.column, factor)
+        if pulses.size:
+            answers = felt(other, lin.z, around.heights, pulses)
+            problem.nuisance, response = both(problem.nuisance, pulses), np.concatenate([response, answers], axis=2)
+    by_nuisance, turn = felt_nuisance(problem, replace(around, response=response))
     count = len(lin.z) - len(nuisance.levels)
-    return replace(lin, by_nuisance=by_nuisance, turn=turn, by_unknown=lin.by_unknown[..., :count], z=lin.z[:count])
+    there = replace(lin, by_nuisance=by_nuisance, turn=turn, by_unknown=lin.by_unknown[..., :count], z=lin.z[:count])
+    return there, other.simulations
+
+
+def _within_steps(lin: Linearised, column: int, factor: float) -> Nuisance:
+    """What would not be known of the likely persons had their means over steps been counted, before their level."""
+    problem, recording = lin.problem, lin.problem.recording
+    assert problem.system.occupancy is not None
+    begins, nuisance = recording.time - recording.step, problem.nuisance
+    some = nuisance.guessed & (nuisance.column == column)
+    last = np.minimum(recording.time[:, None], nuisance.end[some])
+    shared = np.maximum(last - np.maximum(begins[:, None], nuisance.begin[some]), 0.0)
+    means = factor * (shared @ lin.around.heights[some]) / recording.step
+    pulses, _ = counted(problem.system.occupancy, column, recording, Piecewise(begins, means, "previous"))
+    if not pulses.size:
+        return pulses
+    pulses = both(wider := replace(pulses, factor=WITHIN * pulses.factor), late(wider, column))
+    return replace(pulses, factor=pulses.factor / factor)
 
 
 def _controlled(whole: Problem, z: np.ndarray, candidates: Sequence[Effect]) -> tuple[Problem, Linearised]:

@@ -36,7 +36,7 @@ def widened(problem: Problem, around: Linearisation) -> tuple[Problem, Linearisa
     around = replace(around, nuisance=np.where(columns, around.nuisance / WITHIN, around.nuisance))
     for place, one in enumerate(problem.system.inputs):
         if one.source == "occupancy" and (problem.nuisance.turns & (problem.nuisance.column == place)).any():
-            problem, around = _joined(problem, around, _late(problem.nuisance, place))
+            problem, around = _joined(problem, around, late(problem.nuisance, place))
     problem, around = metered(problem, around)
     return problem, around, problem.simulations
 
@@ -53,7 +53,7 @@ def metered(problem: Problem, around: Linearisation) -> tuple[Problem, Linearisa
     return problem, around
 
 
-def _late(nuisance: Nuisance, place: int) -> Nuisance:
+def late(nuisance: Nuisance, place: int) -> Nuisance:
     """For each change within a step one more within the step's second half."""
     some = nuisance.turns & (nuisance.column == place)
     begin, end = nuisance.begin[some], nuisance.end[some]

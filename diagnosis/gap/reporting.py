@@ -173,7 +173,6 @@ def _places(where: Where, first: Stage, noise: dict[str, float]) -> list[Place]:
             unit=one.unit,
         )
         for one in where.findings + once
-        if not one.direction.startswith("less")  # twins that scatter more than the recording are no gap of it
     ]
 
     def rank(one: Place) -> tuple[float, float]:

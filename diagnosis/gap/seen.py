@@ -7,7 +7,7 @@ from scipy.stats import norm
 
 from diagnosis.effects import Effect
 from diagnosis.gap.conditions import Otherwise, expected
-from diagnosis.gap.scan import NEGLIGIBLE
+from diagnosis.gap.scan import NEGLIGIBLE, SEEN
 from diagnosis.gap.schema import ConditionOf, Detectability
 from diagnosis.gap.stages import Stage
 
@@ -47,7 +47,7 @@ def smallest(effect: Effect, reached: float, threshold: float) -> float | None:
     reached
         Log-likelihood ratio F / 2 at one scale.
     """
-    if reached <= 1e-9:
+    if 2 * reached <= SEEN:  # such a candidate takes no part, whatever its size
         return None
     scatter = float(norm.ppf(OFTEN) / np.sqrt(2 * reached))
     needed = (NEGLIGIBLE + float(np.sqrt(threshold / reached)) + scatter) * effect.scale

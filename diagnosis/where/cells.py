@@ -16,7 +16,7 @@ from diagnosis.where.significance import MaxTest, max_test
 from diagnosis.where.windows import Window, all_windows
 
 STATISTICS = ("mean", "variance")
-_WORDS = {"mean": ("measured higher", "measured lower"), "variance": ("more scatter", "less scatter")}
+_WORDS = ("measured higher", "measured lower")
 _DAYS = 2
 """A cell must be seen on as many days: a single day is an episode's business."""
 _SAMPLES = 8
@@ -68,6 +68,9 @@ class CellTest:
 def scan_cells(residuals: Residuals, regimes: Sequence[Regime] = (), *, alpha: float = 0.05, most: int = 8) -> CellTest:
     """Test every cell's mean and variance against the twins', all under one p-value.
 
+    Of variances only larger ones count: a recording that scatters less than its twins, as one that is quieter than its
+    declared noise, has no gap by that.
+
     Variances enter as cube roots, which are nearly normal (Wilson and Hilferty 1931): the skewed variance of a
     small cell would otherwise set the threshold for all means.
 
@@ -108,7 +111,8 @@ def scan_cells(residuals: Residuals, regimes: Sequence[Regime] = (), *, alpha: f
     of_days = np.array([EDGES.get(band, 0.0) > DAY for band in bands])
     unresolved |= of_days[:, None, None, None] & np.array([one.hours != "any" for one in windows])
     statistics[:, unresolved] = np.nan
-    test = max_test(statistics.reshape(len(stack), -1))
+    scatter = np.broadcast_to(np.arange(len(STATISTICS))[:, None, None] == STATISTICS.index("variance"), shape)
+    test = max_test(statistics.reshape(len(stack), -1), upper=scatter.ravel())
     found = CellTest(test, channels, bands, states, windows, alias.ravel(), share.ravel(), [])
     found.findings.extend(_peel(residuals, found, holds, alpha, most))
     return found
@@ -242,8 +246,8 @@ def _taken_off(
         part = split(taken.left, residuals.step)[cells.bands[b]][inside]
         sd, usual_sd = value**1.5, max(usual, 0.0) ** 1.5
         taken.change(inside, (part - part.mean()) * (usual_sd / sd - 1))
-        return (_WORDS["variance"][t < 0], sd - usual_sd, *stands) if cells.test.t[top] * t > 0 else None
-    words, overlaps = _WORDS["mean"][t < 0], taken.overlap(inside)
+        return ("more scatter", sd - usual_sd, *stands) if cells.test.t[top] > 0 else None
+    words, overlaps = _WORDS[t < 0], taken.overlap(inside)
     amount = taken.add(inside)
     raw = int(cells.alias[np.ravel_multi_index((c, cells.bands.index(WHOLE), s, r, w), cells.shape)])
     apart = float(cells.test.observed[raw] - cells.test.typical[raw])

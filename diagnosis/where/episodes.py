@@ -48,6 +48,8 @@ class EpisodeTest:
 def scan_episodes(residuals: Residuals, *, alpha: float = 0.05, most: int = 5) -> EpisodeTest:
     """Test every stretch's mean and variance against the rest of the record; one p-value for all.
 
+    Of variances only larger ones count, as in cells: than the rest's, and than what the rest of recordings has usually.
+
     A finding is taken off the recording's residual before the next is looked for, against the twins' largest
     statistic of the first round.
 
@@ -62,7 +64,9 @@ def scan_episodes(residuals: Residuals, *, alpha: float = 0.05, most: int = 5) -
     stack = residuals.stacked
     parts = np.stack([_parts(stack[:, k], starts, stops) for k in channels], axis=1)
     shape = (len(channels), len(STATISTICS), len(starts))
-    test = max_test((parts[..., 0, :] - parts[..., 1, :]).reshape(len(stack), -1))
+    scatter = np.broadcast_to(np.arange(len(STATISTICS))[:, None] == STATISTICS.index("variance"), shape)
+    outside = np.where(scatter, np.median(parts[..., 1, :], axis=0), -np.inf)
+    test = max_test(_apart(parts, outside).reshape(len(stack), -1), upper=scatter.ravel())
     usual, now = parts[1:].mean(axis=0), parts[0]
     left, rest = stack[0].copy(), np.ones(stack.shape[1:], bool)
     t, adjusted = test.t, test.adjusted
@@ -85,7 +89,8 @@ def scan_episodes(residuals: Residuals, *, alpha: float = 0.05, most: int = 5) -
             left[k, inside] -= amount
         else:
             amount = float(np.nanstd(inner) - np.nanstd(outer))
-            left[k, inside] = np.nanmean(inner) + (inner - np.nanmean(inner)) * (np.nanstd(outer) / np.nanstd(inner))
+            usual_share = min(np.nanstd(outer) / np.nanstd(inner), 1.0)  # scatter is taken off, and none is made
+            left[k, inside] = np.nanmean(inner) + (inner - np.nanmean(inner)) * usual_share
         # the stretch that was tested and the one peeled differ at their edges: it is not to be found again
         shared = np.minimum(stops, stop) - np.maximum(starts, start)
         open_[c, s] &= shared < _SAME * np.minimum(stops - starts, stop - start)
@@ -93,13 +98,18 @@ def scan_episodes(residuals: Residuals, *, alpha: float = 0.05, most: int = 5) -
         open_[c] &= shared < _SAME * (np.maximum(stops, stop) - np.minimum(starts, start))
         rest[k] &= ~inside
         said = _against_rest(stack[0, k], inside, rest[k], STATISTICS[s])
-        if said * amount > 0:
+        if said * amount > 0 and (said > 0 or STATISTICS[s] == "mean"):
             first, last = residuals.time[start] - residuals.step, residuals.time[stop - 1]
             found.append(_finding(residuals, k, STATISTICS[s], said, float(t[top]), float(adjusted[top]), first, last))
             spans.append((float(first), float(last)))
         now = np.stack([_parts(left[j][None], starts, stops)[0] for j in channels])
-        t, adjusted = test.restudentise((now[..., 0, :] - now[..., 1, :]).ravel())
+        t, adjusted = test.restudentise(_apart(now, outside).ravel())
     return EpisodeTest(test, channels, starts, stops, spans, found)
+
+
+def _apart(parts: np.ndarray, outside: np.ndarray) -> np.ndarray:
+    """Stretches (..., 2, stretches) less the rest, which is taken for no less than ``outside`` (..., stretches)."""
+    return np.asarray(parts[..., 0, :] - np.maximum(parts[..., 1, :], outside))
 
 
 def _against_rest(values: np.ndarray, inside: np.ndarray, rest: np.ndarray, statistic: str) -> float:
@@ -193,7 +203,7 @@ def _edges(first: int, last: int, most: int, grain: int) -> np.ndarray:
 def _finding(
     residuals: Residuals, k: int, statistic: str, amount: float, t: float, p_value: float, first: float, last: float
 ) -> Finding:
-    words = {"mean": ("measured higher", "measured lower"), "variance": ("more scatter", "less scatter")}
+    words = {"mean": "measured higher" if amount > 0 else "measured lower", "variance": "more scatter"}
     begin = float(residuals.time[0] - residuals.step)
     return Finding(
         kind="episode",
@@ -201,7 +211,7 @@ def _finding(
         label=residuals.labels[k],
         cell=period(begin, first, last, float(residuals.time[-1])) | {"statistic": statistic},
         p_value=p_value,
-        direction=f"{words[statistic][0 if amount > 0 else 1]} {REST}",
+        direction=f"{words[statistic]} {REST}",
         size=amount,
         unit=residuals.units[k],
         t=t,

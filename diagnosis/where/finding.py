@@ -17,7 +17,8 @@ class Finding:
 
     ``cell`` says where it lies, in words by name; ``size`` is the difference in ``unit``: measured less simulated, to
     the rest of the recording where ``direction`` says "than elsewhere" or "than in the rest of the recording", and for
-    scatter that of the standard deviations. ``t`` is its studentised value and ``p_value`` the family-wise one.
+    scatter that of the standard deviations. Means are of all periods, in whatever band they stand out. ``t`` is its
+    studentised value and ``p_value`` the family-wise one.
     """
 
     kind: Kind
@@ -56,6 +57,6 @@ class Finding:
             words.append(f"on {self.cell['day_type']}s" if self.cell["day_type"] == "weekday" else "at weekends")
         if self.cell["regime"] != "any":
             words.append(f"while {self.cell['regime']}")
-        if self.cell["band"] != WHOLE:
+        if self.cell["band"] != WHOLE and self.cell["statistic"] != "mean":  # the amount of a mean is no band's
             words.append(f"over {MEANING[self.cell['band']]}")
         return ", " + ", ".join(words) if words else ", throughout"

@@ -10,11 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
-
-Sides = Literal["both", "upper"]
 
 
 @dataclass(frozen=True)
@@ -23,7 +20,8 @@ class MaxTest:
 
     ``observed``, ``typical``, ``spread`` and ``t`` (cells,): the recording's statistic, mean and standard deviation of
     the twins', and their studentised difference. ``adjusted`` (cells,): family-wise p of each cell, 1 where the
-    cell took no part. ``maxima`` (B + 1,): the largest statistic of each row, the recording's first.
+    cell took no part. ``upper`` (cells,): of which cells only large values count. ``maxima`` (B + 1,): the largest
+    statistic of each row, the recording's first.
     """
 
     observed: np.ndarray
@@ -33,7 +31,7 @@ class MaxTest:
     adjusted: np.ndarray
     kept: np.ndarray
     maxima: np.ndarray
-    sides: Sides
+    upper: np.ndarray
 
     @property
     def p_value(self) -> float:
@@ -44,7 +42,7 @@ class MaxTest:
         """Studentised value and adjusted p of other statistics (cells,) of the recording, against the same twins."""
         with np.errstate(invalid="ignore", divide="ignore"):
             t = np.where(self.kept, (statistics - self.typical) / self.spread, np.nan)
-        return t, _adjusted(t, self.maxima, self.kept, self.sides)
+        return t, _adjusted(t, self.maxima, self.kept, self.upper)
 
     def level(self, alpha: float = 0.05) -> float:
         """Studentised value beyond which a cell is significant at ``alpha``, whichever it is."""
@@ -77,7 +75,7 @@ def studentise(statistics: np.ndarray) -> np.ndarray:
     return apart
 
 
-def max_test(statistics: np.ndarray, sides: Sides = "both") -> MaxTest:
+def max_test(statistics: np.ndarray, upper: bool | np.ndarray = False) -> MaxTest:
     """Test all cells at once.
 
     Parameters
@@ -85,8 +83,8 @@ def max_test(statistics: np.ndarray, sides: Sides = "both") -> MaxTest:
     statistics
         Shape (B + 1, cells); the recording first. A cell that is not finite in some row, or the same in all, takes no
         part.
-    sides
-        Whether small values count as well.
+    upper
+        Whether only large values count, of all cells or of each (cells,).
     """
     statistics = np.asarray(statistics, dtype=float)
     observed, kept = statistics[0], np.isfinite(statistics).all(axis=0)
@@ -96,6 +94,7 @@ def max_test(statistics: np.ndarray, sides: Sides = "both") -> MaxTest:
     kept[kept] = moved
     used, reach = (used if moved.all() else used[:, moved]), (most - least)[moved]
     cells = statistics.shape[1]
+    one_sided = np.broadcast_to(np.asarray(upper, dtype=bool), (cells,))
     typical, spread, t = (np.full(cells, np.nan) for _ in range(3))
     maxima = np.full(len(statistics), -np.inf)
     if kept.any():
@@ -104,12 +103,13 @@ def max_test(statistics: np.ndarray, sides: Sides = "both") -> MaxTest:
         spread[kept] = np.maximum(used[1:].std(axis=0, ddof=1), 1e-6 * reach)
         rows = studentise(used)
         t[kept] = rows[0]
-        maxima = rows.max(axis=1) if sides == "upper" else np.maximum(rows.max(axis=1), -rows.min(axis=1))
-    return MaxTest(observed, typical, spread, t, _adjusted(t, maxima, kept, sides), kept, maxima, sides)
+        small = rows.min(axis=1, where=~one_sided[kept], initial=np.inf)
+        maxima = np.maximum(rows.max(axis=1), -small)
+    return MaxTest(observed, typical, spread, t, _adjusted(t, maxima, kept, one_sided), kept, maxima, one_sided)
 
 
-def _adjusted(t: np.ndarray, maxima: np.ndarray, kept: np.ndarray, sides: Sides) -> np.ndarray:
-    size = np.where(kept, np.abs(t) if sides == "both" else t, -np.inf)
+def _adjusted(t: np.ndarray, maxima: np.ndarray, kept: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    size = np.where(kept, np.where(upper, t, np.abs(t)), -np.inf)
     return np.where(kept, rank_p(size, maxima[1:]), 1.0)
 
 
@@ -119,4 +119,4 @@ def combine(tests: Sequence[MaxTest]) -> MaxTest:
     Exact for the same reason as each family is; the combined adjusted p is that of a family as a whole.
     """
     used = np.stack([test.maxima for test in tests], axis=1)
-    return max_test(np.where(np.isfinite(used), used, 0.0), sides="upper")
+    return max_test(np.where(np.isfinite(used), used, 0.0), upper=True)

@@ -67,7 +67,7 @@ def scan_sources(
         sources.append((one, smooth[best], tau, _roughness(rough)))
     sensors = _sensor_gains(residuals, white, grouped[0].edges, left)
     gains_of_all = np.stack([*source_gains, *sensors.values()], axis=1)
-    whole = max_test(np.sqrt(gains_of_all), sides="upper")
+    whole = max_test(np.sqrt(gains_of_all), upper=True)
     pulse_test = max_test(np.concatenate(pulses, axis=1))
     found, offset = [], 0
     for j, (one, problem, tau, ratios) in enumerate(sources):

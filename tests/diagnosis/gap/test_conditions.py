@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 from jsonschema import validate
 
+from datagen.simulating.simulator import Simulator
 from diagnosis.cli import app
 from diagnosis.fitting.problem import Problem
+from diagnosis.fitting.pruning import pruned
 from diagnosis.gap import Report, diagnose
-from diagnosis.gap.conditions import _counted
+from diagnosis.gap.conditions import Otherwise, _counted, expected
 from diagnosis.gap.linear import applicable, linearised
+from diagnosis.gap.nuisances import widened
 from tests.diagnosis.fitting.crowd_cases import HALF_HOUR, as_counted, on_persons, warm_room
 from tests.diagnosis.gap.room_cases import ROOM, recorded, room, some
 
@@ -74,13 +77,37 @@ def test_had_persons_been_counted_they_would_open_the_window(warm):
     nuisance = unknown.nuisance
     standard = np.linalg.lstsq(nuisance.factor, heights - nuisance.mean, rcond=None)[0]
     around = replace(unknown.linearise(z, standard), heights=heights)
-    found = _counted(linearised(unknown, z, around, window))
+    found, simulations = _counted(linearised(unknown, z, around, window))
+    assert simulations == 0  # within half an hour nothing is asked
     late = recording.time > recording.start + 48 * 3600.0
     for output in range(2):
         series, other = wanted.by_effect[output, late, 0], found.by_effect[output, late, 0]
         np.testing.assert_allclose(other, series, atol=0.03 * np.abs(series).max())
         assert np.abs(series).max() > 0.05
     assert found.by_unknown.shape[-1] == known.size
+
+
+def test_had_persons_been_counted_by_the_hour_nobody_would_know_when_within_it_they_came(folder):
+    """Against the same room where they were: what candidates would be expected to show."""
+    record = recorded(folder / "hours.nc", room(), hours=HOURS)
+    simulator = Simulator(room())
+    causes = some(room(), "sensor.CO2.lag", "sensor.CO2.bias", "infiltration.constant")
+    settings = {"uncertain": False, "warm_up": WARM_UP * 3600.0}
+    known = Problem(simulator, record, occupancy="measured", **settings)
+    z = np.zeros(known.size)
+    counted, around, _ = widened(*pruned(known, known.linearise(z)))
+    wanted = Otherwise("counted", linearised(counted, z, around, causes), counted.observed)
+    unknown = Problem(simulator, record, occupancy="unknown", **settings)
+    z, heights = as_counted(unknown, record, 7.0)
+    nuisance = unknown.nuisance
+    standard = np.linalg.lstsq(nuisance.factor, heights - nuisance.mean, rcond=None)[0]
+    around = replace(unknown.linearise(z, standard), heights=heights)
+    lin, simulations = _counted(linearised(unknown, z, around, causes))
+    assert simulations > 0
+    found = Otherwise("counted", lin, unknown.observed)
+    sizes = [expected(one, {}, unknown.floor) for one in (found, wanted)]
+    for cause in causes:
+        assert sizes[0][cause.name] == pytest.approx(sizes[1][cause.name], rel=0.3)
 
 
 def test_persons_whom_nobody_counted_are_not_moved_in_time(warm):

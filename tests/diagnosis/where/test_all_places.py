@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from diagnosis.where import locate
+from diagnosis.where.episodes import scan_episodes
 from tests.diagnosis.where.where_cases import twins, wander, with_observed
 
 STEPS = 336
@@ -30,3 +31,26 @@ def test_a_strong_gap_makes_nothing_beside_it_surer():
     size = (found.correlations.test.level(0.05) - twin[:, 1].mean()) / twin[:, 1].std(ddof=1)
     expected = (1 + (reach >= size).sum()) / 200
     assert found._p_of_all("correlations", found.correlations.test.level(0.05)) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("share", "stands_out"), [(0.5, False), (1.0, False), (1.5, True)])
+def test_only_a_recording_noisier_than_its_twins_stands_out_by_noise(share, stands_out):
+    rng = np.random.default_rng(3)
+    case = twins(1, outputs=1, steps=STEPS, twins=199, phi=0.0)
+    observed = share * rng.standard_normal((1, STEPS))
+    found = locate(with_observed(case, observed), inputs={}, measured=observed + 500)
+    assert (found.p_value <= 0.01) is stands_out
+    assert any("more scatter" in one.text for one in found.findings) is stands_out
+
+
+def test_a_stretch_that_is_quieter_than_the_rest_is_no_episode():
+    case = twins(2, outputs=1, steps=STEPS, twins=199, phi=0.0)
+    observed = case.observed.copy()
+    observed[0, 96:192] *= 0.2
+    quiet = scan_episodes(with_observed(case, observed))
+    assert quiet.test.p_value > 0.05
+    observed[0, 96:192] *= 15.0
+    found = scan_episodes(with_observed(case, observed)).findings
+    (noisy,) = (one for one in found if one.cell["statistic"] == "variance")
+    assert noisy.direction == "more scatter than in the rest of the recording"
+    assert noisy.size == pytest.approx(2.0, abs=0.5)

@@ -62,8 +62,41 @@ def test_more_scatter_is_named_by_its_band(quiet):
     top = scan_cells(with_observed(quiet, observed)).findings[0]
     assert (top.channel, top.cell["hours"], top.cell["statistic"]) == ("y0", "00:00-06:00", "variance")
     assert top.cell["band"] in ("fast", "hours")
+    assert "over periods of" in top.text
     assert top.direction == "more scatter"
     assert top.size > 0
+
+
+def test_less_scatter_is_no_gap_and_makes_no_offset():
+    """A sensor that is far quieter than declared while nobody is there, and 3 ppm off for an hour of each day."""
+    rng = np.random.default_rng(0)
+    twin = 20 * rng.standard_normal((200, 1, 168))
+    plain = Residuals((np.arange(168) + 1) * 3600.0, twin[0], twin, ["CO2"], ["ppm"])
+    empty, evening = (plain.hour < 8) | (plain.hour >= 18), (plain.hour > 19) & (plain.hour < 20)
+    observed = np.where(empty, 0.2, 20) * rng.standard_normal(168)
+    observed[evening] = -3.0
+    found = scan_cells(with_observed(plain, observed[None]), [Regime("empty", "n = 0", empty)])
+    assert found.test.p_value > 0.05
+    assert not [one.text for one in found.findings]
+    # a place that is off indeed is named with no more than what is read there
+    observed[evening] = -40.0
+    found = scan_cells(with_observed(plain, observed[None]), [Regime("empty", "n = 0", empty)])
+    assert found.findings[0].size == pytest.approx(-40.0, abs=5.0)
+    assert {one.direction for one in found.findings} == {"measured lower"}
+    assert all(abs(one.size) < 45.0 for one in found.findings)
+
+
+def test_the_amount_of_a_mean_is_told_of_no_band():
+    """Five low throughout and 0.6 more at 06:00-12:00, which stands out in a band: 5.6 lower over no periods."""
+    time = (np.arange(336) + 1) * 3600.0
+    rng = np.random.default_rng(0)
+    plain = Residuals(time, np.zeros((1, 336)), 0.1 * rng.standard_normal((200, 1, 336)), ["T"], ["K"])
+    observed = 0.1 * rng.standard_normal(336) - 5.0 - 0.6 * ((plain.hour >= 6) & (plain.hour < 12))
+    found = scan_cells(with_observed(plain, observed[None])).findings
+    (morning,) = [one for one in found if one.cell["hours"] == "06:00-12:00"]
+    assert morning.cell["band"] != "all"
+    assert morning.text.startswith("T: measured lower by 5.6")
+    assert "over periods" not in morning.text
 
 
 def test_missing_readings_are_left_out(quiet):

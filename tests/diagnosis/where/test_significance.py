@@ -88,3 +88,17 @@ def test_the_level_is_where_cells_become_significant():
     assert (adjusted <= 0.05 + 1 / 200).all()
     _, adjusted = test.restudentise(test.typical + test.spread * (level - 0.5))
     assert (adjusted > 0.05).all()
+
+
+def test_cells_of_which_only_large_values_count():
+    """Against the same test of cells whose small values have been cut off: nothing below the mean counts."""
+    rows = np.random.default_rng(7).normal(size=(200, 3))
+    rows[0] = [-9.0, 0.0, 0.1]
+    both, mixed = max_test(rows), max_test(rows, upper=np.array([True, False, True]))
+    assert both.p_value == both.adjusted[0] == pytest.approx(1 / 200)
+    assert mixed.adjusted[0] == 1.0
+    assert mixed.p_value > 0.5
+    t = studentise(rows)
+    np.testing.assert_allclose(mixed.maxima, np.maximum(t.max(axis=1), -t[:, 1]))
+    _, again = mixed.restudentise(np.array([-9.0, -9.0, 9.0]))
+    assert again == pytest.approx([1.0, 1 / 200, 1 / 200])
