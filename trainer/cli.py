@@ -200,7 +200,7 @@ def evaluate(
     """R2 on windows of the full dataset ("paper") and of systems never trained on ("unseen"), beside the ceiling.
 
     Writes evaluation.json, evaluation.md, evaluation.csv, answers.csv and scatter.png. Intervals are 90 %,
-    resampled by system.
+    by system.
 
     Parameters
     ----------

@@ -104,7 +104,7 @@ def _head(plan: Plan, found: list[Finding], published: Published, command: str) 
         lines.append(f"- scored on disjoint windows: {windows}; the same for every seed")
     lines += [
         f"- fits of each condition: {plan.seeds}, with seeds from 0; mean ± standard deviation over seeds; in brackets"
-        " the 90 % interval of that mean under resampling of systems",
+        " the 90 % interval of that mean, leaving out one system after the other",
         "- R2 in the parameters' own units; `mean` columns are over the parameters (of accuracies, the median of"
         " all); weights are those that were best on validation systems, which are in no score of `unseen`",
         "- the ceiling is the linearised Bayesian limit under the same condition (`datagen identifiability`)",

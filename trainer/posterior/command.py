@@ -93,7 +93,7 @@ def calibration(
     """Whether a posterior can be believed: coverage, rank histograms and scores on systems that it has never seen.
 
     Writes calibration.json, calibration.md, calibration.csv, sbc.png (flat if calibrated) and coverage.png. Intervals
-    are 90 %, resampled by system.
+    are 90 %, by system.
 
     Parameters
     ----------
