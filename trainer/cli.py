@@ -176,8 +176,8 @@ def fit(
     )
     done = run.card.training
     _log.info(
-        "%s: %s, step %d of %d kept, validation loss %.4f (1 is the mean), %.1f s",
-        *(out, model, done.best_step, done.steps, done.validation_loss, done.seconds),
+        "%s: %s, step %d of %d kept, validation loss %s, %.1f s",
+        *(out, model, done.best_step, done.steps, done.loss_text(), done.seconds),
         extra=fields(**done.model_dump(mode="json")),
     )
 

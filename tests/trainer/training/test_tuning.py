@@ -153,7 +153,7 @@ def no_training(monkeypatch):
     from trainer.training import tuning
 
     def fit(*_, lr, **__):
-        return SimpleNamespace(card=SimpleNamespace(training=SimpleNamespace(validation_loss=lr)))
+        return SimpleNamespace(card=SimpleNamespace(training=SimpleNamespace(validation_loss=lr, mean_loss=1.0)))
 
     monkeypatch.setattr(tuning, "fit", fit)
 
