@@ -138,7 +138,12 @@ def tune(
     defaults = {name: default for name, (_, default) in space.items()}
 
     def objective(trial: Trial) -> float:
-        chosen = {name: suggest(trial, name, default) for name, (suggest, default) in space.items()}
+        try:
+            chosen = {name: suggest(trial, name, default) for name, (suggest, default) in space.items()}
+        except ValueError:  # Optuna's word for choices that a study has had otherwise
+            raise EstimatorError(
+                f"{folder / STUDY}: was begun by a version that searched {model} elsewhere; choose another folder"
+            ) from None
         batch_size, lr = chosen.pop("batch_size"), chosen.pop("lr")
         run = fit(
             dataset_dir,
