@@ -176,8 +176,8 @@ def fit(
     )
     done = run.card.training
     _log.info(
-        "%s: %s, step %d of %d kept, validation loss %.4f (1 is the mean), %.1f s",
-        *(out, model, done.best_step, done.steps, done.validation_loss, done.seconds),
+        "%s: %s, step %d of %d kept, validation loss %s, %.1f s",
+        *(out, model, done.best_step, done.steps, done.loss_text(), done.seconds),
         extra=fields(**done.model_dump(mode="json")),
     )
 
@@ -200,7 +200,7 @@ def evaluate(
     """R2 on windows of the full dataset ("paper") and of systems never trained on ("unseen"), beside the ceiling.
 
     Writes evaluation.json, evaluation.md, evaluation.csv, answers.csv and scatter.png. Intervals are 90 %,
-    resampled by system.
+    by system.
 
     Parameters
     ----------

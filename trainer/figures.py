@@ -38,8 +38,13 @@ def save_png(figure: Figure, path: Path) -> None:
     write_atomically(path, data.getvalue())
 
 
-def draw_loss_curve(rows: Sequence[tuple[int, float, float, float]], title: str, path: Path, kept: int) -> None:
-    """Training and validation loss against steps; rows are (step, seconds, training, validation), ``kept`` a step."""
+def draw_loss_curve(
+    rows: Sequence[tuple[int, float, float, float]], title: str, path: Path, kept: int, mean: float | None
+) -> None:
+    """Training and validation loss against steps; rows are (step, seconds, training, validation), ``kept`` a step.
+
+    ``mean`` is the validation loss of the mean, where it is known.
+    """
     step, _, training, validation = np.array(rows).T
     figure = Figure(figsize=(6, 4), layout="constrained")
     axes = figure.subplots()
@@ -47,7 +52,8 @@ def draw_loss_curve(rows: Sequence[tuple[int, float, float, float]], title: str,
     axes.plot(step, validation, color=COLOURS["unseen"], label="validation systems")
     best = int(np.argmin(np.abs(step - kept)))
     axes.plot(step[best], validation[best], "o", color=COLOURS["unseen"], label=f"kept: step {step[best]:g}")
-    axes.axhline(1.0, color="black", linewidth=0.8, linestyle=":", label="predict the mean")
+    if mean is not None:
+        axes.axhline(mean, color="black", linewidth=0.8, linestyle=":", label="predict the mean")
     axes.set(xlabel="step", ylabel="mean squared error of standardised log10", title=title, yscale="log")
     axes.legend()
     save_png(figure, path)

@@ -18,8 +18,9 @@ import numpy as np
 import torch
 
 from shared.gaps import bridge
-from shared.metrics import bootstrap_by_system, r2
+from shared.metrics import r2
 from shared.store import DatasetFolder
+from trainer.intervals import r2_interval
 from trainer.predicting.recorded import BRIDGED
 from trainer.reading.data import load_records
 from trainer.reading.noise import Sensors
@@ -83,7 +84,7 @@ def main() -> None:
         source = WindowSource(records, encoding, sensors, torch.Generator().manual_seed(3), gaps)
         batch = source.gather(torch.from_numpy(where), torch.from_numpy(starts), length)
         found, truth = encoding.estimates(run.answers(batch.windows, batch.time)), records.parameters[where]
-        (low,), (high,) = bootstrap_by_system(where, lambda rows: r2(truth[rows], found[rows]).mean(keepdims=True))
+        (low,), (high,) = r2_interval(where, lambda rows: r2(truth[rows], found[rows]).mean(keepdims=True))
         return f"{r2(truth, found).mean():.3f} [{low:.2f}, {high:.2f}]"
 
     print(

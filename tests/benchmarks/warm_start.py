@@ -49,9 +49,10 @@ from diagnosis.fitting.problem import WARM_UP, Problem
 from diagnosis.recording import Recording, read_recording
 from diagnosis.zero_shot import estimate
 from shared.errors import SimulationError, ZeroshotError
-from shared.metrics import bootstrap_by_system, r2
+from shared.metrics import r2
 from shared.shipped import resolved_estimator
 from shared.system import System, load_system
+from trainer.intervals import r2_interval
 
 LOCAL, GLOBAL = ("warm", "cold"), ("evolution", "genetic")
 BATCH = 64
@@ -284,7 +285,7 @@ def accuracy(rows: Sequence[dict[str, Any]]) -> None:
         return np.array([[*one, one.mean()] for one in both])
 
     found = scores(np.arange(len(some)))
-    low, high = bootstrap_by_system(np.arange(len(some)), scores)
+    low, high = r2_interval(np.arange(len(some)), scores)
     for k, (name, shift) in enumerate(zip([*names, "mean"], [*bias, " | "], strict=True)):
         columns = [f"{found[m, k]:.2f} [{low[m, k]:.2f}, {high[m, k]:.2f}]" for m in range(2)]
         print(f"| {name} | {' | '.join(columns)} | {shift} |")

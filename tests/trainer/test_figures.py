@@ -8,7 +8,7 @@ from trainer.figures import draw_loss_curve, draw_scatter, save_png
 
 def test_a_loss_curve_is_drawn(tmp_path):
     rows = [(10, 0.1, float("nan"), 1.0), (20, 0.2, 0.9, 0.7), (30, 0.3, 0.5, 0.8)]
-    draw_loss_curve(rows, "toy", tmp_path / "curve.png", 20)
+    draw_loss_curve(rows, "toy", tmp_path / "curve.png", 20, 0.4)
     assert matplotlib.image.imread(tmp_path / "curve.png").std() > 0
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from shared.errors import EstimatorError
-from shared.metrics import bootstrap_by_system, r2, relative_accuracy
+from shared.metrics import r2, relative_accuracy
 from shared.reading import read_json, validated
 from shared.store import DatasetFolder
 from trainer.benchmarking.conditions import Condition
@@ -18,10 +18,8 @@ from trainer.benchmarking.planning import Plan
 from trainer.evaluating.evaluation import LEVEL
 from trainer.evaluating.limit import find_ceiling
 from trainer.evaluating.report import EVALUATION, Answers, CeilingFigures, Evaluation, read_answers
+from trainer.intervals import r2_interval
 from trainer.runs.checkpoint import Training, read_card
-
-DRAWS = 300
-"""Resamples of systems for an interval."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +117,7 @@ def gather(plan: Plan, condition: Condition) -> Finding | None:
 
 
 def scores_of(answers: list[Answers], trained_on: int) -> Scores:
-    """Scores of the seeds' answers to the same windows; systems, never windows, are resampled for the interval."""
+    """Scores of the seeds' answers to the same windows; for the interval systems, never windows, are left out."""
     systems = system_codes(answers[0])
 
     def of_seed(one: Answers, rows: np.ndarray) -> np.ndarray:
@@ -131,7 +129,7 @@ def scores_of(answers: list[Answers], trained_on: int) -> Scores:
         return mean
 
     everything = np.arange(len(systems))
-    low, high = bootstrap_by_system(systems, over_seeds, level=LEVEL, draws=DRAWS)
+    low, high = r2_interval(systems, over_seeds, level=LEVEL)
     accuracy = np.concatenate([relative_accuracy(one.truth, one.estimate) for one in answers])
     return Scores(
         r2=np.stack([of_seed(one, everything) for one in answers]),

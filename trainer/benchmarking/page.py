@@ -19,7 +19,7 @@ from trainer.benchmarking.tables import as_csv, detail_table, main_table
 
 RESULTS = "results.md"
 
-READINGS = f"""## Where the paper contradicts itself, and how it is read here
+_READINGS = f"""## Where the paper contradicts itself, and how it is read here
 
 - **How many systems?** The abstract, section 2.4 and section 4.1 say 100 systems (80 / 10 / 10); the introduction says
   2,000 simulations. Read as 100: it is said three times, and the split is given for it. The table of the number of
@@ -28,8 +28,8 @@ READINGS = f"""## Where the paper contradicts itself, and how it is read here
   year in hourly steps. Read as hourly: contexts of 30 days and a patch of 12 that "corresponds to a 12 h window" exist
   only there. Patch sizes ({", ".join(map(str, PATCHES))}) are in samples.
 - **"2000 training iterations"** at a batch of 16 are 32,000 windows and half a minute of one core; the paper also says
-  one to two hours on sixteen cores. Read as epochs of a virtual epoch whose size is not given. So what each estimator
-  took is stated in steps, windows seen and minutes. Budgets are equal for all estimators of a table in the unit that
+  one to two hours on sixteen cores, so they may be epochs of a size that is not given. {{iterations}} What each
+  estimator took is stated in steps, windows seen and minutes. Budgets are equal for all of a table in the unit that
   was given, steps or minutes; windows a step are each model's own.
 - **Held out or not?** Section 4.1 calls its snippets held out and draws them from the full dataset in the same
   paragraph. Both are reported: `paper` draws windows of all systems, of which most were trained on; `unseen` draws
@@ -39,6 +39,12 @@ READINGS = f"""## Where the paper contradicts itself, and how it is read here
 - **Context of Table 3** is not given, and its mean at patch 12 (0.998) is not that of Table 4 at 7 days (0.967), which
   is the same network. Read as 7 days.
 """
+
+
+def readings(plan: Plan) -> str:
+    """The paper's contradictions, and how this run reads them."""
+    words = "the words literally" if plan.budget.steps else "neither, but a time"
+    return _READINGS.format(iterations=f"This run takes {words}: a fit has {plan.budget.text()}.")
 
 
 def write_results(plan: Plan, published: Published, command: str) -> Path:
@@ -56,7 +62,7 @@ def write_results(plan: Plan, published: Published, command: str) -> Path:
         write_atomically(plan.out / f"{part.name}.md", text.encode())
         sections.append(text)
     found = [one for one in known.values() if one is not None]
-    page = "\n".join([_head(plan, found, published, command), *sections, READINGS])
+    page = "\n".join([_head(plan, found, published, command), *sections, readings(plan)])
     write_atomically(plan.out / RESULTS, page.encode())
     return plan.out / RESULTS
 
@@ -104,7 +110,7 @@ def _head(plan: Plan, found: list[Finding], published: Published, command: str) 
         lines.append(f"- scored on disjoint windows: {windows}; the same for every seed")
     lines += [
         f"- fits of each condition: {plan.seeds}, with seeds from 0; mean ± standard deviation over seeds; in brackets"
-        " the 90 % interval of that mean under resampling of systems",
+        " the 90 % interval of that mean, leaving out one system after the other",
         "- R2 in the parameters' own units; `mean` columns are over the parameters (of accuracies, the median of"
         " all); weights are those that were best on validation systems, which are in no score of `unseen`",
         "- the ceiling is the linearised Bayesian limit under the same condition (`datagen identifiability`)",

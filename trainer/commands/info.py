@@ -45,7 +45,7 @@ def info(run: Path, /, *, json: Annotated[bool, Parameter(negative="")] = False)
         ("noise", card.noise),
         ("trained on", f"{len(card.training_systems.indices)} systems of root seed {seeds}"),
         ("training", f"step {done.best_step} of {done.steps}, {done.batch_size} windows each, {done.seconds:g} s"),
-        ("validation loss", f"{done.validation_loss:.4f} (1 is the mean)"),
+        ("validation loss", done.loss_text()),
         ("rmse below", f"of its validation windows: {whole_condition(card)}"),
     ]
     for name, unit in zip(card.encoding.parameters, card.encoding.parameter_units, strict=True):

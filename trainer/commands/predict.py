@@ -69,7 +69,9 @@ def predict(
             )
             for note in one.unlike:
                 console.print(f"- {note}", markup=False)
-    if any(value.median is not None for one in result.predictions for value in one.parameters.values()):
+    if result.interval_doubt:
+        console.print(f"[bold]Do not rely on the intervals:[/bold] {result.interval_doubt}.", markup=True)
+    elif any(value.median is not None for one in result.predictions for value in one.parameters.values()):
         console.print(
             "Take the median and its 90 % interval, which are of this very recording; the estimate is a number alone,"
             " and its rmse the same for every recording of this kind.",

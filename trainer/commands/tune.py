@@ -63,6 +63,7 @@ def tune(
     json
         Print best.json, and nothing else, on stdout.
     """
+    from trainer.runs.checkpoint import beside_mean
     from trainer.training.tuning import BEST
     from trainer.training.tuning import tune as run_tune
 
@@ -86,7 +87,8 @@ def tune(
     table = Table(title=f"{best.model}: best of {best.trials} trials", show_header=False)
     for name, value in {**best.options, "batch_size": best.batch_size, "lr": best.lr}.items():
         table.add_row(name, f"{value:.4g}" if isinstance(value, float) else str(value))
-    table.add_row("validation loss", f"{best.validation_loss:.4f} (1 is the mean)")
+    assert best.validation_loss is not None  # of a search that came to an end
+    table.add_row("validation loss", beside_mean(best.validation_loss, best.mean_loss))
     if best.default_loss is not None:
         table.add_row("with the defaults", f"{best.default_loss:.4f}")
     console = new_console()

@@ -18,12 +18,13 @@ import numpy as np
 import torch
 
 from shared.errors import EstimatorError
-from shared.metrics import bootstrap_by_system, r2, relative_accuracy
+from shared.metrics import r2, relative_accuracy
 from shared.places import check_folder
 from shared.store import DatasetFolder, Records
 from trainer.evaluating.limit import find_ceiling
 from trainer.evaluating.report import Answers, Evaluation, Protocol, write_answers, write_report
 from trainer.figures import draw_scatter
+from trainer.intervals import r2_interval
 from trainer.reading.data import load_records
 from trainer.reading.kind import Kind
 from trainer.reading.noise import Sensors
@@ -198,7 +199,7 @@ def figures_of_merit(
         return np.append(each, each.mean())
 
     middle = scores(np.arange(len(truth)))
-    low, high = bootstrap_by_system(where, scores, level=LEVEL)
+    low, high = r2_interval(where, scores, level=LEVEL)
     value = [float(v) if np.isfinite(v) else None for v in middle]
     spans = [tuple(float(v) if np.isfinite(v) else None for v in pair) for pair in zip(low, high, strict=True)]
     accuracy = np.median(relative_accuracy(truth, estimate), axis=0)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, ClassVar
+
 import torch
 from torch import nn
 
@@ -15,6 +17,11 @@ class RegressionTransformer(MultiscaleTransformer):
 
     The correction begins at zero: with a multiscale transformer's weights it begins where that one ended.
     """
+
+    space: ClassVar[dict[str, Any]] = {
+        "patch": lambda trial, name, default: trial.suggest_categorical(name, sorted({6, 12, 24, default}))
+    }
+    """Of a search: a patch has at least as many samples as there are ``views``."""
 
     def __init__(
         self,

@@ -1,6 +1,6 @@
 """Whether a posterior can be believed: coverage, rank histograms and scores on systems that nothing was made with.
 
-Windows of one system are not independent: intervals resample systems, and tests of uniformity take one window of each.
+Windows of one system are not independent: intervals are by system, and tests of uniformity take one window of each.
 """
 
 from __future__ import annotations
@@ -12,9 +12,10 @@ import numpy as np
 import torch
 
 from shared.errors import EstimatorError
-from shared.metrics import bootstrap_by_system, r2
+from shared.metrics import r2
 from shared.store import DatasetFolder
 from trainer.evaluating.evaluation import absent_channels, check_records, check_same_system, unseen_rows, window_length
+from trainer.intervals import share_interval
 from trainer.posterior.checkpoint import check_posterior_not_replaced, load_posterior
 from trainer.posterior.figures import draw_coverage, draw_ranks
 from trainer.posterior.inference import Posterior, check_samples, summarise
@@ -156,10 +157,13 @@ def _figures_of_merit(
     names, prior = posterior.run.card.encoding.parameters, posterior.prior
     inside = np.stack([covered(position, level) for level in LEVELS], axis=1)  # (windows, levels, parameters)
     inside = np.concatenate([inside, inside.mean(axis=2, keepdims=True)], axis=2)
-    low, high = bootstrap_by_system(where, lambda rows: inside[rows].mean(axis=0), level=0.9)
+    low, high = share_interval(where, inside)
     share = inside.mean(axis=0)
     cover = [
-        {f"{level:g}": Coverage(share=share[i, k], low=low[i, k], high=high[i, k]) for i, level in enumerate(LEVELS)}
+        {
+            f"{level:g}": Coverage(share=share[i, k], low=_finite(low[i, k]), high=_finite(high[i, k]))
+            for i, level in enumerate(LEVELS)
+        }
         for k in range(len(names) + 1)
     ]
     chi2, kolmogorov = uniformity(position[first])

@@ -20,6 +20,10 @@ SCHEMA_VERSION = 3
 """The first version knows no temperatures of windows that lack an output, and before the third it is not said of what
 dataset the posterior is."""
 
+ENOUGH = 9
+"""Systems that calibrate: of fewer no share of the truths within their intervals can be told from 90 %, as the least n
+with 0.9 (n + 1) <= n is nine."""
+
 
 class PosteriorCard(BaseModel):
     """``posterior.json``."""
@@ -54,6 +58,18 @@ class PosteriorCard(BaseModel):
     seconds: float
     versions: dict[str, str]
     weights_sha256: str = ""
+
+    def doubt(self) -> str | None:
+        """A sentence where the posterior tells nothing, or its intervals hold who knows what share; None elsewhere."""
+        systems = len(self.calibration_systems.indices)
+        if self.gain <= 0:
+            return (
+                "the posterior tells less than the ranges of the parameters alone: on the systems that calibrate it"
+                f" ({systems}) its density at the truth was {-self.gain:.2f} nat below the prior's"
+            )
+        if systems < ENOUGH:
+            return f"its intervals are calibrated by {systems} systems, too few for 90 %, which takes {ENOUGH}"
+        return None
 
     def seen(self, records: Records) -> np.ndarray:
         """Which rows of records, of the run's own system, the posterior was made with; bool (systems,)."""

@@ -31,8 +31,9 @@ def posterior(
     """Fit a posterior to an estimator: from then on `trainer predict` gives intervals and samples.
 
     A normalising flow learns from one half of the validation systems how the truth is spread about the estimator's
-    answers; the other half stops its training and sets how wide its intervals must be to cover. Systems of the test
-    split take no part. The run folder gets posterior.safetensors and posterior.json.
+    answers; the other half stops its training and sets how wide its intervals must be to cover, for which it takes nine
+    systems or more: with fewer that is told. Systems of the test split take no part. The run folder gets
+    posterior.safetensors and posterior.json.
 
     Parameters
     ----------
@@ -93,7 +94,7 @@ def calibration(
     """Whether a posterior can be believed: coverage, rank histograms and scores on systems that it has never seen.
 
     Writes calibration.json, calibration.md, calibration.csv, sbc.png (flat if calibrated) and coverage.png. Intervals
-    are 90 %, resampled by system.
+    are 90 %, by system.
 
     Parameters
     ----------

@@ -71,7 +71,8 @@ def fit_posterior(
     """Fit a flow for the parameters given what the estimator makes of a window; write it into the run folder.
 
     Windows are drawn under the conditions of the estimator's own training, but for how often each length is drawn.
-    Writes posterior.safetensors and posterior.json.
+    Writes posterior.safetensors and posterior.json. Warns where fewer systems calibrate than 90 % takes
+    (:data:`trainer.posterior.card.ENOUGH`), and where the posterior tells less than the prior.
 
     Parameters
     ----------
@@ -201,6 +202,8 @@ def _fit(
     for name in CALIBRATION:  # of the posterior that is replaced
         (folder / name).unlink(missing_ok=True)
     save_posterior(folder, card, flow)
+    if doubt := card.doubt():
+        _log.warning("%s: %s", folder, doubt)
     done = load_posterior(run)
     assert done is not None
     return done

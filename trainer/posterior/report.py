@@ -23,11 +23,11 @@ class _Table(BaseModel):
 
 
 class Coverage(_Table):
-    """Share of the windows whose central interval holds the truth, with its 90 % interval by system."""
+    """Share of the windows whose central interval holds the truth, with its 90 % interval by system; none of one."""
 
     share: float
-    low: float
-    high: float
+    low: float | None
+    high: float | None
 
 
 class ParameterCalibration(_Table):
@@ -63,7 +63,7 @@ class LogScore(_Table):
 class Calibration(_Table):
     """``calibration.json``."""
 
-    schema_version: int = 4
+    schema_version: int = 5
     model: str
     dataset: Kind
     """what it is on"""
@@ -83,6 +83,8 @@ class Calibration(_Table):
 
 
 def _share(one: Coverage) -> str:
+    if one.low is None or one.high is None:
+        return f"{100 * one.share:.1f} [-]"
     return f"{100 * one.share:.1f} [{100 * one.low:.1f}, {100 * one.high:.1f}]"
 
 

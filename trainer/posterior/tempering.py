@@ -13,6 +13,7 @@ import math
 
 import torch
 
+from trainer.posterior.card import ENOUGH
 from trainer.posterior.conditions import Contexts
 from trainer.posterior.flow import PosteriorFlow
 from trainer.posterior.inference import LEVEL
@@ -22,7 +23,8 @@ SAMPLES = 256
 WINDOWS = 2000
 """At most, of each length, with and without an output that is missing as a whole."""
 FEWEST = 50
-"""Where such a group has fewer windows, those of its length are used, and where these are few, all."""
+"""Where such a group has fewer windows, or fewer systems than :data:`ENOUGH`, those of its length are used, and where
+these are few, all."""
 
 
 def temper(flow: PosteriorFlow, held_out: Contexts, seed: int) -> None:
@@ -37,20 +39,28 @@ def temper(flow: PosteriorFlow, held_out: Contexts, seed: int) -> None:
     found = []
     for length in range(len(flow.log_temperature)):
         own = held_out.of_length(length)
-        own = own if len(own.z) >= FEWEST else held_out
+        own = own if _many(own, held_out) else held_out
         groups = [own.only(flow.lacking(own.context) == lacking) for lacking in (0, 1)]
-        found += [_temperatures(flow, one if len(one.z) >= FEWEST else own, generator) for one in groups]
+        found += [_temperatures(flow, one if _many(one, held_out) else own, generator) for one in groups]
     flow.log_temperature.copy_(torch.stack(found).log().view_as(flow.log_temperature))
 
 
+def _many(group: Contexts, held_out: Contexts) -> bool:
+    """Whether a group has windows and systems enough, or as many systems as there are."""
+    systems, all_systems = (len(torch.unique(one.system)) for one in (group, held_out))
+    return len(group.z) >= FEWEST and systems >= min(ENOUGH, all_systems)
+
+
 def _temperatures(flow: PosteriorFlow, windows: Contexts, generator: torch.Generator) -> torch.Tensor:
-    """Factors (parameters,) that make nine tenths of some windows covered."""
+    """Factors (parameters,) that make nine tenths of some windows covered; of a few systems none narrows."""
     chosen = torch.randperm(len(windows.z), generator=generator)[:WINDOWS]
     needed = _needed(flow, windows.context[chosen], windows.z[chosen], generator)
     # split conformal prediction's margin for few systems; windows of one system do not count twice
     systems = len(torch.unique(windows.system[chosen]))
     share = min(1.0, math.ceil(LEVEL * (systems + 1)) / systems)
-    return needed.sort(dim=0).values[math.ceil(share * len(needed)) - 1]
+    found = needed.sort(dim=0).values[math.ceil(share * len(needed)) - 1]
+    # a few systems that lie well inside are no reason to narrow anything
+    return found if systems >= ENOUGH else found.clamp_min(1.0)
 
 
 def _needed(flow: PosteriorFlow, context: torch.Tensor, z: torch.Tensor, generator: torch.Generator) -> torch.Tensor:

@@ -67,7 +67,7 @@ class Prediction(_Table):
 class Predictions(_Table):
     """What ``trainer predict`` prints."""
 
-    schema_version: int = 7
+    schema_version: int = 8
     file: str
     model: str
     unfinished: str | None = None
@@ -91,6 +91,8 @@ class Predictions(_Table):
     """What ``rmse`` is over, or why it is null."""
     interval_note: str | None = None
     """In what the posterior's systems are unlike those of the run's last training; None where in nothing."""
+    interval_doubt: str | None = None
+    """Why intervals are not to be trusted: too few systems calibrated them, or they tell less than the ranges alone."""
     predictions: list[Prediction]
 
 
@@ -224,6 +226,7 @@ def predict(
         interval_held=None if fitted_to is None else fitted_to.held,
         rmse_note=_rmse_note(typical, window, encoding, posterior is not None),
         interval_note=_interval_note(fitted_to, run.card.dataset),
+        interval_doubt=None if posterior is None else posterior.card.doubt(),
         predictions=predictions,
     )
 

@@ -57,6 +57,8 @@ class Training(_Table):
     steps: int
     best_step: int
     validation_loss: float
+    mean_loss: float | None = None
+    """of the mean of the training's targets on the same windows; None in cards of earlier versions"""
     validation_windows: int
     seconds: float
     stopped: Stop
@@ -70,6 +72,15 @@ class Training(_Table):
     """whether products were rounded to bfloat16"""
     data: str | None = None
     """sha256 of what the dataset is, where the training began with the weights of another one"""
+
+    def loss_text(self) -> str:
+        """The validation loss beside that of the mean, which is 1 only where validation systems vary as others do."""
+        return beside_mean(self.validation_loss, self.mean_loss)
+
+
+def beside_mean(loss: float, mean: float | None) -> str:
+    """A loss beside that of the mean, where it is known."""
+    return f"{loss:.4f}" + ("" if mean is None else f" (the mean's: {mean:.4f})")
 
 
 class Errors(_Table):

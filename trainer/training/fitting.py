@@ -153,6 +153,8 @@ def fit(
         raise EstimatorError("resume and overwrite: both are given; expected one of them")
     check_place(folder, replacing=overwrite or resume)
     kind = estimator_class(model)
+    if keep == "last" and not kind.iterates:
+        raise EstimatorError(f"keep: {model} is solved, not trained by steps: there are no last weights; leave it out")
     if coarse and not kind.rounds:
         raise EstimatorError(f"coarse: {model} is trained with all digits only; leave it out")
     records, training, validation, encoding, sensors, hours, length = material_of(
@@ -221,6 +223,7 @@ def fit(
                 steps=0,
                 best_step=0,
                 validation_loss=math.inf,
+                mean_loss=held_out.targets.square().mean().item(),  # they are standardised by training systems
                 validation_windows=len(held_out.targets),
                 seconds=0.0,
                 stopped="running",

@@ -279,7 +279,8 @@ class Loop:
         self._save()
         write_atomically(self.folder / "curve.csv", self.curve.csv().encode())
         if len(self.curve.rows) > 1:
-            draw_loss_curve(self.curve.rows, self.card.model, self.folder / "curve.png", self.card.training.best_step)
+            done = self.card.training
+            draw_loss_curve(self.curve.rows, self.card.model, self.folder / "curve.png", done.best_step, done.mean_loss)
         if measured:
             self.card.validation_errors = self.measure(self.network)
             self.card.training.stopped = stopped

@@ -11,7 +11,7 @@ import numpy as np
 from shared.errors import EstimatorError
 from shared.store import DatasetFolder, Records
 from trainer.models import estimator_class
-from trainer.models.base import Recipe
+from trainer.models.base import Estimator, Recipe
 from trainer.reading.data import training_records
 from trainer.reading.encoding import Encoding, make_encoding, split_channels
 from trainer.reading.missing import LONGEST
@@ -88,12 +88,18 @@ def recipe_of(
     Raises
     ------
     EstimatorError
-        If a number is not positive, or steps [1] and minutes [min] are both given.
+        If a number is not positive, steps [1] and minutes [min] are both given, or the estimator makes no use of one.
     """
     for name, value in (("steps", steps), ("minutes", minutes), ("batch_size", batch_size), ("lr", lr)):
         if value is not None and not 0 < value < math.inf:
             raise EstimatorError(f"{name}: is {value:g}; expected a positive number")
     if steps is not None and minutes is not None:
         raise EstimatorError("steps and minutes: both are given; expected one budget")
-    own = estimator_class(model).recipe
+    kind = estimator_class(model)
+    own, useless = kind.recipe, [] if kind.iterates else ["minutes", "lr"]
+    if not kind.iterates and kind.prepare is Estimator.prepare:  # nor does it look at a window
+        useless += ["steps", "batch_size"]
+    for name, value in (("steps", steps), ("minutes", minutes), ("batch_size", batch_size), ("lr", lr)):
+        if value is not None and name in useless:
+            raise EstimatorError(f"{name}: {model} is solved, not trained by steps; leave it out")
     return replace(own, steps=steps or own.steps, batch_size=batch_size or own.batch_size, lr=lr or own.lr)

@@ -34,6 +34,8 @@ AGAIN = "again"
 """Of a trial that is tried again after it was cut short: the number that it had then."""
 ERROR = "error"
 """Of a trial whose options have no result: the sentence."""
+MEAN = "mean loss"
+"""Of a trial: the validation loss of the mean."""
 
 
 class Best(BaseModel):
@@ -45,6 +47,8 @@ class Best(BaseModel):
     batch_size: int | None = Field(None, gt=0)
     lr: float | None = Field(None, gt=0, allow_inf_nan=False)
     validation_loss: float | None = None
+    mean_loss: float | None = None
+    """of the mean of the training's targets on the same windows"""
     default_loss: float | None = None
     """of the estimator's defaults under the same budget"""
     trials: int = 0
@@ -134,7 +138,12 @@ def tune(
     defaults = {name: default for name, (_, default) in space.items()}
 
     def objective(trial: Trial) -> float:
-        chosen = {name: suggest(trial, name, default) for name, (suggest, default) in space.items()}
+        try:
+            chosen = {name: suggest(trial, name, default) for name, (suggest, default) in space.items()}
+        except ValueError:  # Optuna's word for choices that a study has had otherwise
+            raise EstimatorError(
+                f"{folder / STUDY}: was begun by a version that searched {model} elsewhere; choose another folder"
+            ) from None
         batch_size, lr = chosen.pop("batch_size"), chosen.pop("lr")
         run = fit(
             dataset_dir,
@@ -152,6 +161,7 @@ def tune(
             seed=seed,
             overwrite=True,
         )
+        trial.set_user_attr(MEAN, run.card.training.mean_loss)
         return run.card.training.validation_loss
 
     make_folder(folder)
@@ -247,6 +257,7 @@ def _best(study: optuna.Study, model: str, settings: dict[str, Any], defaults: d
         lr=options.pop("lr"),
         options=options,
         validation_loss=loss,
+        mean_loss=trial.user_attrs.get(MEAN),
         default_loss=usual.value if usual is not None else None,
         trials=len(_finished(study)),
         settings=settings,

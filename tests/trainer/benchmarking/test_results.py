@@ -15,6 +15,7 @@ from shared.errors import EstimatorError
 from shared.metrics import r2
 from trainer.benchmarking import drawing
 from trainer.benchmarking.gathering import gather, read_evaluation, scores_of
+from trainer.benchmarking.page import readings
 from trainer.benchmarking.parts import Part, Row
 from trainer.benchmarking.planning import make_plan
 from trainer.benchmarking.published import read_published
@@ -58,6 +59,14 @@ def test_the_tables_hold_the_scores_of_the_fits(results, short):
     wanted = ("lstm", "level", "unseen", "mean")
     line = next(r for r in rows if (r["estimator"], r["channels"], r["protocol"], r["parameter"]) == wanted)
     assert (line["training_systems"], line["steps"], line["batch_size"]) == ("80", "2", "16")
+
+
+def test_the_page_says_of_the_paper_s_iterations_what_this_run_took_them_for(results, short, tmp_path):
+    said = "This run takes the words literally: a fit has 2 steps."
+    assert said in " ".join((results / "results.md").read_text().split())
+    given = {name: value for name, value in QUICK.items() if name != "steps"}
+    page = " ".join(readings(make_plan(short, tmp_path, **given, minutes=3)).split())
+    assert "This run takes neither, but a time: a fit has 3 min." in page and said not in page
 
 
 def test_the_ceiling_is_that_of_the_file_named_now(finished, short, tmp_path):

@@ -77,7 +77,7 @@ def test_a_posterior_of_another_kind_of_systems_is_told(datasets, recording, tmp
     with caplog.at_level(logging.WARNING):
         fit_posterior(run, datasets["calm"], windows_per_system=2, epochs=1)
     difference = "a share of 0.5 without excitation, not excited where the system can be"
-    assert caplog.messages[-1].endswith(f"is unlike the dataset of the estimator's training: {difference}")
+    assert caplog.messages[0].endswith(f"is unlike the dataset of the estimator's training: {difference}")
     sentence = f"the posterior was fitted to systems unlike those of the estimator's training: {difference}"
     assert predict(run, recording).interval_note == sentence
     assert sentence in told(run.folder, recording, capsys)

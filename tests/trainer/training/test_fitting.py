@@ -6,10 +6,11 @@ import torch
 
 from shared.errors import DatasetError, EstimatorError, OptionsError
 from shared.store import DatasetFolder
+from trainer.cli import main as command
 from trainer.evaluating.evaluation import evaluate
 from trainer.models.regressions import Regressions
 from trainer.reading.windows import Sampler
-from trainer.runs.checkpoint import load_run
+from trainer.runs.checkpoint import Training, load_run
 from trainer.training.fitting import fit
 
 from ..conftest import TANK, interrupt_after, make_dataset
@@ -101,6 +102,41 @@ def test_mean_answers_with_the_mean_of_the_training_targets(tanks, tmp_path):
     np.testing.assert_allclose(answer, [10 ** np.log10(training).mean(axis=0)] * 2, rtol=1e-5)
     scores = evaluate(run, tanks).protocols["unseen"].r2
     assert max(scores.values()) <= 0
+
+
+def test_the_loss_of_the_mean_is_its_own_where_few_systems_validate(tmp_path, caplog, capsys):
+    """Targets are standardised by training systems, so that the loss of the mean on one other system is not 1."""
+    dataset = make_dataset(tmp_path / "few", systems=12)
+    command(["fit", str(dataset), "--model", "mean", "--out", str(tmp_path / "run")])
+    done = load_run(tmp_path / "run").card.training
+    assert abs(done.validation_loss - 1) > 0.05
+    assert done.mean_loss == pytest.approx(done.validation_loss, rel=1e-5)
+    said = f"validation loss {done.validation_loss:.4f} (the mean's: {done.mean_loss:.4f})"
+    assert said in capsys.readouterr().err
+    command(["info", str(tmp_path / "run")])
+    assert said.removeprefix("validation loss ") in capsys.readouterr().out
+    ridge = fit(dataset, tmp_path / "ridge", model="ridge").card.training
+    assert ridge.mean_loss == pytest.approx(done.mean_loss, rel=1e-5)
+
+
+def test_a_card_of_an_earlier_version_has_no_loss_of_the_mean(tanks, tmp_path):
+    card = fit(tanks, tmp_path / "run", model="mean").card.training.model_dump() | {"validation_loss": 0.5}
+    del card["mean_loss"]
+    assert Training(**card).loss_text() == "0.5000"
+
+
+@pytest.mark.parametrize(
+    ("model", "given"),
+    [
+        *(("ridge", one) for one in ({"minutes": 1}, {"lr": 0.1}, {"keep": "last"})),
+        *(("mean", one) for one in ({"minutes": 1}, {"lr": 7}, {"steps": 9}, {"batch_size": 3}, {"keep": "last"})),
+    ],
+)
+def test_what_a_solved_estimator_makes_no_use_of_is_refused(tanks, tmp_path, model, given):
+    """The card had told a budget of a minute that nothing took."""
+    with pytest.raises(EstimatorError, match=rf"{next(iter(given))}: {model} is solved, .*; leave it out"):
+        fit(tanks, tmp_path / "run", model=model, **given)
+    assert not (tmp_path / "run").exists()
 
 
 def poison(monkeypatch, after):

@@ -153,7 +153,7 @@ def no_training(monkeypatch):
     from trainer.training import tuning
 
     def fit(*_, lr, **__):
-        return SimpleNamespace(card=SimpleNamespace(training=SimpleNamespace(validation_loss=lr)))
+        return SimpleNamespace(card=SimpleNamespace(training=SimpleNamespace(validation_loss=lr, mean_loss=1.0)))
 
     monkeypatch.setattr(tuning, "fit", fit)
 
@@ -347,3 +347,10 @@ def test_a_second_search_in_a_folder_is_refused_and_does_not_fail_the_trial_unde
     assert tune(tanks, tmp_path, trials=2, **SETTINGS).trials == 2
     study = optuna.load_study(study_name="tune", storage=f"sqlite:///{tmp_path / 'study.db'}")
     assert [trial.state.name for trial in study.trials] == ["COMPLETE", "COMPLETE"]
+
+
+def test_a_search_that_was_begun_in_another_space_is_told(tanks, tmp_path, small, monkeypatch):
+    tune(tanks, tmp_path, trials=1, **SETTINGS)
+    monkeypatch.setattr(estimator_class("lstm").__init__, "__defaults__", (10, 1, 0.0))
+    with pytest.raises(EstimatorError, match=r"study\.db: was begun by a version that searched lstm elsewhere; choose"):
+        tune(tanks, tmp_path, trials=2, **SETTINGS)

@@ -1,0 +1,107 @@
+"""A posterior of which it is told that its intervals are not to be trusted."""
+
+import json
+from types import SimpleNamespace
+
+import pytest
+import torch
+
+from trainer.cli import main
+from trainer.posterior import fit_posterior
+from trainer.posterior.card import ENOUGH
+from trainer.posterior.conditions import Contexts
+from trainer.posterior.flow import PosteriorFlow
+from trainer.posterior.inference import LEVEL
+from trainer.posterior.tempering import _temperatures, temper
+from trainer.predicting.prediction import predict
+from trainer.training.fitting import fit
+
+from ..conftest import make_dataset
+
+# truth and samples are of one law: nothing is to be stretched
+RIGHT = SimpleNamespace(sample=lambda _, base: base, centre=lambda context: torch.zeros(len(context), 1))
+
+
+def windows_of(z: torch.Tensor, each: int = 3) -> Contexts:
+    """So many windows of systems with truths z (systems,)."""
+    truth = z.repeat_interleave(each)[:, None]
+    systems = torch.arange(len(z)).repeat_interleave(each)
+    return Contexts(torch.zeros(len(truth), 1), truth, torch.zeros(len(truth), dtype=torch.int64), systems)
+
+
+def test_nine_is_the_least_number_of_systems_that_can_tell():
+    """Split conformal prediction: the ceil(0.9 (n + 1))-th of n."""
+    assert [n for n in range(1, 15) if n + 1 > LEVEL * (n + 1) + 1 - 1e-9] == list(range(ENOUGH, 15))
+
+
+@pytest.mark.parametrize(("systems", "narrower"), [(3, False), (8, False), (9, True), (40, True)])
+def test_few_systems_well_inside_their_intervals_narrow_nothing(systems, narrower):
+    inside = windows_of(0.1 * torch.ones(systems))
+    assert (_temperatures(RIGHT, inside, torch.Generator().manual_seed(0)).item() < 1) == narrower
+
+
+@pytest.mark.parametrize("systems", [2, 5, 9])
+def test_intervals_of_a_flow_that_is_right_hold_nine_tenths_however_few_calibrate(systems):
+    """They held 71 % with two systems, 85 % with five; truths are normal, so that coverage follows from the factor."""
+    generator = torch.Generator().manual_seed(1)
+    factors = torch.stack(
+        [_temperatures(RIGHT, windows_of(torch.randn(systems, generator=generator)), generator)[0] for _ in range(200)]
+    )
+    assert torch.erf(1.645 * factors / 2**0.5).mean() > LEVEL - 0.02
+
+
+def test_windows_of_few_systems_have_no_temperatures_of_their_own():
+    """A hundred windows that lack an output, but of three systems, which lie where others do not: all are taken."""
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(0)
+        flow = PosteriorFlow(1, 5, lengths=1, outputs=1).eval()
+        context = torch.randn(1100, 5)
+        context[:, -1] = (torch.arange(1100) < 100).float()
+        with torch.no_grad():
+            centre, drawn = flow.centre(context), flow.sample(context, torch.randn(1100, 1, 1))[:, 0]
+    z = torch.where(context[:, -1:] > 0, centre + 9 * (drawn - centre), drawn)
+    systems = torch.where(context[:, -1] > 0, torch.arange(1100) % 3, 3 + torch.arange(1100))
+    temper(flow, Contexts(context, z, torch.zeros(1100, dtype=torch.int64), systems), seed=0)
+    assert (flow.log_temperature.exp() < 3).all()
+
+
+@pytest.fixture(scope="module")
+def tanks_and_run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("doubt")
+    dataset = make_dataset(folder / "ds", systems=300, root_seed=4)
+    torch.set_num_threads(1)
+    return dataset, fit(dataset, folder / "run", model="ridge", steps=20)
+
+
+def recording(dataset):
+    return next(dataset.glob("**/*.nc"))
+
+
+def test_of_few_calibrating_systems_it_is_told_that_they_are_too_few(tanks_and_run, capsys, caplog):
+    dataset, run = tanks_and_run
+    fit_posterior(run, dataset, systems=12, windows_per_system=8, epochs=8, overwrite=True)
+    wanted = "its intervals are calibrated by 6 systems, too few for 90 %, which takes 9"
+    assert wanted in caplog.text
+    assert predict(run.folder, recording(dataset)).interval_doubt == wanted
+    main(["predict", str(run.folder), str(recording(dataset))])
+    said = " ".join(capsys.readouterr().out.split())
+    assert f"Do not rely on the intervals: {wanted}." in said
+    assert "Take the median" not in said
+
+
+def test_of_many_nothing_is_told(tanks_and_run, capsys):
+    dataset, run = tanks_and_run
+    found = fit_posterior(run, dataset, windows_per_system=8, epochs=8, overwrite=True)
+    assert len(found.card.calibration_systems.indices) == 15
+    assert predict(run.folder, recording(dataset)).interval_doubt is None
+    main(["predict", str(run.folder), str(recording(dataset))])
+    assert "Take the median" in capsys.readouterr().out
+
+
+def test_a_posterior_that_tells_less_than_the_prior_is_not_recommended(tanks_and_run, capsys):
+    """Fitted to two windows, whose systems it knows by heart."""
+    dataset, run = tanks_and_run
+    found = fit_posterior(run, dataset, systems=4, windows_per_system=1, epochs=60, overwrite=True)
+    assert found.card.gain < 0
+    main(["predict", str(run.folder), str(recording(dataset)), "--json"])
+    assert "tells less than the ranges of the parameters alone" in json.loads(capsys.readouterr().out)["interval_doubt"]
