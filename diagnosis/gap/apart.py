@@ -3,10 +3,15 @@
 Whether there is a gap, and which effect it is, is told by all readings: a week has none to spare. How far it shrinks
 is told by readings that took no part in the fit. Whether they mattered to the choice is looked at, too: the candidates
 that were refitted are weighed once more by the fitted readings alone.
+
+The base model's fit may have ended early, and what it leaves then is more than the model has to: all of that would
+count as removed. Where the search met a more plausible fit of it (:mod:`diagnosis.gap.bare`), that is begun from as
+well, and what fits the fitted readings better is the gap before.
 """
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +20,8 @@ from diagnosis.gap.grams import Colour, Grams
 from diagnosis.gap.linear import Linearised
 from diagnosis.gap.refit import Refit, misfit
 from diagnosis.gap.renewal import WORTH, fitted_anew, relinearised
-from diagnosis.gap.searched import Search
+from diagnosis.gap.searched import Search, outdone
+from diagnosis.gap.stages import Stage
 from shared.errors import SimulationError
 
 LINES = 5
@@ -57,15 +63,30 @@ def fitted_apart(found: Search, fitted: np.ndarray) -> Apart:
     """
     counts, made, known = [], [], found.made.apart
     for until in (found.stages[:1], found.stages):
-        stage, key = until[-1], (replace(found, stages=until).path, fitted.tobytes())
+        stage, better = until[-1], outdone(found) if len(until) == 1 else None
+        other = better[0].lin if better else None
+        key = (replace(found, stages=until).path, fitted.tobytes(), b"" if other is None else other.z.tobytes())
         if key not in known:
-            one = fitted_anew(stage.lin, fitted, stage.colours.best)
-            lin, count = _lined(one, stage.colours.best, stage.grams.observed)
-            known[key] = lin, one.lin
-            counts += [one.simulations, count]
+            lin, line, count = _fitted(stage, stage.lin, fitted)
+            if other is not None:
+                with suppress(SimulationError):
+                    there, its, more = _fitted(stage, other, fitted)
+                    count += more
+                    here, away = (misfit(Grams(one, fitted), stage.colours.best) for one in (lin, there))
+                    if away < here:
+                        lin, line = there, its
+            known[key] = lin, line
+            counts.append(count)
         made.append(known[key])
     (before, first), (after, last) = made
     return Apart(before, after, (first, last), fitted, _agreed(found, fitted), sum(counts))
+
+
+def _fitted(stage: Stage, begin: Linearised, fitted: np.ndarray) -> tuple[Linearised, Linearised, int]:
+    """A fit to a part from some place, where all readings say that the nuisance was, its own line, and simulations."""
+    one = fitted_anew(begin, fitted, stage.colours.best)
+    lin, count = _lined(one, stage.colours.best, stage.grams.observed)
+    return lin, one.lin, one.simulations + count
 
 
 def _lined(one: Refit, colours: dict[int, Colour], every: np.ndarray) -> tuple[Linearised, int]:

@@ -15,13 +15,13 @@ from diagnosis.gap.apart import Apart, fitted_apart
 from diagnosis.gap.conditions import Otherwise, otherwise
 from diagnosis.gap.decision import Decision, decide, gap_found
 from diagnosis.gap.exchange import exchanged
-from diagnosis.gap.limits import noiseless
+from diagnosis.gap.limits import ended_early, noiseless
 from diagnosis.gap.missing import operators
 from diagnosis.gap.places import place
 from diagnosis.gap.reporting import reported
 from diagnosis.gap.schema import Report
 from diagnosis.gap.search import at_its_optimum, search
-from diagnosis.gap.searched import Search
+from diagnosis.gap.searched import Search, outdone
 from diagnosis.gap.shrinkage import Shrinkage, shrinkages
 from diagnosis.gap.starting import Begun
 from diagnosis.where import Operator, Where
@@ -146,7 +146,9 @@ def concluded(
         seconds=time.perf_counter() - clock[0],
         cpu_seconds=time.process_time() - clock[1],
     )
-    report = report.model_copy(update={"limits": [*report.limits, *noiseless(whole.undeclared)]})
+    better_fit = outdone(found) if found.chosen else None
+    more = [*ended_early(better_fit[1] if better_fit else None), *noiseless(whole.undeclared)]
+    report = report.model_copy(update={"limits": [*report.limits, *more]})
     return Diagnosis(
         report,
         whole,

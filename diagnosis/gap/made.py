@@ -22,9 +22,10 @@ class Made:
     effects' names.
     ``bare``: the base model where a refit lies, by the refit's effects' names and its unknowns' bytes.
     ``renewed``: a refit linearised by the candidates that remain, by its effects' names and its unknowns' bytes.
-    ``apart``: both lines of a fit to a part, by the bytes of what was fitted; its path is that of these stages alone.
-    None is what cannot be simulated. ``base``: the base model's fit, and linearised by all candidates; ``further``: the
-    same after going on with it, without the second part where that led to nothing better.
+    ``apart``: both lines of a fit to a part, by the bytes of what was fitted and of the unknowns where it was begun as
+    well; its path is that of these stages alone. None is what cannot be simulated. ``base``: the base model's fit,
+    and linearised by all candidates; ``further``: the same after going on with it, without the second part where that
+    led to nothing better.
     """
 
     base: tuple[Refit, Linearised] | None = None
@@ -36,4 +37,4 @@ class Made:
     settled: dict[tuple[Hashable, Names], Refit] = field(default_factory=dict)
     bare: dict[tuple[Hashable, Names, bytes], list[Refit]] = field(default_factory=dict)
     renewed: dict[tuple[Hashable, Names, bytes], Linearised] = field(default_factory=dict)
-    apart: dict[tuple[Hashable, bytes], tuple[Linearised, Linearised]] = field(default_factory=dict)
+    apart: dict[tuple[Hashable, bytes, bytes], tuple[Linearised, Linearised]] = field(default_factory=dict)

@@ -30,7 +30,7 @@ from diagnosis.gap.nuisances import widened
 from diagnosis.gap.refit import Refit, linear_start, refit, rested
 from diagnosis.gap.renewal import settled
 from diagnosis.gap.scan import NEGLIGIBLE
-from diagnosis.gap.searched import Search
+from diagnosis.gap.searched import Search, outdone
 from diagnosis.gap.stages import CLEAR, PLAIN, STRONG, Stage, examine
 from diagnosis.gap.weighing import Judged, named, weighed
 from shared.errors import SimulationError
@@ -192,13 +192,10 @@ def better_base(found: Search) -> Refit | None:
     Effects that were fitted elsewhere have shown it: there the model without them may do as well as with them, and
     better than where its own fit had ended. What then looks like a gap is a fit that ended too early.
     """
-    best = max(found.bare, key=lambda one: one.evidence, default=None)
-    if best is None:
+    if (other := outdone(found)) is None:
         return None
-    own = found.stages[0].grams.evidence(found.stages[0].colours.best)
-    before = max(own, best.evidence)
-    plain = len(found.refits) > 1 or any(ones[0].evidence - before >= PLAIN for ones in found.refits)
-    if plain or best.evidence - own < CLEAR:
+    best, _ = other
+    if len(found.refits) > 1 or any(ones[0].evidence - best.evidence >= PLAIN for ones in found.refits):
         return None
     lin = best.lin
     try:

@@ -11,7 +11,7 @@ from diagnosis.effects import Effect
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.made import Made
 from diagnosis.gap.refit import Refit
-from diagnosis.gap.stages import Stage
+from diagnosis.gap.stages import CLEAR, Stage
 from diagnosis.gap.weighing import Judged
 
 
@@ -73,3 +73,16 @@ class Search:
         """Share of what was left without a cause at first that the chosen effects do not explain."""
         first = max(self.stages[0].left_over, 1e-9)
         return float(np.clip(self.last.left_over / first, 0.0, 1.0)) if self.stages[0].left_over > 1.0 else 0.0
+
+
+def outdone(found: Search) -> tuple[Refit, float] | None:
+    """The most plausible of ``bare``, and what it has in log evidence over the first stage; None if it gains little.
+
+    As far as the straight lines tell on which it was fitted.
+    """
+    best = max(found.bare, key=lambda one: one.evidence, default=None)
+    if best is None:
+        return None
+    first = found.stages[0]
+    gain = best.evidence - first.grams.evidence(first.colours.best)
+    return (best, gain) if gain >= CLEAR else None

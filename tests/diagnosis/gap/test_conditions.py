@@ -137,8 +137,8 @@ def test_persons_not_counted_costs_what_the_report_says(folder):
     now = {one.name: one.smallest for one in report.detectability}
     both = [name for name, size in other.smallest.items() if size is not None and now[name] is not None]
     assert both
-    # knowing more never hides an effect
-    assert all(other.smallest[name] <= now[name] * (1 + 1e-6) for name in both)
+    # knowing more hides no effect, but for what may happen within a step: of counts it is taken for twice as wide
+    assert all(other.smallest[name] <= now[name] * 1.02 for name in both)
     # and shows some that are hidden, or smaller ones. Which they are depends on where the fit ended, and that on the
     # processor: a gain of the CO2 sensor is seen on one, and not at all on another
     assert any(size < 0.999 * (now[name] or np.inf) for name, size in other.smallest.items() if size is not None)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from diagnosis.gap.limits import limits, noiseless, strained
+from diagnosis.gap.limits import ended_early, limits, noiseless, strained
 from diagnosis.gap.schema import ConditionOf
 from diagnosis.gap.sentences import summary
 from tests.diagnosis.gap.report_cases import constant, named, report, seen, stage
@@ -104,3 +104,9 @@ def test_a_candidate_that_could_not_be_simulated_was_not_looked_for():
         stages=[stage(0.001, 0.001)],
     )
     assert "none of the 1 candidates" in summary(none)[1]
+
+
+def test_a_better_fit_of_the_base_model_is_told():
+    assert ended_early(None) == []
+    (said,) = ended_early(42768.9)
+    assert "more plausible, by 4.28e+04 in log evidence" in said

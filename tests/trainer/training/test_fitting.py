@@ -262,7 +262,7 @@ def test_batches_that_memory_does_not_hold_are_told(tanks, tmp_path):
 
 def test_a_run_folder_that_cannot_be_made_is_told(tanks, tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(EstimatorError, match=r"file/run: cannot be made a folder"):
+    with pytest.raises(EstimatorError, match=r"file/run: nothing can be written there, because .*file is a file"):
         fit(tanks, tmp_path / "file" / "run", model="mean")
 
 
