@@ -108,12 +108,18 @@ def _acts(truth: Truth, effects: list[Effect], seed: int, index: int, stratum: s
     elif stratum == "outside":
         chosen = [pick(truth.outside, "outside")]
     elif stratum == "two":
-        first = pick(effects, "two")
-        rng = stream(seed, index, "blind.second")
-        every: list[Acts] = [*effects, *other]
-        rest = [one for one in every if _together(first, one, effects)]
-        chosen = [first, rest[int(rng.integers(len(rest)))]]
+        partners = pairs(truth, effects)
+        first = pick([one for one in effects if one.name in partners], "two")
+        rest = partners[first.name]
+        chosen = [first, rest[int(stream(seed, index, "blind.second").integers(len(rest)))]]
     return chosen
+
+
+def pairs(truth: Truth, effects: list[Effect]) -> dict[str, list[Acts]]:
+    """What may act together with each effect, by its name; effects that nothing goes with are left out."""
+    every: list[Acts] = [*effects, *(form for form in truth.forms if form.effect)]
+    found = {first.name: [one for one in every if _together(first, one, effects)] for first in effects}
+    return {name: rest for name, rest in found.items() if rest}
 
 
 def _together(first: Acts, second: Acts, effects: list[Effect]) -> bool:
@@ -145,7 +151,7 @@ def _amplitude(acts: Acts, truth: Truth, rng: np.random.Generator) -> float:
     size, sign = np.exp(low + (high - low) * rng.random()), rng.random()
     if isinstance(acts, Form):
         return float(min(size * acts.scale, acts.limit) * (-1.0 if acts.signed and sign < 0.5 else 1.0))
-    negative = acts.lower < 0 and sign < 0.5
+    negative = acts.lower < 0 and (acts.upper <= 0 or sign < 0.5)
     bound = -acts.lower if negative else acts.upper
     return float(min(size * acts.scale, bound) * (-1.0 if negative else 1.0))
 

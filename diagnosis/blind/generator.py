@@ -17,7 +17,7 @@ from datagen.driving.sampling import record_start, sample_parameters
 from datagen.driving.tables import InputTable, Piecewise, merge
 from datagen.simulating.constants import constants, sample_factors, values_of
 from datagen.simulating.simulator import Simulator
-from diagnosis.blind.draw import Case, draw_case, purpose
+from diagnosis.blind.draw import Case, draw_case, pairs, purpose
 from diagnosis.blind.faults import erring
 from diagnosis.blind.processes import Window, drive, signals_of, wandering
 from diagnosis.blind.room import Lived, coarse, live
@@ -78,6 +78,11 @@ class Generator:
             )
         self.true_system = truth.described(self.system)
         self.effects = library(system)
+        if truth.strata.two and not pairs(truth, self.effects):
+            raise SystemDescriptionError(
+                f"{truth.path}: strata.two is above 0, and no two effects can act together; expected 0, or [[effects]]"
+                f" of {system.path} that do not drive the same thing"
+            )
         self.model, self.room = Simulator(self.system), Simulator(self.true_system)
         drawn = truth.measuring.constants
         self.constants = constants(system, self.model.fmu) if drawn else ()

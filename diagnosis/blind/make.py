@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from datagen.fmi.fmu import fmu_sha256
 from diagnosis.blind.begun import begin, check_new, program_sha256, uncertain_sha256
 from diagnosis.blind.commands import made_of
 from diagnosis.blind.detectability import detectability
@@ -101,7 +102,7 @@ def make(
     about = {
         "system_name": described.name,
         "system_hash": described.hash(),
-        "fmu_sha256": sha256_of(described.fmu_path),
+        "fmu_sha256": fmu_sha256(described.fmu_path),
         "uncertain_sha256": uncertain_sha256(described),
         "step": described.experiment.step,
         "hours": hours,
@@ -110,7 +111,7 @@ def make(
         **about,
         "recordings": recordings,
         "truth": sha256_of(where),
-        "truth_fmu": sha256_of(fmu),
+        "truth_fmu": fmu_sha256(fmu),
         # the system's own hash leaves out what it may be simulated with, and what diagnosis tries
         "description": hashlib.sha256(described.canonical().encode()).hexdigest(),
         "library": [one.name for one in library(described)],

@@ -42,7 +42,7 @@ class Row:
     @property
     def single(self) -> bool:
         """Whether the right answer is one effect."""
-        return self.truth == "effect" and len(self.effects) == 1
+        return self.truth == "effect" and len(self.effects) == len(self.answer["causes"]) == 1
 
     @property
     def true_sizes(self) -> dict[str, float]:

@@ -18,6 +18,7 @@ from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from typing import Any
 
+from datagen.fmi.fmu import fmu_sha256
 from diagnosis.blind.begun import uncertain_sha256
 from diagnosis.blind.judging import Diagnoser, Judge, program
 from diagnosis.blind.sealed import read_manifest
@@ -256,7 +257,7 @@ def _check(system: System, folder: Path, manifest: dict[str, Any]) -> None:
         raise RecordingError(
             f"{folder}: system_hash is {manifest['system_hash']}; expected {system.hash()}, that of {system.path}"
         )
-    if manifest["fmu_sha256"] != sha256_of(system.fmu_path):
+    if manifest["fmu_sha256"] != fmu_sha256(system.fmu_path):
         raise RecordingError(f"{folder}: fmu_sha256 is not that of {system.fmu_path}; expected the same FMU")
     if manifest.get("uncertain_sha256") not in (None, uncertain_sha256(system)):  # older sets do not say
         raise RecordingError(

@@ -16,6 +16,11 @@ Lines = list[tuple[str, str, str]]
 LEAST = "the same, with nothing removed where there is no figure"
 UNKNOWN = "named, but no share on the scored part (no gap above the noise there, or too few readings)"
 NAMED = ("effects that an answer names", "a true cause is among them", "if as many were drawn at random")
+WITHOUT = (
+    "A recording without a verdict counts as a wrong answer, but has no part in what is said of the most probable"
+    " answer, nor in effects that the diagnosis declared it would see; in the Brier score of all answers it is one that"
+    " says nothing"
+)
 OWN_FORM = "as the candidate has it; declared after parameters have compensated"
 
 
@@ -201,8 +206,7 @@ def markdown(done: Score) -> str:
                 for c in done.shrinkage
             ],
         ),
-        "Shares removed are cut off at -1 and 1. Recordings without a verdict count as wrong answers, but have no part"
-        " in what is said of the most probable answer.",
+        f"Shares removed are cut off at -1 and 1. {WITHOUT}.",
         _table(
             ("parameter", "error before", "error after", "change"),
             [(p.parameter, number(p.before), number(p.after), number(p.change)) for p in done.parameters],
@@ -240,6 +244,7 @@ def page(done: Score) -> str:
         held=held(done),
         lengths=lengths(done.names),
         named=NAMED,
+        without=WITHOUT,
         by_size=by_size(done.names),
         unknown=UNKNOWN,
         strata_picture=pictures.confusion(done.strata, "stratum", "verdict", of=done.recordings),

@@ -53,10 +53,11 @@ class Diagnosis:
     seed: int
 
     def without(self, names: Collection[str], tell: Callable[[str], None] = lambda _: None) -> Diagnosis:
-        """The same recording diagnosed with some candidates withheld, as if they had never been there.
+        """The same recording diagnosed with some candidates withheld.
 
-        The fit of the base model, the sensitivities and what is missing from the balances are kept; colours, twins,
-        scan and decision are made anew, and refits that were not made yet.
+        The readings that count (a clock takes some from the ends), the fit of the base model, the sensitivities and
+        what is missing from the balances are kept; colours, twins, scan and decision are made anew, and refits that
+        were not made yet.
         """
         left = [one for one in self.candidates if one.name not in names]
         clock = time.perf_counter(), time.process_time()

@@ -20,9 +20,17 @@ class Dying:
         time.sleep(0.01)
 
 
+@pytest.fixture
+def answered():
+    """Ctrl-C interrupts, also where the tests were started in the background, which ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.mark.skipif(os.name == "nt", reason="a signal that one sends to oneself ends a process there")
 @pytest.mark.parametrize(("number", "kind"), [(signal.SIGTERM, Terminated), (signal.SIGINT, KeyboardInterrupt)])
-def test_an_interrupt_that_python_drops_in_a_destructor_comes_again(number, kind, capfd):
+def test_an_interrupt_that_python_drops_in_a_destructor_comes_again(number, kind, capfd, answered):
     one = Dying(number)
     began = time.monotonic()
     with pytest.raises(KeyboardInterrupt) as caught, terminable():

@@ -328,5 +328,5 @@ def test_a_full_disk_is_a_sentence_and_loses_nothing(good, whole, small_disk, ta
 
 def test_a_read_only_folder_is_a_sentence(good, small_disk, taken_to_be_alive):
     subprocess.run(["mount", "-o", "remount,ro", small_disk], check=True)
-    with pytest.raises(DatasetError, match=r"cannot be written: Read-only file system"):
+    with pytest.raises(DatasetError, match=r"nothing can be written there \(Read-only file system\)"):
         run(good, small_disk / "ds", **SIZE)

@@ -36,3 +36,15 @@ def test_what_can_be_seen_is_that_of_the_whole_set_however_few_recordings_are_sc
             done = score(folder, answers, results, first=first)
             seen = {one.what: one for one in done.effects}["as the candidate has it, visible"]
             assert counts(seen.top) == counts(done.detectable[0].top) == ((1, 1) if first == 5 else (2, 2))
+
+
+def test_a_recording_of_two_causes_is_none_of_one_where_either_was_withheld(tmp_path):
+    """Its gap is of both: it says nothing of the size from which the one that is left would be seen."""
+    ones = [
+        Case("two", ("a", "b"), sizes=(4.0, 0.3), room=5.0, verdict=said("b")),
+        Case("library", ("b",), sizes=(1.0,), room=5.0, verdict=said("b")),
+    ]
+    folder, answers = write_set(tmp_path / "set", ones)
+    done = score(folder, answers, write_results(tmp_path / "results", folder, ones, library=("b", "c"), without=("a",)))
+    assert sum(point.top.n for point in done.power_by_size) == 1
+    assert sum(map(sum, done.confusion.counts)) == 1
