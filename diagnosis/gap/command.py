@@ -73,7 +73,7 @@ def run(
         size = "" if one.amplitude is None else f"{one.amplitude:.3g}"
         table.add_row(one.name, f"{one.probability:.0%}", size, one.unit)
     if others := [one.probability for one in report.effects if one not in told]:
-        table.add_row(f"{len(others)} others", f"{sum(others):.0%}", "", "")
+        table.add_row(f"{len(others)} other{'s' if len(others) > 1 else ''}", f"{sum(others):.0%}", "", "")
     table.add_row("none of these", f"{report.none_of_these:.0%}", "", "")
     table.add_row("no gap", f"{report.no_gap:.0%}", "", "")
     console.print(table)

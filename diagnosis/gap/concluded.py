@@ -15,7 +15,7 @@ from diagnosis.gap.apart import Apart, fitted_apart
 from diagnosis.gap.conditions import Otherwise, otherwise
 from diagnosis.gap.decision import Decision, decide, gap_found
 from diagnosis.gap.exchange import exchanged
-from diagnosis.gap.limits import ended_early, noiseless
+from diagnosis.gap.limits import ended_early, ends_left_out, noiseless
 from diagnosis.gap.missing import operators
 from diagnosis.gap.places import place
 from diagnosis.gap.reporting import reported
@@ -24,6 +24,7 @@ from diagnosis.gap.search import at_its_optimum, search
 from diagnosis.gap.searched import Search, outdone
 from diagnosis.gap.shrinkage import Shrinkage, shrinkages
 from diagnosis.gap.starting import Begun
+from diagnosis.recording import HOUR
 from diagnosis.where import Operator, Where
 
 
@@ -148,7 +149,8 @@ def concluded(
         cpu_seconds=time.process_time() - clock[1],
     )
     better_fit = outdone(found) if found.chosen else None
-    more = [*ended_early(better_fit[1] if better_fit else None), *noiseless(whole.undeclared)]
+    ends = ends_left_out(whole.observed, np.isfinite(whole.measured), whole.recording.step / HOUR)
+    more = [*ended_early(better_fit[1] if better_fit else None), *ends, *noiseless(whole.undeclared)]
     report = report.model_copy(update={"limits": [*report.limits, *more]})
     return Diagnosis(
         report,

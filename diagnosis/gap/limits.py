@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from statistics import median
 
+import numpy as np
+
 from diagnosis.calibrating.sentences import far_outside
 from diagnosis.gap.decision import Verdict
 from diagnosis.gap.schema import Report
@@ -40,8 +42,12 @@ def _cost(report: Report, condition: str, begin: str) -> str:
     units = {one.name: one.unit for one in report.effects}
     ratio = {name: size / least for name, size in other.items() if size is not None and (least := now[name])}
     only = [name for name, size in other.items() if size is not None and now[name] is None]
-    said = f" {begin}, {len(ratio)} candidates would be seen from {median(ratio.values()):.0%} of" if ratio else ""
-    said += " the size that they need here, at the median" if ratio else ""
+    said = ""
+    if ratio:
+        some = f"{len(ratio)} candidate{'s' if len(ratio) > 1 else ''}"
+        said = (
+            f" {begin}, {some} would be seen from {median(ratio.values()):.0%} of the size needed here, at the median"
+        )
     most = [name for name in sorted(ratio, key=lambda name: ratio[name])[:3] if ratio[name] < 0.8]
     if most:
         each = [f"{name} from {other[name]:.2g} instead of {now[name]:.2g}{spaced(units[name])}" for name in most]
@@ -119,6 +125,29 @@ def strained(report: Report, relative: Mapping[str, float]) -> list[str]:
     before = {one.name: (one.before, relative[one.name]) for one in report.constants}
     after = {one.name: (one.after, relative[one.name]) for one in report.constants if one.after is not None}
     return far_outside(before, "In the base model ") + far_outside(after, f"{added(report.verdict).capitalize()} ")
+
+
+def ends_left_out(observed: np.ndarray, read: np.ndarray, hours: float) -> list[str]:
+    """That steps at the ends count for none; nothing if all that was read counts.
+
+    Parameters
+    ----------
+    observed, read
+        What counts and what was read, shapes (outputs, steps).
+    hours
+        Length of a step [h].
+    """
+    lost = read & ~observed & observed.any(axis=1, keepdims=True)  # actuators in replay count nowhere, which is told
+    if not lost.any():
+        return []
+    middle = lost.shape[1] // 2
+    first = int(np.flatnonzero(lost[:, :middle].any(axis=0)).max(initial=-1)) + 1
+    last = int(np.flatnonzero(lost[:, middle:][:, ::-1].any(axis=0)).max(initial=-1)) + 1
+    ends = [f"the {name} {count * hours:.3g} h" for name, count in (("first", first), ("last", last)) if count]
+    return [
+        f"Readings of {' and '.join(ends)} count for none, where a candidate would need inputs or readings from beyond"
+        " the recording: a residual there is no finding."
+    ]
 
 
 def ended_early(gain: float | None) -> list[str]:

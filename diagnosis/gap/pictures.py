@@ -42,7 +42,7 @@ def draw_candidates(done: Diagnosis) -> Figure:
     axes.set_xlim(_LEAST_SHARE, max(3.0, 1.5 * float(share.max(initial=0.0))))
     axes.spines[["top", "right"]].set_visible(False)
     axes.set_xlabel("log-likelihood ratio over its mark (log scale)")
-    axes.set_title("Red: the mark. Blue: the answer.", fontsize=9, loc="left")
+    axes.set_title(f"Red: the mark.{' Blue: the answer.' if named else ''}", fontsize=9, loc="left")
     return made
 
 

@@ -89,6 +89,8 @@ class Scan:
     def alike(self, j: int, size: float) -> list[int]:
         """Candidates that a gap of candidate ``j`` would be mistaken for, each with the best amplitude it may have.
 
+        One that is hardly there is not told from nothing, and mistaken for nobody.
+
         Parameters
         ----------
         size
@@ -99,6 +101,8 @@ class Scan:
         length = np.sqrt(np.maximum(2 * self.expected, 1e-12))
         found = np.zeros(len(self.effects), dtype=bool)
         for one in (one for one in (-size, size) if low[j] <= one <= high[j]):
+            if one**2 * self.expected[j] < APART:
+                continue
             score = one * length[j] * length * self.cosines[j]
             other = np.clip(score / length**2, low, high)
             short = one**2 * self.expected[j] - (other * score - 0.5 * (other * length) ** 2)

@@ -7,6 +7,7 @@ import pytest
 
 from diagnosis.gap import Report, diagnose
 from diagnosis.gap.decision import LEAST, NOTHING, OUTSIDE
+from diagnosis.gap.page import render
 from diagnosis.recording import read_recording
 from tests.diagnosis.gap.gap_cases import candidates, changed
 
@@ -48,8 +49,14 @@ def test_a_drifting_sensor_is_found_told_how_large_and_removed(drifted, house):
 @pytest.mark.slow
 def test_without_a_gap_none_is_reported(house, house_recording):
     system = house("me")
-    report = diagnose(system, house_recording(hours=336, seed=4), effects=candidates(system)).report
+    done = diagnose(system, house_recording(hours=336, seed=4), effects=candidates(system))
+    report = done.report
     assert report.verdict == "no_gap", report.stages
+    page = " ".join(render(done).split())
+    assert ("told by refits" in page) == any(one.amplitude is not None for one in report.effects)
+    assert (
+        "effects found" not in page and "<th>after</th> <th>90 %" not in page and "<th>after</th><th>90 %" not in page
+    )
     assert not any(one.named for one in report.effects)
     assert report.no_gap > 0.9 * NOTHING
     assert all(one.p_value > 0.02 for one in report.stages)

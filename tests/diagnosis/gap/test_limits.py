@@ -1,8 +1,9 @@
 """Sentences of what limits an answer, from reports that hold as much as each needs."""
 
+import numpy as np
 import pytest
 
-from diagnosis.gap.limits import ended_early, limits, noiseless, strained
+from diagnosis.gap.limits import ended_early, ends_left_out, limits, noiseless, strained
 from diagnosis.gap.schema import ConditionOf
 from diagnosis.gap.sentences import summary
 from tests.diagnosis.gap.report_cases import constant, named, report, seen, stage
@@ -17,7 +18,7 @@ def test_what_it_costs_that_persons_were_not_counted_is_said_in_numbers():
         for one in limits(report(occupancy="unknown", detectability=now, otherwise=[better], effects=effects))
         if one.startswith("Persons")
     )
-    assert "3 candidates would be seen from 50% of the size that they need here, at the median" in said
+    assert "3 candidates would be seen from 50% of the size needed here, at the median" in said
     assert "most for c from 1 instead of 4 W, b from 1 instead of 2 W" in said
     assert said.endswith("seen only then: d.")
 
@@ -68,6 +69,17 @@ def test_uncertain_constants_far_outside_of_the_description_are_a_limit():
 def test_a_fit_with_effects_that_still_moved_is_a_limit(verdict, rested, words):
     found = " ".join(limits(report(verdict=verdict, converged_after=rested)))
     assert (words in found) if words else ("come to rest" not in found)
+
+
+def test_readings_at_the_ends_that_count_for_none_are_told():
+    read = np.ones((3, 48), dtype=bool)
+    read[0, 10] = False
+    counts = read.copy()
+    counts[2] = False  # replayed
+    assert ends_left_out(counts, read, 0.5) == []
+    counts[:, :3], counts[1, -6:] = False, False
+    said = ends_left_out(counts, read, 0.5)[0]
+    assert said.startswith("Readings of the first 1.5 h and the last 3 h count for none")
 
 
 def test_what_an_answer_names_could_be_seen():

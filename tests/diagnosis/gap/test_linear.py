@@ -241,6 +241,7 @@ def test_what_the_parameters_imitate_cannot_be_detected():
     assert found.share[2] < 0.01 < 0.2 < found.share[0]
     assert found.cosines[0, 1] == pytest.approx(1.0)
     assert found.alike(0, 10.0) == [1]
+    assert found.alike(2, 2.0) == []  # it is not told from nothing
 
 
 def test_the_part_that_is_kept_is_chosen_from_inputs_alone_and_unlike_the_rest():
