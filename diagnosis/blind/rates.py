@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from diagnosis.blind.intervals import Figure, Share, figure, share
+from diagnosis.blind.intervals import FEW, Figure, Share, figure, share, wilson
 from diagnosis.blind.opened import WITHHELD, LeftOut, Row
 from diagnosis.blind.verdicts import ANSWERS, FAILED
 
@@ -186,12 +186,20 @@ def _reliability(said: list[list[tuple[float, bool]]], seed: int) -> Reliability
         start += len(group)
 
     def happened(k: int) -> Share:
-        """Of several statements of one recording the recordings are drawn, not the statements."""
+        """Of several statements of one recording the recordings are drawn, not the statements.
+
+        Where few made one, or all drawings are alike, it is at least Wilson's interval of so many recordings: what
+        never happened in them could still happen.
+        """
         found = share(flat[place == k, 1] > 0.5)
         if not found.n or max(len(group) for group in said) <= 1:
             return found
         drawn = figure(sums, lambda rows: _ratio(rows.sum(axis=1), 2 * count + k, k), seed=seed)
-        return found.model_copy(update={"low": drawn.low, "high": drawn.high})
+        own = int(np.count_nonzero(sums[:, k]))
+        ends = [] if drawn.low is None or drawn.high is None else [drawn.low, drawn.high]
+        if own < FEW or len(set(ends)) < 2:
+            ends += wilson(found.hits / found.n, own)
+        return found.model_copy(update={"low": min(ends), "high": max(ends)})
 
     bins = [
         Bin(

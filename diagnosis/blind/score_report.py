@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from diagnosis.blind import score_pictures as pictures
-from diagnosis.blind.intervals import Figure, Share
+from diagnosis.blind.intervals import FEW, Figure, Share
 from diagnosis.blind.naming import Named, Names
 from diagnosis.blind.rates import LeftOutScore
 from diagnosis.blind.score_schema import Score
@@ -16,6 +16,10 @@ Lines = list[tuple[str, str, str]]
 LEAST = "the same, with nothing removed where there is no figure"
 UNKNOWN = "named, but no share on the scored part (no gap above the noise there, or too few readings)"
 NAMED = ("effects that an answer names", "a true cause is among them", "if as many were drawn at random")
+BRACKETS = (
+    "Brackets of counted hits are Wilson's. All others come from drawing the recordings anew: of one recording there"
+    f" are none, of fewer than {FEW} they are too narrow, and where all are alike they have no width."
+)
 OWN_FORM = "as the candidate has it; declared after parameters have compensated"
 
 
@@ -35,7 +39,8 @@ def number(one: Figure) -> str:
     """A figure with its interval."""
     if one.value is None:
         return "–"
-    return f"{one.value:.3g} ({one.low:.3g} to {one.high:.3g}; n = {one.n})"
+    between = "" if one.low is None else f"{one.low:.3g} to {one.high:.3g}; "
+    return f"{one.value:.3g} ({between}n = {one.n})"
 
 
 def against_oracle(one: Shrinkage) -> str:
@@ -78,7 +83,8 @@ def by_chance(one: Figure) -> str:
     """An expected share with its interval, and how many that are."""
     if one.value is None:
         return "–"
-    return f"{one.value:.0%} ({one.low:.0%} to {one.high:.0%}; {one.value * one.n:.1f} of {one.n})"
+    between = "" if one.low is None else f"{one.low:.0%} to {one.high:.0%}; "
+    return f"{one.value:.0%} ({between}{one.value * one.n:.1f} of {one.n})"
 
 
 def headline(done: Score) -> Lines:
@@ -208,6 +214,7 @@ def markdown(done: Score) -> str:
             [(p.parameter, number(p.before), number(p.after), number(p.change)) for p in done.parameters],
         ),
         _table(("90 % intervals of", "that hold the truth", "error in standard deviations, rms"), held(done)),
+        BRACKETS,
         done.detectable_definition + " " + done.visible_definition,
         "```sh\n" + "\n".join(done.commands) + "\n```",
         partly_withheld(done),
@@ -238,6 +245,7 @@ def page(done: Score) -> str:
         headline=headline(done),
         further=further(done),
         held=held(done),
+        brackets=BRACKETS,
         lengths=lengths(done.names),
         named=NAMED,
         by_size=by_size(done.names),
