@@ -233,11 +233,13 @@ class LeftOutScore(_Table):
 
     ``none``: none of these; ``none_or_alike``: that, or only effects that were declared to be confusable with it;
     ``quiet``: no gap; ``again``: how many were diagnosed again (in the others the true effect had had no chance, so
-    that their verdicts stand).
+    that their verdicts stand); ``failed``: how many have no verdict, the first or that without the effect, and count as
+    wrong answers; None in files of schema 8 and before, which do not say.
     """
 
     n: int
     again: int
+    failed: int | None = None
     none: Share
     none_or_alike: Share
     quiet: Share
@@ -248,6 +250,7 @@ def leave_one_out(ones: Sequence[LeftOut]) -> LeftOutScore:
     return LeftOutScore(
         n=len(ones),
         again=sum(one.again for one in ones),
+        failed=sum(one.outcome.verdict is None for one in ones),
         none=share([one.none for one in ones]),
         none_or_alike=share([one.none_or_alike for one in ones]),
         quiet=share([one.outcome.answer == "no_gap" for one in ones]),

@@ -165,7 +165,8 @@ def held(done: Score) -> Lines:
 
 
 def _again(one: LeftOutScore) -> str:
-    return f"{one.again} of {one.n} diagnosed again; the others had given it no chance"
+    failed = f"; {one.failed} of {one.n} failed, at first or again, and count as wrong" if one.failed else ""
+    return f"{one.again} of {one.n} diagnosed again; the others had given it no chance{failed}"
 
 
 def _reference(done: Score) -> str:

@@ -359,6 +359,24 @@ def test_commands(blind_set, default_system, tmp_path, capsys, monkeypatch):
     assert page.exists()
 
 
+def test_a_diagnosis_that_fails_with_an_effect_withheld_is_told(
+    blind_set, default_system, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.setattr(running, "Diagnoser", lambda *_: HandJudge(breaks=("a",)))
+    monkeypatch.setattr(running, "_side_by_side", one_after_another)
+    words = ["blind", "run", str(default_system.path), str(blind_set), "--out", str(tmp_path / "out")]
+    assert start(app, words) == OK
+    capsys.readouterr()
+    assert start(app, [*words, "--leave-one-out"]) == PARTLY
+    told = capsys.readouterr()
+    assert "4 diagnosed again without a candidate, 2 failed" in told.out  # a and b, of two recordings
+    said = "0000.nc failed without a, the first of 2: ValueError: cannot do without a"
+    assert said in " ".join(told.err.split())
+    assert start(app, [*words, "--leave-one-out", "--json"]) == PARTLY
+    told = json.loads(capsys.readouterr().out)
+    assert (told["withheld"], told["withheld_failed"]) == (4, 2)
+
+
 @pytest.mark.slow
 def test_the_diagnosis_itself_judges_a_set_whose_answers_lie_elsewhere(default_system, tmp_path):
     """End to end on one short recording with few candidates; while it runs there are no answers on the machine."""
