@@ -97,8 +97,8 @@ def run(
 ) -> int:
     """Diagnose every recording of a blind set, and write one verdict each. It reads the recordings only.
 
-    The same command goes on from where it stopped. A recording that fails counts as a wrong answer;
-    the exit code is then 3.
+    The same command goes on from where it stopped. A recording that fails counts as a wrong answer, as does one
+    that fails with its effect withheld; the exit code is then 3.
 
     Parameters
     ----------
@@ -119,13 +119,14 @@ def run(
     seed
         Of the diagnoses' own random numbers.
     limit
-        A recording that takes longer counts as a failure [s].
+        A recording that takes longer, with all that is withheld from it, is stopped: what was not reached counts as a
+        failure [s].
     as_json
         Print how many verdicts of which kind there are, and their hash, as JSON.
     """
     from diagnosis.blind.running import run as run_
     from diagnosis.blind.sealed import read_manifest
-    from diagnosis.blind.verdicts import FAILED, digest, read_outcome
+    from diagnosis.blind.verdicts import FAILED, digest, read_outcome, read_withheld
 
     with progress_bar("recordings", shown=not report.quiet) as bar:
         run_(
@@ -145,16 +146,30 @@ def run(
     verdicts = Counter(one.answer for one in outcomes)
     seconds = sum(one.seconds for one in outcomes) / len(outcomes)
     sha256 = digest(out, files)
-    code = PARTLY if verdicts[FAILED] else OK
+    withheld = [(name, one) for file in files if (w := read_withheld(out, file)) for name, one in w.outcomes.items()]
+    again = [(name, one) for name, one in withheld if one.verdict is None]
+    code = PARTLY if verdicts[FAILED] or again else OK
     failed = [one for one in outcomes if one.verdict is None]
     if failed:
         _log.warning("%s failed, the first of %d: %s", failed[0].file, len(failed), failed[0].failure)
+    if again:
+        name, one = again[0]
+        _log.warning("%s failed without %s, the first of %d: %s", one.file, name, len(again), one.failure)
     if as_json:
-        said = {"recordings": len(files), "verdicts": verdicts, "seconds": seconds, "verdicts_sha256": sha256}
+        said = {
+            "recordings": len(files),
+            "verdicts": verdicts,
+            "withheld": len(withheld),
+            "withheld_failed": len(again),
+            "seconds": seconds,
+            "verdicts_sha256": sha256,
+        }
         sys.stdout.write(json.dumps(said, indent=1, allow_nan=False) + "\n")
         return code
     counts = ", ".join(f"{count} {answer.replace('_', ' ')}" for answer, count in sorted(verdicts.items()))
     console.print(f"{len(files)} recordings, {seconds:.0f} s each: {counts}", markup=False, soft_wrap=True)
+    if withheld:
+        console.print(f"{len(withheld)} diagnosed again without a candidate, {len(again)} failed", markup=False)
     console.print(f"verdicts in {out}, sha256 {sha256}", markup=False, soft_wrap=True)
     return code
 

@@ -6,10 +6,13 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
+from scipy.special import ndtri
 from scipy.stats import binomtest
 
 LEVEL = 0.95
 DRAWS = 2000
+FEW = 10
+"""Of fewer recordings a bootstrap's interval is too narrow: what they do not hold is never drawn."""
 Statistic = Callable[[np.ndarray], np.ndarray]
 
 
@@ -25,7 +28,10 @@ class Share(BaseModel):
 
 
 class Figure(BaseModel):
-    """A statistic of ``n`` recordings with its 95 % percentile bootstrap interval; empty where n is 0."""
+    """A statistic of ``n`` recordings with its 95 % percentile bootstrap interval; empty where n is 0.
+
+    One recording says nothing of how others would be: its figure has no interval.
+    """
 
     model_config = ConfigDict(extra="forbid")
     n: int
@@ -41,6 +47,15 @@ def share(hits: Sequence[bool] | np.ndarray) -> Share:
         return Share(hits=0, n=0, value=None, low=None, high=None)
     found = binomtest(k, n).proportion_ci(LEVEL, method="wilson")
     return Share(hits=k, n=n, value=k / n, low=float(found.low), high=float(found.high))
+
+
+def wilson(value: float, n: int) -> tuple[float, float]:
+    """Wilson's 95 % interval of a share of n, also of one that is no whole number of hits."""
+    z = float(ndtri((1 + LEVEL) / 2))
+    centre = value + z**2 / (2 * n)
+    half = z * np.sqrt(value * (1 - value) / n + (z / (2 * n)) ** 2)
+    low, high = (centre - half) / (1 + z**2 / n), (centre + half) / (1 + z**2 / n)
+    return max(float(low), 0.0), min(float(high), 1.0)
 
 
 def mean(rows: np.ndarray) -> np.ndarray:
@@ -65,6 +80,9 @@ def figure(values: np.ndarray, statistic: Statistic = mean, *, seed: int = 0, dr
     n = len(values)
     if n == 0:
         return Figure(n=0, value=None, low=None, high=None)
+    value = float(statistic(values[None])[0])
+    if n == 1:
+        return Figure(n=1, value=value, low=None, high=None)
     drawn = statistic(values[np.random.default_rng(seed).integers(0, n, (draws, n))])
     low, high = np.nanquantile(drawn, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
-    return Figure(n=n, value=float(statistic(values[None])[0]), low=float(low), high=float(high))
+    return Figure(n=n, value=value, low=float(low), high=float(high))

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from diagnosis.blind.intervals import Figure, Share, figure, share
+from diagnosis.blind.intervals import FEW, Figure, Share, figure, share, wilson
 from diagnosis.blind.opened import WITHHELD, LeftOut, Row
 from diagnosis.blind.verdicts import ANSWERS, FAILED
 
@@ -186,12 +186,20 @@ def _reliability(said: list[list[tuple[float, bool]]], seed: int) -> Reliability
         start += len(group)
 
     def happened(k: int) -> Share:
-        """Of several statements of one recording the recordings are drawn, not the statements."""
+        """Of several statements of one recording the recordings are drawn, not the statements.
+
+        Where few made one, or all drawings are alike, it is at least Wilson's interval of so many recordings: what
+        never happened in them could still happen.
+        """
         found = share(flat[place == k, 1] > 0.5)
         if not found.n or max(len(group) for group in said) <= 1:
             return found
         drawn = figure(sums, lambda rows: _ratio(rows.sum(axis=1), 2 * count + k, k), seed=seed)
-        return found.model_copy(update={"low": drawn.low, "high": drawn.high})
+        own = int(np.count_nonzero(sums[:, k]))
+        ends = [] if drawn.low is None or drawn.high is None else [drawn.low, drawn.high]
+        if own < FEW or len(set(ends)) < 2:
+            ends += wilson(found.hits / found.n, own)
+        return found.model_copy(update={"low": min(ends), "high": max(ends)})
 
     bins = [
         Bin(
@@ -225,11 +233,13 @@ class LeftOutScore(_Table):
 
     ``none``: none of these; ``none_or_alike``: that, or only effects that were declared to be confusable with it;
     ``quiet``: no gap; ``again``: how many were diagnosed again (in the others the true effect had had no chance, so
-    that their verdicts stand).
+    that their verdicts stand); ``failed``: how many have no verdict, the first or that without the effect, and count as
+    wrong answers; None in files of schema 8 and before, which do not say.
     """
 
     n: int
     again: int
+    failed: int | None = None
     none: Share
     none_or_alike: Share
     quiet: Share
@@ -240,6 +250,7 @@ def leave_one_out(ones: Sequence[LeftOut]) -> LeftOutScore:
     return LeftOutScore(
         n=len(ones),
         again=sum(one.again for one in ones),
+        failed=sum(one.outcome.verdict is None for one in ones),
         none=share([one.none for one in ones]),
         none_or_alike=share([one.none_or_alike for one in ones]),
         quiet=share([one.outcome.answer == "no_gap" for one in ones]),

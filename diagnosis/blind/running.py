@@ -87,7 +87,8 @@ def run(
     seed
         Of the diagnoses' own random numbers.
     limit
-        A recording that takes longer counts as a failure [s].
+        A recording that takes longer, with all that is withheld from it, is stopped: what was not reached counts as a
+        failure [s].
     judge
         Another than this package's diagnosis.
     progress

@@ -162,7 +162,8 @@ def parameters(errors: Sequence[Error]) -> str:
 
 
 def _bar(panel: Any, row: float, one: Figure, colour: str) -> None:
-    if one.value is None or one.low is None or one.high is None:
+    if one.value is None:
         return
-    panel.plot([one.low, one.high], [row, row], color=colour, lw=3, alpha=0.45, solid_capstyle="butt")
+    if one.low is not None and one.high is not None:
+        panel.plot([one.low, one.high], [row, row], color=colour, lw=3, alpha=0.45, solid_capstyle="butt")
     panel.plot(one.value, row, "o", color=colour, ms=6)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from diagnosis.blind import score_pictures as pictures
-from diagnosis.blind.intervals import Figure, Share
+from diagnosis.blind.intervals import FEW, Figure, Share
 from diagnosis.blind.naming import Named, Names
 from diagnosis.blind.rates import LeftOutScore
 from diagnosis.blind.score_schema import Score
@@ -20,6 +20,10 @@ WITHOUT = (
     "A recording without a verdict counts as a wrong answer, but has no part in what is said of the most probable"
     " answer, nor in effects that the diagnosis declared it would see; in the Brier score of all answers it is one that"
     " says nothing"
+)
+BRACKETS = (
+    "Brackets of counted hits are Wilson's. All others come from drawing the recordings anew: of one recording there"
+    f" are none, of fewer than {FEW} they are too narrow, and where all are alike they have no width."
 )
 OWN_FORM = "as the candidate has it; declared after parameters have compensated"
 
@@ -40,7 +44,8 @@ def number(one: Figure) -> str:
     """A figure with its interval."""
     if one.value is None:
         return "–"
-    return f"{one.value:.3g} ({one.low:.3g} to {one.high:.3g}; n = {one.n})"
+    between = "" if one.low is None else f"{one.low:.3g} to {one.high:.3g}; "
+    return f"{one.value:.3g} ({between}n = {one.n})"
 
 
 def against_oracle(one: Shrinkage) -> str:
@@ -83,7 +88,8 @@ def by_chance(one: Figure) -> str:
     """An expected share with its interval, and how many that are."""
     if one.value is None:
         return "–"
-    return f"{one.value:.0%} ({one.low:.0%} to {one.high:.0%}; {one.value * one.n:.1f} of {one.n})"
+    between = "" if one.low is None else f"{one.low:.0%} to {one.high:.0%}; "
+    return f"{one.value:.0%} ({between}{one.value * one.n:.1f} of {one.n})"
 
 
 def headline(done: Score) -> Lines:
@@ -164,7 +170,8 @@ def held(done: Score) -> Lines:
 
 
 def _again(one: LeftOutScore) -> str:
-    return f"{one.again} of {one.n} diagnosed again; the others had given it no chance"
+    failed = f"; {one.failed} of {one.n} failed, at first or again, and count as wrong" if one.failed else ""
+    return f"{one.again} of {one.n} diagnosed again; the others had given it no chance{failed}"
 
 
 def _reference(done: Score) -> str:
@@ -212,6 +219,7 @@ def markdown(done: Score) -> str:
             [(p.parameter, number(p.before), number(p.after), number(p.change)) for p in done.parameters],
         ),
         _table(("90 % intervals of", "that hold the truth", "error in standard deviations, rms"), held(done)),
+        BRACKETS,
         done.detectable_definition + " " + done.visible_definition,
         "```sh\n" + "\n".join(done.commands) + "\n```",
         partly_withheld(done),
@@ -242,6 +250,7 @@ def page(done: Score) -> str:
         headline=headline(done),
         further=further(done),
         held=held(done),
+        brackets=BRACKETS,
         lengths=lengths(done.names),
         named=NAMED,
         without=WITHOUT,

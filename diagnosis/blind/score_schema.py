@@ -57,10 +57,10 @@ class Score(_Table):
     """All figures; the file's schema is ``schema_version``.
 
     ``recordings`` were scored, of ``planned`` in the set; ``withheld`` of these were also asked to be diagnosed without
-    single candidates.
+    single candidates. ``left_out_failures``: why there is no verdict without the true effect, by recording.
     """
 
-    schema_version: int = 8
+    schema_version: int = 9
     commands: list[str]
     seed: int
     bootstrap_seed: int
@@ -76,6 +76,7 @@ class Score(_Table):
     library: list[str]
     without: list[str]
     failures: dict[str, str]
+    left_out_failures: dict[str, str] = {}
     seconds: Figure
     cpu_seconds: Figure
     right: Share

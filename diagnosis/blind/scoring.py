@@ -142,6 +142,9 @@ def _scored(
         library=run.library,
         without=run.without,
         failures={row.answer["file"]: row.outcome.failure for row in rows if row.outcome.verdict is None},
+        left_out_failures={
+            one.row.answer["file"]: one.outcome.failure for one in ones if one.again and one.outcome.verdict is None
+        },
         seconds=_median([row.outcome.seconds for row in rows], seed),
         cpu_seconds=_median([used for row in rows if (used := row.outcome.cpu_seconds) is not None], seed),
         right=share([row.right for row in rows]),

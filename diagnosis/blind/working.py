@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,6 +22,9 @@ from diagnosis.blind.verdicts import (
     write_outcome,
     write_withheld,
 )
+from shared.errors import RecordingError
+from shared.reading import read_json, validated
+from shared.store import write_atomically
 
 CHANCE = 0.01
 """Leave-one-out withholds candidates that were named, fitted in the end or given this probability: without another one,
@@ -49,17 +53,44 @@ def work(job: Job) -> None:
         first = _outcome(job.listed, lambda: judged().verdict)
         write_outcome(job.results, first)
     if job.leave_one_out:
-        write_withheld(job.results, Withheld(file=file, outcomes=_left_out(job, judged, first)))
+        _end_withheld(job, _left_out(job, judged, first))
 
 
 def _left_out(job: Job, judged: Callable[[], Judged], first: Outcome) -> dict[str, Outcome]:
-    """Outcomes without each candidate that had a chance."""
+    """Outcomes without each candidate that had a chance; each is written when it is reached."""
     if first.verdict is None:
         return {}
-    found = {}
+    found = _reached(job)
     for name in contenders(first.verdict):
-        found[name] = _outcome(job.listed, lambda name=name: judged().without(name))  # type: ignore[misc]
+        if name not in found:
+            found[name] = _outcome(job.listed, lambda name=name: judged().without(name))  # type: ignore[misc]
+            _write_reached(job, found)
     return found
+
+
+def _reached_at(job: Job) -> Path:
+    return (job.results / WITHOUT / name_of(job.listed["file"])).with_suffix(".part")
+
+
+def _reached(job: Job) -> dict[str, Outcome]:
+    """Outcomes of a recording whose diagnosis was stopped; a ``RecordingError`` names a file that holds none."""
+    path, expected = _reached_at(job), "what `diagnosis blind run` reached of a recording"
+    if not path.exists():
+        return {}
+    return validated(Withheld, read_json(path, RecordingError, expected), f"{path}", RecordingError, expected).outcomes
+
+
+def _write_reached(job: Job, outcomes: dict[str, Outcome]) -> None:
+    """Not where whole ones are: candidates that are not in those count as given no chance."""
+    path = _reached_at(job)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    made = Withheld(file=job.listed["file"], outcomes=outcomes).model_dump(mode="json")
+    write_atomically(path, json.dumps(made, allow_nan=False).encode())
+
+
+def _end_withheld(job: Job, outcomes: dict[str, Outcome]) -> None:
+    write_withheld(job.results, Withheld(file=job.listed["file"], outcomes=outcomes))
+    _reached_at(job).unlink(missing_ok=True)
 
 
 def contenders(verdict: Verdict) -> list[str]:
@@ -97,4 +128,4 @@ def lost(job: Job, seconds: float, why: str) -> None:
     if job.leave_one_out and not (job.results / WITHOUT / name_of(file)).exists():
         first = read_outcome(job.results, file).verdict
         names = [] if first is None else contenders(first)
-        write_withheld(job.results, Withheld(file=file, outcomes=dict.fromkeys(names, failed)))
+        _end_withheld(job, dict.fromkeys(names, failed) | _reached(job))

@@ -134,8 +134,11 @@ class Spoken:
     """What a judge by hand says: always the same, without an effect that is withheld."""
 
     verdict: Verdict
+    breaks: tuple[str, ...] = ()
 
     def without(self, name):
+        if name in self.breaks:
+            raise ValueError(f"cannot do without {name}")
         return Verdict(verdict="none_of_these", none=1.0, named=[], probabilities={name: 0.0})
 
 
@@ -143,13 +146,15 @@ class Spoken:
 class HandJudge:
     """Says `effect a` of recordings whose room is off on average, else `no_gap`; on demand it fails, dies or hangs.
 
-    ``asked`` is a folder that gets a file for every recording it was asked about.
+    ``asked`` is a folder that gets a file for every recording it was asked about; ``breaks`` are effects that it
+    cannot do without.
     """
 
     asked: Path | None = None
     fails: tuple[str, ...] = ()
     dies: tuple[str, ...] = ()
     hangs: tuple[str, ...] = ()
+    breaks: tuple[str, ...] = ()
 
     def __call__(self, recording, *, replay, occupancy):
         if self.asked is not None:
@@ -164,7 +169,7 @@ class HandJudge:
             off = float(data[ROOM].mean()) > 21.0
         said = {"a": 0.9, "b": 0.05, "c": 0.005} if off else {}
         verdict = Verdict(verdict="effect", probabilities=said, none=0.05, nothing=0.0, named=["a"])
-        return Spoken(verdict if off else Verdict(verdict="no_gap", nothing=0.99))
+        return Spoken(verdict if off else Verdict(verdict="no_gap", nothing=0.99), self.breaks)
 
 
 QUIET = Verdict(verdict="no_gap", probabilities={"a": 0.1}, none=0.0, nothing=0.9)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from diagnosis.blind.intervals import figure, share
+from diagnosis.blind.intervals import Figure, figure, share, wilson
+from diagnosis.blind.score_report import by_chance, number
 
 
 def test_intervals_are_wilsons_and_the_bootstraps():
@@ -16,3 +17,17 @@ def test_intervals_are_wilsons_and_the_bootstraps():
     assert share([]).value is None
     found = figure(np.random.default_rng(0).standard_normal(400), seed=1)
     assert found.high - found.low == pytest.approx(2 * 1.96 / 20, rel=0.1)
+
+
+@pytest.mark.parametrize(("hits", "n"), [(0, 3), (3, 3), (1, 4), (7, 20)])
+def test_wilsons_interval_is_that_of_scipy(hits, n):
+    one = share([True] * hits + [False] * (n - hits))
+    assert wilson(hits / n, n) == pytest.approx((one.low, one.high), abs=1e-12)
+
+
+def test_one_recording_does_not_say_how_others_would_be():
+    one = figure(np.array([0.8]))
+    assert one == Figure(n=1, value=0.8, low=None, high=None)
+    assert (number(one), by_chance(one)) == ("0.8 (n = 1)", "80% (0.8 of 1)")
+    two = figure(np.array([0.8, 0.4]))
+    assert (two.low, two.high) == (0.4, 0.8)

@@ -60,6 +60,6 @@ def test_an_answer_that_names_the_whole_library_covers_more_and_so_would_chance(
     assert (short.effects[0].covered.hits, long.effects[0].covered.hits) == (1, 2)
     assert short.names.by_size[0].chance.value == pytest.approx(1 / 8)
     assert long.names.by_size[0].chance.value == pytest.approx((1 + 1 / 8) / 2)
-    assert "| 5 or more | 100% (21% to 100%; 1 of 1) | 100% (100% to 100%; 1.0 of 1) |" in markdown(long)
-    assert "100% (100% to 100%; 1.0 of 1)" in (tmp_path / "long.html").read_text()
-    assert long.schema_version == 8
+    assert "| 5 or more | 100% (21% to 100%; 1 of 1) | 100% (1.0 of 1) |" in markdown(long)
+    assert "<td>100% (1.0 of 1)</td>" in (tmp_path / "long.html").read_text()
+    assert long.schema_version == 9

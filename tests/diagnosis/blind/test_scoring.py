@@ -199,10 +199,16 @@ def test_leave_one_out_counts_both_ways(tmp_path):
             for name, one in outcomes.items()
         }
         write_withheld(results, Withheld(file=first.file, outcomes=made))
-    done = score(folder, answers, results).left_out
+    page = tmp_path / "score.html"
+    whole = score(folder, answers, results, out=page)
+    done = whole.left_out
     # b for a where they are confusable; b for a where they are not; none at once; failed
     assert (done.n, done.again) == (4, 3)
     assert (counts(done.none), counts(done.none_or_alike), counts(done.quiet)) == ((1, 4), (2, 4), (0, 4))
+    # a diagnosis that failed is told, not only counted as a wrong answer
+    assert (done.failed, whole.left_out_failures) == (1, {"recordings/0003.nc": "x"})
+    assert "1 of 4 failed, at first or again, and count as wrong |" in markdown(whole)
+    assert "<li>recordings/0003.nc: x</li>" in page.read_text()
 
 
 def test_verdicts_without_an_effect_are_on_the_recording_that_they_stand_for(tmp_path):
