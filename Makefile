@@ -33,9 +33,9 @@ wheels: $(READY)
 	ZEROSHOT_PYTHONS="$(PYTHONS)" $(BIN)/python -m pytest -rA tests/packaging
 
 # check has run the tests of the README already; the tests of a file stay together, so that what they share is made once,
-# and tests/conftest.py has the longest files first
+# and tests/conftest.py has the longest files first. Three processes on two cores: farms and installations are waited for
 test: check
-	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --ignore=tests/test_readme.py
+	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder --ignore=tests/test_readme.py
 
 clean:
 	rm -rf demo .mypy_cache .ruff_cache .pytest_cache build dist *.egg-info
