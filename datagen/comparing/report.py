@@ -12,6 +12,7 @@ import numpy as np
 
 from datagen.comparing.comparison import Comparison, Row
 from shared.errors import ZeroshotError
+from shared.numbers import counted, number
 from shared.places import check_folder
 from shared.store import write_atomically
 
@@ -72,7 +73,7 @@ def markdown(comparison: Comparison) -> str:
     heads = [f"{one.name} [{one.unit}] bias, rms, largest" for one in comparison.outputs]
     first, second = comparison.names
     lines = [
-        f"`{second}` minus `{first}`, {len(comparison.systems)} systems",
+        f"`{second}` minus `{first}`, {counted(len(comparison.systems), 'system')}",
         "",
         *(f"- {note}" for note in comparison.notes),
         *[""] * bool(comparison.notes),
@@ -80,7 +81,10 @@ def markdown(comparison: Comparison) -> str:
         f"|---|---|---:|{'---:|' * len(heads)}",
     ]
     for row in comparison.rows():
-        figures = (f"{b:+.3g}, {r:.3g}, {x:.3g}" for b, r, x in zip(row.bias, row.rms, row.largest, strict=True))
+        figures = (
+            f"{number(bias, 3, signed=True)}, {number(rms, 3)}, {number(largest, 3)}"
+            for bias, rms, largest in zip(row.bias, row.rms, row.largest, strict=True)
+        )
         lines.append(f"| {row.group} | {row.cell} | {row.steps} | {' | '.join(figures)} |")
     return "\n".join(lines) + "\n"
 
@@ -124,7 +128,7 @@ def draw(comparison: Comparison, path: Path) -> None:
     figure = Figure(figsize=(15, 2.9 * count + 0.6), layout="constrained")
     FigureCanvasAgg(figure)
     first, second = comparison.names
-    figure.suptitle(f"{second} minus {first}, {len(comparison.systems)} systems")
+    figure.suptitle(f"{second} minus {first}, {counted(len(comparison.systems), 'system')}")
     axes = figure.subplots(count, 3, squeeze=False, width_ratios=[3, 2, 3])
     rows = [row for row in comparison.rows() if row.group in ("all", "regime")]
     for k, output in enumerate(comparison.outputs):
