@@ -152,7 +152,7 @@ def _over_time(axes: Axes, comparison: Comparison, k: int, unit: str) -> None:
     axes.plot(days, np.sqrt(np.bincount(place, difference**2) / steps), color=_FIRST, label="rms of the day")
     axes.plot(days, np.bincount(place, difference) / steps, color=_BIAS, label="mean of the day")
     axes.axhline(0.0, color="black", linewidth=0.6)
-    axes.set(ylabel=f"difference of {unit}", xlabel="day of the year")
+    axes.set(ylabel=f"difference of {unit}", xlabel="days since 1 January")
     axes.legend(**_LEGEND)
 
 
@@ -163,6 +163,8 @@ def _by_regime(axes: Axes, rows: list[Row], k: int, unit: str) -> None:
     axes.axvline(0.0, color="black", linewidth=0.6)
     axes.set_yticks(places, [row.cell for row in rows], fontsize="small")
     axes.invert_yaxis()
+    axes.locator_params(axis="x", nbins=4)
+    axes.ticklabel_format(axis="x", scilimits=(-2, 6))  # longer labels would run into each other
     axes.set(xlabel=f"difference of {unit}")
     axes.legend(**_LEGEND)
 
@@ -179,5 +181,6 @@ def _worst_week(axes: Axes, comparison: Comparison, k: int, unit: str) -> None:
     days = comparison.time[system, part] / DAY
     axes.plot(days, comparison.first[system, k, part], color=_FIRST, label=comparison.names[0])
     axes.plot(days, comparison.second[system, k, part], color=_SECOND, linestyle="--", label=comparison.names[1])
-    axes.set(ylabel=unit, xlabel=f"day of the year (system {comparison.systems[system]}, the week that differs most)")
+    which = f"system {comparison.systems[system]}, the week that differs most"
+    axes.set(ylabel=unit, xlabel=f"days since 1 January ({which})")
     axes.legend(**_LEGEND)
