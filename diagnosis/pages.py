@@ -1,4 +1,4 @@
-"""What all HTML pages share: where their templates lie, and how numbers and shares are written."""
+"""What all HTML pages share: where their templates lie, and how shares and names are written."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ from collections.abc import Mapping
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-GREAT = 1e6
-"""From here on numbers are written with powers of ten."""
+from shared.numbers import number
 
 
 def page_environment(decimals: int = 1) -> Environment:
@@ -25,16 +24,6 @@ def page_environment(decimals: int = 1) -> Environment:
     environment.filters["percent"] = lambda value: percent(value, decimals)
     environment.filters["named"] = long_named
     return environment
-
-
-def number(value: float | None, digits: int = 4) -> str:
-    """A number to so many digits, without powers of ten where people can do without, and zero without a sign."""
-    if value is None:
-        return "–"
-    text = f"{value:.{digits}g}"
-    if float(text) == 0:
-        return "0"
-    return f"{float(text):.0f}" if "e+" in text and abs(value) < GREAT else text
 
 
 def percent(value: float | None, decimals: int = 1) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
 
 from shared.store import write_atomically
 
@@ -20,6 +21,8 @@ matplotlib.use("Agg")
 
 COLOURS = {"paper": "#4477aa", "unseen": "#cc3311"}
 MARKERS = {"paper": "o", "unseen": "x"}
+WITHIN = 10.0
+"""A logarithmic axis whose ends are apart by less than this factor has plain numbers in place of powers of ten."""
 
 
 def save_png(figure: Figure, path: Path) -> None:
@@ -55,6 +58,12 @@ def draw_loss_curve(
     if mean is not None:
         axes.axhline(mean, color="black", linewidth=0.8, linestyle=":", label="predict the mean")
     axes.set(xlabel="step", ylabel="mean squared error of standardised log10", title=title, yscale="log")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
+    low, high = axes.get_ylim()
+    if high < WITHIN * low:  # matplotlib would label a power of ten, if there is one at all
+        axes.yaxis.set_major_locator(MaxNLocator(8, steps=[1, 2, 5, 10]))
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.yaxis.set_minor_locator(NullLocator())
     axes.legend()
     save_png(figure, path)
 

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from shared.console import OK, NotNegative, Place, Positive, new_console
 from shared.logs import USUAL, Reporting
+from shared.numbers import number
 
 console = new_console()
 
@@ -89,7 +90,8 @@ def compare(
     console.print(f"{found.names[1]} minus {found.names[0]}: rms (bias)", markup=False)
     table = Table("", "", "steps", *(f"{one.name} [{one.unit}]" for one in found.outputs), box=None)
     for row in found.rows():
-        figures = (f"{rms:.3g} ({bias:+.2g})" for rms, bias in zip(row.rms, row.bias, strict=True))
+        pairs = zip(row.rms, row.bias, strict=True)
+        figures = (f"{number(rms, 3)} ({number(bias, 3, signed=True)})" for rms, bias in pairs)
         table.add_row(row.group, row.cell, str(row.steps), *figures)
     console.print(table)
     for path in written:

@@ -12,6 +12,7 @@ import numpy as np
 
 from datagen.comparing.comparison import Comparison, Row
 from shared.errors import ZeroshotError
+from shared.numbers import counted, number
 from shared.places import check_folder
 from shared.store import write_atomically
 
@@ -72,7 +73,7 @@ def markdown(comparison: Comparison) -> str:
     heads = [f"{one.name} [{one.unit}] bias, rms, largest" for one in comparison.outputs]
     first, second = comparison.names
     lines = [
-        f"`{second}` minus `{first}`, {len(comparison.systems)} systems",
+        f"`{second}` minus `{first}`, {counted(len(comparison.systems), 'system')}",
         "",
         *(f"- {note}" for note in comparison.notes),
         *[""] * bool(comparison.notes),
@@ -80,7 +81,10 @@ def markdown(comparison: Comparison) -> str:
         f"|---|---|---:|{'---:|' * len(heads)}",
     ]
     for row in comparison.rows():
-        figures = (f"{b:+.3g}, {r:.3g}, {x:.3g}" for b, r, x in zip(row.bias, row.rms, row.largest, strict=True))
+        figures = (
+            f"{number(bias, 3, signed=True)}, {number(rms, 3)}, {number(largest, 3)}"
+            for bias, rms, largest in zip(row.bias, row.rms, row.largest, strict=True)
+        )
         lines.append(f"| {row.group} | {row.cell} | {row.steps} | {' | '.join(figures)} |")
     return "\n".join(lines) + "\n"
 
@@ -124,7 +128,7 @@ def draw(comparison: Comparison, path: Path) -> None:
     figure = Figure(figsize=(15, 2.9 * count + 0.6), layout="constrained")
     FigureCanvasAgg(figure)
     first, second = comparison.names
-    figure.suptitle(f"{second} minus {first}, {len(comparison.systems)} systems")
+    figure.suptitle(f"{second} minus {first}, {counted(len(comparison.systems), 'system')}")
     axes = figure.subplots(count, 3, squeeze=False, width_ratios=[3, 2, 3])
     rows = [row for row in comparison.rows() if row.group in ("all", "regime")]
     for k, output in enumerate(comparison.outputs):
@@ -148,7 +152,7 @@ def _over_time(axes: Axes, comparison: Comparison, k: int, unit: str) -> None:
     axes.plot(days, np.sqrt(np.bincount(place, difference**2) / steps), color=_FIRST, label="rms of the day")
     axes.plot(days, np.bincount(place, difference) / steps, color=_BIAS, label="mean of the day")
     axes.axhline(0.0, color="black", linewidth=0.6)
-    axes.set(ylabel=f"difference of {unit}", xlabel="day of the year")
+    axes.set(ylabel=f"difference of {unit}", xlabel="days since 1 January")
     axes.legend(**_LEGEND)
 
 
@@ -159,6 +163,8 @@ def _by_regime(axes: Axes, rows: list[Row], k: int, unit: str) -> None:
     axes.axvline(0.0, color="black", linewidth=0.6)
     axes.set_yticks(places, [row.cell for row in rows], fontsize="small")
     axes.invert_yaxis()
+    axes.locator_params(axis="x", nbins=4)
+    axes.ticklabel_format(axis="x", scilimits=(-2, 6))  # longer labels would run into each other
     axes.set(xlabel=f"difference of {unit}")
     axes.legend(**_LEGEND)
 
@@ -175,5 +181,6 @@ def _worst_week(axes: Axes, comparison: Comparison, k: int, unit: str) -> None:
     days = comparison.time[system, part] / DAY
     axes.plot(days, comparison.first[system, k, part], color=_FIRST, label=comparison.names[0])
     axes.plot(days, comparison.second[system, k, part], color=_SECOND, linestyle="--", label=comparison.names[1])
-    axes.set(ylabel=unit, xlabel=f"day of the year (system {comparison.systems[system]}, the week that differs most)")
+    which = f"system {comparison.systems[system]}, the week that differs most"
+    axes.set(ylabel=unit, xlabel=f"days since 1 January ({which})")
     axes.legend(**_LEGEND)

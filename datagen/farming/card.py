@@ -7,17 +7,18 @@ from pathlib import Path
 from jinja2 import Environment, StrictUndefined
 
 from datagen.farming.versions import in_words
+from shared.numbers import counted
 from shared.schema import EPOCH, SPLITS, split_of
 from shared.store import Manifest, write_atomically
 from shared.system import System
 
 _CARD = """\
-# {{ system.name }}: {{ done }} simulated systems
+# {{ system.name }}: {{ done | counted("simulated system") }}
 
 {{ system.description }}.
 
-{{ done }} of {{ manifest.systems }} systems, {{ hours }} h each in steps of {{ step }} s, root seed
-{{ seeds }}, in {{ manifest.shards | length }} shards. Time is
+{{ done }} of {{ manifest.systems | counted("system") }}, {{ hours }} h each in steps of {{ step }} s, root seed
+{{ seeds }}, in {{ manifest.shards | length | counted("shard") }}. Time is
 {%- if roams %} in seconds from the beginning of each record, `start`, which is a date in local standard time;
 {%- else %} local standard time, in seconds since {{ epoch }};
 {%- endif %} a value belongs to the step that ends at its time.
@@ -78,20 +79,18 @@ def write_card(folder: Path, manifest: Manifest, system: System) -> None:
     done = manifest.done()
     splits = [split_of(seed, index) for seed, index in done]
     seeds = [source.root_seed for source in manifest.sources] or [manifest.root_seed]
-    text = (
-        Environment(undefined=StrictUndefined, autoescape=False, keep_trailing_newline=True)
-        .from_string(_CARD)
-        .render(
-            system=system,
-            manifest=manifest,
-            done=len(done),
-            seeds=", ".join(map(str, seeds)),
-            hours=f"{system.experiment.hours:g}",
-            step=f"{system.experiment.step:g}",
-            epoch=EPOCH,
-            roams=system.experiment.start[1] > 0,
-            versions=in_words(manifest),
-            splits=[(name, splits.count(k)) for k, name in enumerate(SPLITS)],
-        )
+    environment = Environment(undefined=StrictUndefined, autoescape=False, keep_trailing_newline=True)
+    environment.filters["counted"] = counted
+    text = environment.from_string(_CARD).render(
+        system=system,
+        manifest=manifest,
+        done=len(done),
+        seeds=", ".join(map(str, seeds)),
+        hours=f"{system.experiment.hours:g}",
+        step=f"{system.experiment.step:g}",
+        epoch=EPOCH,
+        roams=system.experiment.start[1] > 0,
+        versions=in_words(manifest),
+        splits=[(name, splits.count(k)) for k, name in enumerate(SPLITS)],
     )
     write_atomically(folder / "README.md", text.encode())

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from diagnosis.forecasting.forecasted import Forecast, about_failed
-from diagnosis.pages import long_named, number, percent
+from diagnosis.pages import long_named, percent
+from shared.numbers import number
 from shared.variables import spaced
 
 

@@ -6,23 +6,8 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
-from diagnosis.pages import long_named, number, percent, within_sentence
+from diagnosis.pages import long_named, percent, within_sentence
 from diagnosis.pictures import at_day
-
-
-@pytest.mark.parametrize(
-    ("value", "digits", "text"),
-    [
-        (-282.049, 2, "-280"),
-        (1234.5, 3, "1230"),
-        (3.7e-6, 2, "3.7e-06"),
-        (2.5e7, 2, "2.5e+07"),
-        (-0.0, 4, "0"),
-        (None, 4, "–"),
-    ],
-)
-def test_numbers_are_written_without_powers_of_ten_and_zero_without_a_sign(value, digits, text):
-    assert number(value, digits) == text
 
 
 def test_a_share_of_nothing_has_no_sign():

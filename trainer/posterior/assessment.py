@@ -182,7 +182,7 @@ def _figures_of_merit(
     parameters = {
         name: ParameterCalibration(
             coverage=cover[k],
-            chi2_p=chi2[k],
+            chi2_p=_finite(chi2[k]),
             ks_p=kolmogorov[k],
             crps=own[k],
             crps_gaussian=None if gaussian is None else gaussian[k],

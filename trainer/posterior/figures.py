@@ -9,12 +9,14 @@ from textwrap import fill
 
 import corner
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from scipy import stats
 
 from trainer.figures import save_png
 from trainer.posterior.inference import LEVEL, summarise
-from trainer.posterior.scores import bins_for, covered, uniformity
+from trainer.posterior.scores import FEWEST, PER_BIN, bins_for, covered, uniformity
 
 BAND = 0.99
 """Share of the bars, or of the coverages, of a calibrated posterior that lie in the grey band."""
@@ -28,9 +30,11 @@ SPARE = 0.1
 
 
 def draw_ranks(position: np.ndarray, parameters: Sequence[str], title: str, path: Path) -> None:
-    """Rank histogram of each parameter, from positions (systems, parameters): flat if the posterior is calibrated."""
+    """Rank histogram of each parameter, from positions (systems, parameters): flat if the posterior is calibrated.
+
+    Of few systems it has too few bars to show that, and the ranks themselves are drawn.
+    """
     systems, bins = len(position), bins_for(len(position))
-    low, high = stats.binom.interval(BAND, systems, 1 / bins)
     chi2, kolmogorov = uniformity(position)
     across = min(4, len(parameters))
     down = math.ceil(len(parameters) / across)
@@ -38,18 +42,36 @@ def draw_ranks(position: np.ndarray, parameters: Sequence[str], title: str, path
     panels = figure.subplots(down, across, squeeze=False).flatten()
     for k, name in enumerate(parameters):
         axes = panels[k]
-        axes.axhspan(low, high, color="#dddddd", zorder=0)
-        axes.axhline(systems / bins, color="black", linewidth=0.8, linestyle=":")
-        axes.hist(position[:, k], bins, range=(0, 1), color=BLUE, edgecolor="white", linewidth=0.5)
-        axes.set_title(f"{name}: p {chi2[k]:.2f} (chi2), {kolmogorov[k]:.2f} (KS)", fontsize=9)
-        axes.set(xlim=(0, 1), ylim=(0, None))
+        if bins:
+            _bars(axes, position[:, k], bins)
+            axes.set_title(f"{name}: p {chi2[k]:.2f} (chi2), {kolmogorov[k]:.2f} (KS)", fontsize=9)
+        else:
+            axes.plot(position[:, k], np.zeros(systems), "|", color=BLUE, markersize=24, markeredgewidth=1)
+            axes.set(yticks=[])
+            axes.set_title(f"{name}: p {kolmogorov[k]:.2f} (KS)", fontsize=9)
+        axes.set(xlim=(0, 1))
         axes.tick_params(labelsize=7)
     for axes in panels[len(parameters) :]:
         axes.set_visible(False)
     figure.supxlabel("rank of the truth among the samples, as a share", fontsize=9)
-    figure.supylabel("systems", fontsize=9)
-    figure.suptitle(f"{title}\ngrey: {100 * BAND:g} % of the bars of a calibrated posterior", fontsize=10)
+    few = f"too few systems for a histogram, which takes {FEWEST * PER_BIN}: a line for each"
+    said = f"grey: {100 * BAND:g} % of the bars of a calibrated posterior" if bins else few
+    if bins:
+        figure.supylabel("systems", fontsize=9)
+    figure.suptitle(fill(title, round(across * 40)) + "\n" + fill(said, round(across * 40)), fontsize=10)
     save_png(figure, path)
+
+
+def _bars(axes: Axes, position: np.ndarray, bins: int) -> None:
+    """Histogram of positions (systems,) and the band of a calibrated posterior, whose edges are over the bars."""
+    low, high = stats.binom.interval(BAND, len(position), 1 / bins)
+    axes.axhspan(low, high, color="#dddddd", zorder=0)
+    axes.hist(position, bins, range=(0, 1), color=BLUE, edgecolor="white", linewidth=0.5)
+    for edge in (low, high):
+        axes.axhline(edge, color="#888888", linewidth=0.8)
+    axes.axhline(len(position) / bins, color="black", linewidth=0.8, linestyle=":")
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set(ylim=(0, None))
 
 
 def draw_coverage(position: np.ndarray, systems: int, parameters: Sequence[str], title: str, path: Path) -> None:

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict
 from rich.table import Table
 
 from shared.store import write_atomically
+from trainer.posterior.scores import FEWEST, PER_BIN
 from trainer.reading.kind import Kind
 from trainer.tables import Row, markdown_table
 from trainer.tables import terminal_table as plain_table
@@ -38,9 +39,10 @@ class ParameterCalibration(_Table):
 
     coverage: dict[str, Coverage]
     """by level"""
-    chi2_p: float
+    chi2_p: float | None
+    """of the ranks being uniform, one window of each system; None where those are too few for a histogram"""
     ks_p: float
-    """of the ranks being uniform, one window of each system"""
+    """likewise, however few they are"""
     crps: float
     crps_gaussian: float | None
     crps_prior: float
@@ -63,7 +65,7 @@ class LogScore(_Table):
 class Calibration(_Table):
     """``calibration.json``."""
 
-    schema_version: int = 5
+    schema_version: int = 6
     model: str
     dataset: Kind
     """what it is on"""
@@ -110,7 +112,7 @@ def table_rows(result: Calibration) -> tuple[Row, list[Row]]:
         cells[LEVELS.index(0.9)] = _share(one.coverage["0.9"])
         rows.append(
             (
-                *(name, *cells, f"{one.chi2_p:.3f}", f"{one.ks_p:.3f}"),
+                *(name, *cells, _number(one.chi2_p), f"{one.ks_p:.3f}"),
                 *(f"{one.crps / one.crps_prior:.3f}", _number(_share_of_prior(one))),
                 *(_number(one.r2_mean), _number(one.r2_point), f"{one.width:.3f}"),
             )
@@ -135,6 +137,8 @@ def table_rows(result: Calibration) -> tuple[Row, list[Row]]:
 def notes(result: Calibration) -> list[str]:
     """Sentences under the table."""
     score = result.log_score
+    too_few = any(one.chi2_p is None for one in result.parameters.values())
+    few = f"; chi2 takes {FEWEST * PER_BIN} systems" if too_few else ""
     gaussian = "" if score.gaussian is None else f", Gaussian {score.gaussian - score.prior:.2f} nat"
     return [
         *([result.unfinished] if result.unfinished else []),
@@ -142,7 +146,7 @@ def notes(result: Calibration) -> list[str]:
         f"{result.windows} disjoint windows of {result.systems} systems that neither estimator nor posterior has seen,"
         f" {result.samples} samples each",
         "% columns: share of the windows whose central interval holds the truth; for 90 % with its interval by system",
-        "p: of the ranks being uniform, one window of each system",
+        f"p: of the ranks being uniform, one window of each system{few}",
         "CRPS as a share of the prior's",
         result.gaussian_note,
         "width: median width of the 90 % interval, as a share of the range in the scale of the prior",

@@ -14,6 +14,8 @@ BINS = 20
 """Of a rank histogram, where there are systems enough."""
 PER_BIN = 10
 """Systems that a bin should expect at least."""
+FEWEST = 4
+"""Bins that a rank histogram has at least: in two, a posterior far too narrow or too wide is flat."""
 
 
 def positions(truth: np.ndarray, samples: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -31,18 +33,21 @@ def covered(position: np.ndarray, level: float) -> np.ndarray:
 
 
 def bins_for(systems: int) -> int:
-    """Bins of a rank histogram of so many systems."""
-    return int(np.clip(systems // PER_BIN, 2, BINS))
+    """Bins of a rank histogram of so many systems; 0 where they are too few for one."""
+    bins = min(systems // PER_BIN, BINS)
+    return bins if bins >= FEWEST else 0
 
 
 def uniformity(position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """P values, (parameters,) each, of positions (systems, parameters) being uniform: chi-squared, Kolmogorov-Smirnov.
 
-    The rows must be independent: one window of each system.
+    The rows must be independent: one window of each system. Where they are too few for a histogram, the former is NaN.
     """
     bins = bins_for(len(position))
-    counts = np.stack([np.histogram(column, bins, (0, 1))[0] for column in position.T])
     kolmogorov = np.array([stats.kstest(column, "uniform").pvalue for column in position.T])
+    if not bins:
+        return np.full(position.shape[1], np.nan), kolmogorov
+    counts = np.stack([np.histogram(column, bins, (0, 1))[0] for column in position.T])
     return np.asarray(stats.chisquare(counts, axis=1).pvalue), kolmogorov
 
 

@@ -118,7 +118,8 @@ def typical_errors(card: Card, length: int, absent: list[str], noise: str | None
         rmse = each.max(axis=0) if noise is None else np.sqrt(np.mean(each**2, axis=0))
         one = found[presets[0]]
         note = f"root mean square error on {one.windows} windows of {one.systems} validation systems, {what}"
-        note += ", whichever is larger" if noise is None and len(presets) > 1 else ""
+        if len(presets) > 1:  # two figures, and both are told of the same estimator: by `predict` and by `calibration`
+            note += ", whichever is larger" if noise is None else ", mixed"
         return Typical(dict(zip(names, rmse.tolist(), strict=True)), note)
     if (
         not card.validation_errors

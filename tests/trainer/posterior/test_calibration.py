@@ -16,6 +16,7 @@ from trainer.posterior import calibration, figures, fit_posterior, load_posterio
 from trainer.posterior.command import calibration as calibration_command
 from trainer.posterior.command import posterior as posterior_command
 from trainer.posterior.inference import summarise
+from trainer.posterior.report import notes
 from trainer.posterior.scores import bins_for, covered, crps, positions, truncated_normal, uniformity
 from trainer.posterior.tempering import SAMPLES, _needed
 from trainer.reading.windows import WindowSource
@@ -109,7 +110,34 @@ def test_no_two_lines_of_coverage_look_alike(tmp_path, monkeypatch):
 
 
 def test_bins_hold_enough_systems():
-    assert [bins_for(n) for n in (5, 60, 10_000)] == [2, 6, 20]
+    assert [bins_for(n) for n in (5, 39, 40, 60, 10_000)] == [0, 0, 4, 6, 20]
+
+
+def test_few_systems_have_no_histogram_that_looks_flat(tmp_path, monkeypatch):
+    """Truths all in the middle: a posterior far too wide, which two bars would show as a perfect one."""
+    seen, position = [], 0.5 + np.random.default_rng(0).uniform(-0.01, 0.01, (28, 2))
+    monkeypatch.setattr(figures, "save_png", lambda figure, _: seen.append(figure))
+    figures.draw_ranks(position, ["a", "b"], "toy", tmp_path / "sbc.png")
+    chi2, kolmogorov = uniformity(position)
+    assert np.isnan(chi2).all() and (kolmogorov < 1e-3).all()
+    assert [axes.get_title() for axes in seen[0].axes[:2]] == ["a: p 0.00 (KS)", "b: p 0.00 (KS)"]
+    assert "too few systems for a histogram, which takes 40" in seen[0].get_suptitle().replace("\n", " ")
+    assert seen[0].axes[0].lines[0].get_xdata() == pytest.approx(position[:, 0])
+
+
+def test_bars_are_held_against_whole_systems_and_a_band_that_is_seen(tmp_path, monkeypatch):
+    seen, position = [], 0.5 + np.random.default_rng(0).uniform(-0.01, 0.01, (40, 1))
+    monkeypatch.setattr(figures, "save_png", lambda figure, _: seen.append(figure))
+    figures.draw_ranks(position, ["a"], "toy", tmp_path / "sbc.png")
+    (axes,) = seen[0].axes
+    assert [bar.get_height() for bar in axes.patches if bar.get_width() == pytest.approx(0.25)] == pytest.approx(
+        np.histogram(position, [0, 0.25, 0.5, 0.75, 1])[0]
+    )
+    assert all(tick == round(tick) for tick in axes.get_yticks())
+    bars = max(one.get_zorder() for one in axes.patches)
+    edges = {line.get_ydata()[0] for line in axes.lines if line.get_zorder() > bars}
+    assert edges >= set(stats.binom.interval(0.99, 40, 0.25))
+    assert uniformity(position)[0][0] < 1e-3
 
 
 def test_crps_of_a_normal_distribution():
@@ -219,6 +247,8 @@ def test_systems_that_the_posterior_was_made_with_do_not_count(folder, others, t
     found = calibration(own, others, windows=1000, samples=20)
     test = DatasetFolder(others).load([]).of_split("test")
     assert found.systems == len(test) == 10
+    assert {one.chi2_p for one in found.parameters.values()} == {None}
+    assert "p: of the ranks being uniform, one window of each system; chi2 takes 40 systems" in notes(found)
 
 
 def test_the_commands_do_it_all(folder, many_tanks, others, tmp_path, capsys, caplog):

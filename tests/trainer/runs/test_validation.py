@@ -172,6 +172,16 @@ def test_mixed_presets_are_mixed_evenly(folder):
     assert typical_errors(run.card, 48, [], "gauge").rmse["tank.fill"] == pytest.approx(figures[1])
 
 
+def test_what_is_mixed_and_what_is_the_larger_are_told_apart(folder):
+    """They are two figures: of noise that is mixed, and of a recording whose noise nobody knows."""
+    card = load_run(folder).card
+    mixed, larger, one = (typical_errors(card, 48, [], noise) for noise in ("none gauge", None, "gauge"))
+    assert all(mixed.rmse[name] < larger.rmse[name] for name in card.encoding.parameters)
+    assert mixed.note.endswith("24 h, noise none and gauge, mixed")
+    assert larger.note.endswith("24 h, noise none or gauge, whichever is larger")
+    assert one.note.endswith("24 h, noise gauge")
+
+
 def test_the_gaussian_of_a_calibration_has_the_errors_of_the_same_condition(folder, other_tanks, tmp_path, monkeypatch):
     from trainer.posterior import assessment
 
