@@ -15,7 +15,7 @@ from shared.variables import spaced
 CHECKED = (
     "In the last thirteen blind checks, of versions close to this one and 2,053 one-week recordings of the default"
     " room, 600 of 765 answers that named effects held a true cause (144 of 218 with replayed actuators), and 363 of"
-    " 499 detectable effects were in the answer; half of the answers of none of these were right; of 410 recordings"
+    ' 499 detectable effects were in the answer; half of the answers "none of these" were right; of 410 recordings'
     " without any effect twenty-seven raised an alarm."
 )
 UNEXPLAINED = (
