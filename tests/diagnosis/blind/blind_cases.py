@@ -195,3 +195,17 @@ def hand_set(folder, system, rooms):
     manifest |= {"system_hash": system.hash(), "fmu_sha256": sha256_of(system.fmu_path)}
     (folder / "manifest.json").write_text(json.dumps(manifest))
     return folder, answers
+
+
+def files(folder):
+    """Names of all files below a folder."""
+    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+
+
+def one_after_another(jobs, workers, limit, tell):
+    """In place of processes, which see no patch of ours."""
+    import diagnosis.blind.working as working
+
+    for job in jobs:
+        working.work(job)
+        tell()

@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -17,7 +16,6 @@ import pytest
 import diagnosis.blind.judging as judging
 import diagnosis.blind.running as running
 import diagnosis.blind.source as source_of_programs
-import diagnosis.blind.working as working
 from diagnosis.blind.begun import uncertain_sha256
 from diagnosis.blind.make import make
 from diagnosis.blind.running import run
@@ -27,23 +25,9 @@ from diagnosis.cli import app
 from shared.console import FAULT, OK, PARTLY, STOPPED, start
 from shared.errors import EstimatorError, RecordingError, SystemDescriptionError
 from shared.store import sha256_of
-from tests.diagnosis.blind.blind_cases import HandJudge, hand_set
+from tests.diagnosis.blind.blind_cases import HandJudge, files, hand_set, one_after_another
 
-
-@pytest.fixture(autouse=True)
-def one_program(monkeypatch):
-    """Sources may be edited while tests run; what a run makes of that has a test of its own."""
-    monkeypatch.setattr(running, "program", lambda: "program")
-    monkeypatch.setattr(working, "program", lambda: "program")
-
-
-@pytest.fixture
-def blind_set(tmp_path, default_system):
-    return hand_set(tmp_path / "set", default_system, [3.0, 0.0, 3.0])[0]
-
-
-def files(folder):
-    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+pytestmark = pytest.mark.usefixtures("one_program")
 
 
 def answers_of(results, count=3):
@@ -211,13 +195,6 @@ def test_its_own_log_does_not_bar_the_folder_of_a_run(blind_set, default_system,
     assert "is not empty and holds no run" in capsys.readouterr().err
 
 
-def one_after_another(jobs, workers, limit, tell):
-    """In place of processes, which see no patch of ours."""
-    for job in jobs:
-        working.work(job)
-        tell()
-
-
 def test_a_recording_that_fails_has_an_outcome(blind_set, default_system, tmp_path):
     run(default_system, blind_set, tmp_path / "out", workers=0, judge=HandJudge(fails=("0001",)))
     failed = read_outcome(tmp_path / "out", "recordings/0001.nc")
@@ -236,61 +213,6 @@ def test_processes_that_die_or_hang_lose_one_recording_each(default_system, tmp_
     assert "longer than 20 s" in read_outcome(tmp_path / "out", "recordings/0002.nc").failure
     assert set(read_withheld(tmp_path / "out", "recordings/0000.nc").outcomes) == {"a", "b"}
     assert read_withheld(tmp_path / "out", "recordings/0001.nc").outcomes == {}
-
-
-def test_leave_one_out_withholds_what_had_a_chance_and_comes_after(blind_set, default_system, tmp_path):
-    out = tmp_path / "out"
-    run(default_system, blind_set, out, workers=0, judge=HandJudge())
-    kept = [(out / "verdicts" / f"{k:04}.json").read_bytes() for k in range(3)]
-    run(default_system, blind_set, out, workers=0, judge=HandJudge(), leave_one_out=True)
-    assert kept == [(out / "verdicts" / f"{k:04}.json").read_bytes() for k in range(3)]
-    again = read_withheld(out, "recordings/0000.nc")
-    assert {name: one.answer for name, one in again.outcomes.items()} == {"a": "none_of_these", "b": "none_of_these"}
-    assert read_withheld(out, "recordings/0001.nc").outcomes == {}  # no gap: no candidate had a chance
-
-
-class Stopped(HandJudge):
-    """Is stopped when it comes to the second candidate; notes what it is asked to do without."""
-
-    def __call__(self, recording, *, replay, occupancy):
-        spoken = super().__call__(recording, replay=replay, occupancy=occupancy)
-        return SimpleNamespace(verdict=spoken.verdict, without=lambda name: self.do_without(spoken, name))
-
-    def do_without(self, spoken, name):
-        (self.asked / f"without {name}").touch()
-        if name == "b":
-            raise KeyboardInterrupt
-        return spoken.without(name)
-
-
-@pytest.fixture
-def stopped(blind_set, tmp_path):
-    """A job that was stopped between its two candidates."""
-    (tmp_path / "asked").mkdir()
-    listed = json.loads((blind_set / "manifest.json").read_text())["recordings"][0]
-    job = working.Job(Stopped(tmp_path / "asked"), blind_set, tmp_path / "out", listed, leave_one_out=True)
-    with pytest.raises(KeyboardInterrupt):
-        working.work(job)
-    assert read_withheld(job.results, "recordings/0000.nc") is None  # no score takes it for whole
-    return job
-
-
-def test_a_recording_that_was_stopped_failed_only_in_what_was_not_reached(stopped):
-    working.lost(stopped, 5.0, "took longer than 5 s and was stopped")
-    again = read_withheld(stopped.results, "recordings/0000.nc").outcomes
-    assert {name: (one.answer, one.failure) for name, one in again.items()} == {
-        "a": ("none_of_these", ""), "b": ("failed", "took longer than 5 s and was stopped"),
-    }  # fmt: skip
-    assert files(stopped.results) == ["verdicts/0000.json", "without/0000.json"]
-
-
-def test_a_recording_that_was_stopped_goes_on_with_the_candidates_that_are_left(stopped):
-    reached = json.loads((stopped.results / "without" / "0000.part").read_text())["outcomes"]["a"]
-    working.work(replace(stopped, judge=HandJudge()))
-    again = read_withheld(stopped.results, "recordings/0000.nc").outcomes
-    assert (list(again), again["b"].answer) == (["a", "b"], "none_of_these")
-    assert again["a"].model_dump(mode="json") == reached  # how long it took, too
-    assert files(stopped.results) == ["verdicts/0000.json", "without/0000.json"]
 
 
 STOPPED_RUN = """
@@ -402,24 +324,6 @@ def test_commands(blind_set, default_system, tmp_path, capsys, monkeypatch):
     assert scored["answers_sha256"] == sha256_of(answers)
     assert (scored["right"]["hits"], scored["right"]["n"]) == (2, 3)
     assert page.exists()
-
-
-def test_a_diagnosis_that_fails_with_an_effect_withheld_is_told(
-    blind_set, default_system, tmp_path, capsys, monkeypatch
-):
-    monkeypatch.setattr(running, "Diagnoser", lambda *_: HandJudge(breaks=("a",)))
-    monkeypatch.setattr(running, "_side_by_side", one_after_another)
-    words = ["blind", "run", str(default_system.path), str(blind_set), "--out", str(tmp_path / "out")]
-    assert start(app, words) == OK
-    capsys.readouterr()
-    assert start(app, [*words, "--leave-one-out"]) == PARTLY
-    told = capsys.readouterr()
-    assert "4 diagnosed again without a candidate, 2 failed" in told.out  # a and b, of two recordings
-    said = "0000.nc failed without a, the first of 2: ValueError: cannot do without a"
-    assert said in " ".join(told.err.split())
-    assert start(app, [*words, "--leave-one-out", "--json"]) == PARTLY
-    told = json.loads(capsys.readouterr().out)
-    assert (told["withheld"], told["withheld_failed"]) == (4, 2)
 
 
 @pytest.mark.slow
