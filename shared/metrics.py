@@ -1,13 +1,9 @@
-"""The paper's two figures of merit, and an interval for them that respects systems.
-
-Windows of one system are not independent, so intervals resample systems, never windows.
-"""
+"""The paper's two figures of merit, and the interval of a share."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
+from numpy.typing import ArrayLike
 
 ROUNDING = 1e-9
 """Numbers that differ by less, relative to their size, are the same."""
@@ -38,36 +34,14 @@ def relative_accuracy(truth: np.ndarray, estimate: np.ndarray) -> np.ndarray:
     return 1 - np.abs(truth - estimate) / truth
 
 
-def bootstrap_by_system(
-    systems: np.ndarray,
-    statistic: Callable[[np.ndarray], np.ndarray],
-    *,
-    draws: int = 500,
-    level: float = 0.9,
-    seed: int = 0,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Percentile interval of a statistic under resampling of whole systems.
+def wilson(share: ArrayLike, count: ArrayLike, z: float) -> tuple[np.ndarray, np.ndarray]:
+    """Ends of an interval of shares of ``count`` independent draws, z standard normal deviates to either side.
 
-    Parameters
-    ----------
-    systems
-        System of each window, shape (windows,).
-    statistic
-        Takes rows (indices of windows) and returns an array.
-
-    Returns
-    -------
-    tuple
-        Low and high ends of the interval, shaped like the statistic. NaN where the statistic has no value in more of
-        the resamples than the interval leaves out at one end, as R2 has none where all windows are of one system.
+    The score interval (Wilson 1927, J. Am. Stat. Assoc. 22:209): it has a width where the share is 0 or 1, too.
+    ``share`` and ``count`` are of one shape, or broadcast; neither has to be a whole number of hits.
     """
-    rng = np.random.default_rng(seed)
-    rows = [np.flatnonzero(systems == s) for s in np.unique(systems)]
-    values = [
-        statistic(np.concatenate([rows[i] for i in rng.integers(len(rows), size=len(rows))])) for _ in range(draws)
-    ]
-    tail = 100 * (1 - level) / 2
-    found = np.asarray(values)
-    known = 100 * np.isnan(found).mean(axis=0) <= tail
-    low, high = np.nanpercentile(np.where(known, found, 0.0), [tail, 100 - tail], axis=0)
-    return np.where(known, low, np.nan), np.where(known, high, np.nan)
+    share, count = np.asarray(share, dtype=np.float64), np.asarray(count, dtype=np.float64)
+    middle = (share + z**2 / (2 * count)) / (1 + z**2 / count)
+    reach = z / (1 + z**2 / count) * np.sqrt(share * (1 - share) / count + z**2 / (4 * count**2))
+    # the ends are 0 and 1 where the share is, but for rounding
+    return np.clip(middle - reach, 0, share), np.clip(middle + reach, share, 1)

@@ -10,6 +10,8 @@ from collections.abc import Callable
 import numpy as np
 from scipy.special import ndtri, stdtrit
 
+from shared.metrics import wilson
+
 FEWEST = 4
 """Systems: of fewer there is no interval of R2."""
 RIGHT = 1e-17
@@ -88,7 +90,4 @@ def share_interval(systems: np.ndarray, inside: np.ndarray, *, level: float = 0.
     worth = np.where(known, np.maximum(single / np.where(known, variance, 1), fewest), fewest)
     z = ndtri((1 + level) / 2)
     worth = worth * (z / stdtrit(count - 1, (1 + level) / 2)) ** 2
-    middle = (share + z**2 / (2 * worth)) / (1 + z**2 / worth)
-    reach = z / (1 + z**2 / worth) * np.sqrt(single / worth + z**2 / (4 * worth**2))
-    # Wilson's ends are 0 and 1 where the share is, but for rounding
-    return np.clip(middle - reach, 0, share), np.clip(middle + reach, share, 1)
+    return wilson(share, worth, float(z))

@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 from scipy.special import ndtri
-from scipy.stats import binomtest
+
+from shared import metrics
 
 LEVEL = 0.95
 DRAWS = 2000
@@ -45,17 +46,14 @@ def share(hits: Sequence[bool] | np.ndarray) -> Share:
     n, k = len(hits), int(np.sum(hits))
     if n == 0:
         return Share(hits=0, n=0, value=None, low=None, high=None)
-    found = binomtest(k, n).proportion_ci(LEVEL, method="wilson")
-    return Share(hits=k, n=n, value=k / n, low=float(found.low), high=float(found.high))
+    low, high = wilson(k / n, n)
+    return Share(hits=k, n=n, value=k / n, low=low, high=high)
 
 
 def wilson(value: float, n: int) -> tuple[float, float]:
-    """Wilson's 95 % interval of a share of n, also of one that is no whole number of hits."""
-    z = float(ndtri((1 + LEVEL) / 2))
-    centre = value + z**2 / (2 * n)
-    half = z * np.sqrt(value * (1 - value) / n + (z / (2 * n)) ** 2)
-    low, high = (centre - half) / (1 + z**2 / n), (centre + half) / (1 + z**2 / n)
-    return max(float(low), 0.0), min(float(high), 1.0)
+    """Wilson's 95 % interval of a share of n."""
+    low, high = metrics.wilson(value, n, float(ndtri((1 + LEVEL) / 2)))
+    return float(low), float(high)
 
 
 def mean(rows: np.ndarray) -> np.ndarray:

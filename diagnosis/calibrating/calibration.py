@@ -20,6 +20,7 @@ from diagnosis.usual import STARTS, WARM_UP
 from diagnosis.whole import whole
 from diagnosis.zero_shot import estimate
 from shared.errors import RecordingError
+from shared.numbers import counted
 from shared.places import check_folder
 from shared.system import System
 
@@ -97,7 +98,7 @@ def calibrate(
         first = problem.unknowns(zero_shot)
         others = np.random.default_rng(seed).standard_normal((max(starts - 1, 0), problem.size))
         found = fit(problem, [first, *others], estimate_noise=estimate_noise)
-        further = f" and {starts - 1} draw{'s' if starts > 2 else ''} of the prior" if starts > 1 else ""
+        further = f" and {counted(starts - 1, 'draw')} of the prior" if starts > 1 else ""
         report = summarise(found, zero_shot, f"{run if run is not None else 'prior'}{further}")
     done = Calibrated(report, found)
     if out is not None:

@@ -13,6 +13,7 @@ from diagnosis.options import PLAIN, Fitting
 from diagnosis.usual import WARM_UP
 from shared.console import OK, NotNegative, Place, new_console
 from shared.logs import USUAL, Reporting
+from shared.numbers import counted
 from shared.progress import stages
 
 console = new_console()
@@ -73,7 +74,7 @@ def run(
         size = "" if one.amplitude is None else f"{one.amplitude:.3g}"
         table.add_row(one.name, f"{one.probability:.0%}", size, one.unit)
     if others := [one.probability for one in report.effects if one not in told]:
-        table.add_row(f"{len(others)} other{'s' if len(others) > 1 else ''}", f"{sum(others):.0%}", "", "")
+        table.add_row(counted(len(others), "other"), f"{sum(others):.0%}", "", "")
     table.add_row("none of these", f"{report.none_of_these:.0%}", "", "")
     table.add_row("no gap", f"{report.no_gap:.0%}", "", "")
     console.print(table)

@@ -10,6 +10,7 @@ import numpy as np
 from diagnosis.calibrating.sentences import far_outside
 from diagnosis.gap.decision import Verdict
 from diagnosis.gap.schema import Report
+from shared.numbers import counted
 from shared.variables import spaced
 
 CHECKED = (
@@ -44,7 +45,7 @@ def _cost(report: Report, condition: str, begin: str) -> str:
     only = [name for name, size in other.items() if size is not None and now[name] is None]
     said = ""
     if ratio:
-        some = f"{len(ratio)} candidate{'s' if len(ratio) > 1 else ''}"
+        some = counted(len(ratio), "candidate")
         said = (
             f" {begin}, {some} would be seen from {median(ratio.values()):.0%} of the size needed here, at the median"
         )

@@ -9,6 +9,7 @@ from types import MappingProxyType
 from diagnosis.gap.schema import FEWEST, NamedEffect, Report, ShrinkageOf
 from diagnosis.gap.stages import LEVEL, PLAIN
 from diagnosis.pages import long_named, percent, within_sentence
+from shared.numbers import counted
 from shared.variables import spaced
 
 NEEDED = 0.05
@@ -37,7 +38,7 @@ def _where(report: Report, sensors: Collection[str], names: Mapping[str, str]) -
     best, *others = report.where
     measured = [one.channel for one in others if one.kind != "source"]  # a source may have the name of an output
     channels = list(dict.fromkeys(one for one in measured if one != best.channel or best.kind == "source"))
-    more = f"; {len(others)} more finding{'s' if len(others) > 1 else ''}" if others else ""
+    more = f"; {counted(len(others), 'more finding')}" if others else ""
     also = f", also in {', '.join(long_named(one, names) for one in channels)}" if channels else ""
     return f"Where: {best.text}{more}{also}.{_kind(report, sensors)}"
 

@@ -5,7 +5,7 @@
 Rooms are made up: eight parameters, drawn evenly; normal errors of two windows a room, seven tenths of whose variance
 is the room's own. R2 over all rooms there could be is then known; another one for all of them changes no share. Printed
 for each number of rooms: the share of the draws whose interval holds it, by percentiles of resamples
-(``shared.metrics.bootstrap_by_system``) and by leaving out (``trainer.intervals.r2_interval``).
+(``bootstrap_by_system``) and by leaving out (``trainer.intervals.r2_interval``).
 """
 
 from __future__ import annotations
@@ -13,8 +13,9 @@ from __future__ import annotations
 import argparse
 
 import numpy as np
+from resampling import bootstrap_by_system
 
-from shared.metrics import bootstrap_by_system, r2
+from shared.metrics import r2
 from trainer.intervals import r2_interval
 
 ALIKE = np.full(8, 0.6)

@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 from intervals import noisy
+from resampling import bootstrap_by_system
 from resumed import depends, resumed
 
 from datagen import simulate
@@ -35,7 +36,7 @@ from diagnosis.fitting.problem import Problem
 from diagnosis.intervals import HALF_WIDTH
 from diagnosis.recording import HOUR, Recording, read_recording
 from shared.errors import ZeroshotError
-from shared.metrics import bootstrap_by_system, r2
+from shared.metrics import r2
 from shared.system import System, load_system
 from trainer.intervals import r2_interval
 
