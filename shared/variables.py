@@ -179,6 +179,12 @@ class Output(Table):
     accuracy: float = Field(gt=0, description="what a noise-free value is good for [unit]: the numerical floor")
     noise: dict[str, Noise] = {}
 
+    @model_validator(mode="after")
+    def _none(self) -> Output:
+        if "none" in self.noise:
+            raise ValueError("noise.none is set; expected another name: 'none' is no noise, for every output")
+        return self
+
     @property
     def fmu_variable(self) -> str:
         """The FMU's variable behind this output."""

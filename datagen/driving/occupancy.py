@@ -136,8 +136,8 @@ def _steps(
     weekend = days % 7 >= 5
     comes = u[..., 0] < np.where(weekend, spec.weekend, 1.0 - spec.absence)
     present = np.rint(_between(spec.attendance, u[..., 1]) * headcount)
-    # a day on which somebody comes has somebody, unless the room has nobody to come
-    present = comes * np.minimum(np.maximum(present, 1.0), headcount)
+    # a day on which somebody comes has somebody, unless the room has nobody to come or nobody ever attends
+    present = comes * np.minimum(np.maximum(present, float(spec.attendance[1] > 0)), headcount)
     with np.errstate(divide="ignore"):  # a uniform number may be exactly 0
         jitter = spec.jitter * np.clip(ndtri(u[..., 2:4]), -_JITTER_LIMIT, _JITTER_LIMIT)
     begin = np.maximum(arrival + jitter[..., 0], 0.0)
@@ -151,7 +151,9 @@ def _steps(
         # a little less than the part: rounding must not let two absences overlap
         length = np.minimum(_between(spec.gap_duration, length), 0.95 * part)
         leave = begin + g * part + where * (part - length)
-        away = np.clip(np.rint(_between(spec.gap_share, share) * present), np.minimum(present, 1.0), present)
+        # of an absence somebody is absent, unless the share is never above 0
+        least = np.minimum(present, float(spec.gap_share[1] > 0))
+        away = np.clip(np.rint(_between(spec.gap_share, share) * present), least, present)
         away = away * (g < count)
         times += [leave, leave + length]
         changes += [-away, away]

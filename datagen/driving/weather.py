@@ -14,15 +14,14 @@ from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
-import pandas as pd
 import pvlib
 
 from datagen.driving.tables import Piecewise
-from datagen.driving.transposition import SunPosition, sun_at, sunlit_middle, transposed
-from datagen.driving.weather_files import HOURS, YEAR, HourlyRecord, read_hourly
+from datagen.driving.transposition import transposed
+from datagen.driving.weather_files import HOURS, HourlyRecord, read_hourly
+from datagen.driving.weather_sun import check_sun, sun_over, sunlit_middles
 from shared.errors import WeatherError
 from shared.signals import Weather
-from shared.variables import ZERO_CELSIUS
 
 UNITS: Mapping[str, str] = MappingProxyType(
     {
@@ -138,6 +137,7 @@ def weather_path(file: str, base: Path) -> Path:
 def _read(path: Path, stamp: int, tilt: float, azimuth: float, albedo: float, model: str) -> WeatherTable:
     """``stamp`` is part of the key, so that a file that changed is read again."""
     record = read_hourly(path)
+    check_sun(path, record)
     raw = record.columns
     columns = {name: _ended(raw[name]) for name in ("temp_air", "wind_speed", "pressure")}
     columns |= {name: _ended(raw[name]) for name in ("temp_dew", "wind_direction") if name in raw}
@@ -208,28 +208,7 @@ def _plane_of_array(record: HourlyRecord, tilt: float, azimuth: float, albedo: f
     The sun stands where it is in the middle of the hour, or of the hour's sunlit part at sunrise and sunset.
     """
     raw = record.columns
-    times = _sunlit_middles(record)
-    sun = _sun(times, record)
+    times = sunlit_middles(record)
+    sun = sun_over(times, record)
     parts = (raw["dni"], raw["dhi"], raw["ghi"])
     return transposed(times.day_of_year.to_numpy(), sun, *parts, tilt=tilt, azimuth=azimuth, albedo=albedo, model=model)
-
-
-def _sunlit_middles(record: HourlyRecord) -> pd.DatetimeIndex:
-    """The middle of the sunlit part of each hour, shape (8760,); the middle of the hour where there is none."""
-    zone = pd.Timedelta(hours=record.utc_offset).to_pytimedelta()
-    edges = pd.date_range(f"{YEAR}-01-01", periods=HOURS + 1, freq="h") - zone
-    edges = edges.tz_localize("UTC")
-    middle = sunlit_middle(90.0 - _sun(edges, record).zenith)
-    return edges[:-1] + pd.to_timedelta(middle, unit="h")
-
-
-def _sun(times: pd.DatetimeIndex, record: HourlyRecord) -> SunPosition:
-    """Where the sun stands. Pressure and temperature only bend the light at the horizon: yearly means do."""
-    return sun_at(
-        times,
-        latitude=record.latitude,
-        longitude=record.longitude,
-        altitude=record.altitude,
-        pressure=float(record.columns["pressure"].mean()),
-        temperature=float(record.columns["temp_air"].mean()) - ZERO_CELSIUS,
-    )

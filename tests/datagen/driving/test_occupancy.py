@@ -181,3 +181,14 @@ def test_how_many_come_and_how_many_of_them_leave_for_a_while():
     share = 1 - values[:, 1] / values[:, 0]
     assert share.mean() == pytest.approx(0.65, abs=0.04)  # standard error 0.011
     assert 0.299 < share.min() < 0.33 and share.max() > 0.97
+
+
+def test_where_nobody_ever_leaves_or_attends_nobody_does():
+    """A share of 0 is 0, for one person, too; with any share above it at least one leaves."""
+    one = PLAIN.model_copy(update={"headcount": (1, 1), "gaps": (1, 1), "gap_duration": (1.0, 1.0)})
+    stays = year(0, 0.0, 10 * DAY, one.model_copy(update={"gap_share": (0.0, 0.0)}))
+    leaves = year(0, 0.0, 10 * DAY, one.model_copy(update={"gap_share": (0.0, 0.1)}))
+    comings = [int((np.diff(signal.values) > 0).sum()) for signal in (stays, leaves)]
+    assert comings == [10, 20]
+    absent = year(0, 0.0, 10 * DAY, SPEC.model_copy(update={"attendance": (0.0, 0.0)}))
+    assert not absent.values.any()

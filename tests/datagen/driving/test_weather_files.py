@@ -179,6 +179,35 @@ def test_optional_columns_may_be_missing(tmp_path):
         table.values("temp_sky")
 
 
+@pytest.mark.parametrize(
+    ("first", "hours"), [(100, 1), (100, 12), (8755, 12)], ids=["one", "half a day", "at the year's end"]
+)
+def test_a_short_gap_of_infrared_leaves_the_sky_of_all_other_hours(tmp_path, caplog, first, hours):
+    data = year()
+    whole = read_weather(Weather(files=["x"]), write_epw(tmp_path / "w.epw", data).name, tmp_path).values("temp_sky")
+    gap = np.isin(HOURS, (np.arange(first, first + hours) - 1) % 8760 + 1)
+    data["infrared"] = np.where(gap, 9999, data["infrared"])
+    with caplog.at_level("WARNING", logger="zeroshot"):
+        table = read_weather(Weather(files=["x"]), write_epw(tmp_path / "v.epw", data).name, tmp_path)
+    found = table.values("temp_sky")[1:]
+    np.testing.assert_array_equal(found[~gap], whole[1:][~gap])
+    # 1 W/m2 and K of the air are 0.2 K; the air changes by 4 K in six hours
+    assert np.abs(found[gap] - whole[1:][gap]).max() < 2.0
+    assert f"missing or out of range in {hours} of 8760 hours" in caplog.text
+    assert f"at most {hours} in a row: it is put in on straight lines" in caplog.text
+
+
+def test_a_long_gap_of_infrared_gives_another_sky_and_is_told(tmp_path, caplog):
+    data = year()
+    data["infrared"] = np.where((HOURS >= 100) & (HOURS < 113), 9999, data["infrared"])
+    record = read_hourly(write_epw(tmp_path / "w.epw", data))
+    assert "infrared" not in record.columns
+    assert record.absent["infrared"].startswith(
+        "horizontal infrared radiation is missing or out of range in 13 of 8760"
+    )
+    assert "13 in a row: the sky's temperature is worked out without any of it" in caplog.text
+
+
 def _edit(path, number, text):
     lines = path.read_text().splitlines()
     lines[number] = text if text is not None else ""

@@ -57,6 +57,20 @@ def test_a_parameter_beyond_its_range_and_a_slip_in_a_name_are_told(default_syst
         simulate(default_system, parameters={"roo.v": 100.0})
 
 
+def test_an_effect_whose_shape_nothing_drives_is_told_to_do_nothing(default_system, caplog):
+    plain = simulate(default_system, hours=24)
+    with caplog.at_level("WARNING", logger="zeroshot"):
+        found = simulate(default_system, hours=24, parameters={"effect.timetable.Q": 700.0})
+        assert all((found[one].values == plain[one].values).all() for one in default_system.output_names)
+        (record,) = caplog.records
+        assert record.getMessage().startswith(
+            "effect.timetable.Q is set to 700, and does nothing: it acts while input 'yP"
+        )
+        other = simulate(default_system, hours=24, parameters={"effect.plug.Q": 700.0})
+    assert any((other[one].values != plain[one].values).any() for one in default_system.output_names)
+    assert len(caplog.records) == 1
+
+
 @pytest.mark.parametrize(
     ("given", "said"),
     [

@@ -14,7 +14,7 @@ from diagnosis.gap.grams import Grams
 from diagnosis.gap.refit import linear_start, refit
 from diagnosis.gap.renewal import settled
 from diagnosis.gap.search import among, settled_base
-from diagnosis.recording import read_recording
+from diagnosis.recording import HOUR, read_recording
 from tests.diagnosis.gap.room_cases import in_the_middle
 
 pytestmark = pytest.mark.slow
@@ -28,7 +28,7 @@ def test_a_late_clock_is_found_from_the_middle_of_the_prior(default_system, tmp_
         late[name].values[:] = data[name].values[1:]
     late.to_netcdf(tmp_path / "late.nc")
     record = read_recording(tmp_path / "late.nc", system)
-    whole = Problem(Simulator(system), record, occupancy="measured", replay=True)
+    whole = Problem(Simulator(system), record, occupancy="measured", replay=True, warm_up=48 * HOUR)
     base = fit(whole.with_effects(()), rounds=2)
     clock = next(one for one in library(system) if one.name == "clock")
     bare = settled_base(base, whole.observed)

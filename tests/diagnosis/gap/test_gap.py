@@ -65,7 +65,7 @@ def test_a_cause_that_is_not_among_the_candidates_is_none_of_these(house, house_
     """A sensor that fails for two days in the middle: no drift, lag, gain or weather looks like it."""
     system = house("me")
     path = changed(
-        house_recording(hours=336, seed=5),
+        house_recording(hours=240, seed=5),
         lambda t, y: y + 1.5 * np.sin(2 * np.pi * t / (53 * 3600.0)) * (t % 3e5 < 2e5),
     )
     report = diagnose(system, path, effects=candidates(system)).report
