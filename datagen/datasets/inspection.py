@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from datagen.farming.failures import Failures
+from datagen.farming.plan import settings_text
 from shared.errors import DatasetError
+from shared.logs import logger
 from shared.progress import tracked
 from shared.reading import read_text
 from shared.schema import SPLITS, split_of
-from shared.store import DatasetFolder, ShardEntry, sha256_of
+from shared.store import MANIFEST, DatasetFolder, ShardEntry, sha256_of
+
+_log = logger(__name__)
 
 
 @dataclass(frozen=True)
@@ -92,7 +97,21 @@ def find_faults(dataset: DatasetFolder, *, quiet: bool = True) -> list[Fault]:
         if path.name not in listed
     ]
     faults += _check_rest(dataset, seen)
+    _tell_lacking(dataset)
     return faults
+
+
+def _tell_lacking(dataset: DatasetFolder) -> None:
+    """Say how many systems are neither in a shard nor among the failures: a run goes on, or a list was lost."""
+    with suppress(DatasetError):  # of failures that cannot be read, which are a fault of their own
+        manifest = dataset.manifest
+        lacking = manifest.systems - len(manifest.done()) - len(Failures.read(dataset.folder))
+        if lacking > 0:
+            _log.warning(
+                "%s: %d of its %d systems are neither in a shard nor in failures.jsonl: its run was stopped or is not"
+                " over, or the list was changed",
+                *(dataset.folder, lacking, manifest.systems),
+            )
 
 
 def _check_shard(dataset: DatasetFolder, entry: ShardEntry) -> None:
@@ -113,14 +132,25 @@ def _check_shard(dataset: DatasetFolder, entry: ShardEntry) -> None:
         "steps": round(experiment.hours * 3600 / experiment.step),
         "fmu_sha256": manifest.fmu_sha256,
     }
+    if "settings" in facts:  # shards of the first versions carry none
+        expected["settings"] = settings_text(manifest)
     for name, value in expected.items():
         if facts.get(name) != value:
             raise DatasetError(f"{path}: {name} is {facts.get(name)}; the manifest says {value}")
 
 
 def _check_rest(dataset: DatasetFolder, done: set[tuple[int, int]]) -> list[Fault]:
-    """Faults of the card and of the list of failures."""
+    """Faults of the card, of the list of failures and of what the manifest says twice."""
     faults = []
+    manifest = dataset.manifest
+    for name, value in dataset.system.experiment.model_dump(mode="json").items():
+        if manifest.settings.get(name, value) != value:
+            faults.append(
+                Fault(
+                    f"{dataset.folder / MANIFEST}: {name} is {manifest.settings[name]} in its settings, and in its"
+                    f" system {value}; expected the same"
+                )
+            )
     card = dataset.folder / "README.md"
     if dataset.manifest.shards and not card.exists():
         faults.append(Fault(f"{card}: missing; `datagen run` and `datagen verify --repair` write it"))

@@ -11,9 +11,8 @@ from datagen.farming.card import write_card
 from datagen.farming.cluster import connect
 from datagen.farming.collection import Collection
 from datagen.farming.failures import Failures
-from datagen.farming.farm import settings_text
 from datagen.farming.package import package_hash, weather_hashes
-from datagen.farming.plan import Piece
+from datagen.farming.plan import Piece, settings_text
 from datagen.farming.usual import TIMEOUT
 from datagen.farming.versions import in_words
 from datagen.farming.worker import Job, ShardResult, check_timeout

@@ -13,7 +13,7 @@ from datagen.farming.failures import FILE_NAME as FAILURES_FILE
 from datagen.farming.failures import Failures
 from datagen.farming.versions import note
 from shared.ceiling import FILE_NAME as CEILING_FILE
-from shared.ceiling import read_ceilings, write_ceilings
+from shared.ceiling import Ceilings, read_ceilings, write_ceilings
 from shared.errors import DatasetError
 from shared.lock import FILE_NAME as LOCK_FILE
 from shared.lock import FolderLock, at_work
@@ -182,9 +182,23 @@ def _check_whole(dataset: DatasetFolder) -> None:
 
 
 def _limits(datasets: Sequence[DatasetFolder], draft: Path) -> None:
-    """What is known of the limit in any of the datasets; of the same condition and season the first one's counts."""
-    paths = [one.folder / CEILING_FILE for one in datasets]
-    known = [read_ceilings(path) for path in paths if path.exists()]
+    """What is known of the limit in any of the datasets; of the same condition and season the first one's counts.
+
+    Limits of another system or FMU, or told for other channels, are left out, as the header that stands over all of
+    them would pass them off as this system's.
+    """
+    known: list[Ceilings] = []
+    for one in datasets:
+        path = one.folder / CEILING_FILE
+        if not path.exists():
+            continue
+        found = read_ceilings(path)
+        if (found.system_hash, found.fmu_sha256) != (one.manifest.system_hash, one.manifest.fmu_sha256):
+            _log.warning("%s: not merged: its limits are of another system or FMU than the dataset", path)
+        elif known and (found.outputs, found.nuisances) != (known[0].outputs, known[0].nuisances):
+            _log.warning("%s: not merged: its limits are told of other channels than those before it", path)
+        else:
+            known.append(found)
     if not known:
         return
     joined = known[0].model_copy(update={"ceilings": []})

@@ -54,8 +54,11 @@ import numpy as np
 import xarray as xr
 
 shards = sorted(Path("shards").glob("*.nc"))
-data = xr.concat([xr.load_dataset(shard{% if roams %}, decode_times=False{% endif %}) for shard in shards], \
-dim="system", data_vars="minimal")
+parts = [xr.load_dataset(shard{% if roams %}, decode_times=False{% endif %}) for shard in shards]
+{%- if manifest.sources %}
+parts = [part.assign_coords(root_seed=("system", [part.attrs["root_seed"]] * part.sizes["system"])) for part in parts]
+{%- endif %}
+data = xr.concat(parts, dim="system", data_vars="minimal")
 train = data.isel(system=(data["split"] == 0).values)
 {%- if roams %}
 date = np.datetime64("{{ epoch[:10] }}") + (data["start"] + data["time"]).astype("timedelta64[s]")  # of each value

@@ -6,7 +6,6 @@ data.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from contextlib import suppress
 from itertools import chain
@@ -21,7 +20,7 @@ from datagen.farming.dispatch import PATIENCE
 from datagen.farming.failures import FILE_NAME as FAILURES_FILE
 from datagen.farming.failures import Failures
 from datagen.farming.package import package_hash, weather_hashes
-from datagen.farming.plan import adopt, check_sizes, missing
+from datagen.farming.plan import adopt, check_sizes, missing, settings_text
 from datagen.farming.usual import FAILURE_BUDGET, TIMEOUT
 from datagen.farming.versions import all_here, note
 from datagen.farming.worker import Job, check_timeout
@@ -210,11 +209,6 @@ def run(
             "what was finished is kept, the same command goes on from there"
         ) from None
     return manifest
-
-
-def settings_text(manifest: Manifest) -> str:
-    """A dataset's settings as each of its shards carries them."""
-    return json.dumps(manifest.settings, sort_keys=True)
 
 
 def _check_folder(folder: Path) -> None:

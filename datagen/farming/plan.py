@@ -6,6 +6,7 @@ shard, once written, never changes.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -79,6 +80,11 @@ def missing(manifest: Manifest, failures: Failures, *, retry: bool = False) -> I
         given_up = failed == len(piece.systems)
         if (retry and failed) or (piece.file not in have and not given_up):
             yield piece
+
+
+def settings_text(manifest: Manifest) -> str:
+    """A dataset's settings as each of its shards carries them."""
+    return json.dumps(manifest.settings, sort_keys=True)
 
 
 def adopt(folder: Path, manifest: Manifest, failures: Failures, settings: str) -> list[ShardEntry]:

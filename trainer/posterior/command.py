@@ -101,7 +101,8 @@ def calibration(
     run
         Run folder made by `trainer fit` and `trainer posterior`.
     dataset
-        Dataset of the same system. With another root seed than the training's, all of its systems are unseen.
+        Dataset of the same system. With a root seed that neither training nor posterior has seen, all of its systems
+        are unseen; otherwise those of its test split.
     windows
         Disjoint windows; fewer where there are fewer.
     samples

@@ -13,6 +13,7 @@ import numpy as np
 import optuna
 from optuna.trial import FrozenTrial, Trial, TrialState
 from pydantic import BaseModel, ConfigDict, Field
+from sqlalchemy import URL, make_url
 
 from shared.errors import EstimatorError, OptionsError
 from shared.lock import FolderLock
@@ -197,6 +198,20 @@ def _finished(study: optuna.Study) -> list[FrozenTrial]:
     return study.get_trials(deepcopy=False, states=(TrialState.COMPLETE, TrialState.PRUNED))
 
 
+def _storage(path: Path) -> str:
+    """The database at a path as a URL, whatever is in its name: a bare question mark would end the name there.
+
+    Raises
+    ------
+    EstimatorError
+        If sqlalchemy would read another name out of it.
+    """
+    url = URL.create("sqlite", database=str(path)).render_as_string()
+    if make_url(url).database != str(path):
+        raise EstimatorError(f"{path}: its name cannot be told to sqlalchemy; expected one without ? and %")
+    return url
+
+
 def _study(folder: Path, settings: dict[str, Any], defaults: dict[str, Any], seed: int) -> optuna.Study:
     """Open the search in a folder, or begin it with the defaults.
 
@@ -207,7 +222,7 @@ def _study(folder: Path, settings: dict[str, Any], defaults: dict[str, Any], see
     fresh = not path.exists()
     try:
         study = optuna.create_study(
-            storage=f"sqlite:///{path}",
+            storage=_storage(path),
             study_name="tune",
             direction="minimize",
             load_if_exists=True,

@@ -3,6 +3,8 @@
 import errno
 import json
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -108,6 +110,51 @@ def test_limits_of_all_parts_are_kept_and_the_first_ones_count(two, tmp_path):
     merge([a, b], tmp_path / "both")
     found = read_ceilings(tmp_path / "both" / CEILING_FILE).ceilings
     assert {one.context_hours: one.r2_mean for one in found} == {24.0: 0.6, 48.0: 0.7, 12.0: 0.3}
+
+
+@pytest.mark.parametrize("what", ["fmu_sha256", "system_hash", "outputs"])
+@pytest.mark.parametrize("first", [False, True])
+def test_limits_of_another_fmu_or_system_are_not_passed_off_as_this_ones(two, tmp_path, caplog, what, first):
+    good, odd = two[::-1] if first else two
+    ceilings(good, h24=0.5)
+    ceilings(odd, h48=0.9)
+    found = read_ceilings(odd / CEILING_FILE)
+    write_ceilings(odd / CEILING_FILE, found.model_copy(update={what: ["z"] if what == "outputs" else "f" * 64}))
+    with caplog.at_level("WARNING", logger="zeroshot"):
+        merge(two, tmp_path / "both")
+    # told for other channels nothing is wrong with either: the first one's count
+    kept = odd if what == "outputs" and first else good
+    assert read_ceilings(tmp_path / "both" / CEILING_FILE) == read_ceilings(kept / CEILING_FILE)
+    assert f"{(good if kept is odd else odd) / CEILING_FILE}: not merged: its limits are" in caplog.text
+
+
+@pytest.mark.slow
+def test_the_card_s_lines_tell_all_systems_of_a_merged_dataset_apart(teams, tmp_path):
+    merge([teams / "a", teams / "b"], tmp_path / "c")
+    lines = (tmp_path / "c" / "README.md").read_text().split("```python\n")[1].split("```")[0]
+    code = lines + "print(len({*zip(data.root_seed.values, data.system.values)}), data.sizes['system'])"
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path / "c", capture_output=True, text=True, check=True)
+    assert done.stdout == "8 8\n"
+
+
+def changed(folder, **values):
+    """A dataset whose manifest says other things than its shards."""
+    write_manifest(folder, read_manifest(folder).model_copy(update=values))
+    return verify(folder)
+
+
+@pytest.mark.slow
+def test_a_manifest_that_says_another_thing_than_its_shards_is_at_fault(teams, tmp_path, caplog):
+    folder = Path(shutil.copytree(teams / "a", tmp_path / "a"))
+    manifest = read_manifest(folder)
+    faults = changed(folder, settings={**manifest.settings, "excitation": not manifest.settings["excitation"]})
+    assert len(faults) == 2 and all("settings is" in one and "the manifest says" in one for one in faults)
+    faults = changed(folder, settings={**manifest.settings, "hours": 7.0})
+    assert any("manifest.json: hours is 7.0 in its settings, and in its system" in one for one in faults)
+    assert changed(folder, settings=manifest.settings) == []
+    with caplog.at_level("WARNING", logger="zeroshot"):
+        assert changed(folder, systems=5) == []
+    assert "1 of its 5 systems are neither in a shard nor in failures.jsonl" in caplog.text
 
 
 @pytest.fixture

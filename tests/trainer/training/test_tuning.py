@@ -248,6 +248,16 @@ def test_a_search_does_not_go_on_with_other_data(tmp_path, no_training, changes,
         tune(other, tmp_path / "out", trials=2, **SETTINGS)
 
 
+@pytest.mark.parametrize("name", ["a?b", "a#b %41", "ä"])
+def test_a_search_lies_in_its_folder_whatever_its_name(tanks, tmp_path, no_training, name):
+    tune(tanks, tmp_path / name, trials=1, **SETTINGS)
+    assert (tmp_path / name / "study.db").exists()
+    assert [path.name for path in tmp_path.iterdir() if path.is_file()] == []
+    other = make_dataset(tmp_path / "other", systems=20, root_seed=2)
+    with pytest.raises(EstimatorError, match=r"choose another folder for another search"):
+        tune(other, tmp_path / name, trials=2, **SETTINGS)
+
+
 def test_a_search_of_an_earlier_version_is_told(tanks, tmp_path, no_training):
     tune(tanks, tmp_path, trials=1, **SETTINGS)
     study = optuna.load_study(study_name="tune", storage=f"sqlite:///{tmp_path / 'study.db'}")
