@@ -14,6 +14,7 @@ from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from diagnosis.pages import long_named
+from shared.units import ABSOLUTE
 from shared.variables import ZERO_CELSIUS, Output, Parameter, spaced
 
 BLUE, ORANGE, GREY, RED = "#1f5fa8", "#d9730d", "#8a8f98", "#b3261e"
@@ -83,5 +84,8 @@ def embedded(made: Figure) -> str:
 
 
 def readable(values: np.ndarray, unit: str) -> tuple[np.ndarray, str]:
-    """Values in the unit that people read: degrees Celsius for kelvin."""
-    return (values - ZERO_CELSIUS, "°C") if unit == "K" else (values, unit)
+    """Values in the unit that people read: degrees Celsius for kelvin, unless these are differences of temperature."""
+    seen = values[np.isfinite(values)]
+    if unit != "K" or (seen.size and float(np.median(seen)) < ABSOLUTE):
+        return values, unit
+    return values - ZERO_CELSIUS, "°C"

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict
 from rich.table import Table
 
 from diagnosis.recording import HOUR
+from shared.units import spelled
 
 NO_SHARE = ("K", "degC", "degF")
 """Units whose zero is arbitrary or far away: a share of their mean says nothing."""
@@ -70,7 +71,7 @@ def shares(
     """
     count = len(measured) - fitted
     mean = abs(float(measured.mean())) if count > 0 else 0.0
-    if unit in NO_SHARE or mean == 0:
+    if spelled(unit) in NO_SHARE or mean == 0:
         return None, None
     return float(np.sqrt(np.sum(residual**2) / count) / mean), float(residual.sum() / (count * mean))
 

@@ -7,11 +7,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from shared.signals import Schedule
+from shared.units import spelled
 from shared.variables import ConstantInput, Input, ScheduleInput
 
 POSSIBLE: dict[str, tuple[float, float]] = {
     "K": (223.15, 333.15),
     "degC": (-50.0, 60.0),
+    "degF": (-58.0, 140.0),
     "ppm": (300.0, 10000.0),
     "W/m2": (-20.0, 1500.0),
     "m/s": (-0.1, 75.0),
@@ -39,6 +41,7 @@ def in_another_unit(values: Sequence[float], unit: str) -> str:
     values
         Numbers [unit] that stand for one quantity, such as both ends of a range.
     """
+    unit = spelled(unit)
     if unit not in _OTHERS or not values:
         return ""
     low, high = POSSIBLE[unit]

@@ -13,6 +13,7 @@ from datagen.driving.weather import UNITS, WeatherTable, read_weather
 from shared.errors import SystemDescriptionError
 from shared.signals import Excitation, Schedule
 from shared.system import System
+from shared.units import SPELLINGS
 from shared.variables import (
     ConstantInput,
     ExcitationInput,
@@ -26,7 +27,7 @@ from shared.variables import (
 _HOUR = 3600.0
 _DAY = 24 * _HOUR
 _KNOTS_PER_PERIOD = 5
-_SAME_UNIT = {"deg": "degree", "W/m^2": "W/m2", "W.m-2": "W/m2", "W m-2": "W/m2", "m.s-1": "m/s", "m s-1": "m/s"}
+_SAME_UNIT = {**SPELLINGS, "deg": "degree"}
 
 
 def build_inputs(

@@ -10,6 +10,8 @@ from diagnosis.fitting.noise import errors_under
 from diagnosis.recording import DAY, HOUR, Recording, check_warm_up, read_recording
 from shared.errors import RecordingError
 from shared.system import System, load_system
+from shared.units import ABSOLUTE, spelled
+from shared.variables import ConstantInput, ExcitationInput, Input, MeasuredInput, ScheduleInput
 
 
 def opened(
@@ -61,7 +63,7 @@ def check_recording(recording: Recording, system: System) -> None:
             )
         check_unit(recording, output.name, output.unit, seen)
     for one in system.inputs:
-        if one.name in recording.inputs:
+        if one.name in recording.inputs and not _is_difference(one, system):
             check_unit(recording, one.name, one.unit, recording.inputs[one.name])
 
 
@@ -73,16 +75,29 @@ def check_unit(recording: Recording, name: str, unit: str, values: np.ndarray) -
     RecordingError
         Naming the variable.
     """
-    if unit == "K" and len(values) and float(np.median(values)) < 150.0:
+    if spelled(unit) == "K" and len(values) and float(np.median(values)) < ABSOLUTE:
         raise RecordingError(
             f"{recording.path}: {name!r} is declared in K but is {np.median(values):.3g} at the median; expected"
             " kelvin: these look like degC, convert them"
         )
-    if unit == "degC" and len(values) and float(np.median(values)) > 150.0:
+    if spelled(unit) == "degC" and len(values) and float(np.median(values)) > ABSOLUTE:
         raise RecordingError(
             f"{recording.path}: {name!r} is declared in degC but is {np.median(values):.3g} at the median; expected"
             " degrees Celsius: these look like K, convert them"
         )
+
+
+def _is_difference(one: Input, system: System) -> bool:
+    """Whether an input in K is a difference of temperature by its description: an excitation, or values near 0 K."""
+    if isinstance(one, ExcitationInput):
+        return True
+    said: list[float] = []
+    if isinstance(one, ConstantInput | MeasuredInput):
+        said = [one.value]
+    elif isinstance(one, ScheduleInput):
+        hours = system.schedules[one.schedule]
+        said = [value for _, value in [*hours.weekday, *(hours.weekend or [])]]
+    return spelled(one.unit) == "K" and bool(said) and max(abs(value) for value in said) < ABSOLUTE
 
 
 def _replayed(system: System) -> set[str]:

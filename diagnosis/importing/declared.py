@@ -10,6 +10,7 @@ from diagnosis.importing import units
 from diagnosis.importing.quality import is_constant
 from diagnosis.importing.series import Series
 from shared.system import System
+from shared.units import spelled
 from shared.variables import (
     ZERO_CELSIUS,
     ConstantInput,
@@ -31,6 +32,9 @@ WIDEST = 30.0
 """The air outdoors hardly ever moves by more within a day [K], and degrees Fahrenheit taken for Celsius do."""
 COLDER = 3.0
 """Nothing indoors is colder than the air outdoors by so much on average [K], and varies more."""
+
+_TEMPERATURES = ("K", "degC", "degF")
+"""Units of temperature, each in its one spelling."""
 
 
 def about_all(series: Sequence[Series], system: System) -> list[str]:
@@ -106,14 +110,15 @@ def about_heat(air: Series) -> str | None:
 
 
 def about_swap(series: Sequence[Series], air: Sequence[Series]) -> list[str]:
-    """Sentences on outputs [K] that are colder than the air outdoors and vary more: columns may be swapped."""
+    """Sentences on temperatures that are colder than the air outdoors and vary more: columns may be swapped."""
     said = []
     for out in air:
-        for one in [one for one in series if one.target.role == "output" and one.target.unit == out.target.unit]:
-            both = np.isfinite(out.values) & np.isfinite(one.values)
+        for one in [one for one in series if one.target.role == "output" and spelled(one.target.unit) in _TEMPERATURES]:
+            warmth = units.convert(one.values, spelled(one.target.unit), "K", density=1.0, where=one.target.name)
+            both = np.isfinite(out.values) & np.isfinite(warmth)
             if both.sum() < 2:
                 continue
-            inside, outside = one.values[both], out.values[both]
+            inside, outside = warmth[both], out.values[both]
             colder = float(np.mean(outside - inside))
             if colder > COLDER and inside.std() > outside.std():
                 said.append(

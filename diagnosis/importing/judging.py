@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from diagnosis.importing import plausible
+from diagnosis.importing import plausible, units
 from diagnosis.importing.clock import Clock
 from diagnosis.importing.filling import fill_constant, interpolate_short
 from diagnosis.importing.mapping import Mapping, Source
@@ -27,10 +27,11 @@ from diagnosis.importing.resampling import CLOSER, around, as_read, resample
 from diagnosis.importing.series import Series, Target
 from shared.errors import RecordingError
 from shared.flags import ASSUMED, COMPUTED
+from shared.units import spelled
 
 _STATES = ("presence", "bool", "person", "persons", "count", "counts")
 """Units of what jumps from one reading to the next."""
-MOVING = ("K", "degC", "ppm", "W/m2", "m/s")
+MOVING = ("K", "degC", "degF", "ppm", "W/m2", "m/s")
 """Units of quantities that never stand still: a sensor of one that does is stuck."""
 FEWER = 1.5
 """Readings of an output are fewer than its steps where they are so many steps apart, or means over so many."""
@@ -98,7 +99,7 @@ class Judge:
             return self._beside(made, source, where)
         # a set point stands still, the weather does not
         outdoors = weather is not None and weather != BEAM
-        moving = target.unit in MOVING and (target.role == "output" or outdoors)
+        moving = spelled(target.unit) in MOVING and (target.role == "output" or outdoors)
         signal = self.signal(source, target.unit, where, moving=moving, sun=target.sun)
         if target.method == "mean" and not self.says_how(source):
             self._instants(target, signal, f"{where}: column {source.column!r}")
@@ -226,9 +227,15 @@ class Judge:
         limits = possible_in_source(source, unit, density=density, where=where, sun=sun)
         self.tell(plausible.about_impossible(column, signal, source, *limits))
         self.tell(plausible.about_noise(column, signal))
-        if source.unit in ("percent", "%") and source.scale == 1 and 0 < float(np.nanmax(readings)) <= 1.0:
+        if source.unit in ("percent", "%") and source.scale == 1:
+            most = float(np.nanmax(readings))
+            # a fraction is a hundred times as much, and that of CO2 would be impossible
+            asked = 0 < most <= 1.0 and 100.0 * most <= limits[1] * (1 + 1e-9)
+        else:
+            asked = False
+        if asked:
             self.notes.append(f"column {column}: declared in percent, but no reading is above 1; is it a fraction?")
-        self.tell(plausible.about_register(column, signal) if unit == "W" else None)
+        self.tell(plausible.about_register(column, signal) if units.is_power(unit) else None)
         # a state is silent while nothing changes
         usual = _STUCK_AFTER if moving and kind != "hold" else 0.0
         hours = source.stuck_after if source.stuck_after is not None else usual
@@ -274,9 +281,10 @@ class Judge:
 
 def _is_calm(signal: Signal) -> bool:
     """Whether a signal is of wind, and so short that all of it may be a calm."""
-    return signal.unit == "m/s" and not signal.values.any() and signal.end[-1] - signal.begin[0] <= 3600.0 * _CALM
+    short = bool(signal.end[-1] - signal.begin[0] <= 3600.0 * _CALM)
+    return short and spelled(signal.unit) == "m/s" and not signal.values.any()
 
 
 def _resting(unit: str, calm: float) -> Resting | None:
     """What may stand still for longer: sun as long as it likes, as a polar night does, and wind for ``calm`` [h]."""
-    return {"W/m2": Resting(DARK, np.inf), "m/s": Resting(0.0, calm)}.get(unit)
+    return {"W/m2": Resting(DARK, np.inf), "m/s": Resting(0.0, calm)}.get(spelled(unit))

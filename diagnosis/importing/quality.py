@@ -146,7 +146,7 @@ def _possible(
     source: Source, unit: str, *, density: float, where: str, sun: bool
 ) -> tuple[float, float, units.Below, float]:
     """Lowest and highest possible value [unit], what is below zero, and how far beyond a limit is still rounding."""
-    low, high, below = units.limits(source.unit, unit, sun=sun)
+    low, high, below = units.limits(source.unit, unit, sun=sun, density=density)
     if source.persons is not None:
         low, high = low * source.persons, high * source.persons
     if source.valid is not None:

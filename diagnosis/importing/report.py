@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.table import Table as Grid
 
 from shared.system import System
+from shared.units import ABSOLUTE
 from shared.variables import ZERO_CELSIUS, OccupancyInput
 
 
@@ -107,7 +108,7 @@ def sentences_of(missing: Sequence[str], system: System) -> list[str]:
 def _number(value: float | None, unit: str) -> str:
     if value is None:
         return "-"
-    return f"{value - ZERO_CELSIUS:.1f} °C" if unit == "K" else f"{value:.4g}"
+    return f"{value - ZERO_CELSIUS:.1f} °C" if unit == "K" and value > ABSOLUTE else f"{value:.4g}"
 
 
 def print_report(report: ImportReport, console: Console) -> None:

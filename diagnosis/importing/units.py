@@ -11,6 +11,7 @@ import numpy as np
 
 from shared.errors import RecordingError
 from shared.possible import POSSIBLE
+from shared.units import spelled
 
 LARGEST = 1e30
 """No reading is beyond: what a logger writes for a missing one (3.4e38) is, and sums of squares are still numbers."""
@@ -143,15 +144,50 @@ COUNTS = ("person", "persons", "count", "counts")
 """Numbers of persons."""
 
 
-def limits(unit: str, target: str, *, sun: bool = True) -> tuple[float, float, Below]:
+_LIKE = {"[length] ** 3 / [time]": "kg/s", "[mass] / [time]": "kg/s", "[mass] / [time] ** 3": "W/m2"}
+"""Units with limits that hold, converted, for every unit of the same kind."""
+
+
+@lru_cache(maxsize=256)
+def _like_kind(target: str) -> str:
+    """The unit whose limits are those of ``target``, by its kind; ``target`` in one spelling if none is."""
+    if spelled(target) in POSSIBLE:
+        return spelled(target)
+    try:
+        kind = _parsed(target).dimensionality
+    except Exception:
+        # as in convert(): a description's unit need not be one that pint knows
+        return spelled(target)
+    kinds = {_registry().get_dimensionality(one): unit for one, unit in _LIKE.items()}
+    return next((unit for one, unit in kinds.items() if one == kind), spelled(target))
+
+
+def is_power(unit: str) -> bool:
+    """Whether a unit is one of power, as W and kW are."""
+    try:
+        return bool(_parsed(unit).dimensionality == _parsed("W").dimensionality)
+    except Exception:
+        # as above
+        return False
+
+
+def limits(unit: str, target: str, *, sun: bool = True, density: float = 1.2) -> tuple[float, float, Below]:
     """Lowest and highest possible value [target], and what readings below zero are.
 
-    ``sun`` says that what is in W/m2 is irradiance: a heat flux or a net radiation goes either way.
+    ``sun`` says that what is in W/m2 is irradiance: a heat flux or a net radiation goes either way. ``density`` is that
+    of air [kg/m3], by which volume flows have the limits of mass flows.
     """
-    if target == "W/m2" and not sun:
+    like = _like_kind(target)
+    if like == "W/m2" and not sun:
         return -np.inf, np.inf, "impossible"
     if target == "1" and unit in WORD_LIMITS:
         return *WORD_LIMITS[unit], "impossible"
     if target == "1" and unit in COUNTS:
         return 0.0, np.inf, "impossible"
-    return *POSSIBLE.get(target, (-np.inf, np.inf)), _BELOW.get(target, "impossible")
+    low, high = POSSIBLE.get(like, (-np.inf, np.inf))
+    if like != spelled(target):
+        low, high = (
+            float(convert(end, like, target, density=density, where="")) if np.isfinite(end) else end
+            for end in (low, high)
+        )
+    return low, high, _BELOW.get(like, "impossible")

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from shared.system import System
+from shared.units import spelled
 from shared.variables import Output
 
 ANY = "any"
@@ -69,7 +70,7 @@ def _of_input(source: str, column: str, name: str, unit: str, series: np.ndarray
             Regime("occupied", f"{name} > 0", series > 0),
             Regime("empty", f"{name} = 0", series <= 0),
         ]
-    if source == "weather" and unit == "W/m2":
+    if source == "weather" and spelled(unit) == "W/m2":
         threshold = float(_SUN_SHARE * np.percentile(series, 99))
         return [Regime(f"sun on {name}", _above(name, threshold, unit), series > threshold)]
     if source == "weather" and column == "wind_speed":

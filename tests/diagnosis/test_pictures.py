@@ -1,6 +1,9 @@
 """Text in pictures is that of whoever named things."""
 
-from diagnosis.pictures import as_png, embedded, figure
+import numpy as np
+import pytest
+
+from diagnosis.pictures import as_png, embedded, figure, readable
 
 
 def test_dollars_in_any_text_of_a_picture_are_no_formula():
@@ -27,3 +30,11 @@ def test_powers_of_ten_on_a_logarithmic_axis_are_still_drawn_as_such():
     labels = panel.get_xticklabels()
     assert any("mathdefault" in one.get_text() for one in labels)
     assert all(one.get_parse_math() for one in labels)
+
+
+def test_differences_of_temperature_stay_in_kelvin():
+    swing = np.array([-0.5, 0.0, np.nan, 0.5])
+    assert readable(swing, "K")[1] == "K"
+    np.testing.assert_array_equal(readable(swing, "K")[0], swing)
+    warm, unit = readable(np.array([293.15, np.nan]), "K")
+    assert unit == "°C" and warm[0] == pytest.approx(20.0)

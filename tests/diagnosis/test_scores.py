@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from diagnosis.scores import guideline14, score
+from diagnosis.scores import guideline14, score, shares
 
 
 def test_the_figures_of_a_case_worked_by_hand():
@@ -56,3 +56,9 @@ def test_a_report_and_a_calibration_say_the_same_of_one_series():
 def test_where_there_is_nothing_to_share_there_is_no_share(measured, unit):
     found = score(np.array(measured), np.zeros(len(measured)), unit)
     assert (found.cvrmse, found.nmbe) == (None, None)
+
+
+@pytest.mark.parametrize("unit", ["K", "degC", "degF", "°C", "Celsius", "C"])
+def test_no_spelling_of_a_temperature_has_shares(unit):
+    measured = np.array([20.0, 21.0, 22.0])
+    assert shares(measured, measured - 20.0, unit) == (None, None)

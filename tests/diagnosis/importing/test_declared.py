@@ -118,3 +118,13 @@ def test_a_cold_store_is_no_swap(said):
     """Colder than outdoors, but steadier."""
     frame, _ = measured()
     assert said(frame.assign(room=2.0 + 0.1 * frame["room"], outside=frame["outside"] + 15.0), "swapped") == []
+
+
+@pytest.mark.parametrize("unit", ["degC", "°C"])
+def test_a_swap_is_found_in_an_output_of_degrees_celsius(said, tmp_path, unit):
+    described = tmp_path / "declared.toml"
+    described.write_text(described.read_text().replace('"warmth", unit = "K"', f'"warmth", unit = "{unit}"'))
+    frame, _ = measured()
+    assert said(frame, "swapped") == []
+    (note,) = said(frame.rename(columns={"room": "outside", "outside": "room"}), "swapped", out="swapped.nc")
+    assert note.startswith("warmth: room [degC] is 13.0 K colder on average than outdoors")

@@ -55,3 +55,44 @@ def test_a_heat_flux_goes_either_way(house, tmp_path):
     with xr.open_dataset(tmp_path / "out" / "house.nc") as found:
         np.testing.assert_allclose(found["gas"], flux[-found.sizes["time"] :], atol=1e-5)
         np.testing.assert_allclose(found["air"], 40.0 * flux[-found.sizes["time"] :], atol=1e-4)
+
+
+def test_an_impossible_flow_of_volume_is_left_out_and_said(house, tmp_path):
+    (tmp_path / "volume.toml").write_text(HOUSE.replace('name = "air", unit = "kg/s"', 'name = "air", unit = "m3/h"'))
+    mapping = MAPPING.replace('unit = "m3/h"\nscale = 2.4', 'unit = "l/s"')
+    frame, hours = measured()
+    frame["valve"] = np.where((hours >= 50) & (hours < 56), -50.0, 20.0 + np.sin(hours))
+    report = house(frame, mapping, system=tmp_path / "volume.toml")
+    wrong = int((frame["valve"] == -50.0).sum())
+    (note,) = [one for one in report.notes if one.startswith("column valve") and "left out" in one]
+    assert note.startswith(f"column valve: {wrong} of {len(frame)} readings are left out: below -0.83")
+
+
+@pytest.mark.parametrize("unit", ["W/m2", "W/m^2", "W.m-2", "W m-2"])
+def test_the_same_irradiance_is_left_out_in_every_spelling(house, tmp_path, unit):
+    (tmp_path / "sun.toml").write_text(HOUSE.replace('"sunshine", unit = "W/m2"', f'"sunshine", unit = "{unit}"'))
+    frame, hours = measured()
+    frame["sun"] = np.where((hours >= 50) & (hours < 52), 5000.0, frame["sun"])
+    mapping = MAPPING.replace("[weather.ghi]", "[variables.sunshine]")
+    report = house(frame, mapping, system=tmp_path / "sun.toml")
+    wrong = int((frame["sun"] == 5000.0).sum())
+    (note,) = [one for one in report.notes if one.startswith("column sun") and "left out" in one]
+    assert note.startswith(f"column sun: {wrong} of {len(frame)} readings are left out: not -20 to 1500 W/m2")
+
+
+def test_a_register_is_told_where_power_is_in_kilowatts(house, tmp_path):
+    (tmp_path / "kilo.toml").write_text(HOUSE.replace('name = "gas", unit = "W"', 'name = "gas", unit = "kW"'))
+    frame, hours = measured()
+    frame["kilowatts"] = 1000.0 + 0.3 * hours
+    notes = house(frame, system=tmp_path / "kilo.toml").notes
+    assert any(note.startswith("column kilowatts: hardly ever falls, from 1000 to") for note in notes)
+
+
+@pytest.mark.parametrize(("unit", "asked"), [("ppm", False), ("1", True)])
+def test_small_percentages_are_questioned_only_where_they_can_be_fractions(house, tmp_path, unit, asked):
+    (tmp_path / "share.toml").write_text(HOUSE.replace('name = "air", unit = "kg/s"', f'name = "air", unit = "{unit}"'))
+    frame, hours = measured()
+    frame["valve"] = 0.06 + 0.02 * np.sin(hours)
+    mapping = MAPPING.replace('unit = "m3/h"\nscale = 2.4', 'unit = "percent"').replace("fill = 0.0\n", "")
+    notes = house(frame, mapping, system=tmp_path / "share.toml").notes
+    assert any("is it a fraction" in note for note in notes) == asked

@@ -88,3 +88,24 @@ def test_what_a_column_may_be_in():
     assert "degC" in alternatives(21.0, "K", low, high, density=1.2)
     assert "K" not in alternatives(21.0, "K", low, high, density=1.2)
     assert "K" in alternatives(294.0, "K", low, high, density=1.2)
+
+
+def test_every_unit_of_flow_has_the_limit_of_mass_flows():
+    """1 g/s of air of 1.2 kg/m3 is 3 m3/h."""
+    assert limits("", "m3/h") == (pytest.approx(-3.0), np.inf, "noise")
+    assert limits("", "m3/h", density=1.0)[0] == pytest.approx(-3.6)
+    assert limits("", "l/s") == (pytest.approx(-1 / 1.2), np.inf, "noise")
+    assert limits("", "kg/h") == (pytest.approx(-3.6), np.inf, "noise")
+    assert limits("", "kg/s") == (-1e-3, np.inf, "noise")
+    assert limits("", "no such unit") == limits("", "W") == (-np.inf, np.inf, "impossible")
+
+
+@pytest.mark.parametrize("unit", ["W/m^2", "W.m-2", "W m-2", "W/m2"])
+def test_irradiance_has_its_limits_in_every_spelling(unit):
+    assert limits("", unit) == (-20.0, 1500.0, "zero")
+    assert limits("", unit, sun=False) == (-np.inf, np.inf, "impossible")
+
+
+@pytest.mark.parametrize("unit", ["°C", "Celsius", "C", "degC"])
+def test_temperatures_have_their_limits_in_every_spelling(unit):
+    assert limits("", unit) == (-50.0, 60.0, "impossible")

@@ -66,3 +66,13 @@ def test_a_state_that_always_or_never_holds_says_nothing(default_system, series)
     labels = [r.label for r in find_regimes(default_system, inputs, simulated)]
     assert "occupied" not in labels
     assert "empty" not in labels
+
+
+@pytest.mark.parametrize("unit", ["W/m^2", "W.m-2", "W m-2"])
+def test_the_sun_is_a_regime_in_every_spelling_of_its_unit(default_system, series, unit):
+    inputs = [
+        one.model_copy(update={"unit": unit}) if one.name == "HFac" else one.model_copy()
+        for one in default_system.inputs
+    ]
+    changed = default_system.model_copy(update={"inputs": inputs})
+    assert "sun on HFac" in {one.label for one in find_regimes(changed, *series)}
