@@ -7,10 +7,11 @@ from collections.abc import Mapping
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from shared.numbers import number
+from shared.variables import spaced
 
 
 def page_environment(decimals: int = 1) -> Environment:
-    """Templates of this package with the filters ``number``, ``percent`` and ``named``; a dash where there is no value.
+    """Templates of this package with filters ``number``, ``percent``, ``named`` and ``spaced``; a dash for no value.
 
     Parameters
     ----------
@@ -23,6 +24,7 @@ def page_environment(decimals: int = 1) -> Environment:
     environment.filters["number"] = number
     environment.filters["percent"] = lambda value: percent(value, decimals)
     environment.filters["named"] = long_named
+    environment.filters["spaced"] = spaced
     return environment
 
 

@@ -36,6 +36,7 @@ def render(done: Calibrated) -> str:
     """The page as HTML, pictures and all."""
     environment = page_environment()
     relative = {one.name: one.relative for one in done.problem.constants}
+    inputs, rest = _inputs(done)
     return environment.get_template("calibration.html.j2").render(
         report=done.report,
         begin=done.problem.recording.began,
@@ -49,7 +50,8 @@ def render(done: Calibrated) -> str:
         parameter_picture=_parameters(done),
         correlation_picture=_correlation(done),
         residual_picture=_residuals(done),
-        input_picture=_inputs(done),
+        input_picture=inputs,
+        not_drawn=rest,
     )
 
 
@@ -141,8 +143,11 @@ def _correlation(done: Calibrated) -> str:
     return embedded(made)
 
 
-def _inputs(done: Calibrated) -> str:
-    """What drove the model: inputs that move, and the persons that were found where nobody counted them."""
+def _inputs(done: Calibrated) -> tuple[str, list[str]]:
+    """What drove the model: inputs that move, and the persons that were found where nobody counted them.
+
+    Returns the picture, and the names of inputs that move and are not drawn.
+    """
     problem = done.problem
     system, nuisance = problem.system, problem.nuisance
     found = {}
@@ -155,7 +160,8 @@ def _inputs(done: Calibrated) -> str:
         (one, values)
         for place, one in enumerate(system.inputs)
         if place not in found and np.ptp(values := problem.drive.signals[one.name].at(time)) > 0
-    ][:_MANY]
+    ]
+    moving, rest = moving[:_MANY], moving[_MANY:]
     made, panels = figure(max(len(moving) + len(found), 1), height=1.3)
     for panel, (one, values) in zip(panels, moving, strict=False):
         shown, unit = readable(values, one.unit)
@@ -172,4 +178,4 @@ def _inputs(done: Calibrated) -> str:
         panel.set_ylabel(f"{system.inputs[place].name}\ninferred", fontsize=8)
     calendar(panels[-1], done.problem.recording.began)
     panels[-1].set_xlabel(f"days since {done.problem.recording.began}")
-    return embedded(made)
+    return embedded(made), [one.name for one, _ in rest]

@@ -8,6 +8,8 @@ import numpy as np
 
 from diagnosis.calibrating.schema import Calibration, Parameter
 from diagnosis.pages import long_named, within_sentence
+from shared.numbers import number
+from shared.variables import spaced
 
 POOR = 0.5
 """A model that explains less than this share of what an output did is not believed."""
@@ -130,7 +132,7 @@ def _meant(report: Calibration) -> list[str]:
             f"What is left of {', '.join(slow)} is slow and larger than its sensor's noise: the model lacks something."
         )
     rough = [
-        f"{name} ({one.noise:.3g} {one.unit}, declared {one.declared:.3g})"
+        f"{name} ({number(one.noise, 3)}{spaced(one.unit)}, declared {number(one.declared, 3)})"
         for name, one in report.outputs.items()
         if name not in report.undeclared and one.noise > ROUGH * one.declared
     ]

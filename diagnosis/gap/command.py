@@ -13,7 +13,7 @@ from diagnosis.options import PLAIN, Fitting
 from diagnosis.usual import WARM_UP
 from shared.console import OK, NotNegative, Place, new_console
 from shared.logs import USUAL, Reporting
-from shared.numbers import counted
+from shared.numbers import counted, number
 from shared.progress import stages
 
 console = new_console()
@@ -71,7 +71,7 @@ def run(
     table = Table("candidate", "probability", "size", "unit", box=None)
     told = report.foremost[:LINES]
     for one in told:
-        size = "" if one.amplitude is None else f"{one.amplitude:.3g}"
+        size = "" if one.amplitude is None else number(one.amplitude, 3)
         table.add_row(one.name, f"{one.probability:.0%}", size, one.unit)
     if others := [one.probability for one in report.effects if one not in told]:
         table.add_row(counted(len(others), "other"), f"{sum(others):.0%}", "", "")

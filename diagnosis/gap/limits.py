@@ -10,7 +10,7 @@ import numpy as np
 from diagnosis.calibrating.sentences import far_outside
 from diagnosis.gap.decision import Verdict
 from diagnosis.gap.schema import Report
-from shared.numbers import counted
+from shared.numbers import counted, number
 from shared.variables import spaced
 
 CHECKED = (
@@ -51,7 +51,10 @@ def _cost(report: Report, condition: str, begin: str) -> str:
         )
     most = [name for name in sorted(ratio, key=lambda name: ratio[name])[:3] if ratio[name] < 0.8]
     if most:
-        each = [f"{name} from {other[name]:.2g} instead of {now[name]:.2g}{spaced(units[name])}" for name in most]
+        each = [
+            f"{name} from {number(other[name], 2)} instead of {number(now[name], 2)}{spaced(units[name])}"
+            for name in most
+        ]
         said += f"; most for {', '.join(each)}"
     if only:
         said += f"{';' if said else ' ' + begin + ','} seen only then: {', '.join(only)}"
@@ -97,7 +100,7 @@ def limits(report: Report) -> list[str]:
         if one.name in named and one.confusable
     ]
     found += [
-        f"The size of {one.name} lies at the end of what its description allows ({one.amplitude:.3g}"
+        f"The size of {one.name} lies at the end of what its description allows ({number(one.amplitude, 3)}"
         f"{spaced(one.unit)}). If that is as far as such an effect can go, it may be there in full; else the bound is"
         " too narrow for this building and more would fit better, or the cause is another."
         for one in report.effects

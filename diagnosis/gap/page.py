@@ -10,7 +10,15 @@ from matplotlib.figure import Figure
 from diagnosis.fitting.unknowns import LIMIT, within_limit
 from diagnosis.gap.concluded import Diagnosis
 from diagnosis.gap.limits import added
-from diagnosis.gap.pictures import SHOWN, draw_angles, draw_candidates, draw_outputs, draw_parameters, draw_shares
+from diagnosis.gap.pictures import (
+    SHOWN,
+    barless,
+    draw_angles,
+    draw_candidates,
+    draw_outputs,
+    draw_parameters,
+    draw_shares,
+)
 from diagnosis.gap.reporting import sensors_among
 from diagnosis.gap.scan import LEVEL, NEGLIGIBLE
 from diagnosis.gap.schema import Place
@@ -64,6 +72,8 @@ def render(done: Diagnosis) -> str:
         | {one.name: one.description for one in system.uncertain},
         negligible=f"{NEGLIGIBLE:g}",
         level=f"{LEVEL:.0%}",
+        barless=barless(done),
+        channel_units={one.name: one.unit for one in system.outputs},
         limit=f"{LIMIT:g}",
         constants=relative,
         within=lambda name, value: within_limit(value, relative.get(name)),

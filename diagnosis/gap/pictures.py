@@ -46,6 +46,12 @@ def draw_candidates(done: Diagnosis) -> Figure:
     return made
 
 
+def barless(done: Diagnosis) -> tuple[int, str]:
+    """How many candidates would have a bar and are not drawn, and the share of the mark from which one has a bar."""
+    scan = done.search.stages[0].scan
+    return max(int((scan.beyond / scan.threshold > _LEAST_SHARE).sum()) - _MOST, 0), f"{_LEAST_SHARE:.0%}"
+
+
 def draw_angles(done: Diagnosis) -> Figure:
     """Angles between what the parameters cannot imitate of the candidates' signatures, in signs that they may have."""
     scan = done.search.stages[0].scan

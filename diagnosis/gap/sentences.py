@@ -9,7 +9,7 @@ from types import MappingProxyType
 from diagnosis.gap.schema import FEWEST, NamedEffect, Report, ShrinkageOf
 from diagnosis.gap.stages import LEVEL, PLAIN
 from diagnosis.pages import long_named, percent, within_sentence
-from shared.numbers import counted
+from shared.numbers import counted, number
 from shared.variables import spaced
 
 NEEDED = 0.05
@@ -154,7 +154,7 @@ def _sure(report: Report, name: str) -> str:
 def _amount(one: NamedEffect) -> str:
     if one.amplitude is None or one.low is None or one.high is None:
         return "an unknown amount"
-    return f"{one.amplitude:.3g}{spaced(one.unit)} ({one.low:.3g} to {one.high:.3g})"
+    return f"{number(one.amplitude, 3)}{spaced(one.unit)} ({number(one.low, 3)} to {number(one.high, 3)})"
 
 
 def _how_far(report: Report, long: Mapping[str, str]) -> str:
@@ -207,7 +207,7 @@ def _removed(one: ShrinkageOf, channel: str) -> str:
     after, floor = one.after or 0.0, one.floor or 0.0  # there is a share, so there are readings
     rest = after / floor if floor > 0 else math.inf
     left = "less than 1%" if rest < 0.01 else percent(rest, 0)
-    return f"all in {channel} (what is left is {left} of what noise is taken for, {floor:.3g}{spaced(one.unit)})"
+    return f"all in {channel} (what is left is {left} of what noise is taken for, {number(floor, 3)}{spaced(one.unit)})"
 
 
 def _share(value: float | None) -> str:

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from diagnosis.importing.clock import Clock
 from diagnosis.importing.filling import runs
 from diagnosis.importing.series import Series
-from diagnosis.pictures import as_png
+from diagnosis.pictures import as_png, readable
 from shared.flags import ASSUMED, IMPOSSIBLE, INTERPOLATED, STUCK
 from shared.variables import ZERO_CELSIUS
 
@@ -57,8 +57,10 @@ def draw_recording(series: Sequence[Series], time: np.ndarray, clock: Clock, tit
 
 
 def _panel(axes: Axes, one: Series, time: np.ndarray, clock: Clock) -> None:
+    _, unit = readable(one.values, one.target.unit)
+
     def shown(values: np.ndarray) -> np.ndarray:
-        return values - ZERO_CELSIUS if one.target.unit == "K" else values
+        return values - ZERO_CELSIUS if unit != one.target.unit else values
 
     dates = clock.dates(time)
     style: dict[str, Any] = {"drawstyle": "steps-pre"} if one.target.method == "mean" else {}
@@ -86,7 +88,7 @@ def _panel(axes: Axes, one: Series, time: np.ndarray, clock: Clock) -> None:
                 values = np.clip(shown(signal.values[chosen]), low, high)
                 at = clock.dates(signal.middle[chosen])
                 axes.plot(at, values, mark, color="#cc3311", markersize=4, label=text)
-    axes.set_ylabel(f"{one.target.name}\n[{'°C' if one.target.unit == 'K' else one.target.unit}]")
+    axes.set_ylabel(f"{one.target.name}\n[{unit}]")
     axes.set_title(_from(one.origin), loc="left", fontsize=8, pad=2)
     axes.margins(x=0.005)
     axes.grid(alpha=0.25)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from diagnosis.where.bands import MEANING, WHOLE
+from shared.numbers import number
 from shared.variables import spaced
 
 Kind = Literal["cell", "correlation", "episode", "source", "sensor"]
@@ -40,8 +41,8 @@ class Finding:
         if self.kind == "correlation":
             return f" (r = {self.size:+.2f})"
         if self.kind == "sensor":
-            return f" (log likelihood ratio {self.size:+.3g})"
-        return f" by {abs(self.size):.3g}{spaced(self.unit)}"
+            return f" (log likelihood ratio {number(self.size, 3, signed=True)})"
+        return f" by {number(abs(self.size), 3)}{spaced(self.unit)}"
 
     def _place(self) -> str:
         words = []

@@ -14,6 +14,7 @@ from diagnosis.where.episodes import REST, EpisodeTest
 from diagnosis.where.ink import MEASURED, QUIET, TWINS, readable
 from diagnosis.where.series import DAY, Residuals
 from diagnosis.where.source import SourceTest, Verdict
+from shared.numbers import number
 from shared.variables import spaced
 
 _WIDTH = 150
@@ -57,7 +58,7 @@ def draw_episodes(
             axes.text(
                 (first + last) / 2,
                 heights[place],
-                f"{briefly} by {abs(one.size):.3g}{spaced(one.unit)}",
+                f"{briefly} by {number(abs(one.size), 3)}{spaced(one.unit)}",
                 transform=axes.get_xaxis_transform(),
                 ha="left"
                 if (first + last) / 2 < days[-1] * 0.12

@@ -140,6 +140,7 @@ def test_the_command_writes_figures_and_a_page(house, house_recording, tmp_path,
         assert one.prior_min <= one.low < one.value < one.high <= one.prior_max
         assert abs(np.log(one.value / true)) < 4 * abs(np.log(one.high / one.low)) / 3.29
     page = (out / "calibration.html").read_text()
+    assert "Times are of standard time, also in summer." in page and "are not drawn" not in page
     assert page.count("data:image/png;base64,") == 5
     assert all(name in page for name in TRUTH)
     assert "http" not in page.replace("http-equiv", "")

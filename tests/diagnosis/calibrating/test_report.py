@@ -54,14 +54,28 @@ def test_the_grey_band_is_of_the_declared_noise_whatever_the_fit_found(monkeypat
     ]
 
 
+def driven(done, signals):
+    """The same calibration with signals by the inputs' names."""
+    done.problem.recording.step, done.problem.size, done.problem.values = 3600.0, 0, np.asarray
+    done.problem.system.inputs = [SimpleNamespace(name=name, source="weather", unit="K") for name in signals]
+    done.problem.drive.signals = {name: SimpleNamespace(at=at) for name, at in signals.items()}
+    done.problem.nuisance, done.fit.z = SimpleNamespace(levels=()), np.empty(0)
+    return done
+
+
 @pytest.mark.parametrize("inputs", [[], ["ambient"]])
 def test_inputs_of_which_none_moves_are_an_empty_picture(monkeypatch, inputs):
     """A tank in a room whose temperature stays, whose persons were counted, or which has no inputs at all."""
-    done = done_with(np.zeros((2, 24)))
-    done.problem.recording.step, done.problem.size, done.problem.values = 3600.0, 0, np.asarray
-    done.problem.system.inputs = [SimpleNamespace(name=name, source="weather", unit="K") for name in inputs]
-    done.problem.drive.signals = {name: SimpleNamespace(at=np.zeros_like) for name in inputs}
-    done.problem.nuisance, done.fit.z = SimpleNamespace(levels=()), np.empty(0)
+    done = driven(done_with(np.zeros((2, 24))), dict.fromkeys(inputs, np.zeros_like))
     monkeypatch.setattr("diagnosis.calibrating.report.embedded", lambda made: made)
-    (panel,) = _inputs(done).axes
+    picture, rest = _inputs(done)
+    (panel,) = picture.axes
     assert not panel.lines and panel.get_xlabel().startswith("days since")
+    assert rest == []
+
+
+def test_inputs_that_move_and_are_not_drawn_are_named(monkeypatch):
+    signals = {f"in{k}": np.asarray for k in range(14)} | {"still": np.zeros_like}
+    monkeypatch.setattr("diagnosis.calibrating.report.embedded", lambda made: made)
+    picture, rest = _inputs(driven(done_with(np.zeros((2, 24))), signals))
+    assert len(picture.axes) == 12 and rest == ["in12", "in13"]

@@ -71,6 +71,10 @@ def test_what_is_left_is_held_against_the_declared_noise(calibrated):
 
     slow, rough = f"What is left of {name} is slow", f"What is left of {name} (0.3"
     assert slow not in told(noise=0.1, slow_noise=0.09) and rough not in told(noise=0.12, slow_noise=0.0)
+    assert f"{rough}, declared 0.1) scatters" in told(noise=0.3, slow_noise=0.2, unit="1")
+    assert f"What is left of {name} (1230 W, declared 100)" in told(
+        noise=1234.0, declared=100.0, slow_noise=0, unit="W"
+    )
     both = told(noise=0.3, slow_noise=0.2)
     assert slow in both and rough in both and "declared 0.1) scatters from reading to reading" in both
     none = told((name,), noise=0.3, slow_noise=0.2)

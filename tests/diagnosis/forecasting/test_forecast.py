@@ -213,6 +213,7 @@ def test_parameters_of_the_context_are_said_to_be_its_own_whatever_its_length(st
     )  # fmt: skip
     page = page_environment().get_template("forecast.html.j2").render(report=report, summary=[], outputs={}, picture="")
     assert said in " ".join(page.split())
+    assert "Times are of standard time, also in summer." in " ".join(page.split())
 
 
 @pytest.mark.parametrize(

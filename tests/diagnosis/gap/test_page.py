@@ -4,9 +4,10 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from diagnosis.gap import concluded, decision
+from diagnosis.gap import concluded, decision, pictures
 from diagnosis.gap.page import answered_by, dated, render
 from diagnosis.where.source import SUSPECT
+from shared.numbers import number
 from tests.diagnosis.gap.report_cases import named, place, report
 
 
@@ -48,3 +49,22 @@ def test_where_there_is_no_gap_no_place_is_called_one(drifted, monkeypatch):
     assert "None of this is enough for a gap" in page and {"none"} == answered_by(done)
     assert SUSPECT not in page and "this balance is off" not in page
     assert drifted.done.report.dropped == [] and "None of this is enough" not in " ".join(render(drifted.done).split())
+
+
+def test_a_candidate_without_a_bar_is_not_told_to_explain_nothing(drifted, monkeypatch):
+    monkeypatch.setattr(pictures, "_MOST", 1)
+    scan = drifted.done.search.stages[0].scan
+    with_bar = int((scan.beyond / scan.threshold > 0.01).sum())
+    page = " ".join(render(drifted.done).split())
+    assert with_bar > 1 and "explain nothing" not in page
+    assert (
+        f"has less than 1% of its mark beyond that, or is one of {with_bar - 1} with shorter bars that are not" in page
+    )
+    monkeypatch.setattr(pictures, "_MOST", 14)
+    assert "that are not drawn: its whole" not in " ".join(render(drifted.done).split())
+
+
+def test_the_noise_of_the_null_has_its_unit(drifted):
+    (one,) = drifted.done.report.noise
+    page = " ".join(render(drifted.done).split())
+    assert f"{number(one.size)} degC" in page.split("Noise of the null:")[1]
