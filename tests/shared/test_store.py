@@ -1,5 +1,6 @@
 """The schema and the store: what is written is read back, and what is broken is named."""
 
+import errno
 import json
 import sys
 from pathlib import Path
@@ -12,7 +13,15 @@ import xarray as xr
 from shared.errors import DatasetError
 from shared.reading import MOST_JSON
 from shared.schema import build_shard, dataset_hash, split_of, time_axis
-from shared.store import DatasetFolder, Manifest, read_manifest, sha256_of, write_manifest, write_shard
+from shared.store import (
+    DatasetFolder,
+    Manifest,
+    read_manifest,
+    sha256_of,
+    write_atomically,
+    write_manifest,
+    write_shard,
+)
 from shared.system import load_system
 from tests.small_disk import SAID, small_disk
 
@@ -232,3 +241,16 @@ def test_a_full_disk_is_an_error_of_the_host_and_leaves_all_as_it_was(tmp_path, 
         write_shard(path, make_shard(system, [0], count=8760), [0])
     assert list(tmp_path.iterdir()) == [path]
     assert path.read_bytes() == before
+
+
+def test_a_disk_that_is_full_names_the_file_and_keeps_what_was_there(tmp_path, monkeypatch):
+    def full(_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    path = tmp_path / "evaluation.json"
+    write_atomically(path, b"old")
+    monkeypatch.setattr("shared.store.os.fsync", full)
+    with pytest.raises(OSError, match="No space left") as raised:
+        write_atomically(path, b"new")
+    assert raised.value.filename == str(path)
+    assert path.read_bytes() == b"old" and [one.name for one in tmp_path.iterdir()] == ["evaluation.json"]
