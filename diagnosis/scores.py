@@ -13,10 +13,8 @@ from pydantic import BaseModel, ConfigDict
 from rich.table import Table
 
 from diagnosis.recording import HOUR
-from shared.units import spelled
+from shared.units import TEMPERATURES, spelled
 
-NO_SHARE = ("K", "degC", "degF")
-"""Units whose zero is arbitrary or far away: a share of their mean says nothing."""
 HOURLY_CVRMSE = 0.30
 HOURLY_NMBE = 0.10
 """What Guideline 14 asks of a simulation calibrated to hourly data."""
@@ -71,7 +69,8 @@ def shares(
     """
     count = len(measured) - fitted
     mean = abs(float(measured.mean())) if count > 0 else 0.0
-    if spelled(unit) in NO_SHARE or mean == 0:
+    # the zero of a temperature is arbitrary or far away: a share of its mean says nothing
+    if spelled(unit) in TEMPERATURES or mean == 0:
         return None, None
     return float(np.sqrt(np.sum(residual**2) / count) / mean), float(residual.sum() / (count * mean))
 

@@ -19,6 +19,8 @@ SPELLINGS = {
     "kelvin": "K",
 }
 """How units are written, by the spelling that limits and checks go by."""
+TEMPERATURES = ("K", "degC", "degF")
+"""Units of temperature, each in its one spelling."""
 ABSOLUTE = 150.0
 """Temperatures in buildings are above [K], and differences of temperature below."""
 

@@ -101,16 +101,26 @@ def find_faults(dataset: DatasetFolder, *, quiet: bool = True) -> list[Fault]:
     return faults
 
 
+def lacking(dataset: DatasetFolder) -> int:
+    """How many systems that a dataset shall have are neither in a shard nor among the failures.
+
+    Raises
+    ------
+    DatasetError
+        If the list of failures cannot be read.
+    """
+    manifest = dataset.manifest
+    return manifest.systems - len(manifest.done()) - len(Failures.read(dataset.folder))
+
+
 def _tell_lacking(dataset: DatasetFolder) -> None:
     """Say how many systems are neither in a shard nor among the failures: a run goes on, or a list was lost."""
     with suppress(DatasetError):  # of failures that cannot be read, which are a fault of their own
-        manifest = dataset.manifest
-        lacking = manifest.systems - len(manifest.done()) - len(Failures.read(dataset.folder))
-        if lacking > 0:
+        if (left := lacking(dataset)) > 0:
             _log.warning(
                 "%s: %d of its %d systems are neither in a shard nor in failures.jsonl: its run was stopped or is not"
                 " over, or the list was changed",
-                *(dataset.folder, lacking, manifest.systems),
+                *(dataset.folder, left, dataset.manifest.systems),
             )
 
 

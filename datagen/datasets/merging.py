@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from datagen.datasets.inspection import lacking
 from datagen.farming.card import write_card
 from datagen.farming.failures import FILE_NAME as FAILURES_FILE
 from datagen.farming.failures import Failures
@@ -173,11 +174,10 @@ def _check_whole(dataset: DatasetFolder) -> None:
                 f"{path}: not in the manifest; expected shards that are: run again to go on with a run that was "
                 "stopped, or remove the file"
             )
-    lacking = manifest.systems - len(manifest.done()) - len(Failures.read(dataset.folder))
-    if lacking > 0:
+    if (left := lacking(dataset)) > 0:
         _log.warning(
             "%s: %d of its %d systems have not been simulated, and are not in what is merged",
-            *(dataset.folder, lacking, manifest.systems),
+            *(dataset.folder, left, manifest.systems),
         )
 
 

@@ -1,7 +1,7 @@
 """Whether a weather file's radiation fits its place and its clock: the sun has to be up when it shines.
 
 A time zone or longitude of the wrong sign, rows in local time under a header in UTC, or rows named by the hour's start
-change no single value, and halve the sun on a facade. Two figures tell them: the share of the radiation that falls
+change no single value, and put another sun on a facade. Two figures tell them: the share of the radiation that falls
 while the sun is down, and how well global irradiance is diffuse plus the horizontal part of direct irradiance.
 """
 
@@ -24,7 +24,7 @@ _log = logger(__name__)
 DOWN = 92.0
 """Zenith [degree] from which the sun counts as down."""
 IN_THE_DARK = 0.25
-"""Share of the radiation that falls while the sun is down from which a file is refused: 0 to 0.001 in real files."""
+"""Share of the radiation that falls while the sun is down from which a file is refused, whatever else it holds."""
 OTHERWISE = 0.5
 """Another clock or place that leaves less than this share of the misfit is taken for the right one."""
 LEAST = 10.0

@@ -92,8 +92,10 @@ def _is_difference(one: Input, system: System) -> bool:
     if isinstance(one, ExcitationInput):
         return True
     said: list[float] = []
-    if isinstance(one, ConstantInput | MeasuredInput):
+    if isinstance(one, ConstantInput):
         said = [one.value]
+    elif isinstance(one, MeasuredInput):
+        said = [one.value] if one.value else []  # 0 is what stands there where none was given
     elif isinstance(one, ScheduleInput):
         hours = system.schedules[one.schedule]
         said = [value for _, value in [*hours.weekday, *(hours.weekend or [])]]

@@ -24,7 +24,7 @@ def principal(columns: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray
     if not columns.size:
         return np.empty(0), np.empty((count, 0)), np.empty((rows, 0))
     wide = count > rows
-    # divide and conquer: all vectors are asked for, and it takes less than half the time of the default
+    # all vectors are asked for, which divide and conquer gives fastest
     values, vectors = eigh(columns @ columns.T if wide else columns.T @ columns, driver="evd")
     keep = values > least
     values, vectors = values[keep], vectors[:, keep]

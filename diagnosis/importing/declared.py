@@ -10,7 +10,7 @@ from diagnosis.importing import units
 from diagnosis.importing.quality import is_constant
 from diagnosis.importing.series import Series
 from shared.system import System
-from shared.units import spelled
+from shared.units import TEMPERATURES, spelled
 from shared.variables import (
     ZERO_CELSIUS,
     ConstantInput,
@@ -32,9 +32,6 @@ WIDEST = 30.0
 """The air outdoors hardly ever moves by more within a day [K], and degrees Fahrenheit taken for Celsius do."""
 COLDER = 3.0
 """Nothing indoors is colder than the air outdoors by so much on average [K], and varies more."""
-
-_TEMPERATURES = ("K", "degC", "degF")
-"""Units of temperature, each in its one spelling."""
 
 
 def about_all(series: Sequence[Series], system: System) -> list[str]:
@@ -113,7 +110,7 @@ def about_swap(series: Sequence[Series], air: Sequence[Series]) -> list[str]:
     """Sentences on temperatures that are colder than the air outdoors and vary more: columns may be swapped."""
     said = []
     for out in air:
-        for one in [one for one in series if one.target.role == "output" and spelled(one.target.unit) in _TEMPERATURES]:
+        for one in [one for one in series if one.target.role == "output" and spelled(one.target.unit) in TEMPERATURES]:
             warmth = units.convert(one.values, spelled(one.target.unit), "K", density=1.0, where=one.target.name)
             both = np.isfinite(out.values) & np.isfinite(warmth)
             if both.sum() < 2:

@@ -227,13 +227,9 @@ class Judge:
         limits = possible_in_source(source, unit, density=density, where=where, sun=sun)
         self.tell(plausible.about_impossible(column, signal, source, *limits))
         self.tell(plausible.about_noise(column, signal))
-        if source.unit in ("percent", "%") and source.scale == 1:
-            most = float(np.nanmax(readings))
-            # a fraction is a hundred times as much, and that of CO2 would be impossible
-            asked = 0 < most <= 1.0 and 100.0 * most <= limits[1] * (1 + 1e-9)
-        else:
-            asked = False
-        if asked:
+        most = float(np.nanmax(readings)) if source.unit in ("percent", "%") and source.scale == 1 else 0.0
+        # a fraction is a hundred times as much, and that of CO2 would be impossible
+        if 0 < most <= 1.0 and 100.0 * most <= limits[1] * (1 + 1e-9):
             self.notes.append(f"column {column}: declared in percent, but no reading is above 1; is it a fraction?")
         self.tell(plausible.about_register(column, signal) if units.is_power(unit) else None)
         # a state is silent while nothing changes

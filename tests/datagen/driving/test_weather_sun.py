@@ -8,7 +8,7 @@ import pvlib
 import pytest
 
 from datagen.driving.weather_files import read_hourly
-from datagen.driving.weather_sun import check_sun
+from datagen.driving.weather_sun import check_sun, sun_over, sunlit_middles
 from shared.errors import WeatherError
 
 DATA = Path(pvlib.__file__).parent / "data"
@@ -51,8 +51,6 @@ def test_a_clock_or_a_place_that_is_not_the_radiation_s_is_refused(real, change,
 
 def test_instants_in_place_of_means_are_told(real, caplog):
     """The sun of the end of each hour: global is made to be the others' there."""
-    from datagen.driving.weather_sun import sun_over, sunlit_middles
-
     ends = sun_over(sunlit_middles(real, 0.5), real).zenith
     ghi = real.columns["dhi"] + real.columns["dni"] * np.maximum(np.cos(np.radians(ends)), 0)
     with caplog.at_level("WARNING", logger="zeroshot"):

@@ -33,3 +33,18 @@ def test_an_input_is_a_difference_where_its_description_has_small_values(default
     check_recording(recorded, as_input(default_system, constant.name, value=0.0))
     with pytest.raises(RecordingError, match="look like degC"):
         check_recording(recorded, as_input(default_system, constant.name, value=293.15))
+
+
+@pytest.mark.parametrize(("value", "difference"), [(0.0, False), (2.0, True), (293.15, False)])
+def test_what_stands_in_for_a_measured_temperature_tells_a_difference_only_where_it_was_given(
+    default_system, recorded, value, difference
+):
+    """The 0 that nobody wrote is none: degrees Celsius in an input in K are still found."""
+    measured = next(one for one in default_system.inputs if one.source == "measured")
+    recorded.inputs[measured.name] = np.full(len(recorded.time), 21.0)
+    system = as_input(default_system, measured.name, value=value)
+    if difference:
+        check_recording(recorded, system)
+    else:
+        with pytest.raises(RecordingError, match="look like degC"):
+            check_recording(recorded, system)

@@ -248,27 +248,6 @@ def test_pictures_mark_what_the_list_names_and_nothing_else(everything):
     assert said == [0, len(everything.episodes.findings)]
 
 
-@pytest.mark.parametrize(
-    ("kind", "size", "said"),
-    [
-        ("cell", -1234.0, " by 1230 W, throughout"),
-        ("sensor", 1234.0, " ratio +1230)"),
-        ("episode", 0.01234, " by 0.0123 W, from"),
-    ],
-)
-def test_amounts_are_told_without_powers_of_ten(kind, size, said):
-    cell = {
-        "hours": "any",
-        "day_type": "any",
-        "regime": "any",
-        "band": "all",
-        "statistic": "mean",
-        "period": "from here to there",
-    }
-    text = Finding(kind, "Q", "heater", cell, 0.01, "measured lower", size, "W", 3.0).text
-    assert said in text and "e+" not in text
-
-
 def test_labels_of_stretches_stand_apart_and_within_and_the_surest_is_on_top(quiet):
     """Nine stretches of one output that all lie at its end."""
     found = scan_episodes(quiet)
