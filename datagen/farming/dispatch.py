@@ -59,7 +59,11 @@ class Dispatcher(Generic[Task]):
         self._again: deque[Task] = deque()
         self._alone: deque[Task] = deque()
         self._flying: dict[str, tuple[Task, Future]] = {}
+        self._bound: dict[str, set[str]] = {}
+        """the workers that a task in flight may go to, where these are not all"""
         self._landed: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self._single = False
+        """whether the one in flight is to stay alone"""
         self._run = uuid4().hex[:12]
         self._submitted = 0
         self._limit = 0
@@ -71,14 +75,13 @@ class Dispatcher(Generic[Task]):
         (self._alone if alone else self._again).append(task)
 
     def __iter__(self) -> Iterator[tuple[Task, Any]]:
-        single = False  # whether the one in flight is to stay alone
         while True:
             self._look()
             if self._alone:
                 if self._limit and not self._flying:
                     self._send(self._alone.popleft())
-                    single = True
-            elif not single:
+                    self._single = True
+            elif not self._single:
                 while len(self._flying) < self._limit and self._submit():
                     pass
             if not self._flying and not self._again and not self._alone:
@@ -90,6 +93,8 @@ class Dispatcher(Generic[Task]):
                 key = self._landed.get(timeout=_LOOK)
             except queue.Empty:
                 continue
+            if key not in self._flying:  # it was called back
+                continue
             try:
                 outcome = self._outcome(self._flying[key][1])
             except TimeoutError:  # its worker is gone, and somebody else works it out: another message comes
@@ -97,7 +102,8 @@ class Dispatcher(Generic[Task]):
                 continue
             # the future goes with it: a worker leaves in order only when nobody wants anything of it any more
             task, _ = self._flying.pop(key)
-            single = False
+            self._bound.pop(key, None)
+            self._single = False
             yield task, outcome
 
     def _submit(self) -> bool:
@@ -112,7 +118,11 @@ class Dispatcher(Generic[Task]):
         # the key is of this run alone: several runs may share a scheduler
         key = f"shard-{self._run}-{self._submitted}"
         others = self._workers - avoided if (avoided := self._avoided(task)) else set()
-        where: dict[str, Any] = {"workers": sorted(others), "allow_other_workers": True} if others else {}
+        where: dict[str, Any] = {}
+        if others:
+            # with allow_other_workers, Dask lets an avoided worker that is idle take the task back from them
+            where = {"workers": sorted(others), "allow_other_workers": False}
+            self._bound[key] = others
         future = self._client.submit(self._function, *self._arguments(task), key=key, pure=False, **where)
         self._flying[key] = (task, future)
         self._await(key)
@@ -144,7 +154,17 @@ class Dispatcher(Generic[Task]):
         if self._workers:
             self._seen = now
             self._limit = PER_WORKER * len(self._workers)
+            self._call_back()
         elif now - self._seen > self._patience:
             raise SimulationError(
                 f"no worker for {self._patience:g} s; what was finished is kept, run again when there are workers"
             )
+
+    def _call_back(self) -> None:
+        """Put tasks that wait for workers which are gone in line again."""
+        for key in [key for key, others in self._bound.items() if not others & self._workers]:
+            del self._bound[key]
+            task, future = self._flying.pop(key)
+            future.cancel()
+            self.again(task, alone=self._single)
+            self._single = False

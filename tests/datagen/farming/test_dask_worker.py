@@ -3,6 +3,7 @@
 import asyncio
 import functools
 import os
+import threading
 import time
 
 import dask
@@ -13,6 +14,7 @@ from distributed.scheduler import Scheduler
 from datagen.farming.collection import Collection
 from datagen.farming.dask_settings import OWN_CLUSTER, SETTINGS
 from datagen.farming.dask_worker import address, named, recycle, worker_of
+from datagen.farming.dispatch import Dispatcher
 from datagen.farming.failures import Failures
 from datagen.farming.plan import Piece
 from datagen.farming.worker import ShardResult
@@ -52,6 +54,42 @@ def test_one_worker_that_can_do_nothing_leaves_all_to_the_others(tmp_path, monke
         monkeypatch.setattr(made, "_count", lambda: 0)
         made.collect(client, iter([Piece(f"s{k}", (k,), 1) for k in range(12)]), quiet=True)
     assert sorted(taken) == sorted((f"s{k}", good) for k in range(12))
+
+
+def where_it_was(seconds):
+    time.sleep(seconds)
+    return address()
+
+
+def dispatched(client, source, bad):
+    """What tasks, each a number of seconds, return from workers other than ``bad``."""
+    return Dispatcher(client, where_it_was, lambda task: (task,), iter(source), avoided=lambda _: {bad})
+
+
+def test_an_idle_worker_that_is_avoided_takes_nothing_from_a_busy_one():
+    """Dask lets idle workers take tasks from busy ones once it knows how long they are."""
+    local = {"n_workers": 2, "threads_per_worker": 1, "processes": False, "dashboard_address": None}
+    with dask.config.set(SETTINGS), LocalCluster(**local) as cluster, Client(cluster, set_as_default=False) as client:
+        bad, good = sorted(client.scheduler_info(n_workers=-1)["workers"])
+        assert {outcome for _, outcome in dispatched(client, [0.2] * 20, bad)} == {good}
+
+
+@pytest.mark.parametrize("alone", [False, True])
+def test_a_task_whose_other_workers_are_gone_goes_to_the_one_that_it_avoided(alone):
+    local = {"n_workers": 2, "threads_per_worker": 1, "processes": False, "dashboard_address": None}
+    with dask.config.set(SETTINGS), LocalCluster(**local) as cluster, Client(cluster, set_as_default=False) as client:
+        bad, good = sorted(client.scheduler_info(n_workers=-1)["workers"])
+        busy = client.submit(time.sleep, 5.0, workers=[good])
+        wait_for(lambda: client.processing()[good])
+        flight = dispatched(client, [], bad)
+        for task in (0.0, 0.1):
+            flight.again(task, alone=alone)
+        begun = iter(flight)
+        gone = threading.Timer(0.3, client.retire_workers, kwargs={"workers": [good], "close_workers": True})
+        gone.start()
+        busy.release()
+        assert sorted(begun) == [(0.0, bad), (0.1, bad)]
+        gone.join()
 
 
 def test_where_an_exception_comes_from_is_known_only_of_a_worker():
