@@ -128,7 +128,7 @@ def about_swap(series: Sequence[Series], air: Sequence[Series]) -> list[str]:
 def _air(system: System) -> set[str]:
     """Inputs that are the temperature of the air outdoors, by pvlib's name of it, in K."""
     weather = [one for one in system.inputs if isinstance(one, WeatherInput)]
-    return {one.name for one in weather if one.column == "temp_air" and one.unit == "K"}
+    return {one.name for one in weather if one.column == "temp_air" and spelled(one.unit) == "K"}
 
 
 def _largest(system: System, unit: str) -> tuple[float, str]:

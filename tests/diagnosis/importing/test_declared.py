@@ -128,3 +128,13 @@ def test_a_swap_is_found_in_an_output_of_degrees_celsius(said, tmp_path, unit):
     assert said(frame, "swapped") == []
     (note,) = said(frame.rename(columns={"room": "outside", "outside": "room"}), "swapped", out="swapped.nc")
     assert note.startswith("warmth: room [degC] is 13.0 K colder on average than outdoors")
+
+
+def test_air_outdoors_in_kelvin_that_is_spelt_out_is_looked_at_as_well(said, tmp_path):
+    described = tmp_path / "declared.toml"
+    spelt = described.read_text().replace('"outdoors", unit = "K"', '"outdoors", unit = "kelvin"')
+    assert "kelvin" in spelt
+    described.write_text(spelt)
+    frame, _ = measured()
+    (note,) = said(frame.assign(outside=frame["outside"] * 1.8 + 32), "degF")
+    assert note.startswith("outdoors: outside [degC], the air outdoors, has a median of 46.4 degC")
