@@ -83,7 +83,8 @@ def main() -> None:
         sensors = Sensors(dataset.system, encoding.recorded, options.noise)
         source = WindowSource(records, encoding, sensors, torch.Generator().manual_seed(3), gaps)
         batch = source.gather(torch.from_numpy(where), torch.from_numpy(starts), length)
-        found, truth = encoding.estimates(run.answers(batch.windows, batch.time)), records.parameters[where]
+        answers = run.answers(batch.windows, batch.time)
+        found, truth = run.estimates(answers, length, options.without), records.parameters[where]
         (low,), (high,) = r2_interval(where, lambda rows: r2(truth[rows], found[rows]).mean(keepdims=True))
         return f"{r2(truth, found).mean():.3f} [{low:.2f}, {high:.2f}]"
 

@@ -131,7 +131,7 @@ def evaluate(
         place = torch.from_numpy(np.searchsorted(needed, where))
         batch = source.gather(place, torch.from_numpy(starts), length)
         truth = index.parameters[where]
-        estimate = card.encoding.estimates(run.answers(batch.windows, batch.time))
+        estimate = run.estimates(run.answers(batch.windows, batch.time), length, without or [])
         protocols[name] = figures_of_merit(card.encoding.parameters, truth, estimate, where, seen)
         answers[name] = Answers(index.seeds[where], index.systems[where], batch.time.numpy(), truth, estimate)
     result = Evaluation(

@@ -55,6 +55,8 @@ class Estimator(nn.Module):
     """Whether windows may be shorter than its shape says."""
     rounds: ClassVar[bool] = False
     """Whether it can be trained coarsely."""
+    means: ClassVar[bool] = False
+    """Whether its answers are made means; the paper takes them back to units as they are (section 4.1)."""
     coarse: bool = False
     """Whether larger products are rounded to bfloat16 while training, for speed."""
 

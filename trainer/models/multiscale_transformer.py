@@ -34,6 +34,7 @@ class MultiscaleTransformer(Estimator):
     reads_missing: ClassVar[bool] = True
     reads_shorter: ClassVar[bool] = True
     rounds: ClassVar[bool] = True
+    means: ClassVar[bool] = True
 
     def __init__(
         self,

@@ -109,7 +109,7 @@ def calibration(
     position = positions(truth, drawn, np.random.default_rng(seeds[3]))
     first = np.unique(where, return_index=True)[1]
     density = posterior.log_prob_encoded(batch.windows, batch.time, truth)
-    estimate = encoding.estimates(run.answers(batch.windows, batch.time))
+    estimate = run.estimates(run.answers(batch.windows, batch.time), length, without or [])
     hours = length * encoding.step / 3600
     typical = typical_errors(card, length, without or [], preset)
     result = Calibration(

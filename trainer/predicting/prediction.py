@@ -36,9 +36,10 @@ class _Table(BaseModel):
 class Estimate(_Table):
     """One parameter.
 
-    ``rmse`` [unit] is the root mean square error on validation systems of estimates from windows of the same length and
-    channels; None where the run's card has none for these. Where the run has a posterior, ``median`` and ``low`` to
-    ``high``, the central 90 % interval, are its own.
+    ``value`` is the estimator's answer made a mean (:mod:`trainer.runs.scatter`), where its card knows how far answers
+    scatter; ``at_bound`` is of the answer itself. ``rmse`` [unit] is the root mean square error on validation systems
+    of estimates from windows of the same length and channels; None where the run's card has none for these. Where the
+    run has a posterior, ``median`` and ``low`` to ``high``, the central 90 % interval, are its own.
     """
 
     value: float
@@ -161,7 +162,8 @@ def predict(
     if known is not None:
         _check_moving(Path(file), window, known, encoding)
     begins = window.begins + window.stamps[0]
-    estimates = run.estimate(window.values, begins)
+    answers = run.read(window.values, begins)
+    estimates = run.estimates(answers, len(window.stamps), window.absent)
     posterior = load_posterior(run)
     if posterior is None and (out is not None or corner is not None):
         raise EstimatorError(f"{run.folder}: has no posterior to draw samples from; `trainer posterior` fits one")
@@ -184,7 +186,7 @@ def predict(
     fitted_to = None if posterior is None else posterior.card.dataset
     typical = typical_errors(run.card, len(window.stamps), window.absent)
     prior = prior_of(run, encoding.scales()) if posterior is None else posterior.prior
-    place = prior.to_unit(estimates)
+    place = prior.to_unit(encoding.estimates(answers))
     predictions = []
     for i, (system, row, moved) in enumerate(zip(window.systems, estimates, window.begins, strict=True)):
         # a stamp is the end of its step, and so the window begins a step before its first one

@@ -150,6 +150,11 @@ class Encoding(BaseModel):
         """Columns of an encoded window."""
         return len(self.recorded) + 2 * len(self.derived)
 
+    def absent_from(self, values: np.ndarray) -> list[str]:
+        """Optional channels that are missing throughout windows (windows, length, recorded)."""
+        lost = np.isnan(values).all(axis=(0, 1))
+        return [name for name, gone in zip(self.recorded, lost, strict=True) if gone and name in self.optional]
+
     def scales(self) -> list[bool]:
         """Of each parameter, whether its prior is uniform in the logarithm; none is where a card does not say it."""
         return self.logarithmic or [False] * len(self.parameters)
@@ -165,13 +170,15 @@ class Encoding(BaseModel):
         scaled = (np.log10(parameters) - np.array(self.target_mean)) / np.array(self.target_sd)
         return torch.from_numpy(scaled.astype(np.float32))
 
-    def estimates(self, answers: torch.Tensor) -> np.ndarray:
+    def estimates(self, answers: torch.Tensor, factors: np.ndarray | None = None) -> np.ndarray:
         """An estimator's answers (windows, parameters) to parameters [own units], float64.
 
         They are clipped to the ranges of the system description: the prior gives what lies outside no chance.
+        ``factors`` (parameters,) make means of them (:mod:`trainer.runs.scatter`); None leaves them as they are.
         """
         log10 = answers.double().numpy() * np.array(self.target_sd) + np.array(self.target_mean)
-        return np.clip(10.0**log10, self.parameter_min, self.parameter_max)
+        found = 10.0**log10 if factors is None else factors * 10.0**log10
+        return np.clip(found, self.parameter_min, self.parameter_max)
 
 
 def make_encoding(

@@ -5,6 +5,7 @@ No pickle: loading a run executes nothing that it holds.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any, Literal
 
@@ -22,13 +23,14 @@ from trainer.reading.encoding import Encoding
 from trainer.reading.familiar import Familiar
 from trainer.reading.kind import Kind
 from trainer.runs.pair import digest, write_pair
+from trainer.runs.scatter import Errors, factors_of
 from trainer.runs.systems import Systems
 from trainer.runs.weights import check_card_version, load_weights, weights_data
 
-SCHEMA_VERSION = 5
+SCHEMA_VERSION = 6
 """The first version has no errors by condition; before the third it is not said which channels are means of a step, and
-which never varied, before the fourth not which uncertain constants were as declared, and before the fifth not of what
-dataset the errors are."""
+which never varied, before the fourth not which uncertain constants were as declared, before the fifth not of what
+dataset the errors are, and before the sixth not how far answers scatter, so that these are not made means."""
 CARD = "estimator.json"
 WEIGHTS = "weights.safetensors"
 CALIBRATION = ("calibration.json", "calibration.md", "calibration.csv", "sbc.png", "coverage.png")
@@ -83,21 +85,6 @@ def beside_mean(loss: float, mean: float | None) -> str:
     return f"{loss:.4f}" + ("" if mean is None else f" (the mean's: {mean:.4f})")
 
 
-class Errors(_Table):
-    """Root mean square errors on validation systems under one condition, readings without gaps."""
-
-    length: int
-    """samples of a window"""
-    absent: list[str]
-    """recorded channels that it lacks"""
-    noise: str
-    """sensor preset"""
-    windows: int
-    systems: int
-    rmse: dict[str, float]
-    """of each parameter [its own unit]"""
-
-
 def shape_of(encoding: Encoding) -> Shape:
     """Sizes of an estimator's windows and answers."""
     return Shape(
@@ -148,6 +135,7 @@ class Card(_Table):
     def _errors_fit(self) -> Card:
         """Errors are of the encoding's parameters, what is familiar of its channels."""
         told = [("validation_errors", one.rmse) for one in self.validation_errors]
+        told += [("validation_errors", one.scatter) for one in self.validation_errors if one.scatter is not None]
         told += [("validation_rmse", self.validation_rmse)] if self.weights_sha256 else []  # none before the first save
         for field, rmse in told:
             if set(rmse) != set(self.encoding.parameters):
@@ -199,6 +187,12 @@ class Run:
         """Standardised log10 answers (windows, parameters) to encoded windows (windows, length, columns)."""
         return forward_in_chunks(self.model, windows, time)
 
+    def read(self, values: np.ndarray, time: np.ndarray) -> torch.Tensor:
+        """Answers (windows, parameters) to recorded windows; the arguments are those of :meth:`estimate`."""
+        stamps = torch.from_numpy(np.asarray(time, dtype=np.float64))
+        encoded = self.card.encoding.encode(torch.from_numpy(np.asarray(values, dtype=np.float32)), stamps)
+        return self.answers(encoded, stamps)
+
     def estimate(self, values: np.ndarray, time: np.ndarray) -> np.ndarray:
         """Parameters (windows, parameters) [own units], float64.
 
@@ -209,9 +203,20 @@ class Run:
         time
             Time stamp of each window's first sample, shape (windows,) [s since time zero].
         """
-        stamps = torch.from_numpy(np.asarray(time, dtype=np.float64))
-        encoded = self.card.encoding.encode(torch.from_numpy(np.asarray(values, dtype=np.float32)), stamps)
-        return self.card.encoding.estimates(self.answers(encoded, stamps))
+        absent = self.card.encoding.absent_from(values)
+        return self.estimates(self.read(values, time), values.shape[1], absent)
+
+    def estimates(self, answers: torch.Tensor, length: int, absent: Collection[str] = ()) -> np.ndarray:
+        """Answers to windows of ``length`` samples that lack the channels ``absent`` throughout, as parameters.
+
+        Returns
+        -------
+        np.ndarray
+            Means (windows, parameters) [own units]; where the card does not say how far answers scatter, what they are
+            themselves, which are geometric means.
+        """
+        errors = self.card.validation_errors
+        return self.card.encoding.estimates(answers, factors_of(errors, self.card.encoding.parameters, length, absent))
 
 
 def forward_in_chunks(model: Estimator, windows: torch.Tensor, time: torch.Tensor) -> torch.Tensor:

@@ -17,7 +17,8 @@ from shared.system import System
 from trainer.models.base import Estimator
 from trainer.reading.noise import Sensors
 from trainer.reading.windows import WindowSource, disjoint_windows
-from trainer.runs.checkpoint import Card, Errors, forward_in_chunks
+from trainer.runs.checkpoint import Card, forward_in_chunks
+from trainer.runs.scatter import Errors, means_from
 
 WINDOWS = 256
 """Of each condition, at most: errors within 5 %, and minutes where there are many conditions and a large network."""
@@ -52,31 +53,43 @@ def measured_errors(
     """
     encoding = card.encoding
     numbers = [int(one) for one in np.random.SeedSequence(seed).generate_state(2)]
-    presets = dict.fromkeys(card.noise.split())
-    conditions = list(product(encoding.lengths, absences(encoding.optional), presets))
+    presets = list(dict.fromkeys(card.noise.split()))
+    conditions = list(product(encoding.lengths, absences(encoding.optional)))
     found = []
-    for length, absent, preset in tracked(conditions, "validation errors", shown=progress and len(conditions) > 1):
+    for length, absent in tracked(conditions, "validation errors", shown=progress and len(conditions) > 1):
         rng = np.random.default_rng(numbers[0])
         where, starts = disjoint_windows(rows, len(source.time), length, WINDOWS, rng)
-        readings = source.under(
-            Sensors(system, encoding.recorded, preset),
-            torch.Generator().manual_seed(numbers[1]),
-            Without(encoding.recorded, absent),
-        )
-        batch = readings.gather(torch.from_numpy(where), torch.from_numpy(starts), length)
-        answers = encoding.estimates(forward_in_chunks(network, batch.windows, batch.time))
-        rmse = np.sqrt(np.mean((answers - encoding.estimates(batch.targets)) ** 2, axis=0))
-        found.append(
+        answers, truth = [], np.empty(0)
+        for preset in presets:
+            readings = source.under(
+                Sensors(system, encoding.recorded, preset),
+                torch.Generator().manual_seed(numbers[1]),
+                Without(encoding.recorded, absent),
+            )
+            batch = readings.gather(torch.from_numpy(where), torch.from_numpy(starts), length)
+            answers.append(forward_in_chunks(network, batch.windows, batch.time))
+            truth = encoding.estimates(batch.targets)  # the same under every preset
+        scatter = np.array([_rms(np.log(encoding.estimates(one) / truth)) for one in answers])
+        factors = means_from(scatter) if network.means else None
+        rmse = [_rms(encoding.estimates(one, factors) - truth) for one in answers]
+        found += [
             Errors(
                 length=length,
                 absent=absent,
                 noise=preset,
                 windows=len(where),
                 systems=len(np.unique(where)),
-                rmse=dict(zip(encoding.parameters, rmse.tolist(), strict=True)),
+                rmse=dict(zip(encoding.parameters, error.tolist(), strict=True)),
+                scatter=dict(zip(encoding.parameters, row.tolist(), strict=True)) if network.means else None,
             )
-        )
+            for preset, error, row in zip(presets, rmse, scatter, strict=True)
+        ]
     return found
+
+
+def _rms(values: np.ndarray) -> np.ndarray:
+    """Root mean square over windows (windows, parameters)."""
+    return np.asarray(np.sqrt(np.mean(values**2, axis=0)))
 
 
 class Without:

@@ -23,8 +23,9 @@ from shared.store import write_atomically
 from trainer.figures import draw_loss_curve
 from trainer.models.base import Estimator, Recipe
 from trainer.reading.windows import Batch, Sampler
-from trainer.runs.checkpoint import CARD, Card, Errors, Stop, forward_in_chunks, save_run
+from trainer.runs.checkpoint import CARD, Card, Stop, forward_in_chunks, save_run
 from trainer.runs.pair import digest
+from trainer.runs.scatter import Errors
 from trainer.runs.state import (
     STATE,
     Tensors,

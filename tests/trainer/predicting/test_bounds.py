@@ -19,10 +19,17 @@ PLACES = [
 ]
 
 
+def answering(estimate, monkeypatch):
+    """Let runs answer parameters to whatever they read."""
+    monkeypatch.setattr(
+        Run, "read", lambda run, values, _: run.card.encoding.targets(np.tile(estimate, (len(values), 1)))
+    )
+
+
 @pytest.mark.parametrize(("estimate", "at_bound"), PLACES)
 def test_a_bound_is_near_in_the_scale_of_the_prior(ridge_run, tanks, monkeypatch, estimate, at_bound):
     assert ridge_run.card.encoding.logarithmic == [p.scale == "log" for p in DatasetFolder(tanks).system.parameters]
-    monkeypatch.setattr(Run, "estimate", lambda _, values, __: np.tile(estimate, (len(values), 1)))
+    answering(estimate, monkeypatch)
     found = predict(ridge_run, tanks / "shards" / "000.nc").predictions[0].parameters
     assert [one.at_bound for one in found.values()] == at_bound
 
@@ -32,6 +39,6 @@ def test_a_card_of_before_has_linear_ranges(ridge_run, tanks, tmp_path, monkeypa
     card = json.loads((own / "estimator.json").read_text())
     del card["encoding"]["logarithmic"]
     (own / "estimator.json").write_text(json.dumps(card | {"schema_version": 4}))
-    monkeypatch.setattr(Run, "estimate", lambda _, values, __: np.tile([2.1, 1.002], (len(values), 1)))
+    answering([2.1, 1.002], monkeypatch)
     found = predict(load_run(own), tanks / "shards" / "000.nc").predictions[0].parameters
     assert [one.at_bound for one in found.values()] == [False, True]

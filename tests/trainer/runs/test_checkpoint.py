@@ -41,8 +41,8 @@ def test_a_damaged_card_is_told(own_ridge, text):
 
 
 def test_a_newer_version_is_told(own_ridge):
-    change_card(own_ridge, schema_version=6, tricks="new")
-    with pytest.raises(EstimatorError, match="schema version is 6; this version of zeroshot-fmu reads up to 5"):
+    change_card(own_ridge, schema_version=7, tricks="new")
+    with pytest.raises(EstimatorError, match="schema version is 7; this version of zeroshot-fmu reads up to 6"):
         load_run(own_ridge)
 
 
