@@ -17,7 +17,7 @@ from diagnosis.calibrating.calibration import calibrate
 from diagnosis.calibrating.checks import check_recording
 from diagnosis.calibrating.schema import Calibration, read_calibration
 from diagnosis.calibrating.seen import check_unseen
-from diagnosis.fitting.drive import LOST
+from diagnosis.fitting.drive import LOST, driving
 from diagnosis.fitting.noise import errors_under
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.renewing import renewed
@@ -107,6 +107,8 @@ def forecast(
     whole_record, first = _part(record, end), _part(record, split)
     check_recording(first, described)
     check_warm_up(record, warm_up * HOUR)
+    if replay:
+        check_driven(described, whole_record, split)
     described = described.with_experiment(step=record.step, hours=context + ahead)
     common = {"replay": replay, "occupancy": occupancy, "warm_up": warm_up}
     if given is None:
@@ -142,13 +144,6 @@ def forecast(
                 f" {problem.occupancy} and {len(problem.constants)} constants: give both the same occupancy and system"
             )
         check_constants(report, problem, z)
-        for name in problem.drive.replayed:
-            found = np.isfinite(whole_record.outputs[described.output_names.index(name), split:])
-            if found.mean() < 1 - LOST:
-                raise RecordingError(
-                    f"{record.path}: {name!r} was read in {found.mean():.0%} of the hours ahead; expected at least"
-                    f" {1 - LOST:.0%}, as it drives the model: forecast with simulated controllers, without replay"
-                )
         tell("simulating")
         seen = np.zeros(problem.observed.shape, dtype=bool)
         seen[:, :split] = True
@@ -192,6 +187,23 @@ def forecast(
 
         write_forecast(answer, Path(out))
     return answer
+
+
+def check_driven(system: System, record: Recording, split: int) -> None:
+    """Refuse to replay an output of which too much was not read from step ``split`` of a recording on.
+
+    Raises
+    ------
+    RecordingError
+        Naming the output.
+    """
+    for name in driving(system, record):
+        found = np.isfinite(record.outputs[system.output_names.index(name), split:])
+        if found.mean() < 1 - LOST:
+            raise RecordingError(
+                f"{record.path}: {name!r} was read in {found.mean():.0%} of the hours ahead; expected at least"
+                f" {1 - LOST:.0%}, as it drives the model: forecast with simulated controllers, without replay"
+            )
 
 
 def _steps(record: Recording, hours: float) -> int:

@@ -2,6 +2,7 @@
 
 import shutil
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,12 +14,12 @@ from diagnosis.calibrating.schema import read_calibration
 from diagnosis.cli import app
 from diagnosis.fitting.problem import Problem
 from diagnosis.forecasting import forecast as forecasting
-from diagnosis.forecasting.forecast import band, forecast
+from diagnosis.forecasting.forecast import band, check_driven, forecast
 from diagnosis.forecasting.forecasted import about_failed
 from diagnosis.forecasting.given import check_constants
 from diagnosis.forecasting.report import _days
 from diagnosis.pages import page_environment
-from diagnosis.recording import read_recording
+from diagnosis.recording import Recording, read_recording
 from shared.console import FAULT, start
 from shared.errors import RecordingError, SimulationError
 
@@ -172,6 +173,21 @@ def test_a_replayed_actuator_that_was_not_read_ahead_is_refused(default_system, 
             replay=True,
             occupancy="measured",
         )
+
+
+def test_actuators_that_were_logged_under_their_own_names_need_no_output(house, house_recording, default_system):
+    """The house has no outputs of its actuators' columns at all; the room's were not read."""
+    check_driven(house("me"), read_recording(house_recording(hours=96), house("me")), 48)
+    time = 3600.0 * np.arange(1, 73)
+    outputs = np.full((len(default_system.outputs), 72), np.nan)
+    moving = 1.0 + np.sin(time)
+    record = Recording(
+        Path("room.nc"), 3600.0, time, outputs, {"QHea_in": moving, "mOA_in": moving}, np.datetime64("2001-01-01")
+    )
+    check_driven(default_system, record, 48)
+    resting = replace(record, inputs={"QHea_in": moving, "mOA_in": np.zeros(72)})  # as an import makes it
+    with pytest.raises(RecordingError, match=r"'mOA' was read in 0% of the hours ahead; expected at least 95%"):
+        check_driven(default_system, resting, 48)
 
 
 @pytest.mark.slow
