@@ -48,7 +48,7 @@ def forecast(
     out: Path | str | None = None,
     replay: bool = False,
     occupancy: str | None = None,
-    noise: str = "sensor",
+    noise: str | None = None,
     draws: int = DRAWS,
     starts: int | None = None,
     warm_up: float = WARM_UP,
@@ -64,10 +64,11 @@ def forecast(
 
     Parameters
     ----------
-    run, starts
-        Of the calibration on the context: folder of an estimator for the first guess, and starts in all.
+    run, starts, noise
+        Of the calibration on the context: folder of an estimator for the first guess, starts in all, and a noise preset
+        of the description (``sensor`` if not given).
     calibration
-        A calibration made before, in place of that one.
+        A calibration made before, in place of that one; its noise is the forecast's.
     draws
         Simulations behind the bands.
     out
@@ -89,14 +90,16 @@ def forecast(
         check_folder(Path(out), RecordingError)
     given = None
     if calibration is not None:
-        if idle := [name for name, one in (("run", run), ("starts", starts)) if one is not None]:
+        beside = (("run", run), ("starts", starts), ("noise", noise))
+        if idle := [name for name, one in beside if one is not None]:
             raise RecordingError(
                 f"calibration is given, and {' and '.join(idle)} beside it; expected one of both: nothing is fitted"
-                " where the parameters are those of a calibration made before"
+                " where parameters and noise are those of a calibration made before"
             )
         given = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
     described = system if isinstance(system, System) else load_system(system)
-    errors_under(described, noise)  # whatever is wrong is said before the simulator is built
+    preset = "sensor" if noise is None else noise
+    errors_under(described, preset)  # whatever is wrong is said before the simulator is built
     record = recording if isinstance(recording, Recording) else read_recording(recording, described)
     split, end = (_steps(record, hours) for hours in (context, context + ahead))
     if end > len(record.time):
@@ -116,7 +119,7 @@ def forecast(
             described.with_experiment(hours=context),
             first,
             run=run,
-            noise=noise,
+            noise=preset,
             starts=STARTS if starts is None else starts,
             seed=seed,
             workers=workers,
@@ -129,7 +132,7 @@ def forecast(
         report = given
         check_given(report, calibration, described, replay=replay)
         check_unseen(report, record, described.output_names, split, end)
-        noise_model = noise_of(report, described, noise)
+        noise_model = noise_of(report, described)
     z, covariance = np.array(report.z), np.array(report.covariance)
     simulator = Simulator(described)
     with side_by_side(simulator, workers=workers, scheduler=scheduler) as runner:
@@ -181,6 +184,7 @@ def forecast(
         low,
         high,
         split,
+        given=given is not None,
     )
     if out is not None:
         from diagnosis.forecasting.report import write_forecast
