@@ -127,7 +127,7 @@ def crowd(system: System, recording: Recording, wanted: str | None) -> str:
     Raises
     ------
     RecordingError
-        If they are to be measured and were not recorded.
+        If they are to be measured and were not recorded; if they are unknown, and several inputs read them.
     """
     names = [one.name for one in system.inputs if one.source == "occupancy"]
     if not names:
@@ -139,7 +139,14 @@ def crowd(system: System, recording: Recording, wanted: str | None) -> str:
         )
     if wanted not in (None, "measured", "unknown"):
         raise ValueError(f"occupancy is {wanted!r}; expected 'measured', 'unknown' or None")
-    return wanted or ("measured" if seen else "unknown")
+    found = wanted or ("measured" if seen else "unknown")
+    if found == "unknown" and len(names) > 1:
+        # each would be given a crowd of its own, where a simulated system has one for all of them
+        raise RecordingError(
+            f"{recording.path}: persons were not counted or are not to be used, and {system.path} has"
+            f" {len(names)} inputs for them ({', '.join(names)}); expected them recorded and used, or one such input"
+        )
+    return found
 
 
 def driving(system: System, recording: Recording) -> tuple[str, ...]:
