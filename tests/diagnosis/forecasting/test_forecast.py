@@ -188,9 +188,15 @@ def test_a_replayed_actuator_that_was_not_read_ahead_is_refused(default_system, 
         )
 
 
-def test_actuators_that_were_logged_under_their_own_names_need_no_output(house, house_recording, default_system):
-    """The house has no outputs of its actuators' columns at all; the room's were not read."""
-    check_driven(house("me"), read_recording(house_recording(hours=96), house("me")), 48)
+def test_a_house_is_forecast_in_replay_by_what_was_logged_under_its_own_name(house, house_recording):
+    """It has no outputs of its actuators' columns."""
+    done = forecast(house("me"), house_recording(hours=96), context=48, ahead=48, starts=1, draws=5, replay=True)
+    assert done.report.calibration.replayed == ["outside", "sun", "heater"]
+    assert done.report.outputs["room"].rmse < 0.5
+
+
+def test_actuators_that_were_logged_under_their_own_names_need_no_output(default_system):
+    """Where these were not read."""
     time = 3600.0 * np.arange(1, 73)
     outputs = np.full((len(default_system.outputs), 72), np.nan)
     moving = 1.0 + np.sin(time)
