@@ -27,7 +27,7 @@ class Fitting:
         Literal["measured", "unknown"] | None,
         Parameter(help="Whether persons were counted; without this, they were if the recording has them."),
     ] = None
-    noise: Annotated[str, Parameter(help="Noise preset of the description.")] = "sensor"
+    noise: Annotated[str | None, Parameter(help="Noise preset of the description; `sensor`, if not given.")] = None
     workers: Annotated[
         int | None, Parameter(help="Processes on this machine that simulate side by side; one, if not given.")
     ] = None
@@ -37,8 +37,8 @@ class Fitting:
 
     @property
     def given(self) -> dict[str, Any]:
-        """As keyword arguments."""
-        return dict(vars(self))
+        """As keyword arguments, without those that were not given."""
+        return {name: one for name, one in vars(self).items() if one is not None}
 
 
 PLAIN = Fitting()

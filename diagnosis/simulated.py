@@ -76,7 +76,13 @@ def residuals(
         history=False,
         runner=_Given(simulator, values),
     )
-    simulated = problem.simulate(problem.unknowns(values))
+    z = problem.unknowns(values)
+    assumed = dict(problem.drive.assumed)
+    # a level is log-normal: at zero it is the median, which is less than the mean
+    for k, level in enumerate(problem.nuisance.levels, problem.size - len(problem.nuisance.levels)):
+        z[k] = -level.mean / level.sd if level.sd > 0 else 0.0
+        assumed[described.input_names[level.column]] = "as many as the description expects"
+    simulated = problem.simulate(z)
     found = {}
     for k, output in enumerate(described.outputs):
         seen = np.isfinite(record.outputs[k])
@@ -85,7 +91,7 @@ def residuals(
     return {
         "recording": str(recording),
         "parameters": values,
-        "assumed": problem.drive.assumed,
+        "assumed": assumed,
         "replayed": list(problem.drive.replayed),
         "outputs": found,
     }

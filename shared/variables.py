@@ -94,7 +94,7 @@ class WeatherInput(_Input):
 
 
 class OccupancyInput(_Input):
-    """The number of persons present."""
+    """The number of persons present, the same in all inputs of this source; of several a diagnosis needs it counted."""
 
     source: Literal["occupancy"]
     interpolation: Literal["previous"] = "previous"

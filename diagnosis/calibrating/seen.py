@@ -109,7 +109,7 @@ def _is_in(day: Day, step: float, record: Recording, names: Sequence[str]) -> bo
     begin, span = np.datetime64(day.begin, "s"), np.timedelta64(round(day.steps * step), "s")
     begins = _begins(record)
     inside = np.flatnonzero((begins >= begin) & (begins < begin + span))
-    if len(inside) != round(day.steps * step / record.step) or begins[inside[0]] != begin:
+    if not len(inside) or len(inside) != round(day.steps * step / record.step) or begins[inside[0]] != begin:
         return None
     found = _hashes(record, names, slice(int(inside[0]), int(inside[-1]) + 1))
     compared = [found[name] == one for name, one in day.sha256.items() if name in found]

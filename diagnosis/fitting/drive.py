@@ -127,7 +127,7 @@ def crowd(system: System, recording: Recording, wanted: str | None) -> str:
     Raises
     ------
     RecordingError
-        If they are to be measured and were not recorded.
+        If they are to be measured and were not recorded; if they are unknown, and several inputs read them.
     """
     names = [one.name for one in system.inputs if one.source == "occupancy"]
     if not names:
@@ -139,13 +139,38 @@ def crowd(system: System, recording: Recording, wanted: str | None) -> str:
         )
     if wanted not in (None, "measured", "unknown"):
         raise ValueError(f"occupancy is {wanted!r}; expected 'measured', 'unknown' or None")
-    return wanted or ("measured" if seen else "unknown")
+    found = wanted or ("measured" if seen else "unknown")
+    if found == "unknown" and len(names) > 1:
+        # each would be given a crowd of its own, where a simulated system has one for all of them
+        raise RecordingError(
+            f"{recording.path}: persons were not counted or are not to be used, and {system.path} has"
+            f" {len(names)} inputs for them ({', '.join(names)}); expected them recorded and used, or one such input"
+        )
+    return found
+
+
+def driving(system: System, recording: Recording) -> tuple[str, ...]:
+    """Outputs whose readings drive the model in replay: those of actuators that have no column of their own that moves.
+
+    Such a column has no gaps (:func:`diagnosis.recording.read_recording`).
+    """
+    return tuple(
+        one.column
+        for one in system.inputs
+        if one.source == "measured" and one.column in system.output_names and not _has_own(recording, one)
+    )
+
+
+def _has_own(recording: Recording, one: MeasuredInput) -> bool:
+    """Whether an actuator was logged under its own name: what rests at the description's value throughout was not."""
+    own = recording.inputs.get(one.name)
+    return own is not None and not (own == one.value).all()
 
 
 def _actuator(system: System, recording: Recording, one: MeasuredInput, noise: Mapping[str, float]) -> Cleared:
     """A measured actuator: its own column, or the output that measures it, cleared of the meter's noise."""
     own = recording.inputs.get(one.name)
-    if own is not None and not (own == one.value).all():
+    if own is not None and _has_own(recording, one):
         return cleared(own, noise.get(one.column, 0.0), recording.step)
     if one.column in system.output_names:
         readings = recording.outputs[system.output_names.index(one.column)]
@@ -158,9 +183,7 @@ def _actuator(system: System, recording: Recording, one: MeasuredInput, noise: M
 
 def _lost(system: System, recording: Recording, one: MeasuredInput) -> str:
     """A sentence on an actuator's meter of which much was lost; nothing if little was."""
-    if one.name in recording.inputs and not (recording.inputs[one.name] == one.value).all():
-        return ""
-    if one.column not in system.output_names:
+    if one.column not in system.output_names or _has_own(recording, one):
         return ""
     gone = ~np.isfinite(recording.outputs[system.output_names.index(one.column)])
     if gone.mean() <= LOST:

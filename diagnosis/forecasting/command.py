@@ -47,7 +47,8 @@ def forecast(
     ahead
         What is forecast [h].
     calibration
-        A folder of `diagnosis calibrate`, in place of one on the context, to which --run and --starts belong.
+        A folder of `diagnosis calibrate`, in place of one on the context, to which --run, --starts and --noise
+        belong.
     starts
         Starts of the calibration on the context, as of `diagnosis calibrate` if not given.
     as_json

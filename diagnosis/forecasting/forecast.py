@@ -17,7 +17,7 @@ from diagnosis.calibrating.calibration import calibrate
 from diagnosis.calibrating.checks import check_recording
 from diagnosis.calibrating.schema import Calibration, read_calibration
 from diagnosis.calibrating.seen import check_unseen
-from diagnosis.fitting.drive import LOST
+from diagnosis.fitting.drive import LOST, driving
 from diagnosis.fitting.noise import errors_under
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.renewing import renewed
@@ -48,7 +48,7 @@ def forecast(
     out: Path | str | None = None,
     replay: bool = False,
     occupancy: str | None = None,
-    noise: str = "sensor",
+    noise: str | None = None,
     draws: int = DRAWS,
     starts: int | None = None,
     warm_up: float = WARM_UP,
@@ -64,10 +64,11 @@ def forecast(
 
     Parameters
     ----------
-    run, starts
-        Of the calibration on the context: folder of an estimator for the first guess, and starts in all.
+    run, starts, noise
+        Of the calibration on the context: folder of an estimator for the first guess, starts in all, and a noise preset
+        of the description (``sensor`` if not given).
     calibration
-        A calibration made before, in place of that one.
+        A calibration made before, in place of that one; its noise is the forecast's.
     draws
         Simulations behind the bands.
     out
@@ -89,14 +90,16 @@ def forecast(
         check_folder(Path(out), RecordingError)
     given = None
     if calibration is not None:
-        if idle := [name for name, one in (("run", run), ("starts", starts)) if one is not None]:
+        beside = (("run", run), ("starts", starts), ("noise", noise))
+        if idle := [name for name, one in beside if one is not None]:
             raise RecordingError(
                 f"calibration is given, and {' and '.join(idle)} beside it; expected one of both: nothing is fitted"
-                " where the parameters are those of a calibration made before"
+                " where parameters and noise are those of a calibration made before"
             )
         given = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
     described = system if isinstance(system, System) else load_system(system)
-    errors_under(described, noise)  # whatever is wrong is said before the simulator is built
+    preset = "sensor" if noise is None else noise
+    errors_under(described, preset)  # whatever is wrong is said before the simulator is built
     record = recording if isinstance(recording, Recording) else read_recording(recording, described)
     split, end = (_steps(record, hours) for hours in (context, context + ahead))
     if end > len(record.time):
@@ -107,6 +110,8 @@ def forecast(
     whole_record, first = _part(record, end), _part(record, split)
     check_recording(first, described)
     check_warm_up(record, warm_up * HOUR)
+    if replay:
+        check_driven(described, whole_record, split)
     described = described.with_experiment(step=record.step, hours=context + ahead)
     common = {"replay": replay, "occupancy": occupancy, "warm_up": warm_up}
     if given is None:
@@ -114,7 +119,7 @@ def forecast(
             described.with_experiment(hours=context),
             first,
             run=run,
-            noise=noise,
+            noise=preset,
             starts=STARTS if starts is None else starts,
             seed=seed,
             workers=workers,
@@ -127,7 +132,7 @@ def forecast(
         report = given
         check_given(report, calibration, described, replay=replay)
         check_unseen(report, record, described.output_names, split, end)
-        noise_model = noise_of(report, described, noise)
+        noise_model = noise_of(report, described)
     z, covariance = np.array(report.z), np.array(report.covariance)
     simulator = Simulator(described)
     with side_by_side(simulator, workers=workers, scheduler=scheduler) as runner:
@@ -142,13 +147,6 @@ def forecast(
                 f" {problem.occupancy} and {len(problem.constants)} constants: give both the same occupancy and system"
             )
         check_constants(report, problem, z)
-        for name in problem.drive.replayed:
-            found = np.isfinite(whole_record.outputs[described.output_names.index(name), split:])
-            if found.mean() < 1 - LOST:
-                raise RecordingError(
-                    f"{record.path}: {name!r} was read in {found.mean():.0%} of the hours ahead; expected at least"
-                    f" {1 - LOST:.0%}, as it drives the model: forecast with simulated controllers, without replay"
-                )
         tell("simulating")
         seen = np.zeros(problem.observed.shape, dtype=bool)
         seen[:, :split] = True
@@ -186,12 +184,30 @@ def forecast(
         low,
         high,
         split,
+        given=given is not None,
     )
     if out is not None:
         from diagnosis.forecasting.report import write_forecast
 
         write_forecast(answer, Path(out))
     return answer
+
+
+def check_driven(system: System, record: Recording, split: int) -> None:
+    """Refuse to replay an output of which too much was not read from step ``split`` of a recording on.
+
+    Raises
+    ------
+    RecordingError
+        Naming the output.
+    """
+    for name in driving(system, record):
+        found = np.isfinite(record.outputs[system.output_names.index(name), split:])
+        if found.mean() < 1 - LOST:
+            raise RecordingError(
+                f"{record.path}: {name!r} was read in {found.mean():.0%} of the hours ahead; expected at least"
+                f" {1 - LOST:.0%}, as it drives the model: forecast with simulated controllers, without replay"
+            )
 
 
 def _steps(record: Recording, hours: float) -> int:

@@ -44,7 +44,8 @@ class Forecasted:
     """A forecast and its curves.
 
     ``time`` (steps,) [s]; ``measured``, ``centre``, ``low``, ``high`` (outputs, steps) [unit of each] over context and
-    forecast; ``context`` steps belong to the context.
+    forecast; ``context`` steps belong to the context. ``given``: the parameters are those of a calibration made before,
+    not of one on the context.
     """
 
     report: Forecast
@@ -55,6 +56,7 @@ class Forecasted:
     low: np.ndarray
     high: np.ndarray
     context: int
+    given: bool
 
 
 def about_failed(draws: int, failed: int) -> str:

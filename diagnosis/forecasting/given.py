@@ -63,13 +63,19 @@ def check_constants(report: Calibration, problem: Problem, z: np.ndarray) -> Non
             )
 
 
-def noise_of(report: Calibration, system: System, preset: str) -> NoiseModel:
-    """The noise that a calibration found; of outputs that it did not see that of a preset."""
-    white = errors_under(system, preset)
+def noise_of(report: Calibration, system: System) -> NoiseModel:
+    """The noise that a calibration found, and as which it took that of outputs which it did not fit.
+
+    A replayed meter is so cleared of as much noise as it was there. Of outputs that it had no readings of the noise is
+    that of the description's preset ``sensor``.
+    """
+    white = errors_under(system, "sensor")
     slow, memory = np.zeros_like(white), np.full_like(white, DAY)
     for k, name in enumerate(system.output_names):
         one = report.outputs.get(name)
         if one is not None and one.used:
             white[k], slow[k] = one.noise, one.slow_noise
             memory[k] = one.slow_hours * HOUR if one.slow_noise > 0 else DAY
+        elif one is not None:
+            white[k] = one.declared
     return NoiseModel(white, slow, memory)

@@ -35,6 +35,7 @@ def render(done: Forecasted) -> str:
             summary=answer(done.report, names) + sentences(done.report.calibration),
             outputs=names,
             picture=_picture(done),
+            given=done.given,
         )
     )
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from datagen.driving.tables import Piecewise
 from diagnosis.effects import Effect
+from diagnosis.effects.edges import foreseen
 from diagnosis.fitting.noise import HOUR
 from diagnosis.fitting.nuisance import Nuisance
 from diagnosis.fitting.problem import Problem
@@ -127,9 +128,10 @@ def _controlled(whole: Problem, z: np.ndarray, candidates: Sequence[Effect]) -> 
         warm_up=whole.drive.start - whole.drive.begin,
         runner=whole.runner,
     )
+    usable, _ = applicable(problem, candidates)
+    problem = problem.with_observed(foreseen(usable, whole.recording))  # as the recording's own readings count
     plain, around = pruned(problem, problem.linearise(z))
     problem, around, count = widened(plain, around)  # as wide as the recording's own
-    usable, _ = applicable(problem, candidates)
     lin = linearised(problem, z, around, usable)
     whole.simulations += plain.simulations + count + lin.simulations
     return problem, lin

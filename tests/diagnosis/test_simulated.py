@@ -8,8 +8,10 @@ import xarray as xr
 from scipy.signal import lfilter
 
 from datagen import simulate
+from datagen.driving.occupancy import occupancy_prior
 from diagnosis import calibrate, diagnose, residuals
 from diagnosis.cli import app
+from diagnosis.fitting.side_by_side import InProcess
 from diagnosis.recording import read_recording
 from diagnosis.simulated import _compare
 from shared.console import FAULT, OK, start
@@ -72,7 +74,23 @@ def test_what_was_not_recorded_is_the_descriptions_and_is_told(recording, truth,
     assert start(app, [*command, *(f"{name}={value}" for name, value in truth.items())]) == OK
     told = " ".join(capsys.readouterr().out.split())
     assert "Not measured, and taken as:" in told
-    assert "nPer = unknown, inferred with the prior of the description" in told and "excHea = none" in told
+    assert "nPer = as many as the description expects" in told and "excHea = none" in told
+
+
+def test_persons_whom_nobody_counted_are_as_many_as_the_description_expects(
+    recording, truth, default_system, tmp_path, monkeypatch
+):
+    """On average over the recording, by other draws of the sampler itself."""
+    xr.load_dataset(recording, decode_times=False).drop_vars("nPer").to_netcdf(tmp_path / "uncounted.nc")
+    driven, run_all = [], InProcess.map
+    monkeypatch.setattr(InProcess, "map", lambda self, runs: driven.extend(runs) or run_all(self, runs))
+    residuals(default_system, tmp_path / "uncounted.nc", parameters=truth)
+    record = read_recording(recording, default_system)
+    edges = np.append(record.start, record.time)
+    means = driven[0].inputs.means(edges)[:, default_system.input_names.index("nPer")]
+    expected = occupancy_prior(default_system.occupancy, edges, 8000, seed=5).mean(axis=0)
+    assert means.mean() == pytest.approx(expected.mean(), rel=0.02)
+    np.testing.assert_allclose(means, expected, atol=0.1 * expected.max())
 
 
 def test_replayed_outputs_are_marked(recording, truth, default_system, capsys):

@@ -150,6 +150,18 @@ def test_instants_are_known_at_other_steps_too():
     check_unseen(calibrated(fine), rough, NAMES, 112, 336)  # these steps have hardly a reading in common
 
 
+def test_a_day_shorter_than_half_a_step_of_the_recording_beyond_its_end_hides_none_before_it():
+    """Of such a day the recording has as many steps as it should: none."""
+    time = 10 * HOUR + HOUR / 4 * np.arange(1, 4 * (14 + 27 * 24) + 3)  # until half past midnight
+    readings = np.random.default_rng(0).standard_normal((2, len(time)))
+    fine = Recording(Path("fine.nc"), HOUR / 4, time, readings, {}, MONDAY)
+    hourly = replace(fine, path=Path("hourly.nc"), step=HOUR, time=time[3::4], outputs=readings[:, 3::4])
+    report = calibrated(fine)
+    assert (report.days[-1].begin, report.days[-1].steps) == ("2022-01-31T00:00:00", 2)
+    with pytest.raises(RecordingError, match=r"hourly\.nc: 2022-01-10 10:00 and what follows is to be forecast"):
+        check_unseen(report, hourly, NAMES, 168, 504)
+
+
 def test_a_flow_by_timetable_does_not_make_two_rooms_one():
     one, two = month("one.nc"), month("two.nc", seed=1)
     flow = np.where((one.time // HOUR) % 24 > 8, 0.1, 0.02) + 0.01 * ((one.time // HOUR) % 3)

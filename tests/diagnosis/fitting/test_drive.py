@@ -1,14 +1,15 @@
 """What drives the model over a recording: its own inputs, and its first day before them."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from datagen import simulate
 from datagen.driving.tables import merge
-from diagnosis.fitting.drive import drive
-from diagnosis.recording import DAY, HOUR, read_recording
+from diagnosis.fitting.drive import crowd, drive
+from diagnosis.recording import DAY, HOUR, Recording, read_recording
 from shared.errors import RecordingError, SystemDescriptionError
 
 
@@ -62,3 +63,20 @@ def test_what_drives_a_model_without_controllers_must_have_been_measured(house, 
     # an import has said so, and says it still
     stands_in = replace(record, assumed={"To": "assumed, not measured"})
     assert drive(system, stands_in, warm_up=0.0).assumed == {"To": "assumed, not measured"}
+
+
+def test_uncounted_persons_of_several_inputs_are_refused(default_system):
+    """Where a system is simulated they are one crowd (datagen.driving.inputs); a fit would make them two."""
+    (persons,) = [one for one in default_system.inputs if one.source == "occupancy"]
+    two = default_system.model_copy(
+        update={"inputs": [*default_system.inputs, persons.model_copy(update={"name": "breathing"})]}
+    )
+    time = HOUR * np.arange(1, 25)
+    counted = {name: np.ones(24) for name in (persons.name, "breathing")}
+    record = Recording(Path("room.nc"), HOUR, time, np.zeros((len(two.outputs), 24)), counted)
+    assert crowd(two, record, None) == "measured"
+    said = rf"room\.nc: persons .*system\.toml has 2 inputs for them \({persons.name}, breathing\); expected"
+    for inputs, wanted in (({}, None), ({persons.name: np.ones(24)}, None), (counted, "unknown")):
+        with pytest.raises(RecordingError, match=said):
+            crowd(two, replace(record, inputs=inputs), wanted)
+    assert crowd(default_system, replace(record, inputs={}), None) == "unknown"

@@ -2,6 +2,7 @@
 
 import shutil
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,21 +14,21 @@ from diagnosis.calibrating.schema import read_calibration
 from diagnosis.cli import app
 from diagnosis.fitting.problem import Problem
 from diagnosis.forecasting import forecast as forecasting
-from diagnosis.forecasting.forecast import band, forecast
+from diagnosis.forecasting.forecast import band, check_driven, forecast
 from diagnosis.forecasting.forecasted import about_failed
-from diagnosis.forecasting.given import check_constants
+from diagnosis.forecasting.given import check_constants, noise_of
 from diagnosis.forecasting.report import _days
 from diagnosis.pages import page_environment
-from diagnosis.recording import read_recording
+from diagnosis.recording import Recording, read_recording
 from shared.console import FAULT, start
 from shared.errors import RecordingError, SimulationError
 
 
 @pytest.mark.slow
 def test_a_house_is_forecast_within_its_noise(house, house_recording, tmp_path):
-    done = forecast(
-        house("me"), house_recording(hours=192), context=96, ahead=96, starts=1, draws=15, out=tmp_path / "ahead"
-    )
+    record = read_recording(house_recording(hours=192), house("me"))
+    record.outputs[0, 0] = np.nan
+    done = forecast(house("me"), record, context=96, ahead=96, starts=1, draws=15, out=tmp_path / "ahead")
     assert "Parameters from the context." in " ".join((tmp_path / "ahead" / "forecast.html").read_text().split())
     ahead = done.report.outputs["room"]
     assert ahead.rmse < 0.1  # the sensor's own noise is 0.05
@@ -140,6 +141,8 @@ def test_hours_that_are_none_are_told(house, house_recording, options, said):
         (["--starts", "2"], "and starts beside it"),
         (["--run", "MixedAirCO2"], "and run beside it"),
         (["--run", "MixedAirCO2", "--starts", "1"], "and run and starts beside it"),
+        (["--noise", "none"], "and noise beside it"),
+        (["--noise", "sensor"], "and noise beside it"),
     ],
 )
 def test_a_calibration_is_not_given_with_what_only_another_one_takes(tmp_path, capsys, words, said):
@@ -149,6 +152,17 @@ def test_a_calibration_is_not_given_with_what_only_another_one_takes(tmp_path, c
     assert start(app, ["forecast", *places, "--calibration", str(tmp_path / "calibration"), *words]) == FAULT
     assert f"calibration is given, {said}; expected one of both" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_a_forecast_takes_the_noise_that_a_calibration_took(default_system):
+    """Also of what it replayed, whose meter is then cleared of as much."""
+    fitted = SimpleNamespace(used=True, declared=0.1, noise=0.2, slow_noise=0.3, slow_hours=5.0)
+    replayed = SimpleNamespace(used=False, declared=7.0, noise=7.0, slow_noise=0.0, slow_hours=0.0)
+    found = noise_of(SimpleNamespace(outputs={"TRoo": fitted, "QHea": replayed}), default_system)
+    by_name = dict(zip(default_system.output_names, zip(found.white, found.slow, found.time, strict=True), strict=True))
+    assert by_name["TRoo"] == (0.2, 0.3, 5 * 3600.0)
+    assert by_name["QHea"][:2] == (7.0, 0.0)
+    assert by_name["CO2"][:2] == (default_system.noise_sd("sensor")[1], 0.0)
 
 
 def test_a_replayed_actuator_that_was_not_read_ahead_is_refused(default_system, tmp_path, monkeypatch):
@@ -174,6 +188,27 @@ def test_a_replayed_actuator_that_was_not_read_ahead_is_refused(default_system, 
         )
 
 
+def test_a_house_is_forecast_in_replay_by_what_was_logged_under_its_own_name(house, house_recording):
+    """It has no outputs of its actuators' columns."""
+    done = forecast(house("me"), house_recording(hours=96), context=48, ahead=48, starts=1, draws=5, replay=True)
+    assert done.report.calibration.replayed == ["outside", "sun", "heater"]
+    assert done.report.outputs["room"].rmse < 0.5
+
+
+def test_actuators_that_were_logged_under_their_own_names_need_no_output(default_system):
+    """Where these were not read."""
+    time = 3600.0 * np.arange(1, 73)
+    outputs = np.full((len(default_system.outputs), 72), np.nan)
+    moving = 1.0 + np.sin(time)
+    record = Recording(
+        Path("room.nc"), 3600.0, time, outputs, {"QHea_in": moving, "mOA_in": moving}, np.datetime64("2001-01-01")
+    )
+    check_driven(default_system, record, 48)
+    resting = replace(record, inputs={"QHea_in": moving, "mOA_in": np.zeros(72)})  # as an import makes it
+    with pytest.raises(RecordingError, match=r"'mOA' was read in 0% of the hours ahead; expected at least 95%"):
+        check_driven(default_system, resting, 48)
+
+
 @pytest.mark.slow
 def test_a_fit_is_not_called_a_forecast_and_the_page_says_why_not_to_believe(house, house_recording, tmp_path):
     system, path = house("me"), house_recording(hours=96)
@@ -194,24 +229,24 @@ def test_a_fit_is_not_called_a_forecast_and_the_page_says_why_not_to_believe(hou
 
 
 @pytest.mark.parametrize(
-    ("steps", "day", "said"),
+    ("steps", "begin", "given", "said"),
     [
-        (13, 1, "Parameters from the context."),
-        (14, 1, "from a calibration on 2.33333 h of room.nc"),
-        (13, 2, "from a calibration on 2.16667 h of room.nc"),  # of the file as it was before
+        (13, "00:00:00", False, "Parameters from the context."),
+        (13, "00:10:00", False, "Parameters from the context."),  # no reading of its first step
+        (14, "00:00:00", True, "from a calibration on 2.33333 h of room.nc"),
+        (13, "00:00:00", True, "from a calibration on 2.16667 h of room.nc"),  # of the file as it was before
     ],
 )
-def test_parameters_of_the_context_are_said_to_be_its_own_whatever_its_length(steps, day, said):
-    """Of 7800 s an hour's fraction of seconds is not the same number any more."""
+def test_parameters_are_said_to_be_of_the_context_where_no_calibration_was_given(steps, begin, given, said):
     hours = 13 * 600.0 / 3600.0
-    assert 3600 * hours != 13 * 600.0
-    days = [SimpleNamespace(begin=f"2001-01-0{day}T00:00:00")]
+    days = [SimpleNamespace(begin=f"2001-01-01T{begin}")]
     used = SimpleNamespace(recording="room.nc", days=days, steps=steps, step=600.0, parameters=[])
     report = SimpleNamespace(
         system="room", recording="room.nc", begin="2001-01-01 00:00", calibration=used, context_hours=hours,
         ahead_hours=1.0, occupancy="measured", outputs={}, replayed=[], level=0.9,
     )  # fmt: skip
-    page = page_environment().get_template("forecast.html.j2").render(report=report, summary=[], outputs={}, picture="")
+    template = page_environment().get_template("forecast.html.j2")
+    page = template.render(report=report, given=given, summary=[], outputs={}, picture="")
     assert said in " ".join(page.split())
     assert "Times are of standard time, also in summer." in " ".join(page.split())
 

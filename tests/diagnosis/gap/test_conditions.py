@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,8 +13,8 @@ from datagen.simulating.simulator import Simulator
 from diagnosis.cli import app
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.pruning import pruned
-from diagnosis.gap import Report, diagnose
-from diagnosis.gap.conditions import Otherwise, _counted, expected
+from diagnosis.gap import Report, conditions, diagnose
+from diagnosis.gap.conditions import Otherwise, _counted, expected, otherwise
 from diagnosis.gap.linear import applicable, linearised
 from diagnosis.gap.nuisances import widened
 from tests.diagnosis.fitting.crowd_cases import HALF_HOUR, as_counted, on_persons, warm_room
@@ -21,6 +22,7 @@ from tests.diagnosis.gap.room_cases import ROOM, recorded, room, some
 
 FEW = ("infiltration.constant", "heater.derated", "sensor.CO2.gain", "sensor.temperature.drift")
 HOURS = 96.0
+HOUR = 3600.0
 WARM_UP = 48.0
 """Enough for this, and two thirds of the time [h]."""
 
@@ -143,6 +145,26 @@ def test_persons_not_counted_costs_what_the_report_says(folder):
     # processor: a gain of the CO2 sensor is seen on one, and not at all on another
     assert any(size < 0.999 * (now[name] or np.inf) for name, size in other.smallest.items() if size is not None)
     assert any(one.startswith("Persons were not counted") for one in report.limits)
+
+
+def test_had_control_been_simulated_the_same_readings_would_count(folder, monkeypatch):
+    """Of what a clock stamps that may be three hours early or late the first and the last three hours do not."""
+    record = recorded(folder / "clock.nc", room(), hours=HOURS)
+    problem = Problem(Simulator(room()), record, uncertain=False, replay=True)
+    (clock,) = some(room(), "clock")
+    monkeypatch.setattr(Problem, "linearise", lambda self, z: None)  # only what counts is asked for
+    monkeypatch.setattr(conditions, "pruned", lambda problem, around: (problem, around))
+    monkeypatch.setattr(conditions, "widened", lambda problem, around: (problem, around, 0))
+    monkeypatch.setattr(conditions, "linearised", lambda *_: SimpleNamespace(simulations=0))
+    stage = SimpleNamespace(lin=SimpleNamespace(z=np.zeros(problem.size)))
+    (found,) = otherwise(stage, problem, [clock])
+    assert found.condition == "controlled"
+    ends = (record.time <= record.time[0] + 2 * HOUR) | (record.time > record.time[-1] - 3 * HOUR)
+    stamped = [room().output_names.index(name) for name in clock.spec.outputs]
+    assert ends.sum() < 0.1 * ends.size and not found.observed[np.ix_(stamped, ends)].any()
+    whole = np.isfinite(record.outputs)
+    inner = (record.time > record.time[0] + 3 * HOUR) & (record.time <= record.time[-1] - 3 * HOUR)
+    np.testing.assert_array_equal(found.observed[:, inner], whole[:, inner])
 
 
 @pytest.mark.slow
