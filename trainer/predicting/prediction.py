@@ -158,9 +158,11 @@ def predict(
         )
     encoding = run.card.encoding
     window = read_window(Path(file), encoding)
-    known = {one.length: one for one in run.card.familiar}.get(len(window.stamps))
-    if known is not None:
-        _check_moving(Path(file), window, known, encoding)
+    familiar = {one.length: one for one in run.card.familiar}
+    known = familiar.get(len(window.stamps))
+    for values in (*window.longer, window.values):  # a gap long ago does not make a dead sensor live
+        if (like := familiar.get(values.shape[1])) is not None:
+            _check_moving(Path(file), values, window.systems, like, encoding)
     begins = window.begins + window.stamps[0]
     answers = run.read(window.values, begins)
     estimates = run.estimates(answers, len(window.stamps), window.absent)
@@ -233,16 +235,18 @@ def predict(
     )
 
 
-def _check_moving(path: Path, window: Window, known: Familiar, encoding: Encoding) -> None:
-    """Refuse an output that stands still throughout, where that never was so in training."""
-    at = stuck(window.values, known, encoding)
+def _check_moving(
+    path: Path, values: np.ndarray, systems: list[int | None], known: Familiar, encoding: Encoding
+) -> None:
+    """Refuse an output of windows (systems, length, recorded) that stands still throughout, if none did in training."""
+    at = stuck(values, known, encoding)
     if at is None:
         return
     name, unit = encoding.recorded[at[1]], encoding.units[at[1]]
-    hours = len(window.stamps) * encoding.step / 3600
-    level = np.nanmin(window.values[at[0], :, at[1]])  # some readings may be missing
+    hours = values.shape[1] * encoding.step / 3600
+    level = np.nanmin(values[at[0], :, at[1]])  # some readings may be missing
     found = f"{level:g}{'' if unit == '1' else f' {unit}'}"
-    whose = "" if window.systems[at[0]] is None else f" of system {window.systems[at[0]]}"
+    whose = "" if systems[at[0]] is None else f" of system {systems[at[0]]}"
     longest = known.longest_still[at[1]] * encoding.step / 3600
     never = f"never for more than {longest:.3g} h on end" if longest < hours else "never so long there"
     raise RecordingError(

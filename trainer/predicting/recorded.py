@@ -28,7 +28,9 @@ class Window(NamedTuple):
     ``values`` float32 (systems, length, recorded) [the run's units], ``stamps`` (length,) [s since time zero, or since
     ``begins``], ``begins`` (systems,) [s since time zero], ``systems`` their indices (None for a recording without
     them), ``absent`` the optional channels that the recording lacks, or lacks too much of, ``bridged`` how many
-    readings were put in where single ones were missing, ``passed`` why no longer window was read, if one was tried.
+    readings were put in where single ones were missing, ``passed`` why no longer window was read, if one was tried,
+    ``longer`` the outputs over each longer window that was passed over, longest first: float32 (systems, its length,
+    recorded), not a number where nothing was read, and in all other channels.
     """
 
     values: np.ndarray
@@ -38,6 +40,7 @@ class Window(NamedTuple):
     absent: list[str]
     bridged: int = 0
     passed: str | None = None
+    longer: tuple[np.ndarray, ...] = ()
 
 
 def read_window(path: Path, encoding: Encoding) -> Window:
@@ -64,7 +67,11 @@ def read_window(path: Path, encoding: Encoding) -> Window:
         except GapError as error:  # an outage long ago does not spoil the days since; a code or another unit does
             first = first or error
             continue
-        return window._replace(passed=None if first is None else str(first))
+        if first is None:
+            return window
+        longest = _outputs(path, recording, seconds, encoding, len(window.systems), lengths[0])
+        longer = tuple(longest[:, -one:] for one in lengths if one > length)
+        return window._replace(passed=str(first), longer=longer)
     assert first is not None
     raise first
 
@@ -108,6 +115,25 @@ def _window(path: Path, recording: xr.Dataset, stamps: np.ndarray, encoding: Enc
         if np.isnan(values[i, :, k]).any()
     )
     return Window(values, stamps, begins, indices, absent, bridged)
+
+
+def _outputs(
+    path: Path, recording: xr.Dataset, seconds: np.ndarray, encoding: Encoding, systems: int, length: int
+) -> np.ndarray:
+    """The outputs that every recording has, over so many steps at its end, (systems, length, recorded).
+
+    Each reading is put where its time stamp says, for rows may be missing; all else is not a number.
+    """
+    values = np.full((systems, length, len(encoding.recorded)), np.nan, dtype=np.float32)
+    places = (seconds - seconds[-1]) / encoding.step + length - 1
+    nearest = np.round(places)
+    rows = np.flatnonzero((np.abs(places - nearest) <= 1e-3) & (nearest >= 0) & (nearest < length))
+    methods: list[Method] | list[None] = encoding.methods or [None] * len(encoding.recorded)
+    for k, name in enumerate(encoding.recorded[: encoding.outputs]):
+        if name not in encoding.optional:
+            readings = _channel(path, recording, name, encoding.units[k], methods[k])
+            values[:, nearest[rows].astype(int), k] = readings[..., rows]
+    return values
 
 
 def _check_step(path: Path, recording: xr.Dataset, window: np.ndarray, encoding: Encoding) -> None:

@@ -1,5 +1,7 @@
 """Which window of a recording is read, and what of it may be missing."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,8 @@ from shared.errors import RecordingError
 from trainer.cli import app
 from trainer.predicting.prediction import predict
 from trainer.predicting.recorded import read_window
+from trainer.runs.checkpoint import load_run
+from trainer.training.fitting import fit
 
 from .conftest import write
 
@@ -93,3 +97,49 @@ def test_a_stamp_that_is_missing_is_a_sentence(flexible, recording, tmp_path):
     for lengths in ({"length": 1, "shorter": []}, {}):
         with pytest.raises(RecordingError, match=r"r\.nc: a time stamp is missing; expected one for each sample"):
             read_window(path, encoding.model_copy(update=lengths))
+
+
+@pytest.fixture(scope="module")
+def patient(tanks, tmp_path_factory):
+    """An estimator in whose training the level may have stood still for a day, and never for two."""
+    run = fit(
+        *(tanks, tmp_path_factory.mktemp("patient") / "run"),
+        model="multiscale-transformer",
+        channels=["level", "valve"],
+        context_hours=24.0,
+        other_contexts=[48.0],
+        steps=1,
+        options={"width": 16, "layers": 1, "feedforward": 16},
+    )
+    path = run.folder / "estimator.json"
+    card = json.loads(path.read_text())
+    for known in card["familiar"]:
+        known["longest_still"], known["rests"] = [48, 480], []
+    path.write_text(json.dumps(card))
+    return load_run(run.folder)
+
+
+def standing(recording, since):
+    """A recording whose level stands still since a row, of a valve whose reading of hour 10 is lost."""
+    level, valve = recording["level"].values.copy(), np.ones(100)
+    level[since:], valve[20] = 2.0, np.nan
+    return recording.assign(level=recording["level"].copy(data=level), valve=("time", valve, {"units": "1"}))
+
+
+def test_a_gap_long_ago_does_not_make_a_dead_sensor_live(patient, recording, tmp_path):
+    """It stood still for two days, of which the last is read: for so long it may."""
+    told = r"level is 2 m throughout the window of 48 h, and in the run's training never for more than 24 h on end"
+    dead = standing(recording, 0)
+    with pytest.raises(RecordingError, match=told):
+        predict(patient, write(dead, tmp_path / "dead.nc"))
+    with pytest.raises(RecordingError, match=told):  # no reading is lost, but a row is
+        predict(patient, write(dead.drop_isel(time=20), tmp_path / "row.nc"))
+    found = predict(patient, write(standing(recording, 50), tmp_path / "day.nc"))
+    assert found.context_hours == 24.0 and found.passed
+
+
+def test_what_was_not_read_did_not_stand_still(patient, recording, tmp_path):
+    """Of the first day there is the first reading alone: nobody knows what was between."""
+    lost = standing(recording, 0)
+    lost["level"][5:50] = np.nan
+    assert predict(patient, write(lost, tmp_path / "lost.nc")).context_hours == 24.0
