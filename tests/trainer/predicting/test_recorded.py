@@ -72,6 +72,27 @@ def test_an_optional_meter_that_failed_is_done_without(flexible, shard, recordin
     assert found.absent == ["glow"] and found.predictions == without.predictions
 
 
+def test_of_several_systems_it_is_told_whose_meter_failed_for_all(flexible, shard, tmp_path, capsys):
+    """What fails in one is read of none: systems 0 and 2 have other estimates than alone, which was told nowhere."""
+    several = shard.isel(system=slice(0, 3), time=slice(0, 100))[["level", "glow"]].copy(deep=True)
+    several["glow"].values[1, 60:90] = np.nan
+    several["level"].values[1, 10:45] = np.nan
+    several["level"].values[2, [70, 80]] = np.nan
+    path = write(several, tmp_path / "r.nc")
+    found = predict(flexible, path)
+    assert (found.context_hours, found.absent, found.bridged) == (24.0, ["glow"], 2)
+    assert [one.bridged for one in found.predictions] == [0, 0, 2]
+    assert found.failed == [
+        f"{path}: glow of system 1 has 30 missing values in its last 48 samples; expected at most 7: fill them first,"
+        " for example by holding the last value"
+    ]
+    assert app(["predict", str(flexible.folder), str(path)], result_action="return_value") in (None, 0)
+    said = " ".join(capsys.readouterr().out.split())
+    assert "A channel was left out of all systems: " in said and "No longer window was read of any system: " in said
+    assert "glow of system 1 has 30 missing" in said and "level of system 1 has 35 missing" in said
+    assert "2 missing readings were put in on straight lines (2 of system 2)." in said
+
+
 def test_readings_that_are_missing_one_by_one_are_put_in(flexible, recording, tmp_path):
     holes = recording.copy(deep=True)
     holes["level"][50:90:10] = np.nan
@@ -84,7 +105,7 @@ def test_readings_that_are_missing_one_by_one_are_put_in(flexible, recording, tm
     expected = np.interp(steps, steps[~missing], values[~missing])
     expected[-3:] = np.nan
     np.testing.assert_allclose(window.values[0, :, 0], expected, rtol=1e-6)
-    assert window.bridged == 5
+    assert window.bridged == (5,)
     assert "the recording has gaps" in predict(flexible, tmp_path / "r.nc").rmse_note
 
 
