@@ -43,6 +43,7 @@ def estimate(run: Path | str, recording: Recording, system: System) -> dict[str,
         is no room for a copy of it among temporary files.
     """
     from trainer import load_run, predict
+    from trainer.predicting.readings import GapError
 
     data = read_netcdf(recording.path, RecordingError, "a recording (NetCDF)", times=True)
     time = recording.times(data)
@@ -61,7 +62,8 @@ def estimate(run: Path | str, recording: Recording, system: System) -> dict[str,
             whole = predict(loaded, path)
         except RecordingError as error:
             refused = error
-        if whole is None or whole.passed:  # with short gaps filled it may read all, or a longer window
+        gaps = isinstance(refused, GapError) if whole is None else whole.passed
+        if gaps:  # with short gaps filled it may read all, or a longer window
             least, longest = 0.0 if whole is None else whole.context_hours, round(BRIDGED * HOUR / recording.step)
             try:
                 whole = _of_filled(loaded, data, path, least, longest, recording.path) or whole

@@ -19,6 +19,8 @@ from shared.schema import EPOCH
 
 _PLAIN = re.compile(r"\s*\d{4}-\d{1,2}-\d{1,2}([ T]+\d{1,2}(:\d{1,2}(:\d{1,2}(\.\d*)?)?)?)?\s*")
 """A date without an offset from UTC."""
+YEARS = (1900, 2201)
+"""A record begins in one of these years, the second excluded."""
 
 
 def recorded_times(path: Path, recording: xr.Dataset) -> np.ndarray:
@@ -61,7 +63,7 @@ def recorded_begins(path: Path, recording: xr.Dataset, count: int) -> np.ndarray
     Raises
     ------
     RecordingError
-        If ``start`` is not one finite number or date for each.
+        If ``start`` is not one finite number or date for each, of the years 1900 to 2200.
     """
     if "start" not in recording.data_vars:
         return np.zeros(count)
@@ -81,6 +83,12 @@ def recorded_begins(path: Path, recording: xr.Dataset, count: int) -> np.ndarray
     seconds = _seconds(starts.values) if dated else starts.values.astype(np.float64)
     if not np.isfinite(seconds).all():
         raise RecordingError(f"{path}: start has values that are not finite; expected one number or date a system")
+    first, last = ((np.datetime64(f"{year}-01-01") - np.datetime64(EPOCH)) / np.timedelta64(1, "s") for year in YEARS)
+    beyond = (seconds < first) | (seconds >= last)
+    if beyond.any():  # also what NetCDF puts where nothing was written, 9.97e36
+        found = starts.values[beyond].flat[0]
+        told = str(found)[:19] if dated else f"{found:g} s since time zero ({EPOCH})"
+        raise RecordingError(f"{path}: start is {told}; expected a time in the years {YEARS[0]} to {YEARS[1] - 1}")
     return np.array(np.broadcast_to(seconds.reshape(-1), (count,)))
 
 

@@ -134,6 +134,19 @@ def test_a_lost_reading_of_the_weather_does_not_shorten_the_window(default_syste
     assert predict("MixedAirCO2", tmp_path / "lost.nc").context_hours < 72.0
 
 
+def test_a_dead_sensor_is_told_though_a_gap_shortens_the_window(default_system, tmp_path):
+    """For four days CO2 may be as outdoors, and not for seven; ten hours of the weather are lost in the first night."""
+    simulate(default_system, hours=168.0, seed=1, out=tmp_path / "one.nc")
+    data = xr.load_dataset(tmp_path / "one.nc", decode_times=False)
+    data["CO2"].values[:] = 420.0
+    data.to_netcdf(tmp_path / "dead.nc")
+    record = read_recording(tmp_path / "dead.nc", default_system)
+    data["TDryBul"].values[10:20] = np.nan
+    data.to_netcdf(tmp_path / "lost.nc")
+    with pytest.raises(RecordingError, match="CO2 is 420 ppm throughout the window of 168 h"):
+        estimate("MixedAirCO2", replace(record, path=tmp_path / "lost.nc"), default_system)
+
+
 def test_a_recording_of_which_most_is_missing_is_not_made_up(default_system, tmp_path):
     """Three hours of four are as lost as three days of four, and the estimator refuses the file by itself."""
     simulate(default_system, hours=168.0, seed=1, out=tmp_path / "one.nc")

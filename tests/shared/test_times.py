@@ -82,6 +82,24 @@ def test_a_numeric_start_is_in_seconds(tmp_path):
         recorded_begins(tmp_path / "r.nc", recording, 2)
 
 
+@pytest.mark.parametrize(
+    ("start", "units", "found"),
+    [
+        (9.96921e36, "s", r"9\.96921e\+36 s since time zero \(2001-01-01 00:00:00\)"),
+        (-101 * 366 * DAY, "s", r"-3\.19\d*e\+09 s since time zero \(2001-01-01 00:00:00\)"),
+        (73050, "days since 2001-01-01 00:00:00", "2201-01-03T00:00:00"),
+    ],
+)
+def test_a_start_that_was_never_written_is_refused(tmp_path, start, units, found):
+    """NetCDF has 9.97e36 there: dates of it had been too large to be told."""
+    recording = written(tmp_path / "one.nc", [60.0, 120.0], "s", [5, start], units)
+    with pytest.raises(RecordingError, match=rf"r\.nc: start is {found}; expected a time in the years 1900 to 2200"):
+        recorded_begins(tmp_path / "r.nc", recording, 2)
+    for last in (-100 * 365 * DAY, 199 * 365 * DAY):
+        near = written(tmp_path / "near.nc", [60.0, 120.0], "s", [5 * DAY, last])
+        assert recorded_begins(tmp_path / "r.nc", near, 2).tolist() == [5 * DAY, last]
+
+
 def with_bounds(folder, bounds):
     time = ("time", [3600.0, 7200.0], {"units": "seconds since 2022-02-01", "bounds": "time_bnds"})
     xr.Dataset({"time_bnds": (("time", "bnds"), bounds)}, {"time": time}).to_netcdf(folder / "b.nc")

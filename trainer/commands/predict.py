@@ -78,10 +78,17 @@ def predict(
             markup=False,
         )
     console.print(result.rmse_note, markup=False)
+    several = len(result.predictions) > 1
     if result.bridged:
-        console.print(f"{result.bridged} missing readings were put in on straight lines.", markup=False)
+        each = ", ".join(f"{one.bridged} of system {one.system}" for one in result.predictions if one.bridged)
+        whose = f" ({each})" if several else ""
+        console.print(f"{result.bridged} missing readings were put in on straight lines{whose}.", markup=False)
+    if result.interval_gaps:
+        console.print(result.interval_gaps, markup=False)
+    for sentence in result.failed:
+        console.print(f"A channel was left out{' of all systems' if several else ''}: {sentence}", markup=False)
     if result.passed:
-        console.print(f"No longer window was read: {result.passed}", markup=False)
+        console.print(f"No longer window was read{' of any system' if several else ''}: {result.passed}", markup=False)
     if result.unfinished:
         console.print(result.unfinished, markup=False)
     if result.interval_note:

@@ -30,7 +30,7 @@ from trainer.reading.kind import Kind
 from trainer.reading.noise import Sensors
 from trainer.reading.windows import WindowSource, disjoint_windows
 from trainer.runs.checkpoint import Card, Run, load_run, make_folder
-from trainer.runs.unfinished import check_not_replaced, unfinished
+from trainer.runs.unfinished import check_findings_place, check_not_replaced, is_of, unfinished
 from trainer.seeds import check_seed
 
 LEVEL = 0.9
@@ -91,6 +91,7 @@ def evaluate(
     folder = Path(out) if out is not None else run.results
     if folder is not None:
         check_folder(folder, EstimatorError)
+        check_findings_place(run, folder)
     if windows < 1:
         raise EstimatorError(f"windows: is {windows}; expected at least 1")
     index = load_records(dataset, [])
@@ -147,7 +148,7 @@ def evaluate(
         ceiling_note=note,
     )
     if folder is not None:
-        if folder == run.folder:
+        if is_of(run, folder):
             check_not_replaced(run)
         make_folder(folder)
         write_report(result, card, folder)

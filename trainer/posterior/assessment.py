@@ -26,7 +26,7 @@ from trainer.reading.kind import Kind
 from trainer.reading.noise import Sensors
 from trainer.reading.windows import WindowSource, disjoint_windows
 from trainer.runs.checkpoint import Run, load_run, make_folder
-from trainer.runs.unfinished import check_not_replaced, unfinished
+from trainer.runs.unfinished import check_findings_place, check_not_replaced, is_of, unfinished
 from trainer.runs.validation import Typical, typical_errors
 from trainer.seeds import check_seed
 
@@ -84,6 +84,9 @@ def calibration(
     check_samples(samples)
     card, encoding = run.card, run.card.encoding
     cut_short = unfinished(card, run.folder)
+    folder = Path(out) if out is not None else run.results
+    if folder is not None:
+        check_findings_place(run, folder)
     dataset = DatasetFolder(dataset_dir)
     check_same_system(card, dataset)
     index = load_records(dataset, [])
@@ -124,9 +127,8 @@ def calibration(
         samples=samples,
         **_figures_of_merit(posterior, truth, drawn, estimate, typical, position, density, where, first),
     )
-    folder = Path(out) if out is not None else run.results
     if folder is not None:
-        if folder == run.folder:
+        if is_of(run, folder):
             check_not_replaced(run)
             check_posterior_not_replaced(posterior)
         make_folder(folder)

@@ -12,7 +12,7 @@ from trainer.posterior.card import SCHEMA_VERSION, PosteriorCard
 from trainer.posterior.flow import PosteriorFlow
 from trainer.posterior.inference import Posterior
 from trainer.posterior.prior import Prior
-from trainer.runs.checkpoint import Run
+from trainer.runs.checkpoint import CALIBRATION, Run
 from trainer.runs.pair import digest, write_pair
 from trainer.runs.weights import check_card_version, load_weights, weights_data
 
@@ -27,10 +27,20 @@ def prior_of(run: Run, logarithmic: list[bool]) -> Prior:
 
 
 def save_posterior(folder: Path, card: PosteriorCard, flow: PosteriorFlow) -> None:
-    """Write weights, and the card that names their hash, which take the place of others at one moment."""
+    """Write weights, and the card that names their hash, which take the place of others at one moment.
+
+    What was found of the others is removed.
+    """
     data = weights_data(flow)
     card.weights_sha256 = digest(data)
-    write_pair(folder / WEIGHTS, data, folder / CARD, card.model_dump_json(indent=1) + "\n")
+    write_pair(
+        folder / WEIGHTS, data, folder / CARD, card.model_dump_json(indent=1) + "\n", lambda: _remove_findings(folder)
+    )
+
+
+def _remove_findings(folder: Path) -> None:
+    for name in CALIBRATION:
+        (folder / name).unlink(missing_ok=True)
 
 
 def load_posterior(run: Run) -> Posterior | None:

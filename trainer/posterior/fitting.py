@@ -36,7 +36,7 @@ from trainer.posterior.prior import Prior
 from trainer.posterior.tempering import temper
 from trainer.reading.data import load_records, rows_of
 from trainer.reading.kind import Kind
-from trainer.runs.checkpoint import CALIBRATION, Run, load_run
+from trainer.runs.checkpoint import Run, load_run
 from trainer.runs.systems import Systems
 from trainer.runs.unfinished import check_not_replaced, unfinished
 from trainer.seeds import check_seed, check_threads, torch_state
@@ -199,8 +199,6 @@ def _fit(
         },
         **facts,
     )
-    for name in CALIBRATION:  # of the posterior that is replaced
-        (folder / name).unlink(missing_ok=True)
     save_posterior(folder, card, flow)
     if doubt := card.doubt():
         _log.warning("%s: %s", folder, doubt)

@@ -25,6 +25,9 @@ _log = logger(__name__)
 NEAR = 1e-3
 """An estimate this close to an end of its range, as a share of the prior, is said to lie at its bound."""
 
+BRIDGED_NOTE = "the intervals take the readings that were put in for measured ones: they do not allow for them"
+"""Of a window whose gaps were bridged a posterior is not told that it had any."""
+
 SAMPLES = 1000
 """Drawn from a posterior."""
 
@@ -63,12 +66,14 @@ class Prediction(_Table):
     unlike: list[str] | None = None
     """in what the window is unlike all that the run was trained on: then errors are larger than is said; None where the
     run does not remember it, so that nothing was checked"""
+    bridged: int = 0
+    """readings of this system that were put in where single ones were missing"""
 
 
 class Predictions(_Table):
     """What ``trainer predict`` prints."""
 
-    schema_version: int = 8
+    schema_version: int = 9
     file: str
     model: str
     unfinished: str | None = None
@@ -76,7 +81,9 @@ class Predictions(_Table):
     context_hours: float
     noise: str
     absent: list[str] = []
-    """channels that the run can do without, and that the recording lacks, or lacks too much of"""
+    """channels that the run can do without, and that the recording lacks, or lacks too much of in one of its systems"""
+    failed: list[str] = []
+    """why channels that the recording has are absent, a sentence each, which names the system"""
     bridged: int = 0
     """readings that were put in where single ones were missing, in all systems"""
     passed: str | None = None
@@ -94,6 +101,8 @@ class Predictions(_Table):
     """In what the posterior's systems are unlike those of the run's last training; None where in nothing."""
     interval_doubt: str | None = None
     """Why intervals are not to be trusted: too few systems calibrated them, or they tell less than the ranges alone."""
+    interval_gaps: str | None = None
+    """That intervals do not allow for the readings that were put in; None where none were, or there is no posterior."""
     predictions: list[Prediction]
 
 
@@ -116,7 +125,8 @@ def predict(
         A run folder, or a run already loaded.
     file
         NetCDF with the run's recorded channels as variables over (time) or (system, time), each with ``units``, and a
-        ``time`` coordinate, as the shards of a dataset have it. Each system of it is estimated by itself.
+        ``time`` coordinate, as the shards of a dataset have it. Each system of it is estimated by itself,
+        but all from windows of one length and without the same channels: of what one lacks too much is read of none.
     samples
         Drawn from the posterior of each system, at least 20.
     seed
@@ -158,9 +168,11 @@ def predict(
         )
     encoding = run.card.encoding
     window = read_window(Path(file), encoding)
-    known = {one.length: one for one in run.card.familiar}.get(len(window.stamps))
-    if known is not None:
-        _check_moving(Path(file), window, known, encoding)
+    familiar = {one.length: one for one in run.card.familiar}
+    known = familiar.get(len(window.stamps))
+    for values in (*window.longer, window.values):  # a gap long ago does not make a dead sensor live
+        if (like := familiar.get(values.shape[1])) is not None:
+            _check_moving(Path(file), values, window.systems, like, encoding)
     begins = window.begins + window.stamps[0]
     answers = run.read(window.values, begins)
     estimates = run.estimates(answers, len(window.stamps), window.absent)
@@ -212,6 +224,7 @@ def predict(
                 parameters=parameters,
                 correlation=correlation,
                 unlike=None if known is None else unlike(window.values[i], known, encoding),
+                bridged=window.bridged[i],
             )
         )
     return Predictions(
@@ -221,7 +234,8 @@ def predict(
         context_hours=len(window.stamps) * encoding.step / 3600,
         noise=run.card.noise,
         absent=window.absent,
-        bridged=window.bridged,
+        failed=list(window.failed),
+        bridged=sum(window.bridged),
         passed=window.passed,
         held=run.card.held,
         rmse_held=None if typical.rmse is None else run.card.errors_held,
@@ -229,20 +243,23 @@ def predict(
         rmse_note=_rmse_note(typical, window, encoding, posterior is not None),
         interval_note=_interval_note(fitted_to, run.card.dataset),
         interval_doubt=None if posterior is None else posterior.card.doubt(),
+        interval_gaps=BRIDGED_NOTE if any(window.bridged) and posterior is not None else None,
         predictions=predictions,
     )
 
 
-def _check_moving(path: Path, window: Window, known: Familiar, encoding: Encoding) -> None:
-    """Refuse an output that stands still throughout, where that never was so in training."""
-    at = stuck(window.values, known, encoding)
+def _check_moving(
+    path: Path, values: np.ndarray, systems: list[int | None], known: Familiar, encoding: Encoding
+) -> None:
+    """Refuse an output of windows (systems, length, recorded) that stands still throughout, if none did in training."""
+    at = stuck(values, known, encoding)
     if at is None:
         return
     name, unit = encoding.recorded[at[1]], encoding.units[at[1]]
-    hours = len(window.stamps) * encoding.step / 3600
-    level = np.nanmin(window.values[at[0], :, at[1]])  # some readings may be missing
+    hours = values.shape[1] * encoding.step / 3600
+    level = np.nanmin(values[at[0], :, at[1]])  # some readings may be missing
     found = f"{level:g}{'' if unit == '1' else f' {unit}'}"
-    whose = "" if window.systems[at[0]] is None else f" of system {window.systems[at[0]]}"
+    whose = "" if systems[at[0]] is None else f" of system {systems[at[0]]}"
     longest = known.longest_still[at[1]] * encoding.step / 3600
     never = f"never for more than {longest:.3g} h on end" if longest < hours else "never so long there"
     raise RecordingError(
@@ -253,12 +270,12 @@ def _check_moving(path: Path, window: Window, known: Familiar, encoding: Encodin
 
 def _rmse_note(typical: Typical, window: Window, encoding: Encoding, posterior: bool) -> str:
     """A sentence on the errors that are given, or on why none are."""
+    present = [name not in window.absent for name in encoding.recorded]
+    gappy = any(window.bridged) or np.isnan(window.values[..., present]).any()
+    gaps = "; the recording has gaps, with which errors are larger" if gappy else ""
     if typical.rmse is None:
         interval = "; the 90 % interval is the posterior's own, for this very recording" if posterior else ""
-        return f"no rmse: {typical.note}{interval}"
-    present = [name not in window.absent for name in encoding.recorded]
-    gappy = window.bridged or np.isnan(window.values[..., present]).any()
-    gaps = "; the recording has gaps, with which errors are larger" if gappy else ""
+        return f"no rmse: {typical.note}{interval}{gaps}"
     return f"rmse: {typical.note}{gaps}"
 
 

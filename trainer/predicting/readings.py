@@ -9,6 +9,7 @@ import numpy as np
 from shared.codes import CODES
 from shared.errors import RecordingError
 from shared.schema import EPOCH
+from shared.units import spelled
 from shared.variables import spaced
 from trainer.reading.encoding import Encoding
 
@@ -21,6 +22,8 @@ COLDEST = 150.0
 """Temperature [K] below which no weather and no room has ever been: readings there are in degC, or a code."""
 ROUNDING = 1e-3
 """Share of its value by which a channel that did not vary in training may differ: that much is how it was written."""
+ROUNDED_KELVIN = 0.06
+"""The same of a temperature [K], of which a share would be a quarter of a degree: 293.15 K may be written as 293.2."""
 
 
 class GapError(RecordingError):
@@ -82,8 +85,10 @@ def comparable(
     mean = np.array(encoding.mean)
     constant = np.isin(encoding.recorded, encoding.constant)
     with np.errstate(over="ignore"):  # of a damaged card's numbers
-        allowed = np.where(constant, ROUNDING * np.abs(mean), FARTHEST * np.array(encoding.sd))
-        absolute = (np.array(encoding.units) == "K") & (mean > COLDEST)  # a difference is in K, too
+        kelvin = np.array([spelled(unit) == "K" for unit in encoding.units], dtype=bool)
+        absolute = kelvin & (mean > COLDEST)  # a difference is in K, too
+        rounding = np.where(absolute, ROUNDED_KELVIN, ROUNDING * np.abs(mean))
+        allowed = np.where(constant, rounding, FARTHEST * np.array(encoding.sd))
         allowed = np.where(absolute, np.minimum(allowed, mean - COLDEST), allowed)
         odd = np.where(constant, allowed, np.minimum(ODD * np.array(encoding.sd), allowed))
     away = np.abs(values - mean)

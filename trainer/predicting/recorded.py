@@ -28,7 +28,10 @@ class Window(NamedTuple):
     ``values`` float32 (systems, length, recorded) [the run's units], ``stamps`` (length,) [s since time zero, or since
     ``begins``], ``begins`` (systems,) [s since time zero], ``systems`` their indices (None for a recording without
     them), ``absent`` the optional channels that the recording lacks, or lacks too much of, ``bridged`` how many
-    readings were put in where single ones were missing, ``passed`` why no longer window was read, if one was tried.
+    readings of each system were put in where single ones were missing, ``failed`` why a channel that the recording has
+    is absent, a sentence each, ``passed`` why no longer window was read, if one was tried,
+    ``longer`` the outputs over each longer window that was passed over, longest first: float32 (systems, its length,
+    recorded), not a number where nothing was read, and in all other channels.
     """
 
     values: np.ndarray
@@ -36,12 +39,16 @@ class Window(NamedTuple):
     begins: np.ndarray
     systems: list[int | None]
     absent: list[str]
-    bridged: int = 0
+    bridged: tuple[int, ...] = ()
+    failed: tuple[str, ...] = ()
     passed: str | None = None
+    longer: tuple[np.ndarray, ...] = ()
 
 
 def read_window(path: Path, encoding: Encoding) -> Window:
     """The last context window of a recording: the longest of those that the run was trained on, and can read.
+
+    Of several systems it is as long for each and lacks the same channels: what one lacks too much of is read of none.
 
     Raises
     ------
@@ -64,7 +71,11 @@ def read_window(path: Path, encoding: Encoding) -> Window:
         except GapError as error:  # an outage long ago does not spoil the days since; a code or another unit does
             first = first or error
             continue
-        return window._replace(passed=None if first is None else str(first))
+        if first is None:
+            return window
+        longest = _outputs(path, recording, seconds, encoding, len(window.systems), lengths[0])
+        longer = tuple(longest[:, -one:] for one in lengths if one > length)
+        return window._replace(passed=str(first), longer=longer)
     assert first is not None
     raise first
 
@@ -88,26 +99,45 @@ def _window(path: Path, recording: xr.Dataset, stamps: np.ndarray, encoding: Enc
     if not len(indices):
         raise RecordingError(f"{path}: its dimension system is empty; expected at least one system")
     values = values.reshape(-1, length, len(encoding.recorded))
+    failed = []
     for k, name in enumerate(encoding.recorded):
         if name in absent:
             continue
         largest = encoding.largest_gap if k < encoding.outputs else 0.0
         try:
             check_gaps(path, name, values[..., k], indices, largest)
-        except GapError:
+        except GapError as error:
             if name not in encoding.optional:
                 raise
             values[..., k] = np.nan  # a meter that failed: the run does without it
             absent.append(name)
+            failed.append(str(error))
     begins = recorded_begins(path, recording, len(values))
     values = comparable(path, values, begins[:, None] + stamps, indices, encoding)
-    bridged = sum(
-        int(bridge(values[i, :, k], BRIDGED).sum())
-        for i in range(len(values))
-        for k in range(encoding.outputs)
-        if np.isnan(values[i, :, k]).any()
+    bridged = tuple(
+        sum(int(bridge(one[:, k], BRIDGED).sum()) for k in range(encoding.outputs) if np.isnan(one[:, k]).any())
+        for one in values
     )
-    return Window(values, stamps, begins, indices, absent, bridged)
+    return Window(values, stamps, begins, indices, absent, bridged, tuple(failed))
+
+
+def _outputs(
+    path: Path, recording: xr.Dataset, seconds: np.ndarray, encoding: Encoding, systems: int, length: int
+) -> np.ndarray:
+    """The outputs that every recording has, over so many steps at its end, (systems, length, recorded).
+
+    Each reading is put where its time stamp says, for rows may be missing; all else is not a number.
+    """
+    values = np.full((systems, length, len(encoding.recorded)), np.nan, dtype=np.float32)
+    places = (seconds - seconds[-1]) / encoding.step + length - 1
+    nearest = np.round(places)
+    rows = np.flatnonzero((np.abs(places - nearest) <= 1e-3) & (nearest >= 0) & (nearest < length))
+    methods: list[Method] | list[None] = encoding.methods or [None] * len(encoding.recorded)
+    for k, name in enumerate(encoding.recorded[: encoding.outputs]):
+        if name not in encoding.optional:
+            readings = _channel(path, recording, name, encoding.units[k], methods[k])
+            values[:, nearest[rows].astype(int), k] = readings[..., rows]
+    return values
 
 
 def _check_step(path: Path, recording: xr.Dataset, window: np.ndarray, encoding: Encoding) -> None:

@@ -195,14 +195,15 @@ def stuck(values: np.ndarray, known: Familiar, encoding: Encoding) -> tuple[int,
 
     Only outputs that never stood still for so long in training, or not there: a heater may well be off for a week, and
     an empty room at outdoor CO2; and only those that every recording has: what an optional one is in a building that
-    was never excited may well be constant.
+    was never excited may well be constant. A reading that was lost does not make a dead sensor move, nor does it count
+    as one at which it stood still.
     """
     found = looks(values)
-    longest, length = _longest(known), values.shape[1]
-    # a reading that was lost now and then does not make a dead sensor move
+    longest, counts = _longest(known), np.isfinite(values).sum(axis=1)
     for i, k in np.argwhere((found.lowest == found.highest)[:, : encoding.outputs]).tolist():
-        elsewhere = _elsewhere(known, encoding, k, length, found.lowest[i, k])
-        if encoding.recorded[k] not in encoding.optional and (length > longest[k] or elsewhere):
+        count = int(counts[i, k])
+        elsewhere = _elsewhere(known, encoding, k, count, found.lowest[i, k])
+        if encoding.recorded[k] not in encoding.optional and (count > longest[k] or elsewhere):
             return i, k
     return None
 

@@ -5,7 +5,7 @@ No pickle: loading a run executes nothing that it holds.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any, Literal
 
@@ -245,12 +245,12 @@ def make_folder(folder: Path) -> None:
         raise EstimatorError(f"{folder}: cannot be made a folder ({error.strerror})") from None
 
 
-def save_run(folder: Path, card: Card, model: Estimator) -> None:
-    """Write a run folder: weights, and the card that names their hash, which take the place of others at one moment."""
+def save_run(folder: Path, card: Card, model: Estimator, before: Callable[[], None] | None = None) -> None:
+    """Write a run folder: weights, and the card that names their hash; ``before`` is that of :func:`write_pair`."""
     make_folder(folder)
     data = weights_data(model)
     card.weights_sha256 = digest(data)
-    write_pair(folder / WEIGHTS, data, folder / CARD, card.model_dump_json(indent=1) + "\n")
+    write_pair(folder / WEIGHTS, data, folder / CARD, card.model_dump_json(indent=1) + "\n", before)
 
 
 def read_card(folder: Path) -> Card:

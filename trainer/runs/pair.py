@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 from shared.errors import EstimatorError, ZeroshotError
@@ -18,10 +19,11 @@ from shared.store import write_atomically
 _HASH = "[0-9a-f]{64}"
 
 
-def write_pair(weights: Path, data: bytes, card: Path, text: str) -> None:
+def write_pair(weights: Path, data: bytes, card: Path, text: str, before: Callable[[], None] | None = None) -> None:
     """Write weights and their card; ``text`` is JSON that has the :func:`digest` of ``data`` as ``weights_sha256``.
 
-    One process at a time may do so.
+    One process at a time may do so. ``before`` is called once the weights are written, and before they take the place
+    of others: it removes what was said of those, which is still there where a disk is too full for new ones.
 
     Raises
     ------
@@ -30,6 +32,8 @@ def write_pair(weights: Path, data: bytes, card: Path, text: str) -> None:
     """
     _settle(weights, card)
     write_atomically(_late(weights, digest(data)), data)
+    if before is not None:
+        before()
     write_atomically(card, text.encode())
     _settle(weights, card)
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from shared.errors import EstimatorError
 from shared.lock import at_work
-from trainer.runs.checkpoint import Card, Run, read_card
+from trainer.runs.checkpoint import CARD, Card, Run, read_card
 
 _CAUSES = {
     "interrupted": "it was interrupted",
@@ -40,6 +40,32 @@ def unfinished(card: Card, folder: Path | None = None) -> str | None:
         f"The run's training was not finished: {_CAUSES[done.stopped]} after {far}. All figures are of its weights at"
         f" step {done.best_step}, not of the estimator that it was to become{on}."
     )
+
+
+def is_of(run: Run, folder: Path) -> bool:
+    """Whether a folder is the run's own, however its path is written."""
+    return run.folder is not None and folder.resolve() == run.folder.resolve()
+
+
+def check_findings_place(run: Run, folder: Path) -> None:
+    """Refuse a folder that is not the run's own and holds another estimator: what was found of that would be gone.
+
+    Raises
+    ------
+    EstimatorError
+        If it is one.
+    """
+    if is_of(run, folder) or not (folder / CARD).exists():
+        return
+    try:
+        same = read_card(folder).weights_sha256 == run.card.weights_sha256
+    except EstimatorError:  # damaged, or of a newer version: nobody knows whose
+        same = False
+    if not same:
+        raise EstimatorError(
+            f"out: {folder} holds another estimator ({CARD}), and what was found of it would be overwritten;"
+            " expected another folder"
+        )
 
 
 def check_not_replaced(run: Run) -> None:

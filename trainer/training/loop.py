@@ -97,6 +97,7 @@ class Loop:
         self.optimisers = make_optimisers(network, recipe) if network.iterates else []
         self.step, self.total, self.counted = 0, 0.0, 0
         self.begin = self.saved = self.kept = time.monotonic()
+        self.written = card.weights_sha256  # what stands in the folder is said of these weights
 
     @property
     def seconds(self) -> float:
@@ -264,10 +265,10 @@ class Loop:
         return True
 
     def _save(self) -> None:
-        """Write the estimator; what was said of other weights in its place goes before."""
-        if digest(weights_data(self.network)) != self.card.weights_sha256:
-            remove_findings(self.folder)
-        save_run(self.folder, self.card, self.network)
+        """Write the estimator; what was said of other weights in its place goes as it takes that."""
+        same = digest(weights_data(self.network)) == self.written
+        save_run(self.folder, self.card, self.network, None if same else lambda: remove_findings(self.folder))
+        self.written = self.card.weights_sha256
         self.saved = time.monotonic()
 
     def _finish(self, stopped: Stop) -> None:

@@ -1,15 +1,19 @@
 """A posterior of which it is told that its intervals are not to be trusted."""
 
 import json
+from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 import torch
 
+from shared.schema import SPLITS, split_of
 from trainer.cli import main
 from trainer.posterior import fit_posterior
 from trainer.posterior.card import ENOUGH
 from trainer.posterior.conditions import Contexts
+from trainer.posterior.fitting import _halves
 from trainer.posterior.flow import PosteriorFlow
 from trainer.posterior.inference import LEVEL
 from trainer.posterior.tempering import _temperatures, temper
@@ -32,6 +36,18 @@ def windows_of(z: torch.Tensor, each: int = 3) -> Contexts:
 def test_nine_is_the_least_number_of_systems_that_can_tell():
     """Split conformal prediction: the ceil(0.9 (n + 1))-th of n."""
     assert [n for n in range(1, 15) if n + 1 > LEVEL * (n + 1) + 1 - 1e-9] == list(range(ENOUGH, 15))
+
+
+def test_the_guide_says_how_many_systems_a_dataset_needs_for_nine_that_calibrate():
+    """It said 180: of seventeen validation systems nine calibrate, and eight are fitted to."""
+
+    def calibrating(systems):
+        rows = np.array([index for index in range(systems) if split_of(1, index) == SPLITS.index("validation")])
+        return len(_halves(rows, None, 0)[1])
+
+    least = next(systems for systems in range(100, 300, 10) if calibrating(systems) >= ENOUGH)
+    guide = " ".join((Path(__file__).parents[3] / "docs" / "own-fmu.md").read_text(encoding="utf-8").split())
+    assert f"For 90 % this takes nine systems, so {least} in all" in guide
 
 
 @pytest.mark.parametrize(("systems", "narrower"), [(3, False), (8, False), (9, True), (40, True)])

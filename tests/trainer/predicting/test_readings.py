@@ -120,3 +120,16 @@ def test_temperatures_in_degrees_are_refused_however_wide_the_training_was(tmp_p
         RecordingError, match=r"air is 10 K at 2001-01-01T01:00:00, 27 standard deviations .* at most 13"
     ):
         comparable(tmp_path / "r.nc", values, times, [None], encoding)
+
+
+@pytest.mark.parametrize("unit", ["K", "kelvin"])
+def test_a_set_point_that_is_a_quarter_of_a_degree_off_is_not_a_rounding(unit):
+    """A thousandth of 293.15 K is 0.29 K: 20.25 degC had been read as 20 without a word."""
+    told = encoding(293.15, 1.0, unit, ["power"])
+    assert checked(293.2, told)[0, 1, 0] == np.float32(293.15)
+    for other in (293.40, 293.0):
+        with pytest.raises(RecordingError, match=rf"power is {other:g} .*; in the run's training it was 293\.15 "):
+            checked(other, told)
+    difference = encoding(8.0, 1.0, unit, ["power"])
+    with pytest.raises(RecordingError, match="in the run's training it was 8"):
+        checked(8.05, difference)

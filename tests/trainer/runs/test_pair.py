@@ -1,12 +1,13 @@
 """Weights and their card change at one moment, whenever a process is killed."""
 
+import errno
 import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from shared.errors import EstimatorError
+from shared.errors import EstimatorError, ZeroshotError
 from trainer.posterior import fit_posterior, load_posterior
 from trainer.runs import checkpoint, pair
 from trainer.runs.checkpoint import load_run
@@ -64,6 +65,41 @@ def test_a_killed_fit_of_a_posterior_leaves_one_whole(own_ridge, tanks, monkeypa
     fit_posterior(own_ridge, tanks, **QUICK, seed=8, overwrite=True)
     assert load_posterior(load_run(own_ridge)).card.seed == 8
     assert not any(name.startswith("posterior-") for name in names(own_ridge))
+
+
+def full(monkeypatch, name):
+    """The disk is too full for a file whose name begins so."""
+    write = pair.write_atomically
+
+    def cut(path, data):
+        if path.name.startswith(name):
+            raise OSError(errno.ENOSPC, "No space left on device", str(path))
+        write(path, data)
+
+    monkeypatch.setattr(pair, "write_atomically", cut)
+
+
+def test_what_was_found_stays_where_a_disk_is_too_full_for_what_would_replace_it(own_ridge, tanks, monkeypatch):
+    """The estimator stayed, and its posterior, evaluation and calibration were gone."""
+    fit_posterior(own_ridge, tanks, **QUICK)
+    findings = ("evaluation.json", "calibration.json")
+    for name in findings:
+        (own_ridge / name).write_text("{}")
+    expected = answers(own_ridge)
+    for name, replace in (
+        ("weights-", lambda: fit(tanks, own_ridge, model="mean", overwrite=True)),
+        ("posterior-", lambda: fit_posterior(own_ridge, tanks, **QUICK, seed=7, overwrite=True)),
+    ):
+        with monkeypatch.context() as patch, pytest.raises((OSError, ZeroshotError), match="No space left"):
+            full(patch, name)
+            replace()
+        assert answers(own_ridge) == expected
+        assert load_posterior(load_run(own_ridge)).card.seed == 0
+        assert {*findings} <= names(own_ridge)
+    fit_posterior(own_ridge, tanks, **QUICK, seed=7, overwrite=True)
+    assert names(own_ridge) & {*findings} == {"evaluation.json"}
+    fit(tanks, own_ridge, model="mean", overwrite=True)
+    assert not names(own_ridge) & {*findings, "posterior.json"}
 
 
 def test_a_training_that_takes_the_place_removes_a_posterior_that_was_cut_off(own_ridge, tanks, monkeypatch):

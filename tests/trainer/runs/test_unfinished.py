@@ -2,12 +2,14 @@
 
 import json
 import os
+import shutil
 
 import pytest
 
 from shared.errors import EstimatorError
 from shared.lock import FolderLock
 from trainer.evaluating.evaluation import evaluate
+from trainer.posterior import calibration, fit_posterior
 from trainer.runs.checkpoint import load_run, read_card, save_run
 from trainer.runs.unfinished import unfinished
 from trainer.training.fitting import fit
@@ -105,7 +107,7 @@ def test_a_training_that_is_under_way_is_told_with_its_process(cut_short, monkey
 @pytest.mark.parametrize("replaced", ["estimator", "posterior"])
 def test_what_is_found_of_one_estimator_is_not_put_beside_another(own_ridge, tanks, tmp_path, monkeypatch, replaced):
     """A training or a posterior that replaces what is read while it is being read."""
-    from trainer.posterior import assessment, calibration, fit_posterior
+    from trainer.posterior import assessment
 
     quick = {"epochs": 1, "windows_per_system": 2}
     fit_posterior(own_ridge, tanks, **quick)
@@ -124,7 +126,9 @@ def test_what_is_found_of_one_estimator_is_not_put_beside_another(own_ridge, tan
     assert not (own_ridge / "calibration.json").exists()
 
 
-def test_an_evaluation_is_not_put_beside_another_estimator(own_ridge, tanks, monkeypatch):
+@pytest.mark.parametrize("way", ["as it is", "otherwise"])
+def test_an_evaluation_is_not_put_beside_another_estimator(own_ridge, tanks, monkeypatch, way):
+    """Also where the run's own folder is written in another way."""
     from trainer.evaluating import evaluation
 
     find = evaluation.find_ceiling
@@ -135,15 +139,29 @@ def test_an_evaluation_is_not_put_beside_another_estimator(own_ridge, tanks, mon
 
     monkeypatch.setattr(evaluation, "find_ceiling", slow)
     with pytest.raises(EstimatorError, match="run: its estimator was replaced while it was at work with"):
-        evaluate(own_ridge, tanks, windows=20)
+        evaluate(own_ridge, tanks, windows=20, out=None if way == "as it is" else own_ridge / ".." / own_ridge.name)
     assert not (own_ridge / "evaluation.json").exists()
+
+
+@pytest.mark.parametrize("what", [evaluate, calibration])
+def test_findings_of_one_estimator_are_not_written_over_anothers(own_ridge, tanks, tmp_path, what):
+    """They would stand beside weights that they are not of."""
+    fit_posterior(own_ridge, tanks, epochs=1, windows_per_system=2)
+    fit(tanks, tmp_path / "other", model="mean")
+    sentence = r"^out: .*other holds another estimator \(estimator\.json\), .*; expected another folder$"
+    with pytest.raises(EstimatorError, match=sentence):
+        what(own_ridge, tanks, windows=20, out=tmp_path / "other")
+    assert not {"evaluation.json", "calibration.json"} & {path.name for path in (tmp_path / "other").iterdir()}
+    copy = shutil.copytree(own_ridge, tmp_path / "copy")
+    what(own_ridge, tanks, windows=20, out=copy)
+    assert {"evaluation.json", "calibration.json"} & {path.name for path in copy.iterdir()}
 
 
 @pytest.mark.parametrize("found", ["evaluation", "calibration"])
 def test_a_training_that_is_at_work_replaces_what_is_being_read(own_ridge, tanks, tmp_path, monkeypatch, found):
     """`fit --overwrite`, whose first estimator comes while the old one is looked at."""
     from trainer.evaluating import evaluation
-    from trainer.posterior import assessment, calibration, fit_posterior
+    from trainer.posterior import assessment
 
     fit_posterior(own_ridge, tanks, epochs=1, windows_per_system=2)
     other = fit(tanks, tmp_path / "other", model="mean")

@@ -116,6 +116,23 @@ def test_gaps_are_said_to_make_errors_larger(folder, record):
     assert predict(folder, whole.with_name("gaps.nc")).rmse_note.endswith("gaps, with which errors are larger")
 
 
+def test_readings_that_were_put_in_are_told_of_intervals_and_without_an_rmse_too(folder, earlier, record, capsys):
+    """One in twenty is lost; bridged, the posterior takes the recording for a complete one."""
+    path = record(48)
+    assert predict(earlier, path).interval_gaps is None
+    data = xr.load_dataset(path)
+    data["level"][5:90:20] = np.nan
+    data.to_netcdf(path.with_name("holes.nc"))
+    sentence = "the intervals take the readings that were put in for measured ones: they do not allow for them"
+    for run in (folder, earlier):
+        found = predict(run, path.with_name("holes.nc"))
+        assert found.bridged == 5 and found.interval_gaps == sentence
+        assert found.rmse_note.startswith("rmse: " if run == folder else "no rmse: ")
+        assert found.rmse_note.endswith("; the recording has gaps, with which errors are larger")
+    _, out, _ = command(capsys, "predict", earlier, path.with_name("holes.nc"))
+    assert sentence in " ".join(out.split())
+
+
 def test_one_figure_over_everything_is_not_given_for_a_recording(earlier, record, capsys):
     """Neither at another length nor at its own, where it mixes presets and missing channels."""
     for hours in (24, 48):
