@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,13 @@ class Systems(BaseModel):
     @classmethod
     def of(cls, records: Records, rows: np.ndarray) -> Systems:
         """The systems in some rows of records."""
-        return cls(root_seeds=[int(s) for s in records.seeds[rows]], indices=records.systems[rows].tolist())
+        return cls._of_pairs(zip(records.seeds[rows].tolist(), records.systems[rows].tolist(), strict=True))
+
+    @classmethod
+    def _of_pairs(cls, pairs: Iterable[tuple[int, int]]) -> Systems:
+        """In order, so that their numbers are few runs where they are written."""
+        ordered = sorted((int(seed), int(index)) for seed, index in pairs)
+        return cls(root_seeds=[seed for seed, _ in ordered], indices=[index for _, index in ordered])
 
     def rows_in(self, records: Records) -> np.ndarray:
         """Which rows of records are of these systems; bool (systems,)."""
@@ -41,7 +48,5 @@ class Systems(BaseModel):
 
     def with_those(self, others: Systems) -> Systems:
         """These, and those of ``others`` that are not among them."""
-        own = list(zip(self.root_seeds, self.indices, strict=True))
-        known = set(own)
-        own += [pair for pair in zip(others.root_seeds, others.indices, strict=True) if pair not in known]
-        return Systems(root_seeds=[seed for seed, _ in own], indices=[index for _, index in own])
+        pairs = [zip(one.root_seeds, one.indices, strict=True) for one in (self, others)]
+        return self._of_pairs({*pairs[0], *pairs[1]})
