@@ -12,7 +12,7 @@ _HOMES = {
     "calibrate": "diagnosis.calibrating.calibration",
     "diagnose": "diagnosis.gap.diagnosed",
     "forecast": "diagnosis.forecasting.forecast",
-    "import_recording": "diagnosis.importing.importer",
+    "import_recording": "diagnosis.measurements.importer",
     "residuals": "diagnosis.simulated",
 }
 

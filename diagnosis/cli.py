@@ -14,7 +14,7 @@ from diagnosis.blind.command import app as blind
 from diagnosis.calibrating.command import calibrate
 from diagnosis.forecasting.command import forecast
 from diagnosis.gap.command import run as run_
-from diagnosis.importing.command import import_
+from diagnosis.measurements.command import import_
 from diagnosis.usual import WARM_UP
 from shared.assignments import assignments
 from shared.console import OK, new_app, new_console, start

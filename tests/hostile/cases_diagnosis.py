@@ -12,13 +12,13 @@ import xarray as xr
 from diagnosis.blind.sealed import open_answers, read_manifest
 from diagnosis.blind.truth import load_truth
 from diagnosis.blind.verdicts import read_outcome, read_run
-from diagnosis.importing import import_recording
+from diagnosis.measurements import import_recording
 from diagnosis.recording import read_recording
 from shared.errors import RecordingError
 from shared.netcdf import read_netcdf
 from shared.system import load_system
 from tests.diagnosis.blind.blind_cases import Case, write_results, write_set
-from tests.diagnosis.importing.house_cases import HOUSE, MAPPING, measured
+from tests.diagnosis.measurements.house_cases import HOUSE, MAPPING, measured
 from tests.hostile.damage import damage_bytes, damage_json, damage_text
 from tests.hostile.trial import Reader
 from tests.trainer.conftest import tank_system

@@ -10,12 +10,12 @@ from diagnosis.blind.places import inputs_of
 from diagnosis.blind.score_schema import read_score
 from diagnosis.blind.sealed import read_manifest
 from diagnosis.calibrating.schema import read_calibration
-from diagnosis.importing.mapping import load_mapping
-from diagnosis.importing.reading import read_measurements
+from diagnosis.measurements.mapping import load_mapping
+from diagnosis.measurements.table import read_measurements
 from diagnosis.recording import read_recording
 from shared.errors import RecordingError
 from tests.diagnosis.blind.blind_cases import Case, write_set
-from tests.diagnosis.importing.house_cases import MAPPING, measured
+from tests.diagnosis.measurements.house_cases import MAPPING, measured
 from tests.hostile import cases_diagnosis
 from tests.hostile.properties import property_of
 from tests.trainer.conftest import tank_system

@@ -1,0 +1,445 @@
+"""Time stamps: from what loggers write to seconds on the building's own clock without daylight saving.
+
+A recording keeps **local standard time**: every day has 24 hours and the sun keeps its place in them. Its time runs
+from a Monday 00:00 near 1 January of the year in which it begins, so that a remainder gives time of day and day of
+week as for simulated years (time zero of those is Monday 1 January 2001), the season is right within three days, and
+the numbers stay small. The date of that Monday is in the units of the file's time: the calendar is not lost.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, date, datetime, timedelta, timezone, tzinfo
+from difflib import get_close_matches
+from itertools import pairwise
+from zoneinfo import ZoneInfo, available_timezones
+
+import numpy as np
+import pandas as pd
+
+from diagnosis.measurements.mapping import Time
+from diagnosis.measurements.spacing import even
+from shared.errors import RecordingError
+from shared.reading import shown, why
+from shared.times import time_zero
+
+Sensors = Callable[[], np.ndarray]
+"""Says of each row which sensors it holds a reading of, shape (rows, sensors): asked only where it matters."""
+_OFTEN, _RARELY = 0.75, 1.25
+"""A sensor whose usual interval is more than the first share of the repeated hour need not see the clock go back; one
+beyond the second may have no reading in either pass."""
+_APART = 1.5
+"""Rows so many usual intervals apart have lost one between them."""
+
+
+def seconds_of(index: pd.DatetimeIndex) -> np.ndarray:
+    """Aware or naive stamps as they read [s since 1970], same shape."""
+    naive = index.tz_convert("UTC").tz_localize(None) if index.tz is not None else index
+    return np.asarray((naive - pd.Timestamp(0)) / pd.Timedelta(seconds=1), dtype=np.float64)
+
+
+def of_wall_clock(
+    stamps: pd.DatetimeIndex, zone: tzinfo, name: str, where: str, sensors: Sensors | None = None
+) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """Naive stamps of a zone's wall clock to UTC [s since 1970] and which may be an hour off, both (rows,); and notes.
+
+    Stamps of the repeated hour are of the first pass until the clock goes back: for a row, or for a sensor that was
+    read at the same stamp before, or whose usual interval says so. If there is no such row, an hour is missing: where
+    rows at a usual interval have one gap, within the hour or beside it, that took it, and where they have none or
+    several, nothing tells. Rows at no usual interval are of the first pass, or of the second where that alone has rows
+    beside it: they may be changes, which are not to be lost.
+
+    Raises
+    ------
+    RecordingError
+        If stamps lie in the hour that daylight saving skips, or the order of rows does not tell the passes apart.
+    """
+    first = stamps.tz_localize(zone, ambiguous=np.ones(len(stamps), dtype=bool), nonexistent="NaT")
+    second = stamps.tz_localize(zone, ambiguous=np.zeros(len(stamps), dtype=bool), nonexistent="NaT")
+    lost = np.flatnonzero(first.isna())
+    if lost.size:
+        raise RecordingError(
+            f"{where}: {stamps[lost[0]]} does not exist in {name}, where daylight saving skips it; if the logger keeps "
+            "standard time all year, expected zone as an offset such as '+01:00'"
+        )
+    early, late, wall = seconds_of(first), seconds_of(second), seconds_of(stamps)
+    repeated = early != late
+    doubtful = np.zeros(len(wall), dtype=bool)
+    if not repeated.any():
+        return early, doubtful, []
+    read = sensors() if sensors is not None else np.empty((len(wall), 0), dtype=bool)
+    if not read.shape[1]:
+        read = np.ones((len(wall), 1), dtype=bool)
+    hour = float((late - early).max())
+    rows = _Rows(wall, read, *_usual(wall, read, hour), hour, name, where)
+    utc = early.copy()
+    for start in np.flatnonzero(repeated & ~np.concatenate([[False], repeated[:-1]])).tolist():
+        stop = start + int(np.argmin(np.concatenate([repeated[start:], [False]])))
+        second_pass = rows.second_pass(start, stop)
+        if second_pass is None:
+            doubtful[start:stop] = True
+        else:
+            utc[second_pass:stop] = late[second_pass:stop]
+    again = int((utc != early).sum())
+    notes = []
+    if not again and not repeated[-1]:
+        notes.append(
+            "the hour that the end of daylight saving repeats is there once only: if the logger keeps standard time"
+            " all year, write time.stamps as an offset such as '+01:00'"
+        )
+    notes.append(
+        f"{int(repeated.sum())} stamps fall in the hour that the end of daylight saving repeats: {again} of them, from"
+        " where the clock goes back, are taken for its second pass"
+        + (
+            f"; {int(doubtful.sum())} of them are left out, because nothing tells which pass they are of (an offset in"
+            " the stamps, as 2022-10-30 02:15:00+01:00, would)"
+            if doubtful.any()
+            else ""
+        )
+    )
+    return utc, doubtful, notes
+
+
+def _usual(wall: np.ndarray, read: np.ndarray, hour: float) -> tuple[np.ndarray, np.ndarray]:
+    """How soon each sensor cannot be read again, and the usual interval of those that are seldom, both (sensors,) [s].
+
+    Half the usual interval, of one that is read hourly or more seldom; others may be read as soon as they like, but not
+    at the same stamp, and the interval of what is read hourly at least is given as zero.
+    """
+    near, rarely = np.zeros(read.shape[1]), np.zeros(read.shape[1])
+    for k in range(read.shape[1]):
+        apart = np.diff(wall[read[:, k]])
+        if even(apart) and np.median(apart) > _OFTEN * hour:
+            usual = float(np.median(apart))
+            near[k], rarely[k] = 0.5 * usual, usual if usual > _RARELY * hour else 0.0
+    return near, rarely
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Rows of a wall clock [s], (rows,), the sensors that they hold, (rows, sensors), and what is usual of these."""
+
+    wall: np.ndarray
+    read: np.ndarray
+    near: np.ndarray
+    rarely: np.ndarray
+    hour: float
+    name: str
+    where: str
+
+    def second_pass(self, start: int, stop: int) -> int | None:
+        """The first row of the second pass, of rows ``start`` to ``stop`` in a repeated hour; ``stop`` if none is.
+
+        None if nothing tells.
+        """
+        wall, read = self.wall, self.read
+        falls = np.flatnonzero(np.diff(wall[start:stop]) < 0)
+        # a file whose rows are written twice repeats stamps in either pass: there only the clock tells
+        within = np.where(self.near > 0, self.near, -1.0) if falls.size else self.near
+        last, held = np.full(read.shape[1], -np.inf), np.full(read.shape[1], -1)
+        for sensor in np.flatnonzero(self.rarely):  # of one that has no reading in the first pass the one before counts
+            last[sensor] = wall[:start][read[:start, sensor]].max(initial=-np.inf)
+        back = stop
+        for k in range(start, stop):
+            soon = read[k] & (wall[k] - last <= within)
+            soon |= read[k] & self._later(wall[k] - last)
+            again = soon & (held >= back)
+            if again.any() and not falls.size:
+                raise RecordingError(
+                    f"{self.where}: row {k + 1} ({pd.Timestamp(wall[k], unit='s')}) has a reading of what row"
+                    f" {int(held[again][0]) + 1} has one of, in the hour that the end of daylight saving repeats in"
+                    f" {self.name}, and the order of rows does not tell its two passes apart; expected rows in the"
+                    " order of time, or stamps with an offset as 2022-10-30 02:15:00+01:00"
+                )
+            if back == stop and (soon.any() or (falls.size and k == start + falls[0] + 1)):
+                back = k
+            last[read[k]], held[read[k]] = wall[k], k
+        return back if back < stop else self._at_a_gap(start, stop)
+
+    def _later(self, apart: np.ndarray) -> np.ndarray:
+        """Whether an hour more makes times [s] since a seldom reading more nearly its usual interval, or so many."""
+        told = (self.rarely > 0) & np.isfinite(apart)
+        usual = np.where(told, self.rarely, 1.0)
+        apart = np.where(told, apart, 0.0)
+        off = [np.abs(one - usual * np.round(one / usual)) for one in (apart, apart + self.hour)]
+        return np.asarray(told & (off[1] < off[0]))
+
+    def _at_a_gap(self, start: int, stop: int) -> int | None:
+        """The row, of ``start`` to ``stop``, before which the missing hour was lost; None if nothing tells."""
+        step = np.diff(self.wall)
+        step = step[step > 0]
+        if self.rarely[self.read[start:stop].any(axis=0)].all() or (start == 0 and stop == len(self.wall)):
+            return stop  # their intervals have told, or nothing is beside them
+        if not even(step):
+            return start if self._after_a_gap(start, stop) else stop
+        beside = np.concatenate([[np.inf], np.diff(self.wall), [np.inf]])[start : stop + 1]
+        gaps = np.flatnonzero(beside > _APART * float(np.median(step)))
+        return start + int(gaps[0]) if len(gaps) == 1 else None
+
+    def _after_a_gap(self, start: int, stop: int) -> bool:
+        """Whether rows follow those in the repeated hour as closely as usual, and none are so close before them."""
+        step = np.diff(self.wall)
+        usual = 1.5 * float(np.median(step[step > 0])) if (step > 0).any() else 0.0
+        follows = stop < len(self.wall) and step[stop - 1] <= usual
+        return bool(follows and (start == 0 or step[start - 1] > usual))
+
+
+FIRST, LAST = (datetime(year, 1, 1, tzinfo=UTC).timestamp() for year in (1900, 2200))
+"""Time stamps that can be of measurements [s since 1970]."""
+DAY, MONTH = 86400.0, 25 * 86400.0
+"""Seconds of a day, and what is about a month at least."""
+SINCE = datetime(1980, 1, 1, tzinfo=UTC).timestamp()
+"""Loggers that count parts of a second did not before [s since 1970]."""
+_OFFSET = re.compile(r"([+-])(\d{2}):?(\d{2})$")
+_YEAR = re.compile(r"(?<!%)(?:%%)*%[YyGcx]")
+_UTC = ("Z", "UTC", "GMT")
+_END_OF_DAY = r"(?<![\d:])24(?=:00(?::00(?:[.,]0+)?)?(?![\d:]))"
+"""The hour of a day's last instant, as some loggers write the next day's first."""
+_STAMPED = r"(?:[Zz]|[+-]\d{2}:?\d{2}|[+-]\d{2})$"
+
+
+@dataclass(frozen=True)
+class Clock:
+    """The building's clock.
+
+    Attributes
+    ----------
+    zone
+        As the mapping names it.
+    offset
+        Local standard time minus UTC [s].
+    zero
+        The Monday from whose 00:00 local standard time the recording's time runs.
+    """
+
+    zone: str
+    offset: float
+    zero: date
+
+    @property
+    def units(self) -> str:
+        """CF units of the recording's time."""
+        return f"seconds since {self.zero.isoformat()} 00:00:00"
+
+    def seconds(self, utc: np.ndarray) -> np.ndarray:
+        """UTC [s since 1970] to the recording's time [s since ``zero``], same shape."""
+        return np.asarray(utc, dtype=np.float64) + self.offset - _epoch(self.zero)
+
+    def utc(self, seconds: np.ndarray) -> np.ndarray:
+        """The recording's time [s] to UTC [s since 1970], same shape."""
+        return np.asarray(seconds, dtype=np.float64) - self.offset + _epoch(self.zero)
+
+    def dates(self, seconds: np.ndarray) -> np.ndarray:
+        """The recording's time [s] as dates of local standard time, datetime64[s]."""
+        whole = np.round(np.asarray(seconds, dtype=np.float64)).astype("int64")
+        return np.asarray(np.datetime64(self.zero.isoformat(), "s") + whole.astype("timedelta64[s]"))
+
+    def text(self, seconds: float) -> str:
+        """A time as people read it."""
+        return str(self.dates(np.array([seconds]))[0]).replace("T", " ")[:16]
+
+
+def _epoch(day: date) -> float:
+    return datetime(day.year, day.month, day.day, tzinfo=UTC).timestamp()
+
+
+def find_zone(name: str, where: str) -> tzinfo:
+    """A time zone by its IANA name, ``UTC``, or a fixed offset such as ``+01:00``.
+
+    Raises
+    ------
+    RecordingError
+        If there is none of that name; similar ones are named.
+    """
+    fixed = _OFFSET.fullmatch(name)
+    if fixed and int(fixed[2]) < 24 and int(fixed[3]) < 60:
+        sign = -1 if fixed[1] == "-" else 1
+        return timezone(sign * timedelta(hours=int(fixed[2]), minutes=int(fixed[3])))
+    if name.upper() in ("UTC", "Z", "GMT"):
+        return UTC
+    try:
+        return ZoneInfo(name)
+    except (KeyError, ValueError, OSError):
+        near = get_close_matches(name, sorted(available_timezones()), n=3, cutoff=0.5)
+        hint = f"; did you mean {' or '.join(near)}?" if near else ""
+        raise RecordingError(
+            f"{where}: zone is {name!r}; expected an IANA name such as 'Europe/Amsterdam', 'UTC', or an offset such as "
+            f"'+01:00'{hint}"
+        ) from None
+
+
+def standard_offset(zone: tzinfo, utc: float) -> float:
+    """Standard time minus UTC [s] in the year that begins at ``utc`` [s since 1970]: the smallest offset of its months.
+
+    Not ``utcoffset - dst``: zones whose law calls winter time the daylight saving (Ireland) say otherwise there. Nor of
+    the calendar year: in November 2016 Istanbul had left the standard time that its January had.
+    """
+    months = [datetime.fromtimestamp(utc + DAY * 365.25 * part / 12, UTC) for part in range(12)]
+    offsets = [month.astimezone(zone).utcoffset() for month in months]
+    return min(one.total_seconds() for one in offsets if one is not None)
+
+
+def make_clock(name: str, zone: tzinfo, first: float) -> Clock:
+    """The clock of a recording whose first reading is at ``first`` [s since 1970, UTC]."""
+    offset = standard_offset(zone, first)
+    local = datetime.fromtimestamp(first, UTC) + timedelta(seconds=offset)
+    return Clock(name, offset, time_zero(local.date()))
+
+
+def read_stamps(
+    texts: pd.Series, settings: Time, where: str, sensors: Sensors | None = None
+) -> tuple[np.ndarray, list[str]]:
+    """Time stamps to UTC [s since 1970], shape (rows,), and sentences on how they were understood.
+
+    Stamps with an offset or a Z mean what they say. Stamps without are of the zone's wall clock; the hour that the end
+    of daylight saving repeats is its first pass until the clock goes back, and its second from there on; NaN where
+    nothing tells.
+
+    Parameters
+    ----------
+    sensors
+        Which sensors each row holds a reading of: rows of one stamp may be of several sensors or of two passes. One
+        sensor that is in every row if not given.
+
+    Raises
+    ------
+    RecordingError
+        If stamps cannot be read, lie in the hour that daylight saving skips, run backwards, or do not tell which pass
+        of the repeated hour they are of.
+    """
+    name = settings.stamps or settings.zone
+    zone = find_zone(name, where)
+    texts = texts.str.strip()
+    empty = texts.isna() | (texts == "")
+    if empty.any():
+        raise RecordingError(f"{where}: row {int(np.flatnonzero(empty)[0]) + 1} has no time stamp; expected one a row")
+    notes: list[str] = []
+    doubtful = np.zeros(len(texts), dtype=bool)
+    if settings.format == "unix":
+        utc = pd.to_numeric(texts, errors="coerce").to_numpy(dtype=np.float64)
+        _all_read(~np.isfinite(utc), texts, settings, where)
+    else:
+        if settings.format == "ISO8601":
+            stamped = texts.str.contains(_STAMPED, regex=True) & texts.str.contains(":", regex=False)
+        else:  # a date may stand where an offset could: the format says which it is
+            _check_format(settings.format, where)
+            stamped = pd.Series("%z" in settings.format or settings.format.endswith(_UTC), index=texts.index)
+        if stamped.any() and not stamped.all():
+            odd = int(np.flatnonzero(~stamped)[0])
+            raise RecordingError(
+                f"{where}: row {odd + 1} ({shown(texts.iloc[odd])}) has no offset from UTC but others have; "
+                f"expected all or none{_cut_off(texts, odd)}"
+            )
+        aware = bool(stamped.all())
+        try:
+            parsed, notes = _parsed(texts, settings.format, aware)
+            _all_read(parsed.isna().to_numpy(), texts, settings, where)
+            if aware:
+                utc = seconds_of(pd.DatetimeIndex(parsed))
+            else:
+                if settings.format != "ISO8601":  # first: the clock of another day may skip or repeat an hour
+                    _no_months_for_days(seconds_of(pd.DatetimeIndex(parsed)), texts, settings, where)
+                utc, doubtful, told = of_wall_clock(pd.DatetimeIndex(parsed), zone, name, where, sensors)
+                notes += told
+        except TypeError:
+            raise RecordingError(
+                f"{where}: offsets from UTC cannot be read; expected ISO 8601 with colons, 2022-10-30 02:15:00+01:00,"
+                " or time.format"
+            ) from None
+        except (ValueError, ArithmeticError) as error:
+            raise RecordingError(f"{where}: times cannot be read ({why(error)}); expected times of today") from None
+    odd_year = np.flatnonzero((utc < FIRST) | (utc > LAST))
+    if odd_year.size:
+        k = int(odd_year[0])
+        raise RecordingError(
+            f"{where}: row {k + 1} ({shown(texts.iloc[k])}) is not of the years 1900 to 2199"
+            f"{_finer(float(utc[k])) if settings.format == 'unix' else ''}"
+        )
+    back = np.flatnonzero(np.diff(utc) < 0)
+    if back.size:
+        k = int(back[0])
+        raise RecordingError(
+            f"{where}: time runs backwards from row {k + 1} ({shown(texts.iloc[k])}) to row {k + 2} "
+            f"({shown(texts.iloc[k + 1])}) in {back.size} place(s); expected rows in the order of time"
+            f"{_cut_off(texts, k + 1)}"
+        )
+    if settings.format not in ("ISO8601", "unix"):
+        _no_months_for_days(utc, texts, settings, where)
+    return np.where(doubtful, np.nan, utc), notes
+
+
+def _parsed(texts: pd.Series, form: str, aware: bool) -> tuple[pd.Series, list[str]]:
+    """Stamps as dates, NaT where they are none, (rows,); 24:00 is the next day's 00:00, which is told."""
+    parsed = pd.to_datetime(texts, format=form, errors="coerce", utc=aware)
+    ends = parsed.isna() & texts.str.contains(_END_OF_DAY, regex=True)
+    if not ends.any():
+        return parsed, []
+    begins = texts[ends].str.replace(_END_OF_DAY, "00", regex=True)
+    parsed[ends] = pd.to_datetime(begins, format=form, errors="coerce", utc=aware) + pd.Timedelta(days=1)
+    return parsed, [f"{int(ends.sum())} time stamps of 24:00 are taken as 00:00 of the next day"]
+
+
+def _cut_off(texts: pd.Series, k: int) -> str:
+    """What may be wrong with a stamp that is the last one and shorter than the one before it; else empty."""
+    if k < len(texts) - 1 or not k or len(texts.iloc[k]) >= len(texts.iloc[k - 1]):
+        return ""
+    return "; it is the last one and shorter than the one before: is the file cut off there?"
+
+
+def _check_format(form: str, where: str) -> None:
+    """Refuse a format that nothing can be read with, or not the year: pandas would take 1900, or guess."""
+    if "%Z" in form or (_OFFSET.search(form) and "%z" not in form):
+        raise RecordingError(
+            f"{where}: time.format is {form!r}; expected %z for an offset in the stamps, or none and time.stamps:"
+            " letters and fixed offsets are not believed"
+        )
+    wanted = "'ISO8601', 'unix', or a format such as '%d/%m/%Y %H:%M'"
+    if not _YEAR.search(form):
+        raise RecordingError(f"{where}: time.format is {shown(form)}, which has no year; expected {wanted}")
+    try:
+        pd.to_datetime(["a text"], format=form, errors="coerce")
+    except (ValueError, re.error) as error:  # the latter of a part that is there twice
+        raise RecordingError(
+            f"{where}: time.format is {shown(form)}, with which nothing can be read ({why(error)}); expected {wanted},"
+            " with each part once"
+        ) from None
+
+
+def _no_months_for_days(utc: np.ndarray, texts: pd.Series, settings: Time, where: str) -> None:
+    """Refuse times (rows,) [s] that jump by about a month after each day: days were read as months, or the reverse.
+
+    They may be of the wall clock: an hour makes no month.
+    """
+    jumps = np.flatnonzero(np.diff(utc) > MONTH)
+    if len(jumps) < 2:
+        return
+    ends = np.concatenate([[-1], jumps, [len(utc) - 1]])
+    longest = float(max(utc[b] - utc[a + 1] for a, b in pairwise(ends)))
+    if longest > 1.05 * DAY:
+        return
+    k = int(jumps[0])
+    raise RecordingError(
+        f"{where}: spans {(utc[-1] - utc[0]) / DAY:.0f} days, and jumps by about a month after each day, {len(jumps)}"
+        f" times, as from row {k + 1} ({shown(texts.iloc[k])}) to row {k + 2} ({shown(texts.iloc[k + 1])}); expected"
+        f" days that follow each other: time.format is {settings.format!r}, are day and month the other way round?"
+    )
+
+
+def _finer(number: float) -> str:
+    """What numbers may be that are no seconds since 1970; empty if nothing is known of them."""
+    for parts, name in ((1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")):
+        if SINCE <= number / parts <= LAST:
+            return f"; expected seconds since 1970, and it is a time of today in {name}: divide the column by {parts:g}"
+    return "; expected seconds since 1970"
+
+
+def _all_read(bad: np.ndarray, texts: pd.Series, settings: Time, where: str) -> None:
+    if bad.any():
+        k = int(np.flatnonzero(bad)[0])
+        raise RecordingError(
+            f"{where}: row {k + 1} ({shown(texts.iloc[k])}) is not a time of format {settings.format!r}; expected "
+            "ISO 8601 as 2022-10-30 02:15:00+01:00, or time.format set to 'unix' or for example '%d/%m/%Y %H:%M'"
+            f"{_cut_off(texts, k)}"
+        )

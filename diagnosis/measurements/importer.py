@@ -1,0 +1,444 @@
+"""``import_recording``: a mapping and a CSV of measurements become a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from datagen.driving.inputs import schedule_signal
+from datagen.driving.tables import merge
+from diagnosis.measurements import plausible
+from diagnosis.measurements.clock import Clock, find_zone, make_clock
+from diagnosis.measurements.grid import Series, input_target, longest_whole, output_target
+from diagnosis.measurements.judge import Judge
+from diagnosis.measurements.mapping import Mapping, load_mapping
+from diagnosis.measurements.outdoors import Outdoors
+from diagnosis.measurements.output import (
+    Comparison,
+    ImportReport,
+    VariableReport,
+    build_recording,
+    check_free,
+    draw_recording,
+    sentences_of,
+    write_recording,
+)
+from diagnosis.measurements.signal import Signal
+from diagnosis.measurements.spacing import usual_gap
+from diagnosis.measurements.table import Measurements, read_measurements
+from diagnosis.measurements.units import COUNTS
+from shared.errors import RecordingError
+from shared.flags import ASSUMED, COMPUTED, IMPOSSIBLE, INTERPOLATED, PARTLY, STUCK
+from shared.places import check_folder
+from shared.store import sha256_of
+from shared.system import System, load_system
+from shared.variables import (
+    ConstantInput,
+    ExcitationInput,
+    Input,
+    MeasuredInput,
+    OccupancyInput,
+    Output,
+    ScheduleInput,
+    WeatherInput,
+)
+
+
+def about_ends(series: Sequence[Series], edges: np.ndarray, last: int) -> list[str]:
+    """Sentences on inputs without a value in step ``last`` of the grid, where inputs were read beyond it.
+
+    Parameters
+    ----------
+    edges
+        Of the steps, shape (steps + 1,) [s].
+    """
+    read = [(one, one.signal.clean()) for one in series if one.target.role == "input" and one.signal is not None]
+    if last + 1 >= len(edges) or not any((signal.middle > edges[last + 1]).any() for _, signal in read):
+        return []
+    return [
+        f"{one.target.name}, {one.origin}, has no value in the step after, and so the recording ends there"
+        f"{_spacing(signal, float(edges[last]))}"
+        for one, signal in read
+        if not np.isfinite(one.values[last])
+    ]
+
+
+def _spacing(signal: Signal, end: float) -> str:
+    """How far apart readings are after ``end`` [s], where that is so much further than usual that it leaves gaps."""
+    middle, length = signal.middle, signal.end - signal.begin
+    after = middle > end
+    if after.sum() < 2:
+        return ""
+    usual, apart = float(np.median(np.diff(middle))), float(np.median(np.diff(middle[after])))
+    if apart <= usual_gap(usual) or np.median(length[after]) >= apart:
+        return ""
+    field = f"interval = {apart:g}" if signal.kind == "mean" else f"max_gap = {apart / 3600:.3g}"
+    return (
+        f": its readings are {apart:g} s apart from there on, and usually {usual:g} s; expected the same spacing"
+        f" throughout, or {field}"
+    )
+
+
+DAY = 86400.0
+
+
+@dataclass
+class Composer:
+    """Makes the series of a system's variables.
+
+    ``edges`` of the grid, shape (steps + 1,) [s of the clock]; ``notes`` are sentences on what was done, ``used`` the
+    columns that were read, ``planned`` the inputs for which a schedule stands in, and its name, ``uncounted`` persons
+    that nobody counted.
+    """
+
+    system: System
+    mapping: Mapping
+    data: Measurements
+    clock: Clock
+    edges: np.ndarray
+    judge: Judge = field(init=False)
+    outdoors: Outdoors = field(init=False)
+    planned: dict[str, str] = field(default_factory=dict)
+    uncounted: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.judge = Judge(self.mapping, self.data, self.clock, self.edges)
+        self.outdoors = Outdoors(self.system, self.judge)
+
+    @property
+    def notes(self) -> list[str]:
+        """Sentences on what was done."""
+        return self.judge.notes
+
+    @property
+    def used(self) -> set[str]:
+        """Columns that were read."""
+        return self.judge.used
+
+    @property
+    def step(self) -> float:
+        """Step of the grid [s]."""
+        return self.judge.step
+
+    def output(self, one: Output) -> Series | None:
+        """The series of an output, or None if it is not mapped."""
+        source = self.mapping.variables.get(one.name)
+        return None if source is None else self.judge.mapped(output_target(one), source, f"variables.{one.name}")
+
+    def input(self, one: Input) -> Series | None:
+        """The series of an input: mapped, of the weather, computed, or the description's; None if there is none."""
+        target = input_target(one)
+        if one.name in self.mapping.variables:
+            weather = one.column if isinstance(one, WeatherInput) else None
+            source = self.mapping.variables[one.name]
+            made = self.judge.mapped(target, source, f"variables.{one.name}", weather=weather)
+            if isinstance(one, OccupancyInput) and source.constant is not None:
+                self.notes.append(
+                    f"{one.name}: {made.values[0]:g} persons at all hours, nights too, as the mapping states: a"
+                    " calibration, forecast or diagnosis takes that for a count, unless told --occupancy unknown"
+                )
+            if isinstance(one, OccupancyInput) and source.unit in COUNTS and made.signal is not None:
+                most = self.system.occupancy.headcount[1] if self.system.occupancy is not None else 1
+                self.judge.tell(plausible.about_presence(one.name, str(source.column), made.signal, most))
+            return made
+        if isinstance(one, WeatherInput):
+            return self.outdoors.series(target, one.column)
+        if isinstance(one, OccupancyInput):
+            self.uncounted.append(one.name)
+            return None
+        if isinstance(one, ConstantInput):
+            return self.judge.assumed(target, one.value, "constant of the description")
+        if isinstance(one, MeasuredInput):
+            self.notes.append(f"{one.name}: not measured; the description's {one.value:g} {one.unit} stands in for it")
+            return self.judge.assumed(target, one.value, "assumed, not measured")
+        if isinstance(one, ExcitationInput):
+            return self.judge.assumed(target, 0.0, "no excitation")
+        if isinstance(one, ScheduleInput):
+            planned = schedule_signal(self.system.schedules[one.schedule], self.edges[0], self.edges[-1])
+            self.planned[one.name] = one.schedule
+            table = merge({one.name: planned}, self.edges[0], self.edges[-1])
+            values = table.means(self.edges)[:, 0] if target.method == "mean" else planned.at(self.edges[1:])
+            return self.judge.assumed(target, values, f"schedule {one.schedule} of the description")
+        return None
+
+    def tell_of_daylight_saving(self, first: int, last: int) -> None:
+        """A note where a schedule or habits stand in on days, of steps ``first`` to ``last``, with daylight saving."""
+        zone = find_zone(self.clock.zone, str(self.mapping.path))
+        days = np.unique(np.floor(self.edges[first:last] / DAY)) * DAY + DAY / 2
+        moments = [datetime.fromtimestamp(one, UTC).astimezone(zone).utcoffset() for one in self.clock.utc(days)]
+        moved = sum(one is not None and one.total_seconds() != self.clock.offset for one in moments)
+        planned = {name: f"not measured; schedule {one!r} stands in for it" for name, one in self.planned.items()}
+        habits = dict.fromkeys(self.uncounted, "not counted; the description's habits stand in for it")
+        for name, said in {**planned, **habits}.items() if moved else ():
+            self.notes.append(
+                f"{name}: {said}, in standard time, an hour late by the clocks of {moved} of {len(days)} days with"
+                " daylight saving"
+            )
+
+
+DAY = 86400.0
+_MOST_STEPS = 5_000_000
+SOME = 0.05
+"""Share of readings left out from which on they, and not what is missing, may be why a stretch is short."""
+
+
+def import_recording(
+    mapping: Path | str,
+    data: Path | str,
+    *,
+    out: Path | str,
+    system: System | Path | str | None = None,
+    ahead: bool = False,
+) -> ImportReport:
+    """Turn a CSV of measurements into a recording (NetCDF) and draw it.
+
+    Parameters
+    ----------
+    mapping
+        Column mapping (TOML): see :mod:`diagnosis.measurements.mapping`.
+    data
+        The measurements (CSV).
+    out
+        The recording; its picture lies next to it, ending in ``.png``.
+    system
+        System description; by default the one that the mapping names.
+    ahead
+        Whether the recording goes on after the last reading of an output as long as all inputs do, for a forecast.
+
+    Returns
+    -------
+    ImportReport
+        What was understood, and what could not be used.
+
+    Raises
+    ------
+    RecordingError
+        If mapping or measurements cannot be used. Nothing has been written then.
+    SystemDescriptionError
+        If the system description cannot be used.
+    """
+    if Path(data).suffix.lower() == ".toml" and Path(mapping).suffix.lower() != ".toml":
+        raise RecordingError(
+            f"{mapping}, {data}: the second is a TOML; expected the mapping (TOML) first and the measurements (CSV)"
+            " second"
+        )
+    settings = load_mapping(mapping)
+    described = _system(settings, system)
+    out = Path(out)
+    if out.suffix != ".nc":
+        raise RecordingError(f"{out}: ending is {out.suffix!r}; expected .nc")
+    check_folder(out.parent, RecordingError)
+    check_free(out, out.with_suffix(".png"))
+    measurements = read_measurements(Path(data), settings)
+    length = float(measurements.utc[-1] - measurements.utc[0])
+    interval = float(np.median(np.diff(measurements.utc)))
+    if length + interval < DAY:
+        raise RecordingError(f"{data}: spans {length / 3600:.3g} h; expected at least a day")
+    clock = make_clock(settings.time.zone, find_zone(settings.time.zone, str(settings.path)), measurements.utc[0])
+    composer = _composer(described, settings, measurements, clock)
+    series, missing = _series(composer)
+    composer.outdoors.check_sun(series)
+    composer.outdoors.tell_unused()
+    first, last = _stretch(composer, series, ahead)
+    composer.tell_of_daylight_saving(first, last)
+    for one in series:
+        one.cut(first, last)
+    time = composer.edges[first + 1 : last + 1]
+    attributes = {
+        "source": settings.source or str(Path(data).name),
+        "source_file": Path(data).name,
+        "source_sha256": sha256_of(Path(data)),
+        "comment": settings.description,
+    }
+    dataset = build_recording(series, time, clock, described, attributes)
+    begin, end = clock.text(time[0] - composer.step), clock.text(time[-1])
+    picture = draw_recording(series, time, clock, f"{out.name}: {begin} to {end}, steps of {composer.step:g} s")
+    write_recording(dataset, out, picture, out.with_suffix(".png"))
+    return ImportReport(
+        recording=str(out),
+        picture=str(out.with_suffix(".png")),
+        data=str(data),
+        system=str(described.path),
+        rows=len(measurements.utc),
+        interval=interval,
+        zone=settings.time.zone,
+        utc_offset=clock.offset / 3600.0,
+        time_zero=clock.zero.isoformat(),
+        begin=begin,
+        end=end,
+        step=composer.step,
+        steps=len(time),
+        variables=[_about(one) for one in series],
+        comparisons=[found for one in series if (found := _compare(one)) is not None],
+        not_recorded=missing,
+        lacking=sentences_of(missing, described),
+        unused_columns=[str(name) for name in measurements.columns if name not in composer.used],
+        notes=[*measurements.notes, *composer.notes],
+    )
+
+
+def _system(mapping: Mapping, given: System | Path | str | None) -> System:
+    if isinstance(given, System):
+        return given
+    if given is None and mapping.system is None:
+        raise RecordingError(f"{mapping.path}: system is missing; expected the system description that is measured")
+    system = load_system(given if given is not None else mapping.path.parent / str(mapping.system))
+    known = [*system.output_names, *system.input_names]
+    for name in mapping.variables:
+        if name not in known:
+            raise RecordingError(
+                f"{mapping.path}: variables: {name!r} is neither output nor input of {system.name}; "
+                f"found {', '.join(known)}"
+            )
+    if not any(name in mapping.variables for name in system.output_names):
+        raise RecordingError(
+            f"{mapping.path}: variables: no output of {system.name} is mapped; expected one of "
+            f"{', '.join(system.output_names)}"
+        )
+    return system
+
+
+def _composer(system: System, mapping: Mapping, data: Measurements, clock: Clock) -> Composer:
+    step = mapping.grid.step or system.experiment.step
+    time = clock.seconds(data.utc)
+    if step > (length := float(time[-1] - time[0])):
+        raise RecordingError(
+            f"{data.path}: spans {length / 3600:.3g} h, and a step is {step:g} s; expected two steps at least"
+            f" (grid.step of {mapping.path}, or the system's own)"
+        )
+    first, last = np.floor(time[0] / step) - 1, np.ceil(time[-1] / step) + 1
+    if last - first > _MOST_STEPS:
+        raise RecordingError(
+            f"{data.path}: {clock.text(time[0])} to {clock.text(time[-1])} are {last - first:.3g} steps of {step:g} s; "
+            f"expected at most {_MOST_STEPS:g} (is time.format right?)"
+        )
+    return Composer(system, mapping, data, clock, step * np.arange(first, last + 1))
+
+
+def _series(composer: Composer) -> tuple[list[Series], list[str]]:
+    """All series that can be had, and the names of the variables that cannot."""
+    series, missing = [], []
+    outputs = [(one.name, composer.output(one)) for one in composer.system.outputs]
+    inputs = [(one.name, composer.input(one)) for one in composer.system.inputs]
+    for name, made in [*outputs, *inputs]:
+        if made is None:
+            missing.append(name)
+        else:
+            series.append(made)
+    composer.notes.extend(plausible.about_all(series, composer.system))
+    return series, missing
+
+
+def _stretch(composer: Composer, series: list[Series], ahead: bool) -> tuple[int, int]:
+    """The steps to keep: from the first to the last output, and of these the longest with all inputs."""
+    measured = np.any([np.isfinite(one.values) for one in series if one.target.role == "output"], axis=0)
+    if not measured.any():
+        raise RecordingError(f"{composer.data.path}: no output has a value on the grid of {composer.step:g} s")
+    first, last = int(np.flatnonzero(measured)[0]), int(np.flatnonzero(measured)[-1]) + 1
+    inputs = {one.target.name: one.values for one in series if one.target.role == "input"}
+    known = np.all([np.isfinite(values) for values in inputs.values()], axis=0) if inputs else measured
+    further = int(np.argmin([*known[last:], False]))
+    if ahead:
+        last += further
+        composer.notes.extend(about_ends(series, composer.edges, last))
+    if further:
+        kept = "are kept for a forecast" if ahead else "are left out (--ahead keeps them for a forecast)"
+        composer.notes.append(f"inputs go on for {further} steps after the last reading of an output: these {kept}")
+    a, b = longest_whole(inputs, first, last)
+    gaps = {name: int((~np.isfinite(values[first:last])).sum()) for name, values in inputs.items()}
+    told = ", ".join(f"{name} in {count} steps" for name, count in gaps.items() if count)
+    if (b - a) * composer.step < DAY - 1e-6:
+        what = f"inputs are missing ({told})" if told else "there are outputs"
+        raise RecordingError(
+            f"{composer.data.path}: the longest stretch {'in which no ' if told else 'in which '}{what} has "
+            f"{(b - a) * composer.step / 3600:.3g} h; expected at least a day"
+            f" ({_left_out(series, gaps)}a mapping's fill says what may fill gaps)"
+        )
+    if b - a < 2:
+        raise RecordingError(
+            f"{composer.data.path}: makes one step of {composer.step:g} s; expected two at least (grid.step of"
+            f" {composer.mapping.path}, or the system's own)"
+        )
+    if (a, b) != (first, last):
+        edges = composer.edges
+        composer.notes.append(
+            f"inputs are missing ({told}) where nothing may fill them: of {composer.clock.text(edges[first])} to "
+            f"{composer.clock.text(edges[last])} the longest stretch with all inputs is kept, {b - a} of "
+            f"{last - first} steps"
+        )
+    return a, b
+
+
+def _left_out(series: list[Series], gaps: dict[str, int]) -> str:
+    """Which inputs with gaps lost many of their readings because these cannot be; empty if none did."""
+    said = []
+    for one in series:
+        if one.signal is None or not gaps.get(one.target.name):
+            continue
+        flags = one.signal.flags
+        counts = [
+            (int(((flags & bit) > 0).sum()), what) for bit, what in ((IMPOSSIBLE, "impossible"), (STUCK, "stuck"))
+        ]
+        left = [f"{count} as {what}" for count, what in counts if count > SOME * len(flags)]
+        if left:
+            said.append(f"{one.target.name}, {one.origin}: of {len(flags)} readings left out are {' and '.join(left)}")
+    return f"{'; '.join(said)}: are column and unit right? " if said else ""
+
+
+def _about(one: Series) -> VariableReport:
+    there = np.isfinite(one.values)
+    seen = one.values[there]
+
+    def steps(bit: int) -> int:
+        return int(((one.flags & bit) > 0).sum())
+
+    def readings(bit: int) -> int:
+        return 0 if one.signal is None else int(((one.signal.flags & bit) > 0).sum())
+
+    return VariableReport(
+        name=one.target.name,
+        role=one.target.role,
+        unit=one.target.unit,
+        method=one.target.method,
+        origin=one.origin,
+        readings=0 if one.signal is None else len(one.signal.values),
+        minimum=float(seen.min()) + 0.0 if seen.size else None,
+        mean=float(seen.mean()) if seen.size else None,
+        maximum=float(seen.max()) if seen.size else None,
+        impossible=readings(IMPOSSIBLE),
+        stuck=readings(STUCK),
+        missing=int((~there).sum()),
+        partly=steps(PARTLY),
+        interpolated=steps(INTERPOLATED),
+        assumed=steps(ASSUMED),
+        computed=steps(COMPUTED) > 0,
+    )
+
+
+def _compare(one: Series) -> Comparison | None:
+    """Two meters of one quantity where both have values; None if there is no second or they share too little.
+
+    The first may be a constant of the mapping; where its gaps were filled there is nothing to compare.
+    """
+    if one.second is None:
+        return None
+    read = (one.flags & (INTERPOLATED | ASSUMED)) == 0 if one.signal is not None else True
+    both = np.isfinite(one.values) & np.isfinite(one.second) & read
+    if both.sum() < 2:
+        return None
+    used, second = one.values[both], one.second[both]
+    vary = used.std() > 0 and second.std() > 0
+    return Comparison(
+        name=one.target.name,
+        second=one.second_name,
+        unit=one.target.unit,
+        steps=int(both.sum()),
+        mean_difference=float((used - second).mean()),
+        sd_difference=float((used - second).std()),
+        largest_difference=float(np.abs(used - second).max()),
+        correlation=float(np.corrcoef(used, second)[0, 1]) if vary else None,
+    )

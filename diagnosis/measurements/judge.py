@@ -1,0 +1,293 @@
+"""Columns of the measurements as judged signals, and signals on the grid with their gaps filled as the mapping says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from diagnosis.measurements import plausible, units
+from diagnosis.measurements.clock import Clock
+from diagnosis.measurements.grid import (
+    CLOSER,
+    Series,
+    Target,
+    around,
+    as_read,
+    fill_constant,
+    interpolate_short,
+    resample,
+)
+from diagnosis.measurements.mapping import Mapping, Source
+from diagnosis.measurements.signal import (
+    DARK,
+    Resting,
+    Signal,
+    check_possible,
+    is_constant,
+    make_signal,
+    mark_impossible,
+    mark_stuck,
+    possible_in_source,
+    to_target,
+)
+from diagnosis.measurements.table import Measurements
+from shared.errors import RecordingError
+from shared.flags import ASSUMED, COMPUTED
+from shared.units import spelled
+
+_STATES = ("presence", "bool", "person", "persons", "count", "counts")
+"""Units of what jumps from one reading to the next."""
+MOVING = ("K", "degC", "degF", "ppm", "W/m2", "m/s")
+"""Units of quantities that never stand still: a sensor of one that does is stuck."""
+FEWER = 1.5
+"""Readings of an output are fewer than its steps where they are so many steps apart, or means over so many."""
+BEAM = "dni"
+"""The quantity of the weather that may: the beam of an overcast day is zero from morning to night."""
+_STUCK_AFTER = 12.0
+"""How long such a sensor may show one value [h]."""
+_CALM = 120.0
+"""How long wind may be exactly zero [h]: a cup anemometer does not turn below about half a metre per second, and a
+winter's high stays over a valley for days; one that nothing has stirred for five days is frozen or dead."""
+
+
+@dataclass
+class Judge:
+    """Reads the measurements as the mapping says.
+
+    ``edges`` of the grid, shape (steps + 1,) [s of the clock]; ``notes`` are sentences on what was done, ``used`` the
+    columns that were read.
+    """
+
+    mapping: Mapping
+    data: Measurements
+    clock: Clock
+    edges: np.ndarray
+    notes: list[str] = field(default_factory=list)
+    used: set[str] = field(default_factory=set)
+
+    @property
+    def step(self) -> float:
+        """Step of the grid [s]."""
+        return float(self.edges[1] - self.edges[0])
+
+    def tell(self, sentence: str | None) -> None:
+        """Note a sentence, if there is one."""
+        self.notes += [sentence] if sentence else []
+
+    def assumed(self, target: Target, value: float | np.ndarray, origin: str) -> Series:
+        """What nobody measured: one value, or one for each step [unit of the target]."""
+        values = np.broadcast_to(np.asarray(value, dtype=np.float64), (len(self.edges) - 1,)).copy()
+        return Series(target, origin, values, np.full(len(values), ASSUMED, dtype=np.int8))
+
+    def mapped(self, target: Target, source: Source, key: str, *, weather: str | None = None) -> Series:
+        """A target from its column or constant, which stand in the mapping under ``key``.
+
+        Parameters
+        ----------
+        weather
+            pvlib's name of the quantity, of an input that comes from the weather.
+
+        Raises
+        ------
+        RecordingError
+            If the column cannot be used, the constant is impossible, or gaps of an output are to be filled.
+        """
+        where = f"{self.mapping.path}: {key}"
+        for name in ("fill", "fill_up_to") if target.role == "output" else ():
+            if name in source.model_fields_set:
+                raise RecordingError(
+                    f"{where}: {name} is {getattr(source, name)!r}, which only an input has; expected none, as the gaps"
+                    " of an output stay missing"
+                )
+        if source.constant is not None:
+            value = self.converted(source.constant, source, target.unit, where, sun=target.sun)
+            made = self.assumed(target, value, f"constant of the mapping: {value:.6g}")
+            return self._beside(made, source, where)
+        # a set point stands still, the weather does not
+        outdoors = weather is not None and weather != BEAM
+        moving = spelled(target.unit) in MOVING and (target.role == "output" or outdoors)
+        signal = self.signal(source, target.unit, where, moving=moving, sun=target.sun)
+        if target.method == "mean" and not self.says_how(source):
+            self._instants(target, signal, f"{where}: column {source.column!r}")
+        if target.role == "output":
+            self._as_many(target, signal, f"{where}: column {source.column!r}")
+        made = self.gridded(target, signal, source, f"{source.column} [{source.unit}]", where)
+        return self._beside(made, source, where)
+
+    def _beside(self, made: Series, source: Source, where: str) -> Series:
+        """The same series with the second meter that its source may name, which is read as the first one is."""
+        meter = source.compare
+        if meter is None:
+            return made
+        same = {name: getattr(source, name) for name in ("reading", "stamp", "interval", "max_gap")}
+        own = {name: getattr(meter, name) for name in ("column", "unit", "scale", "offset", "persons")}
+        other = self.signal(
+            Source(**own, **same), made.target.unit, f"{where}.compare", moving=False, sun=made.target.sun
+        )
+        made.second, _ = resample(other, self.edges, made.target.method, self.mapping.grid.coverage)
+        if made.target.role == "input" and made.target.method == "point":  # as the first one is
+            made.second = around(other, self.edges)
+        made.second_name = meter.column
+        return made
+
+    def says_how(self, source: Source) -> bool:
+        """Whether the mapping itself says how a column's readings are to be understood."""
+        return source.reading is not None or "reading" in self.mapping.defaults.model_fields_set
+
+    def _instants(self, target: Target, signal: Signal, where: str) -> None:
+        """What is joined by straight lines to means over the steps though nothing says that it was read at instants.
+
+        Raises
+        ------
+        RecordingError
+            If readings are about a step apart: what a logger writes so seldom of a power or a flow are mostly means.
+        """
+        times = signal.clean().begin
+        if len(times) < 2 or is_constant(signal):  # one value is its mean, however it was read
+            return
+        apart = float(np.median(np.diff(times)))
+        if apart >= CLOSER * self.step:
+            raise RecordingError(
+                f"{where}: nothing says whether its readings, {apart:g} s apart, are means or instants, and"
+                f" {target.name} is a mean over each step of {self.step:g} s; expected reading = 'mean' if the logger"
+                " wrote means (as most do of a power or a flow), 'point' to join instants by straight lines, or 'hold'"
+                " for what holds until the next reading"
+            )
+        self.tell(plausible.about_instants(target.name, apart, self.step))
+
+    def _as_many(self, target: Target, signal: Signal, where: str) -> None:
+        """Refuse readings of an output that would become more than were read, each taken for one of its own.
+
+        Gaps are none of their spacing, and a state is known until the next reading.
+
+        Raises
+        ------
+        RecordingError
+            If readings are usually further apart than steps, or means of longer intervals.
+        """
+        clean = signal.clean()
+        over = clean.kind == "mean" and target.method == "mean"
+        apart = clean.end - clean.begin if over else np.diff(clean.middle)
+        joined = apart if over else apart[apart <= clean.max_gap]
+        usual = float(np.median(joined)) if joined.size else 0.0
+        if clean.kind == "hold" or usual <= FEWER * self.step:
+            return
+        found = f"are means over {usual:g} s" if over else f"are {usual:g} s apart"
+        raise RecordingError(
+            f"{where}: its readings {found}, and a step is {self.step:g} s: most of {target.name} would be made up"
+            f" between them and taken for readings; expected steps of about {usual:g} s, as grid.step ="
+            f" {usual:g} makes them, or reading = 'hold' for what holds until the next reading"
+        )
+
+    def converted(self, value: float, source: Source, unit: str, where: str, *, sun: bool = True) -> float:
+        """A number of the mapping, as written in the source's unit, in ``unit``; refused if readings of it would be."""
+        density = self.mapping.air_density
+        made = float(to_target(np.array(value), source, unit, density=density, where=where))
+        check_possible(made, source, unit, density=density, where=where, sun=sun)
+        return made
+
+    def signal(self, source: Source, unit: str, where: str, *, moving: bool, sun: bool = True) -> Signal:
+        """A column as a judged signal; ``moving`` says that it never stands still, ``sun`` that W/m2 are irradiance.
+
+        Raises
+        ------
+        RecordingError
+            If there is no such column, or no reading of it can be used.
+        """
+        column = str(source.column)
+        where = f"{where}: column {column!r}"
+        self.used.add(column)
+        readings = self.data.numbers(column, where)
+        density = self.mapping.air_density
+        kind = source.reading or self.mapping.defaults.reading
+        if kind != "mean":
+            for field, value in (("stamp", source.stamp), ("interval", source.interval)):
+                if value is not None:
+                    raise RecordingError(
+                        f"{where}: {field} is {value!r}, which only a mean has; expected reading = 'mean' with it"
+                    )
+        usual = plausible.sparse(self.data.utc, readings) if kind != "hold" and source.max_gap is None else None
+        if usual is not None and kind == "point" and source.reading is None and source.unit in _STATES:
+            raise RecordingError(
+                f"{where}: is read every {usual / 3600:.3g} h only, and {source.unit} is no straight line between;"
+                " expected reading = 'hold' if it is logged when it changes, or reading = 'point' to join its readings"
+            )
+        if usual is not None:
+            self.notes.append(plausible.about_changes(column, kind, usual))
+        signal = make_signal(
+            self.clock.seconds(self.data.utc),
+            readings,
+            source,
+            unit,
+            kind=kind,
+            stamp=source.stamp or self.mapping.defaults.stamp,
+            density=density,
+            where=where,
+        )
+        self.tell(plausible.about_hold(column, signal) if source.max_gap is None else None)
+        if is_constant(signal):
+            if moving and not _is_calm(signal):
+                raise RecordingError(f"{where}: every reading is {signal.values[0]:g} {unit}; expected one that varies")
+            self.notes.append(f"column {column}: every reading is {signal.values[0]:g} {unit}")
+        signal = mark_impossible(signal, source, density=density, where=where, sun=sun)
+        limits = possible_in_source(source, unit, density=density, where=where, sun=sun)
+        self.tell(plausible.about_impossible(column, signal, source, *limits))
+        self.tell(plausible.about_noise(column, signal))
+        most = float(np.nanmax(readings)) if source.unit in ("percent", "%") and source.scale == 1 else 0.0
+        # a fraction is a hundred times as much, and that of CO2 would be impossible
+        if 0 < most <= 1.0 and 100.0 * most <= limits[1] * (1 + 1e-9):
+            self.notes.append(f"column {column}: declared in percent, but no reading is above 1; is it a fraction?")
+        self.tell(plausible.about_register(column, signal) if units.is_power(unit) else None)
+        # a state is silent while nothing changes
+        usual = _STUCK_AFTER if moving and kind != "hold" else 0.0
+        hours = source.stuck_after if source.stuck_after is not None else usual
+        calm = _CALM if source.stuck_after is None else hours  # the mapping knows the place
+        signal = mark_stuck(signal, hours, _resting(unit, calm))
+        if not signal.used.any():
+            raise RecordingError(f"{where}: no reading can be used: all are impossible or stuck for over {hours:g} h")
+        return signal
+
+    def gridded(self, target: Target, signal: Signal, source: Source, origin: str, where: str) -> Series:
+        """A signal on the grid, an input's gaps filled as its mapping says: weather by short lines unless told."""
+        grid = (signal, self.edges, target.method, self.mapping.grid.coverage)
+        if target.role == "output":
+            values, flags = as_read(*grid, bridges=source.max_gap is not None)
+        else:
+            values, flags = resample(*grid)
+            values = around(signal, self.edges) if target.method == "point" else values
+        # an output may be below by its noise, which whoever fits it counts; what drives a simulation may not
+        low = np.isfinite(values) & (values < signal.floor)
+        if target.role == "input" and low.any():
+            raised = np.where(low, signal.floor, values)
+            told = plausible.about_floor(
+                target.name, low, float(np.nanmean(values)), float(np.nanmean(raised)), target.unit
+            )
+            self.notes.append(told)
+            values = raised
+        flags |= np.bitwise_and.reduce(signal.flags) & np.int8(COMPUTED | ASSUMED)
+        if target.role == "input":
+            fill = source.fill if source.fill is not None else self._usual_fill(source)
+            if fill == "interpolate":
+                most = int(source.fill_up_to * 3600.0 / self.step + 1e-9)  # whole steps: no longer gap is filled
+                values, flags = interpolate_short(values, flags, most)
+            elif isinstance(fill, float):
+                plain = Source(constant=fill, unit=source.unit, persons=source.persons)
+                values, flags = fill_constant(
+                    values, flags, self.converted(fill, plain, target.unit, where, sun=target.sun)
+                )
+        return Series(target, origin, values, flags, signal=signal)
+
+    def _usual_fill(self, source: Source) -> str:
+        return "interpolate" if any(one is source for one in self.mapping.weather.values()) else "none"
+
+
+def _is_calm(signal: Signal) -> bool:
+    """Whether a signal is of wind, and so short that all of it may be a calm."""
+    short = bool(signal.end[-1] - signal.begin[0] <= 3600.0 * _CALM)
+    return short and spelled(signal.unit) == "m/s" and not signal.values.any()
+
+
+def _resting(unit: str, calm: float) -> Resting | None:
+    """What may stand still for longer: sun as long as it likes, as a polar night does, and wind for ``calm`` [h]."""
+    return {"W/m2": Resting(DARK, np.inf), "m/s": Resting(0.0, calm)}.get(spelled(unit))

@@ -1,0 +1,369 @@
+"""The recording's file: NetCDF with CF attributes, flags beside the values, written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import matplotlib.dates
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from pydantic import BaseModel, ConfigDict
+from rich.console import Console
+from rich.table import Table as Grid
+
+from diagnosis.measurements.clock import Clock
+from diagnosis.measurements.grid import Series, runs
+from diagnosis.pictures import as_png, readable
+from shared.errors import RecordingError
+from shared.flags import ASSUMED, FLAGS, IMPOSSIBLE, INTERPOLATED, STUCK
+from shared.netcdf import write_netcdf
+from shared.schema import SCHEMA_VERSION
+from shared.store import temporary_name
+from shared.system import System
+from shared.units import ABSOLUTE
+from shared.variables import ZERO_CELSIUS, OccupancyInput
+
+matplotlib.use("Agg")
+
+_MARKS = ((IMPOSSIBLE, "x", "impossible, left out"), (STUCK, ".", "stuck, left out"))
+
+
+def draw_recording(series: Sequence[Series], time: np.ndarray, clock: Clock, title: str) -> bytes:
+    """PNG of a recording: a panel for each variable that was measured or computed.
+
+    Parameters
+    ----------
+    time
+        Ends of the steps, shape (steps,) [s of the clock].
+    """
+    shown = [one for one in series if one.signal is not None]
+    figure = Figure(figsize=(13, 1.9 * len(shown) + 0.9), layout="constrained")
+    panels = np.atleast_1d(figure.subplots(len(shown), 1, sharex=True))
+    for axes, one in zip(panels, shown, strict=True):
+        _panel(axes, one, time, clock)
+    locator = matplotlib.dates.AutoDateLocator(minticks=4, maxticks=14)
+    panels[-1].xaxis.set_major_locator(locator)
+    panels[-1].xaxis.set_major_formatter(matplotlib.dates.ConciseDateFormatter(locator))
+    hours = clock.offset / 3600.0
+    panels[-1].set_xlabel(f"local standard time (UTC{hours:+g} h, no daylight saving)")
+    labels = {text: handle for axes in panels for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)}
+    if len(labels) > 1:
+        figure.legend(
+            list(labels.values()),
+            list(labels),
+            loc="outside lower center",
+            ncols=len(labels),
+            fontsize=8,
+            frameon=False,
+        )
+    figure.suptitle(title, fontsize=11)
+    return as_png(figure)
+
+
+def _panel(axes: Axes, one: Series, time: np.ndarray, clock: Clock) -> None:
+    _, unit = readable(one.values, one.target.unit)
+
+    def shown(values: np.ndarray) -> np.ndarray:
+        return values - ZERO_CELSIUS if unit != one.target.unit else values
+
+    dates = clock.dates(time)
+    style: dict[str, Any] = {"drawstyle": "steps-pre"} if one.target.method == "mean" else {}
+    if one.second is not None:
+        axes.plot(
+            dates, shown(one.second), color="#ee7733", linewidth=0.8, label=f"second meter {one.second_name}", **style
+        )
+    axes.plot(dates, shown(one.values), color="#4477aa", linewidth=1.0, label="recording", **style)
+    low, high = axes.get_ylim()
+    step = float(time[1] - time[0])
+    for k, (a, b) in enumerate(runs(~np.isfinite(one.values))):
+        ends = clock.dates(np.array([time[a] - step, time[b - 1]]))
+        axes.axvspan(*ends, color="#bbbbbb", alpha=0.5, linewidth=0, label="missing" if k == 0 else None)
+    for bit, colour, text in ((INTERPOLATED, "#ccbb44", "interpolated"), (ASSUMED, "#aa3377", "assumed")):
+        chosen = (one.flags & bit) > 0
+        if chosen.any():
+            axes.plot(dates[chosen], shown(one.values[chosen]), ".", color=colour, markersize=3, label=text)
+    signal = one.signal
+    if signal is not None:
+        inside = (signal.middle >= time[0] - step) & (signal.middle <= time[-1])
+        for bit, mark, text in _MARKS:
+            chosen = inside & ((signal.flags & bit) > 0)
+            if chosen.any():
+                # what is far off would squeeze the rest: it is marked at the edge of the panel
+                values = np.clip(shown(signal.values[chosen]), low, high)
+                at = clock.dates(signal.middle[chosen])
+                axes.plot(at, values, mark, color="#cc3311", markersize=4, label=text)
+    axes.set_ylabel(f"{one.target.name}\n[{unit}]")
+    axes.set_title(_from(one.origin), loc="left", fontsize=8, pad=2)
+    axes.margins(x=0.005)
+    axes.grid(alpha=0.25)
+
+
+def _from(origin: str) -> str:
+    """Where a variable comes from; the unit of a column is the log's, and not that of the axis."""
+    column = re.fullmatch(r"(.+) \[(.*)\]", origin)
+    return f"from {column[1]} ({column[2]})" if column else origin
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class VariableReport(_Table):
+    """One variable of the recording.
+
+    ``origin`` is where it comes from in a few words. ``minimum``, ``mean`` and ``maximum`` are of the recording [unit].
+    ``impossible`` and ``stuck`` count readings left out; ``missing``, ``partly``, ``interpolated`` and ``assumed``
+    count steps of the recording.
+    """
+
+    name: str
+    role: str
+    unit: str
+    method: str
+    origin: str
+    readings: int
+    minimum: float | None
+    mean: float | None
+    maximum: float | None
+    impossible: int
+    stuck: int
+    missing: int
+    partly: int
+    interpolated: int
+    assumed: int
+    computed: bool
+
+
+class Comparison(_Table):
+    """Two meters of one quantity, on the steps where both have a value; differences are used minus second meter.
+
+    There is no ``correlation`` where one of them, or a constant in the first one's place, never changes.
+    """
+
+    name: str
+    second: str
+    unit: str
+    steps: int
+    mean_difference: float
+    sd_difference: float
+    largest_difference: float
+    correlation: float | None
+
+
+class ImportReport(_Table):
+    """What :func:`diagnosis.measurements.import_recording` returns and ``diagnosis import --json`` prints.
+
+    ``not_recorded`` are the variables that the recording lacks, ``lacking`` what that means for each kind of them.
+    ``begin`` and ``end`` are local standard time, ``utc_offset`` hours east of Greenwich, ``time_zero`` the Monday from
+    which the recording's seconds count.
+    """
+
+    schema_version: int = 2
+    recording: str
+    picture: str
+    data: str
+    system: str
+    rows: int
+    interval: float
+    zone: str
+    utc_offset: float
+    time_zero: str
+    begin: str
+    end: str
+    step: float
+    steps: int
+    variables: list[VariableReport]
+    comparisons: list[Comparison]
+    not_recorded: list[str]
+    lacking: list[str]
+    unused_columns: list[str]
+    notes: list[str]
+
+
+def sentences_of(missing: Sequence[str], system: System) -> list[str]:
+    """What it means that variables of a system are not in a recording: outputs, persons, and other inputs."""
+    crowd = {one.name for one in system.inputs if isinstance(one, OccupancyInput)}
+    outputs = [name for name in missing if name in system.output_names]
+    persons = [name for name in missing if name in crowd]
+    inputs = [name for name in missing if name not in {*outputs, *persons}]
+    said = []
+    if outputs:
+        said.append(f"not measured: {', '.join(outputs)}: fits know nothing of it, and an estimator may need it")
+    if persons:
+        said.append(f"nobody counted persons ({', '.join(persons)}): fits take them for unknown")
+    if inputs:
+        said.append(f"not recorded: {', '.join(inputs)}: needed by a simulation of this recording")
+    return said
+
+
+def _number(value: float | None, unit: str) -> str:
+    if value is None:
+        return "-"
+    return f"{value - ZERO_CELSIUS:.1f} °C" if unit == "K" and value > ABSOLUTE else f"{value:.4g}"
+
+
+def print_report(report: ImportReport, console: Console) -> None:
+    """Print a report for people."""
+    hours = report.steps * report.step / 3600.0
+    console.print(
+        f"{report.data}: {report.rows} rows, usually {report.interval:g} s apart; clock of {report.zone}, "
+        f"kept in local standard time (UTC{report.utc_offset:+g} h)",
+        markup=False,
+        soft_wrap=True,
+    )
+    console.print(
+        f"{report.recording}: {report.begin} to {report.end}, {report.steps} steps of {report.step:g} s "
+        f"({hours / 24:.1f} days)",
+        markup=False,
+        soft_wrap=True,
+    )
+    table = Grid("variable", "unit", "from", "min", "mean", "max", "missing", "left out", "filled", box=None)
+    for one in report.variables:
+        left = [f"{n} {what}" for n, what in ((one.impossible, "impossible"), (one.stuck, "stuck")) if n]
+        filled = [f"{one.interpolated} interpolated"] if one.interpolated else []
+        if 0 < one.assumed < report.steps:
+            filled.append(f"{one.assumed} assumed")
+        if one.partly:
+            filled.append(f"{one.partly} partly")
+        table.add_row(
+            one.name,
+            one.unit,
+            one.origin,
+            *(_number(value, one.unit) for value in (one.minimum, one.mean, one.maximum)),
+            f"{one.missing / report.steps:.1%}" if one.missing else "-",
+            ", ".join(left) or "-",
+            ", ".join(filled) or "-",
+        )
+    console.print(table, markup=False)
+    for pair in report.comparisons:
+        together = f"correlation {pair.correlation:.2f} " if pair.correlation is not None else ""
+        console.print(
+            f"{pair.name}: used minus second meter ({pair.second}): {pair.mean_difference:+.3g} {pair.unit} on average,"
+            f" standard deviation {pair.sd_difference:.3g}, at most {pair.largest_difference:.3g}, "
+            f"{together}over {pair.steps} steps",
+            markup=False,
+            soft_wrap=True,
+        )
+    for note in report.notes:
+        console.print(f"- {note}", markup=False, soft_wrap=True)
+    for sentence in report.lacking:
+        console.print(sentence, style="yellow", markup=False, soft_wrap=True)
+    if report.unused_columns:
+        console.print(f"columns not used: {', '.join(report.unused_columns)}", markup=False, soft_wrap=True)
+    console.print(f"picture: {report.picture}", markup=False, soft_wrap=True)
+
+
+def build_recording(
+    series: Sequence[Series], time: np.ndarray, clock: Clock, system: System, attributes: Mapping[str, str]
+) -> xr.Dataset:
+    """Put the series on a grid into a dataset as recordings have it.
+
+    Parameters
+    ----------
+    time
+        Ends of the steps, shape (steps,) [s of the clock].
+    """
+    step = float(time[1] - time[0])
+    variables: dict[str, Any] = {"time_bnds": (("time", "bnds"), np.stack([time - step, time], axis=1))}
+    described = {one.name: one for one in system.outputs}
+    for one in series:
+        name = one.target.name
+        flag = f"{name}_flag"
+        attrs: dict[str, Any] = {
+            "long_name": f"input {name}",
+            "units": one.target.unit,
+            "role": one.target.role,
+            "cell_methods": f"time: {one.target.method}",
+            "ancillary_variables": flag,
+            "comment": one.comment or one.origin,
+        }
+        if name in described:
+            output = described[name]
+            attrs["long_name"] = output.long_name or output.name
+            if output.standard_name:
+                attrs["standard_name"] = output.standard_name
+                if "temperature" in output.standard_name:
+                    attrs["units_metadata"] = "temperature: on_scale"
+        variables[name] = (("time",), one.values.astype(np.float32), attrs)
+        flags = {
+            "long_name": f"quality of {name}",
+            "standard_name": "quality_flag",
+            "flag_masks": np.array(list(FLAGS.values()), dtype=np.int8),
+            "flag_meanings": " ".join(FLAGS),
+        }
+        variables[flag] = (("time",), one.flagged(), flags)
+    about = {
+        "long_name": "end of the step, local standard time",
+        "standard_name": "time",
+        "units": clock.units,
+        "units_metadata": "leap_seconds: none",
+        "calendar": "standard",
+        "axis": "T",
+        "bounds": "time_bnds",
+        "comment": f"local standard time is UTC{clock.offset / 3600:+g} h all year; time zero is a Monday",
+    }
+    attrs = {
+        "Conventions": "CF-1.11",
+        "title": f"Recording for {system.name}",
+        "history": "imported by zeroshot-fmu",
+        "zeroshot_schema_version": SCHEMA_VERSION,
+        "system_name": system.name,
+        "system_hash": system.hash(),
+        "time_zone": clock.zone,
+        "utc_offset_hours": clock.offset / 3600.0,
+        **{name: value for name, value in attributes.items() if value},
+    }
+    return xr.Dataset(variables, {"time": (("time",), time, about)}, attrs)
+
+
+def check_free(*paths: Path) -> None:
+    """Refuse a path that is a folder, before any work.
+
+    Raises
+    ------
+    RecordingError
+        Naming it.
+    """
+    for one in paths:
+        if one.is_dir():
+            raise RecordingError(f"{one}: is a folder; expected a file, or a name that is free")
+
+
+def write_recording(dataset: xr.Dataset, path: Path, picture: bytes, picture_path: Path) -> None:
+    """Write a recording and its picture: both are whole under temporary names before either gets its own.
+
+    The recording gets it first: a picture beside another recording, or none, would be of data that nobody has.
+
+    Raises
+    ------
+    RecordingError
+        If the folder cannot be written to.
+    """
+    encoding: dict[Any, dict[str, Any]] = {}
+    for name, variable in dataset.variables.items():
+        real = variable.dtype.kind == "f" and name not in ("time", "time_bnds")
+        encoding[name] = {"_FillValue": np.float32(np.nan) if real else None}
+        if variable.dims == ("time",):
+            encoding[name] |= {"zlib": name != "time", "complevel": 4}
+    temporary, temporary_picture = temporary_name(path), temporary_name(picture_path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be written ({error.strerror or error})") from None
+    try:
+        write_netcdf(dataset, temporary, encoding)
+        temporary_picture.write_bytes(picture)
+        os.replace(temporary, path)
+        os.replace(temporary_picture, picture_path)
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be written ({error.strerror or error})") from None
+    finally:
+        temporary.unlink(missing_ok=True)
+        temporary_picture.unlink(missing_ok=True)

@@ -1,0 +1,389 @@
+"""What readings look like beside what the system description declares: sentences for those who know the building."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from diagnosis.measurements import units
+from diagnosis.measurements.clock import Clock
+from diagnosis.measurements.grid import Series
+from diagnosis.measurements.mapping import Place, Source
+from diagnosis.measurements.signal import DARK as FAINT
+from diagnosis.measurements.signal import Signal, is_constant
+from diagnosis.measurements.spacing import DAY, usual_interval
+from diagnosis.measurements.weather import sun_position
+from shared.flags import IMPOSSIBLE
+from shared.system import System
+from shared.units import TEMPERATURES, spelled
+from shared.variables import (
+    ZERO_CELSIUS,
+    ConstantInput,
+    ExcitationInput,
+    MeasuredInput,
+    Output,
+    ScheduleInput,
+    WeatherInput,
+)
+
+SPARSE, LONG, IRREGULAR = 3.0, 3600.0, 0.3
+"""A column read so many times less often than the file's rows, and less than hourly [s] or at spacings that differ by
+this share of their mean, is logged when it changes."""
+OFF = 1.75
+"""Hours that a zone's standard time may differ from that of the sun: Iceland's do by one and a half."""
+REGISTER = 24
+"""Different readings of a day at least that never fall: no power does that."""
+BRIDGED = 6 * 3600.0
+"""A dew point or a cloud cover says little of a time so far from its readings [s]."""
+RESETS = 0.01
+"""Share of a register's steps that may fall: it is reset, or a reading is lost as zero."""
+DARK, BRIGHT = 0.3, 1.4
+"""Shares of a clear sky's highest irradiance that the highest of some days does not stay below, nor pass."""
+COARSE = 0.25
+"""Share of a step from which on it matters whether readings are means or instants: as instants, means come half of
+their spacing late."""
+SELDOM = 1800.0
+"""Irradiance that is read so many seconds apart, or more, is rarely an instant."""
+CLOSES = 0.15
+"""Share by which direct and diffuse irradiance together may differ from the global one: three instruments' errors."""
+UTC = {"UTC", "UCT", "Z", "ZULU", "UNIVERSAL", "GMT", "GMT0", "GMT+0", "GMT-0", "GREENWICH", "+00:00", "-00:00"}
+"""Its names, also with ``Etc/`` before them."""
+
+
+def sparse(time: np.ndarray, readings: np.ndarray) -> float | None:
+    """Usual spacing [s] of the readings of a column that is logged when it changes; None of one that is not.
+
+    Both (rows,); NaN where a row has no reading.
+    """
+    there = np.isfinite(readings)
+    if there.sum() < 2:
+        return None
+    usual, rows = usual_interval(time, there), float(np.median(np.diff(time)))
+    spacing = np.diff(time[there])
+    unlike = float(spacing.std()) > IRREGULAR * float(spacing.mean())
+    return usual if usual > SPARSE * rows and (usual > LONG or unlike) else None
+
+
+def about_changes(column: str, kind: str, usual: float) -> str:
+    """What is said of such a column where nothing says how its readings are to be understood."""
+    return (
+        f"column {column}: read every {usual / 3600:.3g} h only, and taken for reading = {kind!r}; is it logged when it"
+        " changes (reading = 'hold')?"
+    )
+
+
+def about_hold(column: str, signal: Signal) -> str | None:
+    """What is said of a state for which nothing says how long it holds."""
+    clean = signal.clean()
+    if signal.kind != "hold" or len(clean.values) < 2:
+        return None
+    open_for = clean.begin[1:] - clean.end[:-1]
+    gaps = open_for > 1.0
+    left = f", {int(gaps.sum())} gaps of {open_for[gaps].sum() / 3600:.3g} h in all are left" if gaps.any() else ""
+    if signal.holds >= DAY:
+        longest = float((clean.end - clean.begin).max()) / 3600
+        return f"column {column}: taken for logged when it changes: readings hold for up to {longest:.3g} h{left}"
+    return (
+        f"column {column}: taken for read all the time: a reading holds for {signal.holds / 3600:.3g} h at most{left}"
+        f"{'; max_gap says otherwise' if left else ''}"
+    )
+
+
+def about_impossible(column: str, signal: Signal, source: Source, low: float, high: float) -> str | None:
+    """A sentence if readings were left out as impossible, and what sets other limits than ``low`` to ``high``.
+
+    These are in the column's unit, and so is what ``valid`` says.
+    """
+    count = int(((signal.flags & IMPOSSIBLE) > 0).sum())
+    if not count:
+        return None
+    sets = "" if source.valid is not None else "; valid = [lowest, highest] says what else is possible"
+    codes = "" if source.valid is not None else ", or codes of nines"
+    limits = {
+        (True, True): f"not {low:.4g} to {high:.4g} {source.unit}",
+        (True, False): f"below {low:.4g} {source.unit}",
+        (False, True): f"above {high:.4g} {source.unit}",
+        (False, False): "no numbers of a sensor",
+    }[bool(np.isfinite(low)), bool(np.isfinite(high))]
+    return f"column {column}: {count} of {len(signal.values)} readings are left out: {limits}{codes}{sets}"
+
+
+def without_impossible(name: str, made: Signal) -> tuple[Signal, str | None]:
+    """What was computed for ``name``, marked where no reading of it could be so, and a sentence if there is some."""
+    low, high, _ = units.limits("", made.unit)
+    bad = made.used & ((made.values < low) | (made.values > high))
+    if not bad.any():
+        return made, None
+    said = (
+        f"{name}: {int(bad.sum())} of {len(bad)} computed values, up to {made.values[bad].max():.4g} {made.unit}, are"
+        f" left out: not {low:g} to {high:g} {made.unit}; the irradiance does not go with the sun's height: check"
+        " time.zone, stamps and place"
+    )
+    return replace(made, flags=made.flags | np.where(bad, IMPOSSIBLE, 0).astype(np.int8)), said
+
+
+def about_presence(name: str, column: str, signal: Signal, most: int) -> str | None:
+    """A sentence if a count of up to ``most`` persons is never but 0 or 1: it may be whether anybody is there."""
+    seen = set(np.unique(signal.clean().values))
+    if most <= 1 or seen != {0.0, 1.0}:
+        return None
+    return (
+        f"{name}: column {column} holds only 0 and 1, taken for a count, and the description has up to {most} persons;"
+        " is it presence? then write unit = 'presence' and persons = how many it stands for"
+    )
+
+
+def about_noise(column: str, signal: Signal) -> str | None:
+    """A sentence if readings below what is possible were kept as noise."""
+    values = signal.clean().values
+    low = values[values < signal.floor]
+    if not low.size:
+        return None
+    return (
+        f"column {column}: {low.size} readings below {signal.floor:g} {signal.unit}, down to {low.min():.3g}, are taken"
+        " for the meter's noise and kept in its means"
+    )
+
+
+def about_floor(name: str, low: np.ndarray, mean: float, raised: float, unit: str) -> str:
+    """What is said of an input that noise takes to impossible values in some steps ``low``, which were raised."""
+    return (
+        f"{name}: {int(low.sum())} of {len(low)} steps are below what is possible by noise, and raised to it: the mean"
+        f" of all is {raised:.4g} {unit}, and was {mean:.4g}"
+    )
+
+
+def about_register(column: str, signal: Signal) -> str | None:
+    """A sentence if a power never falls: it may be a meter's register."""
+    clean = signal.clean()
+    values = clean.values
+    if len(np.unique(values)) < REGISTER or clean.end[-1] - clean.begin[0] < 86400.0:
+        return None
+    if (np.diff(values) < 0).sum() > max(RESETS * len(values), 1):
+        return None
+    return (
+        f"column {column}: hardly ever falls, from {values[0]:.6g} to {values[-1]:.6g} {signal.unit}; of a meter's"
+        " register take differences, as a power, before"
+    )
+
+
+def about_instants(name: str, apart: float, step: float) -> str | None:
+    """A sentence if means over a step [s] are made of readings so far apart [s] that it matters what they are."""
+    if apart < COARSE * step * (1 - 1e-6):
+        return None
+    return (
+        f"{name}: instants {apart:g} s apart are joined by straight lines to means over {step:g} s; if the logger wrote"
+        f" means, write reading = 'mean' under variables.{name}"
+    )
+
+
+def about_sun(where: str, signal: Signal) -> str | None:
+    """A sentence if irradiance that nobody says how to read comes so seldom that it may be means, and late as instants.
+
+    Not of the one on the horizontal: the sun tells how late that is.
+    """
+    times = signal.clean().middle
+    apart = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    if signal.kind != "point" or apart < SELDOM:
+        return None
+    return (
+        f"{where}: irradiance read {apart:g} s apart is taken for instants; if the logger wrote means, write reading ="
+        f" 'mean' there: as instants they come {apart / 120:g} min late"
+    )
+
+
+def about_helper(name: str, column: str, signal: Signal) -> str | None:
+    """A sentence if a quantity that only helps to compute another one had readings left out, or long gaps bridged."""
+    clean = signal.clean()
+    left = len(signal.values) - len(clean.values)
+    longest = float(np.diff(clean.middle).max()) if len(clean.values) > 1 else 0.0
+    if not left and longest <= BRIDGED:
+        return None
+    return (
+        f"{name}: of column {column} {left} readings were left out, and gaps of up to {longest / 3600:.3g} h bridged,"
+        " to compute it"
+    )
+
+
+def about_zone(clock: Clock, place: Place | None) -> str | None:
+    """A sentence if the recording's standard time cannot be that of the place."""
+    if clock.zone.upper().removeprefix("ETC/") in UTC:
+        return (
+            f"time.zone is {clock.zone}: days, schedules and habits of the recording run by it; expected the place's"
+            " zone, with stamps = 'UTC' where the logger keeps UTC"
+        )
+    if place is None:
+        return None
+    off = (clock.offset / 3600.0 - place.longitude / 15.0 + 12.0) % 24.0 - 12.0
+    if abs(off) <= OFF:
+        return None
+    return (
+        f"standard time of {clock.zone} is {abs(off):.1f} h {'ahead of' if off > 0 else 'behind'} the sun at longitude"
+        f" {place.longitude:g}: check time.zone and place"
+    )
+
+
+def about_closure(ghi: Signal, parts: Signal) -> str | None:
+    """A sentence if direct and diffuse irradiance do not make the global one, of the readings that have all three."""
+    both = np.isin(ghi.begin, parts.begin) & ghi.used
+    measured, together = float(ghi.values[both].sum()), float(parts.values[np.isin(parts.begin, ghi.begin[both])].sum())
+    if measured <= 0 or abs(together / measured - 1) <= CLOSES:
+        return None
+    return (
+        f"direct and diffuse irradiance together are {together / measured:.3g} of the global one: check their units,"
+        " stamps, and place"
+    )
+
+
+def is_light(ghi: Signal) -> bool:
+    """Whether irradiance is more than the offset of a pyranometer in the dark, as in the months without a sun."""
+    return float(np.quantile(ghi.clean().values, 0.98)) > FAINT
+
+
+def about_level(ghi: Signal, clock: Clock, place: Place) -> str | None:
+    """A sentence if global horizontal irradiance is far from what any sky lets through (sun above 10 degree).
+
+    Clear sky: 910 sin(h) - 30 W/m2 (Kasten and Czeplak 1980).
+    """
+    clean = ghi.clean()
+    zenith, _ = sun_position(clock.utc(clean.middle), place)
+    up = zenith < 80.0
+    if up.sum() < REGISTER:
+        return None
+    clear = 910.0 * np.cos(np.radians(zenith[up])) - 30.0
+    # of the highest each: at a low sun, a hill or a late clock makes any ratio
+    share = float(np.quantile(clean.values[up], 0.98) / np.quantile(clear, 0.98))
+    if DARK <= share <= BRIGHT:
+        return None
+    return f"the irradiance reaches {share:.3g} of a clear sky's in its best hours: check its unit, and place"
+
+
+LARGE, BEYOND_NOISE = 10.0, 100.0
+"""So many times the largest number that the description has in this unit, and its sensor's noise, is no such thing."""
+HOT = 311.15
+"""The air outdoors is hardly anywhere above this half of the time [K], but a winter's degrees Fahrenheit are."""
+HOTTEST = 323.15
+"""The air outdoors is above this [K] in a few deserts only; the highest ever recorded on earth is 56.7 degC (Death
+Valley, 10 July 1913; World Meteorological Organization)."""
+WIDEST = 30.0
+"""The air outdoors hardly ever moves by more within a day [K], and degrees Fahrenheit taken for Celsius do."""
+COLDER = 3.0
+"""Nothing indoors is colder than the air outdoors by so much on average [K], and varies more."""
+
+
+def about_all(series: Sequence[Series], system: System) -> list[str]:
+    """All that is to be said of a recording's variables beside their description."""
+    outputs = {one.name: one for one in system.outputs}
+    said = []
+    for one in series:
+        output = outputs.get(one.target.name)
+        said += [about_spread(output, one) if output is not None else None, about_size(one, system)]
+    air = [one for one in series if one.target.name in _air(system) and one.signal is not None]
+    said += [about_heat(one) for one in air]
+    return [*(sentence for sentence in said if sentence), *about_swap(series, air)]
+
+
+def about_spread(one: Output, series: Series) -> str | None:
+    """A sentence if the readings of an output move by less than its sensor's noise, as those in too large a unit do."""
+    noise = max((sensor.sd for sensor in one.noise.values()), default=0.0)
+    if series.signal is None or is_constant(series.signal):
+        return None
+    values = series.signal.clean().values
+    spread = float(np.ptp(values))
+    if spread >= noise:
+        return None
+    return (
+        f"{one.name}: {series.origin} varies by {spread:.3g} {one.unit} in all, from {values.min():.6g} to"
+        f" {values.max():.6g}, which is less than its sensor's noise (standard deviation {noise:g} {one.unit}); is the"
+        " unit right?"
+    )
+
+
+def about_size(series: Series, system: System) -> str | None:
+    """A sentence if a quantity without limits is far larger than all that the description has in its unit.
+
+    Numbers without a unit are of many kinds, and are not compared.
+    """
+    unit, signal = series.target.unit, series.signal
+    if signal is None or unit == "1" or np.isfinite(units.limits("", unit, sun=series.target.sun)[1]):
+        return None
+    sizes = np.abs(signal.clean().values)
+    largest, field = _largest(system, unit)
+    if largest <= 0 or not (sizes > 0).any():
+        return None
+    usual = float(np.median(sizes[sizes > 0]))
+    noise = max((sensor.sd for one in system.outputs if one.unit == unit for sensor in one.noise.values()), default=0.0)
+    if usual <= max(LARGE * largest, BEYOND_NOISE * noise):
+        return None
+    return (
+        f"{series.target.name}: {series.origin} is usually {usual:.4g} {unit} where it is not 0, and the largest number"
+        f" in {unit} that the description has is {largest:.4g} ({field}); is the unit right?"
+    )
+
+
+def about_heat(air: Series) -> str | None:
+    """A sentence if the air outdoors [K] is hotter than it is anywhere, or moves by more within a day."""
+    if air.signal is None:
+        return None
+    clean = air.signal.clean()
+    middle, most = float(np.median(clean.values)), float(clean.values.max())
+    _, day = np.unique(np.floor(clean.middle / 86400.0), return_inverse=True)
+    low, high = np.full(day.max() + 1, np.inf), np.full(day.max() + 1, -np.inf)
+    np.minimum.at(low, day, clean.values)
+    np.maximum.at(high, day, clean.values)
+    swing = float((high - low).max())
+    if middle > HOT:
+        found = f"has a median of {middle - ZERO_CELSIUS:.1f} degC"
+    elif most > HOTTEST:
+        found = f"reaches {most - ZERO_CELSIUS:.1f} degC (the highest ever recorded on earth is 56.7 degC)"
+    elif swing > WIDEST:
+        found = f"moves by {swing:.1f} K within a day"
+    else:
+        return None
+    return f"{air.target.name}: {air.origin}, the air outdoors, {found}; is the unit right (degF?)"
+
+
+def about_swap(series: Sequence[Series], air: Sequence[Series]) -> list[str]:
+    """Sentences on temperatures that are colder than the air outdoors and vary more: columns may be swapped."""
+    said = []
+    for out in air:
+        for one in [one for one in series if one.target.role == "output" and spelled(one.target.unit) in TEMPERATURES]:
+            warmth = units.convert(one.values, spelled(one.target.unit), "K", density=1.0, where=one.target.name)
+            both = np.isfinite(out.values) & np.isfinite(warmth)
+            if both.sum() < 2:
+                continue
+            inside, outside = warmth[both], out.values[both]
+            colder = float(np.mean(outside - inside))
+            if colder > COLDER and inside.std() > outside.std():
+                said.append(
+                    f"{one.target.name}: {one.origin} is {colder:.1f} K colder on average than {out.target.name},"
+                    f" {out.origin}, the air outdoors, and varies more; are their columns swapped?"
+                )
+    return said
+
+
+def _air(system: System) -> set[str]:
+    """Inputs that are the temperature of the air outdoors, by pvlib's name of it, in K."""
+    weather = [one for one in system.inputs if isinstance(one, WeatherInput)]
+    return {one.name for one in weather if one.column == "temp_air" and spelled(one.unit) == "K"}
+
+
+def _largest(system: System, unit: str) -> tuple[float, str]:
+    """The largest number that a description has in a unit, and its field; 0 if it has none."""
+    found = [(one.max, f"max of parameter {one.name}") for one in system.parameters if one.unit == unit]
+    found += [(abs(one.upper), f"upper of effect {one.name}") for one in system.effects if one.unit == unit]
+    for one in system.inputs:
+        if one.unit != unit:
+            continue
+        if isinstance(one, ConstantInput | MeasuredInput):
+            found.append((abs(one.value), f"value of input {one.name}"))
+        elif isinstance(one, ScheduleInput):
+            hours = system.schedules[one.schedule]
+            rows = [*hours.weekday, *(hours.weekend or [])]
+            found += [(abs(value), f"schedules.{one.schedule}") for _, value in rows]
+        elif isinstance(one, ExcitationInput):
+            parts = system.excitations[one.excitation].components
+            found += [(abs(part.amplitude), f"excitations.{one.excitation}") for part in parts]
+    return max((one for one in found if np.isfinite(one[0])), default=(0.0, ""))

@@ -1,0 +1,213 @@
+"""Stamps become the building's own clock: both directions of daylight saving, offsets, and the calendar behind it."""
+
+import re
+from datetime import UTC, datetime, timedelta
+from functools import cache
+from zoneinfo import ZoneInfo
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from diagnosis.measurements.clock import find_zone, make_clock, read_stamps, standard_offset
+from diagnosis.measurements.mapping import Time
+from shared.errors import RecordingError
+
+ZONES = ["Europe/Amsterdam", "America/New_York", "Australia/Sydney", "Australia/Lord_Howe", "Europe/Dublin", "UTC"]
+AMSTERDAM = Time(column="t", zone="Europe/Amsterdam")
+
+
+def stamps(texts, settings=AMSTERDAM):
+    return read_stamps(pd.Series(list(texts)), settings, "file")
+
+
+@cache
+def changes(zone, year):
+    """UTC hours at which a zone's offset changes, by looking at every day of the year and at the hours of those."""
+
+    def jumps(first, count, step):
+        times = [first + step * k for k in range(count)]
+        offsets = [t.astimezone(ZoneInfo(zone)).utcoffset() for t in times]
+        return [times[k] for k in range(count - 1) if offsets[k] != offsets[k + 1]]
+
+    hour, day = timedelta(hours=1), timedelta(days=1)
+    days = jumps(datetime(year, 1, 1, tzinfo=UTC), 366, day)
+    return [jumps(one, 25, hour)[0] + hour for one in days]
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    zone=st.sampled_from(ZONES),
+    year=st.integers(2008, 2030),
+    which=st.integers(0, 1),
+    before=st.integers(2 * 60, 30 * 60),
+    step=st.sampled_from([5, 10, 15, 30]),
+    offsets=st.booleans(),
+)
+def test_regular_times_survive_the_wall_clock(zone, year, which, before, step, offsets):
+    """What a logger on the wall clock writes across a change of it comes back as the regular UTC times it was."""
+    found = changes(zone, year)
+    middle = found[which] if found else datetime(year, 6, 1, tzinfo=UTC)
+    times = [middle + timedelta(minutes=m) for m in range(-before, 30 * 60, step)]
+    wall = [t.astimezone(ZoneInfo(zone)) for t in times]
+    texts = [t.isoformat() if offsets else t.replace(tzinfo=None).isoformat(sep=" ") for t in wall]
+    utc, _ = stamps(texts, Time(column="t", zone=zone))
+    np.testing.assert_array_equal(utc, [t.timestamp() for t in times])
+
+
+def test_the_repeated_hour_by_hand():
+    wall = ["2022-10-30 01:30", "2022-10-30 02:00", "2022-10-30 02:30", "2022-10-30 02:00", "2022-10-30 02:30"]
+    utc, notes = stamps([*wall, "2022-10-30 03:00"])
+    np.testing.assert_array_equal(np.diff(utc), 1800.0)
+    assert utc[0] == datetime(2022, 10, 29, 23, 30, tzinfo=UTC).timestamp()
+    assert "4 stamps" in notes[0] and "2 of them" in notes[0]
+
+
+def test_hourly_stamps_repeat_once():
+    utc, _ = stamps(["2022-10-30 01:00", "2022-10-30 02:00", "2022-10-30 02:00", "2022-10-30 03:00"])
+    np.testing.assert_array_equal(np.diff(utc), 3600.0)
+
+
+def test_a_logger_that_writes_the_repeated_hour_once_leaves_two_hours_out():
+    """Of which pass the one row is, nothing tells."""
+    utc, notes = stamps(["2022-10-30 01:00", "2022-10-30 02:00", "2022-10-30 03:00"])
+    np.testing.assert_array_equal(np.isnan(utc), [False, True, False])
+    assert utc[2] - utc[0] == 3 * 3600.0
+    assert "0 of them, from where the clock goes back, are taken for its second pass; 1 of them are left" in notes[-1]
+
+
+def test_the_skipped_hour_is_no_gap_and_cannot_be_written():
+    utc, _ = stamps(["2022-03-27 01:45", "2022-03-27 03:00", "2022-03-27 03:15"])
+    np.testing.assert_array_equal(np.diff(utc), 900.0)
+    with pytest.raises(RecordingError, match=r"2022-03-27 02:15:00 does not exist in Europe/Amsterdam.*'\+01:00'"):
+        stamps(["2022-03-27 01:45", "2022-03-27 02:15"])
+    utc, _ = stamps(["2022-03-27 01:45", "2022-03-27 02:15"], Time(column="t", zone="+01:00"))
+    assert utc[1] == datetime(2022, 3, 27, 1, 15, tzinfo=UTC).timestamp()
+
+
+@pytest.mark.parametrize(
+    ("texts", "said"),
+    [
+        (["2022-05-01 00:00", "2022-05-01 02:00", "2022-05-01 01:00"], "runs backwards from row 2.*row 3"),
+        (["2022-05-01 00:00+02:00", "2022-05-01 00:00+03:00"], "runs backwards"),
+        (["2022-05-01 00:00+02:00", "2022-05-01 01:00"], "row 2 .* has no offset from UTC but others have"),
+        (["2022-05-01 00:00", "01/05/2022 01:00"], "row 2 .'01/05/2022 01:00'. is not a time"),
+        (["2022-05-01 00:00", ""], "row 2 has no time stamp"),
+    ],
+)
+def test_stamps_that_cannot_be_understood(texts, said):
+    with pytest.raises(RecordingError, match=said):
+        stamps(texts)
+
+
+def test_other_formats():
+    utc, _ = stamps(["31/12/2021 23:00", "01/01/2022 00:00"], Time(column="t", zone="UTC", format="%d/%m/%Y %H:%M"))
+    np.testing.assert_array_equal(utc, [1640991600.0, 1640995200.0])
+    utc, _ = stamps(["1640991600", "1640991660.5"], Time(column="t", zone="UTC", format="unix"))
+    np.testing.assert_array_equal(utc, [1640991600.0, 1640991660.5])
+    utc, _ = stamps(["2021-12-31T23:00:00Z", "2022-01-01T01:00:00+01:00"])
+    np.testing.assert_array_equal(np.diff(utc), 3600.0)
+
+
+@pytest.mark.parametrize(
+    ("form", "text", "utc"),
+    [
+        ("%H:%M %d-%m-%Y", "00:15 30-06-2022", "2022-06-29T22:15:00"),  # -2022 is a year, not an offset
+        ("%H:%M %d-%m-%Y %z", "00:15 30-06-2022 +0000", "2022-06-30T00:15:00"),
+        ("%d-%m-%Y %H:%M UTC", "30-06-2022 00:15 UTC", "2022-06-30T00:15:00"),
+    ],
+)
+def test_a_format_says_whether_there_is_an_offset(form, text, utc):
+    found, _ = stamps([text], Time(column="t", zone="Europe/Amsterdam", format=form))
+    assert str(np.datetime64(int(found[0]), "s")) == utc
+
+
+@pytest.mark.parametrize(
+    ("form", "text", "said"),
+    [
+        ("%H:%H", "01:00", "which has no year"),
+        ("%Y-%m-%d %H:%H", "2022-03-01 01:00", "nothing can be read .*; expected .*, with each part once"),
+        ("%Y-%m-%d %Q", "2022-03-01 1", "nothing can be read .*'Q' is a bad directive"),
+        ("%Y-%m-%d%", "2022-03-01", "nothing can be read .*stray %"),
+        ("%", "2022-03-01", "which has no year"),
+        ("", "2022-03-01", "which has no year"),
+        ("%%Y %d/%m %H", "%Y 01/03 01", "which has no year"),  # pandas would take 1900
+        ("mixed", "03/04/2022", "which has no year; expected 'ISO8601', 'unix', or a format such as"),  # and guess here
+    ],
+)
+def test_a_format_that_reads_no_time_is_named(form, text, said):
+    with pytest.raises(RecordingError, match=f"^file: time.format is '{re.escape(form)}', .*{said}"):
+        stamps([text, text], Time(column="t", zone="Europe/Amsterdam", format=form))
+
+
+@pytest.mark.parametrize(
+    ("form", "texts"),
+    [
+        ("ISO8601", ["2022-03-01 23:00", "2022-03-01 24:00", "2022-03-02 01:00"]),
+        ("ISO8601", ["2022-03-01T23:00:00+01:00", "2022-03-01T24:00:00+01:00", "2022-03-02T01:00:00+01:00"]),
+        ("%d.%m.%Y %H:%M", ["24.03.2022 23:00", "24.03.2022 24:00", "25.03.2022 01:00"]),
+        ("%H:%M:%S %d/%m/%y", ["23:00:00 31/12/21", "24:00:00 31/12/21", "01:00:00 01/01/22"]),
+    ],
+)
+def test_the_end_of_a_day_is_the_next_ones_beginning(form, texts):
+    utc, notes = read_stamps(pd.Series(texts), Time(column="t", zone="Europe/Amsterdam", format=form), "here")
+    np.testing.assert_array_equal(np.diff(utc), [3600.0, 3600.0])
+    assert notes == ["1 time stamps of 24:00 are taken as 00:00 of the next day"]
+
+
+@pytest.mark.parametrize("text", ["2022-03-01 24:10", "2022-03-01 25:00", "2022-13-01 24:00"])
+def test_what_is_no_end_of_a_day_is_no_time(text):
+    with pytest.raises(RecordingError, match="is not a time of format"):
+        stamps(["2022-03-01 23:00", text, "2022-03-02 01:00"])
+
+
+def test_an_unknown_zone_gets_suggestions():
+    with pytest.raises(RecordingError, match=r"zone is 'Europe/Amsterdm'.*did you mean Europe/Amsterdam"):
+        find_zone("Europe/Amsterdm", "file")
+    with pytest.raises(RecordingError, match="expected an IANA name"):
+        find_zone("+99:99", "file")
+
+
+@pytest.mark.parametrize(
+    ("zone", "hours"),
+    [
+        ("Europe/Amsterdam", 1),
+        ("Europe/Dublin", 0),
+        ("America/New_York", -5),
+        ("Australia/Sydney", 10),
+        ("Australia/Lord_Howe", 10.5),
+        ("Asia/Kolkata", 5.5),
+        ("-03:30", -3.5),
+        ("UTC", 0),
+    ],
+)
+def test_standard_time_knows_no_daylight_saving(zone, hours):
+    for month in (1, 7):
+        moment = datetime(2022, month, 3, tzinfo=UTC).timestamp()
+        assert standard_offset(find_zone(zone, "file"), moment) == hours * 3600
+
+
+@pytest.mark.parametrize(("month", "hours"), [(1, 2), (11, 3)])
+def test_a_country_that_left_its_standard_time_has_the_new_one_from_then_on(month, hours):
+    """Turkey kept the summer time of 2016."""
+    moment = datetime(2016, month, 3, tzinfo=UTC).timestamp()
+    assert standard_offset(find_zone("Europe/Istanbul", "file"), moment) == hours * 3600
+
+
+@settings(deadline=None)
+@given(
+    moment=st.datetimes(datetime(1995, 1, 1), datetime(2080, 1, 1)).map(lambda t: t.replace(microsecond=0)),
+    later=st.integers(0, 400 * 86400),
+    zone=st.sampled_from(ZONES),
+)
+def test_a_remainder_gives_time_of_day_and_weekday(moment, later, zone):
+    first = moment.replace(tzinfo=UTC).timestamp()
+    clock = make_clock(zone, find_zone(zone, "file"), first)
+    seconds = float(clock.seconds(np.array([first + later]))[0])
+    local = moment + timedelta(seconds=later + clock.offset)
+    assert seconds % 86400 == local.hour * 3600 + local.minute * 60 + local.second
+    assert seconds // 86400 % 7 == local.weekday()
+    assert clock.dates(np.array([seconds]))[0] == np.datetime64(local, "s")
+    assert float(clock.utc(np.array([seconds]))[0]) == first + later

@@ -1,0 +1,287 @@
+"""A CSV with all that goes wrong in measurements becomes a recording."""
+
+import io
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from matplotlib.image import imread
+from rich.console import Console
+
+from diagnosis.measurements import import_recording
+from diagnosis.measurements.output import print_report
+from shared.errors import RecordingError
+from shared.flags import ASSUMED, COMPUTED, IMPOSSIBLE, INTERPOLATED, MISSING, PARTLY, STUCK
+from shared.schema import EPOCH
+from tests.diagnosis.measurements.house_cases import MAPPING, measured, warmth
+
+
+def steps_of(report):
+    data = xr.load_dataset(report.recording, decode_times=False)
+    zero = datetime.fromisoformat(data["time"].attrs["units"].removeprefix("seconds since ")).replace(tzinfo=UTC)
+    # local standard time of Amsterdam is an hour before UTC; the first row is at 22:00 UTC
+    first = datetime(2022, 10, 27, 23, 0, tzinfo=UTC)
+    return data, data["time"].values / 3600 + (zero - first).total_seconds() / 3600
+
+
+@pytest.mark.parametrize("jitter", [0.0, 1.0])
+def test_values_are_those_of_their_time(house, jitter):
+    """Instants at the ends of the steps, means over them, in the system's units, whatever the sampling."""
+    frame, _ = measured(jitter=jitter)
+    report = house(frame)
+    data, hours = steps_of(report)
+    assert report.steps == len(hours) == pytest.approx(6 * 48, abs=1)
+    np.testing.assert_allclose(np.diff(hours), 0.5)
+    np.testing.assert_allclose(data["warmth"], warmth(hours) + 273.15, atol=2e-3)
+    np.testing.assert_allclose(data["outdoors"], 281.15 + 3 * np.sin(2 * np.pi * hours / 24), atol=4e-3)
+    # a mean that was itself read as the instant at its end: half a reading early
+    shape = 12 / np.pi / 0.5 * (np.sin(2 * np.pi * hours / 24) - np.sin(2 * np.pi * (hours - 0.5) / 24))
+    np.testing.assert_allclose(data["gas"], 1000 * (1 + shape), atol=60)
+    assert float(data["gas"].mean()) == pytest.approx(1000, rel=0.01)
+    np.testing.assert_allclose(data["air"], 2.4 * 50 / 3600 * 1.2, rtol=1e-6)
+    assert float(data["people"].mean()) == pytest.approx(2 * 8 / 24, rel=0.01)
+    assert set(np.unique(data["nothing"])) == {3.0}
+    assert report.comparisons[0].mean_difference == pytest.approx(0.5, abs=1e-3)
+    assert report.comparisons[0].sd_difference < 1e-3
+    assert report.unused_columns == ["not mapped"]
+
+
+def test_a_constant_is_compared_with_a_meter_too(house):
+    """A flow that is taken to be constant, and a meter beside it that stands still elsewhere."""
+    frame, _ = measured()
+    frame["other"] = 80.0
+    valve = 'column = "valve"\nunit = "m3/h"\nscale = 2.4\nreading = "mean"\nfill = 0.0\n'
+    given = 'constant = 120.0\nunit = "m3/h"\nreading = "mean"\ncompare = { column = "other", unit = "m3/h" }\n'
+    assert valve in MAPPING
+    report = house(frame, MAPPING.replace(valve, given))
+    (pair,) = [one for one in report.comparisons if one.name == "air"]
+    assert (pair.second, pair.steps) == ("other", report.steps)
+    assert pair.mean_difference == pytest.approx(40 / 3600 * 1.2) and pair.sd_difference == pytest.approx(0, abs=1e-12)
+    assert pair.correlation is None and "other" not in report.unused_columns
+    assert set(xr.load_dataset(report.recording)["air_flag"].values) == {ASSUMED}
+
+
+def test_the_calendar_is_kept_and_the_week_is_right(house):
+    report = house(measured()[0])
+    assert (report.begin, report.utc_offset, report.time_zero) == ("2022-10-27 23:00", 1.0, "2022-01-03")
+    raw = xr.load_dataset(report.recording, decode_times=False)["time"].values
+    dates = pd.DatetimeIndex(xr.load_dataset(report.recording)["time"].values)
+    assert dates[0] == pd.Timestamp("2022-10-27 23:30")
+    np.testing.assert_array_equal(raw % 86400, dates.hour * 3600 + dates.minute * 60)
+    np.testing.assert_array_equal(raw // 86400 % 7, dates.day_of_week)
+    # estimators count from the simulated years' time zero: the same remainders
+    since = (dates - pd.Timestamp(EPOCH)) / pd.Timedelta(seconds=1)
+    np.testing.assert_array_equal(since % (7 * 86400), raw % (7 * 86400))
+    wish = xr.load_dataset(report.recording)["wish"].values
+    friday, saturday = dates.date == dates[2].date(), dates.date == dates[50].date()
+    assert wish[friday].min() == 290.0 and wish[friday].max() == 294.0 and set(wish[saturday][1:]) == {289.0}
+
+
+def test_what_is_wrong_is_flagged_and_not_used(house):
+    frame, hours = measured()
+    frame.loc[(hours > 20) & (hours < 23), "room"] = np.nan
+    frame.loc[np.isclose(hours, 40.5), "room"] = 85.0
+    frame.loc[(hours >= 60) & (hours <= 75), "room"] = 20.25
+    frame.loc[(hours > 100) & (hours < 102.1), "outside"] = np.nan
+    frame.loc[(hours > 110.1) & (hours < 110.2), "valve"] = np.nan
+    frame.loc[(hours > 120) & (hours < 130), "valve"] = np.nan
+    report = house(frame)
+    data, at = steps_of(report)
+    flags = data["warmth_flag"].values
+    assert (flags[(at > 20.5) & (at < 22.5)] == MISSING).all()
+    assert flags[np.isclose(at, 40.5)] & IMPOSSIBLE and np.isfinite(data["warmth"].values[np.isclose(at, 40.5)])
+    stuck = (at > 60) & (at < 75)
+    assert ((flags[stuck] & STUCK) > 0).all() and np.isnan(data["warmth"].values[stuck]).all()
+    left = ~np.isin(flags, [0]) | np.isnan(data["warmth"].values)
+    np.testing.assert_allclose(data["warmth"].values[~left], warmth(at[~left]) + 273.15, atol=2e-3)
+    about = {one.name: one for one in report.variables}
+    assert (about["warmth"].impossible, about["warmth"].stuck) == (1, 91)
+    assert about["outdoors"].interpolated >= 4
+    bridged = (data["outdoors_flag"].values & INTERPOLATED) > 0
+    assert ((at[bridged] > 100) & (at[bridged] < 102.5)).all()
+    assumed = (data["air_flag"].values & ASSUMED) > 0
+    assert (data["air"].values[assumed] == 0).all() and ((at[assumed] > 120) & (at[assumed] < 130.5)).all()
+    assert ((data["air_flag"].values[np.isclose(at, 110.5)]) & PARTLY) > 0
+    assert ((data["sunshine_flag"].values & COMPUTED) > 0).all() and ((data["sky_flag"].values & COMPUTED) > 0).all()
+    assert (data["nothing_flag"].values == ASSUMED).all()
+    assert data["warmth_flag"].attrs["flag_meanings"].split()[0] == "missing"
+
+
+def test_an_input_that_stays_missing_cuts_the_recording(house):
+    frame, hours = measured()
+    frame.loc[(hours > 48) & (hours < 55), "outside"] = np.nan
+    report = house(frame)
+    _, at = steps_of(report)
+    assert at[0] == pytest.approx(55.5, abs=0.6) and at[-1] == pytest.approx(144.0, abs=0.6)
+    assert any("outdoors in" in note and "longest stretch" in note for note in report.notes)
+    assert all(one.missing == 0 for one in report.variables)
+
+
+def test_what_comes_after_the_last_reading_is_kept_for_a_forecast_or_told(house):
+    frame, hours = measured()
+    outputs = [one for one in ("room", "room 2", "kilowatts") if one in frame]
+    frame.loc[hours > 96, outputs] = np.nan
+    report = house(frame)
+    _, at = steps_of(report)
+    assert at[-1] == pytest.approx(96.0, abs=0.6)
+    assert any(f"inputs go on for {96} steps after the last" in note and "--ahead" in note for note in report.notes)
+    report = house(frame, ahead=True)
+    data, at = steps_of(report)
+    assert at[-1] == pytest.approx(144.0, abs=0.6)
+    assert np.isnan(data["warmth"].values[at > 97]).all() and np.isfinite(data["outdoors"].values).all()
+    assert any("are kept for a forecast" in note for note in report.notes)
+
+
+def test_what_is_not_mapped_is_said(house):
+    mapping = MAPPING.replace("[variables.people]", "[weather.opaque_cover]").replace("persons = 2.0\n", "")
+    mapping = mapping.replace('unit = "presence"\n', 'unit = "fraction"\n')
+    report = house(
+        measured()[0], mapping.replace('[variables.air]\ncolumn = "valve"', "[variables.air]\nconstant = 50.0")
+    )
+    assert report.not_recorded == ["people"]
+    assert report.lacking == ["nobody counted persons (people): fits take them for unknown"]
+    assert any("measured cloud cover" in note for note in report.notes)
+    data, _ = steps_of(report)
+    np.testing.assert_allclose(data["air"], 0.04, rtol=1e-6)
+    assert "people" not in data
+
+
+def test_tenths_of_the_sky_are_no_shares(house):
+    mapping = MAPPING.replace("[variables.people]", "[weather.opaque_cover]").replace("persons = 2.0\n", "")
+    mapping = mapping.replace('unit = "presence"\n', 'unit = "fraction"\nscale = 8.0\n')
+    with pytest.raises(RecordingError, match=r"weather\.opaque_cover: is 8; expected shares from 0 to 1: for tenths"):
+        house(measured()[0], mapping)
+    report = house(measured()[0], mapping.replace("scale = 8.0\n", "scale = 8.0\nvalid = [0.0, 1.0]\n"))
+    assert any("measured cloud cover" in note for note in report.notes)
+
+
+def test_a_wrong_zone_shows_in_the_sun(house):
+    frame, _ = measured(first=datetime(2022, 9, 1, 22, 0, tzinfo=UTC), days=3)
+    report = house(frame, MAPPING.replace("Europe/Amsterdam", "America/New_York"))
+    assert any("ahead of the sun" in n or "behind the sun" in n for n in report.notes)
+    assert any("while the sun is down" in n for n in report.notes)
+
+
+def test_an_import_again_gives_the_same(house):
+    frame, _ = measured(days=2)
+    first = Path(house(frame).recording).read_bytes()
+    assert Path(house(frame).recording).read_bytes() == first
+
+
+def test_other_dialects(house, tmp_path):
+    """Semicolons, decimal commas, lines before the header, Excel's dates: the same recording."""
+    frame, _ = measured(days=2)
+    plain = xr.load_dataset(house(frame).recording)
+    frame["when"] = pd.to_datetime(frame["when"]).dt.strftime("%d-%m-%Y %H:%M")
+    text = "exported by a logger\n" + frame.to_csv(index=False, sep=";", decimal=",")
+    (tmp_path / "data.csv").write_text(text)
+    mapping = MAPPING.replace(
+        "[time]", '[file]\nseparator = ";"\ndecimal = ","\nskip = 1\n[time]\nformat = "%d-%m-%Y %H:%M"'
+    )
+    (tmp_path / "mapping.toml").write_text(mapping)
+    report = import_recording(tmp_path / "mapping.toml", tmp_path / "data.csv", out=tmp_path / "other.nc")
+    other = xr.load_dataset(report.recording)
+    xr.testing.assert_allclose(plain["warmth"], other["warmth"])
+    xr.testing.assert_allclose(plain["sunshine"], other["sunshine"])
+
+
+def test_a_cf_checker_accepts_a_recording(house):
+    pytest.importorskip("compliance_checker.runner")
+    from compliance_checker.suite import CheckSuite
+
+    report = house(measured(days=2)[0])
+    CheckSuite.load_all_available_checkers()
+    suite = CheckSuite()
+    groups, errors = suite.run_all(suite.load_dataset(report.recording), ["cf:1.11"], skip_checks=[])["cf:1.11"]
+    assert not errors
+    wrong = {message for group in groups for message in group.msgs if group.value[0] < group.value[1]}
+    assert not wrong, wrong
+
+
+def test_the_picture_shows_what_was_left_out(house):
+    """A stuck stretch is drawn in red, a missing one in grey."""
+    frame, hours = measured()
+    clean = imread(house(frame).picture)
+    frame.loc[(hours >= 60) & (hours <= 75), "room"] = 20.25
+    marked = imread(house(frame).picture)
+    red = [float(((p[..., 0] > 0.7) & (p[..., 1] < 0.3) & (p[..., 2] < 0.2)).sum()) for p in (clean, marked)]
+    assert clean.shape[0] > 900 and red[0] == 0 and red[1] > 50
+
+
+def test_the_picture_takes_dollars_in_names_as_they_stand(house):
+    """As of a building management system that writes odd characters as $ and their code."""
+    frame, _ = measured()
+    column, meter = "Room$20Air_$2dTemp", "Room$20Air$2dTemp_{2}"
+    mapping = MAPPING.replace('"room"', f'"{column}"').replace('"room 2"', f'"{meter}"')
+    report = house(frame.rename(columns={"room": column, "room 2": meter}), mapping, out="out/a$b_$.nc")
+    assert imread(report.picture).shape[1] > 1000
+
+
+@pytest.mark.parametrize("write", [True, False])
+def test_neither_a_recording_nor_anything_beside_it_is_touched_where_it_cannot_be_written(
+    house, tmp_path, write, monkeypatch
+):
+    frame, _ = measured()
+    (tmp_path / "out" / "dir.nc").mkdir(parents=True)
+    (tmp_path / "out" / "dir.png").write_bytes(b"of another import")
+    if write:  # a folder that came after the look at it
+        monkeypatch.setattr("diagnosis.measurements.importer.check_free", lambda *_: None)
+    with pytest.raises(RecordingError, match=r"dir\.nc: (cannot be written|is a folder; expected a file)"):
+        house(frame, out="out/dir.nc")
+    assert (tmp_path / "out" / "dir.png").read_bytes() == b"of another import"
+    assert sorted(one.name for one in (tmp_path / "out").iterdir()) == ["dir.nc", "dir.png"]
+
+
+def test_text_in_brackets_is_printed_as_it_stands(house):
+    frame, _ = measured()
+    names = {"room": "room_degC [degC]", "kilowatts": "gas [/min]"}
+    mapping = MAPPING
+    for old, new in names.items():
+        mapping = mapping.replace(f'"{old}"', f'"{new}"')
+    report = house(frame.rename(columns=names), mapping)
+    report.lacking.append("wish [/h]")
+    console = Console(file=io.StringIO(), width=200)
+    print_report(report, console)
+    assert all(text in console.file.getvalue() for text in (*names.values(), "wish [/h]"))
+
+
+@pytest.mark.parametrize(("step", "hours"), [(1800.0, 3.0), (7200.0, 2.0)])
+def test_no_gap_is_filled_that_is_longer_than_the_mapping_allows(house, step, hours):
+    """Of steps of two hours one is bridged in three hours, not two."""
+    frame, elapsed = measured()
+    for first, long in ((49.0, hours), (97.0, hours + step / 3600)):  # the first row is of 23:00 standard time
+        frame.loc[(elapsed > first) & (elapsed <= first + long), "valve"] = np.nan
+    mapping = MAPPING.replace("[place]", f"[grid]\nstep = {step}\n[place]")
+    report = house(frame, mapping.replace("fill = 0.0", 'fill = "interpolate"\nfill_up_to = 3.0'))
+    assert next(one for one in report.variables if one.name == "air").interpolated == round(hours * 3600 / step)
+    assert report.end == "2022-11-01 00:00"  # the second gap, a step longer, cuts the recording
+
+
+def test_a_schedule_that_stands_in_says_where_clocks_show_another_hour(house):
+    report = house(measured()[0])  # 27 October to 2 November 2022: three days of it are summer time
+    said = [note for note in report.notes if "daylight saving" in note and "stands in" in note]
+    assert len(said) == 1 and said[0].startswith("wish: not measured")
+    uncounted = MAPPING[: MAPPING.index("[variables.people]")] + MAPPING[MAPPING.index("[variables.air]") :]
+    habits = [note for note in house(measured()[0], uncounted, out="uncounted.nc").notes if "habits stand in" in note]
+    assert habits == [
+        "people: not counted; the description's habits stand in for it, in standard time, an hour late by the clocks of"
+        " 3 of 7 days with daylight saving"
+    ]
+    assert "an hour late by the clocks of 3 of 7 days with daylight saving" in said[0]
+    frame, hours = measured()
+    frame.loc[hours < 80, ["outside", "room"]] = np.nan  # of these days nothing is kept
+    assert not [note for note in house(frame).notes if "daylight saving" in note and "stands in" in note]
+
+
+def test_a_logger_that_writes_a_row_for_each_sensor_loses_none(house):
+    """Two rows of every time stamp, each with some of the columns: the same recording as of whole rows."""
+    frame, _ = measured()
+    whole = xr.load_dataset(house(frame, out="whole.nc").recording)
+    half = [name for name in frame.columns if name != "when"][::2]
+    apart = pd.concat([frame.drop(columns=half), frame[["when", *half]]]).sort_index(kind="stable")
+    report = house(apart, out="apart.nc")
+    xr.testing.assert_equal(xr.load_dataset(report.recording), whole)
+    assert any("the first reading of each column is used" in note for note in report.notes)

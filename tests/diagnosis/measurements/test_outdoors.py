@@ -1,0 +1,222 @@
+"""What a mapping says of the weather is used, or said not to be."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from shared.errors import RecordingError
+from tests.diagnosis.measurements.house_cases import HOURLY, HOUSE, MAPPING, measured
+
+GHI = '[weather.ghi]\ncolumn = "sun"\nunit = "W/m2"\n'
+AIR = '[weather.temp_air]\ncolumn = "outside"\nunit = "degC"\n'
+PARTS = '[weather.dni]\ncolumn = "beam"\nunit = "W/m2"\n[weather.dhi]\ncolumn = "diffuse"\nunit = "W/m2"\n'
+
+
+def constant(name, value, unit):
+    return f'[weather.{name}]\nconstant = {value}\nunit = "{unit}"\n'
+
+
+def with_parts():
+    frame, hours = measured()
+    up = frame["sun"] > 0
+    return frame.assign(beam=np.where(up, 200.0 + np.sin(hours), 0.0), diffuse=0.4 * frame["sun"])
+
+
+def unused(report):
+    return {one.split("weather.")[1].split(" ")[0]: one for one in report.notes if one.startswith("could not use")}
+
+
+def sky_of(air, dew, cover):
+    """Clark and Allen with Walton's clouds, or Swinbank's air, as EnergyPlus' and Swinbank's papers write them [K]."""
+    n = 10 * cover
+    clear = 0.787 + 0.764 * np.log(dew / 273) if dew is not None else (0.0552 * air**1.5 / air) ** 4
+    return air * (clear * (1 + 0.0224 * n - 0.0035 * n**2 + 0.00028 * n**3)) ** 0.25
+
+
+@pytest.mark.parametrize(("dew", "cover"), [(275.15, 0.9), (275.15, 0.0), (None, 0.5)])
+def test_constants_of_dew_point_and_clouds_make_the_sky(house, dew, cover):
+    mapping = MAPPING + constant("opaque_cover", cover, "fraction")
+    mapping += constant("temp_dew", dew - 273.15, "degC") if dew else ""
+    report = house(measured()[0], mapping)
+    data = xr.load_dataset(report.recording)
+    np.testing.assert_allclose(data["sky"], sky_of(data["outdoors"], dew, cover), atol=0.3 if dew else 0.7)
+    assert any("opaque_cover as the mapping's constant" in one and one.startswith("sky") for one in report.notes)
+    assert not unused(report)
+
+
+def test_the_sky_over_a_constant_air_is_assumed(house):
+    report = house(
+        measured()[0], MAPPING.replace(AIR, constant("temp_air", 8.0, "degC")) + constant("temp_dew", 2.0, "degC")
+    )
+    (sky,) = [one for one in report.variables if one.name == "sky"]
+    assert sky.assumed == report.steps and sky.computed
+    assert not unused(report)
+
+
+def test_a_constant_cover_in_tenths_is_refused(house):
+    with pytest.raises(RecordingError, match=r"weather\.opaque_cover: is 7; expected shares from 0 to 1: for tenths"):
+        house(measured()[0], MAPPING + constant("opaque_cover", 7.0, "1"))
+
+
+def test_measured_parts_of_the_sun_are_used(house):
+    frame = with_parts()
+    erbs = house(frame, out="erbs.nc")
+    both = house(frame, MAPPING + PARTS, out="both.nc")
+    closed = house(frame, MAPPING.replace(GHI, "") + PARTS, out="closed.nc")
+    assert "split by Erbs, carried" in " ".join(erbs.notes)
+    assert "split by measured dni and dhi, carried" in " ".join(both.notes)
+    assert "computed from beam and diffuse: split by measured dni and dhi" in " ".join(closed.notes)
+    sunshine = [float(xr.load_dataset(one.recording)["sunshine"].mean()) for one in (erbs, both, closed)]
+    assert abs(sunshine[1] / sunshine[0] - 1) > 0.1
+    assert sunshine[2] == pytest.approx(sunshine[1], rel=0.1)
+    assert any("irradiance together are" in one for one in both.notes)  # they do not make up the global one
+    assert not unused(both) and not unused(closed)
+
+
+@pytest.mark.parametrize(
+    ("mapping", "said"),
+    [
+        (
+            MAPPING.replace(GHI, constant("ghi", 100.0, "W/m2")),
+            {"ghi": r"weather.ghi (a constant): sunshine is computed from what the sun did"},
+        ),
+        (
+            MAPPING + constant("dni", 100.0, "W/m2"),
+            {"dni": "weather.dni (a constant): sunshine is computed from what the sun did"},
+        ),
+        (
+            MAPPING.replace(GHI, PARTS.split("[weather.dhi]")[0]),
+            {"dni": "weather.dni (column beam): sunshine takes ghi, or both dni and dhi"},
+        ),
+        (
+            MAPPING.replace("[weather.temp_air]", "[variables.outdoors]") + constant("temp_dew", 5.0, "degC"),
+            {"temp_dew": "sky is computed from temp_air, which is not mapped"},
+        ),
+        (
+            MAPPING + "".join(constant(name, -5.0, "degC") for name in ("temp_sky", "temp_dew"))
+            + constant("pressure", 1e5, "Pa"),
+            {
+                "temp_dew": "weather.temp_dew (a constant): no input takes it, and none is computed from it",
+                "pressure": "weather.pressure (a constant): no input takes it",
+            },
+        ),
+        (
+            MAPPING.replace(AIR, AIR + 'compare = { column = "room 2", unit = "degF" }\n'),
+            {"temp_air.compare": "(column room 2): weather is compared under variables only"},
+        ),
+    ],
+)  # fmt: skip
+def test_what_could_not_be_used_is_said(house, mapping, said):
+    found = unused(house(with_parts(), mapping))
+    assert found.keys() == said.keys()
+    assert all(words in found[name] for name, words in said.items())
+
+
+def test_parts_that_were_never_read_at_the_same_time_are_refused(house):
+    frame, hours = with_parts(), measured()[1]
+    frame["beam"], frame["diffuse"] = frame["beam"].where(hours < 60), frame["diffuse"].where(hours > 80)
+    with pytest.raises(
+        RecordingError, match="weather: dni has no reading where dhi has one; expected both at the same"
+    ):
+        house(frame, MAPPING.replace(GHI, "") + PARTS)
+
+
+def steps_of(report, name):
+    (found,) = [one for one in report.variables if one.name == name]
+    return found.stuck, found.missing
+
+
+def test_a_dead_sensor_outdoors_is_stuck_whichever_way_it_is_mapped(house):
+    frame, hours = measured()
+    frame.loc[(hours >= 60) & (hours <= 75), "outside"] = 8.25
+    fill = "fill = 8.0\n"
+    as_weather = house(frame, MAPPING.replace(AIR, AIR + fill), out="weather.nc")
+    mapping = MAPPING.replace("[weather.temp_air]", "[variables.outdoors]").replace('"outside"\n', f'"outside"\n{fill}')
+    as_variable = house(frame, mapping, out="variable.nc")
+    assert steps_of(as_weather, "outdoors") == steps_of(as_variable, "outdoors") == (91, 0)
+    with pytest.raises(RecordingError, match=r"variables\.outdoors: column 'outside': every reading is 281.15 K"):
+        house(frame.assign(outside=8.0), mapping)
+
+
+@pytest.mark.parametrize(("quantity", "stuck"), [("dni", 0), ("poa_global", 91)])
+def test_a_beam_may_stand_still_and_the_sun_on_a_facade_by_night_only(house, tmp_path, quantity, stuck):
+    """An overcast day has no beam, and its instrument an offset; on a facade there is light."""
+    other = HOUSE.replace(
+        '"sunshine", unit = "W/m2", source = "weather", column = "poa_global"',
+        f'"sunshine", unit = "W/m2", source = "weather", column = "{quantity}"',
+    )
+    (tmp_path / "other.toml").write_text(other)
+    frame, hours = measured()
+    frame.loc[(hours >= 60) & (hours <= 75), "sun"] = 15.0
+    mapping = MAPPING.replace("[weather.ghi]", "[variables.sunshine]") + "fill = 0.0\n"
+    report = house(frame, mapping, system=tmp_path / "other.toml")
+    assert steps_of(report, "sunshine") == (stuck, 0)
+
+
+@pytest.mark.parametrize(
+    ("hours", "value", "more", "stuck"),
+    [
+        (40, 0.0, "", False),  # a calm
+        (40, 1.3, "", True),
+        (130, 0.0, "", True),  # frozen
+        (40, 0.0, "stuck_after = 24.0\n", True),
+    ],
+)
+@pytest.mark.parametrize("where", ["variables.breeze", "weather.wind_speed"])
+def test_wind_may_be_zero_for_days_and_nothing_else(house, tmp_path, hours, value, more, stuck, where):
+    """A cup anemometer does not turn in a calm night."""
+    wind = '{ name = "breeze", unit = "m/s", source = "weather", column = "wind_speed" },\n  { name = "people"'
+    (tmp_path / "windy.toml").write_text(HOUSE.replace('{ name = "people"', wind))
+    frame, at = measured(days=7)
+    frame["cups"] = np.where((at > 10) & (at <= 10 + hours), value, 2.0 + np.sin(at))
+    mapping = f'{MAPPING}[{where}]\ncolumn = "cups"\nunit = "km/h"\nfill = 7.2\n{more}'
+    report = house(frame, mapping, system=tmp_path / "windy.toml")
+    assert (steps_of(report, "breeze")[0] > 0) == stuck
+    if not stuck:
+        assert xr.load_dataset(report.recording)["breeze"].values.min() == 0.0
+
+
+@pytest.mark.parametrize(("days", "refused"), [(4, False), (6, True)])
+def test_a_whole_recording_may_be_calm_if_it_is_short(house, tmp_path, days, refused):
+    wind = '{ name = "breeze", unit = "m/s", source = "weather", column = "wind_speed" },\n  { name = "people"'
+    (tmp_path / "windy.toml").write_text(HOUSE.replace('{ name = "people"', wind))
+    mapping = MAPPING + '[weather.wind_speed]\ncolumn = "cups"\nunit = "m/s"\n'
+    frame = measured(days=days)[0].assign(cups=0.0)
+    if refused:
+        with pytest.raises(RecordingError, match="column 'cups': every reading is 0 m/s; expected one that varies"):
+            house(frame, mapping, system=tmp_path / "windy.toml")
+    else:
+        assert "column cups: every reading is 0 m/s" in house(frame, mapping, system=tmp_path / "windy.toml").notes
+
+
+def test_sun_on_a_facade_that_cannot_be_is_left_out(house):
+    """A log of the American east coast, read as of another zone: a low sun, and much light on the horizontal."""
+    frame, hours = measured()
+    frame["sun"] = np.where((hours % 24 > 4) & (hours % 24 < 20), 600.0 + hours % 24, 0.0)
+    report = house(frame)
+    (sunshine,) = [one for one in report.variables if one.name == "sunshine"]
+    (note,) = [one for one in report.notes if one.startswith("sunshine: ") and "left out" in one]
+    assert note.startswith(f"sunshine: {sunshine.impossible} of 865 computed values, up to ")
+    assert note.endswith(
+        "not -20 to 1500 W/m2; the irradiance does not go with the sun's height: check time.zone, stamps and place"
+    )
+    assert sunshine.impossible > 0
+    assert float(xr.load_dataset(report.recording)["sunshine"].max()) <= 1500.0
+
+
+@pytest.mark.parametrize(
+    ("minutes", "reading", "said"),
+    [(30, "", True), (60, "", True), (20, "", False), (30, 'reading = "point"\n', False)],
+)
+def test_means_of_facade_sun_that_may_be_taken_for_instants_are_told(house, minutes, reading, said):
+    """By half their interval they come late, and on a facade the sun's height does not tell it."""
+    frame, _ = measured(minutes=minutes)
+    grid = HOURLY if minutes == 60 else MAPPING
+    mapping = grid.replace("weather.ghi", "weather.poa_global") + reading
+    notes = [note for note in house(frame, mapping).notes if "irradiance read" in note]
+    expected = (
+        f"weather.poa_global: irradiance read {60 * minutes} s apart is taken for instants; if the logger wrote"
+        f" means, write reading = 'mean' there: as instants they come {minutes / 2:g} min late"
+    )
+    assert notes == [expected] * said
+    assert not [note for note in house(frame, grid, out="ghi.nc").notes if "irradiance read" in note]

@@ -1,0 +1,101 @@
+"""Files as loggers, spreadsheets and power cuts leave them: read as they were meant, or refused with their name."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from diagnosis.measurements.mapping import Mapping
+from diagnosis.measurements.table import read_measurements
+from shared.errors import RecordingError
+
+TEXT = 'when,room,note\n2022-03-01 00:00,20.5,"a, b"\n2022-03-01 01:00,-21.25,c\n2022-03-01 02:00,22,\n'
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Read bytes as measurements; the table ``[file]`` is given by its fields."""
+
+    def run(content, **file):
+        (tmp_path / "log.csv").write_bytes(content)
+        raw = {
+            "schema_version": 1,
+            "file": file,
+            "time": {"column": "when", "zone": "UTC"},
+            "variables": {"warmth": {"column": "room", "unit": "degC"}},
+        }
+        return read_measurements(tmp_path / "log.csv", Mapping.model_validate(raw))
+
+    return run
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-32"])
+def test_line_ends_and_marks_of_any_system(read, end, encoding):
+    declared = {} if encoding.startswith("utf-8") else {"encoding": encoding}
+    found = read(TEXT.replace("\n", end).encode(encoding), **declared)
+    np.testing.assert_array_equal(found.numbers("room", "here"), [20.5, -21.25, 22.0])
+    np.testing.assert_array_equal(np.diff(found.utc), [3600.0, 3600.0])
+    assert list(found.columns["note"]) == ["a, b", "c", ""]
+
+
+@pytest.mark.parametrize(
+    ("content", "file", "said"),
+    [
+        (TEXT.encode("utf-16"), {}, r"cannot be read as text in 'utf-8-sig' .*file\.encoding; is it 'utf-16'\?"),
+        (TEXT.encode("utf-32"), {}, r"file\.encoding; is it 'utf-32'\?"),
+        (TEXT.encode("utf-16-le"), {}, r"line 1 has a null character.*file\.encoding \('utf-16-le'\?\)"),
+        (TEXT.encode() + bytes(99), {}, "line 5 has a null character"),
+        (TEXT.replace("note", "°C").encode("latin-1"), {}, r"expected .* file\.encoding, such as 'utf-16' or 'cp1252'"),
+        (TEXT.encode(), {"encoding": "a\0b"}, "cannot be read as text in 'a.x00b'"),
+        (TEXT.replace("note", "x" * 200_000).encode(), {}, "line of column names: .*; expected the names"),
+        (
+            TEXT.replace(",c\n", ',"c\n').replace("22,\n", '22,\n2022-03-01 03:00,22,d"\n').encode(),
+            {},
+            r"row 2: column 'note': a cell goes on over 3 lines, which are rows of the table; .* not closed\?",
+        ),
+        (
+            TEXT.replace('"a, b"', '"a').replace(",c\n", ',"c\n').encode(),
+            {},
+            "row 1: column 'note': a cell goes on over 2 lines",
+        ),
+        (TEXT.replace(",c\n", ',"c\n').encode(), {}, "a quotation mark in line 3 is not closed until the end"),
+        (b"\n\n" + TEXT.replace(",c\n", ',"c\n').encode(), {}, "a quotation mark in line 5 is not closed until the"),
+        (
+            TEXT.encode() + b"2022-03-01 03:00,22,d,\n",
+            {},
+            "line 5 has 4 fields, separated by ',', and lines before it 3",
+        ),
+        (
+            b"a\nb\n" + TEXT.encode() + b"2022-03-01 03:00,22,d,\n",
+            {"skip": 2},
+            "line 7 has 4 fields, separated by ',', and lines before it 3",
+        ),
+        (TEXT.encode() + b"2022-1", {}, r"row 4 \('2022-1'\) .*; it is the last one and shorter .*cut off there\?"),
+        (TEXT.encode() + b"2022-03-", {}, r"row 4 \('2022-03-'\) .*; it is the last one .*cut off there\?"),
+        (b"", {}, "not readable as CSV"),
+        (TEXT.splitlines()[0].encode(), {}, "has 0 rows; expected at least a day"),
+    ],
+)
+def test_what_is_no_such_text_is_refused(read, content, file, said):
+    with pytest.raises(RecordingError, match=rf"log\.csv: .*{said}"):
+        read(content, **file)
+
+
+def test_a_remark_of_several_lines_is_told(read):
+    found = read(TEXT.replace("a, b", "opened,\nand closed").encode())
+    assert found.notes == ["column note: 1 cells hold line breaks"]
+    assert len(found.utc) == 3
+
+
+def test_a_separator_beyond_ascii_is_used_without_a_warning(read):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = read(TEXT.replace('"a, b"', "a").replace(",", "¦").encode(), separator="¦")
+    np.testing.assert_array_equal(found.numbers("room", "here"), [20.5, -21.25, 22.0])
+
+
+def test_a_minus_of_typography_is_one(read):
+    """Taken as missing, all negative readings of a column would be."""
+    found = read(TEXT.replace("-21.25", "\u221221.25").encode())
+    np.testing.assert_array_equal(found.numbers("room", "here"), [20.5, -21.25, 22.0])

@@ -1,0 +1,149 @@
+"""What cannot become a recording becomes a sentence and no file."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from diagnosis.measurements import importer
+from shared.errors import RecordingError
+from tests.diagnosis.measurements.house_cases import MAPPING, measured
+from tests.small_disk import SAID, small_disk
+
+
+@pytest.mark.parametrize(
+    ("change", "mapping", "said"),
+    [
+        (None, MAPPING.replace('"room"\nunit = "degC"', '"room"\nunit = "K"'), r"variables.warmth.*median 21.*degC"),
+        (lambda d: d.assign(room=d["room"] + 273.15), MAPPING, "variables.warmth.*is it in K"),
+        (lambda d: d.assign(room=21.0), MAPPING, r"variables.warmth: column 'room': every reading is 294.15 K"),
+        (lambda d: d.assign(sun=7.0), MAPPING, "weather.ghi: column 'sun': every reading is 7"),
+        (lambda d: d.iloc[:100], MAPPING, "spans 16.5 h; expected at least a day"),
+        (lambda d: d.iloc[::-1], MAPPING, "runs backwards from row 1"),
+        (lambda d: d.drop(columns="room"), MAPPING, "has no column 'room'; found room 2"),
+        (
+            lambda d: d.assign(other=d["room"] + 5.0).rename(columns={"other": "room"}),
+            MAPPING,
+            "variables.warmth: .* has several columns 'room'; expected a name for each",
+        ),
+        (
+            lambda d: d.assign(other=d["room"] + 5.0).rename(columns={"other": " room"}),
+            MAPPING,
+            "variables.warmth: .* has several columns 'room'; expected a name for each",
+        ),
+        (lambda d: d.assign(other=d["when"]).rename(columns={"other": "when"}), MAPPING, "several columns 'when'"),
+        (lambda d: d.drop(columns="when"), MAPPING, "time.column: .*has no column 'when'"),
+        (lambda d: d.assign(room="warm"), MAPPING, "holds text such as 'warm'"),
+        (lambda d: d.assign(room=np.nan), MAPPING, "column 'room' of .* is empty"),
+        (
+            lambda d: d.assign(outside=d["outside"].where(d.index % 60 < 30)),
+            MAPPING,
+            "longest stretch in which no inputs are missing .*outdoors in",
+        ),
+        (None, MAPPING.replace("Europe/Amsterdam", "Mars/Olympus"), "zone is 'Mars/Olympus'"),
+        (None, MAPPING.replace("variables.gas", "variables.gaz"), "'gaz' is neither output nor input of House"),
+        (None, MAPPING.replace("weather.ghi", "weather.sunny"), "'sunny' is not known"),
+        (None, MAPPING.replace('"kW"', '"degC"'), "variables.gas.*'degC' cannot become 'W'"),
+        (None, MAPPING.replace("persons = 2.0\n", ""), "unit is presence but persons is missing"),
+        (None, MAPPING.replace("[place]\nlatitude = 52.0\nlongitude = 5.0", ""), "place is missing"),
+        (None, MAPPING.replace("schema_version = 1", ""), "schema_version: missing"),
+        (None, MAPPING.replace("scale = 2.4", "skale = 2.4"), "variables.air.skale: unknown field"),
+        (
+            None,
+            MAPPING + '[variables.wish]\nconstant = 21\nunit = "K"\n',
+            r"variables.wish: 21 K is 21 K; expected 223.15 to 333.15 K; is it in degC or degF",
+        ),
+        (
+            None,
+            MAPPING.replace('"kW"\n', '"kW"\nfill = "interpolate"\n'),
+            "variables.gas: fill is 'interpolate', which only an input has; expected none",
+        ),
+        (
+            None,
+            MAPPING.replace('"kW"\n', '"kW"\nfill = "interpolate"\nfill_up_to = 6.0\n'),
+            "variables.gas: fill is 'interpolate', which only an input has",
+        ),
+        (
+            None,
+            MAPPING.replace('"kW"\n', '"kW"\nfill_up_to = 6.0\n'),
+            "variables.gas: fill_up_to is 6 without fill; expected fill = 'interpolate' with it, or neither",
+        ),
+        (None, MAPPING.replace("fill = 0.0", "fill_up_to = 6.0"), "variables.air: fill_up_to is 6 without fill"),
+        (
+            None,
+            MAPPING.replace("fill = 0.0", "fill = 0.0\nfill_up_to = 6.0"),
+            "variables.air: fill_up_to is given with fill = 0.0; expected fill = 'interpolate' with it",
+        ),
+        (
+            None,
+            MAPPING.replace("fill = 0.0", "fill = -5.0"),
+            r"variables.air: -5 m3/h is -0.00\d+ kg/s; expected -0.001 to inf kg/s",
+        ),
+        (None, MAPPING + "[", "not valid TOML"),
+        (None, MAPPING.replace('system = "house.toml"', ""), "system is missing"),
+        (
+            None,
+            MAPPING.replace('"Europe/Amsterdam"', '"Europe/Amsterdam"\nformat = "unix"'),
+            "not a time of format 'unix'",
+        ),
+    ],
+)
+def test_each_fault_is_a_sentence_and_no_file(house, tmp_path, change, mapping, said):
+    frame, _ = measured(days=3)
+    with pytest.raises(RecordingError, match=said) as caught:
+        house(frame if change is None else change(frame), mapping)
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_cannot_be_written_to(house, tmp_path):
+    (tmp_path / "out").write_text("a file, not a folder")
+    with pytest.raises(RecordingError, match="nothing can be written there"):
+        house(measured(days=2)[0])
+    with pytest.raises(RecordingError, match=r"ending is '.csv'; expected .nc"):
+        house(measured(days=2)[0], out="house.csv")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit of a file's size there")
+def test_a_full_disk(house, tmp_path, monkeypatch):
+    write = importer.write_recording
+
+    def onto_a_small_disk(*given):
+        with small_disk():
+            write(*given)
+
+    monkeypatch.setattr(importer, "write_recording", onto_a_small_disk)
+    with pytest.raises(RecordingError, match=rf"house\.nc: cannot be written \({SAID}\)"):
+        house(measured(days=3)[0])
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_what_no_number_of_a_recording_can_hold_is_refused_or_missing(house):
+    """The largest number of single precision is what some loggers write for a missing reading."""
+    frame, _ = measured(days=2)
+    whole = house(frame, out="whole.nc")
+    frame["kilowatts"] = frame["kilowatts"].astype(str)
+    frame.loc[[50, 51], "kilowatts"] = ["3.4028235e+38", "-1e400"]
+    report = house(frame)
+    assert any("column kilowatts: 2 texts such as '3.4028235e+38' are taken as missing" in one for one in report.notes)
+    gas, before = (next(one for one in made.variables if one.name == "gas") for made in (report, whole))
+    assert gas.readings == before.readings - 2 and gas.maximum == pytest.approx(before.maximum)
+    with pytest.raises(RecordingError, match=r"variables.air: column 'valve': 50 becomes inf kg/s with scale 1e\+308"):
+        house(frame, MAPPING.replace("scale = 2.4", "scale = 1e308"))
+
+
+def test_a_single_step_is_no_recording(house, tmp_path):
+    with pytest.raises(RecordingError, match=r"data.csv: makes one step of 86400 s; expected two at least \(grid.step"):
+        house(measured(days=2)[0], MAPPING.replace("[place]", "[grid]\nstep = 86400.0\n[place]"))
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("step", ["172800.1", "1e12", "1e300"])
+def test_steps_longer_than_the_measurements_are_refused(house, step):
+    with pytest.raises(RecordingError, match=r"data\.csv: spans 48 h, and a step is .* s; expected two steps at least"):
+        house(measured(days=2)[0], MAPPING.replace("[place]", f"[grid]\nstep = {step}\n[place]"))
+
+
+def test_a_place_is_on_the_ground(house):
+    with pytest.raises(RecordingError, match=r"mapping\.toml: place\.altitude: .* 9000 .*86400"):
+        house(measured(days=2)[0], MAPPING.replace("[place]", "[place]\naltitude = 86400.0"))

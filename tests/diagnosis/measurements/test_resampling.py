@@ -1,0 +1,219 @@
+"""Means stay means and instants instants, whatever the readings' times; gaps stay gaps."""
+
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from diagnosis.measurements.grid import (
+    around,
+    fill_constant,
+    instants_of,
+    interpolate_short,
+    longest_whole,
+    means_of,
+    resample,
+    runs,
+)
+from diagnosis.measurements.mapping import Source
+from diagnosis.measurements.signal import Signal, make_signal
+from shared.flags import ASSUMED, IMPOSSIBLE, INTERPOLATED, PARTLY
+
+FINITE = st.floats(-1e3, 1e3)
+
+
+def bins(edges, values, flags=None):
+    flags = np.zeros(len(values), dtype=np.int8) if flags is None else flags
+    return Signal(edges[:-1], edges[1:], np.array(values, float), flags, "mean", 1e9, "1")
+
+
+def points(times, values, max_gap=1e9):
+    times = np.array(times, float)
+    return Signal(times, times, np.array(values, float), np.zeros(len(times), dtype=np.int8), "point", max_gap, "1")
+
+
+@st.composite
+def irregular(draw):
+    """Irregular times that cover [0, 1000] s, and values."""
+    inner = draw(st.lists(st.integers(1, 999), unique=True, min_size=1, max_size=40))
+    times = np.array([0, *sorted(inner), 1000], dtype=float)
+    values = draw(st.lists(FINITE, min_size=len(times), max_size=len(times)))
+    return times, np.array(values)
+
+
+@settings(deadline=None, max_examples=25)
+@given(irregular(), st.sampled_from([10.0, 40.0, 125.0, 500.0, 1000.0]))
+def test_means_conserve_the_total_of_intervals(readings, step):
+    times, values = readings
+    means, share = means_of(bins(times, values[1:]), np.arange(0.0, 1000.0 + step, step))
+    np.testing.assert_allclose(share, 1.0)
+    assert means.sum() * step == pytest.approx(float(np.sum(values[1:] * np.diff(times))), abs=1e-6)
+    assert means.min() >= values[1:].min() and means.max() <= values[1:].max()
+
+
+@settings(deadline=None, max_examples=25)
+@given(irregular(), st.sampled_from([10.0, 40.0, 125.0, 500.0, 1000.0]))
+def test_means_conserve_the_area_under_lines(readings, step):
+    times, values = readings
+    means, share = means_of(points(times, values), np.arange(0.0, 1000.0 + step, step))
+    np.testing.assert_allclose(share, 1.0)
+    assert means.sum() * step == pytest.approx(float(np.trapezoid(values, times)), abs=1e-6)
+
+
+@settings(deadline=None, max_examples=25)
+@given(irregular())
+def test_a_mean_of_lines_is_the_mean_of_many_points_on_them(readings):
+    times, values = readings
+    means, _ = means_of(points(times, values), np.linspace(0, 1000, 9))
+    fine = np.interp(np.arange(0.5, 1000), times, values).reshape(8, 125).mean(axis=1)
+    np.testing.assert_allclose(means, fine, atol=1e-6)  # kinks are at whole seconds: midpoints of these are exact
+
+
+@given(st.lists(st.sampled_from([0.0, 1.7]), min_size=40, max_size=200))
+@settings(deadline=None, max_examples=25)
+def test_steps_of_equal_readings_have_exactly_their_value(values):
+    """Nobody is zero persons, not 1e-17: what is occupied is asked with a comparison."""
+    edges = 900.0 * np.arange(len(values) + 1) + 2.5e7
+    means, _ = means_of(bins(edges, values), edges)
+    np.testing.assert_array_equal(means, values)
+
+
+def test_regular_readings_as_pandas_does():
+    rng = np.random.default_rng(5)
+    values = rng.normal(size=96 * 3)
+    edges = 900.0 * np.arange(len(values) + 1)
+    hourly = pd.Series(values, pd.to_datetime(edges[:-1], unit="s")).resample("1h").mean()
+    means, _ = means_of(bins(edges, values), 3600.0 * np.arange(73))
+    np.testing.assert_allclose(means, hourly.to_numpy(), atol=1e-12)
+
+
+@settings(deadline=None, max_examples=25)
+@given(irregular(), st.floats(-5, 5), st.floats(-100, 100))
+def test_a_straight_line_keeps_its_instants(readings, slope, level):
+    """Of instants and of means alike: a line's mean is its value in the middle of the interval."""
+    times, _ = readings
+    at = np.linspace(0, 1000, 41)
+    np.testing.assert_allclose(instants_of(points(times, level + slope * times), at), level + slope * at, atol=1e-6)
+    middle = 0.5 * (times[1:] + times[:-1])
+    found = instants_of(bins(times, level + slope * middle), at)
+    inside = (at >= middle[0]) & (at <= middle[-1])
+    np.testing.assert_allclose(found[inside], (level + slope * at)[inside], atol=1e-6)
+    assert np.isnan(found[~inside]).all()
+
+
+def test_at_the_edge_of_two_intervals_is_the_mean_of_the_two():
+    found = instants_of(bins(np.array([0.0, 900.0, 1800.0]), [10.0, 30.0]), np.array([900.0]))
+    np.testing.assert_allclose(found, [20.0])
+
+
+def test_gaps_stay_gaps():
+    signal = points([0, 100, 200, 700, 800, 900], [1, 1, 1, 5, 5, 5], max_gap=250.0)
+    edges = np.array([0.0, 200.0, 400.0, 600.0, 750.0, 900.0])
+    means, share = means_of(signal, edges)
+    np.testing.assert_allclose(means[[0, 3, 4]], [1, 5, 5])
+    np.testing.assert_allclose(share, [1, 0, 0, 1 / 3, 1])
+    assert np.isnan(means[1:3]).all()
+    np.testing.assert_allclose(instants_of(signal, np.array([200.0, 450.0, 700.0])), [1, np.nan, 5])
+    values, flags = resample(signal, edges, "mean", 0.5)
+    assert np.isnan(values[3])
+    values, flags = resample(signal, edges, "mean", 0.3)
+    assert values[3] == 5 and flags[3] == PARTLY and flags[4] == 0
+
+
+def test_a_state_holds_until_the_next():
+    signal = Signal(
+        np.array([0.0, 100.0]), np.array([100.0, 150.0]), np.array([1.0, 3.0]), np.zeros(2, np.int8), "hold", 1e9, "1"
+    )
+    np.testing.assert_allclose(instants_of(signal, np.array([50.0, 100.0, 140.0, 160.0])), [1, 3, 3, np.nan])
+    means, share = means_of(signal, np.array([0.0, 50.0, 150.0, 200.0]))
+    np.testing.assert_allclose(means, [1, 2, np.nan])
+    np.testing.assert_allclose(share, [1, 1, 0])
+    means, share = means_of(signal, np.array([75.0, 175.0]))
+    np.testing.assert_allclose([means[0], share[0]], [(25 * 1 + 50 * 3) / 75, 0.75])
+
+
+@settings(deadline=None, max_examples=25)
+@given(irregular(), st.data())
+def test_what_is_left_out_has_no_influence(readings, data):
+    times, values = readings
+    bad = np.array(data.draw(st.lists(st.booleans(), min_size=len(times) - 1, max_size=len(times) - 1)))
+    flags = np.where(bad, IMPOSSIBLE, 0).astype(np.int8)
+    edges = np.linspace(0, 1000, 11)
+    first = resample(bins(times, values[1:], flags), edges, "mean", 0.5)
+    second = resample(bins(times, np.where(bad, 1e9, values[1:]), flags), edges, "mean", 0.5)
+    np.testing.assert_array_equal(first, second)
+    touched = [(bad & (times[:-1] < b) & (times[1:] > a)).any() for a, b in pairwise(edges)]
+    np.testing.assert_array_equal((first[1] & IMPOSSIBLE) > 0, touched)
+
+
+def test_an_instant_that_is_left_out_marks_the_step_that_ends_there():
+    flags = np.array([0, IMPOSSIBLE, 0, 0], dtype=np.int8)
+    signal = Signal(*(np.array([0.0, 100.0, 150.0, 200.0]),) * 2, np.ones(4), flags, "point", 1e9, "1")
+    np.testing.assert_array_equal(resample(signal, np.array([0.0, 100.0, 200.0]), "point", 0.5)[1], [IMPOSSIBLE, 0])
+
+
+def test_filling():
+    values = np.array([np.nan, 1.0, np.nan, np.nan, 4.0, np.nan, np.nan, np.nan, 8.0, np.nan])
+    found, flags = interpolate_short(values, np.zeros(10, np.int8), 2)
+    np.testing.assert_allclose(found, [np.nan, 1, 2, 3, 4, np.nan, np.nan, np.nan, 8, np.nan])
+    np.testing.assert_array_equal(np.flatnonzero(flags == INTERPOLATED), [2, 3])
+    found, flags = fill_constant(found, flags, 7.0)
+    assert np.isfinite(found).all() and (found[flags == ASSUMED] == 7.0).all() and (flags == ASSUMED).sum() == 5
+
+
+@settings(deadline=None, max_examples=25)
+@given(st.lists(st.booleans(), min_size=1, max_size=60), st.lists(st.booleans(), min_size=60, max_size=60))
+def test_the_longest_stretch_is_whole_and_longest(first, second):
+    n = len(first)
+    inputs = {"a": np.where(first, 1.0, np.nan), "b": np.where(second[:n], 1.0, np.nan)}
+    a, b = longest_whole(inputs, 0, n)
+    both = "".join("x" if p and q else "." for p, q in zip(first, second, strict=False))
+    assert both[a:b] == "x" * (b - a)
+    assert b - a == max((len(run) for run in both.split(".")), default=0)
+
+
+@settings(deadline=None, max_examples=25)
+@given(st.lists(st.booleans(), max_size=40))
+def test_runs_are_all_there_is(mask):
+    mask = np.array(mask, dtype=bool)
+    again = np.zeros(len(mask), dtype=bool)
+    for a, b in runs(mask):
+        assert a < b and (a == 0 or not mask[a - 1]) and (b == len(mask) or not mask[b])
+        again[a:b] = True
+    np.testing.assert_array_equal(again, mask)
+
+
+@pytest.mark.parametrize(("interval", "bridged"), [(600.0, True), (1800.0, True), (3600.0, False), (7200.0, False)])
+def test_a_line_over_more_than_an_hour_invents_no_reading(interval, bridged):
+    times = interval * np.arange(50)
+    readings = np.where(np.arange(50) == 20, np.nan, 300.0)
+    source = Source(column="x", unit="K")
+    signal = make_signal(times, readings, source, "K", kind="point", stamp="end", density=1.2, where="x")
+    found = instants_of(signal, times)
+    assert np.isfinite(found[np.arange(50) != 20]).all()
+    assert np.isfinite(found[20]) == bridged
+
+
+@pytest.mark.parametrize("minutes", [1, 5, 15])
+def test_the_sun_between_clouds_is_averaged_around_the_instant(minutes):
+    """Square waves of half an hour: at the instant all or nothing, around it half."""
+    time = np.arange(0.0, 86400.0 + 1, 60.0 * minutes)
+    signal = points(time, 400.0 * (np.floor(time / 1800) % 2))
+    made = around(signal, np.arange(0.0, 86401.0, 3600.0))
+    np.testing.assert_allclose(made[:-1], 200.0, atol=400.0 * minutes / 60)
+    np.testing.assert_allclose(made[:-1].mean(), 200.0, atol=15.0)
+
+
+def test_what_is_read_as_often_as_the_step_is_left_alone():
+    time = np.arange(0.0, 86401.0, 3600.0)
+    signal = points(time, np.sin(time))
+    np.testing.assert_array_equal(around(signal, time), np.sin(time)[1:])
+
+
+def test_around_an_instant_a_straight_line_has_its_value():
+    time = np.arange(0.0, 86401.0, 600.0)
+    made = around(points(time, 5.0 + time / 1000.0), np.arange(0.0, 86401.0, 3600.0))
+    np.testing.assert_allclose(made, 5.0 + 3.6 * np.arange(1, 25))

@@ -1,0 +1,55 @@
+"""Signs in numbers that are of thousands, of decimals, or of either."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from diagnosis.measurements.table import Measurements
+from shared.errors import RecordingError
+
+
+def read(texts, decimal):
+    data = Measurements(Path("log.csv"), np.arange(float(len(texts))), pd.DataFrame({"heat": texts}), decimal, {""})
+    return data.numbers("heat", "here"), data.notes
+
+
+@pytest.mark.parametrize(
+    ("texts", "decimal", "numbers"),
+    [
+        (["1.523,5", "12", "0,25", "-1.234.567"], ",", [1523.5, 12.0, 0.25, -1234567.0]),
+        (["985", "1.020", "", "12.400"], ",", [985.0, 1020.0, np.nan, 12400.0]),
+        (["21.5", "3.4", "0.125"], ",", [21.5, 3.4, 0.125]),
+        (["0.532", "0.610", "0.148"], ",", [0.532, 0.610, 0.148]),
+        (["21.125", "20", "19.875"], ".", [21.125, 20.0, 19.875]),
+        (["985.25", "1020.5", "1e3"], ".", [985.25, 1020.5, 1000.0]),
+        (["1,020", "2", "0,5"], ",", [1.02, 2.0, 0.5]),
+    ],
+)
+def test_what_can_only_be_one_thing_is_read_as_it(texts, decimal, numbers):
+    found, notes = read(texts, decimal)
+    np.testing.assert_array_equal(found, numbers)
+    assert bool(notes) == any("of thousands" in note for note in notes)
+    assert bool(notes) == (decimal == "," and np.nanmax(np.abs(found)) > 1000)
+
+
+@pytest.mark.parametrize(
+    ("texts", "decimal"),
+    [
+        (["1.532", "2.140", "1.875"], ","),  # kilowatts with decimal dots, or watts
+        (["1.125", "0.25", "1,5"], ","),
+        (["985", "1.020", "930"], "."),
+        (["985", "1,020", "930"], ","),
+    ],
+)
+def test_what_can_be_either_is_refused(texts, decimal):
+    with pytest.raises(RecordingError, match="may be of thousands or of decimals"):
+        read(texts, decimal)
+
+
+@pytest.mark.parametrize("large", ["1,523.5", "1 523", "1'523.5", "1,523"])
+def test_large_numbers_are_not_lost_for_their_separator(large):
+    """Taken as missing, only the large readings of a column would be."""
+    with pytest.raises(RecordingError, match=r"log.csv holds .* in row 3, a number with a separator"):
+        read(["412.5", "640", large, "980.25"], ".")

@@ -1,0 +1,111 @@
+"""Units as people write them, against numbers known by heart, and there and back again."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from diagnosis.measurements.units import alternatives, convert, limits
+from shared.errors import RecordingError
+
+
+def one(value, unit, target, density=1.2):
+    return float(convert(value, unit, target, density=density, where="column"))
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "target", "expected"),
+    [
+        (20.0, "degC", "K", 293.15),
+        (20.0, "°C", "K", 293.15),
+        (68.0, "degF", "K", 293.15),
+        (0.042, "percent", "ppm", 420.0),
+        (420.0, "ppm", "1", 4.2e-4),
+        (35.0, "%", "1", 0.35),
+        (0.35, "fraction", "1", 0.35),
+        (3.0, "persons", "1", 3.0),
+        (240.0, "m3/h", "kg/s", 0.08),
+        (240.0, "m³/h", "kg/s", 0.08),
+        (0.08, "kg/s", "m3/h", 240.0),
+        (50.0, "l/s", "m3/h", 180.0),
+        (36.0, "km/h", "m/s", 10.0),
+        (1.5, "kW", "W", 1500.0),
+        (1.0, "kJ/(h.K)", "W/K", 1 / 3.6),
+        (2.0, "W/(m2.K)", "W m-2 K-1", 2.0),
+        (360.0, "J/cm2/h", "W/m2", 1000.0),
+    ],
+)
+def test_known_conversions(value, unit, target, expected):
+    assert one(value, unit, target) == pytest.approx(expected, rel=1e-12)
+
+
+PAIRS = [("degC", "K"), ("degF", "K"), ("percent", "1"), ("ppm", "1"), ("m3/h", "kg/s"), ("km/h", "m/s"), ("kW", "W")]
+
+
+@settings(deadline=None, max_examples=25)
+@given(
+    value=st.floats(-1e4, 1e4),
+    pair=st.sampled_from(PAIRS),
+    density=st.floats(0.9, 1.4),
+)
+def test_there_and_back(value, pair, density):
+    there = one(value, *pair, density)
+    assert one(there, *pair[::-1], density) == pytest.approx(value, rel=1e-9, abs=1e-7)
+
+
+@settings(deadline=None, max_examples=25)
+@given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=20), st.sampled_from(PAIRS))
+def test_an_array_is_its_elements(values, pair):
+    together = convert(np.array(values), *pair, density=1.2, where="column")
+    np.testing.assert_array_equal(together, [one(value, *pair) for value in values])
+
+
+@pytest.mark.parametrize(
+    ("unit", "target", "said"),
+    [
+        ("degC", "ppm", "'degC' cannot become 'ppm'"),
+        ("C", "K", "'C' is coulomb, write 'degC'"),
+        ("m3", "kg/s", "'m3' cannot become 'kg/s'"),
+        ("bananas", "K", "unit 'bananas' is not known.*'presence'$"),
+        ("DegC", "K", "unit 'DegC' is not known.*; did you mean 'degC'\\?"),
+        ("PPM", "ppm", "unit 'PPM' is not known.*; did you mean 'ppm'\\?"),
+        ("people", "1", "unit 'people' is not known.*; did you mean 'persons'\\?"),
+        ("import os", "K", "unit 'import os' is not known"),
+    ],
+)
+def test_units_that_do_not_fit(unit, target, said):
+    with pytest.raises(RecordingError, match=said):
+        one(1.0, unit, target)
+
+
+def test_a_temperature_has_the_same_limits_in_either_unit():
+    low, high, below = limits("K", "K")
+    assert limits("degC", "degC") == (pytest.approx(low - 273.15), pytest.approx(high - 273.15), below)
+
+
+def test_what_a_column_may_be_in():
+    low, high, _ = limits("K", "K")
+    assert "degC" in alternatives(21.0, "K", low, high, density=1.2)
+    assert "K" not in alternatives(21.0, "K", low, high, density=1.2)
+    assert "K" in alternatives(294.0, "K", low, high, density=1.2)
+
+
+def test_every_unit_of_flow_has_the_limit_of_mass_flows():
+    """1 g/s of air of 1.2 kg/m3 is 3 m3/h."""
+    assert limits("", "m3/h") == (pytest.approx(-3.0), np.inf, "noise")
+    assert limits("", "m3/h", density=1.0)[0] == pytest.approx(-3.6)
+    assert limits("", "l/s") == (pytest.approx(-1 / 1.2), np.inf, "noise")
+    assert limits("", "kg/h") == (pytest.approx(-3.6), np.inf, "noise")
+    assert limits("", "kg/s") == (-1e-3, np.inf, "noise")
+    assert limits("", "no such unit") == limits("", "W") == (-np.inf, np.inf, "impossible")
+
+
+@pytest.mark.parametrize("unit", ["W/m^2", "W.m-2", "W m-2", "W/m2"])
+def test_irradiance_has_its_limits_in_every_spelling(unit):
+    assert limits("", unit) == (-20.0, 1500.0, "zero")
+    assert limits("", unit, sun=False) == (-np.inf, np.inf, "impossible")
+
+
+@pytest.mark.parametrize("unit", ["°C", "Celsius", "C", "degC"])
+def test_temperatures_have_their_limits_in_every_spelling(unit):
+    assert limits("", unit) == (-50.0, 60.0, "impossible")

@@ -1,0 +1,156 @@
+"""Sun on a plane, sky and clock against pvlib's own clear days and formulas worked by hand."""
+
+import numpy as np
+import pandas as pd
+import pvlib
+import pytest
+
+from diagnosis.measurements import weather
+from diagnosis.measurements.clock import find_zone, make_clock
+from diagnosis.measurements.mapping import Place
+from diagnosis.measurements.signal import Signal
+from diagnosis.measurements.weather import cloud_cover, global_of, on_the_plane, sky, sun_clock, sun_position
+from shared.flags import COMPUTED, IMPOSSIBLE
+from shared.signals import Weather
+
+PLACE = Place(latitude=52.5, longitude=6.1, altitude=5.0)
+FIRST = pd.Timestamp("2022-04-30 23:00", tz="UTC")
+CLOCK = make_clock("Europe/Amsterdam", find_zone("Europe/Amsterdam", ""), FIRST.timestamp())
+HORIZONTAL = Weather(files=["x"], surface_tilt=0.0, surface_azimuth=180.0)
+SOUTH = Weather(files=["x"], surface_tilt=90.0, surface_azimuth=180.0, albedo=0.2)
+
+
+def clear_days(days=3, step=300, shift=0):
+    """pvlib's clear sky and the sun every ``step`` seconds at the middles of the intervals."""
+    times = pd.date_range(FIRST + pd.Timedelta(seconds=step / 2), periods=days * 86400 // step, freq=f"{step}s")
+    times = times - pd.Timedelta(seconds=shift)
+    sun = pvlib.solarposition.get_solarposition(times, PLACE.latitude, PLACE.longitude, altitude=PLACE.altitude)
+    clear = pvlib.location.Location(PLACE.latitude, PLACE.longitude, altitude=PLACE.altitude).get_clearsky(
+        times, model="ineichen", linke_turbidity=3.0
+    )
+    return clear, sun
+
+
+def means(values, step):
+    begin = float(CLOCK.seconds(np.array([FIRST.timestamp()]))[0]) + step * np.arange(len(values))
+    flags = np.zeros(len(values), dtype=np.int8)
+    return Signal(begin, begin + step, np.asarray(values, float), flags, "mean", 2.5 * step, "W/m2")
+
+
+@pytest.mark.parametrize("step", [300, 3600])
+def test_a_horizontal_plane_gets_what_was_measured(step):
+    """Splitting and carrying conserve the energy, also over hours of sunrise and sunset."""
+    clear, _ = clear_days()
+    ghi = clear["ghi"].to_numpy().reshape(-1, step // 300).mean(axis=1)
+    made = on_the_plane(means(ghi, step), CLOCK, PLACE, HORIZONTAL)
+    np.testing.assert_allclose(made.values, ghi, atol=2.0, rtol=0.01)
+    assert (made.flags == COMPUTED).all()
+
+
+@pytest.mark.parametrize("step", [300, 3600])
+def test_a_facade_on_clear_days(step):
+    """From global irradiance alone, beside pvlib's transposition of the direct and diffuse parts that made it up."""
+    clear, sun = clear_days()
+    truth = pvlib.irradiance.get_total_irradiance(
+        90, 180, sun["apparent_zenith"], sun["azimuth"], clear["dni"], clear["ghi"], clear["dhi"], albedo=0.2
+    )["poa_global"].fillna(0)
+    truth = truth.to_numpy().reshape(-1, step // 300).mean(axis=1)
+    ghi = clear["ghi"].to_numpy().reshape(-1, step // 300).mean(axis=1)
+    made = on_the_plane(means(ghi, step), CLOCK, PLACE, SOUTH).values
+    assert made.mean() == pytest.approx(truth.mean(), rel=0.12)
+    assert np.corrcoef(made, truth)[0, 1] > 0.99
+    assert made[truth == 0].max() < 5.0
+
+
+def test_light_at_dusk_comes_from_the_sky_and_from_the_ground_before_it():
+    """A facade sees half of the sky and half of the ground, isotropic both; and so it is in weather files."""
+    when = pd.date_range("2022-05-01 18:00", "2022-05-01 21:00", freq="1min", tz="UTC")
+    sun = pvlib.solarposition.get_solarposition(when, PLACE.latitude, PLACE.longitude, altitude=PLACE.altitude)
+    below = when[np.searchsorted(sun["apparent_zenith"], 90.5)].timestamp()
+    begin = CLOCK.seconds(np.array([below])) - 30.0
+    ghi = Signal(begin, begin + 60.0, np.array([8.0]), np.zeros(1, np.int8), "mean", 150.0, "W/m2")
+    made = on_the_plane(ghi, CLOCK, PLACE, SOUTH, dni=np.zeros(1), dhi=np.array([5.0]))
+    assert made.values == pytest.approx([5.0 / 2 + 0.2 * 8.0 / 2])
+
+
+def test_each_reading_has_parts_of_its_own_length(monkeypatch):
+    """Two thousand of a minute and one of a night: the former are not split as the latter is."""
+    begin = (
+        means(np.zeros(1), 60).begin[0] + 8 * 3600.0 + np.concatenate([60.0 * np.arange(2001), [2000 * 60.0 + 50400]])
+    )
+    values = 300 + 200 * np.sin(np.arange(2001) / 300)
+    held = Signal(begin[:-1], begin[1:], values, np.zeros(2001, dtype=np.int8), "hold", 60.0, "W/m2")
+    asked = []
+
+    def counted(utc, place):
+        asked.append(np.size(utc))
+        return sun_position(utc, place)
+
+    monkeypatch.setattr(weather, "sun_position", counted)
+    made = on_the_plane(held, CLOCK, PLACE, SOUTH).values
+    closed = global_of(held, 0.6 * values, 0.3 * values, CLOCK, PLACE).values
+    assert sum(asked) == 2 * (2000 + 168)
+    monkeypatch.setattr(weather, "_alike", lambda signal: [(np.arange(2001), 168)])  # those of the longest for all
+    former = on_the_plane(held, CLOCK, PLACE, SOUTH).values
+    assert (
+        np.isclose(made, former, rtol=1e-3).mean() > 0.99
+    )  # the rest are at the edges of the model's classes of skies
+    assert made[-1] == former[-1] and made.mean() == pytest.approx(former.mean(), rel=1e-3)
+    np.testing.assert_allclose(closed, global_of(held, 0.6 * values, 0.3 * values, CLOCK, PLACE).values, rtol=1e-3)
+
+
+def test_an_impossible_irradiance_stays_marked():
+    clear, _ = clear_days(days=1, step=900)
+    ghi = means(clear["ghi"], 900)
+    ghi.flags[40] = IMPOSSIBLE
+    assert on_the_plane(ghi, CLOCK, PLACE, SOUTH).flags[40] == IMPOSSIBLE | COMPUTED
+
+
+@pytest.mark.parametrize("cover", [0.0, 0.6, 1.0])
+def test_cloud_cover_comes_back(cover):
+    _, sun = clear_days()
+    sine = np.sin(np.radians(sun["apparent_elevation"].to_numpy()))
+    ghi = np.maximum(910 * sine - 30, 0) * (1 - 0.75 * cover**3.4)
+    noons, found = cloud_cover(means(ghi, 300), CLOCK, PLACE)
+    assert len(noons) == 3 and (noons % 86400 == 43200).all()
+    np.testing.assert_allclose(found, cover, atol=0.03)
+
+
+def air_of(kelvin, n=288):
+    signal = means(np.full(n, kelvin), 300)
+    return Signal(signal.begin, signal.end, signal.values, signal.flags, "mean", 750.0, "K")
+
+
+def test_a_clear_sky_is_swinbanks():
+    """Swinbank's law is also written T_sky = 0.0552 T_air^1.5."""
+    _, sun = clear_days(days=1)
+    ghi = np.maximum(910 * np.sin(np.radians(sun["apparent_elevation"].to_numpy())) - 30, 0)
+    for kelvin in (270.0, 285.0, 300.0):
+        made, how = sky(air_of(kelvin), {"ghi": means(ghi, 300)}, CLOCK, PLACE)
+        np.testing.assert_allclose(made.values, 0.0552 * kelvin**1.5, atol=1.2)
+        assert "Swinbank" in how and "Kasten" in how
+
+
+def test_a_sky_with_dew_point_and_clouds_by_hand():
+    """EnergyPlus' documentation of the same correlation, worked through for 290 K, dew point 280 K, 5 tenths."""
+    dew = air_of(280.0)
+    half = means(np.full(288, 0.5), 300)
+    made, how = sky(air_of(290.0), {"temp_dew": dew, "opaque_cover": half}, CLOCK, None)
+    emissivity = (0.787 + 0.764 * np.log(280.0 / 273.0)) * (1 + 0.112 - 0.0875 + 0.035)
+    np.testing.assert_allclose(made.values, 290.0 * emissivity**0.25, rtol=1e-9)
+    assert "Clark and Allen" in how and "measured cloud cover" in how
+
+
+def test_a_sky_of_which_nothing_is_known():
+    made, how = sky(air_of(283.0), {}, CLOCK, None)
+    np.testing.assert_allclose(made.values, 272.0)
+    assert "EN ISO 13790" in how
+
+
+@pytest.mark.parametrize("late", [-60, 0, 60, 120])
+def test_the_sun_tells_a_wrong_clock(late):
+    clear, _ = clear_days(shift=late * 60)
+    found, correlation, down = sun_clock(means(clear["ghi"], 300), CLOCK, PLACE)
+    assert abs(found - late) <= 5
+    assert correlation > 0.98
+    assert (down > 0.005) == (abs(late) >= 120)
