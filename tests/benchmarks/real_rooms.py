@@ -32,6 +32,7 @@ import argparse
 import csv
 import json
 import os
+import resource
 import shlex
 import signal
 import subprocess
@@ -65,8 +66,8 @@ class Room:
     failures: dict[str, str] = field(default_factory=dict)
 
     def command(self, step: str, words: list[str]) -> str | None:
-        """What a command printed on standard output; its time goes to the row, a failure's sentence to the failures."""
-        began = time.monotonic()
+        """What a command printed on standard output; its times go to the row, a failure's sentence to the failures."""
+        began, worked = time.monotonic(), processor_time()
         child = subprocess.Popen(
             [str(BIN / words[0]), *words[1:]], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
             cwd=self.source, start_new_session=True, env={**os.environ, "COLUMNS": "200", "OMP_NUM_THREADS": "1"},
@@ -79,15 +80,23 @@ class Room:
             os.killpg(child.pid, signal.SIGTERM)
             printed, errors = child.communicate()
         self.row[f"{step}_s"] = round(time.monotonic() - began, 1)
+        self.row[f"{step}_cpu_s"] = round(processor_time() - worked, 1)
         (self.out / f"{step}.txt").write_text(f"$ {shlex.join(words)}\n{printed}\n{errors}")
         if child.returncode in (0, 3) and not late:
             return printed
-        said = [line.strip() for line in errors.splitlines() if line.strip()]
-        sentence = next(
-            (line for line in reversed(said) if line.lower().startswith("error")), (said or ["nothing"])[-1]
-        )
-        self.failures[step] = f"no answer after {self.minutes:g} min; last: {sentence}" if late else sentence
+        said = [line.strip() for line in errors.splitlines() if line.strip()] or ["nothing"]
+        if late:
+            stages = [line for line in said if not line.startswith("warning")] or said
+            self.failures[step] = f"no answer after {self.minutes:g} min; the last stage was: {stages[-1]}"
+        else:
+            self.failures[step] = next((line for line in reversed(said) if line.startswith("error")), said[-1])
         return None
+
+
+def processor_time() -> float:
+    """Of all commands that have ended [s]."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def measured_hours(room: Room, outputs: list[str]) -> int:
@@ -260,8 +269,8 @@ def tried(room: Room, more: list[str]) -> None:
 def table(rooms: list[Room]) -> str:
     """The results as Markdown, and what failed."""
     lines = [
-        "| room | measured hours kept | import, estimate, calibrate, run [s] | answer after [min] | answer |"
-        " explained T, CO2 | known in 90 %: estimate, calibrate | forecast [h from h] |"
+        "| room | measured hours kept | import, estimate, calibrate, run: processor time [s] | answer after [min] |"
+        " answer | explained T, CO2 | known in 90 %: estimate, calibrate | forecast [h from h] |"
         " T rmse [K]: forecast, grey-box, day before, week before | CO2 rmse [ppm]: the same |",
         "|---|---|---|---|---|---|---|---|---|---|",
     ]
@@ -269,8 +278,7 @@ def table(rooms: list[Room]) -> str:
         row, roles = room.row, room.about["greybox"]
         kept = f"{row['kept_h']} of {row['measured_h']}" if "kept_h" in row else "-"
         times = ", ".join(
-            f"{row[f'{step}_s']:.0f}" if f"{step}_s" in row else "-"
-            for step in ("import", "predict", "calibrate", "run")
+            shown(row.get(f"{step}_cpu_s"), "{:.0f}") for step in ("import", "predict", "calibrate", "run")
         )
         answer = f"{row['verdict']}: {', '.join(row['named']) or 'nothing named'}" if "verdict" in row else "none"
         both = [roles["temperature"], roles["co2"]]
