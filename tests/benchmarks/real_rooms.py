@@ -165,7 +165,8 @@ def calibrated(room: Room, system: str) -> bool:
         return False
     report = json.loads((out / "calibration.json").read_text())
     held(room, "calibrate", {one["name"]: (one["low"], one["high"]) for one in report["parameters"]})
-    room.row["explained"] = {name: one["explained"] for name, one in report["outputs"].items() if one["used"]}
+    told = {name: one["explained"] for name, one in report["outputs"].items() if one["used"]}
+    room.row["explained"] = {name: None if share is None else max(share, 0.0) for name, share in told.items()}
     room.row["at_bound"] = [one["name"] for one in report["parameters"] if one["at_bound"]]
     return True
 
