@@ -20,7 +20,7 @@ FOLDER has a folder a room, each with ``log.csv``, ``mapping.toml`` (it names a 
     flow = "mOA_in"             # [kg/s]
     heat = ["QHea_in"]          # [W], added up
 
-Of a shorter recording 60 % (whole days) are context and the rest is forecast. Ahead, the forecast and the grey-box
+Of a shorter recording 60 % (to whole days) are context and the rest is forecast. Ahead, the forecast and the grey-box
 model (``greybox.py``, fitted to the context) get the same measured inputs. *Day before* repeats the context's last 24
 hours, *week before* its last 168. A command that fails or runs out of time leaves its sentence under the table.
 Writes ``rooms.md``, ``rooms.csv``, ``rooms.json`` and each command's words to OUT.
@@ -119,7 +119,7 @@ def imported(room: Room) -> xr.Dataset | None:
     step = float(np.diff(data["time"].values[:2])[0] / np.timedelta64(1, "s"))
     kept = np.isfinite(np.stack([data[name].values for name in names])).all(axis=0).sum() * step / HOUR
     length = data.sizes["time"] * step / HOUR
-    context = min(room.about["context"], DAY * (0.6 * length // DAY))
+    context = min(room.about["context"], DAY * round(0.6 * length / DAY))
     ahead = min(room.about["ahead"], length - context)
     room.row |= {
         "measured_h": measured_hours(room, names), "kept_h": round(float(kept)), "step_s": step,
