@@ -2,6 +2,9 @@
 
 The C libraries behind NetCDF trust a file: a flipped bit can make them crash, take all memory or never return. So a
 file without a known hash never reaches them in this process.
+
+They read a file's bytes, and write under a name that they can encode: HDF5 would lock a file that it opens itself,
+which some file systems of clusters cannot do, and netCDF4 takes no path that is not text.
 """
 
 from __future__ import annotations
@@ -11,13 +14,17 @@ import json
 import os
 import signal
 import subprocess
-from collections.abc import Mapping
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from shared import LOCKING
 from shared.children import command, environment
 from shared.errors import ZeroshotError
 from shared.reading import MIB, short, size_of, why
@@ -69,18 +76,35 @@ def write_netcdf(dataset: xr.Dataset, path: Path, encoding: Mapping[Any, dict[st
     Raises
     ------
     OSError
-        If it cannot be written, with the cause: of a full disk the C libraries say no more than "HDF error".
+        If it cannot be written, with the cause: of a full disk the C libraries say no more than "HDF error", of a lock
+        that they do not get "Permission denied".
     """
     try:
-        dataset.to_netcdf(path, engine="netcdf4", format="NETCDF4", encoding=encoding)
-        with open(path, "rb+") as handle:  # what was opened for reading only cannot be flushed on Windows
-            os.fsync(handle.fileno())
-    except RuntimeError as error:
+        with _encodable(path) as name:
+            dataset.to_netcdf(name, engine="netcdf4", format="NETCDF4", encoding=encoding)
+    except (OSError, RuntimeError) as error:
         with open(path, "ab") as handle:  # it raises what the libraries did not say
             handle.write(_PROBE)
             handle.flush()
             os.fsync(handle.fileno())
+        if isinstance(error, PermissionError):
+            raise OSError(errno.ENOLCK, f"HDF5 gets no lock there; set {LOCKING}=FALSE", str(path)) from None
         raise OSError(errno.EIO, str(error), str(path)) from None
+    with open(path, "rb+") as handle:  # what was opened for reading only cannot be flushed on Windows
+        os.fsync(handle.fileno())
+
+
+@contextmanager
+def _encodable(path: Path) -> Iterator[Path]:
+    """A name for a file to be written that this process can encode: where its own cannot be, a link leads there."""
+    try:
+        f"{path}".encode(sys.getfilesystemencoding())
+        yield path
+    except UnicodeEncodeError:
+        with tempfile.TemporaryDirectory(prefix="zeroshot-link-") as folder:
+            link = Path(folder, "file.nc")
+            link.symlink_to(path.absolute())
+            yield link
 
 
 def _dataset(content: bytes) -> xr.Dataset:

@@ -264,7 +264,11 @@ def _write(job: Job, file: str, shard: Any, done: list[int]) -> tuple[ShardEntry
             path = Path(folder) / file
             return _write_here(path, shard, done), path.read_bytes()
     except (OSError, RuntimeError) as error:
-        raise DatasetError(f"a worker cannot write to {tempfile.gettempdir()}: {error}; expected free space") from None
+        raise DatasetError(
+            f"a worker cannot write {file} into its temporary folder {tempfile.gettempdir()}:"
+            f" {getattr(error, 'strerror', None) or error}; expected free space there, or another folder as TMPDIR"
+            " where the worker is started"
+        ) from None
 
 
 def _write_here(path: Path, shard: Any, done: list[int], before: Callable[[], None] = lambda: None) -> ShardEntry:
