@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
+import getpass
 import os
+import stat
 import tempfile
 from pathlib import Path
 
@@ -31,3 +34,22 @@ def check_folder(folder: Path, kind: type[ZeroshotError]) -> None:
             Path(draft, full.relative_to(place)).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise kind(f"{folder}: nothing can be written there ({error.strerror}); {expected}") from None
+
+
+def own_folder(name: str) -> Path:
+    """A folder in the temporary folder that this user's processes share, and nobody else writes to.
+
+    Raises
+    ------
+    OSError
+        If it cannot be made, or somebody else made it: what is read from it is executed.
+    """
+    user = getpass.getuser() if os.name == "nt" else str(os.getuid())  # a container's user may have no name
+    root = Path(tempfile.gettempdir(), f"zeroshot-fmu-{user}")
+    root.mkdir(mode=0o700, exist_ok=True)
+    found = root.lstat()
+    if not stat.S_ISDIR(found.st_mode) or (os.name != "nt" and (found.st_uid != os.getuid() or found.st_mode & 0o022)):
+        raise PermissionError(errno.EPERM, "others may write to it; remove it", str(root))
+    folder = root / name
+    folder.mkdir(exist_ok=True)
+    return folder

@@ -6,14 +6,13 @@ them in a folder that is named by their content.
 
 from __future__ import annotations
 
-import getpass
 import hashlib
-import tempfile
 from pathlib import Path
 
 from datagen.driving.weather import weather_path
 from datagen.fmi.fmu import fmu_sha256
 from shared.errors import WeatherError
+from shared.places import own_folder
 from shared.store import sha256_of, write_atomically
 from shared.system import System, system_from_canonical
 
@@ -61,13 +60,12 @@ def _kept_as(system: System) -> dict[str, str]:
 
 
 def _home(package: str) -> Path:
-    return Path(tempfile.gettempdir()) / f"zeroshot-fmu-{getpass.getuser()}" / package
+    return own_folder(package)
 
 
 def receive(package: str, files: dict[str, bytes]) -> None:
     """On a worker: keep a package. What lies there already is written over, file by file."""
     folder = _home(package)
-    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     for name, content in files.items():
         write_atomically(folder / name, content)
 

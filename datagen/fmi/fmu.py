@@ -123,12 +123,12 @@ class Fmu:
         if reuse and self.interface.instance:
             try:
                 self.interface.binary.reset()
-                self.interface.log.clear()
+                self.interface.begin()
                 return
             except FMICallException:  # it failed before and does not come back: start afresh
                 pass
         self.release()
-        self.interface.log.clear()
+        self.interface.begin()
         began = time.perf_counter()
         try:
             self.interface.instantiate()
@@ -143,8 +143,8 @@ class Fmu:
 
     def last_words(self) -> str:
         """The FMU's own last messages, for an error's text."""
-        log = self.interface.log
-        return f"; the FMU says: {' | '.join(log[-3:])}" if log else ""
+        log = list(self.interface.log)[-3:]
+        return f"; the FMU says: {' | '.join(log)}" if log else ""
 
     def set_value(self, name: str, value: float | bool) -> None:
         """Set a number or a boolean by name."""
