@@ -3,8 +3,7 @@
 The C libraries behind NetCDF trust a file: a flipped bit can make them crash, take all memory or never return. So a
 file without a known hash never reaches them in this process.
 
-They read a file's bytes, and write under a name that they can encode: HDF5 would lock a file that it opens itself,
-which some file systems of clusters cannot do, and netCDF4 takes no path that is not text.
+They read a file's bytes: HDF5 would lock a file that it opens itself, which some file systems of clusters cannot do.
 """
 
 from __future__ import annotations
@@ -14,10 +13,7 @@ import json
 import os
 import signal
 import subprocess
-import sys
-import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +23,7 @@ import xarray as xr
 from shared import LOCKING
 from shared.children import command, environment
 from shared.errors import ZeroshotError
+from shared.places import no_text
 from shared.reading import MIB, short, size_of, why
 
 MOST = 2048 * MIB
@@ -80,8 +77,9 @@ def write_netcdf(dataset: xr.Dataset, path: Path, encoding: Mapping[Any, dict[st
         that they do not get "Permission denied".
     """
     try:
-        with _encodable(path) as name:
-            dataset.to_netcdf(name, engine="netcdf4", format="NETCDF4", encoding=encoding)
+        dataset.to_netcdf(path, engine="netcdf4", format="NETCDF4", encoding=encoding)
+    except UnicodeEncodeError:
+        raise OSError(errno.EILSEQ, no_text(f"{path}"), str(path)) from None
     except (OSError, RuntimeError) as error:
         with open(path, "ab") as handle:  # it raises what the libraries did not say
             handle.write(_PROBE)
@@ -92,19 +90,6 @@ def write_netcdf(dataset: xr.Dataset, path: Path, encoding: Mapping[Any, dict[st
         raise OSError(errno.EIO, str(error), str(path)) from None
     with open(path, "rb+") as handle:  # what was opened for reading only cannot be flushed on Windows
         os.fsync(handle.fileno())
-
-
-@contextmanager
-def _encodable(path: Path) -> Iterator[Path]:
-    """A name for a file to be written that this process can encode: where its own cannot be, a link leads there."""
-    try:
-        f"{path}".encode(sys.getfilesystemencoding())
-        yield path
-    except UnicodeEncodeError:
-        with tempfile.TemporaryDirectory(prefix="zeroshot-link-") as folder:
-            link = Path(folder, "file.nc")
-            link.symlink_to(path.absolute())
-            yield link
 
 
 def _dataset(content: bytes) -> xr.Dataset:

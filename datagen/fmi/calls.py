@@ -20,7 +20,7 @@ from numba.extending import intrinsic
 from datagen.fmi.compilation import njit
 from datagen.fmi.foreign import foreign
 
-BUILT_ON = "71be2c0a422c3caa"
+BUILT_ON = "9e67bc696151c9fe"
 
 # places in the plan
 COMPONENT, SET_TIME, SET_REAL, GET_REAL, SET_STATES, GET_STATES = 0, 1, 2, 3, 4, 5

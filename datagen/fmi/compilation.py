@@ -7,7 +7,11 @@ process. What cannot be kept, or read again, is no reason to stop.
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable
+from functools import lru_cache
+from logging import INFO, WARNING
+from pathlib import Path
 from typing import Any
 
 import numba
@@ -21,7 +25,7 @@ from shared.reading import why
 
 _log = logger(__name__)
 _settings: Any = config
-_said: list[str] = []
+_once = lru_cache(maxsize=2)(_log.log)  # in a process, with the same words
 
 
 def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
@@ -48,6 +52,12 @@ def cfunc(signature: str) -> Callable[[Callable[..., Any]], Any]:
     return compiled
 
 
+_LOST = (
+    "compiled code is not kept in %s (%s), so each process takes some ten seconds to compile it; expected a folder that"
+    " can be written to: set NUMBA_CACHE_DIR to one"
+)
+
+
 class _Cache(FunctionCache):
     """Numba's own, which goes on without a file that cannot be read or written."""
 
@@ -56,7 +66,10 @@ class _Cache(FunctionCache):
         try:
             return super().load_overload(sig, target_context)
         except Exception as error:  # a file that was cut off raises whatever unpickling meets in it
-            self._give_up(error)
+            try:
+                self.flush()
+            except OSError:
+                self._give_up(error)
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -68,7 +81,7 @@ class _Cache(FunctionCache):
 
     def _give_up(self, error: Exception) -> None:
         self.disable()
-        _say(f"{self.cache_path}: {getattr(error, 'strerror', None) or why(error)}")
+        _once(WARNING, _LOST, Path(self.cache_path).parent, getattr(error, "strerror", None) or why(error))
 
 
 def _cache(function: Callable[..., Any]) -> Any:
@@ -80,20 +93,11 @@ def _cache(function: Callable[..., Any]) -> Any:
         pass
     try:
         _settings.CACHE_DIR = f"{own_folder('compiled')}"
-        return _Cache(function)
+        cache = _Cache(function)
+        _once(INFO, "compiled code is kept in %s: NUMBA_CACHE_DIR names another folder", _settings.CACHE_DIR)
+        return cache
     except (OSError, RuntimeError, UnicodeError) as error:
-        _say(why(error))
+        _once(WARNING, _LOST, tempfile.gettempdir(), getattr(error, "strerror", None) or why(error))
         return NullCache()
     finally:
         _settings.CACHE_DIR = before
-
-
-def _say(cause: str) -> None:
-    """Once in a process."""
-    if not _said:
-        _log.warning(
-            "compiled code is not kept (%s), so each process takes some ten seconds to compile it; expected a folder"
-            " that can be written to: set NUMBA_CACHE_DIR to one",
-            cause,
-        )
-        _said.append(cause)

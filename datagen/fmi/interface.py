@@ -67,6 +67,11 @@ class Interface(ABC):
                 libraryPath=str(where),
             )
         except Exception as error:
+            if hasattr(os, "ST_NOEXEC") and os.statvfs(folder).f_flag & os.ST_NOEXEC:
+                raise FmuError(
+                    f"{path}: its binary cannot be loaded: the temporary folder {folder.parent}, into which it was"
+                    " unpacked, is mounted noexec; expected a folder where programs may run: set TMPDIR to one"
+                ) from None
             raise FmuError(f"{path}: no usable binary for {fmpy.platform_tuple}: {error}") from None
         finally:
             os.chdir(before)  # fmpy's constructor changes the working directory

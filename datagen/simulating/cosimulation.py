@@ -38,7 +38,7 @@ from datagen.fmi.calls import (
 )
 from datagen.fmi.compilation import njit
 
-BUILT_ON = "a58095a71e9c0377"
+BUILT_ON = "ee75a656891cf839"
 """Of what this file imports, see :mod:`datagen.fmi.calls`."""
 
 LONGEST_STEP = 300.0
