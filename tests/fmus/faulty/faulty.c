@@ -37,7 +37,7 @@ typedef struct {
 
 static volatile char *lost;
 
-#define HELD 4
+#define HELD 2
 static void hold(void) {
 #ifndef _WIN32
     static int done;
