@@ -19,6 +19,7 @@ from datagen.fmi.fmi3 import Fmi3
 from datagen.fmi.interface import Interface
 from datagen.fmi.unpacking import check_descriptions, check_identifier, unpack_archive
 from shared.errors import FmuError, SystemDescriptionError
+from shared.places import no_temporary_place
 from shared.reading import shown, size_of, why
 from shared.store import sha256_of
 
@@ -40,8 +41,13 @@ def unpack(path: Path, sha256: str) -> tuple[Path, ModelDescription]:
     """
     size_of(path, FmuError, "an FMU")
     scratch = os.environ.get(SCRATCH)
-    folder = Path(tempfile.mkdtemp(prefix="zeroshot-fmu-", dir=scratch if scratch and Path(scratch).is_dir() else None))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    place = scratch if scratch and Path(scratch).is_dir() else None
+    try:
+        folder = Path(tempfile.mkdtemp(prefix="zeroshot-fmu-", dir=place))
+    except OSError as error:
+        reason = no_temporary_place(error, Path(place) if place else None)
+        raise FmuError(f"{path}: cannot be unpacked: {reason}") from None
+    atexit.register(_remove, folder, os.getpid())
     unpack_archive(path, folder)
     try:
         check_descriptions(path, folder)
@@ -49,6 +55,11 @@ def unpack(path: Path, sha256: str) -> tuple[Path, ModelDescription]:
     except FmuError:
         shutil.rmtree(folder, ignore_errors=True)
         raise
+
+
+def _remove(folder: Path, process: int) -> None:
+    if os.getpid() == process:  # a child that was forked off would take the files from its parent
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _description(path: Path, folder: Path) -> ModelDescription:
@@ -123,12 +134,12 @@ class Fmu:
         if reuse and self.interface.instance:
             try:
                 self.interface.binary.reset()
-                self.interface.log.clear()
+                self.interface.begin()
                 return
             except FMICallException:  # it failed before and does not come back: start afresh
                 pass
         self.release()
-        self.interface.log.clear()
+        self.interface.begin()
         began = time.perf_counter()
         try:
             self.interface.instantiate()
@@ -143,8 +154,8 @@ class Fmu:
 
     def last_words(self) -> str:
         """The FMU's own last messages, for an error's text."""
-        log = self.interface.log
-        return f"; the FMU says: {' | '.join(log[-3:])}" if log else ""
+        log = list(self.interface.log)[-3:]
+        return f"; the FMU says: {' | '.join(log)}" if log else ""
 
     def set_value(self, name: str, value: float | bool) -> None:
         """Set a number or a boolean by name."""

@@ -18,8 +18,8 @@ from datagen.farming.worker import simulator_for
 from datagen.simulating.simulator import Simulator
 from diagnosis.fitting.run import Run
 from diagnosis.fitting.warmed import warmed
+from shared.children import starting
 from shared.errors import ClusterError, SimulationError
-from shared.interrupts import interrupts_held
 from shared.system import System
 
 Outcome = np.ndarray | SimulationError
@@ -55,7 +55,7 @@ class Processes:
     def map(self, runs: Sequence[Run]) -> list[Outcome]:
         """See :class:`Runner`."""
         parts = _parts(runs, self.workers)
-        with interrupts_held():  # the first call starts the processes
+        with starting():  # the first call starts the processes
             done = self._pool.map(_simulate_all, [self._what] * len(parts), parts)
         return [one for part in done for one in part]
 

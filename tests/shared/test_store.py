@@ -227,7 +227,7 @@ def test_a_shard_with_other_systems_than_the_manifest_lists_is_named(folder):
     raw = json.loads(path.read_text())
     raw["shards"][1]["systems"] = [0, 1, 2, 4]
     path.write_text(json.dumps(raw))
-    with pytest.raises(DatasetError, match=r"shard-000001\.nc: damaged or incomplete \(its systems are not those"):
+    with pytest.raises(DatasetError, match=r"shard-000001\.nc: not as the manifest says \(its systems are not those"):
         DatasetFolder(folder).load()
 
 
