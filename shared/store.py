@@ -18,14 +18,14 @@ import netCDF4
 import numpy as np
 import xarray as xr
 
-from shared.errors import DatasetError
+from shared.errors import DatasetError, SystemDescriptionError
 from shared.manifest import Manifest as Manifest
 from shared.manifest import ShardEntry as ShardEntry
 from shared.manifest import Source as Source
 from shared.netcdf import read_netcdf, write_netcdf
 from shared.netcdf_child import check_declared
 from shared.reading import MIB, read_json, size_of, validated, why
-from shared.schema import CONTENT_HASH, SPLITS, check_version, dataset_hash
+from shared.schema import CONTENT_HASH, SPLITS, check_version, dataset_hash, newer_minor
 from shared.system import System, system_from_canonical
 
 MANIFEST = "manifest.json"
@@ -165,7 +165,12 @@ class DatasetFolder:
     def __init__(self, folder: Path | str) -> None:
         self.folder = Path(folder)
         self.manifest = read_manifest(self.folder)
-        self.system: System = system_from_canonical(self.manifest.system, self.folder / MANIFEST)
+        try:
+            self.system: System = system_from_canonical(self.manifest.system, self.folder / MANIFEST)
+        except SystemDescriptionError as error:
+            if said := newer_minor(self.manifest.schema_version):  # which may describe more than this version knows
+                raise DatasetError(f"{self.folder / MANIFEST}: {said}") from None
+            raise error
         if self.system.hash() != self.manifest.system_hash:
             raise DatasetError(f"{self.folder / 'manifest.json'}: system and system_hash disagree; it was changed")
 

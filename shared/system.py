@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 from zipfile import is_zipfile
@@ -198,6 +199,15 @@ class System(Table):
         raw["experiment"].update(changes)
         asked = ", ".join(f"{name} {value}" for name, value in changes.items())
         return _validate({**raw, "path": self.path}, self.path, f" with {asked}")
+
+    def with_known(self, values: Mapping[str, float | bool]) -> System:
+        """The same system of which some FMU parameters are known [unit of each]: none of them is uncertain.
+
+        The other parameters of an uncertain constant remain so; a constant that has no other is left out.
+        """
+        rest = {one.name: [name for name in one.parameters if name not in values] for one in self.uncertain}
+        uncertain = [one.model_copy(update={"parameters": rest[one.name]}) for one in self.uncertain if rest[one.name]]
+        return self.model_copy(update={"fixed": {**self.fixed, **values}, "uncertain": uncertain})
 
     def preset(self, name: str) -> Preset:
         """A preset by its name.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from fmpy.model_description import ScalarVariable
@@ -80,26 +80,35 @@ def check_system(system: System, fmu: Fmu) -> None:
                 f"{where}: output {output.name!r} is not a {real} but a {kind} in {fmu.path.name}"
             )
     for table, values in (("fixed", system.fixed), ("replay", system.replay)):
-        for name, given in values.items():
-            found = variable(table, name)
-            if found.causality not in ("parameter", "input"):
-                raise SystemDescriptionError(f"{where}: {table} {name!r} cannot be set in {fmu.path.name}")
-            if name in system.input_names:
-                raise SystemDescriptionError(
-                    f"{where}: {table} {name!r} is one of [[inputs]], which drives it; expected it in one of the two"
-                )
-            if wrong := value_fault(found, given):
-                raise SystemDescriptionError(f"{where}: {table} {name!r} {wrong}")
+        if wrong := set_fault(table, values, system, fmu):
+            raise SystemDescriptionError(f"{where}: {wrong}")
     for uncertain in system.uncertain:
         for name in uncertain.parameters:
             found = variable(f"uncertain {uncertain.name!r}:", name)
             value = system.fixed.get(name, found.start if fmu.is_float(name) else None)
-            if found.causality not in ("parameter", "input") or value is None or not float(value) > 0:
+            stays = name in system.fixed and value == 0
+            if found.causality not in ("parameter", "input") or value is None or not (stays or float(value) > 0):
                 raise SystemDescriptionError(
                     f"{where}: uncertain {uncertain.name!r}: {name!r} is a {found.causality} {_type(found)} with value"
-                    f" {value} in {fmu.path.name}; expected a positive {real} parameter that can be set"
+                    f" {value} in {fmu.path.name}; expected a positive {real} parameter that can be set: give it"
+                    " a value under [fixed], or leave it out of this table"
                 )
     check_effects(system, fmu)
+
+
+def set_fault(table: str, values: Mapping[str, float | bool], system: System, fmu: Fmu) -> str:
+    """What is wrong with FMU parameters that a table sets, as a sentence about the table; empty if nothing is."""
+    for name, given in values.items():
+        if name not in fmu.variables:
+            return f"{table} {name!r} is not a variable of {fmu.path.name}{_similar(name, list(fmu.variables))}"
+        found = fmu.variables[name]
+        if found.causality not in ("parameter", "input"):
+            return f"{table} {name!r} cannot be set in {fmu.path.name}"
+        if name in system.input_names:
+            return f"{table} {name!r} is one of [[inputs]], which drives it; expected it in one of the two"
+        if wrong := value_fault(found, given):
+            return f"{table} {name!r} {wrong}"
+    return ""
 
 
 def fmu_of(system: System) -> Fmu:

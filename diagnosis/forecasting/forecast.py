@@ -15,15 +15,15 @@ import numpy as np
 from datagen.simulating.simulator import Simulator
 from diagnosis.calibrating.calibration import calibrate
 from diagnosis.calibrating.checks import check_recording
-from diagnosis.calibrating.schema import Calibration, read_calibration
+from diagnosis.calibrating.given import check_given, check_unknowns, given_calibration, noise_of
+from diagnosis.calibrating.schema import Calibration
 from diagnosis.calibrating.seen import check_unseen
 from diagnosis.fitting.drive import LOST, driving
 from diagnosis.fitting.noise import errors_under
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.renewing import renewed
+from diagnosis.fitting.renewing import most_likely
 from diagnosis.fitting.side_by_side import side_by_side
 from diagnosis.forecasting.forecasted import Ahead, Forecast, Forecasted, about_failed
-from diagnosis.forecasting.given import check_constants, check_given, noise_of
 from diagnosis.forecasting.persons import corrected, from_the_prior
 from diagnosis.intervals import LEVEL
 from diagnosis.recording import HOUR, Recording, check_warm_up, read_recording
@@ -90,13 +90,7 @@ def forecast(
         check_folder(Path(out), RecordingError)
     given = None
     if calibration is not None:
-        beside = (("run", run), ("starts", starts), ("noise", noise))
-        if idle := [name for name, one in beside if one is not None]:
-            raise RecordingError(
-                f"calibration is given, and {' and '.join(idle)} beside it; expected one of both: nothing is fitted"
-                " where parameters and noise are those of a calibration made before"
-            )
-        given = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
+        given = given_calibration(calibration, {"run": run, "starts": starts, "noise": noise})
     described = system if isinstance(system, System) else load_system(system)
     preset = "sensor" if noise is None else noise
     errors_under(described, preset)  # whatever is wrong is said before the simulator is built
@@ -140,13 +134,7 @@ def forecast(
             simulator, whole_record, noise=noise_model, replay=replay, occupancy=occupancy, warm_up=warm_up * HOUR,
             runner=runner,
         )  # fmt: skip
-        if len(z) != problem.size:
-            raise RecordingError(
-                f"{calibration}: was made with persons {report.occupancy} and {len(report.constants)} uncertain"
-                f" constants, which makes {len(z)} unknowns; the forecast has {problem.size}, with persons"
-                f" {problem.occupancy} and {len(problem.constants)} constants: give both the same occupancy and system"
-            )
-        check_constants(report, problem, z)
+        check_unknowns(report, calibration, problem)
         tell("simulating")
         seen = np.zeros(problem.observed.shape, dtype=bool)
         seen[:, :split] = True
@@ -249,8 +237,7 @@ def _ensemble(
 
     Draws that cannot be simulated are left out.
     """
-    around = renewed(problem, z, problem.linearise(z))
-    centre = problem.simulate(z, problem.nuisance.heights(problem.likely_nuisance(z, around)))
+    around, centre = most_likely(problem, z)
     rng = np.random.default_rng(seed)
     low, high = problem.bounds
     factor = np.linalg.cholesky(covariance)

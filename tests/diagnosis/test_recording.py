@@ -168,3 +168,11 @@ def test_whole_first_days_are_repeated_before_a_series(steps, lead, before):
     np.testing.assert_array_equal(held.values, lines.values)
     np.testing.assert_allclose(held.times, lines.times - HOUR)
     assert (lines.kind, held.kind) == ("linear", "previous")
+
+
+def test_a_recording_of_a_newer_major_schema_is_told(default_system, tmp_path):
+    """Who reads it by the rules of this one may take a mean for an instant, or a time for another."""
+    data = simulate(default_system, hours=24.0, seed=1)
+    data.assign_attrs(zeroshot_schema_version="3.0").to_netcdf(tmp_path / "new.nc")
+    with pytest.raises(RecordingError, match=r"new\.nc: schema version is '3\.0'; .* reads up to 2: update it"):
+        read_recording(tmp_path / "new.nc", default_system)

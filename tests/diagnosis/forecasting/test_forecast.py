@@ -10,13 +10,13 @@ import pytest
 
 from datagen import simulate
 from diagnosis.calibrating.calibration import calibrate
+from diagnosis.calibrating.given import check_constants, noise_of
 from diagnosis.calibrating.schema import read_calibration
 from diagnosis.cli import app
 from diagnosis.fitting.problem import Problem
 from diagnosis.forecasting import forecast as forecasting
 from diagnosis.forecasting.forecast import band, check_driven, forecast
 from diagnosis.forecasting.forecasted import about_failed
-from diagnosis.forecasting.given import check_constants, noise_of
 from diagnosis.forecasting.report import _days
 from diagnosis.pages import page_environment
 from diagnosis.recording import Recording, read_recording
@@ -98,10 +98,10 @@ def test_a_calibration_from_a_file_has_the_bands_of_one_that_was_just_made(house
         forecast(system, path, calibration=other, **common)
     other = given.model_copy(update={"replay": True})
     with pytest.raises(
-        RecordingError, match="made with replayed actuators, and the forecast has simulated controllers"
+        RecordingError, match=r"made with replayed actuators, and here are simulated controllers; .*: give --replay"
     ):
         forecast(system, path, calibration=other, **common)
-    with pytest.raises(RecordingError, match=r"persons measured and 0 uncertain .* 4 unknowns; .* has 5, with"):
+    with pytest.raises(RecordingError, match=r"persons measured and 0 uncertain .* 4 unknowns; here are 5, with"):
         forecast(system, path, calibration=tmp_path / "calibration", occupancy="unknown", **common)
 
 
@@ -172,10 +172,8 @@ def test_a_replayed_actuator_that_was_not_read_ahead_is_refused(default_system, 
     outputs = record.outputs.copy()
     outputs[default_system.output_names.index("QHea"), 50:] = np.nan
     fitted = np.zeros(len(default_system.parameters))
-    monkeypatch.setattr(forecasting, "check_given", lambda *_, **__: None)
-    monkeypatch.setattr(forecasting, "check_unseen", lambda *_: None)
-    monkeypatch.setattr(forecasting, "check_constants", lambda *_: None)
-    monkeypatch.setattr(forecasting, "read_calibration", lambda _: SimpleNamespace(z=fitted, covariance=[], outputs={}))
+    given = SimpleNamespace(z=fitted, covariance=[], outputs={})
+    monkeypatch.setattr(forecasting, "given_calibration", lambda *_: given)
     with pytest.raises(RecordingError, match=r"'QHea' was read in 8% of the hours ahead; expected at least 95%"):
         forecast(
             default_system.model_copy(update={"uncertain": []}),
