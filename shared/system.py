@@ -306,7 +306,7 @@ def load_system(path: Path | str) -> System:
     expected = f"a system description (TOML), or the name of one that comes with the package ({shipped})"
     if path.is_file() and is_zipfile(path):
         raise SystemDescriptionError(
-            f"{path}: is an FMU or another archive; expected a system description (TOML) that names it as its fmu, as"
-            " docs/own-fmu.md has one"
+            f"{path}: is an FMU or another archive; expected a system description (TOML) that names it as its fmu:"
+            f" draft one with `datagen describe {path} --out system.toml`"
         )
     return parse_system(read_text(path, SystemDescriptionError, expected, most=MOST_TOML), path)

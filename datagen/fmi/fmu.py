@@ -18,11 +18,11 @@ from datagen.fmi.fmi2 import Fmi2
 from datagen.fmi.fmi3 import Fmi3
 from datagen.fmi.interface import Interface
 from datagen.fmi.unpacking import check_descriptions, check_identifier, unpack_archive
+from datagen.units import UNITLESS
 from shared.errors import FmuError, SystemDescriptionError
 from shared.reading import shown, size_of, why
 from shared.store import sha256_of
 
-UNITLESS = {"", "1", "-"}
 SCRATCH = "ZEROSHOT_FMU_SCRATCH"
 """Environment variable of a process that may be killed: a folder that another process clears away afterwards."""
 MOST_INDICATORS = 1_000_000
@@ -187,6 +187,18 @@ def _a(kind: str) -> str:
 
 
 def unit_of(variable: ScalarVariable) -> str:
-    """Unit of an FMU's variable, or of its declared type; ``1`` where it has none."""
+    """Unit of an FMU's variable, or of its declared type; ``1`` where it has none, or says that it is a pure number."""
     unit = variable.unit or getattr(variable.declaredType, "unit", None) or ""
     return "1" if unit in UNITLESS else unit
+
+
+def is_difference(variable: ScalarVariable) -> bool:
+    """Whether an FMU says of a variable, or of its declared type, that it is a difference: 20 K is no -253 degC."""
+    return bool(variable.relativeQuantity or getattr(variable.declaredType, "relativeQuantity", False))
+
+
+def start_of(variable: ScalarVariable) -> str:
+    """The start value of a variable as a description would write it; 0 or false where the FMU states none."""
+    if variable.type == "Boolean":
+        return "true" if str(variable.start).lower() in ("true", "1") else "false"
+    return str(variable.start) if variable.start not in (None, "") else "0"

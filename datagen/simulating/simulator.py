@@ -10,7 +10,7 @@ import numpy as np
 
 from datagen.driving.tables import InputTable
 from datagen.fmi import calls, instances
-from datagen.fmi.checking import check_held, check_system, fmu_of
+from datagen.fmi.checking import check_held, check_system, conversion_of, fmu_of
 from datagen.fmi.watchdog import watchdog
 from datagen.simulating import cosimulation, native
 from datagen.simulating.canary import resets_cleanly
@@ -76,6 +76,9 @@ class Simulator:
         self._vr_points = np.array([outputs[k] for k in self._points], dtype=np.uint32)
         self._vr_means = np.array([outputs[k] for k in self._means], dtype=np.uint32)
         self._vr_inputs = np.array(inputs, dtype=np.uint32)
+        self._inputs_to_fmu = [conversion_of(system.inputs[k], variables[system.inputs[k].name]) for k in self._order]
+        self._parameters_to_fmu = {one.name: conversion_of(one, variables[one.name]) for one in system.parameters}
+        self._outputs_to_fmu = [conversion_of(one, variables[one.fmu_variable]) for one in system.outputs]
         self._held = np.array([one.interpolation == "previous" for one in system.inputs], dtype=bool)
         read = [one.column if isinstance(one, WeatherInput) else "" for one in system.inputs]
         self._directions = [k for k, column in enumerate(read) if column == "wind_direction"]
@@ -151,7 +154,7 @@ class Simulator:
             plan, kept = self._plan(table)
             next_event, *states = instances.initialise(
                 self.fmu,
-                {**system.fixed, **(system.replay if replay else {}), **parameters},
+                {**system.fixed, **(system.replay if replay else {}), **self._in_fmu_units(parameters)},
                 (self._vr_inputs.tolist(), table.at(np.array([start]))[0].tolist()),
                 start=start,
                 stop=stop,
@@ -174,6 +177,9 @@ class Simulator:
         outputs = np.empty((len(system.outputs), count))
         outputs[self._points] = records.points[1:].T
         outputs[self._means] = (np.diff(records.quadratures, axis=0) / step).T
+        for k, one in enumerate(self._outputs_to_fmu):
+            if not one.nothing:
+                outputs[k] = one.from_fmu(outputs[k])
         counts = {"right_hand_sides": calls.RHS_CALLS, "indicator_calls": calls.INDICATOR_CALLS, "events": calls.EVENTS}
         if self.fmu.cosimulation:
             counts = {"communication_steps": calls.STEPS}
@@ -199,7 +205,8 @@ class Simulator:
     ) -> int:
         """Model Exchange: CVODE over the compiled callbacks, from states (and nominal values); returns an outcome."""
         share = _SHARE if self.fmu.n_states else 1.0  # without states nothing else tells the solver how far it may go
-        areas = share * tolerance * step * np.array([self.system.outputs[k].accuracy for k in self._means])
+        accuracies = [self.system.outputs[k].accuracy * abs(self._outputs_to_fmu[k].factor) for k in self._means]
+        areas = share * tolerance * step * np.array(accuracies)
         absolute = np.concatenate([tolerance * np.abs(initial[1]), areas])
         cvode = Cvode(
             plan,
@@ -258,12 +265,18 @@ class Simulator:
         found[self._directions] %= 360.0  # as a vane shows it; the FMU's has no jump from 360 to 0
         return found
 
+    def _in_fmu_units(self, parameters: Mapping[str, float]) -> dict[str, float]:
+        """Parameters as the FMU takes them; those that the description does not declare are in its unit already."""
+        known = self._parameters_to_fmu
+        return {name: known[name].to_fmu(value) if name in known else value for name, value in parameters.items()}
+
     def _arranged(self, table: InputTable) -> InputTable:
-        """The table with discrete inputs last, as the compiled code wants it."""
-        order = self._order
-        if (order[:-1] < order[1:]).all():
+        """The table in the FMU's units and with discrete inputs last, as the compiled code wants it."""
+        order, units = self._order, self._inputs_to_fmu
+        if (order[:-1] < order[1:]).all() and all(one.nothing for one in units):
             return table
-        left, right = np.ascontiguousarray(table.left[:, order]), np.ascontiguousarray(table.right[:, order])
+        factor, offset = np.array([one.factor for one in units]), np.array([one.offset for one in units])
+        left, right = (np.ascontiguousarray(factor * one[:, order] + offset) for one in (table.left, table.right))
         return InputTable(tuple(table.names[k] for k in order), table.time, left, right, table.jump)
 
     def _plan(self, table: InputTable) -> tuple[np.ndarray, list[np.ndarray]]:
