@@ -20,7 +20,7 @@ from diagnosis.forecasting.forecasted import about_failed
 from diagnosis.forecasting.report import _days
 from diagnosis.pages import page_environment
 from diagnosis.recording import Recording, read_recording
-from shared.console import FAULT, start
+from shared.console import FAULT, OK, start
 from shared.errors import RecordingError, SimulationError
 
 
@@ -208,7 +208,8 @@ def test_actuators_that_were_logged_under_their_own_names_need_no_output(default
 
 
 @pytest.mark.slow
-def test_a_fit_is_not_called_a_forecast_and_the_page_says_why_not_to_believe(house, house_recording, tmp_path):
+def test_the_command_goes_on_from_a_calibration(house, house_recording, tmp_path):
+    """It calls no fit a forecast, and its page says why not to believe it."""
     system, path = house("me"), house_recording(hours=96)
     calibrate(system, path, starts=1, warm_up=24.0, out=tmp_path / "all")
     common = {"context": 48, "ahead": 48, "draws": 5, "calibration": tmp_path / "all"}
@@ -219,7 +220,8 @@ def test_a_fit_is_not_called_a_forecast_and_the_page_says_why_not_to_believe(hou
     with pytest.raises(RecordingError, match=r"copy\.nc: 2001-01-03 00:00 and what follows is to be forecast"):
         forecast(system, copy, **common)
     other = house_recording(hours=72, seed=8)
-    forecast(system, other, out=tmp_path / "ahead", **common | {"ahead": 24})
+    words = [str(system.path), str(other), "--context", "48", "--ahead", "24", "--out", str(tmp_path / "ahead")]
+    assert start(app, ["forecast", *words, "--calibration", str(tmp_path / "all")]) == OK
     page = " ".join((tmp_path / "ahead" / "forecast.html").read_text().split())
     assert f"Parameters from a calibration on 96 h of {path}" in page
     assert "Intervals are up to 1.5 times as wide as the fit makes them" in page
