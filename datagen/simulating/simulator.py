@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +21,8 @@ from shared.variables import WeatherInput
 
 _SHARE = 1e4
 """Error of a mean that a step may make, relative to the tolerance and the output's accuracy."""
+_YEAR = 8760 * 3600.0
+"""Of the weather and of whatever an FMU reads by its time [s]."""
 _HOUR = 3600.0
 """The solver's longest step [s], where outputs are not further apart: the error test may let everything pass."""
 _SLOW = 0.02
@@ -101,6 +103,8 @@ class Simulator:
     ) -> Trajectory:
         """Simulate from ``start`` to ``stop`` and record every ``step`` from ``record_from`` on (all [s]).
 
+        The FMU's own time is never negative: what begins before time 0 is simulated whole years later.
+
         Parameters
         ----------
         parameters
@@ -139,6 +143,12 @@ class Simulator:
                 f"{self.fmu.path.name}: Co-Simulation; expected Model Exchange, which shows its states"
             )
         table = self._arranged(inputs.restricted(start, stop))
+        # many an FMU fails, or never returns, before its time 0: a warm-up wraps into the year before
+        years = max(float(np.ceil(-start / _YEAR)), 0.0) * _YEAR
+        recorded = grid
+        if years:
+            table = replace(table, time=table.time + years)
+            start, stop, grid = start + years, stop + years, grid + years
         n = self._n_continuous
         check_held(system, self.fmu, table.names[n:], table.left[:, n:], table.right[:, n:])
         records = _Records(
@@ -149,7 +159,7 @@ class Simulator:
         with self._lock:
             if self.reuse is None and self.fmu.seconds_to_instantiate > _SLOW:
                 self.reuse = False
-                span = {"start": start, "stop": stop, "step": step}
+                span = {"start": start - years, "stop": stop - years, "step": step}
                 self.reuse = resets_cleanly(self, parameters, inputs, **span, timeout=timeout)
             plan, kept = self._plan(table)
             next_event, *states = instances.initialise(
@@ -172,7 +182,8 @@ class Simulator:
                     outcome = self._integrate(plan, table, grid, step, tolerance, records, next_event, states, reached)
             del kept
             if outcome != calls.DONE:
-                raise SimulationError(instances.cause(self.fmu, outcome, plan, reached[0], stop, timeout))
+                where = (float(reached[0]) - years, stop - years)
+                raise SimulationError(instances.cause(self.fmu, outcome, plan, *where, timeout))
             self._finished = True  # an instance that failed is not used again
         outputs = np.empty((len(system.outputs), count))
         outputs[self._points] = records.points[1:].T
@@ -184,9 +195,9 @@ class Simulator:
         if self.fmu.cosimulation:
             counts = {"communication_steps": calls.STEPS}
         return Trajectory(
-            time=grid[1:],
+            time=recorded[1:],
             outputs=outputs,
-            inputs=self._driven(inputs, grid) if driven else np.empty((0, count)),
+            inputs=self._driven(inputs, recorded) if driven else np.empty((0, count)),
             states=records.states,
             statistics={name: int(plan[place]) for name, place in counts.items()},
         )
