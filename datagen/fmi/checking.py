@@ -178,7 +178,7 @@ def fmu_of(system: System) -> Fmu:
             f"{system.path}: fmu is {shown(system.fmu)}, but {system.fmu_path} is not there; expected where the FMU"
             " lies, as seen from the description's folder"
         )
-    return Fmu(system.fmu_path)
+    return Fmu(system.fmu_path, system.kind)
 
 
 def check_held(system: System, fmu: Fmu, names: Sequence[str], left: np.ndarray, right: np.ndarray) -> None:

@@ -7,6 +7,7 @@ import os
 import shutil
 import tempfile
 import time
+from copy import copy
 from functools import lru_cache
 from pathlib import Path
 
@@ -82,7 +83,9 @@ def fmu_sha256(path: Path) -> str:
 
 
 class Fmu:
-    """An FMU of FMI 2.0 or 3.0, loaded into this process: Model Exchange if it has that, else Co-Simulation.
+    """An FMU of FMI 2.0 or 3.0, loaded into this process.
+
+    ``kind``: ``ModelExchange`` or ``CoSimulation``; without, it is Model Exchange if it has that, else Co-Simulation.
 
     ``variables`` maps names to the model description's variables; ``interface`` calls its functions; ``cosimulation``
     tells the kind, and ``n_states`` is 0 then, for such an FMU keeps its states to itself. ``told_each_step``: the
@@ -94,10 +97,12 @@ class Fmu:
         If it is of another version or kind, or has no binary for this platform.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, kind: str | None = None) -> None:
         self.path = path
         self.sha256 = fmu_sha256(path)
         folder, self.description = unpack(path, self.sha256)
+        if kind is not None:
+            self.description = _only(kind, self.description, path)
         version = str(self.description.fmiVersion)
         if version != "2.0" and not version.startswith("3."):
             raise FmuError(f"{path}: FMI {version}; expected FMI 2.0 or 3.0")
@@ -159,6 +164,20 @@ class Fmu:
         """Whether a variable is a scalar double."""
         variable = self.variables[name]
         return variable.type in ("Real", "Float64") and not variable.shape
+
+
+def _only(kind: str, description: ModelDescription, path: Path) -> ModelDescription:
+    """A model description as if its FMU were of one kind alone."""
+    one = copy(description)
+    if kind == "CoSimulation":
+        one.modelExchange = None
+        found, other = one.coSimulation, "ModelExchange"
+    else:
+        one.coSimulation = None
+        found, other = one.modelExchange, "CoSimulation"
+    if found is None:
+        raise FmuError(f"{path}: is no FMU of kind {kind!r}; expected kind = {other!r}, or none")
+    return one
 
 
 def value_fault(variable: ScalarVariable, value: float | bool) -> str:

@@ -218,7 +218,8 @@ class Simulator:
         share = _SHARE if self.fmu.n_states else 1.0  # without states nothing else tells the solver how far it may go
         accuracies = [self.system.outputs[k].accuracy * abs(self._outputs_to_fmu[k].factor) for k in self._means]
         areas = share * tolerance * step * np.array(accuracies)
-        absolute = np.concatenate([tolerance * np.abs(initial[1]), areas])
+        nominal = np.where(initial[1] == 0, 1.0, np.abs(initial[1]))  # some exporters write 0 for what they do not know
+        absolute = np.concatenate([tolerance * nominal, areas])
         cvode = Cvode(
             plan,
             table.start,

@@ -132,3 +132,17 @@ def test_a_description_is_never_written_over(house, tmp_path):
     with pytest.raises(FmuError, match=r"system\.toml: exists; expected a new file"):
         describe(house, out=place)
     assert place.read_text() == "mine"
+
+
+def test_of_an_fmu_that_is_both_the_kind_is_chosen(small_fmu, tmp_path):
+    """Its own solver takes Euler steps, so that it is near and not the same."""
+    both = rewritten(small_fmu("house", 2, ("me", "cs")), tmp_path / "both.fmu")
+    draft = describe(both).toml
+    (tmp_path / "me.toml").write_text(draft)
+    (tmp_path / "cs.toml").write_text(draft.replace("fmu =", 'kind = "CoSimulation"\nfmu =', 1))
+    me, cs = (datagen.simulate(tmp_path / f"{kind}.toml", hours=48, seed=3)["Y"].values for kind in ("me", "cs"))
+    assert 0 < np.abs(me - cs).max() < 0.2
+    only = rewritten(small_fmu("house"), tmp_path / "only.fmu")
+    (tmp_path / "no.toml").write_text(describe(only).toml.replace("fmu =", 'kind = "CoSimulation"\nfmu =', 1))
+    with pytest.raises(FmuError, match="is no FMU of kind 'CoSimulation'; expected kind = 'ModelExchange'"):
+        datagen.simulate(tmp_path / "no.toml", hours=24)
