@@ -93,7 +93,8 @@ def test_sharing(run):
 @pytest.mark.slow
 def test_an_fmu_of_one_s_own(run):
     folder, count = run("docs/own-fmu.md")
-    assert count == 6
+    assert count == 7
+    assert {one.name for one in load_system(folder / "mine" / "draft.toml").inputs if one.source == "weather"}
     assert len(load_run(folder / "mine-run").card.encoding.parameters) == len(load_system(folder / "mine").parameters)
 
 
