@@ -18,8 +18,9 @@ import pvlib
 
 from datagen.driving.tables import Piecewise
 from datagen.driving.transposition import transposed
-from datagen.driving.weather_files import HOURS, HourlyRecord, read_hourly
-from datagen.driving.weather_sun import check_sun, sun_over, sunlit_middles
+from datagen.driving.weather_files import read_hourly
+from datagen.driving.weather_record import HOURS, HourlyRecord, sun_over, sunlit_middles
+from datagen.driving.weather_sun import check_still, check_sun
 from shared.errors import WeatherError
 from shared.signals import Weather
 
@@ -138,6 +139,7 @@ def _read(path: Path, stamp: int, tilt: float, azimuth: float, albedo: float, mo
     """``stamp`` is part of the key, so that a file that changed is read again."""
     record = read_hourly(path)
     check_sun(path, record)
+    record = check_still(path, record)
     raw = record.columns
     columns = {name: _ended(raw[name]) for name in ("temp_air", "wind_speed", "pressure")}
     columns |= {name: _ended(raw[name]) for name in ("temp_dew", "wind_direction") if name in raw}

@@ -11,8 +11,6 @@ from diagnosis.importing.clock import Clock
 from diagnosis.importing.filling import fill_constant, interpolate_short
 from diagnosis.importing.mapping import Mapping, Source
 from diagnosis.importing.quality import (
-    DARK,
-    Resting,
     Signal,
     check_possible,
     is_constant,
@@ -27,6 +25,7 @@ from diagnosis.importing.resampling import CLOSER, around, as_read, resample
 from diagnosis.importing.series import Series, Target
 from shared.errors import RecordingError
 from shared.flags import ASSUMED, COMPUTED
+from shared.still import CALM, RESTING, STUCK_AFTER, Resting
 from shared.units import spelled
 
 _STATES = ("presence", "bool", "person", "persons", "count", "counts")
@@ -37,11 +36,6 @@ FEWER = 1.5
 """Readings of an output are fewer than its steps where they are so many steps apart, or means over so many."""
 BEAM = "dni"
 """The quantity of the weather that may: the beam of an overcast day is zero from morning to night."""
-_STUCK_AFTER = 12.0
-"""How long such a sensor may show one value [h]."""
-_CALM = 120.0
-"""How long wind may be exactly zero [h]: a cup anemometer does not turn below about half a metre per second, and a
-winter's high stays over a valley for days; one that nothing has stirred for five days is frozen or dead."""
 
 
 @dataclass
@@ -233,9 +227,9 @@ class Judge:
             self.notes.append(f"column {column}: declared in percent, but no reading is above 1; is it a fraction?")
         self.tell(plausible.about_register(column, signal) if units.is_power(unit) else None)
         # a state is silent while nothing changes
-        usual = _STUCK_AFTER if moving and kind != "hold" else 0.0
+        usual = STUCK_AFTER if moving and kind != "hold" else 0.0
         hours = source.stuck_after if source.stuck_after is not None else usual
-        calm = _CALM if source.stuck_after is None else hours  # the mapping knows the place
+        calm = CALM if source.stuck_after is None else hours  # the mapping knows the place
         signal = mark_stuck(signal, hours, _resting(unit, calm))
         if not signal.used.any():
             raise RecordingError(f"{where}: no reading can be used: all are impossible or stuck for over {hours:g} h")
@@ -277,10 +271,10 @@ class Judge:
 
 def _is_calm(signal: Signal) -> bool:
     """Whether a signal is of wind, and so short that all of it may be a calm."""
-    short = bool(signal.end[-1] - signal.begin[0] <= 3600.0 * _CALM)
+    short = bool(signal.end[-1] - signal.begin[0] <= 3600.0 * CALM)
     return short and spelled(signal.unit) == "m/s" and not signal.values.any()
 
 
 def _resting(unit: str, calm: float) -> Resting | None:
-    """What may stand still for longer: sun as long as it likes, as a polar night does, and wind for ``calm`` [h]."""
-    return {"W/m2": Resting(DARK, np.inf), "m/s": Resting(0.0, calm)}.get(spelled(unit))
+    """What may stand still for longer than other readings, wind for ``calm`` [h]."""
+    return {**RESTING, "m/s": Resting(0.0, calm)}.get(spelled(unit))

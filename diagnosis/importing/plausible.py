@@ -9,11 +9,11 @@ import numpy as np
 from diagnosis.importing import units
 from diagnosis.importing.clock import Clock
 from diagnosis.importing.mapping import Place, Source
-from diagnosis.importing.quality import DARK as FAINT
 from diagnosis.importing.quality import Signal
 from diagnosis.importing.spacing import DAY, usual_interval
 from diagnosis.importing.weather import sun_position
 from shared.flags import IMPOSSIBLE
+from shared.still import DARK as FAINT
 
 SPARSE, LONG, IRREGULAR = 3.0, 3600.0, 0.3
 """A column read so many times less often than the file's rows, and less than hourly [s] or at spacings that differ by

@@ -14,11 +14,10 @@ from diagnosis.importing.spacing import usual_gap, usual_hold, usual_interval
 from shared.codes import coded
 from shared.errors import RecordingError
 from shared.flags import IMPOSSIBLE, STUCK
+from shared.still import Resting, long_runs
 
 _SLACK = 1e-9
 """Rounding that a limit forgives, as a share of its size."""
-DARK = 10.0
-"""Irradiance [W/m2] that may stand still all night."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,14 +227,6 @@ def source_value(value: float, source: Source, unit: str, *, density: float, whe
     return float(units.convert(value, unit, source.unit, density=density, where=where))
 
 
-@dataclass(frozen=True)
-class Resting:
-    """Readings of at most ``size`` [unit of the signal] are believed for ``hours`` [h] in a row."""
-
-    size: float
-    hours: float
-
-
 def mark_stuck(signal: Signal, hours: float, resting: Resting | None = None) -> Signal:
     """Mark runs of equal readings that last longer than ``hours`` [h]; a gap ends a run.
 
@@ -246,16 +237,12 @@ def mark_stuck(signal: Signal, hours: float, resting: Resting | None = None) -> 
     """
     if hours <= 0 or len(signal.values) < 2:
         return signal
-    usable = signal.used
-    same = (np.diff(signal.values) == 0) & (np.diff(signal.middle) <= signal.max_gap) & usable[1:] & usable[:-1]
-    runs = np.concatenate([[0], np.cumsum(~same)])
-    first = np.searchsorted(runs, np.arange(runs[-1] + 1), side="left")
-    last = np.searchsorted(runs, np.arange(runs[-1] + 1), side="right") - 1
-    believed = np.full(len(first), hours)
-    if resting is not None:
-        believed[np.abs(signal.values[first]) <= resting.size] = resting.hours
-    long = signal.end[last] - signal.begin[first] > 3600.0 * believed
-    return replace(signal, flags=signal.flags | np.where(long[runs], STUCK, 0).astype(np.int8))
+    joined = (np.diff(signal.middle) <= signal.max_gap) & signal.used[1:] & signal.used[:-1]
+    flags = signal.flags.copy()
+    runs = long_runs(signal.values, signal.begin, signal.end, hours, resting, joined)
+    for first, last in zip(runs.first, runs.last, strict=True):
+        flags[first : last + 1] |= np.int8(STUCK)
+    return replace(signal, flags=flags)
 
 
 def is_constant(signal: Signal) -> bool:

@@ -2,7 +2,7 @@
 
 Run: ``python tests/benchmarks/fuzz.py [--seconds 10] [--most 2000] [--seed 0] [--family shared datagen trainer
 diagnosis] [--only NAME] [--coverage]``; the seconds are of processor time, for each reader. The exit code is 1 if
-anything but a result or a sentence came back.
+anything but a result or a sentence of this project came back: what a library says of its own trouble is none.
 
 With ``--coverage`` the damage is found by atheris (libFuzzer), which follows the branches of this project's own code;
 it is no dependency of this project: ``pip install atheris``. Then one reader is tried, the one that ``--only`` names.

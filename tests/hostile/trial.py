@@ -6,6 +6,7 @@ a program or a library started.
 """
 
 import os
+import re
 import signal
 import sys
 import warnings
@@ -23,6 +24,15 @@ ROOM = 3 << 30
 """Bytes of address space that reading one file may add."""
 _CHILD = "shared.netcdf_child"
 _FORBIDDEN = {"os.system", "os.exec", "os.posix_spawn", "pickle.find_class", "ctypes.dlopen", "socket.connect"}
+
+
+_LIBRARY = re.compile(
+    r"\b[A-Z]\w*(Error|Exception|Warning)\b|could not convert|invalid literal|does(n't| not) match format|codec can't"
+    r"|Error tokenizing|Expected \d+ fields|out of bounds|out of range for|list index|must be str|must be a (timedelta|string)"
+    r"|has no attribute|unsupported operand|not subscriptable|cannot unpack|values to unpack|Length mismatch"
+    r"|Unknown (string|datetime)|unconverted data|need at least one array"
+)
+"""What a library says of its own trouble, which tells nobody what is wrong with the file."""
 
 
 @dataclass
@@ -123,6 +133,8 @@ def _limited(reader: Reader) -> str:
 def _judged(reader: Reader, text: str) -> str:
     if len(text) > 10_000:
         return f"a sentence of {len(text)} characters"
+    if raw := _LIBRARY.search(text):
+        return f"a library's message ({raw.group()}) in place of a sentence: {text[:300]}"
     if reader.named and Path(reader.file).name not in text:
         return f"a sentence that does not name the file: {text[:300]}"
     return "refused"

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from diagnosis.importing.mapping import Meter, Source
-from diagnosis.importing.quality import DARK, Resting, make_signal, mark_stuck
+from diagnosis.importing.quality import make_signal, mark_stuck
 from shared.flags import IMPOSSIBLE, STUCK
 
 
