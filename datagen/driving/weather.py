@@ -150,7 +150,9 @@ def _read(path: Path, stamp: int, tilt: float, azimuth: float, albedo: float, mo
         columns["temp_sky"] = _ended(sky_temperature(raw))
     else:
         reasons = [record.absent[name] for name in ("infrared", "temp_dew", "opaque_cover") if name in record.absent]
-        absent["temp_sky"] = f"{'; '.join(reasons)}; expected infrared, or dew point and sky cover"
+        absent["temp_sky"] = (
+            f"{'; '.join(reasons)}; expected infrared, or dew point and sky cover, as files in EPW, TMY3 and PVGIS's form have"
+        )
     for values in columns.values():
         values.flags.writeable = False
     return WeatherTable(

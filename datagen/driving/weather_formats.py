@@ -199,8 +199,8 @@ def _in_si(columns: dict[str, np.ndarray], pressure: str = "Pa") -> dict[str, np
     return columns
 
 
-def _place(path: Path, line: str, what: str, order: Sequence[str], usual: int) -> dict[str, float]:
-    """Numbers about the place on a header's line: fields from ``usual`` on, or wherever four in a row can be a place.
+def _place(path: Path, line: str, what: str, order: Sequence[str], *, last: bool) -> dict[str, float]:
+    """Numbers about the place on a header's line: the last or the first four in a row that can be a place.
 
     A comma in the place's name moves them.
 
@@ -210,12 +210,11 @@ def _place(path: Path, line: str, what: str, order: Sequence[str], usual: int) -
         If there are not four numbers in a row.
     """
     fields = _fields(line)
-    if usual + 5 == len(fields) and all(re.fullmatch(r"-?\d+", one) for one in fields[usual + 2 : usual + 5]):
-        fields[usual + 2 : usual + 4] = [".".join(fields[usual + 2 : usual + 4])]  # a time zone of "5,5"
+    if last and len(fields) == 11 and all(re.fullmatch(r"-?\d+", one) for one in fields[8:]):
+        fields[8:10] = [".".join(fields[8:10])]  # a time zone of "5,5"
     numbers = [_number(one) for one in fields]
     starts = [k for k in range(1, len(numbers) - 3) if np.isfinite(numbers[k : k + 4]).all()]
-    starts.sort(key=lambda k: k != usual)
-    places = [dict(zip(order, numbers[k : k + 4], strict=True)) for k in starts]
+    places = [dict(zip(order, numbers[k : k + 4], strict=True)) for k in (starts[::-1] if last else starts)]
     if not places:
         raise WeatherError(
             f"{path}: {what} is {shown(line[:200])}; expected {', '.join(order)} as numbers in a row in it"
@@ -259,7 +258,7 @@ _EPW = {
 
 
 def _read_epw(path: Path, lines: Sequence[str]) -> Rows:
-    place = _place(path, lines[0], "line 1", _ORDER, 6)
+    place = _place(path, lines[0], "line 1", _ORDER, last=True)
     head = next((k for k, line in enumerate(lines) if line.strip().upper().startswith("DATA PERIODS")), None)
     if head is None:
         raise WeatherError(f"{path}: has no DATA PERIODS line; expected that line of an EPW file above its rows")
@@ -292,7 +291,7 @@ _TMY3 = {
 
 
 def _read_tmy3(path: Path, lines: Sequence[str]) -> Rows:
-    place = _place(path, lines[0], "line 1", ("time zone", "latitude", "longitude", "altitude"), 3)
+    place = _place(path, lines[0], "line 1", ("time zone", "latitude", "longitude", "altitude"), last=False)
     fields = _named(_fields(lines[1]), _TMY3)
     rows, numbers = _table(path, "TMY3", lines, 2, 3)
     columns = {name: _numbers(rows, k) for name, k in fields.items()}
@@ -447,7 +446,7 @@ def _read_mos(path: Path, lines: Sequence[str]) -> Rows:
     if location is None or declared is None:
         what = "#LOCATION line" if location is None else "table declaration"
         raise WeatherError(f"{path}: has no {what}; expected a Modelica weather file with '#LOCATION,...' and 'tab1'")
-    place = _place(path, location, "#LOCATION line", _ORDER, 6)
+    place = _place(path, location, "#LOCATION line", _ORDER, last=True)
     numbers = [k for k in range(declared + 1, len(lines)) if lines[k].split("#")[0].strip()]
     rows = [lines[k].split("#")[0].replace(",", " ").replace(";", " ").split() for k in numbers]
     lengths = {len(row) for row in rows}

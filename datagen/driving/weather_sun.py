@@ -9,12 +9,11 @@ rules of measured ones.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from datagen.driving.transposition import SunPosition
 from datagen.driving.weather_record import (
     MONTHS,
     OPTIONAL,
@@ -90,30 +89,33 @@ def check_sun(path: Path, record: HourlyRecord) -> None:
             f"{path}: global, direct and diffuse radiation are zero all year; expected a year with sun: take a file"
             " with radiation, or fill these columns from a typical year of the place"
         )
+    sun = _Sun(record)
     place = f"latitude {record.latitude:g}, longitude {record.longitude:g}, time zone {record.utc_offset:+g} h"
     expected = (
         "expected degrees north, degrees east, hours east of Greenwich, and hours of local standard time that are named"
         " by their end"
     )
-    dark = ghi[_sun_of_hours(record).zenith > DOWN].sum() / max(ghi.sum(), 1.0)
+    dark = ghi[sun.zenith() > DOWN].sum() / max(ghi.sum(), 1.0)
     if dark > IN_THE_DARK:
         raise WeatherError(
             f"{path}: {dark:.0%} of the global horizontal radiation falls while the sun is down at {place}; {expected}"
         )
-    here = _misfit(record)
+    here = sun.misfit()
     if here <= LEAST:
+        _check_contradiction(path, sun, 0.0)
         return
-    others = {f"the sun {abs(h)} h {'later' if h > 0 else 'earlier'}": _misfit(record, h) for h in SHIFTS}
-    others["the sun of the other hemisphere"] = _misfit(replace(record, latitude=-record.latitude))
+    others = {f"the sun {abs(h)} h {'later' if h > 0 else 'earlier'}": sun.misfit(h) for h in SHIFTS}
+    others["the sun of the other hemisphere"] = _Sun(replace(record, latitude=-record.latitude)).misfit()
     best = min(others, key=others.__getitem__)
     if others[best] < OTHERWISE * here:
         raise WeatherError(
             f"{path}: global horizontal radiation is diffuse and direct radiation's to {here:.0f} W/m2 rms with the sun"
             f" of {place}, and to {others[best]:.0f} W/m2 with {best}; {expected}"
         )
-    half = min((0.5, -0.5), key=lambda h: _misfit(record, h))
-    _check_contradiction(path, record, min((0.0, half), key=lambda h: _misfit(record, h)))
-    if (left := _misfit(record, half)) < OTHERWISE * here:
+    half = min((0.5, -0.5), key=sun.misfit)
+    left = sun.misfit(half)
+    _check_contradiction(path, sun, half if left < here else 0.0)
+    if left < OTHERWISE * here:
         _log.warning(
             "%s: global horizontal radiation is diffuse and direct radiation's to %.0f W/m2 rms with the sun in the"
             " middle of each hour, and to %.0f W/m2 with the sun half an hour %s, as of instants: they are taken for"
@@ -122,25 +124,32 @@ def check_sun(path: Path, record: HourlyRecord) -> None:
         )
 
 
-def _sun_of_hours(record: HourlyRecord, later: float = 0.0) -> SunPosition:
-    return sun_over(sunlit_middles(record, later), record)
+@dataclass
+class _Sun:
+    """Where the sun stands over a record by this and by other clocks, each worked out once."""
+
+    record: HourlyRecord
+    known: dict[float, np.ndarray] = field(default_factory=dict)
+
+    def zenith(self, later: float = 0.0) -> np.ndarray:
+        """In the middle of each hour's sunlit part, shape (8760,) [degree]; ``later`` [h] by another clock."""
+        if later not in self.known:
+            self.known[later] = sun_over(sunlit_middles(self.record, later), self.record).zenith
+        return self.known[later]
+
+    def globals(self, later: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """Global irradiance as it stands, and that of diffuse and direct irradiance, shape (8760,) each [W/m2]."""
+        ghi, dni, dhi = (self.record.columns[name] for name in RADIATION)
+        return ghi, dhi + dni * np.maximum(np.cos(np.radians(self.zenith(later))), 0.0)
+
+    def misfit(self, later: float = 0.0) -> float:
+        """Root mean square of their difference where there is any light [W/m2]."""
+        ghi, others = self.globals(later)
+        return float(np.sqrt(np.mean((ghi - others)[(ghi > 0) | (others > 0)] ** 2)))
 
 
-def _misfit(record: HourlyRecord, later: float = 0.0) -> float:
-    """Root mean square of global less diffuse less direct irradiance on the horizontal, where there is any [W/m2]."""
-    ghi, others = _two_globals(record, later)
-    return float(np.sqrt(np.mean((ghi - others)[(ghi > 0) | (others > 0)] ** 2)))
-
-
-def _two_globals(record: HourlyRecord, later: float) -> tuple[np.ndarray, np.ndarray]:
-    """Global irradiance as it stands, and of diffuse and direct irradiance, shape (8760,) each [W/m2]."""
-    ghi, dni, dhi = (record.columns[name] for name in RADIATION)
-    height = np.maximum(np.cos(np.radians(_sun_of_hours(record, later).zenith)), 0.0)
-    return ghi, dhi + dni * height
-
-
-def _check_contradiction(path: Path, record: HourlyRecord, later: float) -> None:
-    ghi, others = _two_globals(record, later)
+def _check_contradiction(path: Path, sun: _Sun, later: float) -> None:
+    ghi, others = sun.globals(later)
     month = np.repeat(np.arange(12), 24 * MONTHS)
     apart = np.bincount(month, np.abs(ghi - others))
     lit = np.bincount(month, (ghi > 0) | (others > 0))
@@ -150,11 +159,11 @@ def _check_contradiction(path: Path, record: HourlyRecord, later: float) -> None
     told, refused = CONTRADICTION
     if share[worst] <= told:
         return
-    empty = [SPELLING[name] for name in RADIATION if not record.columns[name][month == worst].any()]
+    empty = [SPELLING[name] for name in RADIATION if not sun.record.columns[name][month == worst].any()]
     sentence = (
         f"{path}: global horizontal radiation and the sum of diffuse and direct radiation on the horizontal differ by"
         f" {share[worst]:.0%} in month {worst + 1}, {apart[worst] / lit[worst]:.0f} W/m2 while there is light"
-        f"{'; ' + ' and '.join(empty) + ' are zero in it' if empty else ''}"
+        f"{'; all zero in it: ' + ', '.join(empty) if empty else ''}"
     )
     if share[worst] > refused:
         raise WeatherError(
@@ -228,7 +237,7 @@ def _longest_run(values: np.ndarray, hours: float, resting: Resting | None = Non
 
 def _check_dark_days(path: Path, record: HourlyRecord) -> None:
     """Hours with the sun up count as if they followed each other: nights lie between."""
-    lit = np.flatnonzero(_sun_of_hours(record).zenith < LIT)
+    lit = np.flatnonzero(_Sun(record).zenith() < LIT)
     if lit.size < 2:
         return
     ghi = record.columns["ghi"][lit]

@@ -28,9 +28,9 @@ _FORBIDDEN = {"os.system", "os.exec", "os.posix_spawn", "pickle.find_class", "ct
 
 _LIBRARY = re.compile(
     r"\b[A-Z]\w*(Error|Exception|Warning)\b|could not convert|invalid literal|does(n't| not) match format|codec can't"
-    r"|Error tokenizing|Expected \d+ fields|out of bounds|out of range for|list index|must be str|must be a (timedelta|string)"
-    r"|has no attribute|unsupported operand|not subscriptable|cannot unpack|values to unpack|Length mismatch"
-    r"|Unknown (string|datetime)|unconverted data|need at least one array"
+    r"|Error tokenizing|Expected \d+ fields|out of bounds|out of range for|list index|must be str"
+    r"|must be a (timedelta|string)|has no attribute|unsupported operand|not subscriptable|cannot unpack"
+    r"|values to unpack|Length mismatch|Unknown (string|datetime)|unconverted data|need at least one array"
 )
 """What a library says of its own trouble, which tells nobody what is wrong with the file."""
 

@@ -4,6 +4,7 @@ import pytest
 from diagnosis.importing.mapping import Meter, Source
 from diagnosis.importing.quality import make_signal, mark_stuck
 from shared.flags import IMPOSSIBLE, STUCK
+from shared.still import DARK, Resting
 
 
 @pytest.mark.parametrize("code", [-9999.0, 9999.0, -99.9])
