@@ -117,7 +117,8 @@ def read_weather(spec: Weather, file: str, base: Path) -> WeatherTable:
     Raises
     ------
     WeatherError
-        If the file is missing, is not a weather file, or lacks values.
+        If the file is missing, is not a weather file, lacks values, or cannot be true: by its sun, or by columns that
+        stand still.
     """
     path = weather_path(file, base)
     try:
@@ -150,9 +151,8 @@ def _read(path: Path, stamp: int, tilt: float, azimuth: float, albedo: float, mo
         columns["temp_sky"] = _ended(sky_temperature(raw))
     else:
         reasons = [record.absent[name] for name in ("infrared", "temp_dew", "opaque_cover") if name in record.absent]
-        absent["temp_sky"] = (
-            f"{'; '.join(reasons)}; expected infrared, or dew point and sky cover, as files in EPW, TMY3 and PVGIS's form have"
-        )
+        wanted = "infrared, or dew point and sky cover, as an EPW file of the place has them"
+        absent["temp_sky"] = f"{'; '.join(reasons)}; expected {wanted}"
     for values in columns.values():
         values.flags.writeable = False
     return WeatherTable(
