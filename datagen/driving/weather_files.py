@@ -212,9 +212,9 @@ def _checked(
             trouble = f"is missing or out of range in {bad.size} of {HOURS} hours, first in hour {bad[0] + 1}"
             trouble += f" ({values[bad[0]]:g}, expected {low:g} to {high:g} in SI)"
         if name in REQUIRED:
+            advice = "fill it from the hours around it" if name in columns else "take a file that has it"
             raise WeatherError(
-                f"{path}: {SPELLING[name]} {trouble}; expected a value in every hour of {rows.form}: fill it from the"
-                " hours around it, or take another file"
+                f"{path}: {SPELLING[name]} {trouble}; expected a value in every hour of {rows.form}: {advice}"
             )
         absent[name] = f"{SPELLING[name]} {trouble}"
     return kept, absent

@@ -360,7 +360,7 @@ def _read_sam(path: Path, lines: Sequence[str]) -> Rows:
     for name, number in place.items():
         if not np.isfinite(number):
             raise WeatherError(
-                f"{path}: {name} is {shown(said.get(name, 'not there'))}; expected a number on line 2 under its name on"
+                f"{path}: {name} is {shown(said.get(name, ''))}; expected a number on line 2 under its name on"
                 " line 1: Latitude, Longitude, Elevation and Time Zone"
             )
     fields = _named(_fields(lines[2]), _SAM)

@@ -40,6 +40,7 @@ def main() -> int:
         for reader in readers(Path(name), options.family):
             if options.only not in reader.name:
                 continue
+            reader.own_words = True
             read_whole(reader)
             counts, other, longest = try_for(reader, options.seconds, options.seed, options.most)
             tried = counts["read"] + counts["refused"] + len(other)
@@ -70,6 +71,7 @@ def follow_branches(options: argparse.Namespace) -> int:
 
         folder = Path(tempfile.mkdtemp(prefix="zeroshot-fuzz-"))
         reader = next(one for one in readers(folder, options.family) if options.only in one.name)
+        reader.own_words = True
     counts = {"read": 0, "refused": 0}
     (folder / "corpus").mkdir()
     (folder / "corpus" / "whole").write_bytes(reader.whole)

@@ -40,7 +40,8 @@ class Reader:
     """Something that reads a file; ``file`` is that file in a folder that is whole.
 
     ``read`` gets the folder; ``seal`` makes the rest of the folder agree with the damaged file, as an attacker would;
-    ``examples`` is how many a short test tries; ``named`` whether a refusal must name the file itself.
+    ``examples`` is how many a short test tries; ``named`` whether a refusal must name the file itself, ``own_words``
+    whether it must be free of what a library says.
     """
 
     name: str
@@ -51,6 +52,7 @@ class Reader:
     seal: Callable[[Path], None] | None = None
     examples: int = 30
     named: bool = True
+    own_words: bool = False
 
     def __post_init__(self) -> None:
         self.whole = (self.folder / self.file).read_bytes()
@@ -133,7 +135,7 @@ def _limited(reader: Reader) -> str:
 def _judged(reader: Reader, text: str) -> str:
     if len(text) > 10_000:
         return f"a sentence of {len(text)} characters"
-    if raw := _LIBRARY.search(text):
+    if reader.own_words and (raw := _LIBRARY.search(text)):
         return f"a library's message ({raw.group()}) in place of a sentence: {text[:300]}"
     if reader.named and Path(reader.file).name not in text:
         return f"a sentence that does not name the file: {text[:300]}"
