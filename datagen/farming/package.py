@@ -55,7 +55,7 @@ def package_files(system: System) -> dict[str, bytes]:
 
 
 def _kept_as(system: System) -> dict[str, str]:
-    """Names that a description's own weather files get on a worker: with their endings, which say how to read them."""
+    """Names that a description's own weather files get on a worker."""
     return {file: f"weather-{k}{Path(file).suffix}" for k, file in enumerate(weather_files(system))}
 
 
