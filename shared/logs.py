@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 import logging
 import math
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -117,9 +118,16 @@ class _Sentences(logging.Handler):
             self.console.print(before + record.getMessage(), markup=False)
 
 
+def _logged_warning(message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: Any) -> None:
+    """Log a warning of Python's in place of printing it."""
+    logger(__name__).debug("%s:%d: %s: %s", filename, lineno, category.__name__, message)
+
+
 @contextmanager
 def reported(options: Reporting, console: Console) -> Iterator[None]:
     """Hear what the packages log, as the options say.
+
+    Warnings of numpy and other libraries are records at level ``debug``: no user can mend an overflow in a matrix.
 
     Raises
     ------
@@ -145,9 +153,12 @@ def reported(options: Reporting, console: Console) -> Iterator[None]:
     ours.propagate = False
     for handler in handlers:
         ours.addHandler(handler)
+    shown = warnings.showwarning
+    warnings.showwarning = _logged_warning
     try:
         yield
     finally:
+        warnings.showwarning = shown
         for handler in handlers:
             ours.removeHandler(handler)
             handler.close()
