@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TextIO
 
 from cyclopts import Group, Parameter
 from cyclopts.validators import MutuallyExclusive
@@ -118,7 +118,14 @@ class _Sentences(logging.Handler):
             self.console.print(before + record.getMessage(), markup=False)
 
 
-def _logged_warning(message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: Any) -> None:
+def _logged_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
     """Log a warning of Python's in place of printing it."""
     logger(__name__).debug("%s:%d: %s: %s", filename, lineno, category.__name__, message)
 
