@@ -122,6 +122,7 @@ class Calibration(_Table):
     log_likelihood: float
     log_evidence: float
     converged: bool
+    stopped: bool = Field(False, description="whether the time was up before the fit came to rest")
     simulations: int
     seconds: float
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from diagnosis.fitting.failures import FAILURES
 from diagnosis.fitting.leaps import joint_cost, leapt
 from diagnosis.fitting.linearisation import Linearisation
 from diagnosis.fitting.problem import Problem
-from shared.errors import SimulationError
 
 SHARES = (1.0, 0.5, 0.2)
 STAYS = 0.03
@@ -26,7 +26,7 @@ def renewed(problem: Problem, z: np.ndarray, around: Linearisation, *, leaps: bo
         nuisance = around.nuisance + share * (target - around.nuisance)
         try:
             outputs = problem.simulate(z, problem.nuisance.heights(nuisance))
-        except SimulationError:
+        except FAILURES:
             continue
         cost = joint_cost(problem, nuisance, outputs)
         if best is not None and cost > best[0]:

@@ -10,13 +10,14 @@ from cyclopts import Parameter
 
 from diagnosis.options import PLAIN, Fitting
 from diagnosis.scores import score_table
-from shared.console import OK, Place, Positive, new_console
+from shared.console import OK, Place, Positive, new_console, resumable
 from shared.logs import USUAL, Reporting
 from shared.progress import stages
 
 console = new_console()
 
 
+@resumable()
 def forecast(
     system: Path,
     recording: Path,

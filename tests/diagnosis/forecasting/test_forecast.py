@@ -68,6 +68,21 @@ def test_draws_that_fail_are_not_counted_among_those_of_the_band(house, house_re
     assert said in caplog.text and said in (tmp_path / "ahead" / "forecast.html").read_text()
 
 
+def test_when_the_time_is_up_half_of_the_draws_make_the_band(house, house_recording, tmp_path):
+    path, out = house_recording(hours=48), tmp_path / "ahead"
+    record = read_recording(path, house("me"))
+    context = replace(
+        record,
+        time=record.time[:24],
+        outputs=record.outputs[:, :24],
+        inputs={name: values[:24] for name, values in record.inputs.items()},
+    )
+    known = calibrate(house("me"), context, starts=1).report
+    done = forecast(house("me"), path, context=24, ahead=24, calibration=known, draws=8, out=out, minutes=1e-9)
+    assert (done.report.draws, done.report.failed, done.report.stopped) == (4, 0, True)
+    assert "The time was up: the bands are those of 4 simulations" in (out / "forecast.html").read_text()
+
+
 def test_a_forecast_is_drawn_from_the_begin_of_its_first_step():
     """Which is what the axis counts from; times are the ends of steps."""
     np.testing.assert_allclose(_days(86400.0 * np.array([4.0, 5.0, 6.0])), [1.0, 2.0, 3.0])
