@@ -14,7 +14,6 @@ import numpy as np
 
 from datagen.simulating.simulator import Simulator
 from diagnosis.calibrating.calibration import calibrate
-from diagnosis.calibrating.checks import check_recording
 from diagnosis.calibrating.schema import Calibration, read_calibration
 from diagnosis.calibrating.seen import check_unseen
 from diagnosis.fitting.drive import LOST, driving
@@ -26,6 +25,7 @@ from diagnosis.forecasting.forecasted import Ahead, Forecast, Forecasted, about_
 from diagnosis.forecasting.given import check_constants, check_given, noise_of
 from diagnosis.forecasting.persons import corrected, from_the_prior
 from diagnosis.intervals import LEVEL
+from diagnosis.physics import check_physics, check_recording
 from diagnosis.recording import HOUR, Recording, check_warm_up, read_recording
 from diagnosis.scores import score
 from diagnosis.usual import STARTS, WARM_UP
@@ -175,6 +175,7 @@ def forecast(
             failed=draws - len(made),
             occupancy=problem.occupancy,
             calibration=report,
+            physics=check_physics(described, whole_record),
             outputs=outputs,
         ),
         described,

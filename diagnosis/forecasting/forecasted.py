@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from diagnosis.calibrating.schema import Calibration
+from diagnosis.physics import Finding
 from diagnosis.scores import Score
 from shared.system import System
 
@@ -21,7 +22,8 @@ class Ahead(Score):
 class Forecast(BaseModel):
     """``forecast.json``. Scores are None where nothing was measured ahead; ``begin`` is that of the context.
 
-    ``draws`` made the bands; ``failed`` more could not be simulated.
+    ``draws`` made the bands; ``failed`` more could not be simulated. ``physics``: what in the recording cannot be, or
+    contradicts the description.
     """
 
     model_config = ConfigDict(extra="forbid")
@@ -36,6 +38,7 @@ class Forecast(BaseModel):
     failed: int
     occupancy: str
     calibration: Calibration
+    physics: list[Finding] = []
     outputs: dict[str, Ahead | None]
 
 

@@ -7,8 +7,9 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field
 
 from diagnosis.gap.decision import Verdict
+from diagnosis.physics import Finding
 
-SCHEMA_VERSION = 11
+SCHEMA_VERSION = 12
 NOTICED = 0.02
 """Candidates of less probability are told together."""
 FEWEST = 12
@@ -190,6 +191,10 @@ class Report(_Table):
     """``report.json``."""
 
     schema_version: int = SCHEMA_VERSION
+    physics: list[Finding] = Field(
+        [],
+        description="what in the recording cannot be, or contradicts the description: strong ones come before the answer",
+    )
     verdict: Verdict
     summary: list[str] = Field(description="the answer in three sentences: where, which, how far and how sure")
     effects: list[NamedEffect] = Field(description="the most probable first")
