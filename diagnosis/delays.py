@@ -152,7 +152,7 @@ def _foremost(grid: Recording, responses: Sequence[_Response], inputs: Sequence[
     shifts = np.arange(-count, count + 1)
     near = np.abs(shifts) <= max(round(NATURAL * HOUR / grid.step), 1)
     tables = [_Table(piece, one, part, shifts) for piece, part in _pieces(grid) for one in responses]
-    names = sorted({one.name for one in responses})
+    names = [one.name for one in responses]
     outputs = [(name,) for name in names] + ([tuple(names)] if len(names) > 1 else [])
     gains = {some: _together([one.days(one.causes, near) for one in tables if one.name in some]) for some in outputs}
     for some in inputs:  # an input that is late makes what follows it early
@@ -173,11 +173,11 @@ def _foremost(grid: Recording, responses: Sequence[_Response], inputs: Sequence[
         beside = np.abs(shifts - shifts[place]) <= near.sum() // 2
         own = {name: float(gains[(name,)].sum(axis=0)[beside].max()) for name in names}
         named = tuple(name for name in names if name in first or own[name] > 2 * np.log(1 / DOUBT))
-        causes = {cause for one in responses if one.name in named for cause in one.causes}
+        causes = dict.fromkeys(cause for one in responses if one.name in named for cause in one.causes)
     else:
-        causes = {one.name for one in responses if set(first) & set(one.causes)}
+        causes = dict.fromkeys(one.name for one in responses if set(first) & set(one.causes))
     hours = round(float(shifts[place]) * grid.step / HOUR / FINEST) * FINEST
-    return Delay(named, hours, height[first], tuple(sorted(causes)), tuple(rivals))
+    return Delay(named, hours, height[first], tuple(causes), tuple(rivals))
 
 
 def _together(gains: Sequence[np.ndarray]) -> np.ndarray:

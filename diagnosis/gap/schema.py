@@ -193,7 +193,7 @@ class Report(_Table):
     schema_version: int = SCHEMA_VERSION
     physics: list[Finding] = Field(
         [],
-        description="what in the recording cannot be, or contradicts the description: strong ones come before the answer",
+        description="what cannot be, or contradicts the description; strong findings first",
     )
     verdict: Verdict
     summary: list[str] = Field(description="the answer in three sentences: where, which, how far and how sure")
