@@ -104,12 +104,10 @@ def check_physics(system: System, recording: Recording) -> list[Finding]:
 
     Nothing is simulated. Inputs that nobody measured are no evidence.
     """
-    found = [
-        *_clocks(system, recording),
-        *_below_outdoors(system, recording),
-        *_light(system, recording),
-        *_units(system, recording),
-    ]
+    found = [*_clocks(system, recording)]
+    told = {name for one in found for name in one.names}
+    found += [one for one in _light(system, recording) if one.kind != "clock" or not told.issuperset(one.names)]
+    found += [*_below_outdoors(system, recording), *_units(system, recording)]
     if not any(one.kind == "clock" for one in found):  # by a wrong clock, habits and balances look wrong as well
         found += [*_gas_balance(system, recording), *_description(system, recording)]
     return sorted(found, key=lambda one: not one.strong)
