@@ -87,8 +87,7 @@ def find_delays(system: System, recording: Recording) -> list[Delay]:
     for one, values in zip(system.outputs, grid.outputs, strict=True):
         warmth = spelled(one.unit) in TEMPERATURES
         causes = [*weather, *persons] if warmth else persons if spelled(one.unit) == "ppm" else []
-        seen = values[np.isfinite(values)]
-        if causes and len(seen) > 0.5 * len(values) and np.ptp(seen) > 0:
+        if causes:
             responses.append(_Response(one.name, values, {name: grid.inputs[name] for name in causes}))
     found: list[Delay] = []
     while len(found) < MOST and (delay := _foremost(grid, responses, list(dict.fromkeys(inputs)))) is not None:
@@ -125,6 +124,12 @@ def _moves(recording: Recording, name: str) -> bool:
     return values is not None and name not in recording.assumed and bool(np.ptp(values) > 0)
 
 
+def _is_read(values: np.ndarray) -> bool:
+    """Whether a piece of an output (steps,) was read in most steps, and moves."""
+    seen = np.isfinite(values)
+    return bool((seen[1:] & seen[:-1]).mean() > 0.5 and np.ptp(values[seen]) > 0)
+
+
 def _coarse(recording: Recording) -> Recording:
     """The recording in means over about half an hour, where its steps are shorter; what is over at its end is lost."""
     count = max(round(FINEST * HOUR / recording.step), 1)
@@ -146,12 +151,14 @@ def _foremost(grid: Recording, responses: Sequence[_Response], inputs: Sequence[
     inputs
         Which inputs may share a clock of their own.
     """
-    if not responses:
-        return None
     count = round(WIDEST * HOUR / grid.step)
     shifts = np.arange(-count, count + 1)
     near = np.abs(shifts) <= max(round(NATURAL * HOUR / grid.step), 1)
-    tables = [_Table(piece, one, part, shifts) for piece, part in _pieces(grid) for one in responses]
+    parts = [(piece, one, part) for piece, part in _pieces(grid) for one in responses if _is_read(one.values[part])]
+    tables = [_Table(*each, shifts) for each in parts]
+    responses = [one for one in responses if any(one is each for _, each, _ in parts)]
+    if not responses:
+        return None
     names = [one.name for one in responses]
     outputs = [(name,) for name in names] + ([tuple(names)] if len(names) > 1 else [])
     gains = {some: _together([one.days(one.causes, near) for one in tables if one.name in some]) for some in outputs}
@@ -231,7 +238,7 @@ class _Table:
         if not moving.any():
             return np.zeros((len(self._days), len(self._shifts)))
         left = np.array([self._days @ self._fit(moving, shift) ** 2 for shift in self._shifts]).T
-        whole = left.sum(axis=0)
+        whole = np.maximum(left.sum(axis=0), 1e-300)
         plain = int(np.flatnonzero(near)[np.argmin(whole[near])])
         saved = left[:, [plain]] - left
         grown = self._free * np.log(whole[plain] / whole)
@@ -264,7 +271,10 @@ class _Table:
             for one, move in zip(self._lagged, moving, strict=True)
         ]
         drivers = self._without_habits(np.concatenate(columns, axis=1))
-        weights, _ = nnls(drivers, self._target)
+        try:
+            weights, _ = nnls(drivers, self._target)
+        except RuntimeError:  # its iterations did not end: nothing is explained
+            return self._target
         return np.asarray(self._target - drivers @ weights)
 
     def _memory(self) -> float:
@@ -293,10 +303,9 @@ def _habits(time: np.ndarray, step: float) -> np.ndarray:
     Slow changes are straight lines between points that are about a day apart.
     """
     begin = time - 0.5 * step
-    steps = round(DAY / step)
-    place = np.floor(begin / step).astype(int) % steps
+    place = np.floor(begin % DAY / step).astype(int)
     weekend = np.floor(begin / DAY).astype(int) % 7 >= 5
-    kind = place + steps * weekend
+    kind = place + (int(DAY / step) + 1) * weekend
     hours = (kind[:, None] == np.unique(kind)).astype(float)
     days = (begin - begin[0]) / DAY
     knots = np.linspace(0.0, days[-1], max(int(days[-1]), 1) + 1)

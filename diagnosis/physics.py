@@ -244,7 +244,7 @@ def _below_outdoors(system: System, recording: Recording) -> Iterator[Finding]:
         return
     level = _values(recording, outdoors)
     for one, values in zip(system.outputs, recording.outputs, strict=True):
-        excess = (values - level)[np.isfinite(values)]
+        excess = (values - level)[np.isfinite(values - level)]
         if spelled(one.unit) != "ppm" or len(excess) * recording.step < DAY:
             continue
         low = np.sort(excess)[: max(int(OFTEN * len(excess)), 1)][-1]
@@ -294,6 +294,7 @@ def _light(system: System, recording: Recording) -> Iterator[Finding]:
     for one in system.inputs:
         values = recording.inputs.get(one.name)
         sun = isinstance(one, WeatherInput) and one.column.startswith(("ghi", "dni", "dhi", "poa"))
+        sun = sun and spelled(one.unit) == "W/m2"
         if not sun or values is None or one.name in recording.assumed or np.ptp(values) == 0:
             continue
         dark = float(np.median([values[day == k].min() for k in range(days)]))
@@ -420,7 +421,9 @@ def _swapped(name: str, air: np.ndarray, system: System, recording: Recording) -
         if colder > COLDER and inside.std() > outside.std():
             sentence = f"{one.name} is {colder:.1f} K colder on average than {name}, the air outdoors, and varies more."
             remedy = "Are their columns swapped? Exchange them in the mapping and import again."
-            yield Finding("unit", (one.name, name), colder, "K", sentence, remedy, strong=True)
+            room = _room(system, recording)  # water, of a chiller for instance, may well be so
+            alone = room is not None and room[0] == one.name
+            yield Finding("unit", (one.name, name), colder, "K", sentence, remedy, strong=alone)
 
 
 def _air(system: System, recording: Recording) -> dict[str, np.ndarray]:
@@ -482,6 +485,8 @@ def _persons(system: System) -> _Persons | None:
     per = sources[0].per
     ranges = {one.name: (one.min, one.max) for one in system.parameters}
     low, high = ranges[per] if isinstance(per, str) else (per, per)
+    if low <= 0:
+        return None
     return _Persons(crowd[0], system.occupancy.headcount[1], low, high)
 
 

@@ -81,3 +81,18 @@ def test_nothing_is_said_of_what_is_too_short_too_coarse_or_not_measured():
     )
     assert find_delays(HALL, cut) == []
     assert find_delays(HALL, late(lived(step=7200.0), -8.0, "warmth", "breathed")) == []
+
+
+def test_a_long_recording_with_holes_is_searched_in_pieces():
+    """Months without a reading, readings that are never two in a row, and steps that divide no day."""
+    recording = late(lived(days=100), -8.0, "warmth", "breathed")
+    holes = recording.outputs.copy()
+    holes[0, : 40 * 24] = np.nan
+    holes[1, ::2] = np.nan
+    (found,) = find_delays(HALL, replace(recording, outputs=holes))
+    assert found.names == ("warmth",) and found.hours == pytest.approx(-8.0, abs=1.0)
+    assert find_delays(HALL, replace(recording, outputs=np.full_like(holes, np.nan))) == []
+    odd = lived(step=1000.0)
+    assert find_delays(HALL, odd) == []
+    (found,) = find_delays(HALL, late(odd, -8.0, "warmth", "breathed"))
+    assert found.hours == pytest.approx(-8.0, abs=1.0)
