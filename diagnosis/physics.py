@@ -557,12 +557,17 @@ def _room(system: System, recording: Recording) -> tuple[str, np.ndarray] | None
 
 
 def _heat_below_zero(system: System, recording: Recording) -> bool:
-    """Whether a heat flow that was measured is negative at times: then somebody knows that the room is cooled."""
-    heats = [v for one, v in zip(system.outputs, recording.outputs, strict=True) if one.unit in ("W", "kW")]
-    heats += [
-        recording.inputs[one.name] for one in system.inputs if one.unit in ("W", "kW") and one.name in recording.inputs
-    ]
-    return any((one < 0).any() for one in heats)
+    """Whether a measured heat flow is negative at times, beyond noise: then it is known that the room is cooled."""
+    for unit in ("W", "kW"):
+        heats = [v for one, v in zip(system.outputs, recording.outputs, strict=True) if one.unit == unit]
+        heats += [
+            recording.inputs[one.name] for one in system.inputs if one.unit == unit and one.name in recording.inputs
+        ]
+        noise = max((n.sd for one in system.outputs if one.unit == unit for n in one.noise.values()), default=0.0)
+        seen = [one[np.isfinite(one)] for one in heats]
+        if any(len(one) and float(np.quantile(one, OFTEN)) < -2.0 * noise for one in seen):
+            return True
+    return False
 
 
 def _cooled(system: System, recording: Recording) -> Iterator[Finding]:
