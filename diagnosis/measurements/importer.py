@@ -31,6 +31,8 @@ from diagnosis.measurements.signal import Signal
 from diagnosis.measurements.spacing import usual_gap
 from diagnosis.measurements.table import Measurements, read_measurements
 from diagnosis.measurements.units import COUNTS
+from diagnosis.physics import check_physics
+from diagnosis.recording import read_recording
 from shared.errors import RecordingError
 from shared.flags import ASSUMED, COMPUTED, IMPOSSIBLE, INTERPOLATED, PARTLY, STUCK
 from shared.places import check_folder
@@ -278,6 +280,7 @@ def import_recording(
         lacking=sentences_of(missing, described),
         unused_columns=[str(name) for name in measurements.columns if name not in composer.used],
         notes=[*measurements.notes, *composer.notes],
+        physics=check_physics(described, read_recording(out, described)),
     )
 
 
@@ -329,7 +332,6 @@ def _series(composer: Composer) -> tuple[list[Series], list[str]]:
             missing.append(name)
         else:
             series.append(made)
-    composer.notes.extend(plausible.about_all(series, composer.system))
     return series, missing
 
 
