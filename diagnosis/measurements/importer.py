@@ -15,7 +15,7 @@ from diagnosis.measurements import plausible
 from diagnosis.measurements.clock import Clock, find_zone, make_clock
 from diagnosis.measurements.grid import Series, input_target, longest_whole, output_target
 from diagnosis.measurements.judge import Judge
-from diagnosis.measurements.mapping import Mapping, load_mapping
+from diagnosis.measurements.mapping import Mapping, check_against, load_mapping
 from diagnosis.measurements.outdoors import Outdoors
 from diagnosis.measurements.output import (
     Comparison,
@@ -238,7 +238,7 @@ def import_recording(
     interval = float(np.median(np.diff(measurements.utc)))
     if length + interval < DAY:
         raise RecordingError(f"{data}: spans {length / 3600:.3g} h; expected at least a day")
-    clock = make_clock(settings.time.zone, find_zone(settings.time.zone, str(settings.path)), measurements.utc[0])
+    clock = make_clock(measurements.zone, find_zone(measurements.zone, str(settings.path)), measurements.utc[0])
     composer = _composer(described, settings, measurements, clock)
     series, missing = _series(composer)
     composer.outdoors.check_sun(series)
@@ -265,7 +265,7 @@ def import_recording(
         system=str(described.path),
         rows=len(measurements.utc),
         interval=interval,
-        zone=settings.time.zone,
+        zone=measurements.zone,
         utc_offset=clock.offset / 3600.0,
         time_zero=clock.zero.isoformat(),
         begin=begin,
@@ -287,18 +287,7 @@ def _system(mapping: Mapping, given: System | Path | str | None) -> System:
     if given is None and mapping.system is None:
         raise RecordingError(f"{mapping.path}: system is missing; expected the system description that is measured")
     system = load_system(given if given is not None else mapping.path.parent / str(mapping.system))
-    known = [*system.output_names, *system.input_names]
-    for name in mapping.variables:
-        if name not in known:
-            raise RecordingError(
-                f"{mapping.path}: variables: {name!r} is neither output nor input of {system.name}; "
-                f"found {', '.join(known)}"
-            )
-    if not any(name in mapping.variables for name in system.output_names):
-        raise RecordingError(
-            f"{mapping.path}: variables: no output of {system.name} is mapped; expected one of "
-            f"{', '.join(system.output_names)}"
-        )
+    check_against(mapping, system)
     return system
 
 

@@ -20,7 +20,8 @@ AMSTERDAM = Time(column="t", zone="Europe/Amsterdam")
 
 
 def stamps(texts, settings=AMSTERDAM):
-    return read_stamps(pd.Series(list(texts)), settings, "file")
+    found = read_stamps(pd.Series(list(texts)), settings, "file")
+    return found.utc, found.notes
 
 
 @cache
@@ -152,7 +153,8 @@ def test_a_format_that_reads_no_time_is_named(form, text, said):
     ],
 )
 def test_the_end_of_a_day_is_the_next_ones_beginning(form, texts):
-    utc, notes = read_stamps(pd.Series(texts), Time(column="t", zone="Europe/Amsterdam", format=form), "here")
+    found = read_stamps(pd.Series(texts), Time(column="t", zone="Europe/Amsterdam", format=form), "here")
+    utc, notes = found.utc, found.notes
     np.testing.assert_array_equal(np.diff(utc), [3600.0, 3600.0])
     assert notes == ["1 time stamps of 24:00 are taken as 00:00 of the next day"]
 
