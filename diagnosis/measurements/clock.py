@@ -576,6 +576,19 @@ def formats_of(texts: pd.Series) -> list[str]:
     return _in_order(texts, found) if len(found) > 1 else found
 
 
+def read_naive(texts: pd.Series, form: str) -> np.ndarray:
+    """Stamps as they read, whatever their zone, (rows,) [s]; NaN where they cannot be read."""
+    if form in ("unix", "excel"):
+        return _counted(texts, form, Time(column="", format=form), "")[0]
+    if form == "ISO8601":
+        texts = texts.str.replace(_STAMPED, "", regex=True).where(texts.str.contains(":", regex=False), texts)
+        texts = texts.str.strip()
+    elif form.endswith("%z"):
+        texts, form = texts.str.replace(_STAMPED, "", regex=True).str.strip(), form.removesuffix("%z").rstrip()
+    parsed = _parsed(texts, form, False)[0]
+    return np.where(parsed.isna(), np.nan, seconds_of(pd.DatetimeIndex(parsed)))
+
+
 def _readable(texts: pd.Series, form: str) -> bool:
     try:
         return not _parsed(texts, form, True)[0].isna().any()

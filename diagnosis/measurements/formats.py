@@ -237,6 +237,30 @@ def sheet_rows(path: Path, data: bytes, sheet: str | None) -> Iterator[tuple[Any
         raise RecordingError(f"{path}: cannot be read as an Excel file ({why(error)}); expected an .xlsx") from None
 
 
+def sheets_of(path: Path, data: bytes, most: int) -> dict[str, list[list[str]]]:
+    """The first rows of each sheet of an Excel file, as text.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be read.
+    """
+    _check_archive(path, data)
+    openpyxl = needed("openpyxl", path, "an Excel")
+    try:
+        book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True, keep_links=False)
+        return {
+            one.title: [
+                ["" if cell is None else _text(cell, ".") for cell in row] for row in islice(_cells(one, path), most)
+            ]
+            for one in book.worksheets
+        }
+    except RecordingError:
+        raise
+    except Exception as error:  # openpyxl raises what it meets in a file that is damaged
+        raise RecordingError(f"{path}: cannot be read as an Excel file ({why(error)}); expected an .xlsx") from None
+
+
 def _cells(sheet: Any, path: Path) -> Iterator[tuple[Any, ...]]:
     if hasattr(sheet, "reset_dimensions"):
         sheet.reset_dimensions()  # what the file says of its size need not be so

@@ -34,6 +34,7 @@ from diagnosis.measurements.units import COUNTS
 from shared.errors import RecordingError
 from shared.flags import ASSUMED, COMPUTED, IMPOSSIBLE, INTERPOLATED, PARTLY, STUCK
 from shared.places import check_folder
+from shared.shipped import resolved
 from shared.store import sha256_of
 from shared.system import System, load_system
 from shared.variables import (
@@ -194,14 +195,14 @@ def import_recording(
     system: System | Path | str | None = None,
     ahead: bool = False,
 ) -> ImportReport:
-    """Turn a CSV of measurements into a recording (NetCDF) and draw it.
+    """Turn a file of measurements into a recording (NetCDF) and draw it.
 
     Parameters
     ----------
     mapping
         Column mapping (TOML): see :mod:`diagnosis.measurements.mapping`.
     data
-        The measurements (CSV).
+        The measurements: CSV, Excel, Parquet or NetCDF.
     out
         The recording; its picture lies next to it, ending in ``.png``.
     system
@@ -223,8 +224,7 @@ def import_recording(
     """
     if Path(data).suffix.lower() == ".toml" and Path(mapping).suffix.lower() != ".toml":
         raise RecordingError(
-            f"{mapping}, {data}: the second is a TOML; expected the mapping (TOML) first and the measurements (CSV)"
-            " second"
+            f"{mapping}, {data}: the second is a TOML; expected the mapping (TOML) first and the measurements second"
         )
     settings = load_mapping(mapping)
     described = _system(settings, system)
@@ -286,7 +286,11 @@ def _system(mapping: Mapping, given: System | Path | str | None) -> System:
         return given
     if given is None and mapping.system is None:
         raise RecordingError(f"{mapping.path}: system is missing; expected the system description that is measured")
-    system = load_system(given if given is not None else mapping.path.parent / str(mapping.system))
+    if given is None:
+        beside = mapping.path.parent / str(mapping.system)
+        given = beside if beside.exists() else resolved(str(mapping.system))
+        given = given if given.exists() else beside
+    system = load_system(given)
     check_against(mapping, system)
     return system
 

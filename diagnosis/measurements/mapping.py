@@ -211,8 +211,8 @@ def load_mapping(path: Path | str) -> Mapping:
     """
     path = Path(path)
     raw = read_toml(path, RecordingError, "a column mapping (TOML)")
-    if unfilled := list(_unfilled(raw)):
-        places = ", ".join(f"{where}{_EXAMPLES.get(where.rpartition('.')[2], '')}" for where in unfilled)
+    if empty := list(unfilled(raw)):
+        places = ", ".join(f"{where}{_EXAMPLES.get(where.rpartition('.')[2], '')}" for where in empty)
         raise RecordingError(f"{path}: has {OPEN!r} where something has to be filled in: {places}")
     try:
         return Mapping.model_validate({**raw, "path": path})
@@ -231,11 +231,11 @@ _EXAMPLES = {
 """What is to be filled in, by the field."""
 
 
-def _unfilled(table: dict[str, Any], where: str = "") -> Iterator[str]:
+def unfilled(table: dict[str, Any], where: str = "") -> Iterator[str]:
     """Fields that a draft leaves to be filled in."""
     for name, value in table.items():
         if isinstance(value, dict):
-            yield from _unfilled(value, f"{where}{name}.")
+            yield from unfilled(value, f"{where}{name}.")
         elif value == OPEN:
             yield f"{where}{name}"
 

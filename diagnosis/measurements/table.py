@@ -130,7 +130,7 @@ MOST = 1024 * MIB
 """Bytes of a file of measurements."""
 SEPARATORS = (";", "\t", ",", "|")
 """What loggers write between columns."""
-_MARKS = ((codecs.BOM_UTF32_LE, "utf-32"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
+MARKS = ((codecs.BOM_UTF32_LE, "utf-32"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 """What files in other encodings begin with; that of UTF-32 begins with one of UTF-16."""
 _MINUS = "\u2212"
 """The sign that some languages' programs write before negative numbers."""
@@ -351,7 +351,7 @@ def read_file(path: Path, settings: File, name: str) -> Rows:
 def _text(path: Path, settings: File) -> str:
     """The file's text, its lines ended by line feeds only."""
     data = read_bytes(path, RecordingError, "measurements (CSV)", MOST)
-    found = next((name for mark, name in _MARKS if data.startswith(mark)), "")
+    found = next((name for mark, name in MARKS if data.startswith(mark)), "")
     hint = f"; is it {found!r}?" if found else ", such as 'utf-16' or 'cp1252'"
     try:
         text = data.decode(settings.encoding)
