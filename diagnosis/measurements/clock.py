@@ -335,17 +335,15 @@ def read_stamps(texts: pd.Series, settings: Time, where: str, sensors: Sensors |
             f"{where}: row {k + 1} has no time stamp; expected one in each row that holds something: write it, or"
             " remove the row"
         )
-    notes: list[str] = []
-    doubtful = np.zeros(len(texts), dtype=bool)
-    form, utc = settings.format, None
-    if form == "unix" or form == "excel" or (form == "ISO8601" and _are_serial(texts)):
-        utc, notes = _counted(texts, "unix" if form == "unix" else "excel", settings, where)
+    form = settings.format
     if form == "unix":
-        name, doubtful = _zone_of(settings, where), doubtful
+        name, doubtful = _zone_of(settings, where), np.zeros(len(texts), dtype=bool)
         find_zone(name, where)
-    elif utc is not None:
+        utc, notes = _counted(texts, form, settings, where)
+    elif form == "excel" or (form == "ISO8601" and _are_serial(texts)):
         name = settings.stamps or _zone_of(settings, where)
-        utc, doubtful, told = of_wall_clock(_dates(utc), find_zone(name, where), name, where, sensors)
+        wall, notes = _counted(texts, "excel", settings, where)
+        utc, doubtful, told = of_wall_clock(_dates(wall), find_zone(name, where), name, where, sensors)
         notes += told
     else:
         utc, doubtful, name, notes = _written(texts, settings, where, sensors)
@@ -579,7 +577,7 @@ def formats_of(texts: pd.Series) -> list[str]:
 def read_naive(texts: pd.Series, form: str) -> np.ndarray:
     """Stamps as they read, whatever their zone, (rows,) [s]; NaN where they cannot be read."""
     if form in ("unix", "excel"):
-        return _counted(texts, form, Time(column="", format=form), "")[0]
+        return _counted(texts, form, Time(column="-", format=form), "")[0]
     if form == "ISO8601":
         texts = texts.str.replace(_STAMPED, "", regex=True).where(texts.str.contains(":", regex=False), texts)
         texts = texts.str.strip()

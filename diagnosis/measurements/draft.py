@@ -136,8 +136,8 @@ def _comment(text: str) -> str:
 
 
 def _lines(layout: Layout, columns: Sequence[Column], system: System, reference: str) -> Iterator[str]:
-    yield f"# Drafted from {_comment(layout.path.name)}. Each guess has its reason: read them, correct what is wrong, and fill in"
-    yield f'# each "{OPEN}". What a field may be: docs/reference/mapping.md'
+    yield f"# Drafted from {_comment(layout.path.name)}. Each guess has its reason: read, and correct."
+    yield f'# Fill in each "{OPEN}". All that a mapping may say: docs/reference/mapping.md'
     yield "schema_version = 1"
     yield _line("system", reference, "a path from this file's folder, or the name of one that comes with the package")
     yield ""

@@ -427,14 +427,19 @@ def _occupancy(column: Column, target: Target) -> tuple[str, str, dict[str, obje
     return OPEN, "neither whole numbers nor 0 and 1", {}
 
 
+_POWERS = {
+    "kWh": ("kW", 3600.0), "Wh": ("W", 3600.0), "MWh": ("MW", 3600.0),
+    "J": ("W", 1.0), "kJ": ("kW", 1.0), "MJ": ("MW", 1.0), "GJ": ("GW", 1.0),
+}  # fmt: skip
+"""The power that an energy within some seconds is, and the factor that goes with it [s]."""
+
+
 def _energy(column: Column, layout: Layout) -> tuple[str, str, dict[str, object]]:
     """Energy of each interval as a power; a register is none."""
     unit = column.meaning.unit
     if not unit or column.rises or not layout.interval:
         return OPEN, "an energy, of a register or in another unit than its name says; a power is wanted", {}
-    power, factor = {"kWh": ("kW", 3600.0), "Wh": ("W", 3600.0), "MWh": ("MW", 3600.0)}.get(
-        unit, ({"J": "W", "kJ": "kW", "MJ": "MW", "GJ": "GW"}[unit], 1.0)
-    )
+    power, factor = _POWERS[unit]
     scale = factor / layout.interval
     return power, f"{unit} within {layout.interval:g} s each, by the scale", {"scale": scale}
 
@@ -466,7 +471,8 @@ def _choose(several: Sequence[Column], target: Target) -> None:
     best = max(good, key=worth)
     others = [one for one in several if one is not best]
     if others:
-        best.reasons["column"] += f"; of {len(several)} columns that may be it one with most readings"
+        why = "counts persons" if best.fields["unit"] == "persons" else "has most readings"
+        best.reasons["column"] += f"; of {len(several)} columns that may be it this one {why}"
     for one in others:
         compared = (
             best.second is None

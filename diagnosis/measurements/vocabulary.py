@@ -135,18 +135,19 @@ def unit_in(name: str, given: str = "") -> tuple[str, str, str]:
     vocabulary = _words()
     for text in [given, *re.findall(r"[\[({]([^\])}]*)[\])}]", name)]:
         key = _key(text)
-        if key and (unit := vocabulary.units.get(key) or vocabulary.alone.get(key)):
+        if unit := vocabulary.units.get(key, "") or vocabulary.alone.get(key, ""):
             return unit, re.sub(r"[\[({][^\])}]*[\])}]", " ", name), ""
     if match := re.search(r"(?:°|º|℃|℉)\s*([CF])?", name):
         unit = {"C": "degC", "F": "degF"}.get(match[1] or ("F" if "℉" in match[0] else "C"), "")
         return unit, re.sub(r"\bin\s*$", "", name.replace(match[0], " ")), ""
     for sign in (" / ", "/", ", ", " in ", " "):
         head, _, tail = name.rpartition(sign)
-        if head and (unit := vocabulary.units.get(_key(tail)) or (sign != " " and vocabulary.alone.get(_key(tail)))):
-            return str(unit), head, ""
+        unit = vocabulary.units.get(_key(tail), "") or ("" if sign == " " else vocabulary.alone.get(_key(tail), ""))
+        if head and unit:
+            return unit, head, ""
     parts = re.split(r"[\s_.\-]+", name)
     for count in (4, 3, 2, 1):
-        if len(parts) >= count and (unit := vocabulary.units.get(_key("".join(parts[-count:])))):
+        if len(parts) >= count and (unit := vocabulary.units.get(_key("".join(parts[-count:])), "")):
             return unit, " ".join(parts[:-count]), ""
     last = _key(parts[-1]) if len(parts) > 1 else ""
     return "", name, vocabulary.alone.get(last, "")
