@@ -8,6 +8,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from diagnosis.measurements.guess import Column, guess
 from diagnosis.measurements.layout import Layout, layout_of
 from diagnosis.measurements.mapping import OPEN, File, unfilled
@@ -19,6 +21,8 @@ from shared.system import System, load_system
 
 _STUCK = 12.0
 """Hours that a reading may stand still before the import leaves it out as stuck."""
+_DAY = 24.0
+"""Hours within which whatever has to do with the sun or with people moves."""
 
 
 @dataclass(frozen=True)
@@ -214,9 +218,8 @@ def _table(column: Column) -> Iterator[str]:
         yield _line(name, value, "" if name == "column" else column.reasons.get(name, ""))
     if "reading" not in column.fields:
         yield f"# {column.reasons['reading']}"
-    if column.target.quantities <= {"temperature", "wind_speed"} and (still := _still(column)) > _STUCK:
-        yield f"# it stands still for up to {still:.3g} h, which is left out as stuck, unless"
-        yield f"# stuck_after = {still + 1:.0f}.0"
+    if column.target.quantities <= {"temperature", "wind_speed", "co2"}:
+        yield from _stuck_after(column)
     if column.second is not None:
         second = column.second
         inner = [_line("column", second.name), _line("unit", second.fields["unit"])]
@@ -225,12 +228,25 @@ def _table(column: Column) -> Iterator[str]:
     yield ""
 
 
-def _still(column: Column) -> float:
-    """For how long a column shows one value at most [h]."""
+def _stuck_after(column: Column) -> Iterator[str]:
+    """A line on readings that stand still for so long that the import leaves them out as stuck.
+
+    A sensor that was stuck comes back with a jump, because what it measures has moved on; calm weather goes on by the
+    finest step of the readings, within the day.
+    """
     wall, seen = column.wall[column.read], column.seen
-    longest = begin = 0.0
-    for k in range(1, len(seen)):
-        if seen[k] != seen[k - 1]:
-            begin = float(k)
-        longest = max(longest, float(wall[k] - wall[int(begin)]))
-    return longest / 3600.0
+    change = np.abs(np.diff(seen))
+    ends = np.flatnonzero(change > 0)
+    begins = np.concatenate([[0], ends + 1])
+    hours = (wall[np.concatenate([ends, [len(seen) - 1]])] - wall[begins]) / 3600.0
+    long = np.flatnonzero(hours > _STUCK)
+    if not long.size or not ends.size:
+        return
+    longest, leaving = float(hours.max()), change[ends[long[long < len(ends)]]]
+    calm = longest <= _DAY and bool((leaving <= 1.5 * float(np.diff(np.unique(seen)).min())).all())
+    if calm:
+        why = f"it stands still for up to {longest:.3g} h, and goes on by its finest step: no sensor that is stuck"
+        yield _line("stuck_after", _DAY, why)
+    else:
+        yield f"# it stands still for up to {longest:.3g} h, which is left out as stuck; if it is not, give the hours:"
+        yield "# " + _line("stuck_after", float(np.ceil(longest + 1)))
