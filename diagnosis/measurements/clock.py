@@ -406,10 +406,15 @@ def _counted(texts: pd.Series, form: str, settings: Time, where: str) -> tuple[n
     """Stamps that count seconds since 1970 (or parts of them) or days since 1899-12-30, (rows,) [s since 1970]."""
     numbers = pd.to_numeric(texts.str.replace(",", ".", regex=False), errors="coerce").to_numpy(dtype=np.float64)
     _all_read(~np.isfinite(numbers), texts, settings, where)
+    return _since_1970(numbers, form)
+
+
+def _since_1970(numbers: np.ndarray, form: str) -> tuple[np.ndarray, list[str]]:
+    """Numbers that count time, (rows,), as seconds since 1970, and a sentence on what they were taken for."""
     if form == "excel":
         return _EXCEL + 86400.0 * numbers, ["the time stamps are taken as Excel's: days since 1899-12-30"]
     for parts, name in ((1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")):
-        if ((numbers >= SINCE * parts) & (numbers <= LAST * parts)).all():
+        if SINCE * parts <= np.nanmin(numbers) and np.nanmax(numbers) <= LAST * parts:
             return numbers / parts, [f"the time stamps are taken as {name} since 1970"]
     return numbers, []
 
@@ -577,7 +582,8 @@ def formats_of(texts: pd.Series) -> list[str]:
 def read_naive(texts: pd.Series, form: str) -> np.ndarray:
     """Stamps as they read, whatever their zone, (rows,) [s]; NaN where they cannot be read."""
     if form in ("unix", "excel"):
-        return _counted(texts, form, Time(column="-", format=form), "")[0]
+        numbers = pd.to_numeric(texts.str.replace(",", ".", regex=False), errors="coerce").to_numpy(dtype=np.float64)
+        return _since_1970(numbers, form)[0]
     if form == "ISO8601":
         texts = texts.str.replace(_STAMPED, "", regex=True).where(texts.str.contains(":", regex=False), texts)
         texts = texts.str.strip()

@@ -258,8 +258,6 @@ def _of_use(column: Column, quantities: frozenset[str]) -> str:
     """What could be made of what no system takes as it is."""
     if "humidity" in quantities and "outdoor" in column.meaning.places:
         return "; a dew point, [weather.temp_dew], would tell the sky: compute it from this and the air's temperature"
-    if "energy" in quantities and column.rises:
-        return "; a meter's register: a power is wanted, its difference between two rows by the time between them"
     if "position" in quantities:
         return "; if its full flow is known, scale = that flow makes it a flow"
     return ""
@@ -323,6 +321,9 @@ def _only_one(
 def _take(column: Column, target: Target, columns: Sequence[Column], layout: Layout) -> bool:
     """Make a column a target, with its unit and kind of reading; False if its values contradict that."""
     unit, why, fields = _unit(column, target, columns, layout)
+    if unit == OPEN and "energy" in _quantities(column):
+        column.open = f"{why}: {column.looks}"
+        return False
     if unit != OPEN:
         odd = _impossible(column, unit, float(str(fields.get("scale", 1.0))), target)
         if odd:
@@ -438,7 +439,8 @@ def _energy(column: Column, layout: Layout) -> tuple[str, str, dict[str, object]
     """Energy of each interval as a power; a register is none."""
     unit = column.meaning.unit
     if not unit or column.rises or not layout.interval:
-        return OPEN, "an energy, of a register or in another unit than its name says; a power is wanted", {}
+        what = "a meter's register" if column.rises else "an energy in a unit that its name does not say"
+        return OPEN, f"{what}; a power is wanted: its difference between two rows by the time between them", {}
     power, factor = _POWERS[unit]
     scale = factor / layout.interval
     return power, f"{unit} within {layout.interval:g} s each, by the scale", {"scale": scale}

@@ -95,7 +95,7 @@ def layout_of(path: Path) -> Layout:
     there = stamps != ""
     wall = np.full(len(frame), np.nan)
     wall[there.to_numpy()] = read_naive(stamps[there], forms[0])
-    offset = bool(stamps[there].str.contains(r":\d{2}.*[+-]\d{2}:?\d{2}$", regex=True).all())
+    offset = bool(stamps[there].str.contains(r":\d{2}.*[+-]\d{2}:?\d{2}$", regex=True).mean() > ALIKE)
     offset &= not stamps[there].str.contains(r"[+-]00:?00$", regex=True).all()
     decimal = _decimal(frame.drop(columns=columns), file, rows.numeric)
     if decimal == ",":
@@ -209,12 +209,8 @@ def _names_at(records: Sequence[tuple[int, list[str]]], width: int, path: Path, 
 
 
 def _has_time(row: Sequence[str]) -> bool:
-    """Whether a row holds a date; or begins, maybe after a number of the row, with one that counts time."""
-    for cell in row[:10]:
-        if formats_of(pd.Series([cell])) not in ([], ["unix"], ["excel"]):
-            return True
-    first = row[1:2] if len(row) > 1 and row[0].isdigit() and not formats_of(pd.Series([row[0]])) else row[:1]
-    return any(_like_number(cell) and bool(formats_of(pd.Series([cell]))) for cell in first)
+    """Whether a row holds a date, or a number that counts time: no column names do."""
+    return any(bool(formats_of(pd.Series([cell]))) for cell in row)
 
 
 def _like_number(cell: str) -> bool:
@@ -240,16 +236,16 @@ def _time_columns(frame: pd.DataFrame, path: Path) -> tuple[list[str], list[str]
     for k, name in enumerate(map(str, frame.columns)):
         texts = frame.iloc[:, k].fillna("").str.strip()
         texts = texts[texts != ""]
-        if len(texts) < 0.5 * len(frame) or not len(texts) or not formats_of(texts.head(50)):
+        if len(texts) < 0.5 * len(frame) or not len(texts) or not (begin := formats_of(texts.head(50))):
             continue
-        forms = formats_of(texts)
+        forms = formats_of(texts) or begin  # the import says which row of a later one cannot be read
         if forms in (["unix"], ["excel"]):
             counted.append((name, forms))
         elif forms:
             beside = _time_of_day(frame, k)
             if beside is not None and not texts.str.contains(":", regex=False).any():
                 both = (texts + " " + frame[beside].reindex(texts.index).fillna("").str.strip()).str.strip()
-                return [name, beside], formats_of(both)
+                return [name, beside], formats_of(both) or formats_of(both.head(50))
             return [name], forms
     for name, forms in counted:
         texts = frame[name].fillna("").str.strip()

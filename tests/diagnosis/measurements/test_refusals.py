@@ -153,5 +153,7 @@ def test_steps_longer_than_the_measurements_are_refused(house, step):
 
 
 def test_a_place_is_on_the_ground(house):
-    with pytest.raises(RecordingError, match=r"mapping\.toml: place\.altitude: is 86400\.0; expected a number up to 9000"):
+    with pytest.raises(
+        RecordingError, match=r"mapping\.toml: place\.altitude: is 86400\.0; expected a number up to 9000"
+    ):
         house(measured(days=2)[0], MAPPING.replace("[place]", "[place]\naltitude = 86400.0"))
