@@ -28,6 +28,10 @@ MOST_ODD = 0.1
 HOUR = 3600.0
 _NIGHT = (22.0, 3.0)
 """Hours in which the sun is down everywhere but near the poles in summer, on a clock that is daylight saving's, too."""
+_WIDE, _NARROW = 25.0, 1.5
+"""Temperatures of a room lie within so many kelvins nine tenths of the time; those outdoors beyond so many."""
+_BREATH = 50.0
+"""One person in a large room moves CO2 by more [ppm], as does the weather outdoors not."""
 _WARM, _MILD = (12.0, 35.0), (54.0, 95.0)
 """Medians of a room's temperature [degC], [degF]: they do not overlap."""
 
@@ -249,7 +253,9 @@ def _matching(column: Column, targets: Sequence[Target], columns: Sequence[Colum
     if len(found) == 1:
         return found[0]
     said = words_for(quantities | meaning.places | (meaning.roles - {"mean", "count"}))
-    which = f"may be {' or '.join(targets[k].name for k in found)}" if found else "is nothing that this system takes"
+    known = any(quantities & one.quantities for one in targets)
+    which = "does not say of which place" if known and not meaning.places else "is nothing that this system takes"
+    which = f"may be {' or '.join(targets[k].name for k in found)}" if found else which
     column.open = f"{said}, which {which}: {column.looks}{_of_use(column, quantities)}"
     return None
 
@@ -306,22 +312,32 @@ def _only_one(
         if one is not column
         and not one.open
         and _quantities(one) == quantities
-        and "set_point" not in one.meaning.roles
+        and not one.meaning.roles & {"set_point", "extreme", "forecast"}
     ]
     if len(found) != 1 or any(one.meaning.places <= {"room"} and one.meaning.places for one in alike):
         return []
     others = [one for one in alike if not one.meaning.places]
     elsewhere = any("outdoor" in one.meaning.places for one in alike)
-    if quantities == {"temperature"} and (others or not elsewhere):
-        return []  # a temperature without a place may be the outdoor air's
-    column.reasons["place"] = "no other column is said to be of the room"
+    if quantities == {"temperature"} and not elsewhere:  # it may be the outdoor air's, but not beside a room's CO2
+        beside = [one for one in columns if "co2" in one.meaning.quantities and one.meaning.places <= {"room"}]
+        if others or len(alike) or len(beside) != 1:
+            return []
+    elif quantities == {"temperature"} and others:
+        return []
+    column.reasons["place"] = (
+        "no other column is said to be of the room" if alike or elsewhere else "it is the only one"
+    )
     return found
 
 
 def _take(column: Column, target: Target, columns: Sequence[Column], layout: Layout) -> bool:
     """Make a column a target, with its unit and kind of reading; False if its values contradict that."""
+    outdoors = target.table == "weather" and target.quantities == {"temperature"}
+    if outdoors and _days(column) > 3 and float(np.ptp(np.quantile(column.seen, [0.05, 0.95]))) < _NARROW:
+        column.open = f"its name says the air outdoors, which varies more in so many days: {column.looks}"
+        return False
     unit, why, fields = _unit(column, target, columns, layout)
-    if unit == OPEN and "energy" in _quantities(column):
+    if unit == OPEN and ("energy" in _quantities(column) or target.quantities <= {"persons", "presence"}):
         column.open = f"{why}: {column.looks}"
         return False
     if unit != OPEN:
@@ -360,9 +376,19 @@ def _impossible(column: Column, unit: str, scale: float, target: Target) -> str:
         middle = float(np.median(convert(column.seen, unit, "degC", density=1.2, where="")))
         if not 0.0 <= middle <= 45.0:
             return f"no room is at {middle:.3g} degC half of the time"
+        if float(np.ptp(np.quantile(values, [0.05, 0.95]))) > _WIDE:
+            return "no room varies so much"
+    if target.quantities == {"co2"} and "place" in column.reasons and float(np.ptp(values)) < _BREATH:
+        return "nobody breathes there"
     if target.quantities == {"irradiance"} and (dark := _by_night(column)) > 0.5:
         return f"{dark:.0%} of it comes between 22 h and 3 h"
     return ""
+
+
+def _days(column: Column) -> float:
+    """The days that a column spans."""
+    wall = column.wall[column.read & np.isfinite(column.wall)]
+    return float(np.ptp(wall)) / 86400.0 if wall.size else 0.0
 
 
 def _by_night(column: Column) -> float:
@@ -418,10 +444,14 @@ def _degrees(column: Column, target: Target, columns: Sequence[Column]) -> tuple
 
 
 def _occupancy(column: Column, target: Target) -> tuple[str, str, dict[str, object]]:
+    if column.meaning.unit in ("percent", "fraction"):
+        return OPEN, "a share is neither a count of persons nor presence", {}
     counted = (
         "persons" in column.meaning.quantities or column.meaning.unit == "persons" or "count" in column.meaning.roles
     )
-    if counted or (not column.binary and bool((column.seen % 1 == 0).all()) and column.seen.max() > 1):
+    if counted or (
+        not column.binary and bool((column.seen % 1 == 0).all()) and 1 < column.seen.max() <= 2 * target.most
+    ):
         return "persons", "whole numbers" if not counted else "the name says persons", {}
     if column.binary:
         return "presence", "0 and 1 only", {"persons": OPEN if target.most > 1 else 1.0}

@@ -92,6 +92,8 @@ def meaning_of(name: str, unit: str = "") -> Meaning:
     """What a column's name says, and a unit that is written elsewhere, as in a row below the names."""
     vocabulary = _words()
     found, rest, alone = unit_in(name, unit)
+    if found in ("persons", "presence"):  # a unit, and a word for what is counted
+        rest = name
     tags: dict[str, set[str]] = {"quantities": set(), "places": set(), "roles": set()}
     said = []
     for word in _said(plain(rest), vocabulary):

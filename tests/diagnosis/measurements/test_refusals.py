@@ -157,3 +157,28 @@ def test_a_place_is_on_the_ground(house):
         RecordingError, match=r"mapping\.toml: place\.altitude: is 86400\.0; expected a number up to 9000"
     ):
         house(measured(days=2)[0], MAPPING.replace("[place]", "[place]\naltitude = 86400.0"))
+
+
+def test_all_mistakes_of_a_mapping_are_said_at_once(house, tmp_path):
+    wrong = (
+        MAPPING.replace("zone =", "zoen =").replace("latitude = 52.0", "latitude = 520").replace("scale =", "skale =")
+    )
+    wrong = wrong.replace('unit = "kW"', "unit = 3").replace("fill = 0.0", 'fill = "all"')
+    with pytest.raises(RecordingError) as caught:
+        house(measured(days=2)[0], wrong + "[file]\ndecimal = ';'\n")
+    first, *said = str(caught.value).split("\n  ")
+    assert first.endswith("mapping.toml: has 6 mistakes:") and len(said) == 6
+    for part in (
+        "time.zoen: unknown field (found 'Europe/Amsterdam'); expected fields column, zone",
+        "place.latitude: is 520; expected a number up to 90",
+        "variables.gas.unit: is 3; expected text in quotation marks",
+        "variables.air.skale: unknown field",
+        "variables.air.fill: is 'all'; expected 'none', 'interpolate' or a number",
+        "file.decimal: is ';'; expected '.' or ','",
+    ):
+        assert any(one.startswith(part) for one in said), part
+    wrong = MAPPING.replace("variables.gas", "variables.gaz").replace('"degF" }', '"ppm" }').replace('"W/m2"', '"W"')
+    with pytest.raises(
+        RecordingError, match=r"(?s)3 mistakes:.*compare: unit 'ppm'.*'gaz' is neither.*weather.ghi: unit"
+    ):
+        house(measured(days=2)[0], wrong)
