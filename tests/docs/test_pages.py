@@ -71,7 +71,7 @@ def test_sharing(tmp_path, monkeypatch, capsys):
 @pytest.mark.slow
 def test_the_measurements_of_the_example_come_back_as_they_were(tmp_path, monkeypatch, capsys):
     """The log is of a simulated room: what is imported is that room, within what its sensors and the log round away."""
-    assert run("own-measurements.md", tmp_path, monkeypatch) == 3
+    assert run("own-measurements.md", tmp_path, monkeypatch) == 4
     found = xr.load_dataset(tmp_path / "recording.nc", decode_times=False)
     room = datagen.simulate("MixedAirCO2", seed=12, hours=504, excitation=False)
     room = room.sel(time=found["time"].values)
