@@ -184,7 +184,7 @@ def targets_of(system: System) -> list[Target]:
     if wanted.get("poa_global") or wanted.get("temp_sky"):
         wanted |= {"ghi": True, "dni": True, "dhi": True}
     if wanted.get("temp_sky"):
-        wanted |= {"temp_air": True, "temp_dew": True, "opaque_cover": True}
+        wanted |= {"temp_air": True, "temp_dew": True, "opaque_cover": True, "relative_humidity": True}
     for name, tags in weather_meanings().items():
         if wanted.get(name):
             places = frozenset(one for one in tags[1:] if one == "outdoor")
@@ -262,8 +262,6 @@ def _matching(column: Column, targets: Sequence[Target], columns: Sequence[Colum
 
 def _of_use(column: Column, quantities: frozenset[str]) -> str:
     """What could be made of what no system takes as it is."""
-    if "humidity" in quantities and "outdoor" in column.meaning.places:
-        return "; a dew point, [weather.temp_dew], would tell the sky: compute it from this and the air's temperature"
     if "position" in quantities:
         return "; if its full flow is known, scale = that flow makes it a flow"
     return ""
@@ -419,6 +417,8 @@ def _unit(
         return "W/m2", f"the highest reading is {high:.4g}", {}
     if target.quantities == {"wind_speed"} and high <= 40 and float(seen.mean()) < 6:
         return "m/s", f"{float(seen.mean()):.2g} on average; km/h would be calm all the time", {}
+    if target.quantities == {"humidity"} and 0 < high <= 110:
+        return ("percent" if high > 1.5 else "fraction"), f"the highest reading is {high:.4g}", {}
     if target.quantities == {"pressure"}:
         for one, low, most in (("hPa", 500, 1100), ("Pa", 50_000, 110_000), ("kPa", 50, 110)):
             if low <= middle <= most:

@@ -20,8 +20,13 @@ from shared.refused import meant
 from shared.signals import Table
 from shared.system import System
 
-MEASURABLE = {**{name: WEATHER_UNITS[name] for name in WEATHER_UNITS if name != "wind_direction"}, "opaque_cover": "1"}
-"""Weather quantities that a mapping may name, and the unit each is brought to. Cover is a share of the sky."""
+MEASURABLE = {
+    **{name: WEATHER_UNITS[name] for name in WEATHER_UNITS if name != "wind_direction"},
+    "opaque_cover": "1",
+    "relative_humidity": "1",
+}
+"""Weather quantities that a mapping may name, and the unit each is brought to. Cover is a share of the sky; of the
+air's relative humidity and its temperature comes the dew point where none was measured."""
 OPEN = "?"
 """What a draft writes where somebody has to fill something in."""
 
