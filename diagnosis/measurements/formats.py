@@ -36,7 +36,9 @@ _KINDS = (
     (b"PK\x03\x04", "excel"),
     (b"PAR1", "parquet"),
     (b"\x89HDF", "netcdf"),
-    (b"CDF", "netcdf"),
+    (b"CDF\x01", "netcdf"),
+    (b"CDF\x02", "netcdf"),
+    (b"CDF\x05", "netcdf"),
     (b"\xd0\xcf\x11\xe0", "xls"),
     (b"\x1f\x8b", "gzip"),
 )
@@ -80,9 +82,15 @@ def kind_of(path: Path) -> str:
     try:
         with open(path, "rb") as file:
             begin = file.read(4)
+            end = b""
+            if begin == b"PAR1":  # which may be a column's name, too
+                file.seek(-4, 2)
+                end = file.read(4)
     except OSError:  # whoever reads it says why
         return "text"
     found = next((kind for mark, kind in _KINDS if begin.startswith(mark)), "text")
+    if found == "parquet" and end != begin:
+        found = "text"
     if found in _REFUSED:
         raise RecordingError(f"{path}: {_REFUSED[found]}, or measurements as CSV, .xlsx, Parquet or NetCDF")
     return found

@@ -6,17 +6,26 @@ what the name leaves open. What no name tells is left open: a wrong column would
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from diagnosis.measurements.layout import Layout
+from diagnosis.measurements.layout import ROWS, Layout
 from diagnosis.measurements.mapping import MEASURABLE, OPEN
 from diagnosis.measurements.spacing import even, logged_on_change
 from diagnosis.measurements.table import Measurements
 from diagnosis.measurements.units import convert
-from diagnosis.measurements.vocabulary import Meaning, meaning_of, measured_in, weather_meanings, words_for
+from diagnosis.measurements.vocabulary import (
+    Meaning,
+    meaning_of,
+    measured_in,
+    plain,
+    unit_in,
+    weather_meanings,
+    words_for,
+)
 from shared.errors import RecordingError
 from shared.possible import POSSIBLE
 from shared.system import System
@@ -136,6 +145,7 @@ def columns_of(layout: Layout) -> list[Column]:
         numeric=layout.rows.numeric,
     )  # fmt: skip
     hours = (layout.wall % 86400.0) / HOUR
+    begin = f" in the first {ROWS} rows" if len(frame) == ROWS else ""
     found = []
     for k, name in enumerate(map(str, frame.columns)):
         twice = list(frame.columns).count(name) > 1
@@ -146,7 +156,7 @@ def columns_of(layout: Layout) -> list[Column]:
             values = np.full(len(frame), np.nan)
             texts = frame.iloc[:, k].fillna("").str.strip()
             texts = texts[texts != ""]
-            said = f"text such as {str(texts.iloc[0])[:40]!r}" if len(texts) else "it is empty"
+            said = f"text such as {str(texts.iloc[0])[:40]!r}" if len(texts) else f"it is empty{begin}"
         column = Column(name, meaning_of(name, layout.units.get(name, "")), values, hours, layout.wall)
         column.open = "another column has the same name" if twice else said
         found.append(column)
@@ -491,12 +501,23 @@ def _reading(column: Column, target: Target) -> tuple[str, str]:
     return "point", 'an instant; "mean" if the logger writes means'
 
 
+def _numbers(name: str) -> tuple[str, ...]:
+    """The numbers in a column's name, as of rooms or meters, but those of a substance or a unit."""
+    return tuple(re.findall(r"\d+", re.sub(r"co ?2|m ?[23]\b|pm ?\d+", " ", plain(unit_in(name)[1]))))
+
+
 def _choose(several: Sequence[Column], target: Target) -> None:
     """Of columns that may be one target the one that is used; a second is compared with it, others are left open."""
 
     def worth(one: Column) -> tuple[bool, bool, int]:
         return one.fields["unit"] != OPEN, one.fields["unit"] == "persons", int(one.read.sum())
 
+    if len(several) > 1 and target.table == "variables" and len({_numbers(one.name) for one in several}) > 1:
+        for one in several:
+            others = " and ".join(other.name for other in several if other is not one)
+            one.target = None
+            one.open = f"may be {target.name}, and so may {others}: of several rooms? {one.looks}"
+        return
     most = max(int(one.read.sum()) for one in several)
     # a count of persons says more than presence, if it is there for most of the time
     good = [one for one in several if one.read.sum() >= 0.5 * most]

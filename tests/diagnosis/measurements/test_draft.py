@@ -211,6 +211,12 @@ def test_what_a_name_does_not_tell_is_left_open(log, tmp_path):
     draft = draft_mapping(tmp_path / "log.csv", out=tmp_path / "mapping.toml")
     assert placed(draft) == TRUTH
     assert all(f'# column = "{name}"' in draft.text for name in traps)
+    # rooms of which nobody says which one is modelled
+    frame = log.assign(**{f"Room {k} T [°C]": log["room_degC"] + k - 101 for k in (101, 102)}).drop(columns="room_degC")
+    frame.to_csv(tmp_path / "log.csv", index=False)
+    draft = draft_mapping(tmp_path / "log.csv", out=tmp_path / "rooms.toml")
+    assert "variables.TRoo" not in placed(draft).values()
+    assert "and so may Room 102 T [°C]: of several rooms?" in draft.text
     # two temperatures without a place, and values that are none of what the name says
     frame = log[["time"]].assign(temp1=log["room_degC"], temp2=log["outdoor_degC"], room_degC=log["co2_ppm"])
     frame.to_csv(tmp_path / "log.csv", index=False)
@@ -220,7 +226,7 @@ def test_what_a_name_does_not_tell_is_left_open(log, tmp_path):
 def test_a_system_of_other_names_and_a_second_meter(tmp_path):
     (tmp_path / "house.toml").write_text(HOUSE)
     frame = measured(days=6)[0].rename(
-        columns={"room": "room temperature [°C]", "room 2": "room temperature 2 [°F]", "outside": "outside [°C]"}
+        columns={"room": "room temperature [°C]", "room 2": "meter room temperature [°F]", "outside": "outside [°C]"}
     )
     frame.assign(**{"heating energy [kWh]": frame.pop("kilowatts") / 6}).to_csv(tmp_path / "log.csv", index=False)
     draft = draft_mapping(tmp_path / "log.csv", tmp_path / "house.toml", out=tmp_path / "mapping.toml")
@@ -230,7 +236,7 @@ def test_a_system_of_other_names_and_a_second_meter(tmp_path):
         "sun": "weather.ghi",
         "outside [°C]": "weather.temp_air",
     }
-    assert 'compare = { column = "room temperature 2 [°F]", unit = "degF" }' in draft.text
+    assert 'compare = { column = "meter room temperature [°F]", unit = "degF" }' in draft.text
     assert 'system = "house.toml"' in draft.text
 
 
