@@ -512,11 +512,13 @@ def _choose(several: Sequence[Column], target: Target) -> None:
     def worth(one: Column) -> tuple[bool, bool, int]:
         return one.fields["unit"] != OPEN, one.fields["unit"] == "persons", int(one.read.sum())
 
-    if len(several) > 1 and target.table == "variables" and len({_numbers(one.name) for one in several}) > 1:
+    apart = "set_point" in target.roles or len({_numbers(one.name) for one in several}) > 1
+    if len(several) > 1 and target.table == "variables" and apart:
         for one in several:
-            others = " and ".join(other.name for other in several if other is not one)
+            rest = " and ".join(other.name for other in several if other is not one)
+            whose = "for heating or for cooling" if "set_point" in target.roles else "of several rooms"
             one.target = None
-            one.open = f"may be {target.name}, and so may {others}: of several rooms? {one.looks}"
+            one.open = f"may be {target.name}, and so may {rest}: {whose}? {one.looks}"
         return
     most = max(int(one.read.sum()) for one in several)
     # a count of persons says more than presence, if it is there for most of the time
