@@ -7,6 +7,7 @@ by pvlib's name (``[weather.NAME]``), which then feeds every input that the syst
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -253,6 +254,8 @@ def _refused(path: Path, wrong: Sequence[str]) -> RecordingError:
     return RecordingError("\n  ".join([f"{path}: has {len(wrong)} mistakes:", *wrong[:_MOST], *more]))
 
 
+_LONG = 200
+"""Letters of a name that are compared with others."""
 _MOST = 30
 """Mistakes that are said at once."""
 
@@ -296,7 +299,13 @@ def missing_columns(mapping: Mapping, columns: Sequence[str]) -> list[str]:
         for name, source in sources.items():
             named += [(f"{table}.{name}", source.column)] if source.column else []
             named += [(f"{table}.{name}.compare", source.compare.column)] if source.compare else []
-    return [f"{where}: no column {one!r}{meant(one, columns)}" for where, one in named if one not in columns]
+    folded = {name.casefold(): name for name in columns}
+    near = {one: get_close_matches(" ".join(one.casefold().split())[:_LONG], folded, n=1) for _, one in named}
+    return [
+        f"{where}: no column {one!r}{f'; did you mean {folded[near[one][0]]}?' if near[one] else ''}"
+        for where, one in named
+        if one not in columns
+    ]
 
 
 _TABLES: dict[str, type[Table]] = {
