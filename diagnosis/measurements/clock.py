@@ -288,17 +288,35 @@ def make_clock(name: str, zone: tzinfo, first: float) -> Clock:
     return Clock(name, offset, time_zero(local.date()))
 
 
-def read_stamps(
-    texts: pd.Series, settings: Time, where: str, sensors: Sensors | None = None
-) -> tuple[np.ndarray, list[str]]:
-    """Time stamps to UTC [s since 1970], shape (rows,), and sentences on how they were understood.
+@dataclass(frozen=True)
+class Stamps:
+    """Time stamps that were understood.
+
+    Attributes
+    ----------
+    utc
+        Shape (rows,) [s since 1970]; NaN where nothing tells which pass of a repeated hour a stamp is of.
+    zone
+        The place's clock: the mapping's, else that of the stamps' own offsets.
+    notes
+        Sentences on how they were understood.
+    """
+
+    utc: np.ndarray
+    zone: str
+    notes: list[str]
+
+
+def read_stamps(texts: pd.Series, settings: Time, where: str, sensors: Sensors | None = None) -> Stamps:
+    """Time stamps to UTC.
 
     Stamps with an offset or a Z mean what they say. Stamps without are of the zone's wall clock; the hour that the end
-    of daylight saving repeats is its first pass until the clock goes back, and its second from there on; NaN where
-    nothing tells.
+    of daylight saving repeats is its first pass until the clock goes back, and its second from there on.
 
     Parameters
     ----------
+    texts
+        Shape (rows,).
     sensors
         Which sensors each row holds a reading of: rows of one stamp may be of several sensors or of two passes. One
         sensor that is in every row if not given.
@@ -306,56 +324,35 @@ def read_stamps(
     Raises
     ------
     RecordingError
-        If stamps cannot be read, lie in the hour that daylight saving skips, run backwards, or do not tell which pass
-        of the repeated hour they are of.
+        If stamps cannot be read, lie in the hour that daylight saving skips, run backwards, do not tell which pass
+        of the repeated hour they are of, or neither they nor the mapping say how the place's clock runs.
     """
-    name = settings.stamps or settings.zone
-    zone = find_zone(name, where)
     texts = texts.str.strip()
     empty = texts.isna() | (texts == "")
     if empty.any():
-        raise RecordingError(f"{where}: row {int(np.flatnonzero(empty)[0]) + 1} has no time stamp; expected one a row")
-    notes: list[str] = []
-    doubtful = np.zeros(len(texts), dtype=bool)
-    if settings.format == "unix":
-        utc = pd.to_numeric(texts, errors="coerce").to_numpy(dtype=np.float64)
-        _all_read(~np.isfinite(utc), texts, settings, where)
+        k = int(np.flatnonzero(empty)[0])
+        raise RecordingError(
+            f"{where}: row {k + 1} has no time stamp; expected one in each row that holds something: write it, or"
+            " remove the row"
+        )
+    form = settings.format
+    if form == "unix":
+        name, doubtful = _zone_of(settings, where), np.zeros(len(texts), dtype=bool)
+        find_zone(name, where)
+        utc, notes = _counted(texts, form, settings, where)
+    elif form == "excel" or (form == "ISO8601" and _are_serial(texts)):
+        name = settings.stamps or _zone_of(settings, where)
+        wall, notes = _counted(texts, "excel", settings, where)
+        utc, doubtful, told = of_wall_clock(_dates(wall), find_zone(name, where), name, where, sensors)
+        notes += told
     else:
-        if settings.format == "ISO8601":
-            stamped = texts.str.contains(_STAMPED, regex=True) & texts.str.contains(":", regex=False)
-        else:  # a date may stand where an offset could: the format says which it is
-            _check_format(settings.format, where)
-            stamped = pd.Series("%z" in settings.format or settings.format.endswith(_UTC), index=texts.index)
-        if stamped.any() and not stamped.all():
-            odd = int(np.flatnonzero(~stamped)[0])
-            raise RecordingError(
-                f"{where}: row {odd + 1} ({shown(texts.iloc[odd])}) has no offset from UTC but others have; "
-                f"expected all or none{_cut_off(texts, odd)}"
-            )
-        aware = bool(stamped.all())
-        try:
-            parsed, notes = _parsed(texts, settings.format, aware)
-            _all_read(parsed.isna().to_numpy(), texts, settings, where)
-            if aware:
-                utc = seconds_of(pd.DatetimeIndex(parsed))
-            else:
-                if settings.format != "ISO8601":  # first: the clock of another day may skip or repeat an hour
-                    _no_months_for_days(seconds_of(pd.DatetimeIndex(parsed)), texts, settings, where)
-                utc, doubtful, told = of_wall_clock(pd.DatetimeIndex(parsed), zone, name, where, sensors)
-                notes += told
-        except TypeError:
-            raise RecordingError(
-                f"{where}: offsets from UTC cannot be read; expected ISO 8601 with colons, 2022-10-30 02:15:00+01:00,"
-                " or time.format"
-            ) from None
-        except (ValueError, ArithmeticError) as error:
-            raise RecordingError(f"{where}: times cannot be read ({why(error)}); expected times of today") from None
+        utc, doubtful, name, notes = _written(texts, settings, where, sensors)
     odd_year = np.flatnonzero((utc < FIRST) | (utc > LAST))
     if odd_year.size:
         k = int(odd_year[0])
         raise RecordingError(
             f"{where}: row {k + 1} ({shown(texts.iloc[k])}) is not of the years 1900 to 2199"
-            f"{_finer(float(utc[k])) if settings.format == 'unix' else ''}"
+            f"{'; expected seconds since 1970, or milliseconds' if form == 'unix' else ''}"
         )
     back = np.flatnonzero(np.diff(utc) < 0)
     if back.size:
@@ -365,9 +362,128 @@ def read_stamps(
             f"({shown(texts.iloc[k + 1])}) in {back.size} place(s); expected rows in the order of time"
             f"{_cut_off(texts, k + 1)}"
         )
-    if settings.format not in ("ISO8601", "unix"):
+    if form not in ("ISO8601", "unix", "excel"):
         _no_months_for_days(utc, texts, settings, where)
-    return np.where(doubtful, np.nan, utc), notes
+    return Stamps(np.where(doubtful, np.nan, utc), settings.zone or name, notes)
+
+
+def _zone_of(settings: Time, where: str) -> str:
+    """The zone of the mapping.
+
+    Raises
+    ------
+    RecordingError
+        If it names none.
+    """
+    if settings.zone is None:
+        raise RecordingError(
+            f"{where}: time.zone is missing, and the stamps have no offset from UTC; expected the place's clock, as"
+            " zone = 'Europe/Berlin'"
+        )
+    return settings.zone
+
+
+_SERIAL = (25_000.0, 60_000.0)
+"""Excel's days of today: 1968 to 2064."""
+_EXCEL = datetime(1899, 12, 30, tzinfo=UTC).timestamp()
+
+
+def _are_serial(texts: pd.Series) -> bool:
+    """Whether all stamps are numbers that can be Excel's days, and no dates of ISO 8601."""
+    first = texts.iloc[0].replace(",", ".")
+    if not re.fullmatch(r"\d{5}(\.\d*)?", first):
+        return False
+    numbers = pd.to_numeric(texts.str.replace(",", ".", regex=False), errors="coerce")
+    return bool(numbers.between(*_SERIAL).all())
+
+
+def _dates(seconds: np.ndarray) -> pd.DatetimeIndex:
+    """Seconds since 1970 as dates, to the millisecond: days in binary do not hold a second."""
+    return pd.DatetimeIndex((np.round(seconds * 1e3)).astype("int64").astype("datetime64[ms]"))
+
+
+def _counted(texts: pd.Series, form: str, settings: Time, where: str) -> tuple[np.ndarray, list[str]]:
+    """Stamps that count seconds since 1970 (or parts of them) or days since 1899-12-30, (rows,) [s since 1970]."""
+    numbers = pd.to_numeric(texts.str.replace(",", ".", regex=False), errors="coerce").to_numpy(dtype=np.float64)
+    _all_read(~np.isfinite(numbers), texts, settings, where)
+    return _since_1970(numbers, form)
+
+
+def _since_1970(numbers: np.ndarray, form: str) -> tuple[np.ndarray, list[str]]:
+    """Numbers that count time, (rows,), as seconds since 1970, and a sentence on what they were taken for."""
+    if form == "excel":
+        return _EXCEL + 86400.0 * numbers, ["the time stamps are taken as Excel's: days since 1899-12-30"]
+    for parts, name in ((1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")):
+        if SINCE * parts <= np.nanmin(numbers) and np.nanmax(numbers) <= LAST * parts:
+            return numbers / parts, [f"the time stamps are taken as {name} since 1970"]
+    return numbers, []
+
+
+def _written(
+    texts: pd.Series, settings: Time, where: str, sensors: Sensors | None
+) -> tuple[np.ndarray, np.ndarray, str, list[str]]:
+    """Dates as text: UTC [s since 1970] and which may be an hour off, both (rows,); the clock's zone; and notes."""
+    if settings.format == "ISO8601":
+        stamped = texts.str.contains(_STAMPED, regex=True) & texts.str.contains(":", regex=False)
+    else:  # a date may stand where an offset could: the format says which it is
+        _check_format(settings.format, where)
+        stamped = pd.Series("%z" in settings.format or settings.format.endswith(_UTC), index=texts.index)
+    if stamped.any() and not stamped.all():
+        odd = int(np.flatnonzero(~stamped)[0])
+        raise RecordingError(
+            f"{where}: row {odd + 1} ({shown(texts.iloc[odd])}) has no offset from UTC but others have; "
+            f"expected all or none{_cut_off(texts, odd)}"
+        )
+    aware = bool(stamped.all())
+    name = settings.stamps or settings.zone or ""
+    try:
+        parsed, notes = _parsed(texts, settings.format, aware)
+        _all_read(parsed.isna().to_numpy(), texts, settings, where)
+        index = pd.DatetimeIndex(parsed)
+        if aware:
+            utc = seconds_of(index)
+            if settings.zone is None:
+                name, told = _zone_of_offsets(texts, settings, where)
+                notes += told
+            find_zone(name or str(settings.zone), where)
+            return utc, np.zeros(len(utc), dtype=bool), name, notes
+        name = name or _zone_of(settings, where)
+        zone = find_zone(name, where)
+        if settings.format != "ISO8601":  # first: the clock of another day may skip or repeat an hour
+            _no_months_for_days(seconds_of(index), texts, settings, where)
+        utc, doubtful, told = of_wall_clock(index, zone, name, where, sensors)
+        return utc, doubtful, name, notes + told
+    except TypeError:
+        raise RecordingError(
+            f"{where}: offsets from UTC cannot be read; expected ISO 8601 with colons, 2022-10-30 02:15:00+01:00,"
+            " or time.format"
+        ) from None
+    except (ValueError, ArithmeticError) as error:
+        raise RecordingError(f"{where}: times cannot be read ({why(error)}); expected times of today") from None
+
+
+def _zone_of_offsets(texts: pd.Series, settings: Time, where: str) -> tuple[str, list[str]]:
+    """The clock that the stamps' own offsets are of: one, or two of which daylight saving is an hour ahead; a note.
+
+    Raises
+    ------
+    RecordingError
+        If they are all UTC, which is the logger's clock and hardly the place's, or of several other clocks.
+    """
+    written = texts.str.extract(r"([+-]\d{2}):?(\d{2})?\s*$")
+    hours = pd.to_numeric(written[0], errors="coerce").fillna(0.0)
+    minutes = pd.to_numeric(written[1], errors="coerce").fillna(0.0) * np.where(written[0].str[0] == "-", -1, 1)
+    offsets = sorted({int(one) for one in 60 * hours + minutes})
+    said = [f"{'-' if one < 0 else '+'}{abs(one) // 60:02d}:{abs(one) % 60:02d}" for one in offsets]
+    if offsets == [0] or len(offsets) > 2 or offsets[-1] - offsets[0] > 60:
+        what = "are in UTC" if offsets == [0] else f"have the offsets {', '.join(said[:9])}"
+        raise RecordingError(
+            f"{where}: time.zone is missing, and the stamps {what}; expected the place's clock, as zone ="
+            " 'Europe/Berlin'"
+        )
+    summer = f"; those of {said[1]} are of daylight saving" if len(said) > 1 else ""
+    may = "" if summer else ", all year: where that is daylight saving, write time.zone"
+    return said[0], [f"the clock is that of the stamps' own offset, {said[0]}{summer}{may}"]
 
 
 def _parsed(texts: pd.Series, form: str, aware: bool) -> tuple[pd.Series, list[str]]:
@@ -427,12 +543,92 @@ def _no_months_for_days(utc: np.ndarray, texts: pd.Series, settings: Time, where
     )
 
 
-def _finer(number: float) -> str:
-    """What numbers may be that are no seconds since 1970; empty if nothing is known of them."""
-    for parts, name in ((1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")):
-        if SINCE <= number / parts <= LAST:
-            return f"; expected seconds since 1970, and it is a time of today in {name}: divide the column by {parts:g}"
-    return "; expected seconds since 1970"
+def _like(texts: pd.Series, form: str) -> str:
+    """Which format reads all stamps that another one does not; empty if none does or several do."""
+    found = [one for one in formats_of(texts) if one != form]
+    return f"; did you mean time.format = {found[0]!r}?" if len(found) == 1 else ""
+
+
+_DATE = r"(\d{1,4})([./-])(\d{1,2}|[A-Za-z]{3,9})\2(\d{1,4})"
+_CLOCK = r"(\d{1,2}):(\d{2})(:\d{2})?([.]\d+)?(\s*[AaPp][Mm])?(\s*(?:Z|[+-]\d{2}:?\d{2}))?"
+
+
+def formats_of(texts: pd.Series) -> list[str]:
+    """Formats that read all stamps (rows,) of a file: 'ISO8601', 'unix', 'excel', or of strptime; best first.
+
+    Of day and month the wrong way round both are given, if both read all and neither jumps by a month after each day.
+    """
+    texts = texts.str.strip()
+    first = str(texts.iloc[0])
+    if re.fullmatch(r"[\d.,]+", first) and (counted := _number_formats(texts)):
+        return counted
+    if _readable(texts, "ISO8601") and not re.fullmatch(r"\d{1,7}", first):
+        return ["ISO8601"]
+    shape = re.fullmatch(rf"{_DATE}(?:(,?\s+|T){_CLOCK})?", first)
+    if shape is None:
+        return []
+    date = _date_formats(*shape.group(1, 2, 3, 4))
+    clock = ""
+    if shape[5]:
+        half = bool(shape[10])
+        seconds = (":%S" if shape[8] else "") + (".%f" if shape[9] else "")
+        blank = " " if half and shape[10][0] == " " else ""
+        zone = ((" " if shape[11][0] == " " else "") + "%z") if shape[11] else ""
+        clock = f"{shape[5]}%{'I' if half else 'H'}:%M{seconds}{blank}{'%p' if half else ''}{zone}"
+    found = [one + clock for one in date if _readable(texts, one + clock)]
+    return _in_order(texts, found) if len(found) > 1 else found
+
+
+def read_naive(texts: pd.Series, form: str) -> np.ndarray:
+    """Stamps as they read, whatever their zone, (rows,) [s]; NaN where they cannot be read."""
+    if form in ("unix", "excel"):
+        numbers = pd.to_numeric(texts.str.replace(",", ".", regex=False), errors="coerce").to_numpy(dtype=np.float64)
+        return _since_1970(numbers, form)[0]
+    if form == "ISO8601":
+        texts = texts.str.replace(_STAMPED, "", regex=True).where(texts.str.contains(":", regex=False), texts)
+        texts = texts.str.strip()
+    elif form.endswith("%z"):
+        texts, form = texts.str.replace(_STAMPED, "", regex=True).str.strip(), form.removesuffix("%z").rstrip()
+    parsed = _parsed(texts, form, False)[0]
+    return np.where(parsed.isna(), np.nan, seconds_of(pd.DatetimeIndex(parsed)))
+
+
+def _readable(texts: pd.Series, form: str) -> bool:
+    try:
+        return not _parsed(texts, form, True)[0].isna().any()
+    except (ValueError, TypeError, ArithmeticError):
+        return False
+
+
+def _number_formats(texts: pd.Series) -> list[str]:
+    numbers = pd.to_numeric(texts.str.replace(",", ".", regex=False), errors="coerce")
+    if numbers.between(*_SERIAL).all():
+        return ["excel"]
+    for form, digits in (("%Y%m%d%H%M%S", 14), ("%Y%m%d%H%M", 12), ("%Y%m%d", 8)):
+        if texts.str.fullmatch(rf"\d{{{digits}}}").all() and _readable(texts, form):
+            return [form]
+    if any(numbers.between(SINCE * parts, LAST * parts).all() for parts in (1.0, 1e3, 1e6, 1e9)):
+        return ["unix"]
+    return []
+
+
+def _date_formats(first: str, sign: str, second: str, third: str) -> list[str]:
+    """Formats that a date's three parts may be of."""
+    if len(first) == 4:
+        return [f"%Y{sign}%m{sign}%d"]
+    year = "%Y" if len(third) == 4 else "%y"
+    if second.isalpha():
+        return [f"%d{sign}{'%b' if len(second) == 3 else '%B'}{sign}{year}"]
+    return [f"%d{sign}%m{sign}{year}", f"%m{sign}%d{sign}{year}"]
+
+
+def _in_order(texts: pd.Series, forms: list[str]) -> list[str]:
+    """Those formats by which time runs forward most steadily: the least sum of what is beyond the usual step."""
+    cost = []
+    for form in forms:
+        apart = np.diff(seconds_of(pd.DatetimeIndex(_parsed(texts, form, True)[0])))
+        cost.append(float(np.abs(apart - np.median(apart)).sum()) if len(apart) else 0.0)
+    return [form for form, one in zip(forms, cost, strict=True) if one <= min(cost) + DAY / 2]
 
 
 def _all_read(bad: np.ndarray, texts: pd.Series, settings: Time, where: str) -> None:
@@ -440,6 +636,6 @@ def _all_read(bad: np.ndarray, texts: pd.Series, settings: Time, where: str) -> 
         k = int(np.flatnonzero(bad)[0])
         raise RecordingError(
             f"{where}: row {k + 1} ({shown(texts.iloc[k])}) is not a time of format {settings.format!r}; expected "
-            "ISO 8601 as 2022-10-30 02:15:00+01:00, or time.format set to 'unix' or for example '%d/%m/%Y %H:%M'"
-            f"{_cut_off(texts, k)}"
+            "ISO 8601 as 2022-10-30 02:15:00+01:00, or time.format set to 'unix', 'excel' or for example"
+            f" '%d/%m/%Y %H:%M'{_like(texts, settings.format)}{_cut_off(texts, k)}"
         )

@@ -15,7 +15,7 @@ from diagnosis.measurements import plausible
 from diagnosis.measurements.clock import Clock, find_zone, make_clock
 from diagnosis.measurements.grid import Series, input_target, longest_whole, output_target
 from diagnosis.measurements.judge import Judge
-from diagnosis.measurements.mapping import Mapping, load_mapping
+from diagnosis.measurements.mapping import Mapping, check_against, load_mapping
 from diagnosis.measurements.outdoors import Outdoors
 from diagnosis.measurements.output import (
     Comparison,
@@ -36,6 +36,7 @@ from diagnosis.recording import read_recording
 from shared.errors import RecordingError
 from shared.flags import ASSUMED, COMPUTED, IMPOSSIBLE, INTERPOLATED, PARTLY, STUCK
 from shared.places import check_folder
+from shared.shipped import resolved
 from shared.store import sha256_of
 from shared.system import System, load_system
 from shared.variables import (
@@ -196,14 +197,14 @@ def import_recording(
     system: System | Path | str | None = None,
     ahead: bool = False,
 ) -> ImportReport:
-    """Turn a CSV of measurements into a recording (NetCDF) and draw it.
+    """Turn a file of measurements into a recording (NetCDF) and draw it.
 
     Parameters
     ----------
     mapping
         Column mapping (TOML): see :mod:`diagnosis.measurements.mapping`.
     data
-        The measurements (CSV).
+        The measurements: CSV, Excel, Parquet or NetCDF.
     out
         The recording; its picture lies next to it, ending in ``.png``.
     system
@@ -225,8 +226,7 @@ def import_recording(
     """
     if Path(data).suffix.lower() == ".toml" and Path(mapping).suffix.lower() != ".toml":
         raise RecordingError(
-            f"{mapping}, {data}: the second is a TOML; expected the mapping (TOML) first and the measurements (CSV)"
-            " second"
+            f"{mapping}, {data}: the second is a TOML; expected the mapping (TOML) first and the measurements second"
         )
     settings = load_mapping(mapping)
     described = _system(settings, system)
@@ -240,7 +240,7 @@ def import_recording(
     interval = float(np.median(np.diff(measurements.utc)))
     if length + interval < DAY:
         raise RecordingError(f"{data}: spans {length / 3600:.3g} h; expected at least a day")
-    clock = make_clock(settings.time.zone, find_zone(settings.time.zone, str(settings.path)), measurements.utc[0])
+    clock = make_clock(measurements.zone, find_zone(measurements.zone, str(settings.path)), measurements.utc[0])
     composer = _composer(described, settings, measurements, clock)
     series, missing = _series(composer)
     composer.outdoors.check_sun(series)
@@ -267,7 +267,7 @@ def import_recording(
         system=str(described.path),
         rows=len(measurements.utc),
         interval=interval,
-        zone=settings.time.zone,
+        zone=measurements.zone,
         utc_offset=clock.offset / 3600.0,
         time_zero=clock.zero.isoformat(),
         begin=begin,
@@ -289,19 +289,12 @@ def _system(mapping: Mapping, given: System | Path | str | None) -> System:
         return given
     if given is None and mapping.system is None:
         raise RecordingError(f"{mapping.path}: system is missing; expected the system description that is measured")
-    system = load_system(given if given is not None else mapping.path.parent / str(mapping.system))
-    known = [*system.output_names, *system.input_names]
-    for name in mapping.variables:
-        if name not in known:
-            raise RecordingError(
-                f"{mapping.path}: variables: {name!r} is neither output nor input of {system.name}; "
-                f"found {', '.join(known)}"
-            )
-    if not any(name in mapping.variables for name in system.output_names):
-        raise RecordingError(
-            f"{mapping.path}: variables: no output of {system.name} is mapped; expected one of "
-            f"{', '.join(system.output_names)}"
-        )
+    if given is None:
+        beside = mapping.path.parent / str(mapping.system)
+        given = beside if beside.exists() else resolved(str(mapping.system))
+        given = given if given.exists() else beside
+    system = load_system(given)
+    check_against(mapping, system)
     return system
 
 

@@ -6,27 +6,40 @@ by pvlib's name (``[weather.NAME]``), which then feeds every input that the syst
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import AfterValidator, Field, ValidationError, field_validator, model_validator
 
 from datagen.driving.weather import UNITS as WEATHER_UNITS
+from diagnosis.measurements.units import convert
 from shared.errors import RecordingError
 from shared.reading import read_toml, short, shown
 from shared.refused import meant
 from shared.signals import Table
+from shared.system import System
 
-MEASURABLE = {**{name: WEATHER_UNITS[name] for name in WEATHER_UNITS if name != "wind_direction"}, "opaque_cover": "1"}
-"""Weather quantities that a mapping may name, and the unit each is brought to. Cover is a share of the sky."""
+MEASURABLE = {
+    **{name: WEATHER_UNITS[name] for name in WEATHER_UNITS if name != "wind_direction"},
+    "opaque_cover": "1",
+    "relative_humidity": "1",
+}
+"""Weather quantities that a mapping may name, and the unit each is brought to. Cover is a share of the sky; of the
+air's relative humidity and its temperature comes the dew point where none was measured."""
+OPEN = "?"
+"""What a draft writes where somebody has to fill something in."""
 
 
 class File(Table):
-    """How the text file is written."""
+    """How the file is written. Of Excel count ``skip``, ``below``, ``sheet`` and ``missing``, of Parquet the last."""
 
     separator: str = Field(",", min_length=1, max_length=1)
     decimal: Literal[".", ","] = "."
     skip: int = Field(0, ge=0, lt=2**31, description="lines before the line of column names")
+    below: int = Field(0, ge=0, le=100, description="lines between the column names and the readings, as of units")
+    sheet: str | None = Field(None, description="the sheet of an Excel file; needed if several have cells")
     encoding: str = "utf-8-sig"
     missing: list[str] = Field(["", "NA", "NaN", "nan", "null", "NULL", "None", "-"], description="texts for no value")
 
@@ -34,10 +47,29 @@ class File(Table):
 class Time(Table):
     """Where the time stamps are and how they are to be understood."""
 
-    column: str
-    zone: str = Field(description="IANA name, UTC, or an offset as +01:00: the place's clock")
+    column: str | list[str] = Field(description="a column, or several that are joined by a blank, as of date and time")
+    zone: str | None = Field(
+        None,
+        description="IANA name, UTC, or an offset as +01:00: the place's clock; the stamps' own offset if not given",
+    )
     stamps: str | None = Field(None, description="the same of stamps without an offset; ``zone`` if not given")
-    format: str = Field("ISO8601", description="ISO8601, unix (seconds), or a strptime format with a year")
+    format: str = Field(
+        "ISO8601",
+        description="ISO8601, unix (seconds since 1970 or parts of them), excel (days since 1899-12-30), or a strptime"
+        " format with a year",
+    )
+
+    @property
+    def columns(self) -> list[str]:
+        """The columns of which the stamps are made."""
+        return [self.column] if isinstance(self.column, str) else list(self.column)
+
+    @field_validator("column")
+    @classmethod
+    def _some(cls, column: str | list[str]) -> str | list[str]:
+        if not column:
+            raise ValueError("is empty; expected a column's name, or those of date and time")
+        return column
 
 
 class Place(Table):
@@ -59,7 +91,7 @@ class Meter(Table):
     """A second meter of the same quantity: compared and drawn, never used."""
 
     column: str
-    unit: str
+    unit: str = Field(description="what the column is in, as unit = 'degC'")
     scale: float = 1.0
     offset: float = 0.0
     persons: float | None = Field(None, gt=0, description="unit presence: how many persons a presence stands for")
@@ -78,7 +110,7 @@ class Source(Table):
 
     column: str | None = None
     constant: float | None = None
-    unit: str
+    unit: str = Field(description="what the column is in, as unit = 'degC'")
     scale: float = 1.0
     offset: float = 0.0
     persons: float | None = Field(None, gt=0, description="unit presence: how many persons a presence stands for")
@@ -111,18 +143,21 @@ class Source(Table):
 
     @model_validator(mode="after")
     def _one_origin(self) -> Source:
+        wrong = []
         if (self.column is None) == (self.constant is None):
-            raise ValueError("has both or neither of column and constant; expected one of them")
+            wrong.append("has both or neither of column and constant; expected one of them")
         if self.valid is not None and not self.valid[0] < self.valid[1]:
-            raise ValueError(f"valid is [{self.valid[0]:g}, {self.valid[1]:g}]; expected low < high")
+            wrong.append(f"valid is [{self.valid[0]:g}, {self.valid[1]:g}]; expected low < high")
         if self.unit == "presence" and self.persons is None:
-            raise ValueError("unit is presence but persons is missing; expected how many persons a presence stands for")
+            wrong.append("unit is presence but persons is missing; expected how many persons a presence stands for")
         if self.unit != "presence" and self.persons is not None:
-            raise ValueError(f"persons is given with unit {self.unit!r}; expected it with unit 'presence' only")
+            wrong.append(f"persons is given with unit {self.unit!r}; expected it with unit 'presence' only")
         if self.scale == 0:
-            raise ValueError("scale is 0; expected another number")
+            wrong.append("scale is 0; expected another number")
         if self.fill not in (None, "interpolate") and "fill_up_to" in self.model_fields_set:
-            raise ValueError(f"fill_up_to is given with fill = {self.fill!r}; expected fill = 'interpolate' with it")
+            wrong.append(f"fill_up_to is given with fill = {self.fill!r}; expected fill = 'interpolate' with it")
+        if wrong:
+            raise ValueError("; ".join(wrong))
         return self
 
 
@@ -133,37 +168,43 @@ class Defaults(Table):
     stamp: Literal["start", "end"] = "end"
 
 
+def _of_the_weather(name: str) -> str:
+    if name not in MEASURABLE:
+        raise ValueError(f"is not known; expected one of {', '.join(MEASURABLE)}{meant(name, MEASURABLE)}")
+    return name
+
+
 class Mapping(Table):
     """A mapping. Load one with :func:`load_mapping`."""
 
-    schema_version: Literal[1]
+    schema_version: Literal[1] = Field(description="schema_version = 1")
     system: str | None = Field(None, description="system description, relative to the mapping's folder")
     description: str = ""
     source: str = Field("", description="where the measurements come from, and their licence")
     air_density: float = Field(1.2, gt=0, description="turns volume flows into mass flows [kg/m3]")
     file: File = File()
-    time: Time
+    time: Time = Field(description="a table [time], with column and zone")
     place: Place | None = None
     grid: Grid = Grid()
     defaults: Defaults = Defaults()
-    variables: dict[str, Source] = {}
-    weather: dict[str, Source] = {}
+    variables: dict[str, Source] = Field({}, validate_default=True)
+    weather: dict[Annotated[str, AfterValidator(_of_the_weather)], Source] = {}
     path: Path = Path()
 
-    @model_validator(mode="after")
-    def _known(self) -> Mapping:
-        for name in self.weather:
-            if name not in MEASURABLE:
-                raise ValueError(f"weather: {name!r} is not known; expected one of {', '.join(MEASURABLE)}")
-        for name, source in self.variables.items():  # those of the weather are interpolated anyway
-            if source.fill is None and "fill_up_to" in source.model_fields_set:
-                raise ValueError(
-                    f"variables.{name}: fill_up_to is {source.fill_up_to:g} without fill; expected fill = 'interpolate'"
-                    " with it, or neither for an output"
-                )
-        if not any(one.column for one in self.variables.values()):
-            raise ValueError("variables: no column is mapped; expected at least one output of the system")
-        return self
+    @field_validator("variables")
+    @classmethod
+    def _read(cls, variables: dict[str, Source]) -> dict[str, Source]:
+        wrong = [
+            f"{name}: fill_up_to is {source.fill_up_to:g} without fill; expected fill = 'interpolate' with it, or"
+            " neither for an output"
+            for name, source in variables.items()  # those of the weather are interpolated anyway
+            if source.fill is None and "fill_up_to" in source.model_fields_set
+        ]
+        if not any(source.column for source in variables.values()):
+            wrong.append("no column is mapped; expected at least one output of the system")
+        if wrong:
+            raise ValueError("; ".join(wrong))
+        return variables
 
 
 def load_mapping(path: Path | str) -> Mapping:
@@ -172,41 +213,163 @@ def load_mapping(path: Path | str) -> Mapping:
     Raises
     ------
     RecordingError
-        If the file is missing, not TOML, or not a mapping: one sentence names the field.
+        If the file is missing, not TOML, not filled in, or not a mapping: a sentence for each field.
     """
     path = Path(path)
     raw = read_toml(path, RecordingError, "a column mapping (TOML)")
+    if empty := list(unfilled(raw)):
+        places = ", ".join(f"{where}{_EXAMPLES.get(where.rpartition('.')[2], '')}" for where in empty)
+        raise RecordingError(f"{path}: has {OPEN!r} where something has to be filled in: {places}")
     try:
         return Mapping.model_validate({**raw, "path": path})
     except ValidationError as error:
-        raise RecordingError(f"{path}: {_sentence(error)}") from None
+        raise _refused(path, _sentences(error)) from None
+
+
+_EXAMPLES = {
+    "zone": " (the place's clock, as 'Europe/Berlin')",
+    "latitude": " (degrees north)",
+    "longitude": " (degrees east)",
+    "persons": " (how many persons a presence stands for)",
+    "unit": " (what the column is in)",
+    "format": " (as '%d/%m/%Y %H:%M')",
+}
+"""What is to be filled in, by the field."""
+
+
+def unfilled(table: dict[str, Any], where: str = "") -> Iterator[str]:
+    """Fields that a draft leaves to be filled in."""
+    for name, value in table.items():
+        if isinstance(value, dict):
+            yield from unfilled(value, f"{where}{name}.")
+        elif value == OPEN:
+            yield f"{where}{name}"
+
+
+def _refused(path: Path, wrong: Sequence[str]) -> RecordingError:
+    """The error of all that is wrong in a mapping: one sentence, or one a line."""
+    if len(wrong) == 1:
+        return RecordingError(f"{path}: {wrong[0]}")
+    more = [f"and {len(wrong) - _MOST} more"] if len(wrong) > _MOST else []
+    return RecordingError("\n  ".join([f"{path}: has {len(wrong)} mistakes:", *wrong[:_MOST], *more]))
+
+
+_LONG = 200
+"""Letters of a name that are compared with others."""
+_MOST = 30
+"""Mistakes that are said at once."""
+
+
+def check_against(mapping: Mapping, system: System) -> None:
+    """Refuse a mapping that does not fit a system.
+
+    Raises
+    ------
+    RecordingError
+        Of all names that the system does not have, and all units that cannot become those of the system.
+    """
+    wrong = []
+    wanted = {one.name: one.unit for one in [*system.outputs, *system.inputs]}
+    sources = [("variables", name, source, wanted.get(name)) for name, source in mapping.variables.items()]
+    sources += [("weather", name, source, MEASURABLE[name]) for name, source in mapping.weather.items()]
+    for table, name, source, unit in sources:
+        if unit is None:
+            wrong.append(
+                f"variables: {name!r} is neither output nor input of {system.name}; found {', '.join(wanted)}"
+                f"{meant(name, wanted)}"
+            )
+            continue
+        for where, given in [("", source.unit), (".compare", source.compare.unit if source.compare else unit)]:
+            try:
+                convert(0.0, given, unit, density=mapping.air_density, where=f"{table}.{name}{where}")
+            except RecordingError as error:
+                wrong.append(str(error))
+    if not wrong and not any(name in mapping.variables for name in system.output_names):
+        wrong.append(
+            f"variables: no output of {system.name} is mapped; expected one of {', '.join(system.output_names)}"
+        )
+    if wrong:
+        raise _refused(mapping.path, wrong)
+
+
+def missing_columns(mapping: Mapping, columns: Sequence[str]) -> list[str]:
+    """Sentences on columns that a mapping names and a file does not have, each with the name that may be meant."""
+    named = [("time.column", one) for one in mapping.time.columns]
+    for table, sources in (("variables", mapping.variables), ("weather", mapping.weather)):
+        for name, source in sources.items():
+            named += [(f"{table}.{name}", source.column)] if source.column else []
+            named += [(f"{table}.{name}.compare", source.compare.column)] if source.compare else []
+    folded = {name.casefold(): name for name in columns}
+    near = {one: get_close_matches(" ".join(one.casefold().split())[:_LONG], folded, n=1) for _, one in named}
+    return [
+        f"{where}: no column {one!r}{f'; did you mean {folded[near[one][0]]}?' if near[one] else ''}"
+        for where, one in named
+        if one not in columns
+    ]
 
 
 _TABLES: dict[str, type[Table]] = {
     "file": File, "time": Time, "place": Place, "grid": Grid, "defaults": Defaults,
 }  # fmt: skip
+_EITHER = {
+    "fill": "expected 'none', 'interpolate' or a number",
+    "column": "expected a column's name in quotation marks",
+    "valid": "expected two numbers, as [0.0, 100.0]",
+}
+"""What a field may hold that may hold several things."""
+_EXPECTED = {
+    "string_type": "text in quotation marks",
+    "list_type": 'a list, as ["NA", "-"]',
+    "dict_type": "a table",
+    "model_type": "a table",
+    "model_attributes_type": "a table",
+    "finite_number": "a number that is finite",
+    "string_too_short": "one character",
+    "string_too_long": "one character",
+    "greater_than": "a number above {gt:g}",
+    "greater_than_equal": "a number from {ge:g} on",
+    "less_than": "a number below {lt:g}",
+    "less_than_equal": "a number up to {le:g}",
+    "literal_error": "{expected}",
+}
+"""What should stand in a field, by the kind of the mistake."""
 
 
-def _known(where: tuple[int | str, ...]) -> str:
-    """What a table of the mapping may hold, of a field in it that is not known, and which of it is meant."""
+def _fields(where: Sequence[int | str]) -> tuple[type[Table], str]:
+    """The table in which a field stands, and what its fields are called in a sentence."""
     if len(where) == 1:
-        names, kind = [name for name in Mapping.model_fields if name != "path"], "one of"
-    elif where[-2] == "compare":
-        names, kind = list(Meter.model_fields), "fields"
-    else:
-        names, kind = list(_TABLES.get(str(where[0]), Source).model_fields), "fields"
-    return f"; expected {kind} {', '.join(names)}{meant(str(where[-1]), names)}"
+        return Mapping, "one of"
+    return (Meter if where[-2] == "compare" else _TABLES.get(str(where[0]), Source)), "fields"
 
 
-def _sentence(error: ValidationError) -> str:
-    first = error.errors()[0]
-    where = ".".join(str(part) for part in first["loc"])
-    what = first["msg"].removeprefix("Value error, ")
-    if first["type"] == "missing":
-        what = "missing; expected a value"
-    elif first["type"] == "extra_forbidden":
-        what = f"unknown field (found {shown(first['input'])}){_known(first['loc'])}"
-    elif first["type"] != "value_error":
-        what = f"{what} (found {shown(first['input'])})"
-    more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-    return f"{short(where)}: {short(what)}{more}" if where else f"{short(what)}{more}"
+def _sentences(error: ValidationError) -> list[str]:
+    """All that is wrong, a sentence each; what a field of several kinds is for each of them is said once."""
+    said: dict[str, str] = {}
+    for one in error.errors(include_url=False):
+        where = list(one["loc"])
+        cut = next((k for k, part in enumerate(where) if k and part in _EITHER), len(where) - 1)
+        if where[-1] == "[key]":
+            where.pop()
+        elif one["type"] != "extra_forbidden":
+            where = where[: cut + 1]
+        place = short(".".join(str(part) for part in where))
+        what = short(_mistake(one, where))
+        said.setdefault(place, f"{place}: {what}" if place else what)
+    return list(said.values())
+
+
+def _mistake(one: Any, where: list[int | str]) -> str:
+    kind, table = one["type"], _fields(where or [""])
+    if kind == "value_error":
+        return str(one["msg"]).removeprefix("Value error, ")
+    if kind == "missing" and len(where) == len(one["loc"]):
+        field = table[0].model_fields.get(str(where[-1]))
+        return f"missing; expected {field.description if field is not None and field.description else 'a value'}"
+    found = shown(one["input"])
+    if kind == "extra_forbidden":
+        names = [name for name in table[0].model_fields if name != "path"]
+        return f"unknown field (found {found}); expected {table[1]} {', '.join(names)}{meant(str(where[-1]), names)}"
+    if where and where[-1] in _EITHER:
+        return f"is {found}; {_EITHER[str(where[-1])]}"
+    expected = _EXPECTED.get(kind, "a number, without quotation marks").format(**one.get("ctx", {}))
+    return f"is {found}; expected {expected}"

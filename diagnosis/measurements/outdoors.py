@@ -117,7 +117,7 @@ class Outdoors:
 
     def _sky(self, target: Target, where: str) -> Series | None:
         place = self.judge.mapping.place
-        helpers = ["temp_dew", "opaque_cover"]
+        helpers = ["temp_dew", "opaque_cover", "relative_humidity"]
         if "temp_air" not in self.known:
             self._useless |= {
                 name: f"{target.name} is computed from temp_air, which is not mapped"
@@ -125,7 +125,11 @@ class Outdoors:
                 if name in self.known
             }
             return None
-        others = {name: self.signal(name) for name in helpers if name in self.known}
+        others = {name: self.signal(name) for name in helpers[:2] if name in self.known}
+        humid = "relative_humidity" in self.known and "temp_dew" not in others
+        if humid:
+            others["temp_dew"] = weather.dew_point(self.signal("temp_air"), self.signal("relative_humidity"))
+            self._taken.add("relative_humidity")
         ghi = self._global() if "opaque_cover" not in others and place is not None else None
         if ghi is not None:
             others["ghi"] = ghi
@@ -133,6 +137,7 @@ class Outdoors:
             self._useless["ghi"] = f"{target.name} takes clouds from it where place says how high the sun stands"
         signal, how = weather.sky(self.signal("temp_air"), others, self.judge.clock, place)
         self._taken |= {"temp_air", *others}
+        how = how.replace("dew point", "dew point of the relative humidity (Magnus)", 1) if humid else how
         air = self.known["temp_air"]
         base = self._unfilled(target, "temp_air")
         made = self.judge.gridded(target, signal, base, f"estimated from {air.column or 'a constant'}", where)

@@ -6,8 +6,10 @@ import codecs
 import csv
 import io
 import re
+import unicodedata
 import warnings
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import islice
@@ -18,7 +20,8 @@ import numpy as np
 import pandas as pd
 
 from diagnosis.measurements.clock import read_stamps
-from diagnosis.measurements.mapping import File, Mapping
+from diagnosis.measurements.formats import Rows, kind_of, read_rows
+from diagnosis.measurements.mapping import File, Mapping, missing_columns
 from diagnosis.measurements.units import LARGEST
 from shared.errors import RecordingError
 from shared.reading import MIB, check_columns, listed, read_bytes, shown, why
@@ -88,38 +91,38 @@ def skipped(text: str, settings: File, column: str) -> str:
     """What to skip so that the names are read, of a file in whose first lines ``column`` is named; else empty."""
     for number, line in enumerate(islice(io.StringIO(text), _LOOKED_AT)):
         try:
-            names = next(csv.reader([line], delimiter=settings.separator), [])
+            names = next(csv.reader([line], delimiter=settings.separator, skipinitialspace=True), [])
         except (csv.Error, ValueError, TypeError):  # what csv does not take stands in no line of names
             continue
-        if number != settings.skip and column in (one.strip() for one in names):
+        if number != settings.skip and plain_name(column) in map(plain_name, names):
             return f"; the column names are in line {number + 1}: expected file.skip = {number}"
     return ""
 
 
-def check_first_row(frame: pd.DataFrame, name: str, used: list[str], path: Path) -> None:
+def check_first_row(frame: pd.DataFrame, stamps: pd.Series, used: list[str], path: Path) -> None:
     """Refuse a first row that has neither a time nor numbers where the second has a time: units stand there.
 
     Parameters
     ----------
     frame
         Rows as text.
-    name, used
-        The column of the time stamps, and those that are mapped.
+    stamps, used
+        Their time stamps, and the columns that are mapped.
 
     Raises
     ------
     RecordingError
         Naming what the row holds.
     """
-    first, second = (str(one).strip() for one in frame[name].iloc[:2])
-    columns = [one for one in dict.fromkeys(used) if one in frame and one != name]
+    first, second = (str(one).strip() for one in stamps.iloc[:2])
+    columns = [one for one in dict.fromkeys(used) if one in frame]
     cells = [str(frame[one].iloc[0]).strip() for one in columns if isinstance(frame[one], pd.Series)]
     if re.search(r"\d", first) or not re.search(r"\d", second) or any(re.match(r"[+-]?[.,]?\d", one) for one in cells):
         return
     found = ", ".join(shown(one) for one in [first, *cells[:3]])
     raise RecordingError(
-        f"{path}: the row below the column names has no time and no numbers but {found}: units? expected readings:"
-        " remove that line (the mapping says the units)"
+        f"{path}: the row below the column names has no time and no numbers but {found}: units? expected readings, or"
+        " below = 1 in [file] of the mapping"
     )
 
 
@@ -127,7 +130,7 @@ MOST = 1024 * MIB
 """Bytes of a file of measurements."""
 SEPARATORS = (";", "\t", ",", "|")
 """What loggers write between columns."""
-_MARKS = ((codecs.BOM_UTF32_LE, "utf-32"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
+MARKS = ((codecs.BOM_UTF32_LE, "utf-32"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 """What files in other encodings begin with; that of UTF-32 begins with one of UTF-16."""
 _MINUS = "\u2212"
 """The sign that some languages' programs write before negative numbers."""
@@ -142,8 +145,12 @@ class Measurements:
     ----------
     utc
         Time stamps, strictly increasing, shape (rows,) [s since 1970].
+    zone
+        The place's clock.
     columns
-        The file's columns as text, without that of the time stamps.
+        The file's columns as text, without those of the time stamps.
+    numeric
+        Columns whose cells are numbers, with a dot as decimal sign, and not text.
     repeated
         Rows whose time stamp another row had before: they only fill what that row has not.
     notes
@@ -152,9 +159,11 @@ class Measurements:
 
     path: Path
     utc: np.ndarray
+    zone: str
     columns: pd.DataFrame
     decimal: str
     missing: set[str]
+    numeric: frozenset[str] = frozenset()
     repeated: int = 0
     twice: frozenset[str] = frozenset()
     notes: list[str] = field(default_factory=list)
@@ -173,7 +182,9 @@ class Measurements:
             raise RecordingError(f"{where}: {self.path} has no column {name!r}; found {listed(self.columns.columns)}")
         text = self.columns[name].str.strip().str.replace(_MINUS, "-", regex=False)
         text = text.where(~text.isin(self.missing))
-        text, notes = with_dots(text, self.decimal, f"{where}: column {name!r} of {self.path}")
+        notes: list[str] = []
+        if name not in self.numeric:
+            text, notes = with_dots(text, self.decimal, f"{where}: column {name!r} of {self.path}")
         self.notes += [f"column {name}: {one}" for one in notes]
         text = text.str.lower().replace(_TRUE)
         values = pd.to_numeric(text, errors="coerce").to_numpy(dtype=np.float64)
@@ -190,7 +201,7 @@ class Measurements:
 
 
 def read_measurements(path: Path, mapping: Mapping) -> Measurements:
-    """Read a CSV as a mapping says.
+    """Read a file of measurements as a mapping says.
 
     Raises
     ------
@@ -198,58 +209,149 @@ def read_measurements(path: Path, mapping: Mapping) -> Measurements:
         If the file cannot be read, or its time stamps cannot be understood.
     """
     settings = mapping.file
-    text = _text(path, settings)
-    check_columns(text, settings.separator, f"{path}", RecordingError)
-    name = mapping.time.column
-    frame = _table(text, settings, path, name)
-    broken = _broken_lines(frame, settings, path) if '"' in text else []
-    names = _names(text, settings, path)
-    frame.columns = frame.columns.str.strip()
-    if names[name] > 1:
-        raise RecordingError(f"{mapping.path}: time.column: {path} has several columns {name!r}; expected one")
-    if name not in frame:
+    rows = read_file(path, settings, mapping.time.columns[0])
+    names = find_names(rows, [*mapping.time.columns, *_mapped(mapping)])
+    frame, notes = rows.frame, rows.notes
+    for name in mapping.time.columns:
+        if names[name] > 1:
+            raise RecordingError(f"{mapping.path}: time.column: {path} has several columns {name!r}; expected one")
+    if wrong := missing_columns(mapping, list(frame.columns)):
         raise RecordingError(
-            f"{mapping.path}: time.column: {path} has no column {name!r}; found {listed(frame.columns)} "
-            f"(separator {settings.separator!r}){skipped(text, settings, name) or _separated(text, settings)}"
+            f"{mapping.path}: {path} has not all columns that the mapping names: {'; '.join(wrong)}; found"
+            f" {listed(frame.columns)}{rows.hint}"
         )
     if len(frame) < 2:
         raise RecordingError(f"{path}: has {len(frame)} rows; expected at least a day of measurements")
-    check_first_row(frame, name, _mapped(mapping), path)
+    frame, dropped = _without_empty(frame, mapping)
+    notes += dropped
+    stamps = joined(frame, mapping.time.columns)
+    check_first_row(frame, stamps, [one for one in _mapped(mapping) if one not in mapping.time.columns], path)
     read = partial(_read, frame, mapping)
-    utc, notes = read_stamps(frame[name].fillna(""), mapping.time, f"{path}: column {name!r}", read)
-    frame, utc = frame[np.isfinite(utc)].reset_index(drop=True), utc[np.isfinite(utc)]
+    where = f"{path}: column {' and '.join(repr(one) for one in mapping.time.columns)}"
+    found = read_stamps(stamps, mapping.time, where, read)
+    notes += found.notes
+    frame, utc = frame[np.isfinite(found.utc)].reset_index(drop=True), found.utc[np.isfinite(found.utc)]
     keep = np.concatenate([[True], np.diff(utc) > 0])
-    columns = frame.drop(columns=name).fillna("")
+    columns = frame.drop(columns=mapping.time.columns).fillna("")
     if not keep.all():  # a logger may write a row for each of its sensors
-        there = columns.apply(lambda one: one.where(~one.str.strip().isin(settings.missing)))
-        rows = np.cumsum(keep) - 1
-        columns, held = there.groupby(rows).first(), ""
-        holding = [one for one in _mapped(mapping, "hold") if one in columns and names[one] == 1]
-        if holding:  # of changes within one stamp what the last one made holds
-            columns[holding] = there[holding].groupby(rows).last()
-            held = f" (the last of {', '.join(holding)}, which hold{'s' if len(holding) == 1 else ''})"
-        used = [one for one in _mapped(mapping) if names[one] == 1 and one != name]
-        unlike = _unlike(there[used], columns[used].iloc[rows], settings)
-        notes.append(
-            f"{int((~keep).sum())} of {len(keep)} rows repeat the time stamp of the row before, and are counted with"
-            f" it: the first reading of each column is used{held}{unlike}"
-        )
+        columns, told = _once_each(columns, keep, mapping, names)
+        notes.append(told)
     return Measurements(
         path=path,
         utc=utc[keep],
+        zone=found.zone,
         columns=columns.reset_index(drop=True),
         decimal=settings.decimal,
         missing=set(settings.missing),
+        numeric=rows.numeric,
         repeated=int((~keep).sum()),
         twice=frozenset(one for one, count in names.items() if count > 1),
-        notes=[*broken, *notes],
+        notes=notes,
     )
+
+
+def _once_each(
+    columns: pd.DataFrame, keep: np.ndarray, mapping: Mapping, names: Counter[str]
+) -> tuple[pd.DataFrame, str]:
+    """Rows of one time stamp made one, of which ``keep`` (rows,) names the first, and a sentence on it."""
+    settings = mapping.file
+    there = columns.apply(lambda one: one.where(~one.str.strip().isin(settings.missing)))
+    rows = np.cumsum(keep) - 1
+    columns, held = there.groupby(rows).first(), ""
+    holding = [one for one in _mapped(mapping, "hold") if one in columns and names[one] == 1]
+    if holding:  # of changes within one stamp what the last one made holds
+        columns[holding] = there[holding].groupby(rows).last()
+        held = f" (the last of {', '.join(holding)}, which hold{'s' if len(holding) == 1 else ''})"
+    used = [one for one in _mapped(mapping) if names[one] == 1 and one in columns]
+    unlike = _unlike(there[used], columns[used].iloc[rows], settings)
+    return columns, (
+        f"{int((~keep).sum())} of {len(keep)} rows repeat the time stamp of the row before, and are counted with"
+        f" it: the first reading of each column is used{held}{unlike}"
+    )
+
+
+def joined(frame: pd.DataFrame, columns: Sequence[str]) -> pd.Series:
+    """The texts of some columns, joined by a blank, shape (rows,)."""
+    texts = frame[columns[0]].fillna("").str.strip()
+    for one in columns[1:]:
+        texts = texts + " " + frame[one].fillna("").str.strip()
+    return texts.str.strip()
+
+
+def _without_empty(frame: pd.DataFrame, mapping: Mapping) -> tuple[pd.DataFrame, list[str]]:
+    """Rows but those that have no time stamp and hold nothing of what is mapped, and a sentence on these."""
+    stampless = np.flatnonzero((joined(frame, mapping.time.columns) == "").to_numpy())
+    if not stampless.size:
+        return frame, []
+    rows = frame.iloc[stampless]
+    empty = stampless[~_read(rows, mapping).any(axis=1)]
+    if not empty.size:
+        return frame, []
+    blank = (rows.loc[frame.index[empty]].fillna("").apply(lambda one: one.str.strip()) == "").all(axis=1)
+    told = int((~blank).sum())
+    notes = [f"{told} rows without a time stamp hold nothing that is mapped, and are left out"] if told else []
+    return frame.drop(index=frame.index[empty]).reset_index(drop=True), notes
+
+
+_UNSEEN = re.compile("[\u200b\u200c\u200d\u2060\ufeff]")
+"""Characters of no width."""
+
+
+def plain_name(name: str) -> str:
+    """A column's name with composed letters, single blanks, and nothing that is not seen."""
+    return " ".join(unicodedata.normalize("NFC", _UNSEEN.sub("", name)).split())
+
+
+def find_names(rows: Rows, wanted: Sequence[str]) -> Counter[str]:
+    """Rename a table's columns as ``wanted`` spells them; how often each name occurs.
+
+    Names are the same whichever way their letters are composed and their blanks written, and those of other capitals
+    where no second column would do, which is told.
+    """
+    plain = {plain_name(one): one for one in wanted}
+    names = [plain.get(plain_name(one), plain_name(one)) for one in rows.names]
+    columns = [plain.get(plain_name(str(one)), plain_name(str(one))) for one in rows.frame.columns]
+    folded = Counter(one.casefold() for one in names)
+    for one in dict.fromkeys(wanted):
+        key = plain_name(one).casefold()
+        if one not in names and folded[key] == 1 and sum(plain_name(w).casefold() == key for w in {*wanted}) == 1:
+            other = next(name for name in names if name.casefold() == key)
+            names = [one if name == other else name for name in names]
+            columns = [one if name == other else name for name in columns]
+            rows.notes.append(f"column {other!r} is taken for {one!r}")
+    renamed = dict(zip(map(str, rows.frame.columns), columns, strict=True))
+    rows.frame.columns = pd.Index(columns)
+    rows.numeric = frozenset(renamed[one] for one in rows.numeric)
+    return Counter(names)
+
+
+def read_file(path: Path, settings: File, name: str) -> Rows:
+    """A file's rows as text; ``name`` is a column that its names should hold.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be read as a table.
+    """
+    kind = kind_of(path)
+    if kind != "text":
+        rows = read_rows(path, read_bytes(path, RecordingError, "measurements", MOST), kind, settings)
+    else:
+        text = _text(path, settings)
+        check_columns(text, settings.separator, f"{path}", RecordingError)
+        frame, notes = _table(text, settings, path, name)
+        notes += _broken_lines(frame, settings, path) if '"' in text else []
+        hint = f" (separator {settings.separator!r}){skipped(text, settings, name) or _separated(text, settings)}"
+        rows = Rows(frame, _names(text, settings, path), notes=notes, hint=hint)
+    if settings.below and kind in ("text", "excel"):
+        rows.frame = rows.frame.iloc[settings.below :].reset_index(drop=True)
+    return rows
 
 
 def _text(path: Path, settings: File) -> str:
     """The file's text, its lines ended by line feeds only."""
     data = read_bytes(path, RecordingError, "measurements (CSV)", MOST)
-    found = next((name for mark, name in _MARKS if data.startswith(mark)), "")
+    found = next((name for mark, name in MARKS if data.startswith(mark)), "")
     hint = f"; is it {found!r}?" if found else ", such as 'utf-16' or 'cp1252'"
     try:
         text = data.decode(settings.encoding)
@@ -264,6 +366,7 @@ def _text(path: Path, settings: File) -> str:
             f"{path}: line {line} has a null character, read in {shown(settings.encoding)}; expected text: in another"
             " file.encoding ('utf-16-le'?), or without what a logger left that lost its power"
         )
+    text = text.rstrip("\x1a")  # what some programs end a file with
     return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
 
@@ -309,11 +412,12 @@ def _header(text: str, settings: File) -> str:
     return next((line for line in islice(io.StringIO(text), settings.skip, None) if line.strip()), "")
 
 
-def _names(text: str, settings: File, path: Path) -> Counter[str]:
-    """How often each column is named; pandas would call the second of a name something else."""
-    header = _header(text, settings)
+def _names(text: str, settings: File, path: Path) -> list[str]:
+    """The columns' names, which may occur twice; pandas would call the second of a name something else."""
+    lines = (line for line in islice(io.StringIO(text), settings.skip, None))
+    records = csv.reader(lines, delimiter=settings.separator, skipinitialspace=settings.separator != " ")
     try:
-        return Counter(one.strip() for one in next(csv.reader([header], delimiter=settings.separator), []))
+        return next((one for one in records if any(cell.strip() for cell in one)), [])
     except (csv.Error, ValueError, TypeError) as error:  # names of any length, separators that csv does not take
         raise RecordingError(
             f"{path}: line of column names: {why(error)}; expected the names of a CSV's columns"
@@ -366,8 +470,11 @@ def _why_no_table(error: Exception, settings: File) -> str:
     return f"not readable as CSV ({why(error)})"
 
 
-def _table(text: str, settings: File, path: Path, name: str) -> pd.DataFrame:
-    """A CSV's rows as text under its column names; a separator that ends every row but the header's makes no column."""
+def _table(text: str, settings: File, path: Path, name: str) -> tuple[pd.DataFrame, list[str]]:
+    """A CSV's rows as text under its column names, and sentences on what was left out.
+
+    A separator that ends every row but the header's makes no column, and numbers of rows without a name are none.
+    """
 
     def read(**more: Any) -> pd.DataFrame:
         with warnings.catch_warnings():
@@ -380,19 +487,28 @@ def _table(text: str, settings: File, path: Path, name: str) -> pd.DataFrame:
                 dtype=str,
                 keep_default_na=False,
                 skip_blank_lines=True,
+                skipinitialspace=settings.separator != " ",  # a quotation mark may come after a blank
                 **more,
             )
 
     try:
         frame = read()
         if isinstance(frame.index, pd.RangeIndex):
-            return frame
+            return frame, []
         # rows are longer than the header: pandas would take their first fields for names of the rows
-        if frame.index.nlevels > 1 or frame.iloc[:, -1].str.strip().ne("").any():
-            raise RecordingError(
-                f"{path}: rows have {frame.index.nlevels + frame.shape[1]} fields under {frame.shape[1]} column names;"
-                f" expected as many names as fields{skipped(text, settings, name) or _separated(text, settings)}"
-            )
-        return read(index_col=False)
+        if frame.iloc[:, -1].str.strip().eq("").all():
+            return read(index_col=False), []
+        if frame.index.nlevels == 1 and _are_row_numbers(frame.index):
+            return frame.reset_index(drop=True), ["the first field of each row, a number of the row, has no name"]
+        raise RecordingError(
+            f"{path}: rows have {frame.index.nlevels + frame.shape[1]} fields under {frame.shape[1]} column names;"
+            f" expected as many names as fields{skipped(text, settings, name) or _separated(text, settings)}"
+        )
     except (ValueError, ArithmeticError, LookupError, MemoryError) as error:  # what pandas meets in text that is no CSV
         raise RecordingError(f"{path}: {_why_no_table(error, settings)}{skipped(text, settings, name)}") from None
+
+
+def _are_row_numbers(index: pd.Index) -> bool:
+    """Whether the names of rows count them from 0 or 1."""
+    numbers = pd.to_numeric(pd.Series(index), errors="coerce").to_numpy(dtype=np.float64)
+    return len(numbers) > 1 and numbers[0] in (0.0, 1.0) and bool((np.diff(numbers) == 1).all())

@@ -251,6 +251,13 @@ def sky(air: Signal, others: dict[str, Signal], clock: Clock, place: Place | Non
     return replace(air, values=values, flags=air.flags | np.int8(COMPUTED)), how
 
 
+def dew_point(air: Signal, humidity: Signal) -> Signal:
+    """The dew point [K] at the readings of the relative humidity, a share, by Magnus' formula (WMO-No. 8)."""
+    share = np.clip(np.where(humidity.used, humidity.values, 0.5), 0.01, 1.0)
+    dew = pvlib.atmosphere.tdew_from_rh(_everywhere(air, humidity.middle) - 273.15, 100.0 * share) + 273.15
+    return replace(humidity, values=dew, flags=humidity.flags | np.int8(COMPUTED), unit="K")
+
+
 def _everywhere(signal: Signal, times: np.ndarray) -> np.ndarray:
     """A slow quantity at any time: straight lines over its gaps, its nearest value beyond its ends."""
     found = instants_of(signal, times)

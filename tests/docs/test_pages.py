@@ -111,7 +111,8 @@ def test_long_runs(run):
 @pytest.mark.slow
 def test_the_measurements_of_the_example_come_back_as_they_were(run, capsys):
     """The log is of a simulated room: what is imported is that room, within what its sensors and the log round away."""
-    folder, _ = run("docs/own-measurements.md")
+    folder, count = run("docs/own-measurements.md")
+    assert count == 4
     found = xr.load_dataset(folder / "recording.nc", decode_times=False)
     room = datagen.simulate("MixedAirCO2", seed=12, hours=504, excitation=False)
     room = room.sel(time=found["time"].values)

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from diagnosis.measurements.clock import find_zone, make_clock, read_stamps, standard_offset
+from diagnosis.measurements.clock import find_zone, formats_of, make_clock, read_stamps, standard_offset
 from diagnosis.measurements.mapping import Time
 from shared.errors import RecordingError
 
@@ -20,7 +20,8 @@ AMSTERDAM = Time(column="t", zone="Europe/Amsterdam")
 
 
 def stamps(texts, settings=AMSTERDAM):
-    return read_stamps(pd.Series(list(texts)), settings, "file")
+    found = read_stamps(pd.Series(list(texts)), settings, "file")
+    return found.utc, found.notes
 
 
 @cache
@@ -152,7 +153,8 @@ def test_a_format_that_reads_no_time_is_named(form, text, said):
     ],
 )
 def test_the_end_of_a_day_is_the_next_ones_beginning(form, texts):
-    utc, notes = read_stamps(pd.Series(texts), Time(column="t", zone="Europe/Amsterdam", format=form), "here")
+    found = read_stamps(pd.Series(texts), Time(column="t", zone="Europe/Amsterdam", format=form), "here")
+    utc, notes = found.utc, found.notes
     np.testing.assert_array_equal(np.diff(utc), [3600.0, 3600.0])
     assert notes == ["1 time stamps of 24:00 are taken as 00:00 of the next day"]
 
@@ -211,3 +213,56 @@ def test_a_remainder_gives_time_of_day_and_weekday(moment, later, zone):
     assert seconds // 86400 % 7 == local.weekday()
     assert clock.dates(np.array([seconds]))[0] == np.datetime64(local, "s")
     assert float(clock.utc(np.array([seconds]))[0]) == first + later
+
+
+def test_days_of_excel_are_of_the_wall_clock():
+    """Of 1 January 2022, 44562 by Excel's own count, at a quarter past and each hour on in Amsterdam's winter."""
+    for time in (AMSTERDAM, Time(column="t", zone="Europe/Amsterdam", format="excel")):
+        utc, notes = stamps([f"{44562 + (15 + 60 * k) / 1440:.10f}" for k in range(30)], time)
+        np.testing.assert_allclose(utc, 1640991600 + 900 + 3600.0 * np.arange(30), atol=1e-3)
+        assert any("days since 1899-12-30" in note for note in notes)
+
+
+@pytest.mark.parametrize(
+    ("texts", "zone"),
+    [
+        (["2021-09-07 00:00 +08:00", "2021-09-07 00:05 +08:00"], "+08:00"),
+        (["2022-10-30T02:30:00+02:00", "2022-10-30T02:30:00+01:00"], "+01:00"),
+        (["2022-01-01T00:00-03:30", "2022-01-02T00:00-03:30"], "-03:30"),
+        (["2022-01-01T00:00Z", "2022-01-02T00:00Z"], "in UTC; expected the place's clock"),
+        (["2022-01-01T00:00+01:00", "2022-02-01T00:00+02:00", "2022-03-01T00:00+03:00"], "have the offsets"),
+        (["2022-01-01T00:00", "2022-02-01T00:00"], "and the stamps have no offset from UTC; expected the place's"),
+    ],
+)
+def test_offsets_of_the_stamps_tell_the_clock(texts, zone):
+    if " " in zone:
+        with pytest.raises(RecordingError, match=f"time.zone is missing, .*{zone}"):
+            stamps(texts, Time(column="t"))
+    else:
+        found = read_stamps(pd.Series(texts), Time(column="t"), "file")
+        assert found.zone == zone and "the clock is that of the stamps' own offset" in found.notes[0]
+        assert found.utc[0] == datetime.fromisoformat(texts[0].replace(" +", "+")).timestamp()
+
+
+@pytest.mark.parametrize(
+    ("texts", "form"),
+    [
+        (["1/2/2022 1:00 PM", "1/2/2022 2:00 PM", "1/3/2022 1:00 AM"], "%m/%d/%Y %I:%M %p"),
+        (["30.12.22 23:00:00", "31.12.22 00:00:00"], "%d.%m.%y %H:%M:%S"),
+        (["01-Jan-2022 00:00", "02-Jan-2022 00:00"], "%d-%b-%Y %H:%M"),
+        (["202201010000", "202201010015"], "%Y%m%d%H%M"),
+        (["1640991600", "1640995200"], "unix"),
+        (["44562.5", "44562.75"], "excel"),
+        (["2022-01-01 00:00+01:00", "2022-01-01 01:00+01:00"], "ISO8601"),
+        (["20.5", "21.5"], None),
+        (["2022", "2023"], None),
+    ],
+)
+def test_the_format_of_stamps_is_found(texts, form):
+    assert formats_of(pd.Series(texts)) == ([] if form is None else [form])
+
+
+def test_day_and_month_are_told_apart_by_the_order_of_time():
+    hours = pd.Series(pd.date_range("2022-03-04", periods=60, freq="6h").strftime("%d/%m/%Y %H:%M"))
+    assert formats_of(hours) == ["%d/%m/%Y %H:%M"]
+    assert len(formats_of(hours.head(4))) == 2  # one day tells nothing

@@ -44,6 +44,22 @@ def test_constants_of_dew_point_and_clouds_make_the_sky(house, dew, cover):
     assert not unused(report)
 
 
+def test_relative_humidity_makes_the_sky_as_its_dew_point_does(house):
+    """Humidity by Buck's equation (1981), another one than is used to make it a dew point again."""
+
+    def pressure(degrees):
+        return 6.1121 * np.exp((18.678 - degrees / 234.5) * degrees / (257.14 + degrees))
+
+    frame = measured()[0]
+    frame["humid"] = 100.0 * pressure(2.0) / pressure(frame["outside"])
+    cover = constant("opaque_cover", 0.5, "fraction")
+    wet = house(frame, MAPPING + cover + '[weather.relative_humidity]\ncolumn = "humid"\nunit = "percent"\n')
+    sky = xr.load_dataset(wet.recording)["sky"]
+    assert any("dew point of the relative humidity (Magnus)" in one for one in wet.notes) and not unused(wet)
+    dew = house(frame, MAPPING + cover + constant("temp_dew", 2.0, "degC"), out="dew.nc")
+    np.testing.assert_allclose(sky, xr.load_dataset(dew.recording)["sky"], atol=0.02)
+
+
 def test_the_sky_over_a_constant_air_is_assumed(house):
     report = house(
         measured()[0], MAPPING.replace(AIR, constant("temp_air", 8.0, "degC")) + constant("temp_dew", 2.0, "degC")

@@ -99,3 +99,61 @@ def test_a_minus_of_typography_is_one(read):
     """Taken as missing, all negative readings of a column would be."""
     found = read(TEXT.replace("-21.25", "\u221221.25").encode())
     np.testing.assert_array_equal(found.numbers("room", "here"), [20.5, -21.25, 22.0])
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        TEXT + ",,\n,,\n",
+        TEXT + ' , ," "\n\x1a',
+        TEXT.replace("when,room,note", '"when", "room", "note"').replace(",20.5,", ', "20.5",'),
+        TEXT.replace("room", "\u00a0Room "),
+        TEXT.replace("when,room", "\u200bwhen,room"),
+        "when,room,note\n" + "\n".join(f"{k},{line}" for k, line in enumerate(TEXT.splitlines()[1:], 1)),
+    ],
+)
+def test_what_programs_add_to_a_table_is_no_part_of_it(read, content):
+    """Rows without a cell, blanks before quotation marks, blanks that do not break, numbers of rows without a name."""
+    found = read(content.encode())
+    np.testing.assert_array_equal(found.numbers("room", "here"), [20.5, -21.25, 22.0])
+
+
+@pytest.mark.parametrize(
+    ("name", "other"), [("A\u00fc\u00dfen", "Au\u0308\u00dfen"), ("ra\u00fcm", "rau\u0308m"), ("b  c", "B C")]
+)
+def test_a_name_is_the_same_whichever_way_its_letters_are_written(tmp_path, name, other):
+    (tmp_path / "log.csv").write_text(TEXT.replace("room", other), encoding="utf-8")
+    raw = {"schema_version": 1, "time": {"column": "when", "zone": "UTC"}}
+    raw["variables"] = {"warmth": {"column": name, "unit": "degC"}}
+    found = read_measurements(tmp_path / "log.csv", Mapping.model_validate(raw))
+    assert found.numbers(name, "here")[0] == 20.5
+    (tmp_path / "log.csv").write_text(TEXT.replace("room", other).replace("note", "b C"), encoding="utf-8")
+    if name == "b  c":  # either may be meant
+        with pytest.raises(RecordingError, match=r"variables\.warmth: no column 'b  c'; did you mean"):
+            read_measurements(tmp_path / "log.csv", Mapping.model_validate(raw))
+
+
+def test_all_columns_that_are_not_there_are_named(tmp_path):
+    (tmp_path / "log.csv").write_text(TEXT)
+    raw = {"schema_version": 1, "time": {"column": "wen", "zone": "UTC"}}
+    raw["variables"] = {"warmth": {"column": "rooms", "unit": "degC", "compare": {"column": "x", "unit": "degC"}}}
+    with pytest.raises(
+        RecordingError,
+        match=r"time.column: no column 'wen'; did you mean when\?; variables.warmth: no column 'rooms'; did you mean"
+        r" room\?; variables.warmth.compare: no column 'x'; found when, room, note",
+    ):
+        read_measurements(tmp_path / "log.csv", Mapping.model_validate(raw))
+
+
+def test_a_row_without_a_stamp_that_holds_a_reading_is_refused(read):
+    with pytest.raises(RecordingError, match="row 4 has no time stamp; expected one in each row that holds something"):
+        read((TEXT + ",23,\n").encode())
+    assert read((TEXT + ",,mean of all\n").encode()).notes == [
+        "1 rows without a time stamp hold nothing that is mapped, and are left out"
+    ]
+
+
+def test_units_below_the_names(read):
+    names, *rows = TEXT.splitlines()
+    found = read("\n".join([names, ",°C,-", *rows]).encode(), below=1)
+    np.testing.assert_array_equal(found.numbers("room", "here"), [20.5, -21.25, 22.0])

@@ -20,7 +20,11 @@ from tests.small_disk import SAID, small_disk
         (lambda d: d.assign(sun=7.0), MAPPING, "weather.ghi: column 'sun': every reading is 7"),
         (lambda d: d.iloc[:100], MAPPING, "spans 16.5 h; expected at least a day"),
         (lambda d: d.iloc[::-1], MAPPING, "runs backwards from row 1"),
-        (lambda d: d.drop(columns="room"), MAPPING, "has no column 'room'; found room 2"),
+        (
+            lambda d: d.drop(columns="room"),
+            MAPPING,
+            r"variables.warmth: no column 'room'; did you mean room 2\?; found when, room 2",
+        ),
         (
             lambda d: d.assign(other=d["room"] + 5.0).rename(columns={"other": "room"}),
             MAPPING,
@@ -32,7 +36,7 @@ from tests.small_disk import SAID, small_disk
             "variables.warmth: .* has several columns 'room'; expected a name for each",
         ),
         (lambda d: d.assign(other=d["when"]).rename(columns={"other": "when"}), MAPPING, "several columns 'when'"),
-        (lambda d: d.drop(columns="when"), MAPPING, "time.column: .*has no column 'when'"),
+        (lambda d: d.drop(columns="when"), MAPPING, "time.column: no column 'when'"),
         (lambda d: d.assign(room="warm"), MAPPING, "holds text such as 'warm'"),
         (lambda d: d.assign(room=np.nan), MAPPING, "column 'room' of .* is empty"),
         (
@@ -42,7 +46,11 @@ from tests.small_disk import SAID, small_disk
         ),
         (None, MAPPING.replace("Europe/Amsterdam", "Mars/Olympus"), "zone is 'Mars/Olympus'"),
         (None, MAPPING.replace("variables.gas", "variables.gaz"), "'gaz' is neither output nor input of House"),
-        (None, MAPPING.replace("weather.ghi", "weather.sunny"), "'sunny' is not known"),
+        (
+            None,
+            MAPPING.replace("weather.ghi", "weather.sunny"),
+            "weather.sunny: is not known; expected one of temp_air",
+        ),
         (None, MAPPING.replace('"kW"', '"degC"'), "variables.gas.*'degC' cannot become 'W'"),
         (None, MAPPING.replace("persons = 2.0\n", ""), "unit is presence but persons is missing"),
         (None, MAPPING.replace("[place]\nlatitude = 52.0\nlongitude = 5.0", ""), "place is missing"),
@@ -66,9 +74,9 @@ from tests.small_disk import SAID, small_disk
         (
             None,
             MAPPING.replace('"kW"\n', '"kW"\nfill_up_to = 6.0\n'),
-            "variables.gas: fill_up_to is 6 without fill; expected fill = 'interpolate' with it, or neither",
+            "variables: gas: fill_up_to is 6 without fill; expected fill = 'interpolate' with it, or neither",
         ),
-        (None, MAPPING.replace("fill = 0.0", "fill_up_to = 6.0"), "variables.air: fill_up_to is 6 without fill"),
+        (None, MAPPING.replace("fill = 0.0", "fill_up_to = 6.0"), "variables: air: fill_up_to is 6 without fill"),
         (
             None,
             MAPPING.replace("fill = 0.0", "fill = 0.0\nfill_up_to = 6.0"),
@@ -145,5 +153,32 @@ def test_steps_longer_than_the_measurements_are_refused(house, step):
 
 
 def test_a_place_is_on_the_ground(house):
-    with pytest.raises(RecordingError, match=r"mapping\.toml: place\.altitude: .* 9000 .*86400"):
+    with pytest.raises(
+        RecordingError, match=r"mapping\.toml: place\.altitude: is 86400\.0; expected a number up to 9000"
+    ):
         house(measured(days=2)[0], MAPPING.replace("[place]", "[place]\naltitude = 86400.0"))
+
+
+def test_all_mistakes_of_a_mapping_are_said_at_once(house, tmp_path):
+    wrong = (
+        MAPPING.replace("zone =", "zoen =").replace("latitude = 52.0", "latitude = 520").replace("scale =", "skale =")
+    )
+    wrong = wrong.replace('unit = "kW"', "unit = 3").replace("fill = 0.0", 'fill = "all"')
+    with pytest.raises(RecordingError) as caught:
+        house(measured(days=2)[0], wrong + "[file]\ndecimal = ';'\n")
+    first, *said = str(caught.value).split("\n  ")
+    assert first.endswith("mapping.toml: has 6 mistakes:") and len(said) == 6
+    for part in (
+        "time.zoen: unknown field (found 'Europe/Amsterdam'); expected fields column, zone",
+        "place.latitude: is 520; expected a number up to 90",
+        "variables.gas.unit: is 3; expected text in quotation marks",
+        "variables.air.skale: unknown field",
+        "variables.air.fill: is 'all'; expected 'none', 'interpolate' or a number",
+        "file.decimal: is ';'; expected '.' or ','",
+    ):
+        assert any(one.startswith(part) for one in said), part
+    wrong = MAPPING.replace("variables.gas", "variables.gaz").replace('"degF" }', '"ppm" }').replace('"W/m2"', '"W"')
+    with pytest.raises(
+        RecordingError, match=r"(?s)3 mistakes:.*compare: unit 'ppm'.*'gaz' is neither.*weather.ghi: unit"
+    ):
+        house(measured(days=2)[0], wrong)

@@ -11,7 +11,9 @@ from shared.errors import RecordingError
 
 
 def read(texts, decimal):
-    data = Measurements(Path("log.csv"), np.arange(float(len(texts))), pd.DataFrame({"heat": texts}), decimal, {""})
+    data = Measurements(
+        Path("log.csv"), np.arange(float(len(texts))), "UTC", pd.DataFrame({"heat": texts}), decimal, {""}
+    )
     return data.numbers("heat", "here"), data.notes
 
 

@@ -192,25 +192,19 @@ def test_unknown_fields_name_what_was_expected(house, mapping, said):
         house(measured(days=2)[0], mapping)
 
 
-@pytest.mark.parametrize(
-    ("parts", "said"),
-    [(1000, r"milliseconds: divide the column by 1000$"), (10**9, r"nanoseconds: divide .* by 1e\+09$")],
-)
-def test_parts_of_a_second_since_1970(house, parts, said):
+@pytest.mark.parametrize("parts", [1, 1000, 10**9])
+def test_parts_of_a_second_since_1970(house, parts):
     frame, _ = measured(days=2)
     unix = pd.date_range("2022-10-27", periods=len(frame), freq="10min").as_unit("s").asi8
     mapping = MAPPING.replace("[time]", '[time]\nformat = "unix"')
-    with pytest.raises(RecordingError, match=r"row 1 .*1900 to 2199; expected seconds since 1970, and .* in " + said):
-        house(frame.assign(when=unix * parts), mapping)
-    assert house(frame.assign(when=unix), mapping, out="seconds.nc").steps > 90
+    report = house(frame.assign(when=unix * parts), mapping)
+    assert report.begin == "2022-10-27 01:00" and report.interval == 600.0
 
 
 def test_mapping_and_measurements_in_the_wrong_order(tmp_path):
     (tmp_path / "log.csv").write_text(measured(days=2)[0].to_csv(index=False))
     (tmp_path / "map.toml").write_text(MAPPING)
-    with pytest.raises(
-        RecordingError, match=r"expected the mapping \(TOML\) first and the measurements \(CSV\) second"
-    ):
+    with pytest.raises(RecordingError, match=r"expected the mapping \(TOML\) first and the measurements second"):
         import_recording(tmp_path / "log.csv", tmp_path / "map.toml", out=tmp_path / "out.nc")
 
 
@@ -231,6 +225,6 @@ def test_a_row_of_units_is_named(text, stamp):
     units = ",".join([stamp, *["degC"] * (names.count(","))])
     with pytest.raises(
         RecordingError,
-        match=rf"the row below the column names has no time and no numbers but '{stamp}', 'degC', .*: units\?.*remove",
+        match=rf"the row below the column names has no time and no numbers but '{stamp}', .*: units\?.*below = 1",
     ):
         text("\n".join([names, units, *rows]))

@@ -27,7 +27,8 @@ def on_the_wall(times):
 def understood(texts, sensors):
     """UTC of rows that hold readings of ``sensors``, one letter each, and the sentences."""
     read = np.array([[one in row for one in "ABC"] for row in sensors])
-    return read_stamps(pd.Series(texts), Time(column="t", zone="Europe/Amsterdam"), "file", lambda: read)
+    found = read_stamps(pd.Series(texts), Time(column="t", zone="Europe/Amsterdam"), "file", lambda: read)
+    return found.utc, found.notes
 
 
 def by_hand(rows, every=60):
