@@ -18,6 +18,7 @@ from diagnosis.measurements.command import import_
 from diagnosis.usual import WARM_UP
 from shared.assignments import assignments
 from shared.console import OK, new_app, new_console, start
+from shared.stretches import LONGEST, Stretch
 
 app = new_app(
     "diagnosis",
@@ -37,6 +38,7 @@ def residuals(
     replay: bool = False,
     noise: str = "sensor",
     warm_up: float = WARM_UP,
+    stretch: Stretch = LONGEST,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
 ) -> int:
     """Simulate a recording with given or estimated parameters, and say what is left.
@@ -63,7 +65,9 @@ def residuals(
     from diagnosis import residuals as residuals_
 
     values = assignments(set_ or [])
-    found = residuals_(system, recording, run=run, parameters=values, replay=replay, noise=noise, warm_up=warm_up)
+    found = residuals_(
+        *(system, recording), run=run, parameters=values, replay=replay, stretch=stretch, noise=noise, warm_up=warm_up
+    )
     if as_json:
         sys.stdout.write(json.dumps(found, indent=1, allow_nan=False) + "\n")
         return OK

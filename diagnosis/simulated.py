@@ -19,6 +19,7 @@ from diagnosis.scores import score
 from diagnosis.usual import WARM_UP
 from diagnosis.zero_shot import estimate
 from shared.errors import RecordingError, SystemDescriptionError
+from shared.stretches import Stretch
 from shared.system import System
 
 
@@ -29,6 +30,7 @@ def residuals(
     run: Path | str | None = None,
     parameters: Mapping[str, float] | None = None,
     replay: bool = False,
+    stretch: Stretch | None = None,
     noise: str = "sensor",
     warm_up: float = WARM_UP,
 ) -> dict[str, Any]:
@@ -45,6 +47,8 @@ def residuals(
         Values by name [unit of the description], which are simulated as they are, beyond their ranges too.
     replay
         The recorded actuators replace the model's control loops, cleared of their meters' noise.
+    stretch
+        Which stretch without gaps of a recording's inputs is taken; the longest, if not given.
     noise
         A noise preset of the description: how noisy those meters are.
     warm_up
@@ -63,7 +67,9 @@ def residuals(
     RecordingError, SystemDescriptionError, EstimatorError, SimulationError
         If the recording, the preset, the parameters, the estimator or the simulation cannot be used.
     """
-    described, record = opened(system, recording, noise=noise, warm_up=warm_up)
+    described, record = opened(
+        system, recording, noise=noise, warm_up=warm_up, replay=replay, stretch=stretch
+    )
     values = _parameters(described, record, run, parameters or {})
     simulator = Simulator(described)
     problem = Problem(

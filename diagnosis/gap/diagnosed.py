@@ -23,6 +23,7 @@ from diagnosis.recording import HOUR, Recording
 from diagnosis.usual import WARM_UP
 from shared.errors import RecordingError
 from shared.places import check_folder
+from shared.stretches import Stretch
 from shared.system import System
 
 
@@ -45,6 +46,7 @@ def diagnose(
     out: Path | str | None = None,
     replay: bool = False,
     occupancy: str | None = None,
+    stretch: Stretch | None = None,
     noise: str = "sensor",
     effects: Sequence[Effect] | None = None,
     warm_up: float = WARM_UP,
@@ -66,6 +68,8 @@ def diagnose(
         The recorded actuators replace the model's control loops.
     occupancy
         ``measured`` or ``unknown``; measured where the recording has it, if not given.
+    stretch
+        Which stretch without gaps of a recording's inputs is taken; the longest, if not given.
     noise
         A noise preset of the description.
     effects
@@ -90,7 +94,9 @@ def diagnose(
     began, used = time.perf_counter(), time.process_time()
     if out is not None:
         check_folder(Path(out), RecordingError)
-    described, record = opened(system, recording, noise=noise, warm_up=warm_up)
+    described, record = opened(
+        system, recording, noise=noise, warm_up=warm_up, replay=replay, occupancy=occupancy, stretch=stretch
+    )
     candidates = list(effects) if effects is not None else library(described)
     estimated = zero_shot(described, record, run, tell)
     simulator = Simulator(described)

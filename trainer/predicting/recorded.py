@@ -12,7 +12,8 @@ from shared.errors import RecordingError
 from shared.gaps import bridge
 from shared.netcdf import read_netcdf
 from shared.reading import shown
-from shared.schema import Method, method_fault
+from shared.schema import EPOCH, RECORDING, Method, method_fault, of_another
+from shared.stretches import LONGEST, Steps, Stretch, chosen
 from shared.times import recorded_begins, recorded_times
 from trainer.predicting.readings import GapError, check_gaps, comparable, date_of
 from trainer.reading.encoding import Encoding
@@ -45,17 +46,54 @@ class Window(NamedTuple):
     longer: tuple[np.ndarray, ...] = ()
 
 
-def read_window(path: Path, encoding: Encoding) -> Window:
+def read_window(path: Path, encoding: Encoding, system: str | None = None, stretch: Stretch | None = None) -> Window:
     """The last context window of a recording: the longest of those that the run was trained on, and can read.
 
-    Of several systems it is as long for each and lacks the same channels: what one lacks too much of is read of none.
+    It is of one stretch in which the inputs that the run cannot do without have no gaps. Of several systems it is as
+    long for each and lacks the same channels: what one lacks too much of is read of none.
+
+    Parameters
+    ----------
+    system
+        The name of the system that the run estimates: said where a recording is of another one, and does not fit.
+    stretch
+        The longest is taken, if not given.
 
     Raises
     ------
     RecordingError
         If the recording does not fit the run; the sentence says in what, of the longest window that it has.
     """
-    recording = read_netcdf(path, RecordingError, "a recording (NetCDF)", times=True)
+    recording = read_netcdf(path, RecordingError, RECORDING, times=True)
+    try:
+        return _read(path, _taken(path, recording, encoding, stretch), encoding)
+    except GapError:
+        raise
+    except RecordingError as error:
+        other = of_another(recording.attrs, system, "the run") if system is not None else ""
+        raise RecordingError(f"{error}{other}") from None
+
+
+def _taken(path: Path, recording: xr.Dataset, encoding: Encoding, stretch: Stretch | None) -> xr.Dataset:
+    """The stretch of a recording that is taken: the inputs that the run cannot do without have no gaps there."""
+    seconds = recorded_times(path, recording)
+    known = {
+        name: np.isfinite(recording[name].values).reshape(-1, len(seconds)).all(axis=0)
+        for name in encoding.recorded[encoding.outputs :]
+        if name not in encoding.optional and name in recording and recording[name].dims[-1:] == ("time",)
+    }
+    if stretch in (None, LONGEST) and all(there.all() for there in known.values()):
+        return recording
+    begins = recorded_begins(path, recording, recording.sizes.get("system", 1))
+    if stretch is not None and (stretch.begin or stretch.end) and (begins != begins[0]).any():
+        raise RecordingError(f"{path}: its systems begin on different days; expected --stretch in place of dates")
+    ends = np.datetime64(EPOCH, "s") + np.round(seconds + begins[0]).astype("timedelta64[s]")
+    first, after = chosen(Steps(path, ends, encoding.step), known, stretch)
+    return recording.isel(time=slice(first, after))
+
+
+def _read(path: Path, recording: xr.Dataset, encoding: Encoding) -> Window:
+    """The window of a recording that is a single stretch."""
     seconds = recorded_times(path, recording)
     lengths = sorted((length for length in encoding.lengths if length <= len(seconds)), reverse=True)
     if not lengths:
