@@ -67,9 +67,7 @@ def residuals(
     RecordingError, SystemDescriptionError, EstimatorError, SimulationError
         If the recording, the preset, the parameters, the estimator or the simulation cannot be used.
     """
-    described, record = opened(
-        system, recording, noise=noise, warm_up=warm_up, replay=replay, stretch=stretch
-    )
+    described, record = opened(system, recording, noise=noise, warm_up=warm_up, replay=replay, stretch=stretch)
     values = _parameters(described, record, run, parameters or {})
     simulator = Simulator(described)
     problem = Problem(

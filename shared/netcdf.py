@@ -116,7 +116,7 @@ def _begin(path: Path) -> str | None:
         text = data.decode()
     except UnicodeDecodeError:
         return None
-    return text if text.isprintable() or text.split() and not text.startswith("CDF") and "\0" not in text else None
+    return text if "\0" not in text and not text.startswith("CDF") and text.strip() else None
 
 
 def _ending(code: int) -> str:

@@ -65,7 +65,7 @@ def method_fault(attributes: Mapping[Any, Any], method: Method, whose: str) -> s
 
 
 def of_another(attributes: Mapping[Any, Any], name: str, whose: str) -> str:
-    """A clause on a recording that was made for another system than ``name``, which is ``whose``; empty if it was not."""
+    """A clause on a recording of another system than ``name``, which is ``whose``; empty if it is of that one."""
     said = attributes.get("system_name")
     if not isinstance(said, str) or said == name:
         return ""

@@ -70,7 +70,7 @@ def runs(mask: np.ndarray) -> list[tuple[int, int]]:
 
 
 def stretches(whole: np.ndarray, step: float) -> list[tuple[int, int]]:
-    """Stretches of at least a day, in order, of a recording that is ``whole`` in some steps (steps,) of ``step`` [s]."""
+    """Stretches of at least a day, in order, of steps (steps,) of ``step`` [s] of which some are ``whole``."""
     return [(a, b) for a, b in runs(whole) if (b - a) * step >= DAY - 1e-6 * step]
 
 
@@ -79,7 +79,7 @@ def chosen(
 ) -> tuple[int, int]:
     """The steps that are taken, as (first, one past the last); a recording without gaps is taken whole, however short.
 
-    What is there and what is taken is logged: as a warning where nobody chose and something is left out.
+    What is there and what is taken is logged: as a warning where nobody chose and a day or more is left out.
 
     Parameters
     ----------
@@ -126,7 +126,8 @@ def chosen(
     how = "taken"
     if choice == LONGEST:
         how = "the longest is taken" + ("; --stretch, or --from and --to, take another" if len(found) > 1 else "")
-    tell = _log.warning if choice == LONGEST else _log.info
+    much = (count - taken[1] + taken[0]) * steps.step >= DAY
+    tell = _log.warning if choice == LONGEST and much else _log.info
     listing = f"{len(found)} stretches{about}: {said}" if len(found) > 1 else f"one stretch of a day or more{about}"
     tell("%s: has %s; %s: %s", steps.path, listing, how, steps.text(*taken))
     return taken

@@ -13,13 +13,15 @@ from datagen.driving.inputs import schedule_signal
 from datagen.driving.tables import merge
 from diagnosis.measurements import plausible
 from diagnosis.measurements.clock import Clock, find_zone, make_clock
-from diagnosis.measurements.grid import Series, input_target, longest_whole, output_target
+from diagnosis.measurements.grid import Series, input_target, output_target
 from diagnosis.measurements.judge import Judge
+from diagnosis.measurements.kept import Kept
 from diagnosis.measurements.mapping import Mapping, load_mapping
 from diagnosis.measurements.outdoors import Outdoors
 from diagnosis.measurements.output import (
     Comparison,
     ImportReport,
+    StretchReport,
     VariableReport,
     build_recording,
     check_free,
@@ -182,8 +184,6 @@ class Composer:
 
 DAY = 86400.0
 _MOST_STEPS = 5_000_000
-SOME = 0.05
-"""Share of readings left out from which on they, and not what is missing, may be why a stretch is short."""
 
 
 def import_recording(
@@ -243,10 +243,12 @@ def import_recording(
     series, missing = _series(composer)
     composer.outdoors.check_sun(series)
     composer.outdoors.tell_unused()
-    first, last = _stretch(composer, series, ahead)
+    first, last = _span(composer, series, ahead)
     composer.tell_of_daylight_saving(first, last)
     for one in series:
         one.cut(first, last)
+    kept = Kept(series, described, composer.step)
+    stretches = _stretches(composer, kept)
     time = composer.edges[first + 1 : last + 1]
     attributes = {
         "source": settings.source or str(Path(data).name),
@@ -256,7 +258,9 @@ def import_recording(
     }
     dataset = build_recording(series, time, clock, described, attributes)
     begin, end = clock.text(time[0] - composer.step), clock.text(time[-1])
-    picture = draw_recording(series, time, clock, f"{out.name}: {begin} to {end}, steps of {composer.step:g} s")
+    picture = draw_recording(
+        series, time, clock, f"{out.name}: {begin} to {end}, steps of {composer.step:g} s", stretches
+    )
     write_recording(dataset, out, picture, out.with_suffix(".png"))
     return ImportReport(
         recording=str(out),
@@ -272,6 +276,17 @@ def import_recording(
         end=end,
         step=composer.step,
         steps=len(time),
+        measured=kept.hours(),
+        stretches=[
+            StretchReport(
+                number=k,
+                begin=clock.text(time[a] - composer.step),
+                end=clock.text(time[b - 1]),
+                hours=(b - a) * composer.step / 3600.0,
+                measured=kept.hours([(a, b)]),
+            )
+            for k, (a, b) in enumerate(stretches, 1)
+        ],
         variables=[_about(one) for one in series],
         comparisons=[found for one in series if (found := _compare(one)) is not None],
         not_recorded=missing,
@@ -333,60 +348,44 @@ def _series(composer: Composer) -> tuple[list[Series], list[str]]:
     return series, missing
 
 
-def _stretch(composer: Composer, series: list[Series], ahead: bool) -> tuple[int, int]:
-    """The steps to keep: from the first to the last output, and of these the longest with all inputs."""
+def _span(composer: Composer, series: list[Series], ahead: bool) -> tuple[int, int]:
+    """The steps to keep: from the first to the last output, and ahead as long as all inputs go on."""
     measured = np.any([np.isfinite(one.values) for one in series if one.target.role == "output"], axis=0)
     if not measured.any():
         raise RecordingError(f"{composer.data.path}: no output has a value on the grid of {composer.step:g} s")
     first, last = int(np.flatnonzero(measured)[0]), int(np.flatnonzero(measured)[-1]) + 1
-    inputs = {one.target.name: one.values for one in series if one.target.role == "input"}
-    known = np.all([np.isfinite(values) for values in inputs.values()], axis=0) if inputs else measured
-    further = int(np.argmin([*known[last:], False]))
+    inputs = [np.isfinite(one.values) for one in series if one.target.role == "input"]
+    further = int(np.argmin([*np.all(inputs, axis=0)[last:], False])) if inputs else 0
     if ahead:
         last += further
         composer.notes.extend(about_ends(series, composer.edges, last))
     if further:
         kept = "are kept for a forecast" if ahead else "are left out (--ahead keeps them for a forecast)"
         composer.notes.append(f"inputs go on for {further} steps after the last reading of an output: these {kept}")
-    a, b = longest_whole(inputs, first, last)
-    gaps = {name: int((~np.isfinite(values[first:last])).sum()) for name, values in inputs.items()}
-    told = ", ".join(f"{name} in {count} steps" for name, count in gaps.items() if count)
-    if (b - a) * composer.step < DAY - 1e-6:
-        what = f"inputs are missing ({told})" if told else "there are outputs"
+    if (last - first) * composer.step < DAY - 1e-6:
         raise RecordingError(
-            f"{composer.data.path}: the longest stretch {'in which no ' if told else 'in which '}{what} has "
-            f"{(b - a) * composer.step / 3600:.3g} h; expected at least a day"
-            f" ({_left_out(series, gaps)}a mapping's fill says what may fill gaps)"
+            f"{composer.data.path}: outputs were read over {(last - first) * composer.step / 3600:.3g} h; expected at"
+            " least a day"
         )
-    if b - a < 2:
+    if last - first < 2:
         raise RecordingError(
             f"{composer.data.path}: makes one step of {composer.step:g} s; expected two at least (grid.step of"
             f" {composer.mapping.path}, or the system's own)"
         )
-    if (a, b) != (first, last):
-        edges = composer.edges
-        composer.notes.append(
-            f"inputs are missing ({told}) where nothing may fill them: of {composer.clock.text(edges[first])} to "
-            f"{composer.clock.text(edges[last])} the longest stretch with all inputs is kept, {b - a} of "
-            f"{last - first} steps"
+    return first, last
+
+
+def _stretches(composer: Composer, kept: Kept) -> list[tuple[int, int]]:
+    """The stretches of a recording in which no input is missing; what is lost is noted."""
+    found = kept.stretches()
+    if not found:
+        remedies = "; ".join(kept.remedies(0.0)) or "a mapping's fill says what may fill gaps"
+        raise RecordingError(
+            f"{composer.data.path}: no inputs are missing ({kept.gaps()}) in no stretch of a day; expected at least one"
+            f" ({remedies})"
         )
-    return a, b
-
-
-def _left_out(series: list[Series], gaps: dict[str, int]) -> str:
-    """Which inputs with gaps lost many of their readings because these cannot be; empty if none did."""
-    said = []
-    for one in series:
-        if one.signal is None or not gaps.get(one.target.name):
-            continue
-        flags = one.signal.flags
-        counts = [
-            (int(((flags & bit) > 0).sum()), what) for bit, what in ((IMPOSSIBLE, "impossible"), (STUCK, "stuck"))
-        ]
-        left = [f"{count} as {what}" for count, what in counts if count > SOME * len(flags)]
-        if left:
-            said.append(f"{one.target.name}, {one.origin}: of {len(flags)} readings left out are {' and '.join(left)}")
-    return f"{'; '.join(said)}: are column and unit right? " if said else ""
+    composer.notes.extend(kept.sentences())
+    return found
 
 
 def _about(one: Series) -> VariableReport:

@@ -48,8 +48,8 @@ def check_gaps(path: Path, name: str, values: np.ndarray, systems: list[int | No
     length = values.shape[-1]
     allowed = int(largest * length)
     finite = "expected numbers: check the unit, and declare what is missing so (NaN)"
-    fewer = f"expected {f'at most {allowed}' if allowed else 'none'}: a window elsewhere (--stretch, or --from and --to)"
-    fill = ", or for an input, but no output, a fill in the mapping of `diagnosis import`"
+    fewer = f"expected {f'at most {allowed}' if allowed else 'none'}: choose a window without (--from and --to)"
+    fill = "; only an input's gaps may be filled (fill in the mapping of `diagnosis import`)"
     for what, found, most, expected in (
         ("infinite", np.isinf(values), 0, finite),
         ("missing", np.isnan(values), allowed, f"{fewer}{fill}"),

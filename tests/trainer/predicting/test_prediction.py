@@ -130,7 +130,7 @@ def with_more_dimensions(r):
     [
         (without_units, "level has no units; the run expects 'm'"),
         (in_other_units, "level is in 'cm'; the run expects 'm': convert it first"),
-        (with_holes, "level has 2 missing values in its last 48 samples; expected none: fill"),
+        (with_holes, "level has 2 missing values in its last 48 samples; expected none: choose"),
         (averaged, r"level is a mean over each step \(its cell_methods\); for the run it is an instant at each step's"),
         (highest, "level is the maximum of each step"),
         (

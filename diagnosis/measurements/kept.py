@@ -1,0 +1,112 @@
+"""What of a recording can be used: its stretches without gaps in inputs, and what would make them longer."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagnosis.measurements.grid import Series
+from diagnosis.recording import needed_inputs
+from shared.flags import IMPOSSIBLE, STUCK
+from shared.numbers import counted
+from shared.stretches import runs, stretches
+from shared.system import System
+from shared.variables import OccupancyInput
+
+MUCH = 0.05
+"""Share of the hours in which outputs were measured: who loses more is told what would keep them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """The steps of a recording that a simulation can use.
+
+    ``series`` are of the recording's span, and ``step`` is its step [s].
+    """
+
+    series: Sequence[Series]
+    system: System
+    step: float
+
+    @property
+    def measured(self) -> np.ndarray:
+        """Steps in which any output was measured, (steps,)."""
+        outputs = [np.isfinite(one.values) for one in self.series if one.target.role == "output"]
+        return np.asarray(np.any(outputs, axis=0))
+
+    @property
+    def needed(self) -> list[Series]:
+        """The inputs that a simulation reads unless told otherwise."""
+        inputs = {one.target.name: one for one in self.series if one.target.role == "input"}
+        return [inputs[name] for name in needed_inputs(self.system, inputs)]
+
+    def stretches(self, without: frozenset[str] = frozenset()) -> list[tuple[int, int]]:
+        """Stretches of at least a day, ``without`` regard to some inputs; all of a recording without gaps."""
+        whole = np.ones(len(self.measured), dtype=bool)
+        for one in self.needed:
+            whole &= np.isfinite(one.values) | (one.target.name in without)
+        return stretches(whole, self.step)
+
+    def hours(self, found: Sequence[tuple[int, int]] | None = None) -> float:
+        """Hours in which outputs were measured, of some stretches or of all the recording [h]."""
+        measured = self.measured
+        count = sum(int(measured[a:b].sum()) for a, b in found) if found is not None else int(measured.sum())
+        return count * self.step / 3600.0
+
+    def gaps(self) -> str:
+        """Which needed inputs have no value in how many steps; empty if all have."""
+        gaps = {one.target.name: int((~np.isfinite(one.values)).sum()) for one in self.needed}
+        return ", ".join(f"{name} in {count} steps" for name, count in gaps.items() if count)
+
+    def sentences(self) -> list[str]:
+        """What is said of a recording with gaps in its inputs."""
+        if not (gaps := self.gaps()):
+            return []
+        found = self.stretches()
+        kept = self.hours(found)
+        said = [
+            f"inputs have no values ({gaps}): {counted(len(found), 'stretch', 'stretches')} of a day or more without gaps"
+            f" hold{'s' * (len(found) == 1)} {kept:g} of {self.hours():g} h in which outputs were measured"
+        ]
+        if len(found) > 1:
+            said.append("a command takes one stretch, the longest unless told (--stretch, or --from and --to)")
+        crowd = frozenset(one.name for one in self.system.inputs if isinstance(one, OccupancyInput))
+        more = self.hours(self.stretches(without=crowd))
+        if more > kept + MUCH * self.hours():
+            said.append(
+                f"with --occupancy unknown, {more:g} h: the gaps in {', '.join(sorted(crowd))} do not count then"
+            )
+        return said + self.remedies(MUCH)
+
+    def remedies(self, share: float) -> list[str]:
+        """For each reason why inputs lack more than a share of the hours measured, what to write in the mapping."""
+        measured = self.measured
+        reasons: dict[tuple[str, str, int], list[Series]] = {}
+        for one in self.needed:
+            lost = measured & ~np.isfinite(one.values)
+            if one.key and lost.sum() > share * measured.sum():
+                reasons.setdefault((*_reason(one, lost, self.step), int(lost.sum())), []).append(one)
+        said = []
+        for (why, line, count), lacking in reasons.items():
+            names = ", ".join(f"{one.target.name} ({one.origin})" for one in lacking)
+            keys = ", ".join(f"[{key}]" for key in dict.fromkeys(one.key for one in lacking))
+            said.append(
+                f"{names}: no value in {count * self.step / 3600:g} of {self.hours():g} h in which outputs were"
+                f" measured, {why}; {line} under {keys} would keep them"
+            )
+        return said
+
+
+def _reason(one: Series, lost: np.ndarray, step: float) -> tuple[str, str]:
+    """Why an input has no value in the steps ``lost`` (steps,), and the line of the mapping that gives it one."""
+    flags = one.flags[lost]
+    if np.mean((flags & STUCK) > 0) > 0.5:
+        return "as its readings stand still", "stuck_after = 0.0"
+    if np.mean((flags & IMPOSSIBLE) > 0) > 0.5:
+        return "as its readings are impossible", "valid = [lowest, highest]"
+    longest = max((b - a) for a, b in runs(~np.isfinite(one.values)) if lost[a:b].any()) * step / 3600.0
+    if one.signal is not None and one.signal.kind == "hold":
+        return f"in gaps of up to {longest:g} h", f"max_gap = {longest + step / 3600.0:g}"
+    return f"in gaps of up to {longest:g} h", f'fill = "interpolate" with fill_up_to = {float(longest):.4g}'
