@@ -109,14 +109,15 @@ def _attributes(found: dict[str, Any]) -> dict[str, Any]:
 
 
 def _begin(path: Path) -> str | None:
-    """The first characters of what is text and no NetCDF file; None of any other."""
+    """The first characters of a text, which is no NetCDF file; None of any other."""
     with open(path, "rb") as file:
         data = file.read(_SHOWN)
     try:
         text = data.decode()
     except UnicodeDecodeError:
         return None
-    return text if "\0" not in text and not text.startswith("CDF") and text.strip() else None
+    line = text.strip().partition("\n")[0]
+    return line if line and "\0" not in text and not text.startswith("CDF") else None
 
 
 def _ending(code: int) -> str:

@@ -123,13 +123,13 @@ def chosen(
             )
     gaps = ", ".join(name for name, there in known.items() if not there.all())
     about = f" without gaps in {gaps}" if gaps else ""
-    how = "taken"
-    if choice == LONGEST:
-        how = "the longest is taken" + ("; --stretch, or --from and --to, take another" if len(found) > 1 else "")
+    how = f"taken is {steps.text(*taken)}"
+    if choice == LONGEST and len(found) > 1:
+        how += ", the longest; --stretch, or --from and --to, take another"
     much = (count - taken[1] + taken[0]) * steps.step >= DAY
     tell = _log.warning if choice == LONGEST and much else _log.info
     listing = f"{len(found)} stretches{about}: {said}" if len(found) > 1 else f"one stretch of a day or more{about}"
-    tell("%s: has %s; %s: %s", steps.path, listing, how, steps.text(*taken))
+    tell("%s: has %s; %s", steps.path, listing, how)
     return taken
 
 
@@ -148,10 +148,10 @@ def _between(steps: Steps, choice: Stretch) -> tuple[int, int]:
 
 def _date(text: str, option: str) -> np.datetime64:
     try:
-        found = np.datetime64(text.strip().replace(" ", "T"), "s")
+        found: np.datetime64 | None = np.datetime64(text.strip().replace(" ", "T"), "s")
     except ValueError:
-        found = np.datetime64("NaT")
-    if np.isnat(found):
+        found = None
+    if found is None or np.isnat(found):
         raise RecordingError(
             f"{option} is {text!r}; expected a date by the recording's clock, such as 2021-03-08 or '2021-03-08 06:00'"
         )

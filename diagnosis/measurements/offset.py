@@ -15,9 +15,12 @@ FEW = 3
 """Readings of a night of which one may be wrong and their median is not."""
 LEAST = 0.1
 """What is left of the twilight at its end [W/m2]: less, in half of the nights, is no offset."""
-UNDER = 0.1
-"""Share of the readings by day that may lie under the level of the nights. Nothing is darker than the night; a clock so
-wrong that the sun shines in half of the night puts at least that share of the day into the dark."""
+STEADY, MOST = 30.0, 0.9
+"""An offset stays within this [W/m2] of its night's median, the zero offset of the coarsest class of pyranometers (ISO
+9060, class C), in so many of a night's readings. The sun, under a wrong clock, does not."""
+UNDER = 0.25
+"""Share of the readings by day that may lie under the level of the nights by its standard deviation. Nothing is darker
+than the night, and of readings of nothing but noise 16 % do."""
 _HIGH = 80.0
 """Zenith [degree] below which it is day."""
 _SIGMA = 1.4826
@@ -69,16 +72,18 @@ def find_offset(signal: Signal, daylight: Daylight, watt: float = 1.0) -> Offset
     there = np.isfinite(values)
     dark, day = dark & there, there & (daylight.zenith_at(times) < _HIGH)
     night = np.searchsorted(_dawns(daylight), times[dark])
-    table = pd.DataFrame({"night": night, "time": times[dark], "value": values[dark]}).groupby("night")
-    table = table.agg(time=("time", "mean"), value=("value", "median"), count=("value", "size"))
-    table = table[table["count"] >= FEW]
-    found = Offset(table["time"].to_numpy(dtype=float), table["value"].to_numpy(dtype=float))
-    if not len(found.values) or np.median(np.abs(found.values)) < LEAST * watt:
+    nights = pd.DataFrame({"night": night, "time": times[dark], "value": values[dark]}).groupby("night")
+    many = nights.size().to_numpy() >= FEW
+    found = Offset(nights["time"].mean().to_numpy()[many], nights["value"].median().to_numpy()[many])
+    if not len(found.values):
         return None
-    noise = _SIGMA * float(np.median(np.abs(values[dark] - found.at(times[dark]))))
-    if day.any() and np.mean(values[day] < found.at(times[day]) - 3 * noise) > UNDER:
+    apart = np.abs(values[dark] - found.at(times[dark]))
+    noise = _SIGMA * float(np.median(apart))
+    if np.median(np.abs(found.values)) < max(LEAST * watt, noise):  # a level that its own spread hides is none
         return None
-    return found
+    steady = np.mean(apart <= STEADY * watt) >= MOST
+    under = float(np.mean(values[day] < found.at(times[day]) - noise - 1e-9 * watt)) if day.any() else 0.0
+    return found if steady and under <= UNDER else None
 
 
 def _dawns(daylight: Daylight) -> np.ndarray:

@@ -75,7 +75,7 @@ def draw_recording(
 
 
 def _mark_stretches(
-    panels: Sequence[Axes], stretches: Sequence[tuple[int, int]], time: np.ndarray, clock: Clock
+    panels: np.ndarray, stretches: Sequence[tuple[int, int]], time: np.ndarray, clock: Clock
 ) -> None:
     """A bar for each stretch along the top of each panel, with its number in the first."""
     step = float(time[1] - time[0])

@@ -110,14 +110,39 @@ def test_what_is_wrong_is_flagged_and_not_used(house):
     assert data["warmth_flag"].attrs["flag_meanings"].split()[0] == "missing"
 
 
-def test_an_input_that_stays_missing_cuts_the_recording(house):
+def test_an_input_that_stays_missing_parts_the_recording(house):
+    """Nothing is cut: rows are lost for 7 h, and so are the steps from 48.5 to 54.5 h on both sides of which days are."""
     frame, hours = measured()
     frame.loc[(hours > 48) & (hours < 55), "outside"] = np.nan
     report = house(frame)
-    _, at = steps_of(report)
-    assert at[0] == pytest.approx(55.5, abs=0.6) and at[-1] == pytest.approx(144.0, abs=0.6)
-    assert any("outdoors in" in note and "longest stretch" in note for note in report.notes)
-    assert all(one.missing == 0 for one in report.variables)
+    data, at = steps_of(report)
+    assert at[0] == pytest.approx(0.5, abs=0.6) and at[-1] == pytest.approx(144.0, abs=0.6)
+    lost = np.isnan(data["outdoors"].values)
+    assert lost.sum() == 13 and ((at[lost] > 48) & (at[lost] < 55)).all()
+    np.testing.assert_allclose([one.hours for one in report.stretches], [48.0, 89.5], atol=0.6)
+    assert report.measured == pytest.approx(144.0, abs=0.6)
+    assert sum(one.measured for one in report.stretches) == pytest.approx(report.measured - 6.5, abs=0.01)
+    told = [note for note in report.notes if "fill_up_to" in note]  # less than 5 % of the hours: not worth a line
+    assert told == [] and any("2 stretches" in note for note in report.notes)
+
+
+@pytest.mark.parametrize(
+    ("lose", "line", "key"),
+    [
+        (lambda d, h: d["outside"].where((h < 60) | (h > 70)), 'fill = "interpolate" with fill_up_to = 10', "temp_air"),
+        (lambda d, h: d["outside"].where((h < 60) | (h > 90), 8.0), "stuck_after = 0.0", "temp_air"),
+        (lambda d, h: d["outside"].where((h < 60) | (h > 90), -60.0 - h / 90), "valid = [-61, 11]", "temp_air"),
+    ],
+)
+def test_the_line_that_is_named_keeps_what_was_lost(house, lose, line, key):
+    frame, hours = measured()
+    frame["outside"] = lose(frame, hours)
+    report = house(frame)
+    assert len(report.stretches) == 2
+    assert any(line.split(" = ")[0] in note and f"[weather.{key}]" in note for note in report.notes), report.notes
+    kept = house(frame, MAPPING.replace('column = "outside"\n', f'column = "outside"\n{line.replace(" with ", chr(10))}\n'))
+    assert len(kept.stretches) == 1 and sum(one.measured for one in kept.stretches) > report.measured - 1.1
+    assert not any("stretches" in note or "left out" in note for note in kept.notes)
 
 
 def test_what_comes_after_the_last_reading_is_kept_for_a_forecast_or_told(house):
