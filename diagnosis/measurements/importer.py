@@ -15,7 +15,7 @@ from diagnosis.measurements import plausible
 from diagnosis.measurements.clock import Clock, find_zone, make_clock
 from diagnosis.measurements.grid import Series, input_target, output_target
 from diagnosis.measurements.judge import Judge
-from diagnosis.measurements.kept import Kept
+from diagnosis.measurements.kept import Kept, about_spacing
 from diagnosis.measurements.mapping import Mapping, load_mapping
 from diagnosis.measurements.outdoors import Outdoors
 from diagnosis.measurements.output import (
@@ -29,12 +29,11 @@ from diagnosis.measurements.output import (
     sentences_of,
     write_recording,
 )
-from diagnosis.measurements.signal import Signal
-from diagnosis.measurements.spacing import usual_gap
 from diagnosis.measurements.table import Measurements, read_measurements
 from diagnosis.measurements.units import COUNTS
 from shared.errors import RecordingError
 from shared.flags import ASSUMED, COMPUTED, IMPOSSIBLE, INTERPOLATED, PARTLY, STUCK
+from shared.numbers import counted
 from shared.places import check_folder
 from shared.store import sha256_of
 from shared.system import System, load_system
@@ -63,26 +62,10 @@ def about_ends(series: Sequence[Series], edges: np.ndarray, last: int) -> list[s
         return []
     return [
         f"{one.target.name}, {one.origin}, has no value in the step after, and so the recording ends there"
-        f"{_spacing(signal, float(edges[last]))}"
+        f"{about_spacing(signal, float(edges[last]))}"
         for one, signal in read
         if not np.isfinite(one.values[last])
     ]
-
-
-def _spacing(signal: Signal, end: float) -> str:
-    """How far apart readings are after ``end`` [s], where that is so much further than usual that it leaves gaps."""
-    middle, length = signal.middle, signal.end - signal.begin
-    after = middle > end
-    if after.sum() < 2:
-        return ""
-    usual, apart = float(np.median(np.diff(middle))), float(np.median(np.diff(middle[after])))
-    if apart <= usual_gap(usual) or np.median(length[after]) >= apart:
-        return ""
-    field = f"interval = {apart:g}" if signal.kind == "mean" else f"max_gap = {apart / 3600:.3g}"
-    return (
-        f": its readings are {apart:g} s apart from there on, and usually {usual:g} s; expected the same spacing"
-        f" throughout, or {field}"
-    )
 
 
 DAY = 86400.0
@@ -244,11 +227,11 @@ def import_recording(
     composer.outdoors.check_sun(series)
     composer.outdoors.tell_unused()
     first, last = _span(composer, series, ahead)
-    composer.tell_of_daylight_saving(first, last)
     for one in series:
         one.cut(first, last)
-    kept = Kept(series, described, composer.step)
+    kept = Kept(series, described, composer.step, float(composer.edges[first]))
     stretches = _stretches(composer, kept)
+    composer.tell_of_daylight_saving(first + stretches[0][0], first + stretches[-1][1])
     time = composer.edges[first + 1 : last + 1]
     attributes = {
         "source": settings.source or str(Path(data).name),
@@ -359,6 +342,8 @@ def _span(composer: Composer, series: list[Series], ahead: bool) -> tuple[int, i
     if ahead:
         last += further
         composer.notes.extend(about_ends(series, composer.edges, last))
+    else:
+        first, last = _trimmed(composer, series, first, last)
     if further:
         kept = "are kept for a forecast" if ahead else "are left out (--ahead keeps them for a forecast)"
         composer.notes.append(f"inputs go on for {further} steps after the last reading of an output: these {kept}")
@@ -373,6 +358,29 @@ def _span(composer: Composer, series: list[Series], ahead: bool) -> tuple[int, i
             f" {composer.mapping.path}, or the system's own)"
         )
     return first, last
+
+
+def _trimmed(composer: Composer, series: list[Series], first: int, last: int) -> tuple[int, int]:
+    """The same without what is shorter than a day at its ends and lacks an input: it is of no stretch."""
+    known = np.all([np.isfinite(one.values[first:last]) for one in series if one.target.role == "input"], axis=0)
+    whole = np.flatnonzero(np.atleast_1d(known))
+    if not whole.size:
+        return first, last
+    before, after = int(whole[0]), last - first - 1 - int(whole[-1])
+    most = DAY / composer.step
+    before, after = (count if count < most else 0 for count in (before, after))
+    for count, which, part in (
+        (before, "first", slice(first, first + before)),
+        (after, "last", slice(last - after, last)),
+    ):
+        lacking = [one.target.name for one in series if not np.isfinite(one.values[part]).all()]
+        inputs = [name for name in lacking if name in composer.system.input_names]
+        if count:
+            composer.notes.append(
+                f"inputs are missing ({', '.join(inputs)}) in the {which} {counted(count, 'step')} with outputs: the"
+                f" recording {'begins after' if which == 'first' else 'ends before'} them"
+            )
+    return first + before, last - after
 
 
 def _stretches(composer: Composer, kept: Kept) -> list[tuple[int, int]]:

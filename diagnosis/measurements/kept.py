@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.measurements.grid import Series
+from diagnosis.measurements.signal import Signal
+from diagnosis.measurements.spacing import usual_gap
 from diagnosis.recording import needed_inputs
 from shared.flags import IMPOSSIBLE, STUCK
 from shared.numbers import counted
@@ -23,12 +25,13 @@ MUCH = 0.05
 class Kept:
     """The steps of a recording that a simulation can use.
 
-    ``series`` are of the recording's span, and ``step`` is its step [s].
+    ``series`` are of the recording's span, which begins at ``begin`` [s of the clock]; ``step`` is its step [s].
     """
 
     series: Sequence[Series]
     system: System
     step: float
+    begin: float
 
     @property
     def measured(self) -> np.ndarray:
@@ -67,8 +70,8 @@ class Kept:
         found = self.stretches()
         kept = self.hours(found)
         said = [
-            f"inputs have no values ({gaps}): {counted(len(found), 'stretch', 'stretches')} of a day or more without gaps"
-            f" hold{'s' * (len(found) == 1)} {kept:g} of {self.hours():g} h in which outputs were measured"
+            f"inputs have no values ({gaps}): {counted(len(found), 'stretch', 'stretches')} of a day or more without"
+            f" gaps hold{'s' * (len(found) == 1)} {kept:g} of {self.hours():g} h in which outputs were measured"
         ]
         if len(found) > 1:
             said.append("a command takes one stretch, the longest unless told (--stretch, or --from and --to)")
@@ -87,7 +90,7 @@ class Kept:
         for one in self.needed:
             lost = measured & ~np.isfinite(one.values)
             if one.key and lost.sum() > share * measured.sum():
-                reasons.setdefault((*_reason(one, lost, self.step), int(lost.sum())), []).append(one)
+                reasons.setdefault((*self._reason(one, lost), int(lost.sum())), []).append(one)
         said = []
         for (why, line, count), lacking in reasons.items():
             names = ", ".join(f"{one.target.name} ({one.origin})" for one in lacking)
@@ -98,15 +101,42 @@ class Kept:
             )
         return said
 
+    def _reason(self, one: Series, lost: np.ndarray) -> tuple[str, str]:
+        """Why an input has no value in the steps ``lost`` (steps,), and the line of the mapping that gives it one."""
+        flags = one.flags[lost]
+        if np.mean((flags & STUCK) > 0) > 0.5:
+            return "as its readings stand still", "stuck_after = 0.0"
+        if np.mean((flags & IMPOSSIBLE) > 0) > 0.5:
+            return "as its readings are impossible", "valid = [lowest, highest]"
+        if one.signal is not None and (line := line_of_spacing(one.signal, self.begin + self.step * np.argmax(lost))):
+            return "where its readings are further apart than usual", line
+        gaps = [(a, b) for a, b in runs(~np.isfinite(one.values)) if lost[a:b].any()]
+        longest = max(b - a for a, b in gaps) * self.step / 3600.0
+        if one.signal is not None and one.signal.kind == "hold":
+            return f"in gaps of up to {longest:g} h", f"max_gap = {longest + self.step / 3600.0:g}"
+        return f"in gaps of up to {longest:g} h", f'fill = "interpolate" with fill_up_to = {longest:.4g}'
 
-def _reason(one: Series, lost: np.ndarray, step: float) -> tuple[str, str]:
-    """Why an input has no value in the steps ``lost`` (steps,), and the line of the mapping that gives it one."""
-    flags = one.flags[lost]
-    if np.mean((flags & STUCK) > 0) > 0.5:
-        return "as its readings stand still", "stuck_after = 0.0"
-    if np.mean((flags & IMPOSSIBLE) > 0) > 0.5:
-        return "as its readings are impossible", "valid = [lowest, highest]"
-    longest = max((b - a) for a, b in runs(~np.isfinite(one.values)) if lost[a:b].any()) * step / 3600.0
-    if one.signal is not None and one.signal.kind == "hold":
-        return f"in gaps of up to {longest:g} h", f"max_gap = {longest + step / 3600.0:g}"
-    return f"in gaps of up to {longest:g} h", f'fill = "interpolate" with fill_up_to = {float(longest):.4g}'
+
+def about_spacing(signal: Signal, end: float) -> str:
+    """How far apart readings are after ``end`` [s], where that is so much further than usual that it leaves gaps."""
+    line = line_of_spacing(signal, end)
+    if not line:
+        return ""
+    middle = signal.middle
+    usual, apart = float(np.median(np.diff(middle))), float(np.median(np.diff(middle[middle > end])))
+    return (
+        f": its readings are {apart:g} s apart from there on, and usually {usual:g} s; expected the same spacing"
+        f" throughout, or {line}"
+    )
+
+
+def line_of_spacing(signal: Signal, end: float) -> str:
+    """The line of a mapping that takes readings after ``end`` [s] for as far apart as they are; empty if none does."""
+    middle, length = signal.middle, signal.end - signal.begin
+    after = middle > end
+    if after.sum() < 2:
+        return ""
+    usual, apart = float(np.median(np.diff(middle))), float(np.median(np.diff(middle[after])))
+    if apart <= usual_gap(usual) or np.median(length[after]) >= apart:
+        return ""
+    return f"interval = {apart:g}" if signal.kind == "mean" else f"max_gap = {apart / 3600:.3g}"

@@ -74,9 +74,7 @@ def draw_recording(
     return as_png(figure)
 
 
-def _mark_stretches(
-    panels: np.ndarray, stretches: Sequence[tuple[int, int]], time: np.ndarray, clock: Clock
-) -> None:
+def _mark_stretches(panels: np.ndarray, stretches: Sequence[tuple[int, int]], time: np.ndarray, clock: Clock) -> None:
     """A bar for each stretch along the top of each panel, with its number in the first."""
     step = float(time[1] - time[0])
     for k, (a, b) in enumerate(stretches, 1):

@@ -208,15 +208,14 @@ def check_possible(
         return
     raw = source_value(value, source, unit, density=density, where=where)
     fits = [one for one in units.alternatives(raw, unit, low, high, density=density) if one != source.unit]
-    hint = f"; is it in {' or '.join(fits)}?" if fits else ""
     made = f", which is {value:.6g} {unit}" if source.unit != unit else ""
     ends = possible_in_source(source, unit, density=density, where=where, sun=sun, signed=signed)
-    least, most = min(raw, ends[0]), max(raw, ends[1])
-    wider = f"valid = [{least:.6g}, {most:.6g}] beside it" if np.isfinite([least, most]).all() else "valid beside it"
-    raise RecordingError(
-        f"{where}: is {raw:.6g} {source.unit}{made}; expected {low:g} to {high:g} {unit}, or {wider} if it is"
-        f" right{hint}"
-    )
+    wider = [
+        f"{one:.6g}" if np.isfinite(one) else word
+        for one, word in zip((min(raw, ends[0]), max(raw, ends[1])), ("lowest", "highest"), strict=True)
+    ]
+    hint = f"; is it in {' or '.join(fits)}?" if fits else f", or valid = [{', '.join(wider)}] beside it if it is right"
+    raise RecordingError(f"{where}: is {raw:.6g} {source.unit}{made}; expected {low:g} to {high:g} {unit}{hint}")
 
 
 def mark_impossible(

@@ -53,7 +53,10 @@ def test_the_stretch_that_was_asked_for_is_taken(choice, taken):
     [
         (Stretch(4), r"r\.nc: has no stretch 4; expected one of 1: 2021-03-01 00:00 to 2021-03-03 00:00 \(48 h\); 2: "),
         (Stretch(0), "has no stretch 0"),
-        (Stretch(1, begin="2021-03-01"), "--stretch is given together with --from or --to; expected a number, or dates"),
+        (
+            Stretch(1, begin="2021-03-01"),
+            "--stretch is given together with --from or --to; expected a number, or dates",
+        ),
         (Stretch(begin="March"), "--from is 'March'; expected a date by the recording's clock, such as 2021-03-08"),
         (Stretch(end="2021-13-01"), "--to is '2021-13-01'"),
         (Stretch(begin="2021-03-03", end="2021-03-03"), "less than a day without gaps between the dates of --from and"),
@@ -72,5 +75,7 @@ def test_a_recording_without_gaps_is_whole_however_short_and_may_be_cut():
 
 def test_where_there_is_no_day_it_is_said_what_is_in_the_way():
     persons = np.arange(HOURS) % 20 > 2
-    with pytest.raises(RecordingError, match=r"17 h \(n in 45 of 288 .*; without n \(--occupancy unknown\) there would"):
+    with pytest.raises(
+        RecordingError, match=r"17 h \(n in 45 of 288 .*; without n \(--occupancy unknown\) there would"
+    ):
         chosen(STEPS, {**known(), "n": persons}, None, {"n": "--occupancy unknown"})

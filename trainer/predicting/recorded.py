@@ -31,7 +31,7 @@ class Window(NamedTuple):
     them), ``absent`` the optional channels that the recording lacks, or lacks too much of, ``bridged`` how many
     readings of each system were put in where single ones were missing, ``failed`` why a channel that the recording has
     is absent, a sentence each, ``passed`` why no longer window was read, if one was tried,
-    ``longer`` the outputs over each longer window that was passed over, longest first: float32 (systems, its length,
+    ``longer`` the outputs over each longer window that was not read, longest first: float32 (systems, its length,
     recorded), not a number where nothing was read, and in all other channels.
     """
 
@@ -66,7 +66,8 @@ def read_window(path: Path, encoding: Encoding, system: str | None = None, stret
     """
     recording = read_netcdf(path, RecordingError, RECORDING, times=True)
     try:
-        return _read(path, _taken(path, recording, encoding, stretch), encoding)
+        first, after = _taken(path, recording, encoding, stretch)
+        return _read(path, recording.isel(time=slice(0, after)), first, encoding)
     except GapError:
         raise
     except RecordingError as error:
@@ -74,8 +75,8 @@ def read_window(path: Path, encoding: Encoding, system: str | None = None, stret
         raise RecordingError(f"{error}{other}") from None
 
 
-def _taken(path: Path, recording: xr.Dataset, encoding: Encoding, stretch: Stretch | None) -> xr.Dataset:
-    """The stretch of a recording that is taken: the inputs that the run cannot do without have no gaps there."""
+def _taken(path: Path, recording: xr.Dataset, encoding: Encoding, stretch: Stretch | None) -> tuple[int, int]:
+    """The steps that are taken: the inputs that the run cannot do without have no gaps there."""
     seconds = recorded_times(path, recording)
     known = {
         name: np.isfinite(recording[name].values).reshape(-1, len(seconds)).all(axis=0)
@@ -83,18 +84,18 @@ def _taken(path: Path, recording: xr.Dataset, encoding: Encoding, stretch: Stret
         if name not in encoding.optional and name in recording and recording[name].dims[-1:] == ("time",)
     }
     if stretch in (None, LONGEST) and all(there.all() for there in known.values()):
-        return recording
+        return 0, len(seconds)
     begins = recorded_begins(path, recording, recording.sizes.get("system", 1))
     if stretch is not None and (stretch.begin or stretch.end) and (begins != begins[0]).any():
         raise RecordingError(f"{path}: its systems begin on different days; expected --stretch in place of dates")
     ends = np.datetime64(EPOCH, "s") + np.round(seconds + begins[0]).astype("timedelta64[s]")
-    first, after = chosen(Steps(path, ends, encoding.step), known, stretch)
-    return recording.isel(time=slice(first, after))
+    return chosen(Steps(path, ends, encoding.step), known, stretch)
 
 
-def _read(path: Path, recording: xr.Dataset, encoding: Encoding) -> Window:
-    """The window of a recording that is a single stretch."""
-    seconds = recorded_times(path, recording)
+def _read(path: Path, known: xr.Dataset, begin: int, encoding: Encoding) -> Window:
+    """The window of the stretch of a recording from step ``begin`` to its end, of which all before is ``known``."""
+    recording, before = known.isel(time=slice(begin, None)), recorded_times(path, known)
+    seconds = before[begin:]
     lengths = sorted((length for length in encoding.lengths if length <= len(seconds)), reverse=True)
     if not lengths:
         hours, least = len(seconds) * encoding.step / 3600, min(encoding.lengths)
@@ -109,11 +110,12 @@ def _read(path: Path, recording: xr.Dataset, encoding: Encoding) -> Window:
         except GapError as error:  # an outage long ago does not spoil the days since; a code or another unit does
             first = first or error
             continue
-        if first is None:
+        more = [one for one in sorted(encoding.lengths, reverse=True) if length < one <= len(before)]
+        if not more:
             return window
-        longest = _outputs(path, recording, seconds, encoding, len(window.systems), lengths[0])
-        longer = tuple(longest[:, -one:] for one in lengths if one > length)
-        return window._replace(passed=str(first), longer=longer)
+        longest = _outputs(path, known, before, encoding, len(window.systems), more[0])
+        longer = tuple(longest[:, -one:] for one in more)
+        return window._replace(passed=None if first is None else str(first), longer=longer)
     assert first is not None
     raise first
 

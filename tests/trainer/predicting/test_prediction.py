@@ -163,8 +163,11 @@ def test_a_file_that_is_missing_or_no_netcdf_is_told(ridge_run, tmp_path):
     with pytest.raises(RecordingError, match="no such file; expected a recording"):
         predict(ridge_run, tmp_path / "none.nc")
     (tmp_path / "text.nc").write_text("time,level\n")
-    with pytest.raises(RecordingError, match="cannot be read as NetCDF"):
+    with pytest.raises(RecordingError, match=r"is no NetCDF file but begins with 'time,level'; .* `diagnosis import`"):
         predict(ridge_run, tmp_path / "text.nc")
+    (tmp_path / "cut.nc").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(40))
+    with pytest.raises(RecordingError, match="cannot be read as NetCDF"):
+        predict(ridge_run, tmp_path / "cut.nc")
 
 
 def test_a_shards_records_have_their_own_beginning(ridge_run, shard, tmp_path):
