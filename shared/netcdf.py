@@ -57,7 +57,7 @@ def read_netcdf(path: Path, error: type[ZeroshotError], expected: str, *, times:
     if child.returncode:
         cause = child.stderr.decode(errors="replace").strip().splitlines()
         said = short(cause[-1]) if child.returncode > 0 and cause else _ending(child.returncode)
-        if (begin := _begin(path)) is not None:
+        if child.returncode > 0 and (begin := _begin(path)) is not None:
             raise error(f"{path}: is no NetCDF file but begins with {begin!r}; expected {expected}") from None
         raise error(f"{path}: cannot be read as NetCDF ({said}); expected {expected}")
     try:

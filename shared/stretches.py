@@ -15,6 +15,8 @@ from shared.logs import logger
 
 DAY = 86400.0
 """A stretch is at least so long [s]: a day is the least that a fit or an estimator reads."""
+LEAST = 2
+"""Steps of a stretch, of which a recording has two at least."""
 LISTED = 12
 """So many stretches are listed in a sentence, the longest."""
 _PANEL = Group("Stretch")
@@ -71,7 +73,7 @@ def runs(mask: np.ndarray) -> list[tuple[int, int]]:
 
 def stretches(whole: np.ndarray, step: float) -> list[tuple[int, int]]:
     """Stretches of at least a day, in order, of steps (steps,) of ``step`` [s] of which some are ``whole``."""
-    return [(a, b) for a, b in runs(whole) if (b - a) * step >= DAY - 1e-6 * step]
+    return [(a, b) for a, b in runs(whole) if b - a >= LEAST and (b - a) * step >= DAY - 1e-6 * step]
 
 
 def chosen(

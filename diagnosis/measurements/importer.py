@@ -229,7 +229,7 @@ def import_recording(
     first, last = _span(composer, series, ahead)
     for one in series:
         one.cut(first, last)
-    kept = Kept(series, described, composer.step, float(composer.edges[first]))
+    kept = Kept(series, described, composer.step, float(composer.edges[first]), composer.judge.valid)
     stretches = _stretches(composer, kept)
     composer.tell_of_daylight_saving(first + stretches[0][0], first + stretches[-1][1])
     time = composer.edges[first + 1 : last + 1]
@@ -361,14 +361,14 @@ def _span(composer: Composer, series: list[Series], ahead: bool) -> tuple[int, i
 
 
 def _trimmed(composer: Composer, series: list[Series], first: int, last: int) -> tuple[int, int]:
-    """The same without what is shorter than a day at its ends and lacks an input: it is of no stretch."""
+    """The same without what is no longer than a day at its ends and lacks an input: it is of no stretch."""
     known = np.all([np.isfinite(one.values[first:last]) for one in series if one.target.role == "input"], axis=0)
     whole = np.flatnonzero(np.atleast_1d(known))
     if not whole.size:
         return first, last
     before, after = int(whole[0]), last - first - 1 - int(whole[-1])
     most = DAY / composer.step
-    before, after = (count if count < most else 0 for count in (before, after))
+    before, after = (count if count <= most else 0 for count in (before, after))
     for count, which, part in (
         (before, "first", slice(first, first + before)),
         (after, "last", slice(last - after, last)),

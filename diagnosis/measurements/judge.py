@@ -64,7 +64,7 @@ class Judge:
     """Reads the measurements as the mapping says.
 
     ``edges`` of the grid, shape (steps + 1,) [s of the clock]; ``notes`` are sentences on what was done, ``used`` the
-    columns that were read.
+    columns that were read, ``valid`` the lines that would keep what was left out as impossible, by where they belong.
     """
 
     mapping: Mapping
@@ -73,6 +73,7 @@ class Judge:
     edges: np.ndarray
     notes: list[str] = field(default_factory=list)
     used: set[str] = field(default_factory=set)
+    valid: dict[str, str] = field(default_factory=dict)
 
     @property
     def step(self) -> float:
@@ -305,16 +306,17 @@ class Judge:
                 f" stuck; stuck_after = 0.0 under [{key}] keeps them"
             )
         impossible = (signal.flags & IMPOSSIBLE) > 0
-        if impossible.sum() > TOLD * count:
+        if impossible.any():
             raw = [
                 source_value(one, source, signal.unit, density=self.mapping.air_density, where=where)
                 / (source.persons or 1.0)
                 for one in (float(signal.values.min()), float(signal.values.max()))
             ]
-            self.notes.append(
-                f"column {column}: valid = [{min(raw):.6g}, {max(raw):.6g}] under [{key}] keeps all of its readings, if"
-                " they are right"
-            )
+            self.valid[key] = f"valid = [{_down(min(raw)):g}, {-_down(-max(raw)):g}]"
+            if impossible.sum() > TOLD * count:
+                self.notes.append(
+                    f"column {column}: {self.valid[key]} under [{key}] keeps all readings, if they are right"
+                )
 
     def gridded(self, target: Target, signal: Signal, source: Source, origin: str, where: str) -> Series:
         """A signal on the grid, an input's gaps filled as its mapping says: weather by short lines unless told."""
@@ -352,6 +354,14 @@ def _is_calm(signal: Signal) -> bool:
     """Whether a signal is of wind, and so short that all of it may be a calm."""
     short = bool(signal.end[-1] - signal.begin[0] <= 3600.0 * _CALM)
     return short and spelled(signal.unit) == "m/s" and not signal.values.any()
+
+
+def _down(value: float) -> float:
+    """A number with three digits that is not above this one."""
+    if value == 0:
+        return 0.0
+    digit = 10.0 ** (np.floor(np.log10(abs(value))) - 2)
+    return float(np.floor(value / digit + 1e-9) * digit)
 
 
 def _watt(unit: str) -> float | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,13 +25,15 @@ MUCH = 0.05
 class Kept:
     """The steps of a recording that a simulation can use.
 
-    ``series`` are of the recording's span, which begins at ``begin`` [s of the clock]; ``step`` is its step [s].
+    ``series`` are of the recording's span, which begins at ``begin`` [s of the clock]; ``step`` is its step [s], and
+    ``valid`` has the lines of the mapping that keep what was left out as impossible, by where they belong.
     """
 
     series: Sequence[Series]
     system: System
     step: float
     begin: float
+    valid: Mapping[str, str]
 
     @property
     def measured(self) -> np.ndarray:
@@ -107,7 +109,7 @@ class Kept:
         if np.mean((flags & STUCK) > 0) > 0.5:
             return "as its readings stand still", "stuck_after = 0.0"
         if np.mean((flags & IMPOSSIBLE) > 0) > 0.5:
-            return "as its readings are impossible", "valid = [lowest, highest]"
+            return "as its readings are impossible", self.valid.get(one.key, "valid = [lowest, highest]")
         if one.signal is not None and (line := line_of_spacing(one.signal, self.begin + self.step * np.argmax(lost))):
             return "where its readings are further apart than usual", line
         gaps = [(a, b) for a, b in runs(~np.isfinite(one.values)) if lost[a:b].any()]

@@ -115,7 +115,10 @@ def _read(path: Path, known: xr.Dataset, begin: int, encoding: Encoding) -> Wind
             return window
         longest = _outputs(path, known, before, encoding, len(window.systems), more[0])
         longer = tuple(longest[:, -one:] for one in more)
-        return window._replace(passed=None if first is None else str(first), longer=longer)
+        short = (
+            f"{path}: the stretch without gaps that is taken has {len(seconds)} samples; the next window has {more[-1]}"
+        )
+        return window._replace(passed=short if first is None else str(first), longer=longer)
     assert first is not None
     raise first
 
