@@ -29,14 +29,14 @@ _SIGMA = 1.4826
 
 @dataclass(frozen=True, eq=False)
 class Offset:
-    """What is read while the sun is down: middles of nights [s] and medians [unit of the signal], both (nights,)."""
+    """What is read in the dark of nights: from when until when [s], (nights, 2), and medians [unit of the signal]."""
 
-    time: np.ndarray
+    dark: np.ndarray
     values: np.ndarray
 
     def at(self, times: np.ndarray) -> np.ndarray:
-        """The offset at times [s], on straight lines between the nights, same shape."""
-        return np.interp(times, self.time, self.values)
+        """The offset at times [s], one value in the dark of a night and straight lines by day, same shape."""
+        return np.interp(times, self.dark.ravel(), np.repeat(self.values, 2))
 
     def taken_off(self, signal: Signal) -> Signal:
         """A signal without it."""
@@ -74,7 +74,8 @@ def find_offset(signal: Signal, daylight: Daylight, watt: float = 1.0) -> Offset
     night = np.searchsorted(_dawns(daylight), times[dark])
     nights = pd.DataFrame({"night": night, "time": times[dark], "value": values[dark]}).groupby("night")
     many = nights.size().to_numpy() >= FEW
-    found = Offset(nights["time"].mean().to_numpy()[many], nights["value"].median().to_numpy()[many])
+    ends = np.stack([nights["time"].min().to_numpy(), nights["time"].max().to_numpy()], axis=1)
+    found = Offset(ends[many], nights["value"].median().to_numpy()[many])
     if not len(found.values):
         return None
     apart = np.abs(values[dark] - found.at(times[dark]))

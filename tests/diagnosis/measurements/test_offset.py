@@ -55,6 +55,17 @@ def test_the_offset_may_be_another_every_night_and_coarse():
     assert abs(left.mean()) < 1.0
 
 
+def test_the_offset_may_leap_between_nights():
+    """It stands all night, and moves by day."""
+    time, sun, daylight = sky()
+    night = np.floor((time - time[0]) / 86400.0 + 0.5).astype(int)
+    levels = np.random.default_rng(4).uniform(6.0, 62.0, night[-1] + 1)
+    found = find_offset(read(time, sun + levels[night]), daylight)
+    np.testing.assert_allclose(found.values, levels)
+    left = found.taken_off(read(time, sun + levels[night])).values
+    np.testing.assert_allclose(left[daylight.is_dark(time)], 0.0, atol=1e-9)
+
+
 def test_a_log_of_changes_has_one_reading_a_night():
     time, sun, daylight = sky()
     values = np.round(sun) + 12.0
