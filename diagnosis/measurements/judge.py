@@ -20,6 +20,7 @@ from diagnosis.measurements.grid import (
     interpolate_short,
     resample,
 )
+from diagnosis.measurements.kept import header
 from diagnosis.measurements.mapping import Mapping, Source
 from diagnosis.measurements.offset import find_offset
 from diagnosis.measurements.signal import (
@@ -259,6 +260,7 @@ class Judge:
             if moving and not _is_calm(signal):
                 raise RecordingError(f"{where}: every reading is {signal.values[0]:g} {unit}; expected one that varies")
             self.notes.append(f"column {column}: every reading is {signal.values[0]:g} {unit}")
+        read = signal.used  # without codes for missing readings
         watt = _watt(unit) if sun else None
         offset = None
         if watt is not None and self.daylight is not None:
@@ -287,7 +289,7 @@ class Judge:
             rest = {"zero": _CALM}
         hours = hours if source.stuck_after is None else source.stuck_after
         signal = mark_stuck(signal, hours, **rest)
-        self._tell_left_out(column, signal, source, where, hours)
+        self._tell_left_out(signal, read, source, where, hours)
         if not signal.used.any():
             raise RecordingError(
                 f"{where}: no reading can be used: all are impossible, or stuck for over {hours:g} h; expected others,"
@@ -295,27 +297,29 @@ class Judge:
             )
         return signal
 
-    def _tell_left_out(self, column: str, signal: Signal, source: Source, where: str, hours: float) -> None:
-        """Say which line of the mapping keeps the readings of a column, where many are left out."""
+    def _tell_left_out(self, signal: Signal, read: np.ndarray, source: Source, where: str, hours: float) -> None:
+        """Say which line of the mapping keeps the readings of a column, where many are left out that were ``read``."""
         key = where.removeprefix(f"{self.mapping.path}: ").partition(": ")[0]
+        if key.endswith(".compare"):  # which has no such lines, and is only drawn
+            return
         count = len(signal.flags)
         stuck = int(((signal.flags & STUCK) > 0).sum())
         if stuck > TOLD * count:
             self.notes.append(
-                f"column {column}: {stuck} of {count} readings stand still for over {hours:g} h and are left out as"
-                f" stuck; stuck_after = 0.0 under [{key}] keeps them"
+                f"column {source.column}: {stuck} of {count} readings stand still for over {hours:g} h and are left out"
+                f" as stuck; stuck_after = 0.0 under {header(key)} keeps them"
             )
-        impossible = (signal.flags & IMPOSSIBLE) > 0
+        impossible = ((signal.flags & IMPOSSIBLE) > 0) & read
         if impossible.any():
             raw = [
                 source_value(one, source, signal.unit, density=self.mapping.air_density, where=where)
                 / (source.persons or 1.0)
-                for one in (float(signal.values.min()), float(signal.values.max()))
+                for one in (float(signal.values[read].min()), float(signal.values[read].max()))
             ]
             self.valid[key] = f"valid = [{_down(min(raw)):g}, {-_down(-max(raw)):g}]"
             if impossible.sum() > TOLD * count:
                 self.notes.append(
-                    f"column {column}: {self.valid[key]} under [{key}] keeps all readings, if they are right"
+                    f"column {source.column}: {self.valid[key]} under {header(key)} keeps all, if they are right"
                 )
 
     def gridded(self, target: Target, signal: Signal, source: Source, origin: str, where: str) -> Series:

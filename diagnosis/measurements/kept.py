@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -96,7 +97,7 @@ class Kept:
         said = []
         for (why, line, count), lacking in reasons.items():
             names = ", ".join(f"{one.target.name} ({one.origin})" for one in lacking)
-            keys = ", ".join(f"[{key}]" for key in dict.fromkeys(one.key for one in lacking))
+            keys = ", ".join(header(key) for key in dict.fromkeys(one.key for one in lacking))
             said.append(
                 f"{names}: no value in {count * self.step / 3600:g} of {self.hours():g} h in which outputs were"
                 f" measured, {why}; {line} under {keys} would keep them"
@@ -117,6 +118,12 @@ class Kept:
         if one.signal is not None and one.signal.kind == "hold":
             return f"in gaps of up to {longest:g} h", f"max_gap = {longest + self.step / 3600.0:g}"
         return f"in gaps of up to {longest:g} h", f'fill = "interpolate" with fill_up_to = {longest:.4g}'
+
+
+def header(key: str) -> str:
+    """The header of a table of the mapping, as TOML has it: names with dots are quoted."""
+    table, _, name = key.partition(".")
+    return f"[{key}]" if re.fullmatch(r"[\w-]+", name, re.ASCII) else f'[{table}."{name}"]'
 
 
 def about_spacing(signal: Signal, end: float) -> str:

@@ -79,7 +79,7 @@ def _taken(path: Path, recording: xr.Dataset, encoding: Encoding, stretch: Stret
     """The steps that are taken: the inputs that the run cannot do without have no gaps there."""
     seconds = recorded_times(path, recording)
     known = {
-        name: np.isfinite(recording[name].values).reshape(-1, len(seconds)).all(axis=0)
+        name: ~np.isnan(recording[name].values).reshape(-1, len(seconds)).any(axis=0)
         for name in encoding.recorded[encoding.outputs :]
         if name not in encoding.optional and name in recording and recording[name].dims[-1:] == ("time",)
     }
