@@ -33,7 +33,6 @@ from diagnosis.measurements.table import Measurements, read_measurements
 from diagnosis.measurements.units import COUNTS
 from shared.errors import RecordingError
 from shared.flags import ASSUMED, COMPUTED, IMPOSSIBLE, INTERPOLATED, PARTLY, STUCK
-from shared.numbers import counted
 from shared.places import check_folder
 from shared.store import sha256_of
 from shared.system import System, load_system
@@ -361,31 +360,18 @@ def _span(composer: Composer, series: list[Series], ahead: bool) -> tuple[int, i
 
 
 def _trimmed(composer: Composer, series: list[Series], first: int, last: int) -> tuple[int, int]:
-    """The same without what is no longer than a day at its ends and lacks an input: it is of no stretch."""
-    known = np.all([np.isfinite(one.values[first:last]) for one in series if one.target.role == "input"], axis=0)
-    whole = np.flatnonzero(np.atleast_1d(known))
-    if not whole.size:
-        return first, last
-    before, after = int(whole[0]), last - first - 1 - int(whole[-1])
-    most = DAY / composer.step
-    before, after = (count if count <= most else 0 for count in (before, after))
-    for count, which, part in (
-        (before, "first", slice(first, first + before)),
-        (after, "last", slice(last - after, last)),
-    ):
-        lacking = [one.target.name for one in series if not np.isfinite(one.values[part]).all()]
-        inputs = [name for name in lacking if name in composer.system.input_names]
-        if count:
-            composer.notes.append(
-                f"inputs are missing ({', '.join(inputs)}) in the {which} {counted(count, 'step')} with outputs: the"
-                f" recording {'begins after' if which == 'first' else 'ends before'} them"
-            )
-    return first + before, last - after
+    """The same without a first and a last step that lack an input: a log begins and ends within a step."""
+    needed = Kept(series, composer.system, composer.step, 0.0, {}).needed
+    for k, which in ((first, "first"), (last - 1, "last")):
+        if lacking := [one.target.name for one in needed if not np.isfinite(one.values[k])]:
+            composer.notes.append(f"{', '.join(lacking)}: no value in the {which} step with outputs, which is left out")
+            first, last = (first + 1, last) if which == "first" else (first, last - 1)
+    return first, last
 
 
 def _stretches(composer: Composer, kept: Kept) -> list[tuple[int, int]]:
     """The stretches of a recording in which no input is missing; what is lost is noted."""
-    found = kept.stretches()
+    found = kept.stretches() or kept.stretches(without=kept.crowd)
     if not found:
         remedies = "; ".join(kept.remedies(0.0)) or "a mapping's fill says what may fill gaps"
         raise RecordingError(

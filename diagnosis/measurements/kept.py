@@ -48,6 +48,11 @@ class Kept:
         inputs = {one.target.name: one for one in self.series if one.target.role == "input"}
         return [inputs[name] for name in needed_inputs(self.system, inputs)]
 
+    @property
+    def crowd(self) -> frozenset[str]:
+        """Inputs that are persons: a simulation does without a count of them."""
+        return frozenset(one.name for one in self.system.inputs if isinstance(one, OccupancyInput))
+
     def stretches(self, without: frozenset[str] = frozenset()) -> list[tuple[int, int]]:
         """Stretches of at least a day, ``without`` regard to some inputs; all of a recording without gaps."""
         whole = np.ones(len(self.measured), dtype=bool)
@@ -78,11 +83,10 @@ class Kept:
         ]
         if len(found) > 1:
             said.append("a command takes one stretch, the longest unless told (--stretch, or --from and --to)")
-        crowd = frozenset(one.name for one in self.system.inputs if isinstance(one, OccupancyInput))
-        more = self.hours(self.stretches(without=crowd))
+        more = self.hours(self.stretches(without=self.crowd))
         if more > kept + MUCH * self.hours():
             said.append(
-                f"with --occupancy unknown, {more:g} h: the gaps in {', '.join(sorted(crowd))} do not count then"
+                f"with --occupancy unknown, {more:g} h: the gaps in {', '.join(sorted(self.crowd))} do not count then"
             )
         return said + self.remedies(MUCH)
 

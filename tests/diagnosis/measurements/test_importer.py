@@ -14,9 +14,11 @@ from rich.console import Console
 
 from diagnosis.measurements import import_recording
 from diagnosis.measurements.output import print_report
+from diagnosis.recording import read_recording
 from shared.errors import RecordingError
 from shared.flags import ASSUMED, COMPUTED, IMPOSSIBLE, INTERPOLATED, MISSING, PARTLY, STUCK
 from shared.schema import EPOCH
+from shared.system import load_system
 from tests.diagnosis.measurements.house_cases import MAPPING, measured, warmth
 
 
@@ -144,7 +146,21 @@ def test_the_line_that_is_named_keeps_what_was_lost(house, lose, line, key):
     lines = said.replace(" with ", "\n")
     kept = house(frame, MAPPING.replace('column = "outside"\n', f'column = "outside"\n{lines}\n'))
     assert len(kept.stretches) == 1 and sum(one.measured for one in kept.stretches) > report.measured - 1.1
-    assert not any("stretches" in note or "left out" in note for note in kept.notes)
+    assert not any("stretches" in note or "are left out" in note for note in kept.notes)
+
+
+def test_persons_who_were_counted_now_and_then_cost_no_day(house, tmp_path):
+    """Six hours of each day: there is no day with a count, and all days without one."""
+    frame, hours = measured()
+    frame["presence"] = frame["presence"].where(hours % 24 > 18)
+    report = house(frame)
+    assert [one.hours for one in report.stretches] == [144.0]
+    assert any("0 stretches of a day" in one for one in report.notes)
+    assert any("with --occupancy unknown, 144 h" in one for one in report.notes)
+    described = load_system(tmp_path / "house.toml")
+    with pytest.raises(RecordingError, match=r"without people \(--occupancy unknown\) there would be one"):
+        read_recording(report.recording, described)
+    assert read_recording(report.recording, described, occupancy="unknown").time.size == report.steps
 
 
 def test_what_comes_after_the_last_reading_is_kept_for_a_forecast_or_told(house):

@@ -270,3 +270,13 @@ def test_the_table_says_which_of_two_answers_to_take(monkeypatch, capsys):
     assert "Take the median" not in answer(value.model_copy(update={"median": None, "low": None, "high": None}))
     bound = answer(value.model_copy(update={"at_bound": True}))
     assert "remark" in bound and "at the end of its range" in bound
+
+
+def test_what_does_not_fit_of_another_system_is_said_to_be_of_it(ridge_run, recording, tmp_path):
+    recording["level"].attrs["cell_methods"] = "time: mean"
+    mine = write(recording.assign_attrs(system_name=ridge_run.card.system_name), tmp_path / "mine.nc")
+    with pytest.raises(RecordingError, match=r"level is a mean .*; for the run it is an instant at each step's end$"):
+        predict(ridge_run, mine)
+    other = write(recording.assign_attrs(system_name="Barrel"), tmp_path / "other.nc")
+    with pytest.raises(RecordingError, match=r"; the recording is of the system 'Barrel', and the run of '\w+'$"):
+        predict(ridge_run, other)
