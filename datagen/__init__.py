@@ -1,7 +1,7 @@
 """The simulation farm: samples systems, simulates FMUs, writes datasets.
 
-The functions behind the commands of the same names: :func:`run`, :func:`simulate`, :func:`info`, :func:`verify`,
-:func:`repair`, :func:`merge`, :func:`compare`, :func:`identifiability`.
+The functions behind the commands of the same names: :func:`describe`, :func:`run`, :func:`simulate`, :func:`info`,
+:func:`verify`, :func:`repair`, :func:`merge`, :func:`compare`, :func:`identifiability`.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 from shared.lazy import lazily
 
 _HOMES = {
+    "describe": "datagen.fmi.describe",
     "run": "datagen.farming.farm",
     "simulate": "datagen.simulating.recording",
     "info": "datagen.datasets.inspection",

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from datagen.commands.compare import compare
 from datagen.commands.datasets import info, merge, verify
+from datagen.commands.describe import describe
 from datagen.commands.identifiability import identifiability
 from datagen.commands.run import run
 from datagen.commands.simulate import simulate
 from shared.console import new_app, start
 
-COMMANDS = (run, simulate, info, verify, merge, identifiability, compare)
+COMMANDS = (describe, run, simulate, info, verify, merge, identifiability, compare)
 
 app = new_app(
     "datagen",

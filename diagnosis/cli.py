@@ -34,14 +34,15 @@ def residuals(
     recording: Path,
     *,
     run: Path | None = None,
+    calibration: Path | None = None,
     set_: Annotated[list[str] | None, Parameter(name="--set", consume_multiple=True, negative=())] = None,
     replay: bool = False,
-    noise: str = "sensor",
+    noise: str | None = None,
     warm_up: float = WARM_UP,
     stretch: Stretch = LONGEST,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
 ) -> int:
-    """Simulate a recording with given or estimated parameters, and say what is left.
+    """Simulate a recording with given, estimated or calibrated parameters, and say what is left.
 
     Parameters
     ----------
@@ -51,12 +52,16 @@ def residuals(
         The recording (NetCDF).
     run
         Folder of an estimator, whose estimate is used for parameters that are not set.
+    calibration
+        A folder of `diagnosis calibrate`, of this recording or another: its parameters, constants and noise, in place
+        of --run, --set and --noise. How the recording began, and persons whom nobody counted, are then what its
+        readings make most likely.
     set_
         Parameter values as NAME=VALUE.
     replay
         The recorded actuators replace the model's control loops.
     noise
-        A noise preset of the description, by which replayed actuators are cleared of noise.
+        A noise preset of the description, by which replayed actuators are cleared of noise; `sensor`, if not given.
     warm_up
         The recording's first day is repeated this long before its start [h].
     as_json
@@ -66,7 +71,15 @@ def residuals(
 
     values = assignments(set_ or [])
     found = residuals_(
-        *(system, recording), run=run, parameters=values, replay=replay, stretch=stretch, noise=noise, warm_up=warm_up
+        system,
+        recording,
+        run=run,
+        calibration=calibration,
+        parameters=values,
+        replay=replay,
+        stretch=stretch,
+        noise=noise,
+        warm_up=warm_up,
     )
     if as_json:
         sys.stdout.write(json.dumps(found, indent=1, allow_nan=False) + "\n")

@@ -35,6 +35,14 @@ class Fitting:
         str | None, Parameter(help="Address of a Dask scheduler, to simulate on its workers in place of those.")
     ] = None
 
+    minutes: Annotated[
+        float | None,
+        Parameter(
+            help="Time that there is. When it is up, the answer is what is known then, and says what it lacks; given"
+            " again, the command goes on from there."
+        ),
+    ] = None
+
     @property
     def given(self) -> dict[str, Any]:
         """As keyword arguments, without those that were not given."""

@@ -11,7 +11,11 @@ import numpy as np
 
 from datagen.simulating.simulator import Simulator
 from diagnosis.calibrating.checks import opened
+from diagnosis.calibrating.given import check_given, check_unknowns, given_calibration, noise_of
+from diagnosis.calibrating.schema import Calibration
+from diagnosis.fitting.fit import ROUNDS
 from diagnosis.fitting.problem import Problem
+from diagnosis.fitting.renewing import most_likely
 from diagnosis.fitting.run import Run
 from diagnosis.fitting.side_by_side import InProcess, Outcome
 from diagnosis.recording import HOUR, Recording
@@ -28,21 +32,26 @@ def residuals(
     recording: Path | str,
     *,
     run: Path | str | None = None,
+    calibration: Calibration | Path | str | None = None,
     parameters: Mapping[str, float] | None = None,
     replay: bool = False,
     stretch: Stretch | None = None,
-    noise: str = "sensor",
+    noise: str | None = None,
     warm_up: float = WARM_UP,
 ) -> dict[str, Any]:
-    """Simulate a recording with given or estimated parameters and compare output by output.
+    """Simulate a recording with given, estimated or calibrated parameters and compare output by output.
 
     The model is driven as in a calibration: see :mod:`diagnosis.fitting.drive`. Persons whom nobody counted are as the
-    description expects them, and the recording's first day stands in for what came before it.
+    description expects them, and the recording's first day stands in for what came before it. With ``calibration`` both
+    are what the recording's readings make most likely, so that on its own recording the figures are the calibration's.
 
     Parameters
     ----------
     run
         An estimator's folder, whose estimate is used for parameters that are not given.
+    calibration
+        A calibration made before, or its folder: its parameters, uncertain constants and noise, in place of ``run``,
+        ``parameters`` and ``noise``.
     parameters
         Values by name [unit of the description], which are simulated as they are, beyond their ranges too.
     replay
@@ -50,7 +59,7 @@ def residuals(
     stretch
         Which stretch without gaps of a recording's inputs is taken; the longest, if not given.
     noise
-        A noise preset of the description: how noisy those meters are.
+        A noise preset of the description: how noisy those meters are (``sensor`` if not given).
     warm_up
         The recording's first day is repeated this long before its start [h]; at least a step.
 
@@ -67,26 +76,31 @@ def residuals(
     RecordingError, SystemDescriptionError, EstimatorError, SimulationError
         If the recording, the preset, the parameters, the estimator or the simulation cannot be used.
     """
-    described, record = opened(system, recording, noise=noise, warm_up=warm_up, replay=replay, stretch=stretch)
-    values = _parameters(described, record, run, parameters or {})
-    simulator = Simulator(described)
-    problem = Problem(
-        simulator,
-        record,
+    given = None
+    if calibration is not None:
+        beside = {"run": run, "parameters (--set)": parameters or None, "noise": noise}
+        given = given_calibration(calibration, beside)
+    noise = "sensor" if noise is None else noise
+    described, record = opened(
+        system,
+        recording,
         noise=noise,
+        warm_up=warm_up,
         replay=replay,
-        warm_up=warm_up * HOUR,
-        uncertain=False,
-        history=False,
-        runner=_Given(simulator, values),
+        occupancy=None if given is None else given.occupancy,
+        stretch=stretch,
     )
-    z = problem.unknowns(values)
+    if given is not None:
+        check_given(given, calibration, described, replay=replay)
+        values = {one.name: one.value for one in given.parameters}
+        problem, simulated = _calibrated(given, calibration, described, record, warm_up)
+        expected = "what the readings make most likely"
+    else:
+        values = _parameters(described, record, run, parameters or {})
+        problem, simulated = _with_values(described, record, values, noise=noise, replay=replay, warm_up=warm_up)
+        expected = "as many as the description expects"
     assumed = dict(problem.drive.assumed)
-    # a level is log-normal: at zero it is the median, which is less than the mean
-    for k, level in enumerate(problem.nuisance.levels, problem.size - len(problem.nuisance.levels)):
-        z[k] = -level.mean / level.sd if level.sd > 0 else 0.0
-        assumed[described.input_names[level.column]] = "as many as the description expects"
-    simulated = problem.simulate(z)
+    assumed |= {described.input_names[level.column]: expected for level in problem.nuisance.levels}
     found = {}
     for k, output in enumerate(described.outputs):
         seen = np.isfinite(record.outputs[k])
@@ -99,6 +113,44 @@ def residuals(
         "replayed": list(problem.drive.replayed),
         "outputs": found,
     }
+
+
+def _with_values(
+    system: System, record: Recording, values: Mapping[str, float], *, noise: str, replay: bool, warm_up: float
+) -> tuple[Problem, np.ndarray]:
+    """A recording's problem and the outputs (outputs, steps) with given parameters, nuisance as expected."""
+    simulator = Simulator(system)
+    problem = Problem(
+        simulator,
+        record,
+        noise=noise,
+        replay=replay,
+        warm_up=warm_up * HOUR,
+        uncertain=False,
+        history=False,
+        runner=_Given(simulator, values),
+    )
+    z = problem.unknowns(values)
+    # a level is log-normal: at zero it is the median, which is less than the mean
+    for k, level in enumerate(problem.nuisance.levels, problem.size - len(problem.nuisance.levels)):
+        z[k] = -level.mean / level.sd if level.sd > 0 else 0.0
+    return problem, problem.simulate(z)
+
+
+def _calibrated(
+    report: Calibration, path: object, system: System, record: Recording, warm_up: float
+) -> tuple[Problem, np.ndarray]:
+    """A recording's problem and the outputs (outputs, steps) with a calibration's unknowns, nuisance most likely."""
+    problem = Problem(
+        Simulator(system),
+        record,
+        noise=noise_of(report, system),
+        replay=report.replay,
+        occupancy=report.occupancy,
+        warm_up=warm_up * HOUR,
+    )
+    check_unknowns(report, path, problem)
+    return problem, most_likely(problem, np.array(report.z), ROUNDS)[1]
 
 
 class _Given(InProcess):
@@ -124,7 +176,10 @@ def _parameters(
         values = {**estimate(run, recording, system), **values}
     missing = [name for name in system.parameter_names if name not in values]
     if missing:
-        raise RecordingError(f"no value for {', '.join(missing)}; expected --set NAME=VALUE or an estimator (--run)")
+        raise RecordingError(
+            f"no value for {', '.join(missing)}; expected --set NAME=VALUE, an estimator (--run) or a calibration"
+            " (--calibration)"
+        )
     return {name: float(values[name]) for name in system.parameter_names}
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, Field
 
 from shared.errors import ZeroshotError
-from shared.reading import read_json, shown, validated
+from shared.reading import newer, read_json, validated
 from shared.store import write_atomically
 from shared.system import Experiment
 from shared.uncertain import Uncertain
@@ -201,11 +201,8 @@ def read_ceilings(path: Path) -> Ceilings:
     expected = "a file of `datagen identifiability`"
     raw = read_json(path, ZeroshotError, expected)
     version = raw.get("schema_version", 1) if isinstance(raw, dict) else 1
-    if isinstance(version, int) and version > SCHEMA_VERSION:
-        raise ZeroshotError(
-            f"{path}: schema_version is {shown(version)}; expected at most {SCHEMA_VERSION}, the newest that this"
-            " version of zeroshot-fmu reads: update it"
-        )
+    if said := newer(version, SCHEMA_VERSION):
+        raise ZeroshotError(f"{path}: {said}")
     found = validated(Ceilings, raw, f"{path}", ZeroshotError, expected)
     return found.model_copy(update={"schema_version": SCHEMA_VERSION})
 

@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+
+from shared.interrupts import interrupts_held
 
 
 def command(module: str, *arguments: str) -> list[str]:
@@ -20,3 +23,27 @@ def environment(base: Mapping[str, str] | None = None) -> dict[str, str]:
     """Environment of a child: ``base``, or that of this process, with the places where this process finds modules."""
     places = os.pathsep.join(place or os.getcwd() for place in sys.path)
     return {**(os.environ if base is None else base), "PYTHONPATH": places}
+
+
+@contextmanager
+def without_script() -> Iterator[None]:
+    """Let processes that :mod:`multiprocessing` starts meanwhile not run the script of this one, as it would have them.
+
+    They need nothing of it, and where it has no ``if __name__ == "__main__":`` each would begin its work anew.
+    """
+    main = sys.modules["__main__"]
+    spec, file = main.__spec__, main.__dict__.pop("__file__", None)
+    main.__spec__ = None
+    try:
+        yield
+    finally:
+        main.__spec__ = main.__spec__ or spec
+        if file is not None:
+            main.__file__ = file
+
+
+@contextmanager
+def starting() -> Iterator[None]:
+    """For the moment in which :mod:`multiprocessing` starts workers: without the script, and deaf to Ctrl-C."""
+    with without_script(), interrupts_held():
+        yield

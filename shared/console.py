@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import io
 import os
 import platform
 import shlex
@@ -19,6 +20,7 @@ from shared import __version__
 from shared.errors import IncompleteError, ZeroshotError
 from shared.interrupts import Terminated, terminable
 from shared.logs import USUAL, Reporting, fields, logger, reported
+from shared.places import give_matplotlib_a_place, no_text
 
 OK, FAULT, USAGE, PARTLY, STOPPED, ENDED = 0, 1, 2, 3, 130, 143
 """Exit codes: done; a sentence on standard error says what is wrong; the command line itself is wrong; done but for a
@@ -108,6 +110,14 @@ def start(app: cyclopts.App, arguments: Sequence[str] | None = None) -> int:
     A command may return an exit code of its own. Only our own bugs show a traceback.
     """
     words = list(arguments) if arguments is not None else sys.argv[1:]
+    give_matplotlib_a_place()
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a path or a unit that the terminal's encoding lacks ends nothing
+            stream.reconfigure(errors="backslashreplace")
+    for word in (*words, os.getcwd()):
+        if said := no_text(word):
+            errors.print(f"error: {said}", markup=False)
+            return FAULT
     try:
         command, bound, _ = app.parse_args(words)
     except cyclopts.CycloptsError:

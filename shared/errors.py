@@ -10,6 +10,7 @@
     ├── EstimatorError            a training run or a checkpoint cannot be used
     │   └── OptionsError          a training with these options has no result; with others it may have one
     ├── RecordingError            a recording cannot be used
+    ├── TimeUp                    the time that a command was given is over
     └── IncompleteError           all is done but for a part that failed
 
 The command lines print the text and exit with 1, or 3 for the last; anything else that escapes is a bug of ours.
@@ -54,6 +55,10 @@ class OptionsError(EstimatorError):
 
 class RecordingError(ZeroshotError):
     """A recording cannot be used."""
+
+
+class TimeUp(ZeroshotError):
+    """The time that a command was given is over: it ends with what is known, or with this text if that is nothing."""
 
 
 class IncompleteError(ZeroshotError):

@@ -18,13 +18,16 @@ from types import TracebackType
 from typing import IO, Any
 
 from shared.errors import DatasetError, ZeroshotError
+from shared.logs import logger
 from shared.reading import read_json
 
 FILE_NAME = ".lock"
 _FAR = 1 << 30
 """Offset of the locked byte: on Windows a locked byte cannot be read, and the text in front must be."""
 _TAKEN = (errno.EACCES, errno.EAGAIN, errno.EDEADLK)
-_CANNOT_LOCK = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
+_CANNOT_LOCK = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL)
+"""Of file systems without locks: NFS, Lustre, FUSE each have their own word."""
+_log = logger(__name__)
 
 
 def _take(handle: IO[str]) -> None:
@@ -124,12 +127,21 @@ class FolderLock:
         except OSError as error:
             if error.errno in _TAKEN or self._lives(before):
                 handle.close()
+                hint = "" if error.errno in _TAKEN else f"; if it was killed, remove {path}"
                 raise self._kind(
                     f"{self.folder}: another run is at it ({_in_words(before)}); wait for it, or stop it and run again"
+                    f"{hint}"
                 ) from None
             if error.errno not in _CANNOT_LOCK:
                 handle.close()
-                raise self._kind(f"{path}: cannot be locked: {error.strerror}") from None
+                raise self._kind(
+                    f"{path}: cannot be locked: {error.strerror}; expected a folder on a local disk, or on a"
+                    " file system with locks"
+                ) from None
+            _log.warning(
+                "%s: its file system has no locks (%s); give no second command on this folder until this one has ended",
+                *(self.folder, error.strerror),
+            )
         self._handle = handle
         self._write({"token": self.token, "system": self._system or before.get("system", "")}, path)
         return self

@@ -12,13 +12,14 @@ from __future__ import annotations
 import json
 import logging
 import math
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TextIO
 
 from cyclopts import Group, Parameter
 from cyclopts.validators import MutuallyExclusive
@@ -117,9 +118,23 @@ class _Sentences(logging.Handler):
             self.console.print(before + record.getMessage(), markup=False)
 
 
+def _logged_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """Log a warning of Python's in place of printing it."""
+    logger(__name__).debug("%s:%d: %s: %s", filename, lineno, category.__name__, message)
+
+
 @contextmanager
 def reported(options: Reporting, console: Console) -> Iterator[None]:
     """Hear what the packages log, as the options say.
+
+    Warnings of numpy and other libraries are records at level ``debug``: no user can mend an overflow in a matrix.
 
     Raises
     ------
@@ -145,9 +160,12 @@ def reported(options: Reporting, console: Console) -> Iterator[None]:
     ours.propagate = False
     for handler in handlers:
         ours.addHandler(handler)
+    shown = warnings.showwarning
+    warnings.showwarning = _logged_warning
     try:
         yield
     finally:
+        warnings.showwarning = shown
         for handler in handlers:
             ours.removeHandler(handler)
             handler.close()

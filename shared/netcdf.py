@@ -2,6 +2,8 @@
 
 The C libraries behind NetCDF trust a file: a flipped bit can make them crash, take all memory or never return. So a
 file without a known hash never reaches them in this process.
+
+They read a file's bytes: HDF5 would lock a file that it opens itself, which some file systems of clusters cannot do.
 """
 
 from __future__ import annotations
@@ -18,8 +20,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from shared import LOCKING
 from shared.children import command, environment
 from shared.errors import ZeroshotError
+from shared.places import no_text
 from shared.reading import MIB, short, size_of, why
 
 MOST = 2048 * MIB
@@ -73,18 +77,23 @@ def write_netcdf(dataset: xr.Dataset, path: Path, encoding: Mapping[Any, dict[st
     Raises
     ------
     OSError
-        If it cannot be written, with the cause: of a full disk the C libraries say no more than "HDF error".
+        If it cannot be written, with the cause: of a full disk the C libraries say no more than "HDF error", of a lock
+        that they do not get "Permission denied".
     """
     try:
         dataset.to_netcdf(path, engine="netcdf4", format="NETCDF4", encoding=encoding)
-        with open(path, "rb+") as handle:  # what was opened for reading only cannot be flushed on Windows
-            os.fsync(handle.fileno())
-    except RuntimeError as error:
+    except UnicodeEncodeError:
+        raise OSError(errno.EILSEQ, no_text(f"{path}"), str(path)) from None
+    except (OSError, RuntimeError) as error:
         with open(path, "ab") as handle:  # it raises what the libraries did not say
             handle.write(_PROBE)
             handle.flush()
             os.fsync(handle.fileno())
+        if isinstance(error, PermissionError):
+            raise OSError(errno.ENOLCK, f"HDF5 gets no lock there; set {LOCKING}=FALSE", str(path)) from None
         raise OSError(errno.EIO, str(error), str(path)) from None
+    with open(path, "rb+") as handle:  # what was opened for reading only cannot be flushed on Windows
+        os.fsync(handle.fileno())
 
 
 def _dataset(content: bytes) -> xr.Dataset:

@@ -59,14 +59,16 @@ def write(path: Path, most: int, out: BinaryIO) -> None:
     ValueError
         If the file declares more than ``most`` bytes, or more than its own size can hold.
     """
-    with netCDF4.Dataset(path) as data:
+    with open(path, "rb") as file:  # whole in memory: see :mod:`shared.netcdf`
+        content = file.read(path.stat().st_size)
+    with netCDF4.Dataset("content", memory=content) as data:
         data.set_auto_maskandscale(False)
         chosen = {
             name: one
             for name, one in data.variables.items()
             if isinstance(one.dtype, np.dtype) and one.dtype.kind in "iuf"
         }
-        check_declared(chosen.values(), path.stat().st_size, most)
+        check_declared(chosen.values(), len(content), most)
         header = {
             "attributes": _attributes(data),
             "variables": [

@@ -222,6 +222,20 @@ def said(error: ValidationError) -> str:
     return f"{short(where)}: {short(what)}{more}" if where else f"{short(what)}{more}"
 
 
+def newer(found: object, ours: int) -> str:
+    """Why a file cannot be read whose schema is not one up to ``ours``, to follow its name; empty if it is one.
+
+    Parameters
+    ----------
+    found
+        What the file says: a whole number, or one before a dot, as of 3 in ``3.1``.
+    """
+    major = str(found).partition(".")[0]
+    if not isinstance(found, bool) and major.isdecimal() and len(major) < 10 and int(major) <= ours:
+        return ""
+    return f"schema version is {shown(found)}; this version of zeroshot-fmu reads up to {ours}: update it"
+
+
 def shown(value: Any) -> str:
     """A value for a sentence, however long or deep it is."""
     try:

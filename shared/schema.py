@@ -18,7 +18,7 @@ import numpy as np
 import xarray as xr
 
 from shared.errors import DatasetError
-from shared.reading import shown
+from shared.reading import newer, shown
 from shared.system import System
 
 SCHEMA_VERSION = "2.2"
@@ -214,9 +214,13 @@ def check_version(found: str, where: str) -> None:
     DatasetError
         If this reader does not know the version.
     """
-    ours = SCHEMA_VERSION.split(".")[0]
-    theirs = str(found).split(".")[0]
-    if not (theirs.isdecimal() and len(theirs) < 10) or int(theirs) > int(ours):
-        raise DatasetError(
-            f"{where}: schema version is {shown(found)}; this version of zeroshot-fmu reads up to {ours}.x: update it"
-        )
+    if said := newer(found, int(SCHEMA_VERSION.split(".")[0])):
+        raise DatasetError(f"{where}: {said}")
+
+
+def newer_minor(found: str) -> str:
+    """What to say of a schema of the same major version that has more than this one; empty if it has no more."""
+    theirs, ours = (one.partition(".")[::2] for one in (found, SCHEMA_VERSION))
+    if theirs[0] != ours[0] or not theirs[1].isdecimal() or int(theirs[1]) <= int(ours[1]):
+        return ""
+    return f"schema version is {shown(found)}, and this version of zeroshot-fmu writes {SCHEMA_VERSION}: update it"

@@ -32,7 +32,10 @@ class Table(BaseModel):
 class Weather(Table):
     """Weather files and the plane on which the sun is wanted (pvlib's nomenclature)."""
 
-    files: list[str] = Field(min_length=1, description="TMY3, EPW or .mos; 'pvlib:NAME' is a file that pvlib ships")
+    files: list[str] = Field(
+        min_length=1,
+        description="EPW, TMY3, .mos, or the CSV of NSRDB, SAM or PVGIS; 'pvlib:NAME' is a file that pvlib ships",
+    )
     surface_tilt: float = Field(90.0, ge=0, le=180, description="[degree] from horizontal")
     surface_azimuth: float = Field(180.0, ge=0, le=360, description="[degree] east of north")
     albedo: float = Field(0.2, ge=0, le=1)

@@ -18,20 +18,22 @@ import netCDF4
 import numpy as np
 import xarray as xr
 
-from shared.errors import DatasetError
+from shared.errors import DatasetError, SystemDescriptionError
 from shared.manifest import Manifest as Manifest
 from shared.manifest import ShardEntry as ShardEntry
 from shared.manifest import Source as Source
 from shared.netcdf import read_netcdf, write_netcdf
 from shared.netcdf_child import check_declared
-from shared.reading import MIB, read_json, size_of, validated, why
-from shared.schema import CONTENT_HASH, SPLITS, check_version, dataset_hash
+from shared.reading import MIB, read_bytes, read_json, validated, why
+from shared.schema import CONTENT_HASH, SPLITS, check_version, dataset_hash, newer_minor
 from shared.system import System, system_from_canonical
 
 MANIFEST = "manifest.json"
 """In a dataset's folder; it is what makes it one."""
 MOST_MANIFEST = 4096 * MIB
 """Bytes; a manifest has about 500 for each shard."""
+_LARGEST = 1 << 40
+"""Bytes of a shard: memory is the limit."""
 
 
 def temporary_name(path: Path) -> Path:
@@ -142,8 +144,9 @@ class Records:
         return np.flatnonzero(self.splits == SPLITS.index(split))
 
 
-_DAMAGED = (ArithmeticError, AttributeError, LookupError, MemoryError, OSError, RuntimeError, TypeError, ValueError)
+_WRONG = (ArithmeticError, AttributeError, LookupError, MemoryError, OSError, RuntimeError, TypeError, ValueError)
 """What netCDF4 and numpy raise over a file that is not what it should be."""
+_UNDAMAGED = "though its sha256 is the manifest's; expected a shard made by `datagen run`"
 
 
 def _finite(shard: netCDF4.Dataset, name: str) -> np.ndarray:
@@ -165,7 +168,12 @@ class DatasetFolder:
     def __init__(self, folder: Path | str) -> None:
         self.folder = Path(folder)
         self.manifest = read_manifest(self.folder)
-        self.system: System = system_from_canonical(self.manifest.system, self.folder / MANIFEST)
+        try:
+            self.system: System = system_from_canonical(self.manifest.system, self.folder / MANIFEST)
+        except SystemDescriptionError as error:
+            if said := newer_minor(self.manifest.schema_version):  # which may describe more than this version knows
+                raise DatasetError(f"{self.folder / MANIFEST}: {said}") from None
+            raise error
         if self.system.hash() != self.manifest.system_hash:
             raise DatasetError(f"{self.folder / 'manifest.json'}: system and system_hash disagree; it was changed")
 
@@ -180,19 +188,17 @@ class DatasetFolder:
         path = self.shard_path(entry)
         if not path.exists():
             raise DatasetError(f"{path}: the manifest lists this shard, but it is missing")
-        size = size_of(path, DatasetError, "a shard")
+        content = read_bytes(path, DatasetError, "a shard", most=_LARGEST)
+        if hashlib.sha256(content).hexdigest() != entry.sha256:
+            raise DatasetError(f"{path}: damaged or changed, its sha256 is not the manifest's; try `datagen verify`")
         try:
-            if sha256_of(path) != entry.sha256:
-                raise DatasetError(
-                    f"{path}: damaged or changed, its sha256 is not the manifest's; try `datagen verify`"
-                )
-            shard = netCDF4.Dataset(path, "r")
+            shard = netCDF4.Dataset("shard", "r", memory=content)
             shard.set_auto_mask(False)
             facts = {name: shard.getncattr(name) for name in shard.ncattrs()}
             self._check_facts(path, facts)
-            check_declared(shard.variables.values(), size)
-        except _DAMAGED as error:
-            raise DatasetError(f"{path}: damaged or not NetCDF ({why(error)})") from None
+            check_declared(shard.variables.values(), len(content))
+        except _WRONG as error:
+            raise DatasetError(f"{path}: cannot be read as NetCDF ({why(error)}), {_UNDAMAGED}") from None
         return shard
 
     def _check_facts(self, path: Path, facts: dict[str, Any]) -> None:
@@ -278,6 +284,8 @@ class DatasetFolder:
                     raise DatasetError(
                         f"{self.folder}: not enough memory for {size} ({why(error)}); expected fewer systems"
                     ) from None
-                except _DAMAGED as error:
-                    raise DatasetError(f"{self.shard_path(entry)}: damaged or incomplete ({why(error)})") from None
+                except _WRONG as error:
+                    raise DatasetError(
+                        f"{self.shard_path(entry)}: not as the manifest says ({why(error)}), {_UNDAMAGED}"
+                    ) from None
         return Records(wanted, values, parameters, listed[chosen], splits, time, seeds, starts)

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 from zipfile import is_zipfile
 
 import numpy as np
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, ValidationError, model_serializer, model_validator
 
 from shared.errors import SystemDescriptionError
 from shared.possible import driven_in_another_unit
@@ -79,6 +80,9 @@ class System(Table):
     name: str
     description: str = ""
     fmu: str
+    kind: Literal["ModelExchange", "CoSimulation"] | None = Field(
+        None, description="of an FMU that is both, which one is simulated; Model Exchange if not given"
+    )
     experiment: Experiment = Experiment()
     estimator: Estimator
     fixed: dict[str, float | bool] = {}
@@ -95,6 +99,14 @@ class System(Table):
     excitations: dict[str, Excitation] = {}
     presets: dict[str, Preset] = {}
     path: Path = Path()
+
+    @model_serializer(mode="wrap")
+    def _without_nothing(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """A description that states no ``kind`` has the hash that it had before there was one."""
+        made: dict[str, Any] = handler(self)
+        if self.kind is None:
+            made.pop("kind", None)
+        return made
 
     @model_validator(mode="after")
     def _consistent(self) -> System:
@@ -199,6 +211,15 @@ class System(Table):
         asked = ", ".join(f"{name} {value}" for name, value in changes.items())
         return _validate({**raw, "path": self.path}, self.path, f" with {asked}")
 
+    def with_known(self, values: Mapping[str, float | bool]) -> System:
+        """The same system of which some FMU parameters are known [unit of each]: none of them is uncertain.
+
+        The other parameters of an uncertain constant remain so; a constant that has no other is left out.
+        """
+        rest = {one.name: [name for name in one.parameters if name not in values] for one in self.uncertain}
+        uncertain = [one.model_copy(update={"parameters": rest[one.name]}) for one in self.uncertain if rest[one.name]]
+        return self.model_copy(update={"fixed": {**self.fixed, **values}, "uncertain": uncertain})
+
     def preset(self, name: str) -> Preset:
         """A preset by its name.
 
@@ -296,7 +317,7 @@ def load_system(path: Path | str) -> System:
     expected = f"a system description (TOML), or the name of one that comes with the package ({shipped})"
     if path.is_file() and is_zipfile(path):
         raise SystemDescriptionError(
-            f"{path}: is an FMU or another archive; expected a system description (TOML) that names it as its fmu, as"
-            " docs/own-fmu.md has one"
+            f"{path}: is an FMU or another archive; expected a system description (TOML) that names it as its fmu:"
+            f" draft one with `datagen describe {path} --out system.toml`"
         )
     return parse_system(read_text(path, SystemDescriptionError, expected, most=MOST_TOML), path)

@@ -14,8 +14,8 @@ import numpy as np
 import xarray as xr
 
 from shared.errors import RecordingError
-from shared.reading import shown
-from shared.schema import EPOCH
+from shared.reading import newer, shown
+from shared.schema import EPOCH, SCHEMA_VERSION
 
 _PLAIN = re.compile(r"\s*\d{4}-\d{1,2}-\d{1,2}([ T]+\d{1,2}(:\d{1,2}(:\d{1,2}(\.\d*)?)?)?)?\s*")
 """A date without an offset from UTC."""
@@ -34,8 +34,11 @@ def recorded_times(path: Path, recording: xr.Dataset) -> np.ndarray:
     Raises
     ------
     RecordingError
-        If time is missing, has other dimensions, or is neither dates nor elapsed seconds.
+        If time is missing, has other dimensions, or is neither dates nor elapsed seconds; or if the file is of a newer
+        major version of the schema.
     """
+    if said := newer(recording.attrs.get("zeroshot_schema_version", 0), int(SCHEMA_VERSION.split(".")[0])):
+        raise RecordingError(f"{path}: {said}")
     if "time" not in recording.coords:
         found = ", ".join(map(str, recording.coords))
         raise RecordingError(f"{path}: has no coordinate 'time'; found {found or 'none'}")

@@ -14,6 +14,7 @@ class Uncertain(Table):
 
     All of them are multiplied by exp(``relative`` * N(0, 1)); their values are those of ``fixed``, or the FMU's own.
     Fits to measurements let them vary, and so do datasets that are to be like buildings (``datagen run --uncertain``).
+    What ``fixed`` sets to 0 stays 0.
     """
 
     name: str

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from shared.effects import Effect as Effect
 from shared.signals import Table
@@ -46,12 +46,26 @@ def spaced(unit: str) -> str:
     return "" if unit == "1" else f" {unit}"
 
 
-class Parameter(Table):
+class FmuVariable(Table):
+    """What a description says of one of the FMU's variables: its unit here, and there if the FMU states none."""
+
+    unit: str
+    fmu_unit: str = Field("", description="unit that the FMU computes in, where the FMU states none")
+
+    @model_serializer(mode="wrap")
+    def _without_nothing(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """A description that states no ``fmu_unit`` has the hash that it had before there was one."""
+        made: dict[str, Any] = handler(self)
+        if not self.fmu_unit:
+            made.pop("fmu_unit", None)
+        return made
+
+
+class Parameter(FmuVariable):
     """An estimated parameter and its prior: uniform in ``scale`` between ``min`` and ``max``."""
 
     name: str
     description: str = ""
-    unit: str
     min: float
     max: float
     scale: Literal["linear", "log"] = "linear"
@@ -80,9 +94,8 @@ class Parameter(Table):
         return np.asarray((value - self.min) / (self.max - self.min))
 
 
-class _Input(Table):
+class _Input(FmuVariable):
     name: str
-    unit: str
     interpolation: Literal["linear", "previous"] = "linear"
 
 
@@ -167,12 +180,11 @@ class Noise(Table):
     dropout: float = Field(0.0, ge=0, lt=1, description="share of readings lost")
 
 
-class Output(Table):
+class Output(FmuVariable):
     """A recorded output. ``method`` follows CF cell methods: an instant, or the mean since the last step."""
 
     name: str
     variable: str = ""
-    unit: str
     long_name: str = ""
     standard_name: str = ""
     method: Literal["point", "mean"] = "point"

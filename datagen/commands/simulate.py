@@ -47,7 +47,7 @@ def simulate(
     excitation
         Add the description's small sinusoids to the control actions.
     uncertain
-        Draw the constants that the description says are uncertain, too.
+        Draw the constants that the description says are uncertain, too, but those that are set.
     """
     from datagen import simulate as simulate_
 

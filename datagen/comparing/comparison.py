@@ -19,6 +19,7 @@ from datagen.comparing.recorded import HOUR, check_lengths, compared, load_recor
 from datagen.comparing.regimes import months, regimes
 from datagen.driving.inputs import build_inputs
 from datagen.driving.sampling import record_start, sample_parameters
+from datagen.fmi.checking import all_of, fmu_of, set_faults
 from datagen.simulating.simulator import Simulator
 from shared.errors import RecordingError, SystemDescriptionError
 from shared.logs import logger
@@ -212,7 +213,9 @@ def _with_recorded(system: System, mapping: Path, data: Path | str | None, count
         one.model_copy(update={"method": given[one.name].method}) if one.name in given else one
         for one in system.outputs
     ]
-    described = system.model_copy(update={"outputs": changed, "fixed": {**system.fixed, **spec.fixed}})
+    if wrong := set_faults("recorded.fixed:", spec.fixed, system, fmu_of(system)):
+        raise RecordingError(f"{mapping}: {all_of(wrong)}")
+    described = system.model_copy(update={"outputs": changed}).with_known(spec.fixed)
     outputs = [one for one in changed if one.name in given]
     simulator = Simulator(described)
     places = [described.output_names.index(one.name) for one in outputs]

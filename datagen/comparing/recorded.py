@@ -240,6 +240,11 @@ def _check(mapping: Path, spec: Recorded, system: System) -> None:
                     f"{mapping}: recorded.{kind}: {name!r} is not declared by {system.path}; found {', '.join(known)}"
                 )
     for name in system.parameter_names:
+        if name in spec.fixed:
+            raise RecordingError(
+                f"{mapping}: recorded.fixed: {name!r} is an estimated parameter; expected its column under "
+                "[recorded.parameters]"
+            )
         if name not in spec.parameters:
             raise RecordingError(f"{mapping}: recorded.parameters: no column for {name!r}; expected one for each")
     for one in system.inputs:

@@ -19,7 +19,8 @@ from datagen.farming.worker import Job, ShardResult, check_timeout
 from datagen.fmi.fmu import fmu_sha256
 from shared.errors import DatasetError, SimulationError
 from shared.lock import FolderLock, read_holder
-from shared.store import DatasetFolder
+from shared.schema import newer_minor
+from shared.store import MANIFEST, DatasetFolder
 from shared.system import System, load_system
 
 
@@ -72,6 +73,8 @@ def repair(
     """
     check_timeout(timeout)
     dataset = DatasetFolder(folder)
+    if said := newer_minor(dataset.manifest.schema_version):  # what is new in it would be lost
+        raise DatasetError(f"{dataset.folder / MANIFEST}: {said}")
     described = _find_system(dataset, system)
     with FolderLock(dataset.folder, str(described.path.resolve())):
         dataset = DatasetFolder(folder)  # another run may have ended before the lock was ours

@@ -10,10 +10,10 @@ from datagen.driving.occupancy import sample_occupancy
 from datagen.driving.sampling import stream
 from datagen.driving.tables import InputTable, Piecewise, merge
 from datagen.driving.weather import UNITS, WeatherTable, read_weather
+from datagen.units import conversion
 from shared.errors import SystemDescriptionError
 from shared.signals import Excitation, Schedule
 from shared.system import System
-from shared.units import SPELLINGS
 from shared.variables import (
     ConstantInput,
     ExcitationInput,
@@ -27,7 +27,6 @@ from shared.variables import (
 _HOUR = 3600.0
 _DAY = 24 * _HOUR
 _KNOTS_PER_PERIOD = 5
-_SAME_UNIT = {**SPELLINGS, "deg": "degree"}
 
 
 def build_inputs(
@@ -142,21 +141,28 @@ class _Composer:
         return self._occupancy
 
     def weather(self, one: WeatherInput) -> Piecewise:
-        """A weather column in the unit that the column has."""
+        """A weather column in the unit of the input."""
         where = f"{self.system.path}: inputs {one.name!r}"
         if one.column not in UNITS:
             raise SystemDescriptionError(
                 f"{where}: weather column is {one.column!r}; expected one of {', '.join(UNITS)}"
             )
         unit = UNITS[one.column]
-        if _SAME_UNIT.get(one.unit, one.unit) != unit:
+        try:
+            made = conversion(unit, one.unit)
+        except ValueError as error:
+            raise SystemDescriptionError(f"{where}: {error}; weather column {one.column!r} is in {unit!r}") from None
+        if made is None:
             raise SystemDescriptionError(
-                f"{where}: unit is {one.unit!r}; expected {unit!r}, the unit of weather column {one.column!r}"
+                f"{where}: unit is {one.unit!r}; expected one that {unit!r}, the unit of weather column"
+                f" {one.column!r}, can be converted to"
             )
         if self._weather is None:
             self._weather = system_weather(self.system, self.root_seed, self.index)
-        made = self._weather.signal(one.column, self.start, self.stop)
-        return _held(made) if one.interpolation == "previous" else made
+        signal = self._weather.signal(one.column, self.start, self.stop)
+        if not made.nothing:
+            signal = Piecewise(signal.times, made.to_fmu(signal.values), signal.kind)
+        return _held(signal) if one.interpolation == "previous" else signal
 
 
 def schedule_signal(schedule: Schedule, start: float, stop: float) -> Piecewise:

@@ -18,8 +18,9 @@ import pvlib
 
 from datagen.driving.tables import Piecewise
 from datagen.driving.transposition import transposed
-from datagen.driving.weather_files import HOURS, HourlyRecord, read_hourly
-from datagen.driving.weather_sun import check_sun, sun_over, sunlit_middles
+from datagen.driving.weather_files import read_hourly
+from datagen.driving.weather_record import HOURS, HourlyRecord, sun_over, sunlit_middles
+from datagen.driving.weather_sun import check_still, check_sun
 from shared.errors import WeatherError
 from shared.signals import Weather
 
@@ -116,7 +117,8 @@ def read_weather(spec: Weather, file: str, base: Path) -> WeatherTable:
     Raises
     ------
     WeatherError
-        If the file is missing, is not a weather file, or lacks values.
+        If the file is missing, is not a weather file, lacks values, or cannot be true: by its sun, or by columns that
+        stand still.
     """
     path = weather_path(file, base)
     try:
@@ -138,6 +140,7 @@ def _read(path: Path, stamp: int, tilt: float, azimuth: float, albedo: float, mo
     """``stamp`` is part of the key, so that a file that changed is read again."""
     record = read_hourly(path)
     check_sun(path, record)
+    record = check_still(path, record)
     raw = record.columns
     columns = {name: _ended(raw[name]) for name in ("temp_air", "wind_speed", "pressure")}
     columns |= {name: _ended(raw[name]) for name in ("temp_dew", "wind_direction") if name in raw}
@@ -148,7 +151,8 @@ def _read(path: Path, stamp: int, tilt: float, azimuth: float, albedo: float, mo
         columns["temp_sky"] = _ended(sky_temperature(raw))
     else:
         reasons = [record.absent[name] for name in ("infrared", "temp_dew", "opaque_cover") if name in record.absent]
-        absent["temp_sky"] = f"{'; '.join(reasons)}; expected infrared, or dew point and sky cover"
+        wanted = "infrared, or dew point and sky cover, as an EPW file of the place has them"
+        absent["temp_sky"] = f"{'; '.join(reasons)}; expected {wanted}"
     for values in columns.values():
         values.flags.writeable = False
     return WeatherTable(

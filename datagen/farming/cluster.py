@@ -20,6 +20,7 @@ from datagen.farming.dask_settings import OWN_CLUSTER, SETTINGS
 from datagen.farming.dispatch import PATIENCE
 from datagen.farming.slurm import slurm
 from datagen.farming.versions import DECIDING, PACKAGE, deciding_here, difference
+from shared.children import without_script
 from shared.errors import ClusterError
 from shared.interrupts import interrupts_held
 from shared.logs import fields, logger
@@ -144,7 +145,8 @@ def connect(
     listening = {"host": host or LOOPBACK, "dashboard_address": f"{LOOPBACK}:0"}
     failure: BaseException | None = None
     try:
-        with dask.config.set(_CONFIG | OWN_CLUSTER), ExitStack() as stack:
+        # a worker that leaves, or dies, is replaced at any time
+        with dask.config.set(_CONFIG | OWN_CLUSTER), without_script(), ExitStack() as stack:
             try:
                 with _starting(cluster, host):
                     if cluster in QUEUES:

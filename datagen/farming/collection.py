@@ -194,7 +194,8 @@ class Collection:
         if task.deaths >= _DEATHS:
             raise SimulationError(
                 f"{task.piece.file}: {task.deaths} workers died over it, the last at {error.last_worker.address}, "
-                "though its FMU ran in a process apart; look for what ends them (memory, a queue's limits), run again"
+                "though its FMU ran in a process apart; look for what ends them (memory, a queue's limits, the"
+                " scheduler's worker-ttl), run again"
             )
         flight.again(task, alone=task.deaths >= _ALONE)
 

@@ -34,6 +34,7 @@ from shared.lock import FILE_NAME as LOCK_FILE
 from shared.lock import FolderLock
 from shared.logs import log_files, logger
 from shared.places import check_folder
+from shared.schema import newer_minor
 from shared.store import MANIFEST, Manifest, read_manifest, write_atomically, write_manifest
 from shared.system import System, load_system
 
@@ -237,6 +238,8 @@ def _open_or_start(folder: Path, wanted: Manifest, extend: bool) -> Manifest:
             f"{where}: schema_version is {theirs}, this run has {ours}; a dataset can only be resumed or extended with "
             "its own schema: simulate a new one"
         )
+    if said := newer_minor(theirs):  # what is new in it would be lost
+        raise DatasetError(f"{where}: {said}")
     for field in _FIXED:
         before, now = getattr(found, field), getattr(wanted, field)
         if before != now:

@@ -6,14 +6,13 @@ them in a folder that is named by their content.
 
 from __future__ import annotations
 
-import getpass
 import hashlib
-import tempfile
 from pathlib import Path
 
 from datagen.driving.weather import weather_path
 from datagen.fmi.fmu import fmu_sha256
 from shared.errors import WeatherError
+from shared.places import own_folder
 from shared.store import sha256_of, write_atomically
 from shared.system import System, system_from_canonical
 
@@ -56,18 +55,13 @@ def package_files(system: System) -> dict[str, bytes]:
 
 
 def _kept_as(system: System) -> dict[str, str]:
-    """Names that a description's own weather files get on a worker: with their endings, which say how to read them."""
+    """Names that a description's own weather files get on a worker."""
     return {file: f"weather-{k}{Path(file).suffix}" for k, file in enumerate(weather_files(system))}
-
-
-def _home(package: str) -> Path:
-    return Path(tempfile.gettempdir()) / f"zeroshot-fmu-{getpass.getuser()}" / package
 
 
 def receive(package: str, files: dict[str, bytes]) -> None:
     """On a worker: keep a package. What lies there already is written over, file by file."""
-    folder = _home(package)
-    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    folder = own_folder(package)
     for name, content in files.items():
         write_atomically(folder / name, content)
 
@@ -77,7 +71,7 @@ def locate(canonical: str, system_path: str, package: str) -> System | None:
     system = system_from_canonical(canonical, Path(system_path))
     if not package or _is(system, package):
         return system
-    folder = _home(package)
+    folder = own_folder(package)
     names = {file: str(folder / kept) for file, kept in _kept_as(system).items()}
     changes: dict[str, object] = {"fmu": str(folder / "model.fmu")}
     if system.weather is not None:

@@ -32,6 +32,7 @@ from datagen.simulating.drawn import simulate_system
 from datagen.simulating.simulator import Simulator, Trajectory
 from shared import __version__
 from shared.errors import DatasetError, FmuError, SimulationError
+from shared.places import no_temporary_place
 from shared.schema import build_shard
 from shared.store import ShardEntry, write_shard
 from shared.system import System, system_from_canonical
@@ -257,14 +258,14 @@ def _write(job: Job, file: str, shard: Any, done: list[int]) -> tuple[ShardEntry
     if sees_folder(job.folder, job.token):
         try:
             return _write_here(Path(job.folder) / "shards" / file, shard, done, still_ours), None
-        except (OSError, RuntimeError):  # read-only here, or full: then the client says so
+        except OSError:  # read-only here, or full: then the client says so
             pass
     try:
         with tempfile.TemporaryDirectory(prefix="zeroshot-shard-") as folder:
             path = Path(folder) / file
             return _write_here(path, shard, done), path.read_bytes()
-    except (OSError, RuntimeError) as error:
-        raise DatasetError(f"a worker cannot write to {tempfile.gettempdir()}: {error}; expected free space") from None
+    except OSError as error:
+        raise DatasetError(f"{file}: on a worker {no_temporary_place(error)} where the worker is started") from None
 
 
 def _write_here(path: Path, shard: Any, done: list[int], before: Callable[[], None] = lambda: None) -> ShardEntry:

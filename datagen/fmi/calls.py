@@ -14,12 +14,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import carray, njit, types
+from numba import carray, types
 from numba.extending import intrinsic
 
+from datagen.fmi.compilation import njit
 from datagen.fmi.foreign import foreign
 
-BUILT_ON = "05148fc55416f58f"
+BUILT_ON = "9e67bc696151c9fe"
 
 # places in the plan
 COMPONENT, SET_TIME, SET_REAL, GET_REAL, SET_STATES, GET_STATES = 0, 1, 2, 3, 4, 5
@@ -71,7 +72,7 @@ unsigned = _pointer_to(types.uint64)
 """Unsigned numbers index an array at once; a signed one is asked whether it counts from the end."""
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def check(plan: Any, status: int, function: int) -> bool:
     """Remember a failed call of the FMU; OK is 0, Warning 1 in both versions."""
     if status > 1:
@@ -81,7 +82,7 @@ def check(plan: Any, status: int, function: int) -> bool:
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def set_floats(plan: Any, references: int, count: int, address: int) -> bool:
     """Set ``count`` variables to the doubles at an address."""
     if count == 0:
@@ -93,7 +94,7 @@ def set_floats(plan: Any, references: int, count: int, address: int) -> bool:
     return check(plan, status, SET_REAL)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def get_floats(plan: Any, references: int, count: int, address: int) -> bool:
     """Put the values of ``count`` variables at an address."""
     if count == 0:
@@ -105,7 +106,7 @@ def get_floats(plan: Any, references: int, count: int, address: int) -> bool:
     return check(plan, status, GET_REAL)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def set_inputs(plan: Any, t: float, count: int) -> bool:
     """Set the first ``count`` inputs to their values at ``t``, within the segments between two jumps."""
     if count == 0:
@@ -127,7 +128,7 @@ def set_inputs(plan: Any, t: float, count: int) -> bool:
     return set_floats(plan, plan[VR_INPUTS], count, plan[INPUTS])
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def apply(plan: Any, t: float) -> bool:
     """Set time and the continuous inputs at ``t``: what continuous-time mode allows."""
     if not check(plan, _c_pd(plan[SET_TIME], plan[COMPONENT], t), SET_TIME):
@@ -135,7 +136,7 @@ def apply(plan: Any, t: float) -> bool:
     return set_inputs(plan, t, plan[N_CONTINUOUS])
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def completed_step(plan: Any, flags: Any) -> bool:
     """Tell the FMU that a step is done; ``flags`` [2] get: event mode wanted, end of the simulation wanted."""
     raw = np.zeros(2, dtype=np.int32)  # an int each for FMI 2.0; FMI 3.0 writes the first byte, which is its low one
@@ -144,7 +145,7 @@ def completed_step(plan: Any, flags: Any) -> bool:
     return check(plan, status, STEP_DONE)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def new_discrete(plan: Any, flags: Any, next_event: Any) -> bool:
     """One iteration of event mode.
 
@@ -175,7 +176,7 @@ def new_discrete(plan: Any, flags: Any, next_event: Any) -> bool:
     return check(plan, status, NEW_DISCRETE)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def do_step(plan: Any, t: float, size: float) -> int:
     """One communication step of Co-Simulation; returns an outcome."""
     plan[STEPS] += 1
@@ -193,7 +194,7 @@ def do_step(plan: Any, t: float, size: float) -> int:
     return CUT_SHORT if flags[2] != 0 else DONE
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def set_slopes(plan: Any, orders: Any, address: int) -> bool:
     """Give FMI 2.0 Co-Simulation the time derivatives of its continuous inputs."""
     status = _c_ppppp(

@@ -14,7 +14,7 @@ import numpy as np
 from fmpy.model_description import ModelDescription, ScalarVariable
 
 from datagen.fmi import calls
-from datagen.fmi.interface import DOUBLE_P, Interface
+from datagen.fmi.interface import DOUBLE_P, Interface, text_of
 
 _MODEL_EXCHANGE = {
     calls.SET_TIME: "fmi2SetTime",
@@ -30,8 +30,8 @@ _MODEL_EXCHANGE = {
 _COMMON = {calls.SET_REAL: "fmi2SetReal", calls.GET_REAL: "fmi2GetReal"}
 
 _KEPT: list[Any] = []
-_LOGS: dict[str, list[str]] = {}
-"""What each living instance has said, by its name."""
+_SPEAKERS: weakref.WeakValueDictionary[str, Interface] = weakref.WeakValueDictionary()
+"""Each living FMU by its instance's name."""
 
 
 @lru_cache(maxsize=1)
@@ -42,9 +42,10 @@ def _callbacks() -> fmpy.fmi2.fmi2CallbackFunctions:
     instance would be called after that instance is gone.
     """
 
-    def logger(_environment: Any, instance: bytes, status: int, _category: Any, message: bytes) -> None:
-        if status > 0:
-            _LOGS.get(instance.decode(), []).append(message.decode("utf-8", "replace"))
+    def logger(_: Any, instance: bytes | None, status: int, category: bytes | None, message: bytes | None) -> None:
+        speaker = _SPEAKERS.get(text_of(instance)) or (Interface.latest and Interface.latest())
+        if speaker:
+            speaker.hear(status, category, message)
 
     callbacks = fmpy.fmi2.fmi2CallbackFunctions()
     callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(logger)
@@ -65,8 +66,7 @@ class Fmi2(Interface):
         self.functions = _COMMON | ({calls.DO_STEP: "fmi2DoStep"} if self.cosimulation else _MODEL_EXCHANGE)
         if self.cosimulation and description.coSimulation.canInterpolateInputs:
             self.functions = self.functions | {calls.SET_SLOPES: "fmi2SetRealInputDerivatives"}
-        _LOGS[self.name] = self.log
-        weakref.finalize(self, _LOGS.pop, self.name, None)
+        _SPEAKERS[self.name] = self
 
     def load(self, **arguments: str) -> Any:
         """Load the shared library through fmpy."""

@@ -5,6 +5,7 @@ Co-Simulation is run without event mode and without early return: the FMU handle
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -39,11 +40,11 @@ class Fmi3(Interface):
     def __init__(self, path: Path, folder: Path, description: ModelDescription) -> None:
         super().__init__(path, folder, description)
         self.functions = _COMMON | ({calls.DO_STEP: "fmi3DoStep"} if self.cosimulation else _MODEL_EXCHANGE)
-        log = self.log
+        me = weakref.ref(self)
 
-        def logger(_environment: Any, status: int, _category: Any, message: bytes) -> None:
-            if status > 0:
-                log.append(message.decode("utf-8", "replace"))
+        def logger(_: Any, status: int, category: bytes | None, message: bytes | None) -> None:
+            if speaker := me():
+                speaker.hear(status, category, message)
 
         self._logger = logger
         self._experiment: dict[str, float] = {}

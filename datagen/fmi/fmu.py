@@ -7,6 +7,7 @@ import os
 import shutil
 import tempfile
 import time
+from copy import copy
 from functools import lru_cache
 from pathlib import Path
 
@@ -18,11 +19,12 @@ from datagen.fmi.fmi2 import Fmi2
 from datagen.fmi.fmi3 import Fmi3
 from datagen.fmi.interface import Interface
 from datagen.fmi.unpacking import check_descriptions, check_identifier, unpack_archive
+from datagen.units import UNITLESS
 from shared.errors import FmuError, SystemDescriptionError
+from shared.places import no_temporary_place
 from shared.reading import shown, size_of, why
 from shared.store import sha256_of
 
-UNITLESS = {"", "1", "-"}
 SCRATCH = "ZEROSHOT_FMU_SCRATCH"
 """Environment variable of a process that may be killed: a folder that another process clears away afterwards."""
 MOST_INDICATORS = 1_000_000
@@ -40,8 +42,13 @@ def unpack(path: Path, sha256: str) -> tuple[Path, ModelDescription]:
     """
     size_of(path, FmuError, "an FMU")
     scratch = os.environ.get(SCRATCH)
-    folder = Path(tempfile.mkdtemp(prefix="zeroshot-fmu-", dir=scratch if scratch and Path(scratch).is_dir() else None))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    place = scratch if scratch and Path(scratch).is_dir() else None
+    try:
+        folder = Path(tempfile.mkdtemp(prefix="zeroshot-fmu-", dir=place))
+    except OSError as error:
+        reason = no_temporary_place(error, Path(place) if place else None)
+        raise FmuError(f"{path}: cannot be unpacked: {reason}") from None
+    atexit.register(_remove, folder, os.getpid())
     unpack_archive(path, folder)
     try:
         check_descriptions(path, folder)
@@ -49,6 +56,11 @@ def unpack(path: Path, sha256: str) -> tuple[Path, ModelDescription]:
     except FmuError:
         shutil.rmtree(folder, ignore_errors=True)
         raise
+
+
+def _remove(folder: Path, process: int) -> None:
+    if os.getpid() == process:  # a child that was forked off would take the files from its parent
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _description(path: Path, folder: Path) -> ModelDescription:
@@ -82,7 +94,9 @@ def fmu_sha256(path: Path) -> str:
 
 
 class Fmu:
-    """An FMU of FMI 2.0 or 3.0, loaded into this process: Model Exchange if it has that, else Co-Simulation.
+    """An FMU of FMI 2.0 or 3.0, loaded into this process.
+
+    ``kind``: ``ModelExchange`` or ``CoSimulation``; without, it is Model Exchange if it has that, else Co-Simulation.
 
     ``variables`` maps names to the model description's variables; ``interface`` calls its functions; ``cosimulation``
     tells the kind, and ``n_states`` is 0 then, for such an FMU keeps its states to itself. ``told_each_step``: the
@@ -94,10 +108,12 @@ class Fmu:
         If it is of another version or kind, or has no binary for this platform.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, kind: str | None = None) -> None:
         self.path = path
         self.sha256 = fmu_sha256(path)
         folder, self.description = unpack(path, self.sha256)
+        if kind is not None:
+            self.description = _only(kind, self.description, path)
         version = str(self.description.fmiVersion)
         if version != "2.0" and not version.startswith("3."):
             raise FmuError(f"{path}: FMI {version}; expected FMI 2.0 or 3.0")
@@ -123,12 +139,12 @@ class Fmu:
         if reuse and self.interface.instance:
             try:
                 self.interface.binary.reset()
-                self.interface.log.clear()
+                self.interface.begin()
                 return
             except FMICallException:  # it failed before and does not come back: start afresh
                 pass
         self.release()
-        self.interface.log.clear()
+        self.interface.begin()
         began = time.perf_counter()
         try:
             self.interface.instantiate()
@@ -143,8 +159,8 @@ class Fmu:
 
     def last_words(self) -> str:
         """The FMU's own last messages, for an error's text."""
-        log = self.interface.log
-        return f"; the FMU says: {' | '.join(log[-3:])}" if log else ""
+        log = list(self.interface.log)[-3:]
+        return f"; the FMU says: {' | '.join(log)}" if log else ""
 
     def set_value(self, name: str, value: float | bool) -> None:
         """Set a number or a boolean by name."""
@@ -159,6 +175,20 @@ class Fmu:
         """Whether a variable is a scalar double."""
         variable = self.variables[name]
         return variable.type in ("Real", "Float64") and not variable.shape
+
+
+def _only(kind: str, description: ModelDescription, path: Path) -> ModelDescription:
+    """A model description as if its FMU were of one kind alone."""
+    one = copy(description)
+    if kind == "CoSimulation":
+        one.modelExchange = None
+        found, other = one.coSimulation, "ModelExchange"
+    else:
+        one.coSimulation = None
+        found, other = one.modelExchange, "CoSimulation"
+    if found is None:
+        raise FmuError(f"{path}: is no FMU of kind {kind!r}; expected kind = {other!r}, or none")
+    return one
 
 
 def value_fault(variable: ScalarVariable, value: float | bool) -> str:
@@ -187,6 +217,18 @@ def _a(kind: str) -> str:
 
 
 def unit_of(variable: ScalarVariable) -> str:
-    """Unit of an FMU's variable, or of its declared type; ``1`` where it has none."""
+    """Unit of an FMU's variable, or of its declared type; ``1`` where it has none, or says that it is a pure number."""
     unit = variable.unit or getattr(variable.declaredType, "unit", None) or ""
     return "1" if unit in UNITLESS else unit
+
+
+def is_difference(variable: ScalarVariable) -> bool:
+    """Whether an FMU says of a variable, or of its declared type, that it is a difference: 20 K is no -253 degC."""
+    return bool(variable.relativeQuantity or getattr(variable.declaredType, "relativeQuantity", False))
+
+
+def start_of(variable: ScalarVariable) -> str:
+    """The start value of a variable as a description would write it; 0 or false where the FMU states none."""
+    if variable.type == "Boolean":
+        return "true" if str(variable.start).lower() in ("true", "1") else "false"
+    return str(variable.start) if variable.start not in (None, "") else "0"

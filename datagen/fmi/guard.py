@@ -7,6 +7,7 @@ watches its exit code, its clock and its memory, and starts another child for th
 
 from __future__ import annotations
 
+import errno
 import faulthandler
 import os
 import pickle
@@ -24,10 +25,13 @@ import psutil
 from datagen.fmi.fmu import SCRATCH
 from shared.children import command, environment
 from shared.errors import SimulationError, ZeroshotError
+from shared.places import OF_A_DISK, no_temporary_place
 
 START_UP = 120.0
 """Seconds that a child may take until its first item begins."""
 _POLL = 0.05
+NO_PLACE = 73
+"""Exit code of a child that could not write what it found: EX_CANTCREAT of sysexits.h."""
 
 
 def guarded(
@@ -50,7 +54,22 @@ def guarded(
         Bytes that a child may use.
     tries
         How often an item may take its child down before it is given up; the later tries are alone in their child.
+
+    Raises
+    ------
+    SimulationError
+        If a child cannot start, or the temporary folder cannot be written to.
     """
+    try:
+        return _guarded(function, items, timeout, memory_limit, tries)
+    except OSError as error:
+        cause = no_temporary_place(error) if error.errno in OF_A_DISK else error.strerror or str(error)
+        raise SimulationError(f"a child process could not do its work: {cause}") from None
+
+
+def _guarded(
+    function: Callable[[Any], Any], items: Sequence[Any], timeout: float, memory_limit: float, tries: int
+) -> list[Any]:
     results: dict[int, Any] = {}
     deaths = dict.fromkeys(range(len(items)), 0)
     with tempfile.TemporaryDirectory(prefix="zeroshot-guard-") as name:
@@ -115,6 +134,8 @@ def _one_child(
         child.wait()
     if not cause and child.returncode == 0:
         return None, ""
+    if child.returncode == NO_PLACE:
+        raise OSError(errno.ENOSPC, "a child process had no room for its results", str(folder))
     at = _read_current(current)
     if at < 0:
         raise SimulationError(f"a child process could not start (exit code {child.returncode})")
@@ -155,4 +176,7 @@ def _child(folder: Path, parent: int) -> None:
 
 
 if __name__ == "__main__":
-    _child(Path(sys.argv[1]), int(sys.argv[2]))
+    try:
+        _child(Path(sys.argv[1]), int(sys.argv[2]))
+    except OSError:
+        sys.exit(NO_PLACE)

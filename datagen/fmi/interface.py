@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import ctypes
 import os
+import weakref
 from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Sequence
 from itertools import count
 from pathlib import Path
@@ -18,9 +20,10 @@ import numpy as np
 from fmpy.model_description import ModelDescription, ScalarVariable
 
 from shared.errors import FmuError
-from shared.reading import listed
+from shared.reading import listed, short
 
 _NUMBERS = count(1)
+_REMEMBERED = 20
 DOUBLE_P = ctypes.POINTER(ctypes.c_double)
 
 
@@ -32,7 +35,7 @@ class Interface(ABC):
     functions
         Names of the C functions by their places in the plan of :mod:`datagen.fmi.calls`.
     log
-        What the FMU has said since it was instantiated.
+        What the FMU has said since it was instantiated: the last :data:`_REMEMBERED` messages.
 
     Raises
     ------
@@ -42,12 +45,14 @@ class Interface(ABC):
 
     version: int
     functions: dict[int, str]
+    latest: weakref.ref[Interface] | None = None
+    """the one of this process that began last: whose words those are that come with no name that is known"""
 
     def __init__(self, path: Path, folder: Path, description: ModelDescription) -> None:
         self.path = path
         self.cosimulation = description.modelExchange is None
         kind = description.coSimulation if self.cosimulation else description.modelExchange
-        self.log: list[str] = []
+        self.log: deque[str] = deque(maxlen=_REMEMBERED)
         self.name = f"instance-{next(_NUMBERS)}"
         where = library(folder, kind.modelIdentifier)
         if not where.is_file():
@@ -62,9 +67,24 @@ class Interface(ABC):
                 libraryPath=str(where),
             )
         except Exception as error:
+            if hasattr(os, "ST_NOEXEC") and os.statvfs(folder).f_flag & os.ST_NOEXEC:
+                raise FmuError(
+                    f"{path}: its binary cannot be loaded: the temporary folder {folder.parent}, into which it was"
+                    " unpacked, is mounted noexec; expected a folder where programs may run: set TMPDIR to one"
+                ) from None
             raise FmuError(f"{path}: no usable binary for {fmpy.platform_tuple}: {error}") from None
         finally:
             os.chdir(before)  # fmpy's constructor changes the working directory
+
+    def begin(self) -> None:
+        """Forget what was said: an instance is about to be made, or reset."""
+        self.log.clear()
+        Interface.latest = weakref.ref(self)
+
+    def hear(self, status: int, category: bytes | None, message: bytes | None) -> None:
+        """Take in what the FMU says of a call that was not OK; any of it may be missing, and in any encoding."""
+        if status > 0 and (words := text_of(message) or text_of(category)):
+            self.log.append(words)
 
     def address(self, function: str) -> int:
         """Address of one of the FMU's C functions, for example ``fmi2GetReal``."""
@@ -118,6 +138,15 @@ class Interface(ABC):
     def why_discarded(self) -> str:
         """More about a communication step that was refused, if the FMU can tell."""
         return ""
+
+
+def text_of(raw: bytes | None) -> str:
+    """A C string as one line: UTF-8, as FMI wants it, or what a tool on Windows takes for that."""
+    try:
+        text = (raw or b"").decode("utf-8")
+    except UnicodeDecodeError:
+        text = (raw or b"").decode("cp1252", "replace")
+    return short(" ".join("".join(c if c.isprintable() else " " for c in text).split()))
 
 
 def library(folder: Path, identifier: str) -> Path:

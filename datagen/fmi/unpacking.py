@@ -15,6 +15,7 @@ from typing import Any, NoReturn
 from xml.parsers import expat
 
 from shared.errors import FmuError
+from shared.places import OF_A_DISK, no_temporary_place
 from shared.reading import MIB, shown, why
 
 DESCRIPTION = "modelDescription.xml"
@@ -47,6 +48,8 @@ def unpack_archive(path: Path, folder: Path) -> None:
         shutil.rmtree(folder, ignore_errors=True)
         if isinstance(error, FmuError) or not isinstance(error, Exception):
             raise
+        if isinstance(error, OSError) and error.errno in OF_A_DISK:
+            raise FmuError(f"{path}: cannot be unpacked: {no_temporary_place(error, folder.parent)}") from None
         # zipfile and zlib raise whatever they meet in a damaged archive
         raise FmuError(f"{path}: not a readable FMU: {why(error)}") from None
 
@@ -75,7 +78,23 @@ def _check_members(path: Path, members: list[zipfile.ZipInfo]) -> None:
             raise FmuError(f"{path}: holds {shown(name)} twice; expected each file once")
         seen.add(str(PurePosixPath(name)))
     if DESCRIPTION not in seen:
-        raise FmuError(f"{path}: not a readable FMU: it holds no {DESCRIPTION}")
+        raise FmuError(f"{path}: not a readable FMU: it holds no {DESCRIPTION} at its top{_instead(path, seen)}")
+
+
+def _instead(path: Path, names: set[str]) -> str:
+    """What an archive has in place of a model description at its top, and how it becomes an FMU."""
+    for name in sorted(names, key=lambda one: (one.count("/"), one)):
+        folder, _, file = name.rpartition("/")
+        if folder and file == DESCRIPTION:
+            return (
+                f", but {shown(name)}; expected the content of that folder alone: unpack it, then"
+                f" `cd {folder} && zip -r ../{path.name} .`"
+            )
+        if file.lower() == DESCRIPTION.lower():
+            return f", but {shown(name)}; expected it spelt {DESCRIPTION}, and at the top"
+        if file.lower().endswith(".fmu"):
+            return f", but {shown(name)}; unpack the archive and give the path of that FMU"
+    return "; expected an FMU, as a tool exports it"
 
 
 def _write(path: Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo, folder: Path) -> None:

@@ -29,8 +29,8 @@ from scipy.linalg import cho_factor, cho_solve
 from datagen.farming.package import weather_hashes
 from datagen.limits.sensitivities import HOUR, Window, crowd_inputs, random_window
 from shared.ceiling import Ceiling, Origin, Unknown, unknown_constants
+from shared.children import starting
 from shared.errors import SimulationError, SystemDescriptionError
-from shared.interrupts import interrupts_held
 from shared.progress import progress_bar
 from shared.system import WHOLE, System, load_system
 
@@ -221,7 +221,7 @@ def _windows(
         yield from (random_window(*job) for job in jobs)
         return
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        with interrupts_held():
+        with starting():
             found = pool.map(random_window, *zip(*jobs, strict=True))
         try:
             yield from found

@@ -16,7 +16,6 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from datagen.driving.tables import SNAP, InputTable
 from datagen.fmi.calls import (
@@ -37,8 +36,9 @@ from datagen.fmi.calls import (
     set_floats,
     set_slopes,
 )
+from datagen.fmi.compilation import njit
 
-BUILT_ON = "3bef5b8b79c55422"
+BUILT_ON = "ee75a656891cf839"
 """Of what this file imports, see :mod:`datagen.fmi.calls`."""
 
 LONGEST_STEP = 300.0
@@ -175,7 +175,7 @@ def _limits_from_the_left(table: InputTable, times: np.ndarray) -> np.ndarray:
     return np.where(share < 1.0, table.left[k] + share * (table.right[k] - table.left[k]), table.right[k])
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(nogil=True)
 def march(
     plan: Any,
     time: Any,

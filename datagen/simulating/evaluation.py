@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba import carray, njit
+from numba import carray
 
 from datagen.fmi.calls import (
     COMPONENT,
@@ -21,15 +21,16 @@ from datagen.fmi.calls import (
     doubles,
     get_floats,
 )
+from datagen.fmi.compilation import njit
 from datagen.fmi.foreign import foreign
 
-BUILT_ON = "69f4f123952e0d3d"
+BUILT_ON = "68efea8a5a77d79e"
 """Of what this file imports, see :mod:`datagen.fmi.calls`."""
 
 _c_ppp = foreign("i:ppp")
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def set_states(plan: Any, address: int) -> bool:
     """Set the continuous states to the doubles at an address."""
     if plan[N_STATES] == 0:
@@ -37,7 +38,7 @@ def set_states(plan: Any, address: int) -> bool:
     return check(plan, _c_ppp(plan[SET_STATES], plan[COMPONENT], address, plan[N_STATES]), SET_STATES)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def evaluate(plan: Any, t: float, states: int, out: int) -> int:
     """Derivatives at ``t`` for the states at one address, written to another: 0, 1 (try a smaller step) or -1."""
     plan[RHS_CALLS] += 1

@@ -16,7 +16,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import carray, cfunc, njit
+from numba import carray
 
 from datagen.fmi.calls import (
     COMPONENT,
@@ -65,10 +65,11 @@ from datagen.fmi.calls import (
     new_discrete,
     set_inputs,
 )
+from datagen.fmi.compilation import cfunc, njit
 from datagen.fmi.foreign import foreign
 from datagen.simulating.evaluation import evaluate, set_states
 
-BUILT_ON = "048cd92166cf8e76"
+BUILT_ON = "ee3e17138056a238"
 """Of what this file imports, see :mod:`datagen.fmi.calls`."""
 
 BELOW_ZERO = -1e-300
@@ -86,14 +87,14 @@ _c_reinit = foreign("i:pdp")
 _address_of = foreign("p:p")
 
 
-@cfunc("int32(float64, intp, intp, CPointer(int64))", cache=True, error_model="numpy")
+@cfunc("int32(float64, intp, intp, CPointer(int64))")
 def right_hand_side(t: float, y: int, ydot: int, data: Any) -> int:
     """CVRhsFn: inputs at ``t``, states, derivatives, and the outputs whose means are wanted."""
     plan = carray(data, (PLAN_SIZE,))
     return evaluate(plan, t, _address_of(plan[VECTOR_DATA], y), _address_of(plan[VECTOR_DATA], ydot))
 
 
-@cfunc("int32(intp, intp, CPointer(int64))", cache=True, error_model="numpy")
+@cfunc("int32(intp, intp, CPointer(int64))")
 def error_weights(y: int, weights: int, data: Any) -> int:
     """CVEwtFn: tolerances of the states are relative and absolute, of quadratures, which only grow, absolute.
 
@@ -111,7 +112,7 @@ def error_weights(y: int, weights: int, data: Any) -> int:
     return 0
 
 
-@cfunc("int32(float64, intp, intp, CPointer(int64))", cache=True, error_model="numpy")
+@cfunc("int32(float64, intp, intp, CPointer(int64))")
 def event_indicators(t: float, y: int, gout: int, data: Any) -> int:
     """CVRootFn: the FMU's event indicators."""
     plan = carray(data, (PLAN_SIZE,))
@@ -128,7 +129,7 @@ def event_indicators(t: float, y: int, gout: int, data: Any) -> int:
     return 0
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _handle_event(plan: Any, t: float, y: int, next_event: Any) -> int:
     """Event mode at ``t`` with the inputs just after it; the states may jump."""
     component = plan[COMPONENT]
@@ -155,7 +156,7 @@ def _handle_event(plan: Any, t: float, y: int, next_event: Any) -> int:
     return DONE if ok else FMU_FAILED
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _record(plan: Any, y: Any, row: int, points: Any, quadratures: Any, states: Any) -> int:
     if not get_floats(plan, plan[VR_POINTS], plan[N_POINTS], points.ctypes.data + 8 * row * plan[N_POINTS]):
         return FMU_FAILED
@@ -172,7 +173,7 @@ def _record(plan: Any, y: Any, row: int, points: Any, quadratures: Any, states: 
     return DONE
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(nogil=True)
 def drive(
     plan: Any,
     y: Any,

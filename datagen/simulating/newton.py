@@ -14,7 +14,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import carray, cfunc, njit
+from numba import carray
 
 from datagen.fmi.calls import (
     CV_SYSTEM,
@@ -35,11 +35,12 @@ from datagen.fmi.calls import (
     integers,
     unsigned,
 )
+from datagen.fmi.compilation import cfunc, njit
 from datagen.fmi.foreign import foreign
 from datagen.simulating.evaluation import evaluate
 from datagen.simulating.sparse import analyse, colour, factorise, substitute
 
-BUILT_ON = "d60367bc26401dea"
+BUILT_ON = "773616b85bde733f"
 """Of what this file imports, see :mod:`datagen.fmi.calls`."""
 
 # places in the counts
@@ -82,7 +83,7 @@ def sizes(n_states: int, size: int) -> dict[int, int]:
     }
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def weighted_norm(x: Any, w: Any) -> float:
     """Root of the mean square of ``x`` times ``w``: four sums side by side, in the same order on each machine."""
     a = b = c = d = 0.0
@@ -98,7 +99,7 @@ def weighted_norm(x: Any, w: Any) -> float:
     return float(np.sqrt((a + b + c + d) / n))
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _product(x: Any, y: Any, n: int) -> float:
     a = b = c = d = 0.0
     fours = n - n % 4
@@ -112,7 +113,7 @@ def _product(x: Any, y: Any, n: int) -> float:
     return a + b + c + d
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _jacobian(plan: Any, t: float, step: float, y: Any, f: Any, w: Any, relearn: bool) -> int:
     """Differences as CVODE takes them; the pattern grows if need be."""
     n, size = plan[N_STATES], len(y)
@@ -157,7 +158,7 @@ def _jacobian(plan: Any, t: float, step: float, y: Any, f: Any, w: Any, relearn:
     return 0
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _structure(plan: Any, n: int) -> Any:
     """The arrays of :func:`datagen.simulating.sparse.analyse`."""
     a, square = plan[STRUCTURE], 8 * n * n
@@ -168,7 +169,7 @@ def _structure(plan: Any, n: int) -> Any:
     return order, starts, low, high, carray(unsigned(a + 2 * square), (2 * n * n,))
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _factorise(plan: Any, gamma: float, size: int) -> bool:
     n = plan[N_STATES]
     order, starts, low, high, places = _structure(plan, n)
@@ -183,7 +184,7 @@ def _factorise(plan: Any, gamma: float, size: int) -> bool:
     return factorise(matrix, order, starts, low, high, places, pivots, values)
 
 
-@cfunc("int32(intp, intp, intp, intp, float64, int32, intp)", cache=True, error_model="numpy")
+@cfunc("int32(intp, intp, intp, intp, float64, int32, intp)")
 def solve(solver: int, y0: int, correction: int, weights: int, tolerance: float, setup: int, memory: int) -> int:
     """SUNNonlinearSolver's solve function."""
     plan = carray(integers(carray(integers(solver), (1,))[0]), (PLAN_SIZE,))
@@ -268,13 +269,13 @@ def solve(solver: int, y0: int, correction: int, weights: int, tolerance: float,
         due = jacobian_due = True
 
 
-@cfunc("int32(intp)", cache=True)
+@cfunc("int32(intp)")
 def kind(solver: int) -> int:
     """SUNNonlinearSolver's type: one that finds roots."""
     return 0
 
 
-@cfunc("int32(intp, intp)", cache=True)
+@cfunc("int32(intp, intp)")
 def set_function(solver: int, function: int) -> int:
     """CVODE offers its own residual, which is not needed."""
     return 0

@@ -43,12 +43,12 @@ def simulate(
     parameters
         Values by name [unit of the description]; the others are drawn as the farm would for (``seed``, ``index``).
     uncertain
-        Draw the description's uncertain constants, too.
+        Draw the description's uncertain constants, too; a value that is given stays.
 
     Raises
     ------
     SystemDescriptionError
-        If a parameter is unknown to the description and the FMU, or a constant is given that shall be drawn.
+        If a parameter is unknown to the description and the FMU.
     SimulationError
         If the end was not reached.
     DatasetError
@@ -90,26 +90,23 @@ def simulate(
                 "%s is set to %g, and does nothing: it acts while input %r is not 0, which the description holds at 0",
                 *(name, given[name], still),
             )
-    twice = [name for one in described.uncertain for name in one.parameters if uncertain and name in given]
-    if twice:
-        raise SystemDescriptionError(
-            f"{described.path}: {twice[0]!r} is set, and uncertain constants are to be drawn; expected one of both"
-        )
     trajectory = simulate_system(
         simulator, root_seed=seed, index=index, parameters=given, excitation=excitation, uncertain=uncertain
     )
     drawn = sample_parameters(described, seed, index)
     values = np.array([given.get(n, v) for n, v in zip(described.parameter_names, drawn, strict=True)])
     others = {k: v for k, v in given.items() if k not in described.parameter_names}
+    open_ = described.with_known(others).uncertain  # what is set is not drawn
+    drawn_at = [k for k, one in enumerate(described.uncertain) if one.name in {o.name for o in open_}]
     shard = build_shard(
-        described,
+        described.model_copy(update={"uncertain": open_}),
         indices=np.array([index]),
         root_seed=seed,
         parameters=values[None],
         outputs=trajectory.outputs[None],
         inputs=trajectory.inputs[None],
         starts=np.array([record_start(described, seed, index)]),
-        factors=sample_factors(described, seed, index)[None] if uncertain else None,
+        factors=sample_factors(described, seed, index)[None, drawn_at] if uncertain else None,
         attributes={
             "fmu_sha256": simulator.fmu.sha256,
             "root_seed": str(seed),

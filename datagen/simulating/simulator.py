@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from datagen.driving.tables import InputTable
 from datagen.fmi import calls, instances
-from datagen.fmi.checking import check_held, check_system, fmu_of
+from datagen.fmi.checking import check_held, check_system, conversion_of, fmu_of
 from datagen.fmi.watchdog import watchdog
 from datagen.simulating import cosimulation, native
 from datagen.simulating.canary import resets_cleanly
@@ -21,6 +21,8 @@ from shared.variables import WeatherInput
 
 _SHARE = 1e4
 """Error of a mean that a step may make, relative to the tolerance and the output's accuracy."""
+_YEAR = 8760 * 3600.0
+"""Of the weather and of whatever an FMU reads by its time [s]."""
 _HOUR = 3600.0
 """The solver's longest step [s], where outputs are not further apart: the error test may let everything pass."""
 _SLOW = 0.02
@@ -76,6 +78,9 @@ class Simulator:
         self._vr_points = np.array([outputs[k] for k in self._points], dtype=np.uint32)
         self._vr_means = np.array([outputs[k] for k in self._means], dtype=np.uint32)
         self._vr_inputs = np.array(inputs, dtype=np.uint32)
+        self._inputs_to_fmu = [conversion_of(system.inputs[k], variables[system.inputs[k].name]) for k in self._order]
+        self._parameters_to_fmu = {one.name: conversion_of(one, variables[one.name]) for one in system.parameters}
+        self._outputs_to_fmu = [conversion_of(one, variables[one.fmu_variable]) for one in system.outputs]
         self._held = np.array([one.interpolation == "previous" for one in system.inputs], dtype=bool)
         read = [one.column if isinstance(one, WeatherInput) else "" for one in system.inputs]
         self._directions = [k for k, column in enumerate(read) if column == "wind_direction"]
@@ -97,6 +102,8 @@ class Simulator:
         timeout: float | None = None,
     ) -> Trajectory:
         """Simulate from ``start`` to ``stop`` and record every ``step`` from ``record_from`` on (all [s]).
+
+        The FMU's own time is never negative: what begins before time 0 is simulated whole years later.
 
         Parameters
         ----------
@@ -136,6 +143,12 @@ class Simulator:
                 f"{self.fmu.path.name}: Co-Simulation; expected Model Exchange, which shows its states"
             )
         table = self._arranged(inputs.restricted(start, stop))
+        # many an FMU fails, or never returns, before its time 0: a warm-up wraps into the year before
+        years = max(float(np.ceil(-start / _YEAR)), 0.0) * _YEAR
+        recorded = grid
+        if years:
+            table = replace(table, time=table.time + years)
+            start, stop, grid = start + years, stop + years, grid + years
         n = self._n_continuous
         check_held(system, self.fmu, table.names[n:], table.left[:, n:], table.right[:, n:])
         records = _Records(
@@ -146,12 +159,12 @@ class Simulator:
         with self._lock:
             if self.reuse is None and self.fmu.seconds_to_instantiate > _SLOW:
                 self.reuse = False
-                span = {"start": start, "stop": stop, "step": step}
+                span = {"start": start - years, "stop": stop - years, "step": step}
                 self.reuse = resets_cleanly(self, parameters, inputs, **span, timeout=timeout)
             plan, kept = self._plan(table)
             next_event, *states = instances.initialise(
                 self.fmu,
-                {**system.fixed, **(system.replay if replay else {}), **parameters},
+                {**system.fixed, **(system.replay if replay else {}), **self._in_fmu_units(parameters)},
                 (self._vr_inputs.tolist(), table.at(np.array([start]))[0].tolist()),
                 start=start,
                 stop=stop,
@@ -169,18 +182,22 @@ class Simulator:
                     outcome = self._integrate(plan, table, grid, step, tolerance, records, next_event, states, reached)
             del kept
             if outcome != calls.DONE:
-                raise SimulationError(instances.cause(self.fmu, outcome, plan, reached[0], stop, timeout))
+                where = (float(reached[0]) - years, stop - years)
+                raise SimulationError(instances.cause(self.fmu, outcome, plan, *where, timeout))
             self._finished = True  # an instance that failed is not used again
         outputs = np.empty((len(system.outputs), count))
         outputs[self._points] = records.points[1:].T
         outputs[self._means] = (np.diff(records.quadratures, axis=0) / step).T
+        for k, one in enumerate(self._outputs_to_fmu):
+            if not one.nothing:
+                outputs[k] = one.from_fmu(outputs[k])
         counts = {"right_hand_sides": calls.RHS_CALLS, "indicator_calls": calls.INDICATOR_CALLS, "events": calls.EVENTS}
         if self.fmu.cosimulation:
             counts = {"communication_steps": calls.STEPS}
         return Trajectory(
-            time=grid[1:],
+            time=recorded[1:],
             outputs=outputs,
-            inputs=self._driven(inputs, grid) if driven else np.empty((0, count)),
+            inputs=self._driven(inputs, recorded) if driven else np.empty((0, count)),
             states=records.states,
             statistics={name: int(plan[place]) for name, place in counts.items()},
         )
@@ -199,8 +216,10 @@ class Simulator:
     ) -> int:
         """Model Exchange: CVODE over the compiled callbacks, from states (and nominal values); returns an outcome."""
         share = _SHARE if self.fmu.n_states else 1.0  # without states nothing else tells the solver how far it may go
-        areas = share * tolerance * step * np.array([self.system.outputs[k].accuracy for k in self._means])
-        absolute = np.concatenate([tolerance * np.abs(initial[1]), areas])
+        accuracies = [self.system.outputs[k].accuracy * abs(self._outputs_to_fmu[k].factor) for k in self._means]
+        areas = share * tolerance * step * np.array(accuracies)
+        nominal = np.where(initial[1] == 0, 1.0, np.abs(initial[1]))  # some exporters write 0 for what they do not know
+        absolute = np.concatenate([tolerance * nominal, areas])
         cvode = Cvode(
             plan,
             table.start,
@@ -258,12 +277,18 @@ class Simulator:
         found[self._directions] %= 360.0  # as a vane shows it; the FMU's has no jump from 360 to 0
         return found
 
+    def _in_fmu_units(self, parameters: Mapping[str, float]) -> dict[str, float]:
+        """Parameters as the FMU takes them; those that the description does not declare are in its unit already."""
+        known = self._parameters_to_fmu
+        return {name: known[name].to_fmu(value) if name in known else value for name, value in parameters.items()}
+
     def _arranged(self, table: InputTable) -> InputTable:
-        """The table with discrete inputs last, as the compiled code wants it."""
-        order = self._order
-        if (order[:-1] < order[1:]).all():
+        """The table in the FMU's units and with discrete inputs last, as the compiled code wants it."""
+        order, units = self._order, self._inputs_to_fmu
+        if (order[:-1] < order[1:]).all() and all(one.nothing for one in units):
             return table
-        left, right = np.ascontiguousarray(table.left[:, order]), np.ascontiguousarray(table.right[:, order])
+        factor, offset = np.array([one.factor for one in units]), np.array([one.offset for one in units])
+        left, right = (np.ascontiguousarray(factor * one[:, order] + offset) for one in (table.left, table.right))
         return InputTable(tuple(table.names[k] for k in order), table.time, left, right, table.jump)
 
     def _plan(self, table: InputTable) -> tuple[np.ndarray, list[np.ndarray]]:

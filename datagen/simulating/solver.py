@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import ctypes
+import os
+import tempfile
+import threading
 from ctypes import byref
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +25,9 @@ from fmpy.sundials.libraries import (
 from datagen.fmi import calls
 from datagen.simulating import native, newton
 from shared.errors import SimulationError
+from shared.logs import logger
 
+_log = logger(__name__)
 _ADDRESSES = {
     calls.CVODE: cv.CVode,
     calls.CV_REINIT: cv.CVodeReInit,
@@ -30,6 +37,12 @@ _ADDRESSES = {
 }
 MAX_STEPS = 100_000
 """Steps allowed between two stops; a solver that needs more has lost its way."""
+
+
+@cache
+def _folder() -> tempfile.TemporaryDirectory[str]:
+    """Where CVODE's warnings are written, which knows no other place than a file; it goes with the process."""
+    return tempfile.TemporaryDirectory(prefix="cvode-")
 
 
 def plain(pointer: Any) -> int:
@@ -78,6 +91,10 @@ class Cvode:
         sundials_core.SUNContext_ClearErrHandlers(
             ctypes.c_void_p(plain(self._context))
         )  # outcomes are reported, not printed
+        log = ctypes.c_void_p()
+        _ok(sundials_core.SUNContext_GetLogger(ctypes.c_void_p(plain(self._context)), byref(log)))
+        self._warnings = Path(_folder().name, f"{os.getpid()}-{threading.get_ident()}")
+        sundials_core.SUNLogger_SetWarningFilename(log, os.fsencode(self._warnings))
         self._y = nv.N_VNew_Serial(size, self._context)
         self.state = np.ctypeslib.as_array(nv.NV_DATA_S(self._y), (size,))
         self.state[:] = 0.0
@@ -132,3 +149,6 @@ class Cvode:
         sundials_core.SUNNonlinSolFreeEmpty(ctypes.c_void_p(self._solver))
         nv.N_VDestroy_Serial(self._y)
         sundials_core.SUNContext_Free(byref(self._context))
+        if self._warnings.exists() and self._warnings.stat().st_size:
+            first, *more = self._warnings.read_text(errors="replace").splitlines()
+            _log.debug("CVODE: %s (and %d more such lines)", first.rpartition("] ")[2], len(more))

@@ -10,13 +10,16 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from datagen.fmi.compilation import njit
+
+BUILT_ON = "a43f9b008dc595a2"
+"""Of what this file imports, see :mod:`datagen.fmi.calls`."""
 SMALLEST_PIVOT = 1e-10
 """The matrix is near one: a pivot below this is what rounding has left of nothing."""
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def colour(pattern: Any, colours: Any) -> int:
     """Give columns that share no row the same colour; returns how many colours there are.
 
@@ -45,7 +48,7 @@ def colour(pattern: Any, colours: Any) -> int:
     return count
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def analyse(pattern: Any, order: Any, starts: Any, low: Any, high: Any, places: Any) -> None:
     """Order of elimination, and what it fills.
 
@@ -104,7 +107,7 @@ def analyse(pattern: Any, order: Any, starts: Any, low: Any, high: Any, places: 
                 count += 1
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def factorise(a: Any, order: Any, starts: Any, low: Any, high: Any, places: Any, pivots: Any, values: Any) -> bool:
     """LU of ``a`` (n, n), in place; also packed: the pivots' inverses (n,), and the factors (n * n,) by their places.
 
@@ -131,7 +134,7 @@ def factorise(a: Any, order: Any, starts: Any, low: Any, high: Any, places: Any,
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def substitute(pivots: Any, values: Any, places: Any, n_low: int, n_all: int, b: Any) -> None:
     """Solve with packed factors; the first ``len(pivots)`` of ``b`` become the solution."""
     for p in range(n_low):

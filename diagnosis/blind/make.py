@@ -28,8 +28,8 @@ from diagnosis.blind.truth import default_truth, load_truth
 from diagnosis.effects import library
 from diagnosis.recording import DAY, HOUR
 from diagnosis.where.series import FEWEST
+from shared.children import starting
 from shared.errors import RecordingError, SimulationError, ZeroshotError
-from shared.interrupts import interrupts_held
 from shared.lock import FolderLock
 from shared.reading import read_json
 from shared.store import sha256_of, write_atomically
@@ -194,7 +194,7 @@ def _work_off(
     context = multiprocessing.get_context("spawn")  # loading an FMU changes the folder of its process
     with ProcessPoolExecutor(workers, context, _prepare, (system, truth, hours)) as pool:
         try:
-            with interrupts_held():  # the first one starts the processes
+            with starting():  # the first one starts the processes
                 futures = [pool.submit(_work, job) for job in jobs]
             for k, future in enumerate(as_completed(futures), done + 1):
                 future.result()

@@ -39,8 +39,8 @@ from diagnosis.blind.working import CHANCE, Job, lost, work
 from diagnosis.effects import library
 from diagnosis.zero_shot import check_estimator
 from shared import __version__
+from shared.children import starting
 from shared.errors import RecordingError, SystemDescriptionError
-from shared.interrupts import interrupts_held
 from shared.logs import fields, log_files, logger
 from shared.shipped import estimator_beside, resolved_estimator
 from shared.store import sha256_of
@@ -171,7 +171,7 @@ def _side_by_side(jobs: Sequence[Job], workers: int, limit: float, tell: Callabl
             while waiting and len(running) < workers:
                 job = waiting.pop(0)
                 process = context.Process(target=_alone, args=(job,))
-                with interrupts_held():  # one that dies of Ctrl-C would count as a recording that failed
+                with starting():  # one that dies of Ctrl-C would count as a recording that failed
                     process.start()
                 running[process.sentinel] = (process, job, time.perf_counter())
             wait(list(running), timeout=1.0)

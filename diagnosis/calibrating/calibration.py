@@ -12,9 +12,11 @@ from diagnosis.calibrating.calibrated import Calibrated
 from diagnosis.calibrating.checks import opened
 from diagnosis.calibrating.schema import Calibration, read_calibration
 from diagnosis.calibrating.summary import summarise
+from diagnosis.fitting.failures import said_by
 from diagnosis.fitting.fit import fit
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.side_by_side import side_by_side
+from diagnosis.fitting.simulations import Simulations, simulations
 from diagnosis.recording import HOUR, Recording
 from diagnosis.usual import STARTS, WARM_UP
 from diagnosis.whole import whole
@@ -44,7 +46,9 @@ def calibrate(
     seed: int = 0,
     workers: int | None = None,
     scheduler: str | None = None,
+    minutes: float | None = None,
     tell: Callable[[str], None] = lambda _: None,
+    within: Simulations | None = None,
 ) -> Calibrated:
     """Estimate a system's parameters from a recording by simulation.
 
@@ -53,7 +57,8 @@ def calibrate(
     run
         Folder of an estimator, whose zero-shot estimate is the first start; without, the middle of the prior is.
     out
-        Folder for ``calibration.json`` and the page ``calibration.html``, written when all is done.
+        Folder for ``calibration.json`` and the page ``calibration.html``, written when all is done. What is
+        simulated is saved there until then: a call that is stopped and made again goes on from where it was.
     replay
         The recorded actuators replace the model's control loops.
     occupancy
@@ -70,8 +75,12 @@ def calibrate(
         The recording's first day is repeated this long before its start [h], at least a step.
     workers, scheduler
         Processes on this machine (1), or the address of a Dask scheduler, for the simulations.
+    minutes
+        Time that there is. When it is up, the fit ends with the last round that was made.
     tell
-        Is told when what was given is found in order, and simulations begin.
+        Is told what is being done when that changes and every half minute, and roughly how long it will still take.
+    within
+        The simulations of a command that this is a part of: its time, and what it has saved.
 
     Raises
     ------
@@ -80,6 +89,8 @@ def calibrate(
         no warm-up; if the folder cannot be written to.
     SystemDescriptionError, FmuError, SimulationError, EstimatorError
         If the system, its FMU or the estimator cannot be used.
+    TimeUp
+        If the time was up before there was a fit.
     """
     if starts < 1:
         raise RecordingError(f"starts is {starts}; expected at least 1")
@@ -90,7 +101,11 @@ def calibrate(
     )
     zero_shot = estimate(run, record, described) if run is not None else {}
     simulator = Simulator(described)
-    with side_by_side(simulator, workers=workers, scheduler=scheduler) as runner:
+    place = None if out is None else Path(out)
+    with (
+        side_by_side(simulator, workers=workers, scheduler=scheduler) as runner,
+        simulations(runner, place, simulator, record, minutes=minutes, tell=tell, within=within) as made,
+    ):
         problem = Problem(
             simulator,
             record,
@@ -98,17 +113,19 @@ def calibrate(
             occupancy=occupancy,
             replay=replay,
             warm_up=warm_up * HOUR,
-            runner=runner,
+            runner=made,
         )
-        tell("simulating")
+        if within is None:
+            made.tell("fitting", 0.0, 1.0)
         first = problem.unknowns(zero_shot)
         others = np.random.default_rng(seed).standard_normal((max(starts - 1, 0), problem.size))
-        found = fit(problem, [first, *others], estimate_noise=estimate_noise)
+        with said_by(record.path):
+            found = fit(problem, [first, *others], estimate_noise=estimate_noise)
         further = f" and {counted(starts - 1, 'draw')} of the prior" if starts > 1 else ""
         report = summarise(found, zero_shot, f"{run if run is not None else 'prior'}{further}")
-    done = Calibrated(report, found)
-    if out is not None:
-        from diagnosis.calibrating.report import write_calibration
+        done = Calibrated(report, found)
+        if place is not None:
+            from diagnosis.calibrating.report import write_calibration
 
-        write_calibration(done, Path(out))
+            write_calibration(done, place)
     return done

@@ -12,7 +12,7 @@ from rich.table import Table
 from diagnosis.options import PLAIN, Fitting
 from diagnosis.scores import score_table
 from diagnosis.usual import STARTS, WARM_UP
-from shared.console import OK, NotNegative, Place, Positive, new_console
+from shared.console import OK, NotNegative, Place, Positive, new_console, resumable
 from shared.logs import USUAL, Reporting
 from shared.progress import stages
 from shared.stretches import LONGEST, Stretch
@@ -20,6 +20,7 @@ from shared.stretches import LONGEST, Stretch
 console = new_console()
 
 
+@resumable()
 def calibrate(
     system: Path,
     recording: Path,

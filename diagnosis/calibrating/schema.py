@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from diagnosis.scores import Score
 from shared.errors import RecordingError
-from shared.reading import read_json, shown, validated
+from shared.reading import newer, read_json, shown, validated
 
 SCHEMA_VERSION = 8
 
@@ -122,6 +122,7 @@ class Calibration(_Table):
     log_likelihood: float
     log_evidence: float
     converged: bool
+    stopped: bool = Field(False, description="whether the time was up before the fit came to rest")
     simulations: int
     seconds: float
 
@@ -150,4 +151,6 @@ def read_calibration(path: Path | str) -> Calibration:
             f"{path}: schema_version is {shown(version)}, which {lacks}; expected {SCHEMA_VERSION}, {expected} of this"
             " version: calibrate again"
         )
+    if said := newer(SCHEMA_VERSION if version is None else version, SCHEMA_VERSION):
+        raise RecordingError(f"{path}: {said}")
     return validated(Calibration, raw, f"{path}", RecordingError, expected)

@@ -27,14 +27,18 @@ def sentences(report: Calibration) -> list[str]:
 
 
 def _lacking(report: Calibration) -> list[str]:
-    """Outputs that the model does not follow, and constants that are not the description's."""
+    """A fit that had no time, outputs that the model does not follow, and constants that are not the description's."""
     unexplained = [
         f"The fitted model explains {max(one.explained, 0):.0%} of what {name} did: it lacks something, for which its"
         " parameters make up, and neither they nor their intervals are to be believed."
         for name, one in report.outputs.items()
         if one.explained is not None and one.explained < POOR
     ]
-    return [*unexplained, *far_outside(_factors(report))]
+    stopped = (
+        "The time was up before the fit had come to rest: parameters are those of where it then was, with the intervals"
+        " of an optimum. The same command goes on from there, and with more minutes it comes further."
+    )
+    return [*([stopped] if report.stopped else []), *unexplained, *far_outside(_factors(report))]
 
 
 def far_outside(factors: Mapping[str, tuple[float, float]], model: str = "") -> list[str]:

@@ -90,6 +90,7 @@ def summarise(found: Fit, zero_shot: dict[str, float], started_from: str) -> Cal
         log_likelihood=found.log_likelihood,
         log_evidence=found.log_evidence,
         converged=found.converged,
+        stopped=problem.runner.time_up,
         simulations=found.simulations,
         seconds=found.seconds,
     )

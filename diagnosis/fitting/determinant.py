@@ -16,9 +16,9 @@ import numpy as np
 from scipy.linalg import eigh
 
 from diagnosis.fitting.answers import responses
+from diagnosis.fitting.failures import FAILURES
 from diagnosis.fitting.linearisation import Linearisation
 from diagnosis.fitting.problem import Problem
-from shared.errors import SimulationError
 
 WIDTH = 0.2
 """Of the difference in an unknown [prior standard deviations]."""
@@ -71,7 +71,7 @@ def determinant(problem: Problem, around: Linearisation) -> Determinant:
             z[k] += way
             if not low[k] <= z[k] <= high[k]:
                 continue
-            with suppress(SimulationError):
+            with suppress(*FAILURES):
                 change[:, :, within] = (answer(z) - around.response[:, :, within]) / way
                 break
         derivative = problem.standardised(problem.nuisance.by_unknown(change))

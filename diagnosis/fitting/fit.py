@@ -18,9 +18,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.linalg import cho_factor
 
 from diagnosis.fitting.determinant import determinant
+from diagnosis.fitting.failures import FAILURES
+from diagnosis.fitting.gaussian import factor, root
 from diagnosis.fitting.noise import NoiseModel, estimated
 from diagnosis.fitting.problem import Linearisation, Problem
 from diagnosis.fitting.pruning import pruned
@@ -28,8 +29,10 @@ from diagnosis.fitting.renewing import renewed
 from diagnosis.fitting.settling import between, swung
 from diagnosis.fitting.solving import solved
 from diagnosis.fitting.stretching import stretched
-from shared.errors import SimulationError
+from shared.errors import SimulationError, TimeUp
+from shared.logs import logger
 
+_log = logger(__name__)
 ROUNDS = 16
 MOVED = 0.25
 """An optimum that moves less than this between rounds [posterior standard deviations] stays."""
@@ -102,7 +105,7 @@ class Fit:
     def draws(self, count: int, seed: int = 0) -> np.ndarray:
         """Draws of the unknowns from the posterior, shape (count, unknowns)."""
         rng = np.random.default_rng(seed)
-        return self.z + rng.standard_normal((count, len(self.z))) @ np.linalg.cholesky(self.covariance).T
+        return self.z + rng.standard_normal((count, len(self.z))) @ root(self.covariance).T
 
 
 def fit(
@@ -134,6 +137,8 @@ def fit(
     ------
     SimulationError
         If the simulation fails at every start.
+    TimeUp
+        If the time was up before the first round had ended; after that, a fit ends with the round before.
     """
     began, counted = time.perf_counter(), problem.simulations
     starts = [np.zeros(problem.size)] if starts is None or not len(starts) else [np.asarray(s, float) for s in starts]
@@ -145,33 +150,41 @@ def fit(
     converged, near, history = rounds == 0, rounds == 0, []
     path: list[np.ndarray] = []
     bent, information = None, np.eye(problem.size)
-    for round_ in range(max(rounds, 1) + restless):
-        if round_ >= max(rounds, 1) and moved < LEAPING:
-            break
-        if rounds:
-            z = between(path, z, round_)
-            around = renewed(problem, z, around, leaps=moved < LEAPING)
-        before = z
-        if near and (bent is None or _far(z, bent.z, information) > REUSED):
-            bent = determinant(problem, around)
-        z, jacobian = solved(problem, z, around, bent, 4 if near else 8)
-        information = np.eye(problem.size) + jacobian.T @ jacobian
-        moved = _far(z, before, information)
-        history.append((problem.simulations - counted, moved))
-        path += [z] if near else []
-        stays, near = near and moved < MOVED, near or moved < NEAR
-        if estimate_noise and (near or round_ == 1):
-            noise = _noise(problem, z, around)
-            same = _same(noise, problem.noise)
-            stays, bent = stays and same, bent if same else None
-            problem = _go_on(problem, noise)
-            around = replace(around, marginal=problem.marginal(around.response))
-        if stays:
-            converged, path = True, []
-            break
+    most, round_ = max(rounds, 1) + restless, 0
+    try:
+        for round_ in range(most):
+            if round_ >= max(rounds, 1) and moved < LEAPING:
+                break
+            problem.runner.reached(round_ / most)
+            if rounds:
+                z = between(path, z, round_)
+                around = renewed(problem, z, around, leaps=moved < LEAPING)
+            before = z
+            if near and (bent is None or _far(z, bent.z, information) > REUSED):
+                bent = determinant(problem, around)
+            z, jacobian = solved(problem, z, around, bent, 4 if near else 8)
+            information = np.eye(problem.size) + jacobian.T @ jacobian
+            moved = _far(z, before, information)
+            history.append((problem.simulations - counted, moved))
+            path += [z] if near else []
+            stays, near = near and moved < MOVED, near or moved < NEAR
+            if estimate_noise and (near or round_ == 1):
+                noise = _noise(problem, z, around)
+                same = _same(noise, problem.noise)
+                stays, bent = stays and same, bent if same else None
+                problem = _go_on(problem, noise)
+                around = replace(around, marginal=problem.marginal(around.response))
+            if stays:
+                converged, path = True, []
+                break
+    except (TimeUp, *FAILURES) as error:  # what the rounds before came to is a fit, if one that has not come to rest
+        if not history and len(starts) == 1:
+            raise
+        _log.info("the fit ends after round %d: %s", len(history), error)
     swing, z = swung(path, between(path, z, round_), round_), between(path, z, round_)
     slope = np.zeros(problem.size) if bent is None else bent.slope + bent.root.T @ (bent.root @ (z - bent.z))
-    found = _finish(problem, z, around, slope, converged, history, began, counted)
+    with problem.runner.lifted():
+        found = _finish(problem, z, around, slope, converged, history, began, counted)
     return replace(found, covariance=found.covariance + swing)
 
 
@@ -186,7 +199,7 @@ def _first(problem: Problem, starts: list[np.ndarray]) -> Linearisation:
     for k, start in enumerate(starts):
         try:
             return problem.linearise(start)
-        except SimulationError:
+        except FAILURES:
             if k == len(starts) - 1:
                 raise
     raise AssertionError("no start")
@@ -201,8 +214,12 @@ def _best_start(problem: Problem, starts: list[np.ndarray], around: Linearisatio
         try:
             z, _ = solved(problem, start, around, None, most=5)
             residual = problem.residuals(z, around)
-        except SimulationError:
+        except FAILURES:
             continue
+        except TimeUp:
+            if best is None:
+                raise
+            break
         cost = float(residual @ residual + z @ z)
         if best is None or cost < best[0]:
             best = (cost, z)
@@ -240,15 +257,15 @@ def _finish(
     jacobian = problem.jacobian(z, around, central=True)
     residual = problem.residuals(z, around)
     information = np.eye(problem.size) + jacobian.T @ jacobian
-    factor = cho_factor(information, lower=True)
+    lower = factor(jacobian.T @ jacobian)
     logdet = problem.noise.logdet(problem.observed, problem.time) + around.marginal.logdet
     likelihood = -0.5 * (float(residual @ residual) + logdet + len(residual) * np.log(2 * np.pi))
-    evidence = likelihood - 0.5 * float(z @ z) - float(np.sum(np.log(np.diag(factor[0]))))
+    evidence = likelihood - 0.5 * float(z @ z) - float(np.sum(np.log(np.diag(lower))))
     nuisance = problem.likely_nuisance(z, around)
     heights = problem.nuisance.heights(nuisance)
     try:
         outputs = problem.simulate(z, heights)
-    except SimulationError:  # the likeliest nuisance cannot be simulated: the one before it could
+    except FAILURES:  # the likeliest nuisance cannot be simulated: the one before it could
         nuisance, heights = around.nuisance, around.heights
         outputs = problem.simulate(z, heights)
     final = replace(around, z=z, nuisance=nuisance, heights=heights, outputs=outputs)

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from datagen.driving.tables import SNAP
+from diagnosis.fitting.failures import FAILURES
 from diagnosis.fitting.nuisance import SPACING, Nuisance
 from diagnosis.fitting.problem import Problem
 from diagnosis.recording import HOUR
@@ -46,7 +47,7 @@ def leapt(problem: Problem, z: np.ndarray, nuisance: np.ndarray, outputs: np.nda
         other = unknowns_of(problem.nuisance, heights)
         try:
             found = problem.simulate(z, problem.nuisance.heights(other))
-        except SimulationError:
+        except FAILURES:
             break
         if joint_cost(problem, other, found) >= cost:
             break

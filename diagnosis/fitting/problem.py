@@ -9,8 +9,9 @@ were not counted and what came before the recording are nuisances, by which the 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from copy import copy
+from typing import TypeVar
 
 import numpy as np
 
@@ -21,17 +22,19 @@ from diagnosis.effects.base import Effect
 from diagnosis.fitting.answers import lasting, responses
 from diagnosis.fitting.differences import one_sided
 from diagnosis.fitting.drive import crowd, drive
+from diagnosis.fitting.failures import FAILURES, reason
 from diagnosis.fitting.linearisation import Linearisation
 from diagnosis.fitting.marginal import Marginal
 from diagnosis.fitting.noise import NoiseModel, errors_under, undeclared
-from diagnosis.fitting.remembered import Remembered
+from diagnosis.fitting.run import Run
 from diagnosis.fitting.runs import Runs
 from diagnosis.fitting.side_by_side import InProcess, Outcome, Runner
+from diagnosis.fitting.simulations import Simulations
 from diagnosis.fitting.unknowns import LIMIT, Unknowns
 from diagnosis.fitting.unmeasured import nuisance_of
 from diagnosis.recording import HOUR, Recording, check_warm_up
 from diagnosis.usual import WARM_UP as WARM_UP_HOURS
-from shared.errors import RecordingError, SimulationError
+from shared.errors import RecordingError, SimulationError, ZeroshotError
 
 WARM_UP = WARM_UP_HOURS * HOUR
 """[s]"""
@@ -39,6 +42,7 @@ STEP = 0.1
 """Half-width of a difference in an unknown, in prior standard deviations."""
 TOLERANCE = 1e-6
 """Of the integrator at most: differences of simulations are small."""
+Made = TypeVar("Made")
 __all__ = ["LIMIT", "STEP", "Linearisation", "Problem"]
 
 
@@ -63,7 +67,7 @@ class Problem:
     history
         Whether what came before the recording is a nuisance; otherwise its first day stands in for it exactly.
     runner
-        Where simulations run; in this process by default.
+        Where simulations run; in this process by default. All copies of a problem share its :class:`Simulations`.
 
     Raises
     ------
@@ -83,15 +87,15 @@ class Problem:
         warm_up: float = WARM_UP,
         uncertain: bool = True,
         history: bool = True,
-        runner: Runner | None = None,
+        runner: Runner | Simulations | None = None,
     ) -> None:
         check_warm_up(recording, warm_up)
         self.simulator, self.recording, self.replay = simulator, recording, replay
         self.system = system = simulator.system
         self.effects = tuple(effects)
         self.constants = constants(system, simulator.fmu) if uncertain else ()
-        self.runner: Runner = runner or InProcess(simulator)
-        self._remembered, self.simulations = Remembered(), 0
+        self.runner = runner if isinstance(runner, Simulations) else Simulations(runner or InProcess(simulator))
+        self.simulations = 0
         self.occupancy = crowd(system, recording, occupancy)
         self.undeclared = undeclared(system, noise, recording.outputs) if isinstance(noise, str) else {}
         if isinstance(noise, str):
@@ -188,20 +192,41 @@ class Problem:
         return made
 
     def simulate_each(self, cases: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Outcome]:
-        """As :meth:`simulate_all`, with an error in the place of each that failed or is not finite."""
+        """As :meth:`simulate_all`, with an error in the place of each that failed or is nothing a sensor could show."""
         unknown = self.unknown
-        runs = [self._runs.run(unknown, self.nuisance, np.asarray(z, dtype=float), heights) for z, heights in cases]
-        outcomes, simulated = self._remembered.map(self.runner, runs)
+
+        def asked(z: np.ndarray, heights: np.ndarray) -> Run | SimulationError:
+            return _tried(lambda: self._runs.run(unknown, self.nuisance, np.asarray(z, dtype=float), heights))
+
+        def shown(z: np.ndarray, outcome: Outcome) -> Outcome:
+            return outcome if isinstance(outcome, SimulationError) else _tried(lambda: self._shown(z, outcome))
+
+        runs = [asked(z, heights) for z, heights in cases]
+        outcomes, simulated = self.runner.map([one for one in runs if isinstance(one, Run)])
         self.simulations += simulated
-        made: list[Outcome] = []
-        for (z, _), outcome in zip(cases, outcomes, strict=True):
-            if not isinstance(outcome, SimulationError):
-                for effect, amplitude in zip(self.effects, unknown.amplitudes(z), strict=True):
-                    outcome = outputs_of(effect, amplitude, outcome, self.time)
-                if not np.isfinite(outcome).all():
-                    outcome = SimulationError("a simulation has outputs that are not finite; expected numbers")
-            made.append(outcome)
-        return made
+        rest = iter(outcomes)
+        made = [next(rest) if isinstance(one, Run) else one for one in runs]
+        return [shown(z, one) for (z, _), one in zip(cases, made, strict=True)]
+
+    def _shown(self, z: np.ndarray, outputs: np.ndarray) -> np.ndarray:
+        """What the sensors show of outputs (outputs, steps) [unit of each].
+
+        Raises
+        ------
+        SimulationError
+            If that is no number, or so large that beside it a reading's noise has no digit left.
+        """
+        for effect, amplitude in zip(self.effects, self.unknown.amplitudes(z), strict=True):
+            outputs = outputs_of(effect, amplitude, outputs, self.time)
+        most = np.where(self.floor > 0, self.floor / np.finfo(float).eps, np.inf)[:, None]
+        wrong = np.argwhere(~(np.abs(outputs) < most))  # a comparison with NaN is false
+        if len(wrong):
+            k, step = wrong[0]
+            raise SimulationError(
+                f"{self.system.output_names[k]!r} is {outputs[k, step]:.3g} at t = {self.time[step]:g} s; expected"
+                f" numbers below {most[k, 0]:.1g}"
+            )
+        return outputs
 
     def residuals(self, z: np.ndarray, around: Linearisation | None = None) -> np.ndarray:
         """Measured minus simulated, standardised, a row for each observed reading.
@@ -296,3 +321,13 @@ class Problem:
         other = copy(self)
         vars(other).update(simulations=0, **changed)
         return other
+
+
+def _tried(make: Callable[[], Made]) -> Made | SimulationError:
+    """What is made, or why it cannot be: an effect of a package's own may fail at some amplitudes."""
+    try:
+        return make()
+    except SimulationError as error:
+        return error
+    except (ZeroshotError, *FAILURES) as error:
+        return SimulationError(reason(error))

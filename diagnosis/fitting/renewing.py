@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from diagnosis.fitting.failures import FAILURES
 from diagnosis.fitting.leaps import joint_cost, leapt
 from diagnosis.fitting.linearisation import Linearisation
 from diagnosis.fitting.problem import Problem
-from shared.errors import SimulationError
 
 SHARES = (1.0, 0.5, 0.2)
+STAYS = 0.03
+"""Outputs stay where they move by less than this share of their noise [standard deviations]: no score shows it."""
 
 
 def renewed(problem: Problem, z: np.ndarray, around: Linearisation, *, leaps: bool = False) -> Linearisation:
@@ -24,7 +26,7 @@ def renewed(problem: Problem, z: np.ndarray, around: Linearisation, *, leaps: bo
         nuisance = around.nuisance + share * (target - around.nuisance)
         try:
             outputs = problem.simulate(z, problem.nuisance.heights(nuisance))
-        except SimulationError:
+        except FAILURES:
             continue
         cost = joint_cost(problem, nuisance, outputs)
         if best is not None and cost > best[0]:
@@ -34,3 +36,21 @@ def renewed(problem: Problem, z: np.ndarray, around: Linearisation, *, leaps: bo
         return problem.linearise(z, around.nuisance)
     _, nuisance, outputs = best
     return problem.linearise(z, leapt(problem, z, nuisance, outputs) if leaps else nuisance)
+
+
+def most_likely(problem: Problem, z: np.ndarray, rounds: int = 1) -> tuple[Linearisation, np.ndarray]:
+    """A problem linearised at ``z`` and its most likely nuisance, and its outputs there (outputs, steps).
+
+    Parameters
+    ----------
+    rounds
+        How often it is linearised anew at most; fewer, once the outputs stay as they are (:data:`STAYS`).
+    """
+    around = problem.linearise(z)
+    outputs = around.outputs
+    for k in range(rounds):
+        around = renewed(problem, z, around, leaps=k > 0)
+        before, outputs = outputs, problem.simulate(z, problem.nuisance.heights(problem.likely_nuisance(z, around)))
+        if k and np.sqrt(np.mean(problem.standardised(outputs - before) ** 2)) < STAYS:
+            break
+    return around, outputs

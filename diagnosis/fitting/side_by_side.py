@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from itertools import pairwise
 from multiprocessing import get_context
@@ -16,18 +17,25 @@ import numpy as np
 
 from datagen.farming.worker import simulator_for
 from datagen.simulating.simulator import Simulator
+from diagnosis.fitting.failures import FAILURES, reason
 from diagnosis.fitting.run import Run
 from diagnosis.fitting.warmed import warmed
-from shared.errors import ClusterError, SimulationError
-from shared.interrupts import interrupts_held
+from shared.children import starting
+from shared.errors import ClusterError, SimulationError, ZeroshotError
 from shared.system import System
 
 Outcome = np.ndarray | SimulationError
 """Outputs (outputs, steps) [unit of each], or why there are none."""
+_ROUNDS = 32
+"""Runs for each worker in one batch: at its end all but the slowest wait, for a share of it that hardly counts."""
 
 
 class Runner(Protocol):
-    """What runs simulations."""
+    """What runs simulations.
+
+    It may have a ``batch``: how many runs it is given at least, if there are so many, lest a worker wait for others;
+    one, if it has none.
+    """
 
     def map(self, runs: Sequence[Run]) -> list[Outcome]:
         """Outcome of each run, in order; a failed simulation is an error in its place, not an exception."""
@@ -49,15 +57,21 @@ class Processes:
 
     def __init__(self, system: System, workers: int) -> None:
         self._what = (system.canonical(), str(system.path))
-        self.workers = workers
+        self.workers, self.batch = workers, _ROUNDS * workers
         self._pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
 
     def map(self, runs: Sequence[Run]) -> list[Outcome]:
         """See :class:`Runner`."""
         parts = _parts(runs, self.workers)
-        with interrupts_held():  # the first call starts the processes
-            done = self._pool.map(_simulate_all, [self._what] * len(parts), parts)
-        return [one for part in done for one in part]
+        try:
+            with starting():  # the first call starts the processes
+                done = self._pool.map(_simulate_all, [self._what] * len(parts), parts)
+            return [one for part in done for one in part]
+        except BrokenProcessPool:
+            raise ClusterError(
+                f"one of {self.workers} processes that simulate was killed, as they are where memory runs out; expected"
+                " all of them to stay. Give fewer --workers: the same command goes on from there"
+            ) from None
 
     def close(self) -> None:
         """End the processes."""
@@ -71,10 +85,19 @@ class Cluster:
         self._what = (system.canonical(), str(system.path))
         self._client = client
 
+    @property
+    def batch(self) -> int:
+        """See :class:`Runner`."""
+        return _ROUNDS * self._workers
+
+    @property
+    def _workers(self) -> int:
+        return max(len(self._client.scheduler_info(n_workers=-1)["workers"]), 1)
+
     def map(self, runs: Sequence[Run]) -> list[Outcome]:
         """See :class:`Runner`."""
-        workers = max(len(self._client.scheduler_info(n_workers=-1)["workers"]), 1)
-        futures = [self._client.submit(_simulate_all, self._what, part, pure=False) for part in _parts(runs, workers)]
+        parts = _parts(runs, self._workers)
+        futures = [self._client.submit(_simulate_all, self._what, part, pure=False) for part in parts]
         return [one for part in self._client.gather(futures) for one in part]
 
 
@@ -110,6 +133,8 @@ def simulate(simulator: Simulator, run: Run) -> Outcome:
         return warmed(simulator).outputs(run)
     except SimulationError as error:
         return error
+    except (ZeroshotError, *FAILURES) as error:  # such as a discrete input that an effect has bent
+        return SimulationError(reason(error))
 
 
 def _parts(runs: Sequence[Run], workers: int) -> list[list[Run]]:

@@ -6,9 +6,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from diagnosis.fitting.determinant import Determinant
+from diagnosis.fitting.failures import FAILURES
 from diagnosis.fitting.linearisation import Linearisation
 from diagnosis.fitting.problem import Problem
-from shared.errors import SimulationError
 
 _HOPELESS = 1e3
 """Standardised residual of a simulation that failed."""
@@ -51,7 +51,7 @@ def solved(
     def residual(z: np.ndarray) -> np.ndarray:
         try:
             found = problem.residuals(z, around)
-        except SimulationError:
+        except FAILURES:
             found = np.full(readings, _HOPELESS)
         return np.concatenate([found, *rest(z)])
 

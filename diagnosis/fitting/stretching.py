@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import eigh
 
+from diagnosis.fitting.failures import FAILURES
 from diagnosis.fitting.linearisation import Linearisation
 from diagnosis.fitting.problem import Problem
-from shared.errors import SimulationError
 
 WIDTH = 1.5
 """How far from the mode the posterior is looked at [standard deviations by curvature]."""
@@ -27,6 +27,7 @@ def stretched(
     axis is as long as the flatter side says; where it rises more, it stays: errors are not to be understated.
     """
     values, vectors = eigh(information)
+    values = np.maximum(values, 1.0)  # the prior's, of which rounding may have left less
     low, high = problem.bounds
     mode = z
 
@@ -43,7 +44,7 @@ def stretched(
                 continue
             try:
                 rise = max(loss(z + step) - base, FLAT)
-            except SimulationError:
+            except FAILURES:
                 continue
             lengths[k] = max(lengths[k], size / np.sqrt(2 * rise))
     # nothing is less sure than before the recording

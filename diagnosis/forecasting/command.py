@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from diagnosis.options import PLAIN, Fitting
 from diagnosis.scores import score_table
-from shared.console import OK, Place, Positive, new_console
+from shared.console import OK, Place, Positive, new_console, resumable
 from shared.logs import USUAL, Reporting
 from shared.progress import stages
 from shared.stretches import LONGEST, Stretch
@@ -18,6 +18,7 @@ from shared.stretches import LONGEST, Stretch
 console = new_console()
 
 
+@resumable()
 def forecast(
     system: Path,
     recording: Path,

@@ -5,8 +5,8 @@ The bands are simulations with parameters and nuisance drawn from the posterior 
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,26 +15,31 @@ import numpy as np
 from datagen.simulating.simulator import Simulator
 from diagnosis.calibrating.calibration import calibrate
 from diagnosis.calibrating.checks import check_recording, taken
-from diagnosis.calibrating.schema import Calibration, read_calibration
+from diagnosis.calibrating.given import check_given, check_unknowns, given_calibration, noise_of
+from diagnosis.calibrating.schema import Calibration
 from diagnosis.calibrating.seen import check_unseen
 from diagnosis.fitting.drive import LOST, driving
+from diagnosis.fitting.failures import FAILURES
+from diagnosis.fitting.gaussian import root
 from diagnosis.fitting.noise import errors_under
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.renewing import renewed
+from diagnosis.fitting.renewing import most_likely
 from diagnosis.fitting.side_by_side import side_by_side
+from diagnosis.fitting.simulations import simulations
 from diagnosis.forecasting.forecasted import Ahead, Forecast, Forecasted, about_failed
-from diagnosis.forecasting.given import check_constants, check_given, noise_of
 from diagnosis.forecasting.persons import corrected, from_the_prior
 from diagnosis.intervals import LEVEL
 from diagnosis.recording import HOUR, Recording, check_warm_up
 from diagnosis.scores import score
 from diagnosis.usual import STARTS, WARM_UP
-from shared.errors import RecordingError, SimulationError
+from diagnosis.zero_shot import check_estimator
+from shared.errors import RecordingError, SimulationError, TimeUp
+from shared.logs import logger
 from shared.places import check_folder
 from shared.stretches import Stretch
 from shared.system import System, load_system
 
-_log = logging.getLogger(__name__)
+_log = logger(__name__)
 DRAWS = 40
 
 
@@ -57,6 +62,7 @@ def forecast(
     seed: int = 0,
     workers: int | None = None,
     scheduler: str | None = None,
+    minutes: float | None = None,
     tell: Callable[[str], None] = lambda _: None,
 ) -> Forecasted:
     """Calibrate on the first ``context`` hours of a recording and simulate the next ``ahead`` hours.
@@ -77,8 +83,9 @@ def forecast(
         Simulations behind the bands.
     out
         Folder for ``forecast.json`` and ``forecast.html``, written when all is done.
-    tell
-        Is told when what was given is found in order, and simulations begin.
+    minutes
+        Time that there is. When it is up, the calibration ends with the last round that was made, and half of the draws
+        are made.
 
     Raises
     ------
@@ -94,13 +101,7 @@ def forecast(
         check_folder(Path(out), RecordingError)
     given = None
     if calibration is not None:
-        beside = (("run", run), ("starts", starts), ("noise", noise))
-        if idle := [name for name, one in beside if one is not None]:
-            raise RecordingError(
-                f"calibration is given, and {' and '.join(idle)} beside it; expected one of both: nothing is fitted"
-                " where parameters and noise are those of a calibration made before"
-            )
-        given = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
+        given = given_calibration(calibration, {"run": run, "starts": starts, "noise": noise})
     described = system if isinstance(system, System) else load_system(system)
     preset = "sensor" if noise is None else noise
     errors_under(described, preset)  # whatever is wrong is said before the simulator is built
@@ -113,85 +114,86 @@ def forecast(
     check_warm_up(record, warm_up * HOUR)
     if replay:
         check_driven(described, whole_record, split)
+    if run is not None:
+        check_estimator(run, described)
     described = described.with_experiment(step=record.step, hours=context + ahead)
-    common = {"replay": replay, "occupancy": occupancy, "warm_up": warm_up}
-    if given is None:
-        done = calibrate(
-            described.with_experiment(hours=context),
-            first,
-            run=run,
-            noise=preset,
-            starts=STARTS if starts is None else starts,
-            seed=seed,
-            workers=workers,
-            scheduler=scheduler,
-            tell=tell,
-            **common,  # type: ignore[arg-type]
-        )
-        report, noise_model = done.report, done.problem.noise
-    else:
-        report = given
-        check_given(report, calibration, described, replay=replay)
-        check_unseen(report, record, described.output_names, split, end)
-        noise_model = noise_of(report, described)
-    z, covariance = np.array(report.z), np.array(report.covariance)
-    simulator = Simulator(described)
-    with side_by_side(simulator, workers=workers, scheduler=scheduler) as runner:
+    simulator, place = Simulator(described), None if out is None else Path(out)
+    with (
+        side_by_side(simulator, workers=workers, scheduler=scheduler) as runner,
+        simulations(runner, place, simulator, whole_record, minutes=minutes, tell=tell) as simulated,
+    ):
+        common = {"replay": replay, "occupancy": occupancy, "warm_up": warm_up}
+        if given is None:
+            simulated.tell("fitting the context", 0.0, 0.8)
+            done = calibrate(
+                described.with_experiment(hours=context),
+                first,
+                run=run,
+                noise=preset,
+                starts=STARTS if starts is None else starts,
+                seed=seed,
+                workers=workers,
+                scheduler=scheduler,
+                within=simulated,
+                **common,  # type: ignore[arg-type]
+            )
+            report, noise_model = done.report, done.problem.noise
+        else:
+            report = given
+            check_given(report, calibration, described, replay=replay)
+            check_unseen(report, record, described.output_names, split, end)
+            noise_model = noise_of(report, described)
+        z, covariance = np.array(report.z), np.array(report.covariance)
         problem = Problem(
             simulator, whole_record, noise=noise_model, replay=replay, occupancy=occupancy, warm_up=warm_up * HOUR,
-            runner=runner,
+            runner=simulated,
         )  # fmt: skip
-        if len(z) != problem.size:
-            raise RecordingError(
-                f"{calibration}: was made with persons {report.occupancy} and {len(report.constants)} uncertain"
-                f" constants, which makes {len(z)} unknowns; the forecast has {problem.size}, with persons"
-                f" {problem.occupancy} and {len(problem.constants)} constants: give both the same occupancy and system"
-            )
-        check_constants(report, problem, z)
-        tell("simulating")
+        check_unknowns(report, calibration, problem)
+        simulated.tell("simulating the days ahead", 0.8, 1.0)
         seen = np.zeros(problem.observed.shape, dtype=bool)
         seen[:, :split] = True
-        centre, made = _ensemble(problem.with_observed(seen), z, covariance, draws, seed)
-    if len(made) < draws:
-        _log.warning("%s: %s", record.path, about_failed(len(made), draws - len(made)))
-    low, high = band(made)
-    outputs: dict[str, Ahead | None] = {}
-    for k, output in enumerate(described.outputs):
-        found = whole_record.outputs[k, split:]
-        inside = np.isfinite(found)
-        outputs[output.name] = None
-        if inside.any() and output.name not in problem.drive.replayed:
-            covered = (found >= low[k, split:]) & (found <= high[k, split:])
-            scores = score(found, centre[k, split:], output.unit)
-            outputs[output.name] = Ahead(**scores.model_dump(), covered=float(covered[inside].mean()))
-    answer = Forecasted(
-        Forecast(
-            system=described.name,
-            recording=str(record.path),
-            begin=record.began,
-            context_hours=context,
-            ahead_hours=ahead,
-            level=LEVEL,
-            draws=len(made),
-            failed=draws - len(made),
-            occupancy=problem.occupancy,
-            calibration=report,
-            outputs=outputs,
-        ),
-        described,
-        problem.time,
-        whole_record.outputs,
-        centre,
-        low,
-        high,
-        split,
-        given=given is not None,
-    )
-    if out is not None:
-        from diagnosis.forecasting.report import write_forecast
+        centre, made, failed = _ensemble(problem.with_observed(seen), z, covariance, draws, seed)
+        if failed:
+            _log.warning("%s: %s", record.path, about_failed(len(made), failed))
+        low, high = band(made)
+        outputs: dict[str, Ahead | None] = {}
+        for k, output in enumerate(described.outputs):
+            found = whole_record.outputs[k, split:]
+            inside = np.isfinite(found)
+            outputs[output.name] = None
+            if inside.any() and output.name not in problem.drive.replayed:
+                covered = (found >= low[k, split:]) & (found <= high[k, split:])
+                scores = score(found, centre[k, split:], output.unit)
+                outputs[output.name] = Ahead(**scores.model_dump(), covered=float(covered[inside].mean()))
+        answer = Forecasted(
+            Forecast(
+                system=described.name,
+                recording=str(record.path),
+                begin=record.began,
+                context_hours=context,
+                ahead_hours=ahead,
+                level=LEVEL,
+                draws=len(made),
+                failed=failed,
+                stopped=len(made) + failed < draws,
+                occupancy=problem.occupancy,
+                calibration=report,
+                outputs=outputs,
+            ),
+            described,
+            problem.time,
+            whole_record.outputs,
+            centre,
+            low,
+            high,
+            split,
+            given=given is not None,
+        )
+        if place is not None:
+            from diagnosis.forecasting.report import write_forecast
 
-        write_forecast(answer, Path(out))
-    return answer
+            write_forecast(answer, place)
+        return answer
 
 
 def _too_short(record: Recording, context: float, ahead: float) -> str:
@@ -256,25 +258,31 @@ def _part(record: Recording, steps: int) -> Recording:
 
 def _ensemble(
     problem: Problem, z: np.ndarray, covariance: np.ndarray, draws: int, seed: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """The most likely outputs (outputs, steps), and draws with noise (draws, outputs, steps) [unit of each].
+) -> tuple[np.ndarray, np.ndarray, int]:
+    """The most likely outputs (outputs, steps), draws with noise (draws, outputs, steps) [unit of each], and failures.
 
-    Draws that cannot be simulated are left out.
+    Draws that cannot be simulated are left out. Where the time is up, half of them are made all the same.
     """
-    around = renewed(problem, z, problem.linearise(z))
-    centre = problem.simulate(z, problem.nuisance.heights(problem.likely_nuisance(z, around)))
+    with problem.runner.lifted():
+        around, centre = most_likely(problem, z)
     rng = np.random.default_rng(seed)
     low, high = problem.bounds
-    factor = np.linalg.cholesky(covariance)
-    made = []
-    for unread in from_the_prior(problem, draws, rng):
-        drawn = np.clip(z + factor @ rng.standard_normal(len(z)), low, high)
+    spread = root(covariance)
+    made: list[np.ndarray] = []
+    failed = 0
+    for k, unread in enumerate(from_the_prior(problem, draws, rng)):
+        drawn = np.clip(z + spread @ rng.standard_normal(len(z)), low, high)
+        problem.runner.reached(k / draws)
         try:
-            nuisance = corrected(unread, problem.likely_nuisance(drawn, around), around.marginal, rng)
-            outputs = problem.simulate(drawn, problem.nuisance.heights(nuisance))
-        except SimulationError:
+            with problem.runner.lifted() if len(made) < draws / 2 else nullcontext():
+                nuisance = corrected(unread, problem.likely_nuisance(drawn, around), around.marginal, rng)
+                outputs = problem.simulate(drawn, problem.nuisance.heights(nuisance))
+        except FAILURES:
+            failed += 1
             continue
+        except TimeUp:
+            break
         made.append(outputs + problem.noise.draw(rng, problem.time))
     if len(made) < draws / 2:
-        raise SimulationError(f"{draws - len(made)} of {draws} draws from the posterior could not be simulated")
-    return centre, np.stack(made)
+        raise SimulationError(f"{failed} of {draws} draws from the posterior could not be simulated")
+    return centre, np.stack(made), failed

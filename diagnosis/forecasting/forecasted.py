@@ -21,7 +21,7 @@ class Ahead(Score):
 class Forecast(BaseModel):
     """``forecast.json``. Scores are None where nothing was measured ahead; ``begin`` is that of the context.
 
-    ``draws`` made the bands; ``failed`` more could not be simulated.
+    ``draws`` made the bands; ``failed`` more could not be simulated, and for others the time was up (``stopped``).
     """
 
     model_config = ConfigDict(extra="forbid")
@@ -34,6 +34,7 @@ class Forecast(BaseModel):
     level: float
     draws: int
     failed: int
+    stopped: bool = False
     occupancy: str
     calibration: Calibration
     outputs: dict[str, Ahead | None]

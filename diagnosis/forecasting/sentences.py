@@ -21,6 +21,8 @@ def answer(report: Forecast, names: Mapping[str, str]) -> list[str]:
     scored = {name: one for name, one in report.outputs.items() if one is not None}
     hours, band = f"{report.ahead_hours:g} h", f"{report.level:.0%} band"
     failed = [f"{about_failed(report.draws, report.failed)}."] if report.failed else []
+    if report.stopped:
+        failed.append(f"The time was up: the bands are those of {report.draws} simulations, fewer than usual.")
     if not scored:
         return [
             f"No output was measured in the {hours} ahead but such as drive the model: how far off the forecast is"

@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.effects import Effect
+from diagnosis.fitting.failures import FAILURES
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.grams import AMPLITUDE, Colour, Grams, Projected, projected
 from diagnosis.gap.linear import Linearised, linearised
@@ -119,7 +120,7 @@ def abroad(
     found = []
     for k in np.flatnonzero(np.isfinite(least)).tolist():
         start = np.concatenate([lin.z[:parameters], best[k : k + 1], lin.z[parameters:]])
-        with suppress(SimulationError):
+        with suppress(*FAILURES):
             found.append((effects[k], refit(begun, colours, start, [effects[k]])))
     found.sort(key=lambda one: -one[1].evidence)
     return Abroad(

@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.effects import Effect
+from diagnosis.fitting.failures import FAILURES
 from diagnosis.fitting.fit import fit
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.grams import Colour, Grams
@@ -22,7 +23,6 @@ from diagnosis.gap.linear import linearised
 from diagnosis.gap.nuisances import widened
 from diagnosis.gap.refit import Refit, refit
 from diagnosis.gap.renewal import settled
-from shared.errors import SimulationError
 
 ROUNDS = 2
 """Of the fits of a diagnosis: refits go on from there."""
@@ -83,7 +83,7 @@ def fitted_with(
         around = wider.linearise(found.z, around.nuisance)  # the fit's own was drawn before its last step
         there = refit(Grams(linearised(wider, found.z, around), observed), colours, found.z, ())
         made = settled(wider, found.z, around, observed, wider.floor, colours, renewals=0)
-    except SimulationError:
+    except FAILURES:
         return None
     # what is likely on the straight line may be worse than where the fit had come to
     best = made if made.evidence > there.evidence else there

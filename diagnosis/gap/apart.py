@@ -16,13 +16,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from diagnosis.fitting.failures import FAILURES
 from diagnosis.gap.grams import Colour, Grams
 from diagnosis.gap.linear import Linearised
 from diagnosis.gap.refit import Refit, misfit
 from diagnosis.gap.renewal import WORTH, fitted_anew, relinearised
 from diagnosis.gap.searched import Search, outdone
 from diagnosis.gap.stages import Stage
-from shared.errors import SimulationError
 
 LINES = 5
 """The line is drawn so often at most where all readings say that the nuisance was."""
@@ -69,7 +69,7 @@ def fitted_apart(found: Search, fitted: np.ndarray) -> Apart:
         if key not in known:
             lin, line, count = _fitted(stage, stage.lin, fitted)
             if other is not None:
-                with suppress(SimulationError):
+                with suppress(*FAILURES):
                     there, its, more = _fitted(stage, other, fitted)
                     count += more
                     here, away = (misfit(Grams(one, fitted), stage.colours.best) for one in (lin, there))
@@ -100,7 +100,7 @@ def _lined(one: Refit, colours: dict[int, Colour], every: np.ndarray) -> tuple[L
     for _ in range(LINES):
         try:
             there = relinearised(Grams(lin, every), colours, one.lin.z, every)
-        except SimulationError:  # what is likely on the straight line may be nothing that can be run
+        except FAILURES:  # what is likely on the straight line may be nothing that can be run
             break
         count += there.simulations
         before, now = value, misfit(Grams(there, every), colours)

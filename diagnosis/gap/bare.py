@@ -14,10 +14,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from diagnosis.fitting.failures import FAILURES
 from diagnosis.gap.grams import Colour, Grams
 from diagnosis.gap.linear import linearised
 from diagnosis.gap.refit import Refit, refit
-from shared.errors import SimulationError
 
 
 def bare(one: Refit, base: Refit, colours: dict[int, Colour]) -> list[Refit]:
@@ -42,7 +42,7 @@ def bare(one: Refit, base: Refit, colours: dict[int, Colour]) -> list[Refit]:
     own = np.delete(one.lin.z, range(first, first + len(one.lin.chosen)))
     made = []
     for start in (own, base.lin.z):
-        with suppress(SimulationError):
+        with suppress(*FAILURES):
             lin = linearised(problem, start, one.lin.around, like=one.lin)
             there = refit(Grams(lin, one.grams.observed, one.grams), colours, start, ())
             made.append(replace(there, simulations=there.simulations + lin.simulations))

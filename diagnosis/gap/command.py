@@ -11,7 +11,7 @@ from rich.table import Table
 
 from diagnosis.options import PLAIN, Fitting
 from diagnosis.usual import WARM_UP
-from shared.console import OK, NotNegative, Place, new_console
+from shared.console import OK, NotNegative, Place, new_console, resumable
 from shared.logs import USUAL, Reporting
 from shared.numbers import counted, number
 from shared.progress import stages
@@ -22,6 +22,7 @@ LINES = 5
 """So many candidates are printed; the report has all."""
 
 
+@resumable()
 def run(
     system: Path,
     recording: Path,
@@ -78,9 +79,16 @@ def run(
         table.add_row(one.name, f"{one.probability:.0%}", size, one.unit)
     if others := [one.probability for one in report.effects if one not in told]:
         table.add_row(counted(len(others), "other"), f"{sum(others):.0%}", "", "")
+    for name in report.failed:
+        table.add_row(name, "failed", "", "")
+    if report.untried:
+        table.add_row("one that was not tried", f"{report.untried:.0%}", "", "")
     table.add_row("none of these", f"{report.none_of_these:.0%}", "", "")
     table.add_row("no gap", f"{report.no_gap:.0%}", "", "")
     console.print(table)
-    console.print(report.limits[0], style="yellow")
+    for name, why in report.failed.items():
+        console.print(f"{name} failed: {why}.", style="yellow")
+    for sentence in report.limits[: 2 if report.unfinished else 1]:
+        console.print(sentence, style="yellow")
     console.print(f"{report.simulations} simulations, {report.seconds:.0f} s; {out / 'report.html'}")
     return OK

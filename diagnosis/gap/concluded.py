@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.effects import Effect
+from diagnosis.fitting.failures import NO_TIME
 from diagnosis.fitting.fit import Fit
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.apart import Apart, fitted_apart
@@ -19,13 +20,15 @@ from diagnosis.gap.limits import ended_early, ends_left_out, noiseless
 from diagnosis.gap.missing import operators
 from diagnosis.gap.places import place
 from diagnosis.gap.reporting import reported
-from diagnosis.gap.schema import Report
+from diagnosis.gap.schema import HOW_FAR, Report
 from diagnosis.gap.search import at_its_optimum, search
 from diagnosis.gap.searched import Search, outdone
 from diagnosis.gap.shrinkage import Shrinkage, shrinkages
 from diagnosis.gap.starting import Begun
 from diagnosis.recording import HOUR
 from diagnosis.where import Operator, Where
+
+SOURCES = "what the balances may lack"
 
 
 @dataclass(frozen=True)
@@ -92,6 +95,7 @@ def concluded(
         A diagnosis from the same fit among these candidates and others; what does not depend on the others is kept.
     """
     base = origin.fit
+    cut = whole.runner.time_up
     found = search(
         base,
         candidates,
@@ -101,32 +105,49 @@ def concluded(
         tell=tell,
         known=None if known is None else known.search,
     )
-    found = exchanged(found, candidates, whole.observed, seed=seed, tell=tell)
-    found = at_its_optimum(found)
+    if cut:
+        found.unfinished.why = {"the base model's fit to its end": NO_TIME, **found.unfinished.why}
+    attempt = found.unfinished.attempt
+    found = attempt(
+        "each of two effects asked beside the other",
+        lambda: exchanged(found, candidates, whole.observed, seed=seed, tell=tell),
+        found,
+    )
+    found = attempt("the optimum with the chosen effects", lambda: at_its_optimum(found), found)
     first = found.stages[0]
     tell("finding where the gap lies")
     problem = first.lin.problem
-    counted = problem.simulations
+    counted, spent = problem.simulations, -whole.simulations
+    sources: list[Operator] = []
+    unknown: dict[str, str] = {}
+    better: list[Otherwise] = []
     # with fewer candidates the base model's fit may not have gone on, and lie elsewhere
     if known is None or not np.array_equal(known.search.stages[0].lin.z, first.lin.z):
-        sources, unknown = operators(problem, first.lin.z, first.lin.around.heights)
-        spent = -whole.simulations
-        better = otherwise(first, whole, candidates)
-        spent += whole.simulations
+        heights = first.lin.around.heights
+        sources, unknown = attempt(SOURCES, lambda: operators(problem, first.lin.z, heights), (sources, unknown))
+        better = attempt("what could be seen otherwise", lambda: otherwise(first, whole, candidates), better)
     else:
-        sources, unknown, better, spent = known.sources, known.unknown, known.otherwise, 0
-    where = place(first, whole.observed, sources)
+        sources, unknown, better = known.sources, known.unknown, known.otherwise
+    spent += whole.simulations
+    where = attempt(SOURCES, lambda: place(first, whole.observed, sources), None) or place(first, whole.observed, [])
     if found.chosen and not gap_found(first, where.p_value, found.confirmed):
         dropped = tuple(one.name for one in found.chosen)
         found = replace(found, stages=[first], refits=[], settled=[], dropped=dropped)
-    where_left = place(found.last, whole.observed, []) if found.chosen else None
+    where_left = None
+    if found.chosen:
+        where_left = attempt("what is left, and where", lambda: place(found.last, whole.observed, []), None)
     decision = decide(found, where.p_value, where_left.p_value if where_left is not None else where.p_value)
-    apart, shrinkage = None, []
+    apart: Apart | None = None
+    shrinkage: list[Shrinkage] = []
     if found.chosen and (whole.observed & ~scored).any():
         tell("scoring on a part that is kept from the fit")
-        apart = fitted_apart(found, whole.observed & ~scored)
-        spent += apart.simulations
-        shrinkage = shrinkages(apart, first, found.last.colours, scored, whole.observed, seed=seed)
+        apart = attempt(HOW_FAR, lambda: fitted_apart(found, whole.observed & ~scored), None)
+    if apart is not None:
+        done, colours = apart, found.last.colours
+        spent += done.simulations
+        shrinkage = attempt(
+            HOW_FAR, lambda: shrinkages(done, first, colours, scored, whole.observed, seed=seed), shrinkage
+        )
     report = reported(
         base=base,
         started_from=origin.name,

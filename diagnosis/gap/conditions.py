@@ -17,6 +17,7 @@ import numpy as np
 from datagen.driving.tables import Piecewise
 from diagnosis.effects import Effect
 from diagnosis.effects.edges import foreseen
+from diagnosis.fitting.failures import FAILURES
 from diagnosis.fitting.noise import HOUR
 from diagnosis.fitting.nuisance import Nuisance
 from diagnosis.fitting.problem import Problem
@@ -26,7 +27,7 @@ from diagnosis.gap.grams import Colour, Grams, projected
 from diagnosis.gap.linear import Linearised, applicable, felt_nuisance, linearised
 from diagnosis.gap.nuisances import WITHIN, both, felt, late, widened
 from diagnosis.gap.stages import Stage
-from shared.errors import RecordingError, SimulationError
+from shared.errors import RecordingError
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ def otherwise(stage: Stage, whole: Problem, candidates: Sequence[Effect]) -> lis
         found.append(Otherwise("counted", lin, stage.grams.observed))
     if whole.replay:
         # what the control loops need may not have been recorded, or they cannot follow: nothing to compare with
-        with suppress(RecordingError, SimulationError):
+        with suppress(RecordingError, *FAILURES):
             problem, lin = _controlled(whole, stage.lin.z, candidates)
             found.append(Otherwise("controlled", lin, problem.observed))
     return found

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from diagnosis.fitting.failures import FAILURES, blamed
 from diagnosis.gap.abroad import UNEXPLAINED as UNEXPLAINED
 from diagnosis.gap.abroad import Ranked, abroad
 from diagnosis.gap.afresh import bent, fitted_afresh, fitted_with
@@ -19,7 +20,6 @@ from diagnosis.gap.refit import Refit
 from diagnosis.gap.renewal import settled
 from diagnosis.gap.searched import Search
 from diagnosis.gap.stages import STRONG, Stage
-from shared.errors import SimulationError
 
 AFRESH = 3
 """Of the refits as many are fitted afresh at most where the way is bent."""
@@ -58,17 +58,17 @@ def fitted_abroad(stage: Stage, found: Search, tell: Tell) -> tuple[list[Refit],
     observed, colours = stage.grams.observed, stage.colours.best
     at = np.zeros(plain.with_effects(()).size) if begin is None else begin
     path, made = found.path, []
-    names = {one.name for one in stage.lin.effects}
+    names = {one.name for one in stage.lin.effects if one.name not in found.failed}
     tried, there = found.made.abroad.get(path, (names, None))
     if there is None or not names <= tried:
         tell("looking at all effects from where the fit began")
         try:
             there = abroad(plain, at, stage.lin.effects, observed, colours)
-        except SimulationError:
+        except FAILURES:
             return [], []
         found.made.abroad[path] = names, there
         found.simulations += there.simulations
-    for effect, amplitude, start in there.foremost([one.name for one in stage.lin.effects]):
+    for effect, amplitude, start in there.foremost(names):
         own, fitted = (path, effect.name), found.made.from_there
         if own not in fitted:
             tell(f"fitting from there with {effect.name}")
@@ -111,10 +111,11 @@ def settled_refit(one: Refit, stage: Stage, found: Search) -> Refit:
     """A refit with all simulated anew where it came to."""
     key, made = (found.path, one.names), found.made.settled
     if key not in made:
-        lin = one.lin
-        made[key] = settled(
-            lin.problem, lin.z, lin.around, stage.grams.observed, lin.problem.floor, stage.colours.best, renewals=1
-        )
+        lin, observed = one.lin, stage.grams.observed
+        with blamed(one.names):
+            made[key] = settled(
+                lin.problem, lin.z, lin.around, observed, lin.problem.floor, stage.colours.best, renewals=1
+            )
         found.simulations += made[key].simulations
     return made[key]
 

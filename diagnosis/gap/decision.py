@@ -19,7 +19,7 @@ from diagnosis.gap.searched import Search
 from diagnosis.gap.stages import LEVEL, Stage
 from diagnosis.gap.weighing import named, softmax, weighed
 
-Verdict = Literal["effect", "ambiguous", "none_of_these", "no_gap"]
+Verdict = Literal["effect", "ambiguous", "none_of_these", "no_gap", "unfinished"]
 
 LEAST = {False: 0.19, True: 0.32}
 """How often what is named holds no true cause where the best fit is not rejected, by whether actuators are replayed:
@@ -90,7 +90,8 @@ def decide(search: Search, where_p: float, where_left_p: float) -> Decision:
         Family-wise p of where the residual lies, of the base model and with the chosen effects.
     """
     first, last = search.stages[0], search.last
-    tried = [one.name for one in first.lin.effects if one.name not in search.excluded]  # others are no candidates here
+    untried = {*search.excluded, *search.failed}  # they are no candidates here
+    tried = [one.name for one in first.lin.effects if one.name not in untried]
     if not gap_found(first, where_p, search.confirmed):
         p_value = first.scan.p_value if search.confirmed else max(first.scan.p_value, LEVEL)
         odds = min(p_value, first.scan.misfit_p) / LEVEL
@@ -101,6 +102,12 @@ def decide(search: Search, where_p: float, where_left_p: float) -> Decision:
         likely = {name: (1 - nothing) * (1 - outside) * p for name, p in chance.items()}
         none = outside * (1 - nothing)
         return Decision("no_gap", likely, none, nothing, none + nothing, (), (), False)
+    if not search.searched:  # by straight lines alone, of which refits would say whether they hold
+        evidence = dict(zip((one.name for one in first.lin.effects), first.scan.evidence.tolist(), strict=True))
+        none = UNSEEN_OUTSIDE  # what is left of one is that of candidates that were not tried, for lack of time
+        likely = softmax({name: evidence[name] for name in tried})
+        likely = {name: (1 - none - AFTER_ALL) * p for name, p in likely.items()}
+        return Decision("unfinished", likely, none, AFTER_ALL, none + AFTER_ALL, (), (), False)
     rejected = gap_found(last, where_left_p)
     share = search.share_left
     mistaken = mistaken_by(share, rejected, last.lin.problem.replay) if search.chosen else 1.0
@@ -114,7 +121,7 @@ def decide(search: Search, where_p: float, where_left_p: float) -> Decision:
         later = [ones[0].names[-1] for ones in search.refits[k + 1 :]]
         if k in search.beside:
             stage, ones = search.beside[k]
-            chance = weighed(stage, ones, last, later=later, excluded=search.excluded)
+            chance = weighed(stage, ones, last, later=later, excluded=untried)
         else:
             chance = weighed(
                 search.stages[k],
@@ -122,7 +129,7 @@ def decide(search: Search, where_p: float, where_left_p: float) -> Decision:
                 search.stages[k + 1],
                 tried=search.tried[k],
                 later=later,
-                excluded=search.excluded,
+                excluded=untried,
             )
         sets.append(named(chance, refits[0].names[-1]))
         for name, p in chance.items():  # as the one or as the other: it is not both

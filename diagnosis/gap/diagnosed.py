@@ -12,8 +12,8 @@ from diagnosis.effects import Effect, library
 from diagnosis.effects.baselines import check_baselines
 from diagnosis.effects.edges import foreseen
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.run import Run
-from diagnosis.fitting.side_by_side import InProcess, Outcome, Runner, side_by_side
+from diagnosis.fitting.side_by_side import side_by_side
+from diagnosis.fitting.simulations import simulations
 from diagnosis.gap.concluded import Diagnosis, concluded
 from diagnosis.gap.linear import applicable
 from diagnosis.gap.parts import kept_for_scoring
@@ -26,16 +26,20 @@ from shared.places import check_folder
 from shared.stretches import Stretch
 from shared.system import System
 
-
-class _Held:
-    """A runner that can be exchanged in all problems that have it: processes end with the diagnosis they ran for."""
-
-    def __init__(self, runner: Runner) -> None:
-        self.runner = runner
-
-    def map(self, runs: Sequence[Run]) -> list[Outcome]:
-        """See :class:`diagnosis.fitting.side_by_side.Runner`."""
-        return self.runner.map(runs)
+SPANS = {
+    "fitting the base model": (0.0, 0.1),
+    "sensitivities": (0.1, 0.2),
+    "going on": (0.2, 0.4),
+    "refitting": (0.4, 0.6),
+    "fitting afresh": (0.6, 0.7),
+    "looking at all": (0.7, 0.8),
+    "fitting from there": (0.8, 0.9),
+    "finding where": (0.9, 0.95),
+    "scoring": (0.95, 0.99),
+    "writing": (0.99, 1.0),
+}
+"""By the first words of what is told: between which shares of a diagnosis it is, roughly. Only the time left that is
+told follows from them, and where a stage is left out there is less of it."""
 
 
 def diagnose(
@@ -53,6 +57,7 @@ def diagnose(
     seed: int = 0,
     workers: int | None = None,
     scheduler: str | None = None,
+    minutes: float | None = None,
     tell: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
     """Diagnose the gap between a recording and its system's model.
@@ -63,7 +68,8 @@ def diagnose(
         Folder of an estimator, whose zero-shot estimate is the first start; without, the estimator beside the system
         description is asked, if there is one that can read the recording. The middle of the prior is a further start.
     out
-        Folder for ``report.json`` and the page ``report.html``, written when all is done.
+        Folder for ``report.json`` and the page ``report.html``, written when all is done. What is simulated is saved
+        there until then: a call that is stopped and made again goes on from where it was.
     replay
         The recorded actuators replace the model's control loops.
     occupancy
@@ -80,8 +86,10 @@ def diagnose(
         Of twins, placebos and bootstraps.
     workers, scheduler
         Processes on this machine (1), or the address of a Dask scheduler, for the simulations.
+    minutes
+        Time that there is. When it is up, the answer is what is known then, and says what it lacks.
     tell
-        Is told what is being done.
+        Is told what is being done when that changes and every half minute, and roughly how long it will still take.
 
     Raises
     ------
@@ -90,6 +98,8 @@ def diagnose(
         is no warm-up; if the folder cannot be written to.
     SystemDescriptionError, FmuError, SimulationError, EstimatorError
         If the system, its effects, its FMU or the estimator cannot be used.
+    TimeUp
+        If the time was up before the base model was fitted.
     """
     began, used = time.perf_counter(), time.process_time()
     if out is not None:
@@ -101,8 +111,11 @@ def diagnose(
     estimated = zero_shot(described, record, run, tell)
     simulator = Simulator(described)
     check_baselines(candidates, described, simulator.fmu, replay=replay)
-    with side_by_side(simulator, workers=workers, scheduler=scheduler) as runner:
-        held = _Held(runner)
+    place = None if out is None else Path(out)
+    with (
+        side_by_side(simulator, workers=workers, scheduler=scheduler) as runner,
+        simulations(runner, place, simulator, record, minutes=minutes, tell=tell) as made,
+    ):
         whole = Problem(
             simulator,
             record,
@@ -110,18 +123,21 @@ def diagnose(
             occupancy=occupancy,
             replay=replay,
             warm_up=warm_up * HOUR,
-            runner=held,
+            runner=made,
         )
         whole = whole.with_observed(foreseen(applicable(whole, candidates)[0], record))
         check_places(record, whole.observed)
         scored = kept_for_scoring(record)
-        tell("fitting the base model")
-        origin = begun(whole, estimated)
-        done = concluded(whole, origin, candidates, scored, seed, (began, used), tell)
-    held.runner = InProcess(simulator)
-    if out is not None:
-        from diagnosis.gap.page import write_report
 
-        tell("writing the report")
-        write_report(done, Path(out))
+        def told(stage: str) -> None:
+            made.tell(stage, *next((span for words, span in SPANS.items() if stage.startswith(words)), ()))
+
+        told("fitting the base model")
+        origin = begun(whole, estimated)
+        done = concluded(whole, origin, candidates, scored, seed, (began, used), told)
+        if place is not None:
+            from diagnosis.gap.page import write_report
+
+            told("writing the report")
+            write_report(done, place)
     return done

@@ -13,10 +13,10 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.effects import Effect
+from diagnosis.fitting.failures import FAILURES
 from diagnosis.gap.grams import Colour, Grams
 from diagnosis.gap.linear import linearised
 from diagnosis.gap.refit import Refit, inner, misfit, refit, rested, step_from
-from shared.errors import SimulationError
 
 GRID = 16
 """Amplitudes of each effect."""
@@ -46,7 +46,7 @@ def elsewhere(one: Refit, colours: dict[int, Colour]) -> Refit:
             z[first + k] = amplitude
             try:
                 there = linearised(best.lin.problem, z, best.lin.around, (), others, best.lin)
-            except SimulationError:
+            except FAILURES:
                 continue
             count += there.simulations
             grams = Grams(there, one.grams.observed, one.grams)
@@ -58,7 +58,7 @@ def elsewhere(one: Refit, colours: dict[int, Colour]) -> Refit:
         try:
             begun = linearised(best.lin.problem, start, best.lin.around, (), None, best.lin)
             made = rested(refit(Grams(begun, one.grams.observed, one.grams), colours, start, ()), colours)
-        except SimulationError:
+        except FAILURES:
             continue
         count += begun.simulations + made.simulations
         if misfit(made.grams, colours) < misfit(best.grams, colours) - WORTH:

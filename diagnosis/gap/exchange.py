@@ -15,12 +15,12 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.effects import Effect
+from diagnosis.fitting.failures import FAILURES
 from diagnosis.gap.contending import Tell, best_of, contended, evidence_before, settled_refit
 from diagnosis.gap.refit import linear_start, refit
 from diagnosis.gap.search import refitted, renewed_among, told, worth_more
 from diagnosis.gap.searched import Search
 from diagnosis.gap.stages import CLEAR, examine
-from shared.errors import SimulationError
 
 ROUNDS = 4
 """Exchanges at most: what still changes then goes round, and the first answer stays."""
@@ -100,7 +100,7 @@ def _holding(
             if len(made.chosen) == 2 or gain < CLEAR:
                 return made
             best = settled_refit(refits[0], stage, made)
-    except SimulationError:
+    except FAILURES:
         return None
 
 

@@ -35,5 +35,5 @@ def fewer(lin: Linearised, effects: Sequence[Effect], excluded: Collection[str] 
         lin,
         by_effect=lin.by_effect[..., kept],
         effects=tuple(lin.effects[j] for j in kept),
-        failed=tuple(name for name in lin.failed if name in {lin.effects[j].name for j in kept}),
+        failed={name: why for name, why in lin.failed.items() if name in {lin.effects[j].name for j in kept}},
     )

@@ -11,8 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_solve, cholesky, eigh
+from scipy.linalg import cho_solve
 
+from diagnosis.fitting.gaussian import factor, no_less_than_nothing
 from diagnosis.fitting.noise import NoiseModel
 from diagnosis.gap.linear import Linearised
 
@@ -152,7 +153,7 @@ def evidence(product: Product, inner: int, effects: float = 0.0) -> float:
     scale = prior[keep]
     gram = product.gram[np.ix_(keep, keep)] * np.outer(scale, scale)
     score = product.score[keep] * scale
-    root = cholesky(np.eye(len(score)) + gram, lower=True)
+    root = factor(gram)
     explained = float(score @ cho_solve((root, True), score))
     return -0.5 * (
         product.square
@@ -196,21 +197,11 @@ class Projected:
 def projected(product: Product, inner: int, root: np.ndarray | None = None) -> Projected:
     """Integrate out the first ``inner`` columns; ``root`` is the factor of their precision, where it is known."""
     if root is None:
-        root = cholesky(np.eye(inner) + product.gram[:inner, :inner], lower=True)
+        root = factor(product.gram[:inner, :inner])
     across = cho_solve((root, True), product.gram[:inner, inner:])
     left = product.gram[inner:, inner:] - product.gram[inner:, :inner] @ across
     score = product.score[inner:] - across.T @ product.score[:inner]
     explained = float(product.score[:inner] @ cho_solve((root, True), product.score[:inner]))
     whole = np.diag(product.gram)[inner:].copy()
-    left = _no_less_than_nothing(0.5 * (left + left.T))
+    left = no_less_than_nothing(0.5 * (left + left.T))
     return Projected(left, score, whole, product.square - explained, root, across)
-
-
-def _no_less_than_nothing(information: np.ndarray) -> np.ndarray:
-    """Information of which rounding has made some negative, where nearly all of a very large one was explained."""
-    try:
-        cholesky(np.eye(len(information)) + information, lower=True)
-    except LinAlgError:
-        values, vectors = eigh(information)
-        return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
-    return information

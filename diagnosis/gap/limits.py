@@ -8,6 +8,7 @@ from statistics import median
 import numpy as np
 
 from diagnosis.calibrating.sentences import far_outside
+from diagnosis.fitting.failures import NO_TIME
 from diagnosis.gap.decision import Verdict
 from diagnosis.gap.schema import Report
 from shared.numbers import counted, number
@@ -23,6 +24,7 @@ UNEXPLAINED = (
     "A gap that is not explained sits in the parameters as well, and their intervals do not allow for it: in the last"
     " two blind checks 64 % of such 90 % intervals held the truth. Do not take the parameters from this answer."
 )
+GOING_ON = " The same command goes on from there, and with more minutes it comes further."
 WITHHELD = (
     "An answer is of the candidates that there are. Where the true one was withheld from them in a blind check, another"
     " was named for it in 7 of 19 recordings whose gap no other candidate resembles."
@@ -64,6 +66,11 @@ def _cost(report: Report, condition: str, begin: str) -> str:
 def limits(report: Report) -> list[str]:
     """What was not known and how that limits the answer."""
     found = [CHECKED]
+    if report.unfinished:
+        lacking = "; ".join(f"{step} ({why})" for step, why in report.unfinished.items())
+        found.insert(0, f"The answer lacks: {lacking}.{GOING_ON if NO_TIME in report.unfinished.values() else ''}")
+    if report.failed:
+        found.append("Failed: " + "; ".join(f"{name} ({why})" for name, why in report.failed.items()) + ".")
     if report.verdict == "none_of_these":
         found.append(UNEXPLAINED)
     if report.verdict in ("effect", "ambiguous"):
@@ -85,7 +92,7 @@ def limits(report: Report) -> list[str]:
     blind = [
         one.name
         for one in report.detectability
-        if one.smallest is None and one.name not in report.excluded and one.name not in named
+        if one.smallest is None and one.name not in {*report.excluded, *report.failed} and one.name not in named
     ]
     if blind:
         found.append(f"At no size that is allowed would nine of ten recordings like this one show: {', '.join(blind)}.")

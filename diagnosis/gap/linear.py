@@ -15,6 +15,7 @@ from diagnosis.fitting.differences import one_sided
 from diagnosis.fitting.linearisation import Linearisation
 from diagnosis.fitting.principal import principal
 from diagnosis.fitting.problem import STEP, Problem
+from diagnosis.fitting.side_by_side import Outcome
 from shared.errors import SimulationError
 
 UNFELT = 0.1
@@ -34,7 +35,8 @@ class Linearised:
     of the outputs: ``by_nuisance`` (outputs, steps, nuisance unknowns), standard normal; ``by_unknown`` (outputs,
     steps, unknowns): parameters, amplitudes that were fitted, levels, at ``z`` (unknowns,); ``by_effect`` (outputs,
     steps, effects) by amplitudes in units of scales, from zero. ``effects`` are the candidates, ``chosen`` what was
-    fitted. ``turn`` (nuisance unknowns of the problem, of ``by_nuisance``): what the latter are made of.
+    fitted. ``turn`` (nuisance unknowns of the problem, of ``by_nuisance``): what the latter are made of. ``failed``:
+    candidates that cannot be simulated on either side, by name, and why.
     """
 
     problem: Problem
@@ -47,7 +49,7 @@ class Linearised:
     by_unknown: np.ndarray
     by_effect: np.ndarray
     effects: tuple[Effect, ...]
-    failed: tuple[str, ...]
+    failed: dict[str, str]
     simulations: int
 
     @property
@@ -127,13 +129,14 @@ def linearised(
         widths.append(up[k] - down[k])
         aheads.append(up[k])
     base, *made = _simulated(library, cases, around.heights)
-    if base is None:
-        raise SimulationError("the simulation fails at the fit itself; expected one that reaches its end")
-    columns, failed = [], []
+    if isinstance(base, SimulationError):
+        raise base
+    columns: list[np.ndarray] = []
+    failed: dict[str, str] = {}
     count = len(widths) - len(effects)
     for k, width in enumerate(widths):
         up_, down_ = made[2 * k], made[2 * k + 1]
-        if up_ is not None and down_ is not None:
+        if not isinstance(up_, SimulationError) and not isinstance(down_, SimulationError):
             both = k >= count and not (up_ is base or down_ is base)
             columns.append(
                 _secant(problem, base, up_, down_, aheads[k - count], width) if both else (up_ - down_) / width
@@ -145,8 +148,8 @@ def linearised(
             lambda there: library.simulate(there, around.heights), whole, place, library.bounds, 0.5 * width
         )
         columns.append(np.zeros_like(base) if one is None else one)
-        if one is None:
-            failed.append(k)
+        if one is None and k >= count:
+            failed[effects[k - count].name] = str(up_ if isinstance(up_, SimulationError) else down_)
     stacked = np.stack(columns, axis=-1) if columns else np.empty((*base.shape, 0))
     by_nuisance, turn = felt_nuisance(problem, around) if like is None else (like.by_nuisance, like.turn)
     at_mean = base + around.response @ (problem.nuisance.mean - around.heights)
@@ -161,7 +164,7 @@ def linearised(
         by_unknown=stacked[..., :count] if by_unknown is None else by_unknown,
         by_effect=stacked[..., count:],
         effects=tuple(effects),
-        failed=tuple(effects[k - count].name for k in failed if k >= count),
+        failed=failed,
         simulations=library.simulations,
     )
 
@@ -201,12 +204,10 @@ def felt_nuisance(problem: Problem, around: Linearisation) -> tuple[np.ndarray, 
     return felt, turn
 
 
-def _simulated(problem: Problem, cases: list[np.ndarray], heights: np.ndarray) -> list[np.ndarray | None]:
-    """Outputs of each case, or None where a simulation did not reach its end."""
+def _simulated(problem: Problem, cases: list[np.ndarray], heights: np.ndarray) -> list[Outcome]:
+    """Outputs of each case, or why a simulation did not reach its end."""
     first = cases[0]
     different = [case for case in cases[1:] if not np.array_equal(case, first)]
-    wanted = [first, *different]
-    outcomes = problem.simulate_each([(case, heights) for case in wanted])
-    made = [None if isinstance(one, SimulationError) else one for one in outcomes]
+    made = problem.simulate_each([(case, heights) for case in [first, *different]])
     rest = iter(made[1:])
     return [made[0], *(made[0] if np.array_equal(case, first) else next(rest) for case in cases[1:])]

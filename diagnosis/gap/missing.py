@@ -11,12 +11,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from diagnosis.effects import Nothing
+from diagnosis.fitting.failures import FAILURES
 from diagnosis.fitting.nuisance import Nuisance
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.nuisances import felt
 from diagnosis.recording import DAY, HOUR
 from diagnosis.where import Operator
-from shared.errors import SimulationError
 from shared.sources import Source
 
 PULSE = 3 * HOUR
@@ -50,7 +50,7 @@ def operators(problem: Problem, z: np.ndarray, heights: np.ndarray) -> tuple[lis
             continue
         try:
             edges, response = _pulses(problem, z, heights, source)
-        except SimulationError:
+        except FAILURES:
             failed[source.name] = "its simulation fails"
             continue
         for name, amount in source.less.items():

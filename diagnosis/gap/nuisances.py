@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.fitting.answers import responses
+from diagnosis.fitting.gaussian import root
 from diagnosis.fitting.linearisation import Linearisation
 from diagnosis.fitting.meters import Cleared
 from diagnosis.fitting.nuisance import FIELDS, SPACING, Nuisance
@@ -83,7 +84,7 @@ def _meter(edges: np.ndarray, place: int, meter: Cleared, recording: Recording) 
         turns=np.zeros(count, dtype=bool),
         recorded=np.ones(count, dtype=bool),
         mean=np.zeros(count),
-        factor=np.linalg.cholesky(covariance + 1e-9 * covariance.max() * np.eye(count)),
+        factor=root(covariance + 1e-9 * covariance.max() * np.eye(count)),
         followed=np.full(count, FOLLOWED),
     )
 

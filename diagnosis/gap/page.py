@@ -21,7 +21,7 @@ from diagnosis.gap.pictures import (
 )
 from diagnosis.gap.reporting import sensors_among
 from diagnosis.gap.scan import LEVEL, NEGLIGIBLE
-from diagnosis.gap.schema import Place
+from diagnosis.gap.schema import HOW_FAR, Place
 from diagnosis.gap.twins import SHOWN as SHOWN_TWINS
 from diagnosis.pages import page_environment
 from diagnosis.pictures import at_day, embedded
@@ -37,6 +37,7 @@ VERDICTS = {
     "ambiguous": "Causes that cannot be told apart",
     "none_of_these": "A gap, but none of the candidates explains it",
     "no_gap": "No gap",
+    "unfinished": "A gap, whose cause was not looked for to the end",
 }
 
 
@@ -59,6 +60,7 @@ def render(done: Diagnosis) -> str:
     return environment.get_template("gap.html.j2").render(
         report=done.report,
         headline=VERDICTS[done.report.verdict],
+        how_far=HOW_FAR,
         begin=str(begin).replace("T", " "),
         units={one.name: one.unit for one in done.report.effects},
         better={one.condition: one.smallest for one in done.report.otherwise},

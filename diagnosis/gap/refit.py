@@ -11,15 +11,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import cho_solve, cholesky, solve_triangular
+from scipy.linalg import cho_solve, solve_triangular
 from scipy.optimize import lsq_linear
 
 from diagnosis.effects import Effect
+from diagnosis.fitting.failures import FAILURES
+from diagnosis.fitting.gaussian import factor
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.grams import AMPLITUDE, Colour, Grams
 from diagnosis.gap.linear import Linearised, linearised
 from diagnosis.gap.scan import mass
-from shared.errors import SimulationError
 
 STEPS = 8
 SETTLED = 0.05
@@ -66,7 +67,7 @@ class Refit:
         """
         grams = self.grams
         product = grams.total(colours)
-        root = cholesky(np.eye(grams.inner.size) + product.gram, lower=True)
+        root = factor(product.gram)
         mean = cho_solve((root, True), product.score)
         first = grams.n_nuisance + len(self.lin.problem.system.parameters)
         value = grams.evidence(colours)
@@ -105,7 +106,7 @@ def refit(
         for share in () if settled else (1.0, 0.4, 0.15):
             try:
                 there = _at(problem, here.z + share * step, here)
-            except SimulationError:
+            except FAILURES:
                 continue
             count += there.simulations
             value = _cost(there, before, colours)
@@ -125,7 +126,7 @@ def refit(
     settled = settled or step_from(here, before, colours)[1] < 20 * SETTLED
     grams = Grams(here, before.observed, before)
     left = grams.without_nuisance(colours)
-    covariance = np.linalg.inv(np.eye(grams.n_unknown) + left.information)
+    covariance = cho_solve((factor(left.information), True), np.eye(grams.n_unknown))
     found = Refit(here, grams, 0.0, np.sqrt(np.diag(covariance)) * grams.spread, settled, count)
     return replace(found, evidence=found.evidence_with(colours))
 
@@ -145,7 +146,7 @@ def at_rest(one: Refit, colours: dict[int, Colour], *, steps: int = STEPS) -> Re
         for share in (1.0, 0.4, 0.15, 0.05) if promised > REST else ():
             try:
                 there = _at(here.problem, here.z + share * step, here)
-            except SimulationError:
+            except FAILURES:
                 continue
             count += there.simulations
             value = _cost(there, one.grams, colours)
@@ -242,7 +243,7 @@ def step_from(lin: Linearised, before: Grams, colours: dict[int, Colour]) -> tup
     """Best step within bounds, shape (unknowns,), and the gain in log likelihood that it promises."""
     grams = Grams(lin, before.observed, before)
     left = grams.without_nuisance(colours)
-    root = cholesky(np.eye(grams.n_unknown) + left.information, lower=True)
+    root = factor(left.information)
     low, high = (bound / grams.spread for bound in lin.problem.bounds)
     target = solve_triangular(root, left.score, lower=True)
     found = lsq_linear(root.T, target, (low, high)).x
@@ -265,7 +266,7 @@ def linear_start(grams: Grams, colours: dict[int, Colour], new: Sequence[int]) -
     scale = np.concatenate([np.ones(len(inner)), np.full(len(new), AMPLITUDE)])
     product = grams.total(colours)
     gram = product.gram[np.ix_(places, places)] * np.outer(scale, scale)
-    x = np.linalg.solve(np.eye(len(places)) + gram, product.score[places] * scale)
+    x = cho_solve((factor(gram), True), product.score[places] * scale)
     unknowns = x[grams.n_nuisance : len(inner)] * grams.spread
     amplitudes = x[len(inner) :] * AMPLITUDE
     first = len(lin.problem.system.parameters) + len(lin.chosen)

@@ -13,13 +13,13 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import cho_solve
 
+from diagnosis.fitting.failures import FAILURES
 from diagnosis.fitting.linearisation import Linearisation
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.colours import estimated_colours
 from diagnosis.gap.grams import Colour, Grams
 from diagnosis.gap.linear import Linearised, linearised
 from diagnosis.gap.refit import Refit, at_rest, misfit, refit
-from shared.errors import SimulationError
 
 RENEWALS = 3
 WORTH = 1.0
@@ -60,7 +60,7 @@ def settled(
     grams = Grams(first, observed)
     try:
         lin = relinearised(grams, colours or estimated_colours(grams, size).best, z, every)
-    except SimulationError:  # what is likely on the straight line may be nothing that the model can be run with
+    except FAILURES:  # what is likely on the straight line may be nothing that the model can be run with
         lin = first
     grams, count = Grams(lin, observed), first.simulations + (lin.simulations if lin is not first else 0)
     used = colours or estimated_colours(grams, size).best
@@ -73,7 +73,7 @@ def settled(
             there = grams.lin.z + share * (moved.lin.z - grams.lin.z)
             try:
                 lin = relinearised(moved.grams if share == 1.0 else grams, used, there, every)
-            except SimulationError:
+            except FAILURES:
                 continue
             count += lin.simulations
             found = Grams(lin, observed)
@@ -125,7 +125,7 @@ def fitted_anew(drawn: Linearised, observed: np.ndarray, colours: dict[int, Colo
         for share in SHARES:
             try:
                 lin = relinearised(moved.grams if share == 1.0 else here, colours, here.lin.z + share * way, observed)
-            except SimulationError:
+            except FAILURES:
                 continue
             count += lin.simulations
             found = Grams(lin, observed)

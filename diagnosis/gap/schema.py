@@ -8,7 +8,9 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from diagnosis.gap.decision import Verdict
 
-SCHEMA_VERSION = 11
+SCHEMA_VERSION = 12
+HOW_FAR = "how far the gap shrinks"
+"""Of the steps that a report may lack."""
 NOTICED = 0.02
 """Candidates of less probability are told together."""
 FEWEST = 12
@@ -218,6 +220,8 @@ class Report(_Table):
         " where its fit began, and that were given up"
     )
     excluded: dict[str, str] = Field(description="candidates that could not be tried, and why")
+    failed: dict[str, str] = Field({}, description="candidates whose simulation or algebra failed, and why")
+    unfinished: dict[str, str] = Field({}, description="steps that the answer lacks, and why")
     stages: list[StageOf]
     noise: list[NoiseOf]
     limits: list[str]
@@ -256,6 +260,12 @@ class Report(_Table):
     def foremost(self) -> list[NamedEffect]:
         """Candidates worth a line of their own: those of the answer, and others of some probability."""
         return [one for one in self.effects if one.named or one.probability >= NOTICED]
+
+    @property
+    def untried(self) -> float:
+        """Probability that the cause is a candidate for which there was no time."""
+        rest = 1 - self.none_of_these - self.no_gap - sum(one.probability for one in self.effects)
+        return rest if self.verdict == "unfinished" and rest > NOTICED else 0.0
 
     @property
     def others(self) -> tuple[int, float] | None:

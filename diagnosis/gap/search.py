@@ -7,11 +7,21 @@ likelihood ratios; the null here is that of twins, Johansson 2014, and holds for
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
 
 from diagnosis.effects import Effect
+from diagnosis.fitting.failures import (
+    FAILURES,
+    NO_TIME,
+    CandidateError,
+    Unfinished,
+    blamed,
+    reason,
+    said_by,
+)
 from diagnosis.fitting.fit import Fit, fit
 from diagnosis.gap.contending import (
     UNEXPLAINED,
@@ -28,12 +38,12 @@ from diagnosis.gap.linear import Linearised, applicable, linearised
 from diagnosis.gap.made import Made
 from diagnosis.gap.nuisances import widened
 from diagnosis.gap.refit import Refit, linear_start, refit, rested
-from diagnosis.gap.renewal import settled
+from diagnosis.gap.renewal import RENEWALS, settled
 from diagnosis.gap.scan import NEGLIGIBLE
 from diagnosis.gap.searched import Search, outdone
 from diagnosis.gap.stages import CLEAR, PLAIN, STRONG, Stage, examine
 from diagnosis.gap.weighing import Judged, named, weighed
-from shared.errors import SimulationError
+from shared.errors import TimeUp
 
 FURTHER = 5
 """Rounds that the base model's fit gets more where it had not come to rest and a gap seems to be there."""
@@ -44,8 +54,6 @@ NEAR = 8.0
 SHARE = 0.5
 """Of the best one's log Bayes factor: a large gap is far along a line, and what is known that far of it is coarse."""
 MOST_EFFECTS = 2
-FAILS = "its simulation fails"
-"""Why a candidate was not tried."""
 PARSIMONY = 0.6
 """A further effect must leave less than this share of what was left without a cause before it."""
 
@@ -75,66 +83,133 @@ def search(
         from it.
     """
     found = _followed(_begun(base, effects, observed, begin, seed, tell, known), effects, observed, seed, tell)
-    better = better_base(found)
-    if better is None:
-        return found
-    tell("going on from a better fit of the base model")
-    try:
+
+    def from_a_better_base() -> Search:
+        better = better_base(found)
+        if better is None:
+            return found
+        tell("going on from a better fit of the base model")
         lin = renewed_among(better, effects, found)
         anew = replace(found, stages=[examine(lin, observed, seed=seed)], base=better, confirmed=True)
-        anew = replace(anew, refits=[], settled=[], tried=[], bare=[])
-        anew.excluded = {**found.excluded, **dict.fromkeys(lin.failed, FAILS)}
+        anew = replace(anew, refits=[], settled=[], tried=[], bare=[], failed=dict(found.failed))
+        anew.excluded = {**found.excluded, **lin.failed}
         return _followed(anew, effects, observed, seed, tell)
-    except SimulationError:
-        return found
+
+    return found.unfinished.attempt("a better fit of the base model", from_a_better_base, found)
 
 
 def _followed(found: Search, effects: Sequence[Effect], observed: np.ndarray, seed: int, tell: Tell) -> Search:
-    """A search gone on with until no effect more is found."""
+    """A search gone on with until no effect more is found, without the candidates that fail on the way."""
+    why = ""
     while len(found.chosen) < MOST_EFFECTS:
-        stage, first = found.last, not found.chosen
-        gap = first and (stage.misfits or stage.discrepancy)
-        refits: list[Refit] = []
-        anew: list[Refit] = []
-        tried: Sequence[Judged] = []
-        if stage.candidate_found:
-            refits = refitted(stage, tell, found)
-            gain = refits[0].evidence - evidence_before(found) if refits else -np.inf
-            if first:
-                found.confirmed = gain >= STRONG or gap
-            if not refits or not found.confirmed or (not first and gain < CLEAR):
+        try:
+            if not _extended(found, effects, observed, seed, tell):
                 break
-            tried = refits
-            refits, best = contended(tried, stage, found, tell)
-            anew = refits if refits is not tried else []  # others that were simulated anew, too
-            refits, best = moved(refits, best, stage, found)
-            if first and not stands(refits, best, stage, found):
-                found.confirmed, refits = gap, []
-        looked = first and not refits
-        if looked:  # what straight lines point to, if anything, is not the cause; but a gap may be there
-            refits, tried = fitted_abroad(stage, found, tell) if gap else ([], [])
-            if not refits or refits[0].evidence - evidence_before(found) < PLAIN:
+        except CandidateError as failure:
+            if failure.name in found.failed:
                 break
-            refits, best = moved(refits, refits[0], stage, found)
-        elif not refits:
+            found.failed[failure.name] = str(failure)
+        except (TimeUp, *FAILURES) as error:
+            why = NO_TIME if isinstance(error, TimeUp) else reason(error)
             break
-        lin = renewed_among(best, effects, found)
-        after = examine(lin, observed, seed=seed + len(found.stages))
-        rest = first and not looked and after.left_over > UNEXPLAINED
-        again, ranked = fitted_abroad(stage, found, tell) if rest else ([], [])
-        if again:
-            tried, refits = ranked, best_of([*again, best, *anew])
-            if refits[0].lin is not best.lin:
-                best = refits[0]
-                lin = renewed_among(best, effects, found)
-                after = examine(lin, observed, seed=seed + len(found.stages))
-        if not first and not (worth_more(stage, after) and told(stage, refits, after, tried)):
-            break
-        found.stages.append(after)
-        found.refits.append(refits)
-        found.settled.append(best)
-        found.tried.append(tried)
+    if why:
+        found.unfinished.why["the search for a second cause" if found.chosen else "the search for the cause"] = why
+    found.searched = bool(found.chosen) or not why
     return found
+
+
+def _extended(found: Search, effects: Sequence[Effect], observed: np.ndarray, seed: int, tell: Tell) -> bool:
+    """Whether a search was gone on with by one more effect.
+
+    Raises
+    ------
+    CandidateError
+        If it fails with the foremost candidate: without it, another is the foremost.
+    TimeUp
+        If the time was up before there was an effect more. Of a first one that is before all that stand out were
+        refitted: after that, the best of them is taken as it is.
+    """
+    stage, first = found.last, not found.chosen
+    gap = first and (stage.misfits or stage.discrepancy)
+    refits: list[Refit] = []
+    if stage.candidate_found:
+        refits = refitted(stage, tell, found)
+        gain = refits[0].evidence - evidence_before(found) if refits else -np.inf
+        if first:
+            found.confirmed = gain >= STRONG or gap
+        if not refits or not found.confirmed or (not first and gain < CLEAR):
+            return False
+    try:
+        made = _contended(found, refits, gap, effects, observed, seed, tell)
+    except TimeUp:
+        if not first or not refits:
+            raise
+        found.unfinished.why["the refits from elsewhere, and the search for a second cause"] = NO_TIME
+        best = refits[0]
+        with best.lin.problem.runner.lifted():
+            made = refits, best, refits, examine(among(best, ()), observed, seed=seed + 1)
+    if made is None:
+        return False
+    refits, best, tried, after = made
+    found.stages.append(after)
+    found.refits.append(refits)
+    found.settled.append(best)
+    found.tried.append(tried)
+    return True
+
+
+def _contended(
+    found: Search,
+    refits: list[Refit],
+    gap: bool,
+    effects: Sequence[Effect],
+    observed: np.ndarray,
+    seed: int,
+    tell: Tell,
+) -> tuple[list[Refit], Refit, Sequence[Judged], Stage] | None:
+    """Refits, the best of them, all that was tried, and the stage with the best; None if none of them stands.
+
+    Parameters
+    ----------
+    refits
+        Of the candidates that stand out, best first.
+    gap
+        Whether there is a gap whatever the candidates are.
+    """
+    stage, first = found.last, not found.chosen
+    anew: list[Refit] = []
+    tried: Sequence[Judged] = refits
+    if refits:
+        refits, best = contended(refits, stage, found, tell)
+        anew = refits if refits is not tried else []  # others that were simulated anew, too
+        refits, best = moved(refits, best, stage, found)
+        if first and not stands(refits, best, stage, found):
+            found.confirmed, refits = gap, []
+    looked = first and not refits
+    if looked:  # what straight lines point to, if anything, is not the cause; but a gap may be there
+        refits, tried = fitted_abroad(stage, found, tell) if gap else ([], [])
+        if not refits or refits[0].evidence - evidence_before(found) < PLAIN:
+            return None
+        refits, best = moved(refits, refits[0], stage, found)
+    elif not refits:
+        return None
+    after = _after(best, effects, found, observed, seed)
+    rest = first and not looked and after.left_over > UNEXPLAINED
+    again, ranked = fitted_abroad(stage, found, tell) if rest else ([], [])
+    if again:
+        tried, refits = ranked, best_of([*again, best, *anew])
+        if refits[0].lin is not best.lin:
+            best = refits[0]
+            after = _after(best, effects, found, observed, seed)
+    if not first and not (worth_more(stage, after) and told(stage, refits, after, tried)):
+        return None
+    return refits, best, tried, after
+
+
+def _after(best: Refit, effects: Sequence[Effect], found: Search, observed: np.ndarray, seed: int) -> Stage:
+    """The next stage, with a refit."""
+    with blamed(best.names):
+        return examine(renewed_among(best, effects, found), observed, seed=seed + len(found.stages))
 
 
 def _begun(
@@ -150,6 +225,7 @@ def _begun(
 
     Whether to go on is asked anew among fewer candidates: some of them may see no gap.
     """
+    unfinished = Unfinished()
     if known is not None:
         made, count = known.made, 0
         if made.base is None:
@@ -158,15 +234,21 @@ def _begun(
         _, why = applicable(one.lin.problem, effects)
         lin = fewer(lin, effects, {*why, *lin.failed})
         usable: Sequence[Effect] = lin.effects
+        stage = examine(lin, observed, seed=seed)
     else:
         made = Made()
-        one = settled_base(base, observed)
-        usable, why = applicable(one.lin.problem, effects)
+        usable, why = applicable(base.problem, effects)
         tell(f"sensitivities of {len(usable)} effects")
-        lin = among(one, usable)
+        one, lin, stage, lacking = _first_stage(base, usable, observed, seed)
+        if lacking:
+            unfinished.why["the candidates"] = lacking
+            why |= {effect.name: lacking for effect in usable}
         made.base, count = (one, lin), one.simulations + lin.simulations
-    stage = examine(lin, observed, seed=seed)
-    if not base.converged and (stage.candidate_found or stage.misfits or stage.episodic):
+
+    def further() -> tuple[Refit, Linearised, Stage]:
+        nonlocal count
+        if base.converged or not (stage.candidate_found or stage.misfits or stage.episodic):
+            return one, lin, stage
         tell("going on with the fit of the base model")
         if made.further is None or known is None:
             more = fit(base.problem, [base.z], rounds=FURTHER, around=base.around)
@@ -178,12 +260,42 @@ def _begun(
         else:
             other, there = made.further
             there = fewer(there, effects, {*why, *there.failed}) if there is not None else None
-        if there is not None:
-            one, lin = other, there
-            stage = examine(lin, observed, seed=seed)
-    found = Search([stage], one, base.problem, begin, excluded=why, simulations=count, made=made)
-    found.excluded |= dict.fromkeys(lin.failed, FAILS)
+        return (one, lin, stage) if there is None else (other, there, examine(there, observed, seed=seed))
+
+    one, lin, stage = unfinished.attempt("going on with the fit of the base model", further, (one, lin, stage))
+    found = Search([stage], one, base.problem, begin, excluded=why, simulations=count, made=made, unfinished=unfinished)
+    found.excluded |= lin.failed
     return found
+
+
+def _first_stage(
+    base: Fit, usable: Sequence[Effect], observed: np.ndarray, seed: int
+) -> tuple[Refit, Linearised, Stage, str]:
+    """The base model's fit, linearised by all candidates, its stage, and why that is without them ("" if it is not).
+
+    Where the way to it fails, it is straight from where the fit ended, and at the last without candidates; so it is
+    where the time is up, too, which is then not asked for.
+
+    Raises
+    ------
+    SimulationError
+        If all of that fails.
+    """
+    plans: list[tuple[Sequence[Effect], int]] = [(usable, RENEWALS), (usable, 0), ((), 0)]
+    why = ""
+    while True:
+        some, renewals = plans.pop(0)
+        try:
+            with base.problem.runner.lifted() if why == NO_TIME else nullcontext():
+                one = settled_base(base, observed, renewals=renewals)
+                lin = among(one, some)
+                return one, lin, examine(lin, observed, seed=seed), "" if some or not usable else why
+        except (TimeUp, *FAILURES) as error:
+            if not plans:
+                with said_by(base.problem.recording.path):
+                    raise
+            why = NO_TIME if isinstance(error, TimeUp) else reason(error)
+            plans = plans[-1:] if why == NO_TIME else plans
 
 
 def better_base(found: Search) -> Refit | None:
@@ -200,7 +312,7 @@ def better_base(found: Search) -> Refit | None:
     lin = best.lin
     try:
         there = settled(lin.problem, lin.z, lin.around, best.grams.observed, lin.problem.floor)
-    except SimulationError:
+    except FAILURES:
         return None
     found.simulations += there.simulations
     return there if there.evidence > found.base.evidence + CLEAR else None
@@ -212,7 +324,8 @@ def moved(refits: list[Refit], best: Refit, stage: Stage, found: Search) -> tupl
     Among the refits it takes its place only if it is more plausible there as well: the others have not come to rest,
     and may promise more than there is.
     """
-    one = elsewhere(best, stage.colours.best)
+    with blamed(best.names):
+        one = elsewhere(best, stage.colours.best)
     found.simulations += one.simulations - best.simulations
     if one.lin is best.lin:
         return refits, best
@@ -226,7 +339,7 @@ def at_its_optimum(found: Search) -> Search:
     last = found.settled[-1]
     try:
         one = rested(last, found.last.colours.best)
-    except SimulationError:
+    except FAILURES:
         return found
     more = one.simulations - last.simulations
     return replace(found, settled=[*found.settled[:-1], one], simulations=found.simulations + more)
@@ -242,10 +355,10 @@ def told(before: Stage, refits: list[Refit], after: Stage, tried: Sequence[Judge
     return len(named(weighed(before, refits, after, tried=tried), refits[0].names[-1])) <= MOST_REFITS
 
 
-def settled_base(base: Fit, observed: np.ndarray) -> Refit:
-    """A fit with its nuisances as wide as they are, linearised where it then is."""
+def settled_base(base: Fit, observed: np.ndarray, *, renewals: int = RENEWALS) -> Refit:
+    """A fit with its nuisances as wide as they are, linearised where it then is: see :func:`.renewal.settled`."""
     problem, around, count = widened(base.problem, base.around)
-    one = settled(problem, base.z, around, observed, problem.floor)
+    one = settled(problem, base.z, around, observed, problem.floor, renewals=renewals)
     return replace(one, simulations=one.simulations + count)
 
 
@@ -261,7 +374,9 @@ def refitted(stage: Stage, tell: Tell, found: Search) -> list[Refit]:
     """
     best, foremost = stage.scan.evidence.max(initial=-np.inf), stage.scan.foremost
     made = []
-    order = stage.scan.order[:MOST_REFITS]
+    order = [j for j in stage.scan.order if stage.lin.effects[j].name not in found.failed][:MOST_REFITS]
+    if foremost is not None and stage.lin.effects[foremost].name in found.failed:
+        foremost = None
     if foremost is not None and foremost not in order:
         order[-1] = foremost
     for rank, j in enumerate(order):
@@ -278,7 +393,8 @@ def refitted(stage: Stage, tell: Tell, found: Search) -> list[Refit]:
         start = np.round(linear_start(stage.grams, stage.colours.best, [j]), 9)
         try:
             one = refit(stage.grams, stage.colours.best, start, [effect])
-        except SimulationError:
+        except FAILURES as error:
+            found.failed[effect.name] = reason(error)
             continue
         found.simulations += one.simulations
         found.made.refits[key] = one

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from diagnosis.effects import Effect
+from diagnosis.fitting.failures import Unfinished
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.made import Made
 from diagnosis.gap.refit import Refit
@@ -28,6 +29,8 @@ class Search:
     ``beside``: the stage and refits by which the candidates of a stage are weighed, by its place, where the effect that
     was found with them was chosen later (:mod:`diagnosis.gap.exchange`); its own if it is not there.
     ``bare``: the base model fitted on the straight lines of refits that have lines of their own.
+    ``failed``: candidates whose simulation or algebra failed, at whatever step, and why. ``unfinished``: steps of the
+    search that are lacking, and why; ``searched``: whether all candidates that stood out were refitted.
     ``dropped``: effects that were chosen and given up, because nothing shows that there is a gap.
     ``simulations`` in all of the search; ``made``: what need not be made again.
     """
@@ -40,6 +43,9 @@ class Search:
     settled: list[Refit] = field(default_factory=list)
     tried: list[Sequence[Judged]] = field(default_factory=list)
     excluded: dict[str, str] = field(default_factory=dict)
+    failed: dict[str, str] = field(default_factory=dict)
+    unfinished: Unfinished = field(default_factory=Unfinished)
+    searched: bool = True
     beside: dict[int, tuple[Stage, list[Refit]]] = field(default_factory=dict)
     bare: list[Refit] = field(default_factory=list)
     confirmed: bool = True

@@ -6,7 +6,8 @@ import math
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
-from diagnosis.gap.schema import FEWEST, NamedEffect, Report, ShrinkageOf
+from diagnosis.fitting.failures import NO_TIME
+from diagnosis.gap.schema import FEWEST, HOW_FAR, NamedEffect, Report, ShrinkageOf
 from diagnosis.gap.stages import LEVEL, PLAIN
 from diagnosis.pages import long_named, percent, within_sentence
 from shared.numbers import counted, number
@@ -99,13 +100,17 @@ def _which(report: Report) -> str:
         )
     if report.verdict == "none_of_these":
         chosen = " with ".join(report.stages[-1].effects)
-        tried = sum(one.name not in report.excluded for one in report.effects)
+        tried = sum(one.name not in {*report.excluded, *report.failed} for one in report.effects)
         otherwise = ": one of them may act otherwise than it is described" if tried else ""
         nearest = f"; the nearest is {chosen}, which is rejected on its own twins" if chosen else ""
         return (
             f"Which: none of the {tried} candidates explains it{nearest}. That the cause is none of them"
             f" is {report.none_of_these:.0%} sure{otherwise}."
         )
+    if report.verdict == "unfinished":
+        foremost = [_sure(report, one.name) for one in report.foremost[:LISTED]]
+        by_lines = f" By straight lines alone the foremost are {', '.join(foremost)}." if foremost else ""
+        return f"Which: that was not looked for to the end ({_why(report)}), so no candidate is named.{by_lines}"
     rest = _left(report) if report.rejected else ""
     at_least = (
         "of these causes at least is among them" if report.verdict == "ambiguous" else "of them at least is a cause"
@@ -121,6 +126,11 @@ def _which(report: Report) -> str:
         return f"Which: {sets}; the recording cannot tell these apart.{rest}"
     said = "; and ".join(_named(one) for one in named)
     return f"Which: {said}.{rest}"
+
+
+def _why(report: Report) -> str:
+    """Why a step of the search is lacking: the first that is."""
+    return next(iter(report.unfinished.values()), NO_TIME)
 
 
 def _left(report: Report) -> str:
@@ -160,6 +170,8 @@ def _amount(one: NamedEffect) -> str:
 def _how_far(report: Report, long: Mapping[str, str]) -> str:
     if report.verdict == "no_gap":
         return "How far: there is no gap to shrink."
+    if report.verdict == "unfinished" or HOW_FAR in report.unfinished:
+        return f"How far: that is not known, because {report.unfinished.get(HOW_FAR) or _why(report)}."
     chosen = report.stages[-1].effects
     if not chosen:
         return (

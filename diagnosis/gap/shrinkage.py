@@ -11,9 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import cho_solve, cholesky, solve_triangular
+from scipy.linalg import cho_solve, solve_triangular
 from scipy.optimize import lsq_linear
 
+from diagnosis.fitting.gaussian import factor
 from diagnosis.gap.apart import Apart
 from diagnosis.gap.colours import Colours
 from diagnosis.gap.grams import AMPLITUDE, Grams
@@ -172,7 +173,7 @@ def _placebos(
             drawn[k, :, j] = draw_errors([(colour, 1.0)], lin.problem.time, 1, rng)[:, 0]
         grams = Grams(replace(line, by_effect=drawn), apart.fitted, like)
         left = grams.without_nuisance(first.colours.best)
-        root = cholesky(np.eye(len(left.score)) + left.information, lower=True)
+        root = factor(left.information)
         x = lsq_linear(root.T, solve_triangular(root, left.score, lower=True), (low, high)).x
         way = x[: grams.n_unknown] * grams.spread - line.z
         moved = lin.by_unknown @ way + drawn @ x[grams.n_unknown :]

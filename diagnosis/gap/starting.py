@@ -13,12 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
+from diagnosis.fitting.failures import FAILURES, reason
 from diagnosis.fitting.fit import Fit, fit
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.afresh import RESTLESS, ROUNDS
 from diagnosis.recording import Recording
 from diagnosis.zero_shot import estimate
-from shared.errors import EstimatorError, RecordingError, SimulationError
+from shared.errors import EstimatorError, RecordingError, SimulationError, TimeUp
 from shared.shipped import estimator_beside
 from shared.system import System
 
@@ -74,6 +75,8 @@ def zero_shot(
 def begun(problem: Problem, estimated: ZeroShot | None) -> Begun:
     """The most plausible fit of the base model, begun at the estimator's estimate or at the middle of the prior.
 
+    Where the time is up after one of them, that is it.
+
     Parameters
     ----------
     problem
@@ -84,24 +87,35 @@ def begun(problem: Problem, estimated: ZeroShot | None) -> Begun:
     Raises
     ------
     SimulationError
-        If the simulation fails at every start.
+        If simulation or algebra fail at every start.
+    TimeUp
+        If the time was up before there was a fit.
     """
     starts = [(PRIOR, np.zeros(problem.size))]
     if estimated is not None:
         starts.insert(0, (estimated.folder, problem.unknowns(estimated.values)))
     best: Begun | None = None
-    failure, spent = None, 0
+    why: dict[str, str] = {}
+    spent = 0
     for name, start in starts:
         try:
             found = fit(problem.with_effects(()), [start], rounds=ROUNDS, restless=RESTLESS)
-        except SimulationError as error:
-            failure = error
+        except FAILURES as error:
+            why[name] = reason(error)
             continue
+        except TimeUp:
+            if best is None:
+                raise
+            break
         spent += found.simulations
         if best is None or found.log_evidence > best.fit.log_evidence:
             best = Begun(found, name, start)
         if 2 * best.fit.cost < QUIET * len(best.fit.residual):
             break
     if best is None:
-        raise failure or SimulationError("no start could be simulated; expected one")
+        said = "; ".join(f"from {name}: {one}" for name, one in why.items())
+        raise SimulationError(
+            f"{problem.recording.path}: the base model cannot be fitted to it ({said}); expected a start at which it"
+            " can be simulated. `diagnosis residuals` with --set tells which parameters can"
+        )
     return replace(best, fit=replace(best.fit, simulations=spent))

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
 
+from diagnosis.fitting.gaussian import triangle
 from diagnosis.gap.colours import Colours
 from diagnosis.gap.grams import Grams, Product, Projected, projected
 
@@ -53,8 +54,7 @@ def draw_twins(grams: Grams, colours: Colours, count: int = TWINS, seed: int = 0
     # the unknowns' posterior: the last block of the inverse of root root'
     pick = np.zeros((inner, inner - n))
     pick[n:] = np.eye(inner - n)
-    covariance = (half := solve_triangular(left.root, pick, lower=True)).T @ half
-    spread = np.linalg.cholesky(covariance + 1e-12 * np.eye(inner - n))
+    spread = triangle(solve_triangular(left.root, pick, lower=True))
     true = np.concatenate(
         [
             rng.standard_normal((n, count)),

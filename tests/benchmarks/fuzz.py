@@ -2,7 +2,7 @@
 
 Run: ``python tests/benchmarks/fuzz.py [--seconds 10] [--most 2000] [--seed 0] [--family shared datagen trainer
 diagnosis] [--only NAME] [--coverage]``; the seconds are of processor time, for each reader. The exit code is 1 if
-anything but a result or a sentence came back.
+anything but a result or a sentence of this project came back: what a library says of its own trouble is none.
 
 With ``--coverage`` the damage is found by atheris (libFuzzer), which follows the branches of this project's own code;
 it is no dependency of this project: ``pip install atheris``. Then one reader is tried, the one that ``--only`` names.
@@ -40,6 +40,7 @@ def main() -> int:
         for reader in readers(Path(name), options.family):
             if options.only not in reader.name:
                 continue
+            reader.own_words = True
             read_whole(reader)
             counts, other, longest = try_for(reader, options.seconds, options.seed, options.most)
             tried = counts["read"] + counts["refused"] + len(other)
@@ -70,6 +71,7 @@ def follow_branches(options: argparse.Namespace) -> int:
 
         folder = Path(tempfile.mkdtemp(prefix="zeroshot-fuzz-"))
         reader = next(one for one in readers(folder, options.family) if options.only in one.name)
+        reader.own_words = True
     counts = {"read": 0, "refused": 0}
     (folder / "corpus").mkdir()
     (folder / "corpus" / "whole").write_bytes(reader.whole)

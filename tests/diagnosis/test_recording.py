@@ -201,3 +201,11 @@ def test_a_recording_of_another_system_is_said_to_be_one(default_system, house, 
     simulate(default_system, hours=24.0, seed=1, out=tmp_path / "one.nc")
     with pytest.raises(RecordingError, match=r"none of .* is in it; the recording is of the system 'MixedAirCO2', and"):
         read_recording(tmp_path / "one.nc", house("me"))
+
+
+def test_a_recording_of_a_newer_major_schema_is_told(default_system, tmp_path):
+    """Who reads it by the rules of this one may take a mean for an instant, or a time for another."""
+    data = simulate(default_system, hours=24.0, seed=1)
+    data.assign_attrs(zeroshot_schema_version="3.0").to_netcdf(tmp_path / "new.nc")
+    with pytest.raises(RecordingError, match=r"new\.nc: schema version is '3\.0'; .* reads up to 2: update it"):
+        read_recording(tmp_path / "new.nc", default_system)

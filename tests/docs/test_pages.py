@@ -1,11 +1,13 @@
 """The quick commands of the pages do what the pages say, in the order in which they stand there."""
 
+import importlib.util
+import json
 import re
 import shlex
-from itertools import pairwise
-from pathlib import Path
+import shutil
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 
@@ -16,63 +18,101 @@ from diagnosis.cli import app as diagnosis_app
 from shared.console import start
 from shared.system import load_system
 from tests.datagen.faults import stay_in_this_process
+from tests.docs.documented import ROOT, in_blocks, runs_here, smaller
 from trainer.cli import app as trainer_app
+from trainer.runs.checkpoint import load_run
 
-ROOT = Path(__file__).resolve().parents[2]
 APPS = {"datagen": datagen_app, "trainer": trainer_app, "diagnosis": diagnosis_app}
-LONG = {("diagnosis", "run"), ("diagnosis", "calibrate"), ("diagnosis", "forecast")}
-"""Commands of a minute and more; other tests run them on smaller things."""
-
-FEWER = {"200": "60", "40": "15"}
-"""Rooms in the place of as many as a page asks for: still some in each split, and no page shows what comes of them."""
 
 
-def commands(page):
-    """The commands of a page, one by one."""
-    for block in re.findall(r"```sh\n(.*?)```", (ROOT / "docs" / page).read_text(encoding="utf-8"), re.DOTALL):
-        for line in block.replace("\\\n", " ").splitlines():
-            words = shlex.split(line, comments=True)
-            if words and words[0] in APPS and tuple(words[:2]) not in LONG:
-                yield words
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """``run(page)``: run what a page has to run, in one folder for all pages; returns that, and how many there were.
+
+    What was run before, with the same sizes, is not run again. The page on one's own FMU has a recording of that.
+    """
+    folder = tmp_path_factory.mktemp("pages")
+    (folder / "docs").symlink_to(ROOT / "docs")
+    shutil.copy(ROOT / "docs/example/measurements.csv", folder)
+    mapping = (ROOT / "docs/example/mapping.toml").read_text(encoding="utf-8")
+    named = mapping.replace("../../fmus/MixedAirCO2/system.toml", "MixedAirCO2")
+    (folder / "mapping.toml").write_text(named, encoding="utf-8")
+    for name in ("mine", "other"):
+        build_house(folder / name)
+    datagen.simulate(folder / "mine", hours=168, out=folder / "own" / "recording.nc")
+    (folder / "own" / "mine").symlink_to(folder / "mine")
+    done = set()
+
+    def run_page(page):
+        here = folder / "own" if page == "docs/own-fmu.md" else folder
+        count = 0
+        with pytest.MonkeyPatch.context() as patch:
+            stay_in_this_process(patch)
+            patch.chdir(here)
+            for words in in_blocks((ROOT / page).read_text(encoding="utf-8")):
+                less = smaller(words)
+                if runs_here(ROOT / page, words) and tuple(less) not in done:
+                    assert start(APPS[less[0]], less[1:]) == 0, shlex.join(less)
+                    done.add(tuple(less))
+                    count += 1
+        return here, count
+
+    return run_page
 
 
-def run(page, folder, monkeypatch):
-    """Run a page's quick commands in a folder, farms here and of fewer rooms; returns how many there were."""
-    stay_in_this_process(monkeypatch)
-    monkeypatch.chdir(folder)
-    if not (folder / "docs").exists():
-        (folder / "docs").symlink_to(ROOT / "docs")
-    count = 0
-    for words in commands(page):
-        words = [FEWER.get(word, word) if before == "--systems" else word for before, word in pairwise(["", *words])]
-        assert start(APPS[words[0]], words[1:]) == 0, shlex.join(words)
-        count += 1
-    return count
+def build_house(folder):
+    """The house of the gallery with its FMU."""
+    spec = importlib.util.spec_from_file_location("house_of_the_pages", ROOT / "docs/gallery/house.py")
+    script = importlib.util.module_from_spec(spec)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(ROOT / "docs/gallery"))
+        spec.loader.exec_module(script)
+    script.build_fmu(folder)
 
 
 @pytest.mark.slow
-def test_the_session(tmp_path, monkeypatch, capsys):
-    assert run("session.md", tmp_path, monkeypatch) == 8
+def test_the_session(run, capsys):
+    folder, count = run("docs/session.md")
+    assert count == 8
     said = capsys.readouterr().out
     assert "every shard is as the manifest says" in said
-    assert (tmp_path / "data" / "README.md").is_file()
-    odd, plain = xr.load_dataset(tmp_path / "odd.nc"), xr.load_dataset(tmp_path / "room.nc")
+    assert (folder / "data" / "README.md").is_file()
+    odd, plain = xr.load_dataset(folder / "odd.nc"), xr.load_dataset(folder / "room.nc")
     # 400 W more in the same room: warmer, on the days that both have
     assert float((odd["TRoo"][:336] - plain["TRoo"]).mean()) > 0.1
 
 
 @pytest.mark.slow
-def test_sharing(tmp_path, monkeypatch, capsys):
-    assert run("share.md", tmp_path, monkeypatch) == 7
-    both = xr.concat([xr.load_dataset(one) for one in sorted((tmp_path / "both" / "shards").glob("*.nc"))], "system")
-    assert both.sizes["system"] == 30
+def test_sharing(run):
+    folder, count = run("docs/share.md")
+    assert count == 6
+    both = xr.concat([xr.load_dataset(one) for one in sorted((folder / "both" / "shards").glob("*.nc"))], "system")
+    assert both.sizes["system"] == 80
 
 
 @pytest.mark.slow
-def test_the_measurements_of_the_example_come_back_as_they_were(tmp_path, monkeypatch, capsys):
+def test_an_fmu_of_one_s_own(run):
+    folder, count = run("docs/own-fmu.md")
+    assert count == 7
+    assert {one.name for one in load_system(folder / "mine" / "draft.toml").inputs if one.source == "weather"}
+    assert len(load_run(folder / "mine-run").card.encoding.parameters) == len(load_system(folder / "mine").parameters)
+
+
+@pytest.mark.slow
+def test_long_runs(run):
+    folder, count = run("docs/running.md")
+    assert count == 2
+    keys = re.findall(r"(?m)^[|] `(\w+)` [|]", (ROOT / "docs/running.md").read_text(encoding="utf-8"))
+    assert keys[:4] == ["time", "level", "logger", "message"]
+    for line in (folder / "ridge.jsonl").read_text(encoding="utf-8").splitlines():
+        assert {*keys[:4]} <= {*json.loads(line)}
+
+
+@pytest.mark.slow
+def test_the_measurements_of_the_example_come_back_as_they_were(run, capsys):
     """The log is of a simulated room: what is imported is that room, within what its sensors and the log round away."""
-    assert run("own-measurements.md", tmp_path, monkeypatch) == 3
-    found = xr.load_dataset(tmp_path / "recording.nc", decode_times=False)
+    folder, _ = run("docs/own-measurements.md")
+    found = xr.load_dataset(folder / "recording.nc", decode_times=False)
     room = datagen.simulate("MixedAirCO2", seed=12, hours=504, excitation=False)
     room = room.sel(time=found["time"].values)
     for name, sd, rounded in (("TRoo", 0.1, 0.1), ("CO2", 20.0, 1.0), ("QHea", 100.0, 10.0), ("mOA", 0.01, 0.001)):
@@ -89,10 +129,6 @@ def test_the_measurements_of_the_example_come_back_as_they_were(tmp_path, monkey
 
 
 def test_the_log_of_the_example_is_what_its_script_makes():
-    import importlib.util
-
-    import pandas as pd
-
     spec = importlib.util.spec_from_file_location("example_measurements", ROOT / "docs/making/measurements.py")
     script = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(script)
@@ -112,3 +148,12 @@ def test_the_truth_of_a_blind_check_of_one_s_own_is_one_of_the_house(tmp_path):
     truth = load_truth(tmp_path / "truth.toml", load_system(ROOT / "docs/gallery/house"))
     assert [form.name for form in truth.outside] == ["guests"]
     assert len(truth.strata.order) == 6
+
+
+@pytest.mark.slow
+def test_the_readme(run):
+    """Of the pages before it there are a dataset, a recording and those of two teams."""
+    for page in ("docs/session.md", "docs/share.md", "docs/own-measurements.md"):
+        run(page)
+    _, count = run("README.md")
+    assert count > 0

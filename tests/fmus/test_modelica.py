@@ -98,6 +98,31 @@ def test_every_source_is_clean(rumoca):
         assert [str(one.message) for one in rumoca.validate(str(path))] == [], path
 
 
+def test_no_equation_assigns_a_connector_that_is_there_only_when_asked_for():
+    """The language allows such connectors in ``connect`` alone, and a real compiler refuses them elsewhere."""
+    for path in PACKAGE.rglob("*.mo"):
+        text = path.read_text()
+        asked = set(re.findall(r"\b(\w+)\([^;]*?use_(?:m_flow|T|C)_in=true", text))
+        assigned = set(re.findall(r"(?m)^ *(\w+)\.(?:m_flow|T|C)_in\b[^;]* = ", text))
+        assert not asked & assigned, path
+
+
+def test_sensors_with_one_port_do_not_warn_of_it():
+    for path in PACKAGE.rglob("*.mo"):
+        text = path.read_text()
+        for name, settings in re.findall(r"Fluid\.Sensors\.PPM (\w+)\((.*?)\) \"", text, re.DOTALL):
+            assert "warnAboutOnePortConnection=false" in settings, f"{path}: {name}"
+
+
+def test_scripts_export_every_room():
+    rooms = {path.stem for path in PACKAGE.glob("*.mo")} - {"package", "Verification"}
+    for script in ("export.mos", "export_dymola.mos"):
+        made = re.findall(
+            r"(?:buildModelFMU\(|translateModelFMU\(\")ZeroshotRoom\.(\w+)", (RECIPE / script).read_text()
+        )
+        assert set(made) == rooms, script
+
+
 def test_packages_list_their_classes():
     for order in PACKAGE.rglob("package.order"):
         folder = order.parent

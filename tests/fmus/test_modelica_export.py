@@ -15,6 +15,8 @@ from shared.system import load_system
 
 RECIPE = Path(__file__).resolve().parents[2] / "fmus" / "modelica"
 FMU = RECIPE.parent / "MixedAirCO2.fmu"
+ROOM = "for f in TunableRoom.fmu Verification_res.csv; do echo x > $f; done"
+OTHERS = "for f in TunableRoomWeatherFile.fmu OriginalExample.fmu; do echo x > $f; done"
 
 
 @pytest.fixture(scope="module")
@@ -86,8 +88,9 @@ def test_check_fails_dead_parameters_and_broken_files(twin_system, tmp_path, cap
         ("exit 3", 1, "FAILED: omc ended with code 3"),
         ("echo 'Error: class not found'", 1, "FAILED: omc wrote no TunableRoom.fmu"),
         ("echo x > TunableRoom.fmu", 1, "FAILED: omc wrote no Verification_res.csv"),
-        ("for f in TunableRoom.fmu Verification_res.csv; do echo x > $f; done", 1, "did not reach its end"),
-        ("for f in TunableRoom.fmu Verification_res.csv; do echo x > $f; done; echo exported", 0, "next: python"),
+        (f"{ROOM}; echo x > TunableRoomWeatherFile.fmu", 1, "FAILED: omc wrote no OriginalExample.fmu"),
+        (f"{ROOM}; {OTHERS}", 1, "did not reach its end"),
+        (f"{ROOM}; {OTHERS}; echo exported", 0, "next: python"),
     ],
 )
 def test_export_says_what_went_wrong(tmp_path, fake, code, said):

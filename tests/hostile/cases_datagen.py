@@ -9,15 +9,17 @@ from random import Random
 
 from datagen.comparing.recorded import load_recorded, series_of
 from datagen.driving.weather_files import read_hourly
+from datagen.driving.weather_sun import check_still, check_sun
 from datagen.farming.failures import Failures
 from datagen.fmi.fmu import unpack
 from shared.lock import read_holder
 from shared.system import parse_system
-from tests.datagen.driving.test_weather_files import write_epw, write_mos, write_tmy3, year
+from tests.datagen.driving.test_weather_files import write_epw, write_mos, write_pvgis, write_sam, write_tmy3, year
 from tests.hostile.damage import damage_bytes, damage_text
 from tests.hostile.trial import Reader
 
 FMU = Path(__file__).resolve().parents[2] / "fmus" / "MixedAirCO2.fmu"
+WEATHER = (("tmy3", "w.csv"), ("epw", "w.epw"), ("mos", "w.mos"), ("nsrdb", "w.csv"), ("pvgis", "w.csv"))
 LINE = {"system": 3, "root_seed": 1, "parameters": {"a": 1.0}, "cause": "did not end"}
 SYSTEM = """
 schema_version = 1
@@ -83,9 +85,16 @@ def recorded(folder: Path) -> None:
     series_of(spec, cases[0], system)
 
 
+def checked_weather(path: Path) -> None:
+    """A weather file, read and checked."""
+    record = read_hourly(path)
+    check_sun(path, record)
+    check_still(path, record)
+
+
 def readers(folder: Path) -> list[Reader]:
     """All of them, each on files of its own below ``folder``."""
-    for name in ("fmu", "xml", "failures", "lock", "tmy3", "epw", "mos"):
+    for name in ("fmu", "xml", "failures", "lock", "tmy3", "epw", "mos", "nsrdb", "pvgis"):
         (folder / name).mkdir(parents=True)
     (folder / "fmu" / "a.fmu").write_bytes(repacked(description(), (("resources/a.bin", bytes(range(256)) * 20),)))
     (folder / "xml" / "a.fmu").write_bytes(repacked(description()))
@@ -95,6 +104,8 @@ def readers(folder: Path) -> list[Reader]:
     write_tmy3(folder / "tmy3" / "w.csv", made)
     write_epw(folder / "epw" / "w.epw", made)
     write_mos(folder / "mos" / "w.mos", made)
+    write_sam(folder / "nsrdb" / "w.csv", made)
+    write_pvgis(folder / "pvgis" / "w.csv", made)
     found = [
         Reader("FMU archive", folder / "fmu", "a.fmu", lambda at: unpacked(at / "a.fmu"), damage_bytes, examples=20),
         Reader(
@@ -105,9 +116,9 @@ def readers(folder: Path) -> list[Reader]:
         Reader("failures", folder / "failures", "failures.jsonl", lambda at: list(Failures.read(at)), damage_text),
         Reader("lock", folder / "lock", ".lock", read_holder, damage_text),
     ]
-    for form, file in (("tmy3", "w.csv"), ("epw", "w.epw"), ("mos", "w.mos")):
-        read = lambda at, file=file: read_hourly(at / file)  # noqa: E731
-        found.append(Reader(f"weather, {form}", folder / form, file, read, damage_text, examples=4))
+    for form, file in WEATHER:
+        read = lambda at, file=file: checked_weather(at / file)  # noqa: E731
+        found.append(Reader(f"weather, {form}", folder / form, file, read, damage_text, examples=4, own_words=True))
     for file in ("mapping.toml", "rooms.csv", "room1.csv"):
         at = folder / f"recorded-{file}"
         at.mkdir()

@@ -204,7 +204,7 @@ def test_a_shard_of_text_in_place_of_numbers_is_a_sentence(folder, tmp_path):
     data = xr.Dataset({"level": ("system", np.array(["a", "b"], dtype=object))}, {"system": [0, 1]}, facts)
     data.to_netcdf(path)
     seal_shards(folder)
-    with pytest.raises(DatasetError, match=r"000\.nc: damaged"):
+    with pytest.raises(DatasetError, match=r"000\.nc: not as the manifest says"):
         load(folder)
 
 

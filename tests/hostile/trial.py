@@ -6,6 +6,7 @@ a program or a library started.
 """
 
 import os
+import re
 import signal
 import sys
 import warnings
@@ -25,12 +26,22 @@ _CHILD = "shared.netcdf_child"
 _FORBIDDEN = {"os.system", "os.exec", "os.posix_spawn", "pickle.find_class", "ctypes.dlopen", "socket.connect"}
 
 
+_LIBRARY = re.compile(
+    r"\b[A-Z]\w*(Error|Exception|Warning)\b|could not convert|invalid literal|does(n't| not) match format|codec can't"
+    r"|Error tokenizing|Expected \d+ fields|out of bounds|out of range for|list index|must be str"
+    r"|must be a (timedelta|string)|has no attribute|unsupported operand|not subscriptable|cannot unpack"
+    r"|values to unpack|Length mismatch|Unknown (string|datetime)|unconverted data|need at least one array"
+)
+"""What a library says of its own trouble, which tells nobody what is wrong with the file."""
+
+
 @dataclass
 class Reader:
     """Something that reads a file; ``file`` is that file in a folder that is whole.
 
     ``read`` gets the folder; ``seal`` makes the rest of the folder agree with the damaged file, as an attacker would;
-    ``examples`` is how many a short test tries; ``named`` whether a refusal must name the file itself.
+    ``examples`` is how many a short test tries; ``named`` whether a refusal must name the file itself, ``own_words``
+    whether it must be free of what a library says.
     """
 
     name: str
@@ -41,6 +52,7 @@ class Reader:
     seal: Callable[[Path], None] | None = None
     examples: int = 30
     named: bool = True
+    own_words: bool = False
 
     def __post_init__(self) -> None:
         self.whole = (self.folder / self.file).read_bytes()
@@ -123,6 +135,8 @@ def _limited(reader: Reader) -> str:
 def _judged(reader: Reader, text: str) -> str:
     if len(text) > 10_000:
         return f"a sentence of {len(text)} characters"
+    if reader.own_words and (raw := _LIBRARY.search(text)):
+        return f"a library's message ({raw.group()}) in place of a sentence: {text[:300]}"
     if reader.named and Path(reader.file).name not in text:
         return f"a sentence that does not name the file: {text[:300]}"
     return "refused"

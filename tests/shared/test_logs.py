@@ -4,6 +4,7 @@ import io
 import json
 import logging
 import math
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -108,3 +109,13 @@ def test_without_a_command_line_it_is_a_library_that_logs(console, caplog):
     with caplog.at_level(logging.INFO, logger="zeroshot"):
         say_all()
     assert [record.getMessage() for record in caplog.records] == ["2 workers", "one failed [red]", "no more"]
+
+
+def test_warnings_of_libraries_are_for_the_log_and_not_for_the_terminal(console, tmp_path, capsys):
+    path, before = tmp_path / "log.jsonl", warnings.showwarning
+    with reported(Reporting(log=path), console), warnings.catch_warnings():
+        warnings.simplefilter("always")
+        np.array([1e308]) * 10
+    assert console.file.getvalue() == capsys.readouterr().err == ""
+    assert "RuntimeWarning: overflow" in json.loads(path.read_text())["message"]
+    assert warnings.showwarning is before

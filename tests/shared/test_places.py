@@ -1,11 +1,14 @@
 """Folders for results: refused before the work where they could not be written to after it."""
 
 import os
+import subprocess
+import sys
 
 import pytest
 
+from shared.children import environment
 from shared.errors import RecordingError
-from shared.places import check_folder
+from shared.places import check_folder, own_folder
 
 
 def inside(folder):
@@ -44,3 +47,26 @@ def test_a_folder_of_somebody_else_is_refused(tmp_path):
     (tmp_path / "locked").mkdir(mode=0o500)
     with pytest.raises(RecordingError, match="Permission denied"):
         check_folder(tmp_path / "locked" / "out", RecordingError)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no such rights there")
+def test_a_folder_of_our_own_is_nobody_elses(tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    folder = own_folder("compiled")
+    assert folder.parent.stat().st_mode & 0o077 == 0 and own_folder("compiled") == folder
+    folder.parent.chmod(0o770)
+    with pytest.raises(PermissionError, match="others may write to it"):
+        own_folder("compiled")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no such home there")
+def test_without_a_home_matplotlib_is_given_a_place_and_says_nothing(tmp_path):
+    code = (
+        "from shared.places import give_matplotlib_a_place; give_matplotlib_a_place()\n"
+        "import matplotlib.font_manager; print(matplotlib.get_cachedir())"
+    )
+    env = {name: one for name, one in environment().items() if not name.startswith(("XDG_", "MPL"))}
+    env |= {"HOME": "/proc/nohome", "TMPDIR": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True)
+    assert done.stdout == f"{tmp_path}/zeroshot-fmu-{os.getuid()}/matplotlib\n"
+    assert "Building the font cache" in done.stderr or not done.stderr

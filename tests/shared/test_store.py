@@ -128,12 +128,27 @@ def test_newer_schema_is_refused(folder):
         read_manifest(folder)
 
 
-def test_newer_minor_version_is_read(folder):
+def newer_minor(folder, **more):
+    """The dataset as a version would have written it that knows more, here and in the description."""
     path = folder / "manifest.json"
     raw = json.loads(path.read_text())
-    raw["schema_version"] = "1.7"
+    major, _, minor = raw["schema_version"].partition(".")
+    raw |= {"schema_version": f"{major}.{int(minor) + 5}", "licences": ["free"]}
+    raw["system"] = json.dumps(json.loads(raw["system"]) | more)
     path.write_text(json.dumps(raw))
+    return raw["schema_version"]
+
+
+def test_newer_minor_version_is_read(folder):
+    newer_minor(folder)
     assert DatasetFolder(folder).load().values.shape[0] == 7
+
+
+def test_a_newer_description_of_a_newer_minor_version_is_told(folder):
+    version = newer_minor(folder, given=[])
+    said = rf"manifest\.json: schema version is '{version}', and this version of zeroshot-fmu writes .*: update it"
+    with pytest.raises(DatasetError, match=said):
+        DatasetFolder(folder)
 
 
 def test_a_manifest_may_be_larger_than_other_files_of_its_kind(folder):
@@ -212,7 +227,7 @@ def test_a_shard_with_other_systems_than_the_manifest_lists_is_named(folder):
     raw = json.loads(path.read_text())
     raw["shards"][1]["systems"] = [0, 1, 2, 4]
     path.write_text(json.dumps(raw))
-    with pytest.raises(DatasetError, match=r"shard-000001\.nc: damaged or incomplete \(its systems are not those"):
+    with pytest.raises(DatasetError, match=r"shard-000001\.nc: not as the manifest says \(its systems are not those"):
         DatasetFolder(folder).load()
 
 

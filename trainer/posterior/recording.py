@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from shared.errors import EstimatorError
+from shared.netcdf import write_netcdf
 from shared.store import temporary_name
 
 
@@ -40,9 +41,9 @@ def write_samples(
     facts = {name: one if isinstance(one, str) or one < 1 << 63 else str(one) for name, one in attributes.items()}
     temporary = temporary_name(path)
     try:
-        xr.Dataset(variables, coordinates, facts).to_netcdf(temporary, engine="netcdf4")
+        write_netcdf(xr.Dataset(variables, coordinates, facts), temporary, {})
         os.replace(temporary, path)
-    except (OSError, RuntimeError) as error:
-        raise EstimatorError(f"{path}: cannot be written ({error})") from None
+    except OSError as error:
+        raise EstimatorError(f"{path}: cannot be written ({error.strerror}); expected a place to write to") from None
     finally:
         temporary.unlink(missing_ok=True)

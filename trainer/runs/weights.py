@@ -18,7 +18,7 @@ from torch import nn
 from torch.utils._python_dispatch import TorchDispatchMode
 
 from shared.errors import EstimatorError
-from shared.reading import MIB, why
+from shared.reading import MIB, newer, why
 from trainer.runs.pair import read_pair
 
 OPERATIONS = 2_000
@@ -97,9 +97,7 @@ def check_card_version(path: Path, raw: Any, ours: int, made_by: str) -> None:
         If it is so.
     """
     version = raw.get("schema_version") if isinstance(raw, dict) else None
-    if not isinstance(version, int) or isinstance(version, bool):
+    if version is None:
         raise EstimatorError(f"{path}: schema_version is missing; expected a file made by `{made_by}`")
-    if version > ours:
-        raise EstimatorError(
-            f"{path}: schema version is {version}; this version of zeroshot-fmu reads up to {ours}: update it"
-        )
+    if said := newer(version, ours):
+        raise EstimatorError(f"{path}: {said}")

@@ -19,7 +19,7 @@ from shared.errors import EstimatorError, OptionsError
 from shared.lock import FolderLock
 from shared.logs import fields, logger
 from shared.progress import progress_bar
-from shared.reading import read_json, validated
+from shared.reading import read_json, validated, why
 from shared.store import DatasetFolder, write_atomically
 from trainer.reading.data import difference, identity_of, load_records
 from trainer.runs.checkpoint import make_folder
@@ -234,7 +234,10 @@ def _study(folder: Path, settings: dict[str, Any], defaults: dict[str, Any], see
         found = dict(json.loads(study.user_attrs["settings"]))
         done = len(study.get_trials(deepcopy=False))
     except Exception as error:  # sqlalchemy's own errors, which optuna lets through
-        raise EstimatorError(f"{path}: cannot be opened as an Optuna study ({type(error).__name__})") from None
+        raise EstimatorError(
+            f"{path}: cannot be opened as an Optuna study ({type(error).__name__}: {why(error.__cause__ or error)});"
+            " expected one that `trainer tune` made, on a file system where SQLite can lock it"
+        ) from None
     other = difference(found, settings)
     if other is not None:
         raise EstimatorError(f"{path}: {other}; choose another folder for another search")

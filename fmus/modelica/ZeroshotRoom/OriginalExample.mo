@@ -48,6 +48,8 @@ model OriginalExample "The library's MixedAirCO2 with a heating loop, persons as
     redeclare package Medium = MediumA,
     use_m_flow_in=true,
     nPorts=1) "Exhaust of the excitation";
+  Modelica.Blocks.Sources.RealExpression mCO2Per(y=gaiCO2.k*nPersons) "CO2 of the persons [kg/s]";
+  Modelica.Blocks.Sources.RealExpression mExc(y=-excOut) "Flow of the excitation into the room [kg/s]";
 equation
   TRoo = roo.heaPorAir.T;
   CO2 = CO2Out + senCO2.ppm;
@@ -56,8 +58,8 @@ equation
   mOA = bou.ports[1].m_flow + excOut;
   heaAir.Q_flow = QHea + 0.4*QPer*nPersons;
   heaRad.Q_flow = 0.4*QPer*nPersons;
-  souCO2.m_flow_in = gaiCO2.k*nPersons;
-  fanExc.m_flow_in = -excOut;
+  connect(mCO2Per.y, souCO2.m_flow_in);
+  connect(mExc.y, fanExc.m_flow_in);
   connect(heaAir.port, roo.heaPorAir);
   connect(heaRad.port, roo.heaPorRad);
   connect(souCO2.ports[1], roo.ports[4]);

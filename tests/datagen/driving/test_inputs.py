@@ -200,8 +200,8 @@ def test_excitation_is_exact_at_its_knots():
     [
         (
             'unit = "K"\nsource = "weather"',
-            'unit = "degC"\nsource = "weather"',
-            r"system\.toml: inputs 'out': unit is 'degC'; expected 'K', the unit of weather column 'temp_air'",
+            'unit = "Pa"\nsource = "weather"',
+            r"system\.toml: inputs 'out': unit is 'Pa'; expected one that 'K', the unit of weather column 'temp_air'",
         ),
         (
             'column = "temp_air"',

@@ -1,14 +1,16 @@
-"""The three forms of weather files, written here from numbers of our own, and what is said about bad ones."""
+"""The forms of weather files, written here from numbers of our own, and what is said about bad ones."""
 
 import os
 from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
+import pvlib
 import pytest
 
 from datagen.driving.weather import read_weather
 from datagen.driving.weather_files import read_hourly
+from datagen.driving.weather_sun import check_still, check_sun
 from shared.errors import WeatherError
 from shared.signals import Weather
 
@@ -17,9 +19,24 @@ PLACE = (52.25, 13.5, 1.0, 40.0)
 """Latitude, longitude, time zone [h], altitude [m]."""
 
 
+def height_of_sun(latitude, longitude, zone):
+    """Mean over each hour of the year of the sine of the sun's height, zero below, after Cooper (1969) and Spencer."""
+    hour = np.arange(8760 * 12) / 12 + 1 / 24
+    day = 2 * np.pi * hour / 8760
+    declination = np.radians(23.45) * np.sin(2 * np.pi * (284 + 1 + hour / 24) / 365)
+    equation = 229.2 * (0.000075 + 0.001868 * np.cos(day) - 0.032077 * np.sin(day)) / 60
+    equation += 229.2 * (-0.014615 * np.cos(2 * day) - 0.04089 * np.sin(2 * day)) / 60
+    angle = np.radians(15 * (hour - 12 + longitude / 15 - zone + equation))
+    phi = np.radians(latitude)
+    height = np.sin(phi) * np.sin(declination) + np.cos(phi) * np.cos(declination) * np.cos(angle)
+    return np.maximum(height, 0).reshape(8760, 12).mean(axis=1)
+
+
 def year():
     """A synthetic year, rounded as files round: readings at the hours' ends, radiation of the hours before."""
-    sun = np.maximum(np.sin(2 * np.pi * (HOURS - 0.5 - 6) / 24), 0) * (1 + 0.4 * np.sin(2 * np.pi * HOURS / 8760))
+    height = height_of_sun(*PLACE[:3])
+    cloud = 0.5 + 0.5 * np.sin(HOURS / 40)
+    dni, dhi = np.round(np.where(height > 0.1, 800 * cloud, 0)), np.round(150 * height + 150 * height * (1 - cloud))
     temp = 9 + 10 * np.sin(2 * np.pi * (HOURS / 8760 - 0.3)) + 4 * np.sin(2 * np.pi * (HOURS - 9) / 24)
     return {
         "temp": np.round(temp, 1),
@@ -27,9 +44,9 @@ def year():
         "humidity": np.full(8760, 75),
         "pressure": 101000 + 100 * (HOURS % 7),
         "infrared": np.round(300 + temp, 0),
-        "ghi": np.round(500 * sun),
-        "dni": np.round(400 * sun),
-        "dhi": np.round(200 * sun),
+        "ghi": np.round(dhi + dni * height),
+        "dni": dni,
+        "dhi": dhi,
         "direction": (HOURS * 10) % 360,
         "speed": np.round(3 + np.sin(HOURS / 5), 1),
         "cover": HOURS % 11,
@@ -92,12 +109,51 @@ def write_tmy3(path: Path, data, header=TMY3_COLUMNS, first_year=1988):
     return path
 
 
+SAM_COLUMNS = "DHI,DNI,GHI,Dew Point,Surface Albedo,Wind Direction,Wind Speed,Temperature,Pressure"
+
+
+def write_sam(path: Path, data, minute: int | None = 30, zone=PLACE[2], local=PLACE[2]):
+    """``minute`` 30 as NSRDB writes it, None as SAM does, for whom a stamp names the hour's start."""
+    stamp = "Year,Month,Day,Hour," + ("" if minute is None else "Minute,")
+    lines = ["Source,Location ID,City,State,Country,Latitude,Longitude,Time Zone,Elevation,Local Time Zone"]
+    lines += [f"{'NSRDB' if minute else 'IWEC'},1,-,-,-,{PLACE[0]},{PLACE[1]},{zone:g},{PLACE[3]:g},{local:g}"]
+    lines += [stamp + SAM_COLUMNS]
+    body = columns(data, "dhi", "dni", "ghi", "dew", 0.2, "direction", "speed", "temp", data["pressure"] / 100)
+    for k, values in enumerate(np.roll(body, int(zone - local), axis=0).tolist()):
+        at = datetime(2001, 1, 1) + timedelta(hours=k)
+        when = f"1998,{at.month},{at.day},{at.hour}" + ("" if minute is None else f",{minute}")
+        lines.append(f"{when},{','.join(map(str, values))}")
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def write_pvgis(path: Path, data):
+    """Rows are of UTC, an hour before the place's; radiation is of half an hour after the stamp, in the next hour."""
+    lines = [f"Latitude (decimal degrees): {PLACE[0]}", f"Longitude (decimal degrees): {PLACE[1]}"]
+    lines += [f"Elevation (m): {PLACE[3]}", "Irradiance Time Offset (h): 0.5", "month,year"]
+    lines += [f"{month},2007" for month in range(1, 13)]
+    lines += ["time(UTC),T2m,RH,G(h),Gb(n),Gd(h),IR(h),WS10m,WD10m,SP"]
+    sun = {name: np.roll(data[name], -1) for name in ("ghi", "dni", "dhi")}
+    body = columns(data | sun, "temp", "humidity", "ghi", "dni", "dhi", "infrared", "speed", "direction", "pressure")
+    for k, values in enumerate(body.tolist()):
+        at = datetime(2001, 1, 1) + timedelta(hours=k)
+        lines.append(f"2007{at:%m%d:%H}00,{','.join(map(str, values))}")
+    path.write_bytes("\r\n".join([*lines, "", "T2m: 2-m air temperature (degree Celsius)", ""]).encode())
+    return path
+
+
 WRITERS = {
     "tmy3": (write_tmy3, "w.csv"),
     "epw": (write_epw, "w.epw"),
     "mos": (write_mos, "w.mos"),
     "full mos": (lambda path, data: write_mos(path, data, "full"), "w.mos"),
+    "nsrdb": (write_sam, "w.csv"),
+    "nsrdb in utc": (lambda path, data: write_sam(path, data, zone=0.0), "w.csv"),
+    "sam": (lambda path, data: write_sam(path, data, None), "w.csv"),
+    "pvgis": (write_pvgis, "w.csv"),
 }
+NOT_THERE = {"tmy3": ["infrared"], "nsrdb": ["infrared", "opaque_cover"], "pvgis": ["opaque_cover"]}
+NOT_THERE |= {"sam": NOT_THERE["nsrdb"], "nsrdb in utc": NOT_THERE["nsrdb"]}
 
 
 @pytest.mark.parametrize("form", WRITERS)
@@ -108,26 +164,137 @@ def test_every_form_gives_the_numbers_written(tmp_path, form):
     # a .mos that drops the year's end has the first hour there
     rows = slice(0, 8759) if form == "mos" else slice(None)
     got = record.columns
+    assert sorted(record.absent) == NOT_THERE.get(form, [])
     np.testing.assert_allclose(got["temp_air"][rows], data["temp"][rows] + 273.15)
-    np.testing.assert_allclose(got["temp_dew"][rows], data["dew"][rows] + 273.15)
+    if form != "pvgis":  # which has the humidity
+        np.testing.assert_allclose(got["temp_dew"][rows], data["dew"][rows] + 273.15)
     np.testing.assert_allclose(got["pressure"][rows], data["pressure"][rows])
     for ours, theirs in (("ghi", "ghi"), ("dni", "dni"), ("dhi", "dhi"), ("wind_speed", "speed")):
         np.testing.assert_allclose(got[ours][rows], data[theirs][rows])
     np.testing.assert_allclose(got["wind_direction"][rows], data["direction"][rows])
-    np.testing.assert_allclose(got["opaque_cover"][rows], data["cover"][rows])
-    if form == "tmy3":
-        assert record.absent == {"infrared": "horizontal infrared radiation is not there"}
-    else:
-        np.testing.assert_allclose(got["infrared"][rows], data["infrared"][rows])
+    for ours, theirs in (("opaque_cover", "cover"), ("infrared", "infrared")):
+        if ours in got:
+            np.testing.assert_allclose(got[ours][rows], data[theirs][rows])
     if form == "mos":
         assert got["temp_air"][-1] == got["temp_air"][0]
     assert (record.latitude, record.longitude, record.utc_offset, record.altitude) == PLACE
+    assert record.sun_later == 0.0
+    check_sun(tmp_path / name, record)
+    assert check_still(tmp_path / name, record).columns.keys() == got.keys()
+
+
+def on_rows(change):
+    """A change of each row of an EPW file, as a change of its text."""
+
+    def changed(text):
+        lines = text.splitlines()
+        return "\n".join([*lines[:8], *(",".join(change(line.split(","))) for line in lines[8:])])
+
+    return changed
+
+
+SPELLINGS = {
+    "latin-1": lambda text: text.replace("Nowhere", "S\xe3o Paulo").encode("latin-1"),
+    "byte order mark": lambda text: text.encode("utf-8-sig"),
+    "utf-16": lambda text: text.encode("utf-16"),
+    "line ends": lambda text: text.replace("\n", "\r\n"),
+    "hours from 0": on_rows(lambda row: [*row[:3], str(int(row[3]) - 1), *row[4:]]),
+    "semicolons": lambda text: text.replace(",", ";"),
+    "decimal commas": lambda text: text.replace(",", ";").replace(".", ","),
+    "tabs": lambda text: text.replace(",", "\t"),
+    "empty fields": lambda text: text.replace("\n", ",,\n"),
+    "quoted comma": lambda text: text.replace("Nowhere", '"Nowhere, Piedmont"'),
+    "bare comma": lambda text: text.replace("Nowhere", "Nowhere, Piedmont"),
+    "32 columns": on_rows(lambda row: row[:32]),
+    "36 columns": on_rows(lambda row: [*row, "0"]),
+    "time zone 1,0": lambda text: text.replace(",1.0,40.0", ",1,0,40"),
+    "another ending": lambda text: text,
+    "leap year": lambda text: "\n".join(_with_leap_day(text.splitlines())),
+}
+
+
+def _with_leap_day(lines):
+    day = [line.replace("2001,2,28,", "2001,2,29,") for line in lines[8 + 58 * 24 : 8 + 59 * 24]]
+    return [*lines[: 8 + 59 * 24], *(line.replace("60,?9,", "60,?9,9") for line in day), *lines[8 + 59 * 24 :]]
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory):
+    """An EPW file to the letter."""
+    path = write_epw(tmp_path_factory.mktemp("plain") / "w.epw", year())
+    return path.read_text(), read_hourly(path)
+
+
+@pytest.mark.parametrize("spelling", SPELLINGS)
+def test_other_hands_files_give_the_same_record(tmp_path, plain, spelling):
+    text, expected = plain
+    changed = SPELLINGS[spelling](text)
+    path = tmp_path / ("w.txt" if spelling == "another ending" else "w.epw")
+    path.write_bytes(changed if isinstance(changed, bytes) else changed.encode())
+    record = read_hourly(path)
+    assert record.columns.keys() == expected.columns.keys()
+    for name, values in expected.columns.items():
+        np.testing.assert_array_equal(record.columns[name], values)
+    assert (record.latitude, record.longitude, record.utc_offset, record.altitude) == PLACE
+
+
+def test_a_far_place_under_greenwich_s_clock_is_moved_to_its_own(tmp_path, plain, caplog):
+    text, expected = plain
+    lines = text.replace(f"{PLACE[1]},{PLACE[2]},", "-80.0,0,").splitlines()
+    (tmp_path / "w.epw").write_text("\n".join(lines))
+    record = read_hourly(tmp_path / "w.epw")
+    assert record.utc_offset == -5
+    assert "stamps are of UTC+0 and its place at longitude -80: its rows are moved to UTC-5" in caplog.text
+    # 1 o'clock of Greenwich is 20 o'clock of the day before
+    for name, values in expected.columns.items():
+        np.testing.assert_array_equal(record.columns[name], np.roll(values, -5))
+
+
+def test_pvlib_s_readers_find_the_same_numbers(tmp_path):
+    data = year()
+    tools = pvlib.iotools
+    nsrdb, _ = tools.read_nsrdb_psm4(write_sam(tmp_path / "n.csv", data))
+    pvgis, _ = tools.read_pvgis_tmy(write_pvgis(tmp_path / "p.csv", data))
+    epw, _ = tools.read_epw(write_epw(tmp_path / "w.epw", data))
+    for path, theirs, radiation in (("n.csv", nsrdb, 0), ("p.csv", pvgis, 1), ("w.epw", epw, 0)):
+        ours = read_hourly(tmp_path / path).columns
+        np.testing.assert_allclose(ours["temp_air"], theirs["temp_air"] + 273.15)
+        for name in ("ghi", "dni", "dhi"):
+            np.testing.assert_allclose(ours[name], np.roll(theirs[name], radiation))
+
+
+def test_instants_of_an_hour_s_end_bring_their_sun_with_them(tmp_path):
+    """NSRDB's rows at minute 0: readings are of the stamp, radiation of the hour's first moment."""
+    data = year()
+    record = read_hourly(write_sam(tmp_path / "w.csv", data, 0))
+    assert record.sun_later == 0.0  # SAM's, without a source that says instants
+    (tmp_path / "n.csv").write_text((tmp_path / "w.csv").read_text().replace("IWEC", "NSRDB"))
+    record = read_hourly(tmp_path / "n.csv")
+    assert record.sun_later == -0.5
+    np.testing.assert_allclose(record.columns["temp_air"], np.roll(data["temp"], -1) + 273.15)
+    np.testing.assert_allclose(record.columns["ghi"], data["ghi"])
+
+
+def test_what_is_not_there_is_worked_out(tmp_path, caplog):
+    """Global of the two others, pressure of the altitude, and dew point of the humidity (Magnus: 75 % at 10 degC)."""
+    data = year()
+    data["temp"] = np.where(HOURS == 5, 10.0, data["temp"])
+    text = write_sam(tmp_path / "w.csv", data).read_text()
+    text = text.replace("DNI,GHI,Dew Point", "DNI,GH illum,x").replace("Pressure", "Alb")
+    (tmp_path / "w.csv").write_text(text)
+    record = read_hourly(tmp_path / "w.csv")
+    assert np.abs(record.columns["ghi"] - data["ghi"]).mean() < 2
+    assert record.columns["pressure"][0] == pytest.approx(101325 * (1 - 2.25577e-5 * 40) ** 5.25588, rel=1e-4)
+    assert "has no global horizontal radiation: it is worked out" in caplog.text
+    dew = read_hourly(write_pvgis(tmp_path / "p.csv", data)).columns["temp_dew"]
+    assert dew[4] == pytest.approx(5.8 + 273.15, abs=0.1)
 
 
 def test_the_forms_agree_on_the_facade(tmp_path):
     data = year()
     spec = Weather(files=["x"], surface_azimuth=135.0)
-    tables = [read_weather(spec, write(tmp_path / name, data).name, tmp_path) for write, name in WRITERS.values()]
+    names = ("tmy3", "epw", "mos", "nsrdb", "pvgis")
+    tables = [read_weather(spec, WRITERS[one][0](tmp_path / f"{one}.txt", data).name, tmp_path) for one in names]
     assert tables[0].columns["poa_global"].max() > 300
     for table in tables[1:]:
         for name in ("poa_global", "temp_air", "ghi", "wind_speed"):
@@ -215,6 +382,11 @@ def _edit(path, number, text):
     return path
 
 
+def _cut(path, lines):
+    path.write_text("\n".join(path.read_text().splitlines()[:lines]))
+    return path
+
+
 def _replaced(name, hour, value):
     data = year()
     data[name] = np.where(hour == HOURS, value, data[name])
@@ -222,13 +394,16 @@ def _replaced(name, hour, value):
 
 
 BAD = {
-    "no such file": (lambda d: d / "none.epw", r"none\.epw: no such weather file; expected TMY3 \(\.csv\), EPW"),
-    "unknown ending": (lambda d: d / "w.wea", r"w\.wea: ending is '\.wea'; expected \.csv \(TMY3\), \.epw or \.mos"),
-    "leap year": (
-        lambda d: write_epw(d / "w.epw", year(), 8784),
-        r"w\.epw: found 8784 hourly rows \(a leap year: drop 29 February\); expected 8760, one common year",
-    ),
+    "no such file": (lambda d: d / "none.epw", r"none\.epw: no such weather file; expected EPW, TMY3"),
     "half a year": (lambda d: write_epw(d / "w.epw", year(), 4000), r"found 4000 hourly rows; expected 8760"),
+    "half hours": (
+        lambda d: write_epw(d / "w.epw", year(), 17520),
+        r"found 17520 hourly rows, 30 min apart: keep or average to one row an hour; expected 8760",
+    ),
+    "a day too many": (
+        lambda d: write_epw(d / "w.epw", year(), 8784),
+        r"line 1425 is of 3/1 1 h \(month/day, hour\); expected the hour after that of line 1424",
+    ),
     "missing code": (
         lambda d: write_epw(d / "w.epw", _replaced("temp", 7, 99.9)),
         r"dry-bulb temperature is missing or out of range in 1 of 8760 hours, first in hour 7 "
@@ -244,9 +419,30 @@ BAD = {
     ),
     "another csv": (
         lambda d: (d / "w.csv").write_text("a,b\n1,2\n") and d / "w.csv",
-        r"w\.csv: not a readable TMY3 file \(",
+        r"w\.csv: begins with 'a,b', as no weather file does .*; expected EPW, TMY3, .*PVGIS's CSV$",
     ),
-    "empty epw": (lambda d: (d / "w.epw").write_text("\n") and d / "w.epw", r"w\.epw: not a readable EPW file \("),
+    "json": (
+        lambda d: (d / "w.json").write_text("{}") and d / "w.json",
+        r"is JSON, so download the same as CSV or EPW",
+    ),
+    "archive": (
+        lambda d: (d / "w.epw").write_bytes(b"PK\x03\x04\xff") and d / "w.epw",
+        r"is a compressed archive, so unpack it",
+    ),
+    "empty epw": (lambda d: (d / "w.epw").write_text("\n") and d / "w.epw", r"w\.epw: is empty; expected EPW"),
+    "no rows": (lambda d: _cut(write_epw(d / "w.epw", year(), 1), 8), r"has no rows below the header of EPW"),
+    "no place": (
+        lambda d: _edit(write_epw(d / "w.epw", year()), 0, "LOCATION,a,b,c,d,e,north,1,2,3"),
+        r"line 1 is 'LOCATION,a.*; expected latitude, longitude, time zone, altitude as numbers in a row",
+    ),
+    "short line": (
+        lambda d: _edit(write_epw(d / "w.epw", year()), 311, "2001,1,13,16,60"),
+        r"line 312 is '2001,1,13,16,60', with 5 fields; expected at least 22 in each row of EPW",
+    ),
+    "nsrdb without place": (
+        lambda d: _edit(write_sam(d / "w.csv", year()), 1, "NSRDB,1,-,-,-,x,13.5,1,40,1"),
+        r"latitude is 'x'; expected a number on line 2 under its name on line 1",
+    ),
     "no location": (
         lambda d: (d / "w.mos").write_text("#1\ndouble tab1(2,30)\n") and d / "w.mos",
         r"w\.mos: has no #LOCATION line; expected a Modelica weather file",
@@ -257,7 +453,7 @@ BAD = {
     ),
     "place off the earth": (
         lambda d: _edit(write_mos(d / "w.mos", year()), 2, "#LOCATION,a,b,c,d,e,100,1,2,3"),
-        r"place is latitude 100, longitude 1, time zone 2 h; expected degrees north",
+        r"place is latitude 100, longitude 1, time zone 2, altitude 3; expected degrees north",
     ),
     "row cut short": (
         lambda d: _edit(write_mos(d / "w.mos", year()), 50, "3600 1 2 3"),
@@ -283,7 +479,9 @@ def test_rows_out_of_order(tmp_path):
     lines = path.read_text().splitlines()
     lines[20], lines[21] = lines[21], lines[20]
     path.write_text("\n".join(lines))
-    with pytest.raises(WeatherError, match=r"row 13 is of 1/1 13:00; expected 1/1 12:00, the hours of one year"):
+    with pytest.raises(
+        WeatherError, match=r"line 21 is of 1/1 14 h \(month/day, hour\); expected the hour after that of line 20"
+    ):
         read_hourly(path)
 
 

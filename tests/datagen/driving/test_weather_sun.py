@@ -1,4 +1,4 @@
-"""Radiation that is not of the place or the clock that its file says, in a real year."""
+"""Radiation that is not of its place or its clock or contradicts itself, and columns that rest, in a real year."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -8,7 +8,8 @@ import pvlib
 import pytest
 
 from datagen.driving.weather_files import read_hourly
-from datagen.driving.weather_sun import check_sun, sun_over, sunlit_middles
+from datagen.driving.weather_record import sun_over, sunlit_middles
+from datagen.driving.weather_sun import check_still, check_sun
 from shared.errors import WeatherError
 
 DATA = Path(pvlib.__file__).parent / "data"
@@ -29,7 +30,9 @@ def moved(record, hours):
 def test_a_real_year_passes_without_a_word(real, caplog):
     with caplog.at_level("WARNING", logger="zeroshot"):
         check_sun(Path("w.epw"), real)
+        kept = check_still(Path("w.epw"), real)
     assert not caplog.records
+    assert kept.columns.keys() == real.columns.keys()
 
 
 @pytest.mark.parametrize(
@@ -58,5 +61,90 @@ def test_instants_in_place_of_means_are_told(real, caplog):
     assert "with the sun half an hour later, as of instants" in caplog.text
 
 
-def test_a_year_without_sun_has_no_clock(real):
-    check_sun(Path("w.epw"), replace(real, columns=real.columns | {name: np.zeros(8760) for name in SUN}))
+@pytest.fixture(scope="module")
+def greensboro():
+    return read_hourly(DATA / "723170TYA.CSV")
+
+
+def changed(record, hours=slice(None), **columns):
+    """The same with other values, or times a factor where a function is given, in some hours."""
+    values = {name: record.columns[name].copy() for name in columns}
+    for name, change in columns.items():
+        values[name][hours] = change(values[name][hours]) if callable(change) else change
+    return replace(record, columns=record.columns | values)
+
+
+JUNE = slice(151 * 24, 181 * 24)
+
+
+@pytest.mark.parametrize(
+    ("columns", "hours", "sentence"),
+    [
+        ({"ghi": 0.0, "dni": 0.0, "dhi": 0.0}, slice(None), r"are zero all year; expected a year with sun"),
+        (
+            {"dni": 0.0, "dhi": 0.0},
+            slice(None),
+            r"by 100% in month 1, .*; all zero in it: direct normal radiation, diffuse .*; expected",
+        ),
+        ({"dhi": 0.0}, slice(None), r"all zero in it: diffuse horizontal radiation; expected at most 15%"),
+        ({"dni": 0.0}, JUNE, r"by \d\d% in month 6, .*; all zero in it: direct normal radiation"),
+        ({"ghi": 0.0}, JUNE, r"by 100% in month 6, .*; all zero in it: global horizontal radiation"),
+        # all three times 1.25 less 1 of the global one are 20 % of what the file then says
+        ({"ghi": lambda v: 1.25 * v}, slice(None), r"differ by 20% in month"),
+    ],
+    ids=["no sun", "global alone", "no diffuse", "no beam in June", "no global in June", "global a quarter more"],
+)
+def test_radiation_that_contradicts_itself_is_refused_whatever_the_clock(greensboro, columns, hours, sentence):
+    with pytest.raises(WeatherError, match=rf"^w\.epw: .*{sentence}"):
+        check_sun(Path("w.epw"), changed(greensboro, hours, **columns))
+
+
+def test_a_small_contradiction_is_told_with_its_size(greensboro, caplog):
+    with caplog.at_level("WARNING", logger="zeroshot"):
+        check_sun(Path("w.epw"), changed(greensboro, ghi=lambda v: v / 0.9))
+    assert "radiation on the horizontal differ by 10% in month" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "length", "outcome"),
+    [
+        ("temp_air", 281.35, 40, "dry-bulb temperature is 281.35 K for 40 h from hour 1001"),
+        ("temp_air", 281.35, 80, WeatherError),
+        ("wind_speed", 2.35, 80, WeatherError),
+        ("wind_speed", 0.0, 200, "wind speed is 0 m/s for 200 h from hour 1001"),
+        ("wind_speed", 0.0, 400, WeatherError),
+        ("ghi", 123.0, 20, "global horizontal radiation is 123 W/m2 for 20 h"),
+        ("ghi", 123.0, 80, WeatherError),
+        ("ghi", 0.0, 16 * 24, WeatherError),
+        ("temp_dew", 272.35, 80, "as no weather does: the column is not used"),
+    ],
+)
+def test_a_column_that_rests_longer_than_the_weather_can(greensboro, caplog, column, value, length, outcome):
+    broken = changed(greensboro, slice(1000, 1000 + length), **{column: value})
+    if outcome is WeatherError:
+        with pytest.raises(WeatherError, match=r"^w\.epw: .* h from hour \d+ \(day .*; expected at most \d+ h"):
+            check_still(Path("w.epw"), broken)
+        return
+    kept = check_still(Path("w.epw"), broken)
+    assert outcome in caplog.text
+    assert (column in kept.columns) == ("not used" not in outcome)
+    assert (column in kept.absent) == ("not used" in outcome)
+
+
+def test_copied_rows_are_found_after_half_a_day(greensboro):
+    hours = slice(1000, 1013)
+    copied = {name: lambda v: v[0] for name in ("temp_air", "temp_dew", "wind_speed", "wind_direction", "pressure")}
+    with pytest.raises(WeatherError, match=r"wind direction, .*are all the same for 13 h from hour 1001"):
+        check_still(Path("w.epw"), changed(greensboro, hours, **copied))
+    check_still(
+        Path("w.epw"), changed(greensboro, slice(1000, 1012), **{k: v for k, v in copied.items() if k != "pressure"})
+    )
+
+
+def test_an_instant_s_sun_is_where_the_record_says(greensboro):
+    """A record whose radiation is of the ends of its hours has the sun of these."""
+    later = replace(greensboro, sun_later=0.5)
+    ends = sun_over(sunlit_middles(later), later)
+    np.testing.assert_allclose(ends.azimuth, sun_over(sunlit_middles(greensboro, 0.5), greensboro).azimuth)
+    ghi = greensboro.columns["dhi"] + greensboro.columns["dni"] * np.maximum(np.cos(np.radians(ends.zenith)), 0)
+    check_sun(Path("w.epw"), changed(later, ghi=np.minimum(ghi, 1600)))

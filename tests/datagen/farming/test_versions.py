@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from datagen import info, merge, run, verify
+from datagen.datasets.mending import repair
 from datagen.farming.cluster import _check_versions
 from datagen.farming.versions import all_here, deciding_here
 from datagen.farming.worker import Job, simulate_shard
@@ -91,6 +92,19 @@ def test_another_major_schema_is_not_extended(tanks, older):
     write_manifest(older, read_manifest(older).model_copy(update={"schema_version": "1.0"}))
     with pytest.raises(DatasetError, match=r"schema_version is 1\.0, this run has 2\.\d+; a dataset can only be"):
         run(tanks / "system.toml", older, systems=4, seed=1, extend=True, **SIZE)
+
+
+def test_what_a_newer_minor_schema_has_is_not_lost_by_those_who_do_not_know_it(tanks, older):
+    """It is read, but an older version does not write to it."""
+    write_manifest(older, read_manifest(older).model_copy(update={"schema_version": "2.99"}))
+    before = (older / "manifest.json").read_bytes()
+    assert verify(older) == []
+    said = r"manifest\.json: schema version is '2\.99', and this version of zeroshot-fmu writes 2\.\d+: update it"
+    with pytest.raises(DatasetError, match=said):
+        run(tanks / "system.toml", older, systems=4, seed=1, extend=True, **SIZE)
+    with pytest.raises(DatasetError, match=said):
+        repair(older, tanks / "system.toml")
+    assert (older / "manifest.json").read_bytes() == before
 
 
 class _Client:

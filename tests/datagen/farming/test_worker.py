@@ -63,7 +63,7 @@ def test_systems_that_were_simulated_before_the_change_was_seen_are_dropped(job,
 
 
 def test_a_worker_whose_own_file_changed_goes_on_with_what_it_was_sent(job, default_system, tmp_path, monkeypatch):
-    monkeypatch.setattr(package, "_home", lambda name: tmp_path / "home" / name)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     first = simulate_shard(job, "shard-000000.nc", [0])
     receive(job.package, package_files(package.locate(job.system, job.system_path, job.package)))
     edit(tmp_path)

@@ -26,7 +26,7 @@ def toml(default_system):
     [
         ('name = "roo.V"', 'name = "roo.Volume"', ["'roo.Volume'", "not a variable", "'roo.V'"]),
         ('name = "roo.V"', 'name = "TMRT"', ["'TMRT'"]),
-        ('unit = "m3"', 'unit = "litre"', ["'roo.V'", "'litre'", "'m3'"]),
+        ('unit = "m3"', 'unit = "kg"', ["'roo.V'", "'kg'", "'m3'", "of the same kind"]),
         ('name = "TDryBul"', 'name = "TOutdoor"', ["'TOutdoor'", "not a variable"]),
         ('[[outputs]]\nname = "TRoo"', '[[outputs]]\nname = "TRoo"\nvariable = "TAir"', ["'TAir'"]),
         ("[fixed]", '[fixed]\n"conHea.kk" = 1.0', ["fixed", "'conHea.kk'", "conHea.k"]),

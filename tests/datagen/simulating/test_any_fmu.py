@@ -373,3 +373,22 @@ def test_other_types_are_refused(small_system, tmp_path, fmi, old, new, words):
     changed = system.model_copy(update={"fmu": str(tmp_path / "other.fmu")})
     with pytest.raises(SystemDescriptionError, match=words):
         Simulator(changed)
+
+
+@pytest.mark.parametrize("kind", ["me", "cs"])
+def test_the_time_of_an_fmu_is_never_negative(small_system, fmi, kind, monkeypatch):
+    """A warm-up before time 0 is simulated a whole year later, with the same inputs and to the same end."""
+    names = {"outputs": {"x": "point"}, "parameters": ("tau",), "inputs": {"u": "linear"}}
+    simulator, begun = Simulator(small_system("lag", fmi, (kind,), **names, step=3600.0, **STEPWISE)), []
+    told = simulator.fmu.interface.set_up
+    monkeypatch.setattr(simulator.fmu.interface, "set_up", lambda at, *rest: (begun.append(at), told(at, *rest)))
+    times = np.arange(-20, 11) * 3600.0
+    signal = Piecewise(times, np.sin(times / 9000.0))
+    span = {"start": -72000.0, "stop": 36000.0}
+    run = simulator.run({"tau": 5000.0}, merge({"u": signal}, *span.values()), **span, record_from=0.0)
+    assert begun == [8760 * 3600.0 - 72000.0]
+    np.testing.assert_array_equal(run.time, 3600.0 * np.arange(1, 11))
+    exact = solve_ivp(
+        lambda t, x: (signal.at(t) - x) / 5000.0, (-72000.0, 36000.0), [0.0], t_eval=run.time, max_step=600, rtol=1e-8
+    )
+    np.testing.assert_allclose(run.outputs[0], exact.y[0], atol=1e-5 if kind == "me" else 2e-3)

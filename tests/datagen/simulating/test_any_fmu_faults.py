@@ -29,6 +29,9 @@ FAULTS = [
     "never_settles",
     "dirty",
     "slow",
+    "crashes",
+    "leaks",
+    "mutters",
 ]
 
 
@@ -78,6 +81,14 @@ def test_the_fmu_has_the_last_word(small_system, flavour):
     """Its messages reach us from within the compiled code, which runs without the interpreter's lock."""
     with pytest.raises(SimulationError, match="the FMU says: something broke at t = "):
         run(faulty(small_system, flavour), "fails")
+
+
+def test_words_without_a_name_or_in_another_encoding_are_kept(small_system, flavour, capfd):
+    with pytest.raises(SimulationError, match=r"the FMU says: (.*)$") as caught:
+        run(faulty(small_system, flavour), "mutters")
+    *_, last = str(caught.value).partition("the FMU says: ")
+    assert last.endswith("from nobody | Tür klemmt, [31m50 K too hot")
+    assert capfd.readouterr().err == ""  # nothing was raised within a callback
 
 
 def test_the_time_of_the_end_is_told(small_system, flavour):

@@ -9,6 +9,7 @@ from datagen import run, simulate, verify
 from datagen.cli import app
 from datagen.datasets.mending import repair
 from datagen.driving.sampling import sample_parameters
+from datagen.fmi.fmu import Fmu
 from datagen.simulating.constants import constants, sample_factors, values_of
 from datagen.simulating.simulator import Simulator
 from shared.errors import DatasetError, SystemDescriptionError
@@ -130,6 +131,27 @@ def test_one_system_by_the_command_is_the_farms(drawn, default_system, tmp_path,
     assert np.array_equal(one["TRoo"], shard["TRoo"][1])
 
 
-def test_a_constant_that_is_set_is_not_drawn_as_well(default_system):
-    with pytest.raises(SystemDescriptionError, match=r"'floor.layer\[1\].C' is set, and uncertain constants are to be"):
-        simulate(default_system, parameters={"floor.layer[1].C": 9e4}, hours=24, uncertain=True)
+def test_a_constant_that_is_set_is_not_drawn_and_the_others_are_drawn_as_before(default_system):
+    """Of the floor one layer is set, and the other has its factor; the ceiling is set as a whole, and has none."""
+    drawn = simulate(default_system, hours=24, uncertain=True)
+    ceiling = default_system.uncertain[2]
+    given = {"floor.layer[1].C": 9e4} | dict.fromkeys(ceiling.parameters, 1e4)
+    found = simulate(default_system, parameters=given, hours=24, uncertain=True)
+    others = [one.name for one in default_system.uncertain if one.name != ceiling.name]
+    assert [name for name, one in found.data_vars.items() if one.attrs.get("role") == "constant"] == others
+    for name in (*others, *default_system.parameter_names):
+        assert float(found[name]) == float(drawn[name])
+    known = constants(default_system, Fmu(default_system.fmu_path))
+    factors = np.array([1.0 if one is ceiling else float(drawn[one.name]) for one in default_system.uncertain])
+    by_hand = simulate(default_system, parameters=values_of(known, factors) | given, hours=24)
+    assert np.array_equal(by_hand["TRoo"], found["TRoo"])
+
+
+def test_what_is_fixed_at_zero_stays_zero(default_system):
+    """A layer without resistance is fixed at 0, where the FMU has a value: 0 times any factor is 0."""
+    flat = default_system.model_copy(update={"fixed": {"floor.layer[1].R": 0.0}})
+    known = constants(flat, Simulator(flat).fmu)
+    assert values_of(known, np.full(len(known), 2.0))["floor.layer[1].R"] == 0.0
+    negative = default_system.model_copy(update={"fixed": {"floor.layer[1].R": -0.1}})
+    with pytest.raises(SystemDescriptionError, match=r"value -0.1 in .*; expected a positive .* under \[fixed\]"):
+        Simulator(negative)

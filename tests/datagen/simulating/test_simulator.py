@@ -215,3 +215,14 @@ def test_inputs_that_bend_cost_no_accuracy(simulator, default_system):
     coarse, fine = (simulator.run(values, inputs, **span, tolerance=t).outputs for t in (1e-6, 1e-10))
     room = default_system.output_names.index("TRoo")
     assert np.sqrt(np.mean((coarse - fine)[room] ** 2)) < 3e-4  # 7e-4 where steps cross the knots of the weather
+
+
+def test_warnings_of_the_solver_are_logged_and_not_printed(simulator, capfd, caplog):
+    """Far from zero a first step is lost in the time's own rounding, of which CVODE warns on standard error."""
+    far = 1e15
+    inputs = {n: Piecewise(np.array([far]), np.array([BASE.get(n, 0.0)])) for n in simulator.system.input_names}
+    table = merge(inputs, far, far + 3600.0)
+    with caplog.at_level("DEBUG", logger="zeroshot"):
+        simulator.run(middle(simulator.system), table, start=far, stop=far + 3600.0, tolerance=1e-9)
+    assert "t + h = t" in caplog.text
+    assert capfd.readouterr().err == ""

@@ -126,6 +126,9 @@ def test_a_file_that_is_no_calibration_is_told(tmp_path):
     (tmp_path / "calibration.json").write_text('{"schema_version": 7}')
     with pytest.raises(RecordingError, match=r"is 7, .* temperature's range .*; expected 8, .*: calibrate again"):
         read_calibration(tmp_path)
+    (tmp_path / "calibration.json").write_text('{"schema_version": 9, "tricks": "new"}')
+    with pytest.raises(RecordingError, match=r"schema version is 9; .* reads up to 8: update it"):
+        read_calibration(tmp_path)
 
 
 @pytest.mark.slow

@@ -10,17 +10,17 @@ import pytest
 
 from datagen import simulate
 from diagnosis.calibrating.calibration import calibrate
+from diagnosis.calibrating.given import check_constants, noise_of
 from diagnosis.calibrating.schema import read_calibration
 from diagnosis.cli import app
 from diagnosis.fitting.problem import Problem
 from diagnosis.forecasting import forecast as forecasting
 from diagnosis.forecasting.forecast import band, check_driven, forecast
 from diagnosis.forecasting.forecasted import about_failed
-from diagnosis.forecasting.given import check_constants, noise_of
 from diagnosis.forecasting.report import _days
 from diagnosis.pages import page_environment
 from diagnosis.recording import Recording, read_recording
-from shared.console import FAULT, start
+from shared.console import FAULT, OK, start
 from shared.errors import RecordingError, SimulationError
 
 
@@ -68,6 +68,21 @@ def test_draws_that_fail_are_not_counted_among_those_of_the_band(house, house_re
     assert said in caplog.text and said in (tmp_path / "ahead" / "forecast.html").read_text()
 
 
+def test_when_the_time_is_up_half_of_the_draws_make_the_band(house, house_recording, tmp_path):
+    path, out = house_recording(hours=48), tmp_path / "ahead"
+    record = read_recording(path, house("me"))
+    context = replace(
+        record,
+        time=record.time[:24],
+        outputs=record.outputs[:, :24],
+        inputs={name: values[:24] for name, values in record.inputs.items()},
+    )
+    known = calibrate(house("me"), context, starts=1).report
+    done = forecast(house("me"), path, context=24, ahead=24, calibration=known, draws=8, out=out, minutes=1e-9)
+    assert (done.report.draws, done.report.failed, done.report.stopped) == (4, 0, True)
+    assert "The time was up: the bands are those of 4 simulations" in (out / "forecast.html").read_text()
+
+
 def test_a_forecast_is_drawn_from_the_begin_of_its_first_step():
     """Which is what the axis counts from; times are the ends of steps."""
     np.testing.assert_allclose(_days(86400.0 * np.array([4.0, 5.0, 6.0])), [1.0, 2.0, 3.0])
@@ -100,10 +115,10 @@ def test_a_calibration_from_a_file_has_the_bands_of_one_that_was_just_made(house
         forecast(system, path, calibration=other, **common)
     other = given.model_copy(update={"replay": True})
     with pytest.raises(
-        RecordingError, match="made with replayed actuators, and the forecast has simulated controllers"
+        RecordingError, match=r"made with replayed actuators, and here are simulated controllers; .*: give --replay"
     ):
         forecast(system, path, calibration=other, **common)
-    with pytest.raises(RecordingError, match=r"persons measured and 0 uncertain .* 4 unknowns; .* has 5, with"):
+    with pytest.raises(RecordingError, match=r"persons measured and 0 uncertain .* 4 unknowns; here are 5, with"):
         forecast(system, path, calibration=tmp_path / "calibration", occupancy="unknown", **common)
 
 
@@ -174,10 +189,8 @@ def test_a_replayed_actuator_that_was_not_read_ahead_is_refused(default_system, 
     outputs = record.outputs.copy()
     outputs[default_system.output_names.index("QHea"), 50:] = np.nan
     fitted = np.zeros(len(default_system.parameters))
-    monkeypatch.setattr(forecasting, "check_given", lambda *_, **__: None)
-    monkeypatch.setattr(forecasting, "check_unseen", lambda *_: None)
-    monkeypatch.setattr(forecasting, "check_constants", lambda *_: None)
-    monkeypatch.setattr(forecasting, "read_calibration", lambda _: SimpleNamespace(z=fitted, covariance=[], outputs={}))
+    given = SimpleNamespace(z=fitted, covariance=[], outputs={})
+    monkeypatch.setattr(forecasting, "given_calibration", lambda *_: given)
     with pytest.raises(RecordingError, match=r"'QHea' was read in 8% of the hours ahead; expected at least 95%"):
         forecast(
             default_system.model_copy(update={"uncertain": []}),
@@ -212,7 +225,8 @@ def test_actuators_that_were_logged_under_their_own_names_need_no_output(default
 
 
 @pytest.mark.slow
-def test_a_fit_is_not_called_a_forecast_and_the_page_says_why_not_to_believe(house, house_recording, tmp_path):
+def test_the_command_goes_on_from_a_calibration(house, house_recording, tmp_path):
+    """It calls no fit a forecast, and its page says why not to believe it."""
     system, path = house("me"), house_recording(hours=96)
     calibrate(system, path, starts=1, warm_up=24.0, out=tmp_path / "all")
     common = {"context": 48, "ahead": 48, "draws": 5, "calibration": tmp_path / "all"}
@@ -223,7 +237,8 @@ def test_a_fit_is_not_called_a_forecast_and_the_page_says_why_not_to_believe(hou
     with pytest.raises(RecordingError, match=r"copy\.nc: 2001-01-03 00:00 and what follows is to be forecast"):
         forecast(system, copy, **common)
     other = house_recording(hours=72, seed=8)
-    forecast(system, other, out=tmp_path / "ahead", **common | {"ahead": 24})
+    words = [str(system.path), str(other), "--context", "48", "--ahead", "24", "--out", str(tmp_path / "ahead")]
+    assert start(app, ["forecast", *words, "--calibration", str(tmp_path / "all")]) == OK
     page = " ".join((tmp_path / "ahead" / "forecast.html").read_text().split())
     assert f"Parameters from a calibration on 96 h of {path}" in page
     assert "Intervals are up to 1.5 times as wide as the fit makes them" in page

@@ -139,7 +139,7 @@ def test_those_foremost_where_the_fit_began_are_fitted_from_there_once(monkeypat
     monkeypatch.setattr(contending, "fitted_with", fit)
     monkeypatch.setattr(contending, "laid_bare", lambda *_: None)
     plain = SimpleNamespace(with_effects=lambda _: SimpleNamespace(size=2))
-    found = SimpleNamespace(path="here", made=Made(), simulations=0, plain=plain, begin=None)
+    found = SimpleNamespace(path="here", made=Made(), simulations=0, plain=plain, begin=None, failed={})
 
     def refits(names):
         lin = SimpleNamespace(effects=[one for one in effects if one.name in names])
@@ -162,7 +162,7 @@ def test_an_effect_may_be_called_as_what_a_search_makes(monkeypatch):
     monkeypatch.setattr(contending, "fitted_with", lambda *_: one)
     monkeypatch.setattr(contending, "laid_bare", lambda *_: None)
     plain = SimpleNamespace(with_effects=lambda _: SimpleNamespace(size=2))
-    found = SimpleNamespace(path="here", made=Made(), simulations=0, plain=plain, begin=None)
+    found = SimpleNamespace(path="here", made=Made(), simulations=0, plain=plain, begin=None, failed={})
     scan = SimpleNamespace(order=[0], evidence=np.array([9.0]), ratio=np.array([9.0]), foremost=None)
     stage = SimpleNamespace(
         scan=scan,

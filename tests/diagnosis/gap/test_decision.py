@@ -58,7 +58,7 @@ def refits(**evidence):
     ]
 
 
-def searched(stages, made, confirmed=True, beside=None):
+def searched(stages, made, confirmed=True, beside=None, to_the_end=True):
     share = stages[-1].left_over / max(stages[0].left_over, 1.0)
     chosen = stages[-1].lin.chosen
     return SimpleNamespace(
@@ -71,6 +71,8 @@ def searched(stages, made, confirmed=True, beside=None):
         beside=beside or {},
         confirmed=confirmed,
         excluded={},
+        failed={},
+        searched=to_the_end,
     )
 
 
@@ -104,6 +106,14 @@ def test_a_place_alone_is_a_gap_without_a_cause_if_a_discrepancy_is_plausible(le
     """At half the level of 0.02."""
     only = stage(found=False, misfits=False, left_over=left_over)
     assert decide(searched([only], []), p, p).verdict == verdict
+
+
+def test_a_gap_whose_cause_nobody_looked_for_is_of_no_candidate_and_of_each_as_straight_lines_say():
+    only = stage(found=True, misfits=True, left_over=100.0, evidence=(9.0, 3.0, 0.0))
+    done = decide(searched([only], [], to_the_end=False), 0.5, 0.5)
+    assert (done.verdict, done.named, done.sets) == ("unfinished", (), ())
+    assert done.nothing + done.none + sum(done.probabilities.values()) == pytest.approx(1.0)
+    assert list(done.probabilities) == sorted(done.probabilities, key=lambda name: -done.probabilities[name])
 
 
 def test_an_episode_alone_is_a_gap_without_a_cause():

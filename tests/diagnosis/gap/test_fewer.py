@@ -58,13 +58,18 @@ def test_fewer_keeps_order_and_columns_and_says_what_it_lacks():
     class Bare:
         effects = ()
 
-    made = {"problem": Bare(), "effects": (a, b, c), "failed": ("b",), "by_effect": np.arange(6.0).reshape(1, 2, 3)}
+    made = {
+        "problem": Bare(),
+        "effects": (a, b, c),
+        "failed": {"b": "it is stiff"},
+        "by_effect": np.arange(6.0).reshape(1, 2, 3),
+    }
     lin = Linearised(**dict.fromkeys([one.name for one in dataclasses.fields(Linearised)]) | made)
     less = fewer(lin, [c, a])
     assert [one.name for one in less.effects] == ["c", "a"]
     assert less.by_effect[0].tolist() == [[2.0, 0.0], [5.0, 3.0]]
-    assert less.failed == ()
-    assert fewer(lin, [b]).failed == ("b",)
+    assert less.failed == {}
+    assert fewer(lin, [b]).failed == {"b": "it is stiff"}
     assert fewer(lin, [a, Named("x")], {"x": "not measured"}).effects == (a,)
     with pytest.raises(ValueError, match="'x'"):
         fewer(lin, [Named("x")])

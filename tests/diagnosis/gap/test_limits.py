@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from diagnosis.fitting.failures import NO_TIME
 from diagnosis.gap.limits import ended_early, ends_left_out, limits, noiseless, strained
 from diagnosis.gap.schema import ConditionOf
 from diagnosis.gap.sentences import summary
@@ -111,11 +112,33 @@ def test_a_candidate_that_could_not_be_simulated_was_not_looked_for():
     none = report(
         verdict="none_of_these",
         effects=[named("a", answer=False), named("b", answer=False)],
-        excluded={"b": "its simulation fails"},
+        failed={"b": "it is stiff"},
         none_of_these=0.5,
         stages=[stage(0.001, 0.001)],
     )
     assert "none of the 1 candidates" in summary(none)[1]
+
+
+def test_what_an_answer_lacks_is_the_first_limit_and_how_to_go_on_is_said_where_time_was_lacking():
+    short = report(unfinished={"how far the gap shrinks": NO_TIME}, failed={"b": "it is stiff"})
+    first, *others = limits(short)
+    assert first.startswith("The answer lacks: how far the gap shrinks (the time was up).") and "goes on" in first
+    assert "Failed: b (it is stiff)." in others
+    assert "the time was up" in summary(report(**vars(short) | {"stages": [stage(0.5, 0.5, ["b"])]}))[2]
+    assert "goes on" not in limits(report(unfinished={"the optimum": "it is stiff"}))[0]
+
+
+def test_without_time_no_candidate_is_named_but_what_straight_lines_say():
+    cut = report(
+        verdict="unfinished",
+        effects=[named("a", 0.4, answer=False), named("b", 0.01, answer=False)],
+        none_of_these=0.31,
+        no_gap=0.07,
+        unfinished={"the search for the cause": NO_TIME},
+        stages=[stage(0.001, 0.001)],
+    )
+    assert summary(cut)[1].endswith("By straight lines alone the foremost are a (40%).")
+    assert cut.untried == pytest.approx(1 - 0.4 - 0.01 - 0.31 - 0.07)
 
 
 def test_a_better_fit_of_the_base_model_is_told():

@@ -64,7 +64,7 @@ def straight(seed=4):
         by_unknown=toy.by_unknown,
         by_effect=toy.by_effect,
         effects=toy.effects,
-        failed=(),
+        failed={},
         simulations=0,
     )
     return lin, Grams(lin, np.ones(lin.residual.shape, dtype=bool))

@@ -1,11 +1,14 @@
 """What the search tries, and what ends it at once."""
 
+from contextlib import nullcontext
 from inspect import signature
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.linalg import LinAlgError
 
+from diagnosis.fitting.failures import NO_TIME, CandidateError
 from diagnosis.gap import contending
 from diagnosis.gap import search as searching
 from diagnosis.gap.contending import UNEXPLAINED
@@ -13,7 +16,7 @@ from diagnosis.gap.exchange import exchanged
 from diagnosis.gap.made import Made
 from diagnosis.gap.search import search
 from diagnosis.gap.searched import Search
-from shared.errors import SimulationError
+from shared.errors import SimulationError, TimeUp
 
 COLOURS = SimpleNamespace(best={})
 
@@ -32,7 +35,7 @@ def searched(monkeypatch):
     """
 
     def made(before, left=0.0, refits=(), abroad=((), ()), contended=lambda refits, *_: (refits, refits[0])):
-        base = SimpleNamespace(chosen=(), simulations=0, failed=())
+        base = SimpleNamespace(chosen=(), simulations=0, failed={})
         grams = SimpleNamespace(evidence=lambda colours: 10.0)
         first = SimpleNamespace(**before, episodic=False, lin=base, grams=grams, colours=COLOURS)
 
@@ -41,7 +44,7 @@ def searched(monkeypatch):
             return first if lin is base else after
 
         begun = SimpleNamespace(lin=SimpleNamespace(problem=None), simulations=0, evidence=0.0)
-        monkeypatch.setattr(searching, "settled_base", lambda *_: begun)
+        monkeypatch.setattr(searching, "settled_base", lambda *_, **__: begun)
         monkeypatch.setattr(searching, "applicable", lambda *_: ((), {}))
         monkeypatch.setattr(searching, "among", lambda *_: base)
         monkeypatch.setattr(searching, "examine", examine)
@@ -136,7 +139,7 @@ def test_what_stands_out_most_from_its_own_twins_is_refitted_however_much_others
     made = SimpleNamespace(evidence=1.0, simulations=0, lin=SimpleNamespace(amplitudes=[1.0]))
     tried = []
     monkeypatch.setattr(searching, "refit", lambda grams, best, start, effects: tried.append(effects[0].name) or made)
-    searching.refitted(stage, lambda _: None, SimpleNamespace(path="here", made=Made(), simulations=0))
+    searching.refitted(stage, lambda _: None, SimpleNamespace(path="here", made=Made(), simulations=0, failed={}))
     among = list(range(near))
     if foremost == 7:
         among = [*among[: searching.MOST_REFITS - 1], 7]
@@ -202,7 +205,7 @@ def test_the_base_model_is_fitted_where_a_refit_shows_that_it_does_better(monkey
 @pytest.mark.parametrize("fails", [False, True])
 def test_a_search_begins_again_once_where_the_base_model_does_better(monkeypatch, fails):
     """With nothing left of the first one but what candidates could not be tried, and what it has cost."""
-    lin = SimpleNamespace(failed=("broken",))
+    lin = SimpleNamespace(failed={"broken": "it is stiff"})
     old = Search(["old"], "base", "plain", excluded={"absent": "no such input"}, confirmed=False, simulations=7)
     old.refits, old.settled, old.tried, old.bare = ["refits"], ["settled"], ["tried"], ["bare"]
     followed = []
@@ -224,8 +227,61 @@ def test_a_search_begins_again_once_where_the_base_model_does_better(monkeypatch
         return
     assert (found.stages, found.base, found.confirmed, found.simulations) == ([("stage", lin)], "better", True, 7)
     assert (found.refits, found.settled, found.tried, found.bare) == ([], [], [], [])
-    assert found.excluded == {"absent": "no such input", "broken": searching.FAILS}
+    assert found.excluded == {"absent": "no such input", "broken": "it is stiff"}
     assert followed == [old, found] and old.refits == ["refits"]
+
+
+@pytest.mark.parametrize(
+    ("error", "ends", "failed", "searched"),
+    [
+        (CandidateError("plug", "it is stiff"), False, {"plug": "it is stiff"}, True),
+        (LinAlgError("1-th leading minor"), True, {}, False),
+        (TimeUp("no time"), True, {}, False),
+    ],
+)
+def test_a_search_goes_on_without_a_candidate_that_fails_and_ends_with_what_it_has(
+    monkeypatch, error, ends, failed, searched
+):
+    """A failure of nobody's in particular, and the end of the time, end it; the answer says what it lacks."""
+    found = Search([SimpleNamespace(lin=SimpleNamespace(chosen=()))], "base", "plain")
+    tries = iter([error, None])
+
+    def extended(*_):
+        if (one := next(tries)) is not None:
+            raise one
+        return False
+
+    monkeypatch.setattr(searching, "_extended", extended)
+    assert searching._followed(found, (), np.ones((1, 2), dtype=bool), 0, lambda _: None) is found
+    assert (found.failed, found.searched, bool(found.unfinished.why)) == (failed, searched, ends)
+    assert next(tries, "none") == (None if ends else "none")
+
+
+@pytest.mark.parametrize(
+    ("errors", "candidates", "why"),
+    [
+        ([], 2, ""),
+        ([LinAlgError("singular")], 2, ""),
+        ([LinAlgError("singular"), SimulationError("it is stiff")], 0, "it is stiff"),
+        ([TimeUp("no time")], 0, NO_TIME),
+    ],
+)
+def test_a_first_stage_is_made_some_way_and_at_the_last_without_candidates(monkeypatch, errors, candidates, why):
+    lifted, left = [], [*errors]
+
+    def examine(lin, *_, **__):
+        if left:
+            raise left.pop(0)
+        return ("stage", lin)
+
+    runner = SimpleNamespace(lifted=lambda: nullcontext(lifted.append(1)))
+    base = SimpleNamespace(problem=SimpleNamespace(runner=runner))
+    monkeypatch.setattr(searching, "settled_base", lambda *_, **__: "one")
+    monkeypatch.setattr(searching, "among", lambda _, effects: len(effects))
+    monkeypatch.setattr(searching, "examine", examine)
+    found = searching._first_stage(base, ("plug", "bridge"), np.ones((1, 2), dtype=bool), 0)
+    assert found == ("one", candidates, ("stage", candidates), why)
+    assert bool(lifted) == (why == NO_TIME)
 
 
 def test_without_a_refit_that_lies_elsewhere_the_base_model_stays():
@@ -246,7 +302,7 @@ def test_whether_to_go_on_with_the_base_fit_is_asked_of_the_candidates_that_rema
         return SimpleNamespace(evidence=evidence, simulations=1, lin=SimpleNamespace(problem=None))
 
     def linearised(one, effects):
-        return SimpleNamespace(of=one, effects=tuple(effects), failed=(), simulations=1, chosen=())
+        return SimpleNamespace(of=one, effects=tuple(effects), failed={}, simulations=1, chosen=())
 
     def examine(lin, *_, **__):
         seen = any(one.name == "seer" for one in lin.effects)
@@ -255,7 +311,7 @@ def test_whether_to_go_on_with_the_base_fit_is_asked_of_the_candidates_that_rema
     early, late, fits = a_fit(1.0), a_fit(2.0), []
     stopped = SimpleNamespace(converged=False, problem=None, z=None, around=None)
     monkeypatch.setattr(searching, "fit", lambda *_, **__: fits.append(1) or SimpleNamespace(simulations=1))
-    monkeypatch.setattr(searching, "settled_base", lambda one, *_: early if one is stopped else late)
+    monkeypatch.setattr(searching, "settled_base", lambda one, *_, **__: early if one is stopped else late)
     monkeypatch.setattr(searching, "applicable", lambda _, effects: (effects, {}))
     monkeypatch.setattr(searching, "among", linearised)
     monkeypatch.setattr(searching, "fewer", lambda lin, effects, _: linearised(lin.of, effects))

@@ -3,9 +3,14 @@
  *     der(level) = inflow - k * level,   out = level
  *
  * Above `above`, k makes it do what `fault` says: 0 nothing, 1 segmentation fault, 2 endless loop, 3 exit(7),
- * 4 unbounded memory. `leak` bytes are lost by every initialisation, whatever k. The fault comes at time zero or
+ * 4 unbounded memory, 5 the Python interpreter's lock held for HELD seconds, once a process. `leak` bytes are lost by every initialisation, whatever k. The fault comes at time zero or
  * later, within the derivatives, so while an integrator is at work. Written for the tests.
  */
+#ifndef _WIN32
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <unistd.h>
+#endif
 #include <signal.h>
 #include <stddef.h>
 #include <stdlib.h>
@@ -32,6 +37,19 @@ typedef struct {
 
 static volatile char *lost;
 
+#define HELD 2
+static void hold(void) {
+#ifndef _WIN32
+    static int done;
+    int (*ensure)(void) = (int (*)(void))dlsym(RTLD_DEFAULT, "PyGILState_Ensure");
+    void (*release)(int) = (void (*)(int))dlsym(RTLD_DEFAULT, "PyGILState_Release");
+    if (done++ || !ensure || !release) return;
+    int state = ensure();
+    sleep(HELD);
+    release(state);
+#endif
+}
+
 static void misbehave(const Tank *t) {
     if (t->v[K] <= t->v[ABOVE] || t->time < 0) return;
     switch ((int)t->v[FAULT]) {
@@ -44,6 +62,7 @@ static void misbehave(const Tank *t) {
             if (more) memset(more, 1, 1 << 24);
             lost = more;
         }
+    case 5: hold(); break;
     default: break;
     }
 }

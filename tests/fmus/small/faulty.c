@@ -1,5 +1,5 @@
 /* Decay at rate k until a moment, from when on it misbehaves; the parameter "fault" says how. */
-enum { NONE, ENDS, FAILS, HANGS, NOT_A_NUMBER, DISCARDS, RETURNS_EARLY, NEVER_SETTLES, DIRTY, SLOW, CRASHES, LEAKS };
+enum { NONE, ENDS, FAILS, HANGS, NOT_A_NUMBER, DISCARDS, RETURNS_EARLY, NEVER_SETTLES, DIRTY, SLOW, CRASHES, LEAKS, MUTTERS };
 static int load(Model *m) {
   if (SLOW_INSTANTIATION && !m->living) wait_seconds(SLOW_INSTANTIATION);
   return OK;
@@ -16,7 +16,12 @@ static int rates(Model *m, double *dx) {
   if (is(m, LEAKS)) memset(malloc(10000), 1, 10000);
   if (is(m, DISCARDS)) return DISCARD;
   if (is(m, FAILS)) say(m, FAILED, "something broke");
-  return is(m, FAILS) ? FAILED : OK;
+  if (is(m, MUTTERS)) { /* what no importer should trust: nothing at all, and text that is not UTF-8 */
+    say_as(m, NULL, FAILED, NULL, NULL);
+    say_as(m, NULL, FAILED, "from nobody", NULL);
+    say_as(m, "B\xfcro", FAILED, "\xff", "T\xfcr klemmt,\n\x1b[31m50 K too hot");
+  }
+  return is(m, FAILS) || is(m, MUTTERS) ? FAILED : OK;
 }
 static void indicators(Model *m, double *z) { (void)m; (void)z; }
 static int event(Model *m) {

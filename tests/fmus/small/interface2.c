@@ -5,6 +5,9 @@ typedef struct { Logger logger; void *(*allocate)(size_t, size_t); void (*releas
 static void say(Model *m, int status, const char *text) {
   if (m->log) ((Logger)m->log)(m->environment, m->name, status, "logStatusError", "%s at t = %g", text, m->time);
 }
+static void say_as(Model *m, const char *name, int status, const char *category, const char *message) {
+  if (m->log) ((Logger)m->log)(m->environment, name, status, category, message);
+}
 static int last_flags;
 static double last_reached;
 

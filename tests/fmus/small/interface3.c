@@ -8,6 +8,10 @@ static void say(Model *m, int status, const char *text) {
   snprintf(message, sizeof message, "%s at t = %g", text, m->time);
   if (m->log) ((Logger)m->log)(m->environment, status, "logStatusError", message);
 }
+static void say_as(Model *m, const char *name, int status, const char *category, const char *message) {
+  (void)name;
+  if (m->log) ((Logger)m->log)(m->environment, status, category, message);
+}
 static void *instantiate(const char *name, const char *token, const char *resources, void *environment, Logger logger) {
   if (strcmp(token, TOKEN)) return NULL;
   return create(name, resources, (void *)logger, environment);

@@ -36,6 +36,7 @@ typedef struct {
 } Model;
 
 static void say(Model *m, int status, const char *text); /* to the importer's log */
+static void say_as(Model *m, const char *name, int status, const char *category, const char *message); /* anything */
 
 /* what a model file defines */
 static int load(Model *m);                        /* at instantiation */

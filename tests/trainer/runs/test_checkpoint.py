@@ -40,9 +40,11 @@ def test_a_damaged_card_is_told(own_ridge, text):
         load_run(own_ridge)
 
 
-def test_a_newer_version_is_told(own_ridge):
-    change_card(own_ridge, schema_version=7, tricks="new")
-    with pytest.raises(EstimatorError, match="schema version is 7; this version of zeroshot-fmu reads up to 6"):
+@pytest.mark.parametrize("version", [7, "7.1", True])
+def test_a_newer_version_is_told(own_ridge, version):
+    change_card(own_ridge, schema_version=version, tricks="new")
+    said = rf"schema version is {version!r}; this version of zeroshot-fmu reads up to 6: update it"
+    with pytest.raises(EstimatorError, match=said):
         load_run(own_ridge)
 
 

@@ -3,6 +3,9 @@
 import json
 import logging
 import os
+import signal
+import subprocess
+import sys
 from types import SimpleNamespace
 
 import optuna
@@ -85,26 +88,35 @@ def test_a_search_keeps_its_best_and_goes_on(tanks, tmp_path, small, capsys, mon
     assert "is of the model lstm; expected tcn" in err
 
 
+KILLED = """
+import json, os, signal, sys
+from trainer.models import estimator_class
+from trainer.training import tuning
+estimator_class("lstm").__init__.__defaults__ = (8, 1, 0.0)
+fit = tuning.fit
+def killed(*arguments, **settings):
+    if arguments[1].name == "0001":
+        os.kill(os.getpid(), signal.SIGKILL)
+    return fit(*arguments, **settings)
+tuning.fit = killed
+tuning.tune(sys.argv[1], sys.argv[2], trials=3, **json.loads(sys.argv[3]))
+"""
+
+
 @pytest.mark.slow
-def test_a_search_that_was_killed_tries_the_cut_trial_again(tanks, tmp_path, small, monkeypatch):
-    from trainer.training import tuning
-
-    fit = tuning.fit
-
-    def killed(*arguments, **settings):
-        if arguments[1].name == "0001":
-            raise KeyboardInterrupt
-        return fit(*arguments, **settings)
-
-    monkeypatch.setattr(tuning, "fit", killed)
-    # as a kill would: the storage keeps the trial as running
-    monkeypatch.setattr("optuna.storages.RDBStorage.set_trial_state_values", _no_failures())
-    with pytest.raises(KeyboardInterrupt):
-        tune(tanks, tmp_path, trials=3, **SETTINGS)
-    monkeypatch.setattr(tuning, "fit", fit)
-    best = tune(tanks, tmp_path, trials=3, **SETTINGS)
+@pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
+def test_a_search_that_was_killed_tries_the_cut_trial_again(tanks, tmp_path, small):
+    """By a signal that no program can note, in the middle of its second trial."""
+    words = [sys.executable, "-c", KILLED, str(tanks), str(tmp_path / "search"), json.dumps(SETTINGS)]
+    assert subprocess.run(words, capture_output=True).returncode == -signal.SIGKILL
+    storage = f"sqlite:///{tmp_path / 'search' / 'study.db'}"
+    cut = optuna.load_study(study_name="tune", storage=storage).trials[1]
+    assert cut.state is optuna.trial.TrialState.RUNNING
+    best = tune(tanks, tmp_path / "search", trials=3, **SETTINGS)
     assert best.trials == 3
-    assert sorted(folder.name for folder in (tmp_path / "trials").iterdir()) == ["0000", "0002", "0003"]
+    assert sorted(folder.name for folder in (tmp_path / "search" / "trials").iterdir()) == ["0000", "0002", "0003"]
+    study = optuna.load_study(study_name="tune", storage=storage)
+    assert [one.params == cut.params for one in study.trials] == [False, True, True, False]
 
 
 @pytest.mark.parametrize("cut", ["0000", "0001"])
@@ -130,21 +142,6 @@ def test_a_search_that_was_interrupted_tries_the_cut_trial_again(tanks, tmp_path
     failed, again = (study.trials[int(cut)], study.trials[int(cut) + 1])
     assert failed.state.name == "FAIL" and again.params == failed.params
     assert tune(tanks, tmp_path, trials=3, **SETTINGS) == best and len(study.trials) == 4
-
-
-def _no_failures():
-    from optuna.storages import RDBStorage
-    from optuna.trial import TrialState
-
-    real, ignored = RDBStorage.set_trial_state_values, []
-
-    def set_values(self, trial_id, state, *arguments, **settings):
-        if state == TrialState.FAIL and not ignored:
-            ignored.append(trial_id)
-            return True
-        return real(self, trial_id, state, *arguments, **settings)
-
-    return set_values
 
 
 @pytest.fixture

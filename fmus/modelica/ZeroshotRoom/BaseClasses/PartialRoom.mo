@@ -97,7 +97,9 @@ partial model PartialRoom "The room without its weather"
     from_dp=true,
     dp_nominal=100,
     m_flow_nominal=0.5) "Keeps the pressures of room and outdoors apart";
-  Buildings.Fluid.Sensors.PPM senCO2(redeclare package Medium = Medium) "CO2 of the room air";
+  Buildings.Fluid.Sensors.PPM senCO2(
+    redeclare package Medium = Medium,
+    warnAboutOnePortConnection=false) "CO2 of the room air";
   Modelica.Blocks.Sources.RealExpression mExh(y=-((1 - effect.mixing.bypass)*mOA + mInf)) "Exhaust [kg/s]";
   Modelica.Blocks.Sources.RealExpression XOut(y=CO2Out/ppmPer) "CO2 mass fraction outdoors";
 

@@ -174,6 +174,7 @@ package Buildings "Stand-in for the tests: the few classes that ZeroshotRoom use
     package Sensors
       model PPM
         replaceable package Medium = Buildings.Media.Air;
+        parameter Boolean warnAboutOnePortConnection = true;
         Buildings.Fluid.Interfaces.FluidPort port;
         Modelica.Blocks.Interfaces.RealOutput ppm;
       equation

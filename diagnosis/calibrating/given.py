@@ -1,13 +1,14 @@
-"""A calibration that was made before: whether a forecast may go on from it, and with what noise."""
+"""A calibration that was made before: whether its parameters may be used here, and with what noise."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from datagen.fmi.fmu import fmu_sha256
-from diagnosis.calibrating.schema import Calibration
+from diagnosis.calibrating.schema import Calibration, read_calibration
 from diagnosis.fitting.noise import NoiseModel, errors_under
 from diagnosis.fitting.problem import Problem
 from diagnosis.recording import DAY, HOUR
@@ -15,8 +16,29 @@ from shared.errors import RecordingError
 from shared.system import System
 
 
+def given_calibration(calibration: Calibration | Path | str, beside: Mapping[str, object]) -> Calibration:
+    """A calibration, or the one in a folder, that stands in the place of a fit.
+
+    Parameters
+    ----------
+    beside
+        What belongs to a fit, by name; None where it is not given.
+
+    Raises
+    ------
+    RecordingError
+        If any of these is given, too, or the calibration cannot be read.
+    """
+    if idle := [name for name, one in beside.items() if one is not None]:
+        raise RecordingError(
+            f"calibration is given, and {' and '.join(idle)} beside it; expected one of both: nothing is fitted"
+            " where parameters and noise are those of a calibration made before"
+        )
+    return calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
+
+
 def check_given(report: Calibration, path: object, system: System, *, replay: bool) -> None:
-    """Refuse a calibration of another model, or made with controllers where the forecast has none.
+    """Refuse a calibration of another model, or made with controllers where actuators are replayed.
 
     Parameters
     ----------
@@ -37,7 +59,27 @@ def check_given(report: Calibration, path: object, system: System, *, replay: bo
         )
     if report.replay != replay:
         had, has = (("replayed actuators" if one else "simulated controllers") for one in (report.replay, replay))
-        raise RecordingError(f"{path}: was made with {had}, and the forecast has {has}; expected the same in both")
+        raise RecordingError(
+            f"{path}: was made with {had}, and here are {has}; expected the same in both:"
+            f" {'give' if report.replay else 'leave out'} --replay"
+        )
+
+
+def check_unknowns(report: Calibration, path: object, problem: Problem) -> None:
+    """Refuse a calibration that has other unknowns than a problem.
+
+    Raises
+    ------
+    RecordingError
+        If persons were counted in one of both alone, or the uncertain constants are not the same.
+    """
+    if len(report.z) != problem.size:
+        raise RecordingError(
+            f"{path}: was made with persons {report.occupancy} and {len(report.constants)} uncertain constants, which"
+            f" makes {len(report.z)} unknowns; here are {problem.size}, with persons {problem.occupancy} and"
+            f" {len(problem.constants)} constants: give both the same occupancy and system"
+        )
+    check_constants(report, problem, np.array(report.z))
 
 
 def check_constants(report: Calibration, problem: Problem, z: np.ndarray) -> None:

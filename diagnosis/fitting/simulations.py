@@ -1,0 +1,320 @@
+"""The simulations of one command: none twice, none after its time, and none that an earlier try has made already.
+
+What a command saves as it goes is the outcome of every simulation, under a key of all that the simulation depends on,
+in a hidden folder beside the answer. All else is worked out from these, and by seeds: so the same command, given again
+after it was stopped, comes to the same answer by way of what it finds there.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+import time
+import zipfile
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from hashlib import blake2b
+from pathlib import Path
+
+import numpy as np
+
+from datagen.simulating.simulator import Simulator
+from diagnosis.fitting.run import Run
+from diagnosis.fitting.side_by_side import InProcess, Outcome, Runner
+from diagnosis.recording import Recording
+from shared import __version__
+from shared.errors import ClusterError, RecordingError, SimulationError, TimeUp, ZeroshotError
+from shared.logs import logger
+from shared.numbers import counted
+from shared.progress import EVERY
+
+KEPT = 16
+"""Outcomes that are remembered, the latest: a fit comes back to where it was, not to where it was long ago."""
+FOLDER = ".simulations"
+"""Where outcomes are saved, within the folder of the answer."""
+SAVING = 10.0
+"""Seconds between two files of outcomes: so much is lost at most where a process is killed."""
+MOST = 2**30
+"""Bytes that are saved at most. Of more the first are kept, which everything after them builds on."""
+UNTIL_THEN = "the same command goes on from where this one stopped, and with more minutes it comes further"
+Tell = Callable[[str], None]
+_log = logger(__name__)
+
+
+class Kept:
+    """Outcomes in files: an .npz each time, with an array for each simulation, named by its key.
+
+    Parameters
+    ----------
+    folder
+        For the files; it is made when there is something to save.
+    about
+        What the outcomes are of. What was saved of something else is removed.
+    """
+
+    def __init__(self, folder: Path, about: dict[str, str]) -> None:
+        self.folder, self._about = folder, about
+        self._new: dict[str, np.ndarray] = {}
+        self._saved, self._size, self._files = time.monotonic(), 0, 0
+        self._found: dict[str, Path] = {}
+        self._open: tuple[Path, dict[str, np.ndarray]] | None = None
+        if not folder.is_dir():
+            return
+        try:
+            same = json.loads((folder / "about.json").read_text(encoding="utf-8")) == about
+        except (OSError, ValueError):
+            same = False
+        if not same:
+            _log.info("%s: what was begun there is of another recording, system or version; it is removed", folder)
+            self.remove()
+        for path in sorted(folder.glob("*.npz")):
+            try:
+                with np.load(path, allow_pickle=False) as file:
+                    self._found |= dict.fromkeys(file.files, path)
+            except (OSError, ValueError, zipfile.BadZipFile):  # cut off, or not ours
+                continue
+            self._size += path.stat().st_size
+            self._files += 1
+        if self._found:
+            _log.info("going on with %s from before, in %s", counted(len(self._found), "simulation"), folder)
+
+    def find(self, key: str) -> Outcome | None:
+        """What was saved under a key, if anything was."""
+        found = self._new.get(key)
+        if found is None and key in self._found:
+            path = self._found[key]
+            try:
+                if self._open is None or self._open[0] != path:
+                    with np.load(path, allow_pickle=False) as file:
+                        self._open = path, {name: file[name] for name in file.files}
+                found = self._open[1][key]
+            except (OSError, ValueError, KeyError, zipfile.BadZipFile):
+                del self._found[key]
+        if found is None:
+            return None
+        return SimulationError(str(found)) if found.dtype.kind == "U" else found.copy()
+
+    def add(self, key: str, outcome: Outcome) -> None:
+        """Save an outcome, at the latest with those of the next seconds."""
+        if self._size < MOST:
+            self._new[key] = np.array(str(outcome)) if isinstance(outcome, SimulationError) else outcome.copy()
+            if time.monotonic() - self._saved > SAVING:
+                self.save()
+
+    def save(self) -> None:
+        """Write what is not written yet; where that fails, the command goes on without."""
+        if not self._new:
+            return
+        path = self.folder / f"{self._files:06d}.npz"
+        draft = path.with_suffix(".draft")
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            (self.folder / "about.json").write_text(json.dumps(self._about), encoding="utf-8")
+            with draft.open("wb") as file:
+                np.savez(file, **self._new)  # type: ignore[arg-type]
+            draft.replace(path)
+        except OSError as error:
+            _log.warning("%s: what is simulated cannot be saved there: %s", self.folder, error.strerror)
+            self._size = MOST
+        else:
+            self._size += path.stat().st_size
+            self._files += 1
+            self._found |= dict.fromkeys(self._new, path)
+        self._new, self._saved = {}, time.monotonic()
+
+    def remove(self) -> None:
+        """Remove all that was saved, and forget what was not yet."""
+        self._new, self._found = {}, {}
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+class Simulations:
+    """Makes the simulations of a command, by a runner that may change on the way, and tells how far it is.
+
+    A simulation depends on its run alone, so what is remembered is the same to the last bit. In memory those are that
+    were asked for singly: runs of a batch are the steps of differences, to which nobody comes back.
+
+    Parameters
+    ----------
+    kept
+        What was saved before, and where to save.
+    minutes
+        Time that there is.
+    tell
+        Is told what is being done, for how long, and roughly for how long still.
+    """
+
+    def __init__(
+        self,
+        runner: Runner,
+        *,
+        kept: Kept | None = None,
+        minutes: float | None = None,
+        tell: Tell = lambda _: None,
+    ) -> None:
+        self.runner, self.kept = runner, kept
+        self.made = 0
+        self.time_up = False
+        self._latest: OrderedDict[str, np.ndarray] = OrderedDict()
+        self._began = self._told = time.monotonic()
+        self._until = math.inf if minutes is None else self._began + 60.0 * minutes
+        self._lifted = False
+        self._tell, self._stage = tell, ""
+        self._span, self._done = (0.0, 0.0), 0.0
+
+    def map(self, runs: Sequence[Run]) -> tuple[list[Outcome], int]:
+        """Outcome of each run, in order, and of how many nothing was remembered in this command.
+
+        Raises
+        ------
+        TimeUp
+            If there is no time left to simulate.
+        """
+        keys = [key_of(one) for one in runs]
+        left = [k for k, key in enumerate(keys) if key not in self._latest]
+        made: dict[int, Outcome] = {}
+        if self.kept is not None:
+            made = {k: one for k in left if (one := self.kept.find(keys[k])) is not None}
+        todo = [k for k in left if k not in made]
+        batch = getattr(self.runner, "batch", 1)
+        for places in (todo[first : first + batch] for first in range(0, len(todo), batch)):
+            self._beat()
+            for k, outcome in zip(places, self.runner.map([runs[k] for k in places]), strict=True):
+                made[k] = outcome
+                if self.kept is not None:
+                    self.kept.add(keys[k], outcome)
+            self.made += len(places)
+        # copies: whoever changes what they were given must not change what is remembered
+        outcomes = [made[k] if k in made else self._latest[key].copy() for k, key in enumerate(keys)]
+        if len(runs) == 1 and isinstance(outcomes[0], np.ndarray):
+            self._latest[keys[0]] = outcomes[0].copy()
+            self._latest.move_to_end(keys[0])
+            if len(self._latest) > KEPT:
+                self._latest.popitem(last=False)
+        return outcomes, len(left)
+
+    @contextmanager
+    def lifted(self) -> Iterator[None]:
+        """Let what completes an answer be simulated, though the time may be up."""
+        before, self._lifted = self._lifted, True
+        try:
+            yield
+        finally:
+            self._lifted = before
+
+    def end(self) -> None:
+        """Save what there is, for the last time; whoever simulates more has all the time."""
+        if self.kept is not None:
+            self.kept.save()
+        self.kept, self._until = None, math.inf
+
+    def tell(self, stage: str, begins: float | None = None, ends: float | None = None) -> None:
+        """Tell what is being done, and between which shares of the whole work it is, roughly, where that is known."""
+        self._stage = stage
+        if begins is not None:
+            self._span = (begins, begins if ends is None else ends)
+            self._done = begins
+        self._say()
+
+    def reached(self, share: float) -> None:
+        """Note the share of the present stage that is done."""
+        self._done = self._span[0] + share * (self._span[1] - self._span[0])
+
+    def _beat(self) -> None:
+        now = time.monotonic()
+        if now > self._until and not self._lifted:
+            self.time_up = True
+            raise TimeUp("the time was up before there was anything to tell; " + UNTIL_THEN)
+        if now - self._told > EVERY:
+            self._say()
+
+    def _say(self) -> None:
+        self._told = now = time.monotonic()
+        spent = now - self._began
+        rest = min(spent * (1 - self._done) / self._done if self._done > 0 else math.inf, self._until - now)
+        about = [f"{counted(self.made, 'simulation')}, {lasting(spent)} so far"] if self.made else []
+        about += [f"roughly {lasting(rest)} left"] if 0 < rest < math.inf else []
+        self._tell(f"{self._stage} ({', '.join(about)})" if about else self._stage)
+
+
+@contextmanager
+def simulations(
+    runner: Runner,
+    out: Path | None,
+    simulator: Simulator,
+    recording: Recording,
+    *,
+    minutes: float | None = None,
+    tell: Tell = lambda _: None,
+    within: Simulations | None = None,
+) -> Iterator[Simulations]:
+    """Simulations of one command, saved beside its answer until that is written, and longer if the time was up.
+
+    Parameters
+    ----------
+    out
+        Folder of the answer; nothing is saved without.
+    simulator, recording
+        What they are of. Settings are no part of it: a simulation is found by all that it depends on itself.
+    within
+        Simulations of a command that this is a part of: they go on with another runner while this lasts.
+
+    Raises
+    ------
+    RecordingError
+        If there is no time at all.
+    """
+    if within is not None:
+        before, within.runner = within.runner, runner
+        try:
+            yield within
+        finally:
+            within.runner = before
+        return
+    if minutes is not None and not minutes > 0:
+        raise RecordingError(f"minutes is {minutes:g}; expected more than 0, for example 10")
+    kept = None
+    if out is not None:
+        system, fmu = simulator.system.hash(), simulator.fmu.sha256
+        about = {"version": __version__, "system": system, "fmu": fmu, "recording": _digest(recording)}
+        kept = Kept(out / FOLDER, about)
+    found = Simulations(runner, kept=kept, minutes=minutes, tell=tell)
+    try:
+        yield found
+    except ZeroshotError as error:
+        if kept is not None and not isinstance(error, TimeUp | ClusterError):
+            kept.remove()  # the same command would end the same way
+        raise
+    else:
+        if kept is not None and not found.time_up:
+            kept.remove()
+    finally:
+        found.end()
+        found.runner = InProcess(simulator)  # of processes that end with the command
+        _log.debug("%s made", counted(found.made, "simulation"))
+
+
+def lasting(seconds: float) -> str:
+    """A time as one says it: 40 s, 12 min, 3 h."""
+    if seconds < 99:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 99 * 60 else f"{seconds / 3600:.0f} h"
+
+
+def key_of(run: Run) -> str:
+    """What a simulation depends on, beside its system."""
+    rest = (sorted(run.parameters.items()), run.inputs.names, run.start, run.stop, run.record_from, run.replay)
+    digest = blake2b(repr((rest, run.tolerance)).encode(), digest_size=16)
+    for values in (run.inputs.time, run.inputs.left, run.inputs.right, run.inputs.jump):
+        digest.update(values.tobytes())
+    return digest.hexdigest()
+
+
+def _digest(recording: Recording) -> str:
+    """What tells a recording from others, whatever its file is called."""
+    digest = blake2b(repr((recording.step, str(recording.zero))).encode(), digest_size=16)
+    for values in (recording.time, recording.outputs, *(recording.inputs[name] for name in sorted(recording.inputs))):
+        digest.update(values.tobytes())
+    return digest.hexdigest()

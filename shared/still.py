@@ -1,0 +1,65 @@
+"""Readings that stand still: how long what moves may show one value before its sensor is taken for stuck.
+
+Columns of measurements and of weather files are held to the same rules.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+STUCK_AFTER = 12.0
+"""How long a sensor of what moves may show one value [h]: half of the day's cycle."""
+CALM = 120.0
+"""How long wind may be exactly zero [h]: a cup anemometer does not turn below about half a metre per second, and a
+winter's high stays over a valley for days; one that nothing has stirred for five days is frozen or dead."""
+DARK = 10.0
+"""Irradiance [W/m2] that may stand still all night."""
+
+
+@dataclass(frozen=True)
+class Resting:
+    """Readings of at most ``size`` [unit of the readings] are believed for ``hours`` [h] in a row."""
+
+    size: float
+    hours: float
+
+
+RESTING = {"W/m2": Resting(DARK, np.inf), "m/s": Resting(0.0, CALM)}
+"""What may stand still for longer, by unit: the sun as long as it likes, as a polar night does, and wind in a calm."""
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """Runs of equal readings, shape (runs,) each: number of the first and of the last reading, and the length [h]."""
+
+    first: np.ndarray
+    last: np.ndarray
+    hours: np.ndarray
+
+
+def long_runs(
+    values: np.ndarray, begin: np.ndarray, end: np.ndarray, hours: float, resting: Resting | None, joined: np.ndarray
+) -> Runs:
+    """Runs of equal readings that last longer than ``hours`` [h].
+
+    Parameters
+    ----------
+    values, begin, end
+        Readings and their intervals, in order, shape (n,) each [any unit, s, s].
+    resting
+        What may stand still for another time.
+    joined
+        Whether a run may go on from one reading to the next, shape (n - 1,): not over a gap.
+    """
+    runs = np.concatenate([[0], np.cumsum(~((np.diff(values) == 0) & joined))])
+    numbers = np.arange(runs[-1] + 1)
+    first = np.searchsorted(runs, numbers, side="left")
+    last = np.searchsorted(runs, numbers, side="right") - 1
+    believed = np.full(len(first), hours)
+    if resting is not None:
+        believed[np.abs(values[first]) <= resting.size] = resting.hours
+    length = (end[last] - begin[first]) / 3600.0
+    long = length > believed
+    return Runs(first[long], last[long], length[long])
