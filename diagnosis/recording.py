@@ -95,6 +95,7 @@ def read_recording(
     replay: bool = False,
     occupancy: str | None = None,
     stretch: Stretch | None = None,
+    said: bool = True,
 ) -> Recording:
     """Read a stretch of a recording in which all inputs have values, and hold it against the system description.
 
@@ -105,6 +106,8 @@ def read_recording(
         then may have gaps, and are left out if they have.
     stretch
         Which stretch is taken; the longest, if not given.
+    said
+        Whether the stretches that there are, and which is taken, is logged.
 
     Raises
     ------
@@ -159,7 +162,7 @@ def read_recording(
     seconds = np.round(time).astype("timedelta64[s]")
     known = {name: np.isfinite(inputs[name]) for name in needed}
     unknown = {one.name: "--occupancy unknown" for one in system.inputs if one.source == "occupancy"}
-    part = slice(*chosen(Steps(path, ZERO + seconds, step), known, stretch, unknown))
+    part = slice(*chosen(Steps(path, ZERO + seconds, step), known, stretch, unknown, said=said))
     time, outputs = time[part], outputs[:, part]
     inputs = {name: values[part] for name, values in inputs.items() if np.isfinite(values[part]).all()}
     zero = _zero(time[0] - step, str(data["time"].encoding.get("units", "")))

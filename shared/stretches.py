@@ -77,7 +77,12 @@ def stretches(whole: np.ndarray, step: float) -> list[tuple[int, int]]:
 
 
 def chosen(
-    steps: Steps, known: Mapping[str, np.ndarray], choice: Stretch | None, without: Mapping[str, str] | None = None
+    steps: Steps,
+    known: Mapping[str, np.ndarray],
+    choice: Stretch | None,
+    without: Mapping[str, str] | None = None,
+    *,
+    said: bool = True,
 ) -> tuple[int, int]:
     """The steps that are taken, as (first, one past the last); a recording without gaps is taken whole, however short.
 
@@ -89,6 +94,8 @@ def chosen(
         Where each series that is needed has a value, by name, (steps,) each.
     without
         What to write so that a series is not needed, by its name.
+    said
+        Whether that is logged.
 
     Raises
     ------
@@ -106,12 +113,12 @@ def chosen(
     numbered = dict(enumerate(found, 1))
     listed = sorted(sorted(numbered, key=lambda k: found[k - 1][0] - found[k - 1][1])[:LISTED])
     more = f", and {len(found) - len(listed)} shorter ones" if len(found) > len(listed) else ""
-    said = "; ".join(f"{k}: {steps.text(*numbered[k])}" for k in listed) + more
+    listing = "; ".join(f"{k}: {steps.text(*numbered[k])}" for k in listed) + more
     if choice.number is not None:
         if choice.begin is not None or choice.end is not None:
             raise RecordingError("--stretch is given together with --from or --to; expected a number, or dates")
         if choice.number not in numbered:
-            raise RecordingError(f"{steps.path}: has no stretch {choice.number}; expected one of {said}")
+            raise RecordingError(f"{steps.path}: has no stretch {choice.number}; expected one of {listing}")
         taken, number = numbered[choice.number], choice.number
     else:
         first, after = _between(steps, choice)
@@ -121,8 +128,10 @@ def chosen(
         if (taken[1] - taken[0]) * steps.step < DAY - 1e-6 * steps.step and taken != numbered[number]:
             raise RecordingError(
                 f"{steps.path}: has less than a day without gaps between the dates of --from and --to; expected dates"
-                f" that hold a day of one stretch: {said}"
+                f" that hold a day of one stretch: {listing}"
             )
+    if not said:
+        return taken
     gaps = ", ".join(name for name, there in known.items() if not there.all())
     about = f" without gaps in {gaps}" if gaps else ""
     how = f"taken is {steps.text(*taken)}"
@@ -130,8 +139,10 @@ def chosen(
         how += ", the longest; --stretch, or --from and --to, take another"
     much = (count - taken[1] + taken[0]) * steps.step >= DAY
     tell = _log.warning if choice == LONGEST and much else _log.info
-    listing = f"{len(found)} stretches{about}: {said}" if len(found) > 1 else f"one stretch of a day or more{about}"
-    tell("%s: has %s; %s", steps.path, listing, how)
+    there_are = (
+        f"{len(found)} stretches{about}: {listing}" if len(found) > 1 else f"one stretch of a day or more{about}"
+    )
+    tell("%s: has %s; %s", steps.path, there_are, how)
     return taken
 
 

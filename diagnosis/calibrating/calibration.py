@@ -17,6 +17,7 @@ from diagnosis.fitting.fit import fit
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.side_by_side import side_by_side
 from diagnosis.fitting.simulations import Simulations, simulations
+from diagnosis.physics import check_physics
 from diagnosis.recording import HOUR, Recording
 from diagnosis.usual import STARTS, WARM_UP
 from diagnosis.whole import whole
@@ -123,6 +124,7 @@ def calibrate(
             found = fit(problem, [first, *others], estimate_noise=estimate_noise)
         further = f" and {counted(starts - 1, 'draw')} of the prior" if starts > 1 else ""
         report = summarise(found, zero_shot, f"{run if run is not None else 'prior'}{further}")
+        report = report.model_copy(update={"physics": check_physics(described, record)})
         done = Calibrated(report, found)
         if place is not None:
             from diagnosis.calibrating.report import write_calibration

@@ -1,18 +1,15 @@
-"""What a recording must be for a calibration: long enough, moving, and in the units that it says."""
+"""A system and a recording, read and held against each other before a simulation."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
 from diagnosis.fitting.noise import errors_under
-from diagnosis.recording import DAY, HOUR, Recording, check_warm_up, read_recording
+from diagnosis.physics import check_recording
+from diagnosis.recording import HOUR, Recording, check_warm_up, read_recording
 from shared.errors import RecordingError
 from shared.stretches import LONGEST, Stretch
 from shared.system import System, load_system
-from shared.units import ABSOLUTE, spelled
-from shared.variables import ConstantInput, ExcitationInput, Input, MeasuredInput, ScheduleInput
 
 
 def opened(
@@ -73,69 +70,3 @@ def taken(
             f"{recording.path}: stretch is given with a recording that has been read; expected it of read_recording"
         )
     return recording
-
-
-def check_recording(recording: Recording, system: System) -> None:
-    """Refuse what cannot be calibrated on.
-
-    Raises
-    ------
-    RecordingError
-        If the recording is shorter than a day, or an output is constant or impossible for its unit.
-    """
-    span = recording.stop - recording.start
-    if span < DAY:
-        raise RecordingError(
-            f"{recording.path}: is {span / HOUR:g} h long; expected at least a day, better a week or more"
-        )
-    for output, values in zip(system.outputs, recording.outputs, strict=True):
-        seen = values[np.isfinite(values)]
-        if len(seen) and (seen == seen[0]).all() and output.name not in _replayed(system):
-            raise RecordingError(
-                f"{recording.path}: {output.name!r} is {seen[0]:g} {output.unit} throughout; expected a reading that"
-                " moves: drop the column if the sensor was stuck"
-            )
-        check_unit(recording, output.name, output.unit, seen)
-    for one in system.inputs:
-        if one.name in recording.inputs and not _is_difference(one, system):
-            check_unit(recording, one.name, one.unit, recording.inputs[one.name])
-
-
-def check_unit(recording: Recording, name: str, unit: str, values: np.ndarray) -> None:
-    """Refuse values that cannot be in their unit: a temperature declared in kelvin that is in degrees Celsius.
-
-    Raises
-    ------
-    RecordingError
-        Naming the variable.
-    """
-    if spelled(unit) == "K" and len(values) and float(np.median(values)) < ABSOLUTE:
-        raise RecordingError(
-            f"{recording.path}: {name!r} is declared in K but is {np.median(values):.3g} at the median; expected"
-            " kelvin: these look like degC, convert them"
-        )
-    if spelled(unit) == "degC" and len(values) and float(np.median(values)) > ABSOLUTE:
-        raise RecordingError(
-            f"{recording.path}: {name!r} is declared in degC but is {np.median(values):.3g} at the median; expected"
-            " degrees Celsius: these look like K, convert them"
-        )
-
-
-def _is_difference(one: Input, system: System) -> bool:
-    """Whether an input in K is a difference of temperature by its description: an excitation, or values near 0 K."""
-    if isinstance(one, ExcitationInput):
-        return True
-    said: list[float] = []
-    if isinstance(one, ConstantInput):
-        said = [one.value]
-    elif isinstance(one, MeasuredInput):
-        said = [one.value] if one.value else []  # 0 is what stands there where none was given
-    elif isinstance(one, ScheduleInput):
-        hours = system.schedules[one.schedule]
-        said = [value for _, value in [*hours.weekday, *(hours.weekend or [])]]
-    return spelled(one.unit) == "K" and bool(said) and max(abs(value) for value in said) < ABSOLUTE
-
-
-def _replayed(system: System) -> set[str]:
-    """Outputs that may be replayed: an actuator may well stand still."""
-    return {one.column for one in system.inputs if one.source == "measured"}

@@ -58,6 +58,7 @@ def calibrate(
     """
     from diagnosis.calibrating.calibration import calibrate as calibrate_
     from diagnosis.calibrating.sentences import sentences
+    from diagnosis.physics import hints, warnings
 
     with stages("reading", shown=not report.quiet) as tell:
         done = calibrate_(
@@ -74,6 +75,8 @@ def calibrate(
     if as_json:
         sys.stdout.write(done.report.model_dump_json(indent=1) + "\n")
         return OK
+    for sentence in warnings(done.report.physics):
+        console.print(sentence, style="bold red", markup=False)
     table = Table("parameter", "unit", "value", "90 % interval", "told", "", box=None)
     for one in done.report.parameters:
         note = "on its bound" if one.at_bound else one.identified
@@ -83,7 +86,7 @@ def calibrate(
     console.print(table)
     outputs = done.report.outputs
     console.print(score_table({name if one.used else f"{name} (replayed)": one for name, one in outputs.items()}))
-    for sentence in sentences(done.report):
+    for sentence in sentences(done.report) + hints(done.report.physics):
         console.print(sentence, markup=False)
     console.print(f"{done.report.simulations} simulations, {done.report.seconds:.0f} s; {out / 'calibration.html'}")
     return OK

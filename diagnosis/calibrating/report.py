@@ -13,6 +13,7 @@ from diagnosis.calibrating.sentences import sentences
 from diagnosis.calibrating.summary import CORRELATED
 from diagnosis.fitting.unknowns import LIMIT, within_limit
 from diagnosis.pages import long_named, page_environment
+from diagnosis.physics import hints, warnings
 from diagnosis.pictures import BLUE, GREY, ORANGE, RED, axis_label, calendar, embedded, figure, range_ends, readable
 from diagnosis.recording import DAY, HOUR
 from diagnosis.whole import whole
@@ -45,7 +46,8 @@ def render(done: Calibrated) -> str:
         outputs={one.name: one.long_name for one in done.problem.system.outputs},
         limit=f"{LIMIT:g}",
         within=lambda name, value: within_limit(value, relative.get(name)),
-        summary=sentences(done.report),
+        warnings=warnings(done.report.physics),
+        summary=sentences(done.report) + hints(done.report.physics),
         fit_picture=_fit(done),
         parameter_picture=_parameters(done),
         correlation_picture=_correlation(done),

@@ -7,6 +7,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from diagnosis.physics import Finding
 from diagnosis.scores import Score
 from shared.errors import RecordingError
 from shared.reading import newer, read_json, shown, validated
@@ -93,7 +94,8 @@ class Calibration(_Table):
 
     ``covariance`` (unknowns, unknowns) is that of the posterior in which the recording counts for 1 / ``widened``^2 of
     what it is worth to the model: see :mod:`diagnosis.fitting.doubt`. ``undeclared``: of outputs whose sensor has no
-    declared noise, as how exact they were taken. What each schema added is in CHANGELOG.md.
+    declared noise, as how exact they were taken. ``physics``: what in the recording cannot be, or contradicts the
+    description. What each schema added is in CHANGELOG.md.
     """
 
     schema_version: int = SCHEMA_VERSION
@@ -119,6 +121,7 @@ class Calibration(_Table):
     z: list[float]
     covariance: list[list[float]]
     widened: float
+    physics: list[Finding] = []
     log_likelihood: float
     log_evidence: float
     converged: bool

@@ -60,6 +60,7 @@ def forecast(
     from diagnosis.calibrating.sentences import sentences
     from diagnosis.forecasting.forecast import forecast as forecast_
     from diagnosis.forecasting.sentences import answer
+    from diagnosis.physics import hints, warnings
 
     with stages("reading", shown=not report.quiet) as tell:
         done = forecast_(
@@ -77,10 +78,12 @@ def forecast(
     if as_json:
         sys.stdout.write(done.report.model_dump_json(indent=1) + "\n")
         return OK
+    for sentence in warnings(done.report.physics):
+        console.print(sentence, style="bold red", markup=False)
     scored = {name: one for name, one in done.report.outputs.items() if one is not None}
     console.print(score_table(scored, within_the_band={name: one.covered for name, one in scored.items()}))
     names = {one.name: one.long_name for one in done.system.outputs}
-    for sentence in answer(done.report, names) + sentences(done.report.calibration):
+    for sentence in answer(done.report, names) + sentences(done.report.calibration) + hints(done.report.physics):
         console.print(sentence, markup=False)
     console.print(f"{out / 'forecast.html'}")
     return OK

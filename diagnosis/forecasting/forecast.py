@@ -14,7 +14,7 @@ import numpy as np
 
 from datagen.simulating.simulator import Simulator
 from diagnosis.calibrating.calibration import calibrate
-from diagnosis.calibrating.checks import check_recording, taken
+from diagnosis.calibrating.checks import taken
 from diagnosis.calibrating.given import check_given, check_unknowns, given_calibration, noise_of
 from diagnosis.calibrating.schema import Calibration
 from diagnosis.calibrating.seen import check_unseen
@@ -29,6 +29,7 @@ from diagnosis.fitting.simulations import simulations
 from diagnosis.forecasting.forecasted import Ahead, Forecast, Forecasted, about_failed
 from diagnosis.forecasting.persons import corrected, from_the_prior
 from diagnosis.intervals import LEVEL
+from diagnosis.physics import check_physics, check_recording
 from diagnosis.recording import HOUR, Recording, check_warm_up
 from diagnosis.scores import score
 from diagnosis.usual import STARTS, WARM_UP
@@ -178,6 +179,7 @@ def forecast(
                 stopped=len(made) + failed < draws,
                 occupancy=problem.occupancy,
                 calibration=report,
+                physics=check_physics(described, whole_record),
                 outputs=outputs,
             ),
             described,

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from diagnosis.calibrating.schema import Calibration
+from diagnosis.physics import Finding
 from diagnosis.scores import Score
 from shared.system import System
 
@@ -22,6 +23,7 @@ class Forecast(BaseModel):
     """``forecast.json``. Scores are None where nothing was measured ahead; ``begin`` is that of the context.
 
     ``draws`` made the bands; ``failed`` more could not be simulated, and for others the time was up (``stopped``).
+    ``physics``: what in the recording cannot be, or contradicts the description.
     """
 
     model_config = ConfigDict(extra="forbid")
@@ -37,6 +39,7 @@ class Forecast(BaseModel):
     stopped: bool = False
     occupancy: str
     calibration: Calibration
+    physics: list[Finding] = []
     outputs: dict[str, Ahead | None]
 
 

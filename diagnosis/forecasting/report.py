@@ -10,6 +10,7 @@ from diagnosis.calibrating.sentences import sentences
 from diagnosis.forecasting.forecasted import Forecasted
 from diagnosis.forecasting.sentences import answer
 from diagnosis.pages import page_environment
+from diagnosis.physics import hints, warnings
 from diagnosis.pictures import BLUE, ORANGE, axis_label, calendar, embedded, figure, readable
 from diagnosis.recording import DAY
 from diagnosis.whole import whole
@@ -32,7 +33,8 @@ def render(done: Forecasted) -> str:
         .get_template("forecast.html.j2")
         .render(
             report=done.report,
-            summary=answer(done.report, names) + sentences(done.report.calibration),
+            warnings=warnings(done.report.physics),
+            summary=answer(done.report, names) + sentences(done.report.calibration) + hints(done.report.physics),
             outputs=names,
             picture=_picture(done),
             given=done.given,

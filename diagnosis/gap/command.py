@@ -55,6 +55,7 @@ def run(
         Print the report as JSON.
     """
     from diagnosis.gap.diagnosed import diagnose
+    from diagnosis.physics import hints, warnings
 
     with stages("reading", shown=not reporting.quiet) as tell:
         report = diagnose(
@@ -70,7 +71,9 @@ def run(
     if as_json:
         sys.stdout.write(report.model_dump_json(indent=1) + "\n")
         return OK
-    for sentence in report.summary:
+    for sentence in warnings(report.physics):
+        console.print(sentence, style="bold red", markup=False)
+    for sentence in report.summary + hints(report.physics):
         console.print(sentence, markup=False)
     table = Table("candidate", "probability", "size", "unit", box=None)
     told = report.foremost[:LINES]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from datagen.simulating.simulator import Simulator
@@ -19,6 +20,7 @@ from diagnosis.gap.linear import applicable
 from diagnosis.gap.parts import kept_for_scoring
 from diagnosis.gap.places import check_places
 from diagnosis.gap.starting import begun, zero_shot
+from diagnosis.physics import check_physics
 from diagnosis.recording import HOUR, Recording
 from diagnosis.usual import WARM_UP
 from shared.errors import RecordingError
@@ -107,6 +109,8 @@ def diagnose(
     described, record = opened(
         system, recording, noise=noise, warm_up=warm_up, replay=replay, occupancy=occupancy, stretch=stretch
     )
+    tell("holding the recording against physics")
+    physics = check_physics(described, record)
     candidates = list(effects) if effects is not None else library(described)
     estimated = zero_shot(described, record, run, tell)
     simulator = Simulator(described)
@@ -135,6 +139,7 @@ def diagnose(
         told("fitting the base model")
         origin = begun(whole, estimated)
         done = concluded(whole, origin, candidates, scored, seed, (began, used), told)
+        done = replace(done, report=done.report.model_copy(update={"physics": physics}))
         if place is not None:
             from diagnosis.gap.page import write_report
 

@@ -24,6 +24,7 @@ from diagnosis.gap.scan import LEVEL, NEGLIGIBLE
 from diagnosis.gap.schema import HOW_FAR, Place
 from diagnosis.gap.twins import SHOWN as SHOWN_TWINS
 from diagnosis.pages import page_environment
+from diagnosis.physics import hints, warnings
 from diagnosis.pictures import at_day, embedded
 from diagnosis.recording import DAY
 from diagnosis.where.ink import readable
@@ -59,6 +60,8 @@ def render(done: Diagnosis) -> str:
     widest = {one.name: float(max(abs(one.estimate).max(), abs(one.high).max())) for one in _sources(done)}
     return environment.get_template("gap.html.j2").render(
         report=done.report,
+        warnings=warnings(done.report.physics),
+        hints=hints(done.report.physics),
         headline=VERDICTS[done.report.verdict],
         how_far=HOW_FAR,
         begin=str(begin).replace("T", " "),

@@ -7,6 +7,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field
 
 from diagnosis.gap.decision import Verdict
+from diagnosis.physics import Finding
 
 SCHEMA_VERSION = 12
 HOW_FAR = "how far the gap shrinks"
@@ -192,6 +193,10 @@ class Report(_Table):
     """``report.json``."""
 
     schema_version: int = SCHEMA_VERSION
+    physics: list[Finding] = Field(
+        [],
+        description="what cannot be, or contradicts the description; strong findings first",
+    )
     verdict: Verdict
     summary: list[str] = Field(description="the answer in three sentences: where, which, how far and how sure")
     effects: list[NamedEffect] = Field(description="the most probable first")

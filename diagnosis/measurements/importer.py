@@ -31,6 +31,8 @@ from diagnosis.measurements.output import (
 )
 from diagnosis.measurements.table import Measurements, read_measurements
 from diagnosis.measurements.units import COUNTS
+from diagnosis.physics import check_physics
+from diagnosis.recording import read_recording
 from shared.errors import RecordingError
 from shared.flags import ASSUMED, COMPUTED, IMPOSSIBLE, INTERPOLATED, PARTLY, STUCK
 from shared.places import check_folder
@@ -231,6 +233,7 @@ def import_recording(
     kept = Kept(series, described, composer.step, float(composer.edges[first]), composer.judge.valid)
     stretches = _stretches(composer, kept)
     composer.tell_of_daylight_saving(first + stretches[0][0], first + stretches[-1][1])
+    counted = None if kept.stretches() else "unknown"
     time = composer.edges[first + 1 : last + 1]
     attributes = {
         "source": settings.source or str(Path(data).name),
@@ -275,6 +278,7 @@ def import_recording(
         lacking=sentences_of(missing, described),
         unused_columns=[str(name) for name in measurements.columns if name not in composer.used],
         notes=[*measurements.notes, *composer.notes],
+        physics=check_physics(described, read_recording(out, described, occupancy=counted, said=False)),
     )
 
 
@@ -326,7 +330,6 @@ def _series(composer: Composer) -> tuple[list[Series], list[str]]:
             missing.append(name)
         else:
             series.append(made)
-    composer.notes.extend(plausible.about_all(series, composer.system))
     return series, missing
 
 

@@ -20,6 +20,7 @@ from rich.table import Table as Grid
 
 from diagnosis.measurements.clock import Clock
 from diagnosis.measurements.grid import Series
+from diagnosis.physics import Finding
 from diagnosis.pictures import as_png, readable
 from shared.errors import RecordingError
 from shared.flags import ASSUMED, FLAGS, IMPOSSIBLE, INTERPOLATED, STUCK
@@ -193,7 +194,7 @@ class ImportReport(_Table):
     ``not_recorded`` are the variables that the recording lacks, ``lacking`` what that means for each kind of them.
     Outputs were ``measured`` for so many hours, and in each of the ``stretches`` for its share of them.
     ``begin`` and ``end`` are local standard time, ``utc_offset`` hours east of Greenwich, ``time_zero`` the Monday from
-    which the recording's seconds count.
+    which the recording's seconds count. ``physics``: what cannot be, and what the description contradicts.
     """
 
     schema_version: int = 3
@@ -218,6 +219,7 @@ class ImportReport(_Table):
     lacking: list[str]
     unused_columns: list[str]
     notes: list[str]
+    physics: list[Finding]
 
 
 def sentences_of(missing: Sequence[str], system: System) -> list[str]:
@@ -296,6 +298,8 @@ def print_report(report: ImportReport, console: Console) -> None:
     if report.unused_columns:
         console.print(f"columns not used: {', '.join(report.unused_columns)}", markup=False, soft_wrap=True)
     console.print(f"picture: {report.picture}", markup=False, soft_wrap=True)
+    for found in report.physics:
+        console.print(found.text, style="bold red" if found.strong else "yellow", markup=False, soft_wrap=True)
 
 
 def build_recording(

@@ -263,7 +263,7 @@ def test_parameters_are_said_to_be_of_the_context_where_no_calibration_was_given
         ahead_hours=1.0, occupancy="measured", outputs={}, replayed=[], level=0.9,
     )  # fmt: skip
     template = page_environment().get_template("forecast.html.j2")
-    page = template.render(report=report, given=given, summary=[], outputs={}, picture="")
+    page = template.render(report=report, given=given, warnings=[], summary=[], outputs={}, picture="")
     assert said in " ".join(page.split())
     assert "Times are of standard time, also in summer." in " ".join(page.split())
 

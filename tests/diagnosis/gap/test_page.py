@@ -1,11 +1,14 @@
 """What the page of a diagnosis says beside the report."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 
 from diagnosis.gap import concluded, decision, pictures
 from diagnosis.gap.page import answered_by, dated, render
+from diagnosis.gap.schema import Report
+from diagnosis.physics import Finding
 from diagnosis.where.source import SUSPECT
 from shared.numbers import number
 from tests.diagnosis.gap.report_cases import named, place, report
@@ -35,6 +38,22 @@ def test_an_answer_is_of_a_sensor_of_a_balance_or_of_both():
         {"balance"},
         {"sensor", "balance"},
     ]
+
+
+def test_what_cannot_be_stands_before_the_answer_and_hints_after_it(drifted):
+    """In the box, and in the JSON before the verdict, which reads as it was written."""
+    wrong = Finding("clock", ("room",), -8.0, "h", "The room comes 8 h early.", "Write shift = 28800.0.", strong=True)
+    hint = Finding("description", ("room",), 2.0, "K", "The room is cooled.", "Describe it.", strong=False)
+    told = drifted.done.report.model_copy(update={"physics": [wrong, hint]})
+    page = " ".join(render(replace(drifted.done, report=told)).split())
+    places = [
+        page.index(text)
+        for text in ("Correct this before believing what follows: The room comes", 'class="head"', told.summary[0][:20])
+    ]
+    assert places == sorted(places) and places[-1] < page.index("Worth a look: The room is cooled. Describe it.")
+    assert list(told.model_dump())[:3] == ["schema_version", "physics", "verdict"]
+    assert Report.model_validate_json(told.model_dump_json()) == told
+    assert drifted.done.report.physics == []
 
 
 def test_where_there_is_no_gap_no_place_is_called_one(drifted, monkeypatch):
