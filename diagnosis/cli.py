@@ -18,6 +18,7 @@ from diagnosis.measurements.command import import_
 from diagnosis.usual import WARM_UP
 from shared.assignments import assignments
 from shared.console import OK, new_app, new_console, start
+from shared.stretches import LONGEST, Stretch
 
 app = new_app(
     "diagnosis",
@@ -38,6 +39,7 @@ def residuals(
     replay: bool = False,
     noise: str | None = None,
     warm_up: float = WARM_UP,
+    stretch: Stretch = LONGEST,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
 ) -> int:
     """Simulate a recording with given, estimated or calibrated parameters, and say what is left.
@@ -75,6 +77,7 @@ def residuals(
         calibration=calibration,
         parameters=values,
         replay=replay,
+        stretch=stretch,
         noise=noise,
         warm_up=warm_up,
     )

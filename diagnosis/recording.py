@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,7 +15,8 @@ from shared.errors import RecordingError
 from shared.flags import ASSUMED
 from shared.netcdf import read_netcdf
 from shared.reading import shown
-from shared.schema import EPOCH, method_fault, methods_of
+from shared.schema import EPOCH, RECORDING, method_fault, methods_of, of_another
+from shared.stretches import Steps, Stretch, chosen
 from shared.system import System
 from shared.times import recorded_begins, recorded_times, time_zero
 
@@ -74,17 +76,48 @@ def _after_time_zero(date: np.datetime64) -> float:
     return float((date - ZERO) / np.timedelta64(1, "s"))
 
 
-def read_recording(path: Path | str, system: System) -> Recording:
-    """Read a recording and hold its variables against the system description.
+def needed_inputs(
+    system: System, recorded: Iterable[str], *, replay: bool = False, occupancy: str | None = None
+) -> list[str]:
+    """Of the inputs that were recorded, those that a simulation reads.
+
+    It does not read actuators in whose place the FMU's controllers act, nor persons who are to be taken for unknown.
+    """
+    idle = {one.name for one in system.inputs if one.source == "measured" and system.replay and not replay}
+    idle |= {one.name for one in system.inputs if one.source == "occupancy" and occupancy == "unknown"}
+    return [name for name in recorded if name not in idle]
+
+
+def read_recording(
+    path: Path | str,
+    system: System,
+    *,
+    replay: bool = False,
+    occupancy: str | None = None,
+    stretch: Stretch | None = None,
+    said: bool = True,
+) -> Recording:
+    """Read a stretch of a recording in which all inputs have values, and hold it against the system description.
+
+    Parameters
+    ----------
+    replay, occupancy
+        What the recording is for, as in :func:`diagnosis.calibrating.calibration.calibrate`: inputs that are not read
+        then may have gaps, and are left out if they have.
+    stretch
+        Which stretch is taken; the longest, if not given.
+    said
+        Whether the stretches that there are, and which is taken, is logged.
 
     Raises
     ------
     RecordingError
         If the file is unreadable, has no regular time, no output of the system, or a variable in another unit or of
-        another kind: a mean for an instant, or the other way round.
+        another kind: a mean for an instant, or the other way round; or if it has no stretch of a day, or not the one
+        that was chosen.
     """
     path = Path(path)
-    data = read_netcdf(path, RecordingError, "a recording (NetCDF)", times=True)
+    data = read_netcdf(path, RecordingError, RECORDING, times=True)
     if "system" in data.dims:
         if data.sizes["system"] != 1:
             raise RecordingError(f"{path}: holds {data.sizes['system']} systems; expected a recording of one")
@@ -106,30 +139,36 @@ def read_recording(path: Path | str, system: System) -> Recording:
     step, time = _exact(time)
 
     methods = methods_of(system)
+    other = of_another(data.attrs, system.name, "the system description")
 
     def series(name: str, unit: str) -> np.ndarray:
         found = data[name].attrs.get("units", "")
         if not isinstance(found, str) or found != unit:
-            raise RecordingError(f"{path}: {name!r} is in {shown(found)}; the system description has {unit!r}")
+            raise RecordingError(f"{path}: {name!r} is in {shown(found)}; the system description has {unit!r}{other}")
         if fault := method_fault(data[name].attrs, methods[name], "by the system description"):
-            raise RecordingError(f"{path}: {name!r} {fault}")
+            raise RecordingError(f"{path}: {name!r} {fault}{other}")
         if data[name].dims != ("time",):
             raise RecordingError(f"{path}: {name!r} has dimensions {data[name].dims}; expected ('time',)")
         return data[name].values.astype(float)
 
     measured = [o.name for o in system.outputs if o.name in data]
     if not measured:
-        raise RecordingError(f"{path}: none of the outputs {', '.join(system.output_names)} is in it")
+        raise RecordingError(f"{path}: none of the outputs {', '.join(system.output_names)} is in it{other}")
     outputs = np.stack(
         [series(o.name, o.unit) if o.name in data else np.full(len(time), np.nan) for o in system.outputs]
     )
     inputs = {i.name: series(i.name, i.unit) for i in system.inputs if i.name in data}
-    for name, values in inputs.items():
-        if not np.isfinite(values).all():
-            raise RecordingError(f"{path}: input {name!r} has gaps; expected a finite value at every step")
+    needed = needed_inputs(system, inputs, replay=replay, occupancy=occupancy)
+    seconds = np.round(time).astype("timedelta64[s]")
+    known = {name: np.isfinite(inputs[name]) for name in needed}
+    unknown = {one.name: "--occupancy unknown" for one in system.inputs if one.source == "occupancy"}
+    part = slice(*chosen(Steps(path, ZERO + seconds, step), known, stretch, unknown, said=said))
+    time, outputs = time[part], outputs[:, part]
+    inputs = {name: values[part] for name, values in inputs.items() if np.isfinite(values[part]).all()}
     zero = _zero(time[0] - step, str(data["time"].encoding.get("units", "")))
     time = time - _after_time_zero(zero)
-    assumed = {name: str(data[name].attrs.get("comment", "assumed")) for name in inputs if _assumed(data, name)}
+    cut = data.isel(time=part)
+    assumed = {name: str(data[name].attrs.get("comment", "assumed")) for name in inputs if _assumed(cut, name)}
     return Recording(path, step, time, outputs, inputs, zero, assumed)
 
 

@@ -23,6 +23,7 @@ from diagnosis.scores import score
 from diagnosis.usual import WARM_UP
 from diagnosis.zero_shot import estimate
 from shared.errors import RecordingError, SystemDescriptionError
+from shared.stretches import Stretch
 from shared.system import System
 
 
@@ -34,6 +35,7 @@ def residuals(
     calibration: Calibration | Path | str | None = None,
     parameters: Mapping[str, float] | None = None,
     replay: bool = False,
+    stretch: Stretch | None = None,
     noise: str | None = None,
     warm_up: float = WARM_UP,
 ) -> dict[str, Any]:
@@ -54,6 +56,8 @@ def residuals(
         Values by name [unit of the description], which are simulated as they are, beyond their ranges too.
     replay
         The recorded actuators replace the model's control loops, cleared of their meters' noise.
+    stretch
+        Which stretch without gaps of a recording's inputs is taken; the longest, if not given.
     noise
         A noise preset of the description: how noisy those meters are (``sensor`` if not given).
     warm_up
@@ -77,7 +81,15 @@ def residuals(
         beside = {"run": run, "parameters (--set)": parameters or None, "noise": noise}
         given = given_calibration(calibration, beside)
     noise = "sensor" if noise is None else noise
-    described, record = opened(system, recording, noise=noise, warm_up=warm_up)
+    described, record = opened(
+        system,
+        recording,
+        noise=noise,
+        warm_up=warm_up,
+        replay=replay,
+        occupancy=None if given is None else given.occupancy,
+        stretch=stretch,
+    )
     if given is not None:
         check_given(given, calibration, described, replay=replay)
         values = {one.name: one.value for one in given.parameters}

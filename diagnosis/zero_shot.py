@@ -15,6 +15,7 @@ from shared.errors import EstimatorError, RecordingError
 from shared.gaps import bridge
 from shared.logs import logger
 from shared.netcdf import read_netcdf, write_netcdf
+from shared.schema import RECORDING
 from shared.system import System
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ def estimate(run: Path | str, recording: Recording, system: System) -> dict[str,
     from trainer import load_run, predict
     from trainer.predicting.readings import GapError
 
-    data = read_netcdf(recording.path, RecordingError, "a recording (NetCDF)", times=True)
+    data = read_netcdf(recording.path, RecordingError, RECORDING, times=True)
     time = recording.times(data)
     data = data.isel(time=np.flatnonzero((time >= recording.time[0] - 1) & (time <= recording.time[-1] + 1)))
     data = data.isel(system=0, drop=True) if "system" in data.dims else data

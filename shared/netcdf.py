@@ -28,6 +28,8 @@ from shared.reading import MIB, short, size_of, why
 
 MOST = 2048 * MIB
 """Bytes that a file may hold."""
+_SHOWN = 40
+"""Characters of a file that is none of NetCDF."""
 _PROBE = bytes(MIB)
 """Enough that what is left of a disk that was too full does not take it."""
 
@@ -59,6 +61,8 @@ def read_netcdf(path: Path, error: type[ZeroshotError], expected: str, *, times:
     if child.returncode:
         cause = child.stderr.decode(errors="replace").strip().splitlines()
         said = short(cause[-1]) if child.returncode > 0 and cause else _ending(child.returncode)
+        if child.returncode > 0 and (begin := _begin(path)) is not None:
+            raise error(f"{path}: is no NetCDF file but begins with {begin!r}; expected {expected}") from None
         raise error(f"{path}: cannot be read as NetCDF ({said}); expected {expected}")
     try:
         raw = _dataset(child.stdout)
@@ -111,6 +115,18 @@ def _attributes(found: dict[str, Any]) -> dict[str, Any]:
         name: value if isinstance(value, str) else np.array(value[1], dtype=value[0])[()]
         for name, value in found.items()
     }
+
+
+def _begin(path: Path) -> str | None:
+    """The first characters of a text, which is no NetCDF file; None of any other."""
+    with open(path, "rb") as file:
+        data = file.read(_SHOWN)
+    try:
+        text = data.decode()
+    except UnicodeDecodeError:
+        return None
+    line = text.strip().partition("\n")[0]
+    return line if line and "\0" not in text and not text.startswith("CDF") else None
 
 
 def _ending(code: int) -> str:

@@ -38,6 +38,8 @@ STEP_END = {"long_name": "end of the output step, local standard time", "axis": 
 """What else is said of the time of a record that is on the clock."""
 CONTENT_HASH = "content_hash"
 """Global attribute of a shard that holds its own content hash."""
+RECORDING = "a recording (NetCDF), which `diagnosis import` makes of a CSV"
+"""What a reader of recordings expects."""
 SPLITS = ("train", "validation", "test")
 Method = Literal["point", "mean"]
 """CF cell method of a series over time."""
@@ -60,6 +62,14 @@ def method_fault(attributes: Mapping[Any, Any], method: Method, whose: str) -> s
         return ""
     found = _METHODS.get(said[1], f"the {said[1]} of each step")
     return f"is {found} (its cell_methods); {whose} it is {_METHODS[method]}"
+
+
+def of_another(attributes: Mapping[Any, Any], name: str, whose: str) -> str:
+    """A clause on a recording of another system than ``name``, which is ``whose``; empty if it is of that one."""
+    said = attributes.get("system_name")
+    if not isinstance(said, str) or said == name:
+        return ""
+    return f"; the recording is of the system {shown(said)}, and {whose} of {name!r}"
 
 
 def split_of(root_seed: int, index: int) -> int:

@@ -25,6 +25,7 @@ from diagnosis.zero_shot import estimate
 from shared.errors import RecordingError
 from shared.numbers import counted
 from shared.places import check_folder
+from shared.stretches import Stretch
 from shared.system import System
 
 __all__ = ["Calibrated", "Calibration", "calibrate", "read_calibration", "whole"]
@@ -38,6 +39,7 @@ def calibrate(
     out: Path | str | None = None,
     replay: bool = False,
     occupancy: str | None = None,
+    stretch: Stretch | None = None,
     noise: str = "sensor",
     estimate_noise: bool = True,
     starts: int = STARTS,
@@ -62,6 +64,8 @@ def calibrate(
         The recorded actuators replace the model's control loops.
     occupancy
         ``measured`` or ``unknown``; measured where the recording has it, if not given.
+    stretch
+        Which stretch without gaps of a recording's inputs is taken; the longest, if not given.
     noise
         A noise preset of the description.
     estimate_noise
@@ -93,7 +97,9 @@ def calibrate(
         raise RecordingError(f"starts is {starts}; expected at least 1")
     if out is not None:
         check_folder(Path(out), RecordingError)
-    described, record = opened(system, recording, noise=noise, warm_up=warm_up)
+    described, record = opened(
+        system, recording, noise=noise, warm_up=warm_up, replay=replay, occupancy=occupancy, stretch=stretch
+    )
     zero_shot = estimate(run, record, described) if run is not None else {}
     simulator = Simulator(described)
     place = None if out is None else Path(out)

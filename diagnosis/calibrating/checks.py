@@ -7,11 +7,20 @@ from pathlib import Path
 from diagnosis.fitting.noise import errors_under
 from diagnosis.physics import check_recording
 from diagnosis.recording import HOUR, Recording, check_warm_up, read_recording
+from shared.errors import RecordingError
+from shared.stretches import LONGEST, Stretch
 from shared.system import System, load_system
 
 
 def opened(
-    system: System | Path | str, recording: Recording | Path | str, *, noise: str, warm_up: float
+    system: System | Path | str,
+    recording: Recording | Path | str,
+    *,
+    noise: str,
+    warm_up: float,
+    replay: bool = False,
+    occupancy: str | None = None,
+    stretch: Stretch | None = None,
 ) -> tuple[System, Recording]:
     """A system with the experiment of a recording, and the recording: whatever is wrong is said before a simulation.
 
@@ -21,6 +30,8 @@ def opened(
         A noise preset of the description.
     warm_up
         The recording's first day is repeated this long before its start [h].
+    replay, occupancy, stretch
+        As of :func:`diagnosis.recording.read_recording`.
 
     Raises
     ------
@@ -31,7 +42,31 @@ def opened(
     """
     described = system if isinstance(system, System) else load_system(system)
     errors_under(described, noise)
-    record = recording if isinstance(recording, Recording) else read_recording(recording, described)
+    record = taken(described, recording, replay=replay, occupancy=occupancy, stretch=stretch)
     check_recording(record, described)
     check_warm_up(record, warm_up * HOUR)
     return described.with_experiment(step=record.step, hours=len(record.time) * record.step / HOUR), record
+
+
+def taken(
+    system: System,
+    recording: Recording | Path | str,
+    *,
+    replay: bool,
+    occupancy: str | None,
+    stretch: Stretch | None,
+) -> Recording:
+    """A recording as it is, or the stretch of one that is read from a file.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be read, or is in memory and a stretch of it is asked for.
+    """
+    if not isinstance(recording, Recording):
+        return read_recording(recording, system, replay=replay, occupancy=occupancy, stretch=stretch)
+    if stretch not in (None, LONGEST):
+        raise RecordingError(
+            f"{recording.path}: stretch is given with a recording that has been read; expected it of read_recording"
+        )
+    return recording

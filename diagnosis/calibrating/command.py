@@ -15,6 +15,7 @@ from diagnosis.usual import STARTS, WARM_UP
 from shared.console import OK, NotNegative, Place, Positive, new_console, resumable
 from shared.logs import USUAL, Reporting
 from shared.progress import stages
+from shared.stretches import LONGEST, Stretch
 
 console = new_console()
 
@@ -29,6 +30,7 @@ def calibrate(
     warm_up: float = WARM_UP,
     seed: NotNegative = 0,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
+    stretch: Stretch = LONGEST,
     fitting: Fitting = PLAIN,
     report: Reporting = USUAL,
 ) -> int:
@@ -63,6 +65,7 @@ def calibrate(
             system,
             recording,
             out=out,
+            stretch=stretch,
             **fitting.given,
             starts=starts,
             warm_up=warm_up,

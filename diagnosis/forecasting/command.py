@@ -13,6 +13,7 @@ from diagnosis.scores import score_table
 from shared.console import OK, Place, Positive, new_console, resumable
 from shared.logs import USUAL, Reporting
 from shared.progress import stages
+from shared.stretches import LONGEST, Stretch
 
 console = new_console()
 
@@ -28,6 +29,7 @@ def forecast(
     calibration: Path | None = None,
     starts: Positive | None = None,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
+    stretch: Stretch = LONGEST,
     fitting: Fitting = PLAIN,
     report: Reporting = USUAL,
 ) -> int:
@@ -68,6 +70,7 @@ def forecast(
             ahead=ahead,
             calibration=calibration,
             out=out,
+            stretch=stretch,
             **fitting.given,
             starts=starts,
             tell=tell,

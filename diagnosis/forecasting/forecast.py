@@ -14,6 +14,7 @@ import numpy as np
 
 from datagen.simulating.simulator import Simulator
 from diagnosis.calibrating.calibration import calibrate
+from diagnosis.calibrating.checks import taken
 from diagnosis.calibrating.given import check_given, check_unknowns, given_calibration, noise_of
 from diagnosis.calibrating.schema import Calibration
 from diagnosis.calibrating.seen import check_unseen
@@ -29,12 +30,14 @@ from diagnosis.forecasting.forecasted import Ahead, Forecast, Forecasted, about_
 from diagnosis.forecasting.persons import corrected, from_the_prior
 from diagnosis.intervals import LEVEL
 from diagnosis.physics import check_physics, check_recording
-from diagnosis.recording import HOUR, Recording, check_warm_up, read_recording
+from diagnosis.recording import HOUR, Recording, check_warm_up
 from diagnosis.scores import score
 from diagnosis.usual import STARTS, WARM_UP
+from diagnosis.zero_shot import check_estimator
 from shared.errors import RecordingError, SimulationError, TimeUp
 from shared.logs import logger
 from shared.places import check_folder
+from shared.stretches import Stretch
 from shared.system import System, load_system
 
 _log = logger(__name__)
@@ -52,6 +55,7 @@ def forecast(
     out: Path | str | None = None,
     replay: bool = False,
     occupancy: str | None = None,
+    stretch: Stretch | None = None,
     noise: str | None = None,
     draws: int = DRAWS,
     starts: int | None = None,
@@ -74,6 +78,8 @@ def forecast(
         of the description (``sensor`` if not given).
     calibration
         A calibration made before, in place of that one; its noise is the forecast's.
+    stretch
+        Which stretch without gaps of a recording's inputs is taken; the longest, if not given.
     draws
         Simulations behind the bands.
     out
@@ -100,18 +106,17 @@ def forecast(
     described = system if isinstance(system, System) else load_system(system)
     preset = "sensor" if noise is None else noise
     errors_under(described, preset)  # whatever is wrong is said before the simulator is built
-    record = recording if isinstance(recording, Recording) else read_recording(recording, described)
+    record = taken(described, recording, replay=replay, occupancy=occupancy, stretch=stretch)
     split, end = (_steps(record, hours) for hours in (context, context + ahead))
     if end > len(record.time):
-        raise RecordingError(
-            f"{record.path}: is {len(record.time) * record.step / HOUR:g} h long; expected at least"
-            f" {context + ahead:g} h: {context:g} h of context and the inputs of {ahead:g} h ahead"
-        )
+        raise RecordingError(_too_short(record, context, ahead))
     whole_record, first = _part(record, end), _part(record, split)
     check_recording(first, described)
     check_warm_up(record, warm_up * HOUR)
     if replay:
         check_driven(described, whole_record, split)
+    if run is not None:
+        check_estimator(run, described)
     described = described.with_experiment(step=record.step, hours=context + ahead)
     simulator, place = Simulator(described), None if out is None else Path(out)
     with (
@@ -191,6 +196,17 @@ def forecast(
 
             write_forecast(answer, place)
         return answer
+
+
+def _too_short(record: Recording, context: float, ahead: float) -> str:
+    """That a recording ends before the forecast does, and what fits: two thirds of what it has, in whole days."""
+    hours = len(record.time) * record.step / HOUR
+    known = max(24.0, 24.0 * (2 * hours // (3 * 24)))
+    fits = f"; --context {known:g} --ahead {hours - known:g} would fit" if hours - known >= record.step / HOUR else ""
+    return (
+        f"{record.path}: what is taken of it, from {record.began}, is {hours:g} h long; expected at least"
+        f" {context + ahead:g} h: --context of {context:g} h and the inputs of --ahead {ahead:g} h{fits}"
+    )
 
 
 def check_driven(system: System, record: Recording, split: int) -> None:

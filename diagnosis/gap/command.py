@@ -15,6 +15,7 @@ from shared.console import OK, NotNegative, Place, new_console, resumable
 from shared.logs import USUAL, Reporting
 from shared.numbers import counted, number
 from shared.progress import stages
+from shared.stretches import LONGEST, Stretch
 
 console = new_console()
 LINES = 5
@@ -30,6 +31,7 @@ def run(
     warm_up: float = WARM_UP,
     seed: NotNegative = 0,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
+    stretch: Stretch = LONGEST,
     fitting: Fitting = PLAIN,
     reporting: Reporting = USUAL,
 ) -> int:
@@ -60,6 +62,7 @@ def run(
             system,
             recording,
             out=out,
+            stretch=stretch,
             **fitting.given,
             warm_up=warm_up,
             seed=seed,

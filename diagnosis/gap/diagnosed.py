@@ -25,6 +25,7 @@ from diagnosis.recording import HOUR, Recording
 from diagnosis.usual import WARM_UP
 from shared.errors import RecordingError
 from shared.places import check_folder
+from shared.stretches import Stretch
 from shared.system import System
 
 SPANS = {
@@ -51,6 +52,7 @@ def diagnose(
     out: Path | str | None = None,
     replay: bool = False,
     occupancy: str | None = None,
+    stretch: Stretch | None = None,
     noise: str = "sensor",
     effects: Sequence[Effect] | None = None,
     warm_up: float = WARM_UP,
@@ -74,6 +76,8 @@ def diagnose(
         The recorded actuators replace the model's control loops.
     occupancy
         ``measured`` or ``unknown``; measured where the recording has it, if not given.
+    stretch
+        Which stretch without gaps of a recording's inputs is taken; the longest, if not given.
     noise
         A noise preset of the description.
     effects
@@ -102,7 +106,9 @@ def diagnose(
     began, used = time.perf_counter(), time.process_time()
     if out is not None:
         check_folder(Path(out), RecordingError)
-    described, record = opened(system, recording, noise=noise, warm_up=warm_up)
+    described, record = opened(
+        system, recording, noise=noise, warm_up=warm_up, replay=replay, occupancy=occupancy, stretch=stretch
+    )
     tell("holding the recording against physics")
     physics = check_physics(described, record)
     candidates = list(effects) if effects is not None else library(described)

@@ -15,7 +15,7 @@ import numpy as np
 from diagnosis.measurements.signal import Signal
 from shared.flags import ASSUMED, IMPOSSIBLE, INTERPOLATED, MISSING, PARTLY, STUCK
 from shared.gaps import bridge
-from shared.variables import Input, Output, WeatherInput
+from shared.variables import ExcitationInput, Input, Output, WeatherInput
 
 IRRADIANCES = ("ghi", "dni", "dhi", "poa_global")
 """pvlib's names of what the sun does."""
@@ -25,7 +25,8 @@ IRRADIANCES = ("ghi", "dni", "dhi", "poa_global")
 class Target:
     """What the system description wants: ``method`` is CF's, the mean of a step or the instant at its end.
 
-    ``sun`` says that it is irradiance of the weather, which is never negative.
+    ``sun`` says that it is irradiance of the weather, which is never negative; ``signed`` that it is a difference, as
+    an excitation is, which goes either way.
     """
 
     name: str
@@ -33,6 +34,7 @@ class Target:
     unit: str
     method: Literal["mean", "point"]
     sun: bool = False
+    signed: bool = False
 
 
 def output_target(one: Output) -> Target:
@@ -43,7 +45,8 @@ def output_target(one: Output) -> Target:
 def input_target(one: Input) -> Target:
     """What an input wants: held inputs the means of the steps, the others instants joined by straight lines."""
     sun = isinstance(one, WeatherInput) and one.column in IRRADIANCES
-    return Target(one.name, "input", one.unit, "mean" if one.interpolation == "previous" else "point", sun)
+    method: Literal["mean", "point"] = "mean" if one.interpolation == "previous" else "point"
+    return Target(one.name, "input", one.unit, method, sun, signed=isinstance(one, ExcitationInput))
 
 
 @dataclass
@@ -62,6 +65,8 @@ class Series:
         The same at length, if there is more to say.
     signal
         The readings behind it, if there are any.
+    key
+        Where its column stands in the mapping, as ``weather.ghi``; empty where none does.
     second, second_name
         A second meter on the same grid, and its column.
     """
@@ -72,6 +77,7 @@ class Series:
     flags: np.ndarray
     comment: str = ""
     signal: Signal | None = None
+    key: str = ""
     second: np.ndarray | None = None
     second_name: str = ""
 
@@ -85,12 +91,6 @@ class Series:
         self.second = None if self.second is None else self.second[first:last]
 
 
-def runs(mask: np.ndarray) -> list[tuple[int, int]]:
-    """Stretches where a mask is true, as (first, one past the last)."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-
-
 def interpolate_short(values: np.ndarray, flags: np.ndarray, longest: int) -> tuple[np.ndarray, np.ndarray]:
     """Straight lines over inner gaps of at most ``longest`` steps; both (n,)."""
     values, flags = values.copy(), flags.copy()
@@ -102,18 +102,6 @@ def fill_constant(values: np.ndarray, flags: np.ndarray, value: float) -> tuple[
     """One value in all gaps; both (n,)."""
     gap = ~np.isfinite(values)
     return np.where(gap, value, values), flags | np.where(gap, ASSUMED, 0).astype(np.int8)
-
-
-def longest_whole(inputs: dict[str, np.ndarray], first: int, last: int) -> tuple[int, int]:
-    """The longest stretch of steps within ``first`` to ``last`` (one past) in which every input has a value."""
-    whole = np.ones(last - first, dtype=bool)
-    for values in inputs.values():
-        whole &= np.isfinite(values[first:last])
-    found = runs(whole)
-    if not found:
-        return first, first
-    a, b = max(found, key=lambda run: run[1] - run[0])
-    return first + a, first + b
 
 
 CLOSER = 0.75

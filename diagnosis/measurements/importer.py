@@ -13,13 +13,15 @@ from datagen.driving.inputs import schedule_signal
 from datagen.driving.tables import merge
 from diagnosis.measurements import plausible
 from diagnosis.measurements.clock import Clock, find_zone, make_clock
-from diagnosis.measurements.grid import Series, input_target, longest_whole, output_target
+from diagnosis.measurements.grid import Series, input_target, output_target
 from diagnosis.measurements.judge import Judge
+from diagnosis.measurements.kept import Kept, about_spacing
 from diagnosis.measurements.mapping import Mapping, check_against, load_mapping
 from diagnosis.measurements.outdoors import Outdoors
 from diagnosis.measurements.output import (
     Comparison,
     ImportReport,
+    StretchReport,
     VariableReport,
     build_recording,
     check_free,
@@ -27,8 +29,6 @@ from diagnosis.measurements.output import (
     sentences_of,
     write_recording,
 )
-from diagnosis.measurements.signal import Signal
-from diagnosis.measurements.spacing import usual_gap
 from diagnosis.measurements.table import Measurements, read_measurements
 from diagnosis.measurements.units import COUNTS
 from diagnosis.physics import check_physics
@@ -64,26 +64,10 @@ def about_ends(series: Sequence[Series], edges: np.ndarray, last: int) -> list[s
         return []
     return [
         f"{one.target.name}, {one.origin}, has no value in the step after, and so the recording ends there"
-        f"{_spacing(signal, float(edges[last]))}"
+        f"{about_spacing(signal, float(edges[last]))}"
         for one, signal in read
         if not np.isfinite(one.values[last])
     ]
-
-
-def _spacing(signal: Signal, end: float) -> str:
-    """How far apart readings are after ``end`` [s], where that is so much further than usual that it leaves gaps."""
-    middle, length = signal.middle, signal.end - signal.begin
-    after = middle > end
-    if after.sum() < 2:
-        return ""
-    usual, apart = float(np.median(np.diff(middle))), float(np.median(np.diff(middle[after])))
-    if apart <= usual_gap(usual) or np.median(length[after]) >= apart:
-        return ""
-    field = f"interval = {apart:g}" if signal.kind == "mean" else f"max_gap = {apart / 3600:.3g}"
-    return (
-        f": its readings are {apart:g} s apart from there on, and usually {usual:g} s; expected the same spacing"
-        f" throughout, or {field}"
-    )
 
 
 DAY = 86400.0
@@ -185,8 +169,6 @@ class Composer:
 
 DAY = 86400.0
 _MOST_STEPS = 5_000_000
-SOME = 0.05
-"""Share of readings left out from which on they, and not what is missing, may be why a stretch is short."""
 
 
 def import_recording(
@@ -245,10 +227,13 @@ def import_recording(
     series, missing = _series(composer)
     composer.outdoors.check_sun(series)
     composer.outdoors.tell_unused()
-    first, last = _stretch(composer, series, ahead)
-    composer.tell_of_daylight_saving(first, last)
+    first, last = _span(composer, series, ahead)
     for one in series:
         one.cut(first, last)
+    kept = Kept(series, described, composer.step, float(composer.edges[first]), composer.judge.valid)
+    stretches = _stretches(composer, kept)
+    composer.tell_of_daylight_saving(first + stretches[0][0], first + stretches[-1][1])
+    counted = None if kept.stretches() else "unknown"
     time = composer.edges[first + 1 : last + 1]
     attributes = {
         "source": settings.source or str(Path(data).name),
@@ -258,7 +243,9 @@ def import_recording(
     }
     dataset = build_recording(series, time, clock, described, attributes)
     begin, end = clock.text(time[0] - composer.step), clock.text(time[-1])
-    picture = draw_recording(series, time, clock, f"{out.name}: {begin} to {end}, steps of {composer.step:g} s")
+    picture = draw_recording(
+        series, time, clock, f"{out.name}: {begin} to {end}, steps of {composer.step:g} s", stretches
+    )
     write_recording(dataset, out, picture, out.with_suffix(".png"))
     return ImportReport(
         recording=str(out),
@@ -274,13 +261,24 @@ def import_recording(
         end=end,
         step=composer.step,
         steps=len(time),
+        measured=kept.hours(),
+        stretches=[
+            StretchReport(
+                number=k,
+                begin=clock.text(time[a] - composer.step),
+                end=clock.text(time[b - 1]),
+                hours=(b - a) * composer.step / 3600.0,
+                measured=kept.hours([(a, b)]),
+            )
+            for k, (a, b) in enumerate(stretches, 1)
+        ],
         variables=[_about(one) for one in series],
         comparisons=[found for one in series if (found := _compare(one)) is not None],
         not_recorded=missing,
         lacking=sentences_of(missing, described),
         unused_columns=[str(name) for name in measurements.columns if name not in composer.used],
         notes=[*measurements.notes, *composer.notes],
-        physics=check_physics(described, read_recording(out, described)),
+        physics=check_physics(described, read_recording(out, described, occupancy=counted, said=False)),
     )
 
 
@@ -328,60 +326,56 @@ def _series(composer: Composer) -> tuple[list[Series], list[str]]:
     return series, missing
 
 
-def _stretch(composer: Composer, series: list[Series], ahead: bool) -> tuple[int, int]:
-    """The steps to keep: from the first to the last output, and of these the longest with all inputs."""
+def _span(composer: Composer, series: list[Series], ahead: bool) -> tuple[int, int]:
+    """The steps to keep: from the first to the last output, and ahead as long as all inputs go on."""
     measured = np.any([np.isfinite(one.values) for one in series if one.target.role == "output"], axis=0)
     if not measured.any():
         raise RecordingError(f"{composer.data.path}: no output has a value on the grid of {composer.step:g} s")
     first, last = int(np.flatnonzero(measured)[0]), int(np.flatnonzero(measured)[-1]) + 1
-    inputs = {one.target.name: one.values for one in series if one.target.role == "input"}
-    known = np.all([np.isfinite(values) for values in inputs.values()], axis=0) if inputs else measured
-    further = int(np.argmin([*known[last:], False]))
+    inputs = [np.isfinite(one.values) for one in series if one.target.role == "input"]
+    further = int(np.argmin([*np.all(inputs, axis=0)[last:], False])) if inputs else 0
     if ahead:
         last += further
         composer.notes.extend(about_ends(series, composer.edges, last))
+    else:
+        first, last = _trimmed(composer, series, first, last)
     if further:
         kept = "are kept for a forecast" if ahead else "are left out (--ahead keeps them for a forecast)"
         composer.notes.append(f"inputs go on for {further} steps after the last reading of an output: these {kept}")
-    a, b = longest_whole(inputs, first, last)
-    gaps = {name: int((~np.isfinite(values[first:last])).sum()) for name, values in inputs.items()}
-    told = ", ".join(f"{name} in {count} steps" for name, count in gaps.items() if count)
-    if (b - a) * composer.step < DAY - 1e-6:
-        what = f"inputs are missing ({told})" if told else "there are outputs"
+    if (last - first) * composer.step < DAY - 1e-6:
         raise RecordingError(
-            f"{composer.data.path}: the longest stretch {'in which no ' if told else 'in which '}{what} has "
-            f"{(b - a) * composer.step / 3600:.3g} h; expected at least a day"
-            f" ({_left_out(series, gaps)}a mapping's fill says what may fill gaps)"
+            f"{composer.data.path}: outputs were read over {(last - first) * composer.step / 3600:.3g} h; expected at"
+            " least a day"
         )
-    if b - a < 2:
+    if last - first < 2:
         raise RecordingError(
             f"{composer.data.path}: makes one step of {composer.step:g} s; expected two at least (grid.step of"
             f" {composer.mapping.path}, or the system's own)"
         )
-    if (a, b) != (first, last):
-        edges = composer.edges
-        composer.notes.append(
-            f"inputs are missing ({told}) where nothing may fill them: of {composer.clock.text(edges[first])} to "
-            f"{composer.clock.text(edges[last])} the longest stretch with all inputs is kept, {b - a} of "
-            f"{last - first} steps"
+    return first, last
+
+
+def _trimmed(composer: Composer, series: list[Series], first: int, last: int) -> tuple[int, int]:
+    """The same without a first and a last step that lack an input: a log begins and ends within a step."""
+    needed = Kept(series, composer.system, composer.step, 0.0, {}).needed
+    for k, which in ((first, "first"), (last - 1, "last")):
+        if lacking := [one.target.name for one in needed if not np.isfinite(one.values[k])]:
+            composer.notes.append(f"{', '.join(lacking)}: no value in the {which} step with outputs, which is left out")
+            first, last = (first + 1, last) if which == "first" else (first, last - 1)
+    return first, last
+
+
+def _stretches(composer: Composer, kept: Kept) -> list[tuple[int, int]]:
+    """The stretches of a recording in which no input is missing; what is lost is noted."""
+    found = kept.stretches() or kept.stretches(without=kept.crowd)
+    if not found:
+        remedies = "; ".join(kept.remedies(0.0)) or "a mapping's fill says what may fill gaps"
+        raise RecordingError(
+            f"{composer.data.path}: no inputs are missing ({kept.gaps()}) in no stretch of a day; expected at least one"
+            f" ({remedies})"
         )
-    return a, b
-
-
-def _left_out(series: list[Series], gaps: dict[str, int]) -> str:
-    """Which inputs with gaps lost many of their readings because these cannot be; empty if none did."""
-    said = []
-    for one in series:
-        if one.signal is None or not gaps.get(one.target.name):
-            continue
-        flags = one.signal.flags
-        counts = [
-            (int(((flags & bit) > 0).sum()), what) for bit, what in ((IMPOSSIBLE, "impossible"), (STUCK, "stuck"))
-        ]
-        left = [f"{count} as {what}" for count, what in counts if count > SOME * len(flags)]
-        if left:
-            said.append(f"{one.target.name}, {one.origin}: of {len(flags)} readings left out are {' and '.join(left)}")
-    return f"{'; '.join(said)}: are column and unit right? " if said else ""
+    composer.notes.extend(kept.sentences())
+    return found
 
 
 def _about(one: Series) -> VariableReport:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -18,10 +20,10 @@ from diagnosis.measurements.grid import (
     interpolate_short,
     resample,
 )
+from diagnosis.measurements.kept import header
 from diagnosis.measurements.mapping import Mapping, Source
+from diagnosis.measurements.offset import find_offset
 from diagnosis.measurements.signal import (
-    DARK,
-    Resting,
     Signal,
     check_possible,
     is_constant,
@@ -29,11 +31,13 @@ from diagnosis.measurements.signal import (
     mark_impossible,
     mark_stuck,
     possible_in_source,
+    source_value,
     to_target,
 )
 from diagnosis.measurements.table import Measurements
+from diagnosis.measurements.weather import Daylight
 from shared.errors import RecordingError
-from shared.flags import ASSUMED, COMPUTED
+from shared.flags import ASSUMED, COMPUTED, IMPOSSIBLE, STUCK
 from shared.units import spelled
 
 _STATES = ("presence", "bool", "person", "persons", "count", "counts")
@@ -44,8 +48,13 @@ FEWER = 1.5
 """Readings of an output are fewer than its steps where they are so many steps apart, or means over so many."""
 BEAM = "dni"
 """The quantity of the weather that may: the beam of an overcast day is zero from morning to night."""
+TOLD = 0.05
+"""Share of a column's readings from which on the sentence on those left out says what would keep them."""
 _STUCK_AFTER = 12.0
 """How long such a sensor may show one value [h]."""
+_NIGHT = 24.0
+"""How long an irradiance may show one value where nothing says when the sun is up [h]: only a polar night lasts longer,
+in which it is zero."""
 _CALM = 120.0
 """How long wind may be exactly zero [h]: a cup anemometer does not turn below about half a metre per second, and a
 winter's high stays over a valley for days; one that nothing has stirred for five days is frozen or dead."""
@@ -56,7 +65,7 @@ class Judge:
     """Reads the measurements as the mapping says.
 
     ``edges`` of the grid, shape (steps + 1,) [s of the clock]; ``notes`` are sentences on what was done, ``used`` the
-    columns that were read.
+    columns that were read, ``valid`` the lines that would keep what was left out as impossible, by where they belong.
     """
 
     mapping: Mapping
@@ -65,11 +74,19 @@ class Judge:
     edges: np.ndarray
     notes: list[str] = field(default_factory=list)
     used: set[str] = field(default_factory=set)
+    valid: dict[str, str] = field(default_factory=dict)
 
     @property
     def step(self) -> float:
         """Step of the grid [s]."""
         return float(self.edges[1] - self.edges[0])
+
+    @cached_property
+    def daylight(self) -> Daylight | None:
+        """Where the sun stands over the record; None where the mapping names no place."""
+        if self.mapping.place is None:
+            return None
+        return Daylight.over(float(self.edges[0]), float(self.edges[-1]), self.clock, self.mapping.place)
 
     def tell(self, sentence: str | None) -> None:
         """Note a sentence, if there is one."""
@@ -101,18 +118,19 @@ class Judge:
                     " of an output stay missing"
                 )
         if source.constant is not None:
-            value = self.converted(source.constant, source, target.unit, where, sun=target.sun)
+            value = self.converted(source.constant, source, target, where)
             made = self.assumed(target, value, f"constant of the mapping: {value:.6g}")
             return self._beside(made, source, where)
         # a set point stands still, the weather does not
         outdoors = weather is not None and weather != BEAM
         moving = spelled(target.unit) in MOVING and (target.role == "output" or outdoors)
-        signal = self.signal(source, target.unit, where, moving=moving, sun=target.sun)
+        signal = self.signal(source, target.unit, where, moving=moving, sun=target.sun, signed=target.signed)
         if target.method == "mean" and not self.says_how(source):
             self._instants(target, signal, f"{where}: column {source.column!r}")
         if target.role == "output":
             self._as_many(target, signal, f"{where}: column {source.column!r}")
         made = self.gridded(target, signal, source, f"{source.column} [{source.unit}]", where)
+        made.key = key
         return self._beside(made, source, where)
 
     def _beside(self, made: Series, source: Source, where: str) -> Series:
@@ -123,7 +141,12 @@ class Judge:
         same = {name: getattr(source, name) for name in ("reading", "stamp", "interval", "max_gap")}
         own = {name: getattr(meter, name) for name in ("column", "unit", "scale", "offset", "persons")}
         other = self.signal(
-            Source(**own, **same), made.target.unit, f"{where}.compare", moving=False, sun=made.target.sun
+            Source(**own, **same),
+            made.target.unit,
+            f"{where}.compare",
+            moving=False,
+            sun=made.target.sun,
+            signed=made.target.signed,
         )
         made.second, _ = resample(other, self.edges, made.target.method, self.mapping.grid.coverage)
         if made.target.role == "input" and made.target.method == "point":  # as the first one is
@@ -180,15 +203,20 @@ class Judge:
             f" {usual:g} makes them, or reading = 'hold' for what holds until the next reading"
         )
 
-    def converted(self, value: float, source: Source, unit: str, where: str, *, sun: bool = True) -> float:
-        """A number of the mapping, as written in the source's unit, in ``unit``; refused if readings of it would be."""
+    def converted(self, value: float, source: Source, target: Target, where: str) -> float:
+        """A number as written in the source's unit, in the target's; refused if readings of it would be."""
         density = self.mapping.air_density
-        made = float(to_target(np.array(value), source, unit, density=density, where=where))
-        check_possible(made, source, unit, density=density, where=where, sun=sun)
+        made = float(to_target(np.array(value), source, target.unit, density=density, where=where))
+        check_possible(made, source, target.unit, density=density, where=where, sun=target.sun, signed=target.signed)
         return made
 
-    def signal(self, source: Source, unit: str, where: str, *, moving: bool, sun: bool = True) -> Signal:
-        """A column as a judged signal; ``moving`` says that it never stands still, ``sun`` that W/m2 are irradiance.
+    def signal(
+        self, source: Source, unit: str, where: str, *, moving: bool, sun: bool = True, signed: bool = False
+    ) -> Signal:
+        """A column as a judged signal.
+
+        ``moving`` says that it never stands still, ``sun`` that W/m2 are irradiance, ``signed`` that readings are
+        differences.
 
         Raises
         ------
@@ -200,27 +228,29 @@ class Judge:
         self.used.add(column)
         readings = self.data.numbers(column, where)
         density = self.mapping.air_density
-        kind = source.reading or self.mapping.defaults.reading
-        if kind != "mean":
+        kind_of_reading = source.reading or self.mapping.defaults.reading
+        if kind_of_reading != "mean":
             for field, value in (("stamp", source.stamp), ("interval", source.interval)):
                 if value is not None:
                     raise RecordingError(
                         f"{where}: {field} is {value!r}, which only a mean has; expected reading = 'mean' with it"
                     )
-        usual = plausible.sparse(self.data.utc, readings) if kind != "hold" and source.max_gap is None else None
-        if usual is not None and kind == "point" and source.reading is None and source.unit in _STATES:
+        usual = (
+            plausible.sparse(self.data.utc, readings) if kind_of_reading != "hold" and source.max_gap is None else None
+        )
+        if usual is not None and kind_of_reading == "point" and source.reading is None and source.unit in _STATES:
             raise RecordingError(
                 f"{where}: is read every {usual / 3600:.3g} h only, and {source.unit} is no straight line between;"
                 " expected reading = 'hold' if it is logged when it changes, or reading = 'point' to join its readings"
             )
         if usual is not None:
-            self.notes.append(plausible.about_changes(column, kind, usual))
+            self.notes.append(plausible.about_changes(column, kind_of_reading, usual))
         signal = make_signal(
             self.clock.seconds(self.data.utc),
             readings,
             source,
             unit,
-            kind=kind,
+            kind=kind_of_reading,
             stamp=source.stamp or self.mapping.defaults.stamp,
             density=density,
             where=where,
@@ -230,8 +260,17 @@ class Judge:
             if moving and not _is_calm(signal):
                 raise RecordingError(f"{where}: every reading is {signal.values[0]:g} {unit}; expected one that varies")
             self.notes.append(f"column {column}: every reading is {signal.values[0]:g} {unit}")
-        signal = mark_impossible(signal, source, density=density, where=where, sun=sun)
-        limits = possible_in_source(source, unit, density=density, where=where, sun=sun)
+        read = signal.used  # without codes for missing readings
+        watt = _watt(unit) if sun else None
+        offset = None
+        if watt is not None and self.daylight is not None:
+            offset = find_offset(signal, self.daylight, watt)
+        if offset is not None:
+            signal = offset.taken_off(signal)
+            self.notes.append(offset.sentence(column, unit))
+        kind: dict[str, Any] = {"density": density, "where": where, "sun": sun, "signed": signed}
+        signal = mark_impossible(signal, source, **kind)
+        limits = possible_in_source(source, unit, **kind)
         self.tell(plausible.about_impossible(column, signal, source, *limits))
         self.tell(plausible.about_noise(column, signal))
         most = float(np.nanmax(readings)) if source.unit in ("percent", "%") and source.scale == 1 else 0.0
@@ -240,13 +279,48 @@ class Judge:
             self.notes.append(f"column {column}: declared in percent, but no reading is above 1; is it a fraction?")
         self.tell(plausible.about_register(column, signal) if units.is_power(unit) else None)
         # a state is silent while nothing changes
-        usual = _STUCK_AFTER if moving and kind != "hold" else 0.0
-        hours = source.stuck_after if source.stuck_after is not None else usual
-        calm = _CALM if source.stuck_after is None else hours  # the mapping knows the place
-        signal = mark_stuck(signal, hours, _resting(unit, calm))
+        hours = _STUCK_AFTER if moving and kind_of_reading != "hold" else 0.0
+        rest: dict[str, Any] = {}
+        if watt is not None and self.daylight is not None:
+            rest = {"lasting": self.daylight.lit}
+        elif watt is not None:
+            hours, rest = _NIGHT if hours else 0.0, {"zero": np.inf}
+        elif spelled(unit) == "m/s" and source.stuck_after is None:  # else the mapping knows the place
+            rest = {"zero": _CALM}
+        hours = hours if source.stuck_after is None else source.stuck_after
+        signal = mark_stuck(signal, hours, **rest)
+        self._tell_left_out(signal, read, source, where, hours)
         if not signal.used.any():
-            raise RecordingError(f"{where}: no reading can be used: all are impossible or stuck for over {hours:g} h")
+            raise RecordingError(
+                f"{where}: no reading can be used: all are impossible, or stuck for over {hours:g} h; expected others,"
+                " or stuck_after = 0.0 and valid = [lowest, highest] there if they are right"
+            )
         return signal
+
+    def _tell_left_out(self, signal: Signal, read: np.ndarray, source: Source, where: str, hours: float) -> None:
+        """Say which line of the mapping keeps the readings of a column, where many are left out that were ``read``."""
+        key = where.removeprefix(f"{self.mapping.path}: ").partition(": ")[0]
+        if key.endswith(".compare"):  # which has no such lines, and is only drawn
+            return
+        count = len(signal.flags)
+        stuck = int(((signal.flags & STUCK) > 0).sum())
+        if stuck > TOLD * count:
+            self.notes.append(
+                f"column {source.column}: {stuck} of {count} readings stand still for over {hours:g} h and are left out"
+                f" as stuck; stuck_after = 0.0 under {header(key)} keeps them"
+            )
+        impossible = ((signal.flags & IMPOSSIBLE) > 0) & read
+        if impossible.any():
+            raw = [
+                source_value(one, source, signal.unit, density=self.mapping.air_density, where=where)
+                / (source.persons or 1.0)
+                for one in (float(signal.values[read].min()), float(signal.values[read].max()))
+            ]
+            self.valid[key] = f"valid = [{_down(min(raw)):g}, {-_down(-max(raw)):g}]"
+            if impossible.sum() > TOLD * count:
+                self.notes.append(
+                    f"column {source.column}: {self.valid[key]} under {header(key)} keeps all, if they are right"
+                )
 
     def gridded(self, target: Target, signal: Signal, source: Source, origin: str, where: str) -> Series:
         """A signal on the grid, an input's gaps filled as its mapping says: weather by short lines unless told."""
@@ -272,10 +346,8 @@ class Judge:
                 most = int(source.fill_up_to * 3600.0 / self.step + 1e-9)  # whole steps: no longer gap is filled
                 values, flags = interpolate_short(values, flags, most)
             elif isinstance(fill, float):
-                plain = Source(constant=fill, unit=source.unit, persons=source.persons)
-                values, flags = fill_constant(
-                    values, flags, self.converted(fill, plain, target.unit, where, sun=target.sun)
-                )
+                plain = Source(constant=fill, unit=source.unit, persons=source.persons, valid=source.valid)
+                values, flags = fill_constant(values, flags, self.converted(fill, plain, target, f"{where}: fill"))
         return Series(target, origin, values, flags, signal=signal)
 
     def _usual_fill(self, source: Source) -> str:
@@ -288,6 +360,17 @@ def _is_calm(signal: Signal) -> bool:
     return short and spelled(signal.unit) == "m/s" and not signal.values.any()
 
 
-def _resting(unit: str, calm: float) -> Resting | None:
-    """What may stand still for longer: sun as long as it likes, as a polar night does, and wind for ``calm`` [h]."""
-    return {"W/m2": Resting(DARK, np.inf), "m/s": Resting(0.0, calm)}.get(spelled(unit))
+def _down(value: float) -> float:
+    """A number with three digits that is not above this one."""
+    if value == 0:
+        return 0.0
+    digit = 10.0 ** (np.floor(np.log10(abs(value))) - 2)
+    return float(np.floor(value / digit + 1e-9) * digit)
+
+
+def _watt(unit: str) -> float | None:
+    """A W/m2 in this unit; None if it is not one of irradiance."""
+    try:
+        return float(units.convert(1.0, "W/m2", unit, density=1.0, where=""))
+    except RecordingError:
+        return None

@@ -133,7 +133,7 @@ class Source(Table):
         None,
         ge=0,
         description="equal readings for longer are not believed [h]; 0: off; if not given, 12 h of what never stands"
-        " still, and 120 h of no wind",
+        " still (of irradiance, with the sun 10 degrees high), and 120 h of no wind",
     )
     fill: Literal["none", "interpolate"] | float | None = Field(
         None, description="what an input's gaps are filled with: nothing, straight lines, or a constant in ``unit``"

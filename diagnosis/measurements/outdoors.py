@@ -60,7 +60,9 @@ class Outdoors:
             self._taken.add(column)
             if source.constant is not None:
                 return judge.mapped(target, source, f"weather.{column}")
-            return judge.gridded(target, self.signal(column), source, f"{source.column} [{source.unit}]", where)
+            made = judge.gridded(target, self.signal(column), source, f"{source.column} [{source.unit}]", where)
+            made.key = f"weather.{column}"
+            return made
         if column == "poa_global":
             return self._on_the_plane(target, where)
         if column == "temp_sky":
@@ -103,6 +105,7 @@ class Outdoors:
         columns = " and ".join(str(self.known[name].column) for name in measured)
         base = self._unfilled(target, base_name)
         made = self.judge.gridded(target, signal, base, f"computed from {columns}", where)
+        made.key = f"weather.{base_name}"
         known = (
             np.any([np.isfinite(one) for one in parts.values()], axis=0) if parts else np.zeros(len(ghi.values), bool)
         )
@@ -141,13 +144,16 @@ class Outdoors:
         air = self.known["temp_air"]
         base = self._unfilled(target, "temp_air")
         made = self.judge.gridded(target, signal, base, f"estimated from {air.column or 'a constant'}", where)
+        made.key = "weather.temp_air"
         constant = [name for name in ("temp_air", *others) if name in self.known and not self._measured(name)]
         stands = f"; {' and '.join(constant)} as the mapping's constant" if constant else ""
         made.comment = f"not measured; estimated from {how}{stands}"
         self.judge.tell(f"{target.name}: {made.comment}")
         for name, one in others.items():
             if self._measured(name):
-                self.judge.tell(plausible.about_helper(target.name, str(self.known[name].column), one))
+                self.judge.tell(
+                    plausible.about_helper(target.name, str(self.known[name].column), one, signal.clean().middle)
+                )
         return made
 
     def _unfilled(self, target: Target, name: str) -> Source:
@@ -197,7 +203,8 @@ class Outdoors:
                 made = self.judge.signal(source, unit, where, moving=unit in MOVING and name != BEAM)
             else:
                 begin, end = self.judge.edges[:-1], self.judge.edges[1:]
-                values = np.full(len(begin), self.judge.converted(source.constant, source, unit, where))
+                target = Target(name, "input", unit, "mean", sun=unit == "W/m2")
+                values = np.full(len(begin), self.judge.converted(source.constant, source, target, where))
                 flags = np.full(len(begin), ASSUMED, dtype=np.int8)
                 made = Signal(begin, end, values, flags, "mean", np.inf, unit)
             if unit == "1":
@@ -225,11 +232,17 @@ class Outdoors:
         for key, name, signal in found:
             if name != "ghi" and not judge.says_how(_source(judge.mapping, key)):
                 judge.tell(plausible.about_sun(key, signal))
-        if place is None:
+        daylight = judge.daylight
+        if place is None or daylight is None:
+            if found:
+                judge.notes.append(
+                    f"{judge.mapping.path}: place is missing, so that neither an offset of the irradiance nor its clock"
+                    " could be checked; expected [place] with latitude and longitude"
+                )
             return
         for key, name, signal in found:
             what = "the irradiance" if key == "weather" else f"the irradiance of {key}"
-            late, correlation, down = weather.sun_clock(signal, judge.clock, place)
+            late, correlation, down = weather.sun_clock(signal, daylight)
             if name == "ghi":  # on a facade, the sun's height alone says neither how strong it is nor when strongest
                 judge.tell(plausible.about_level(signal, judge.clock, place))
                 if correlation > 0.5 and abs(late) >= 20:

@@ -19,7 +19,7 @@ from rich.console import Console
 from rich.table import Table as Grid
 
 from diagnosis.measurements.clock import Clock
-from diagnosis.measurements.grid import Series, runs
+from diagnosis.measurements.grid import Series
 from diagnosis.physics import Finding
 from diagnosis.pictures import as_png, readable
 from shared.errors import RecordingError
@@ -27,6 +27,7 @@ from shared.flags import ASSUMED, FLAGS, IMPOSSIBLE, INTERPOLATED, STUCK
 from shared.netcdf import write_netcdf
 from shared.schema import SCHEMA_VERSION
 from shared.store import temporary_name
+from shared.stretches import runs
 from shared.system import System
 from shared.units import ABSOLUTE
 from shared.variables import ZERO_CELSIUS, OccupancyInput
@@ -36,19 +37,25 @@ matplotlib.use("Agg")
 _MARKS = ((IMPOSSIBLE, "x", "impossible, left out"), (STUCK, ".", "stuck, left out"))
 
 
-def draw_recording(series: Sequence[Series], time: np.ndarray, clock: Clock, title: str) -> bytes:
+def draw_recording(
+    series: Sequence[Series], time: np.ndarray, clock: Clock, title: str, stretches: Sequence[tuple[int, int]] = ()
+) -> bytes:
     """PNG of a recording: a panel for each variable that was measured or computed.
 
     Parameters
     ----------
     time
         Ends of the steps, shape (steps,) [s of the clock].
+    stretches
+        Those in which no input is missing, as (first, one past the last): numbered unless there is one of all steps.
     """
     shown = [one for one in series if one.signal is not None]
     figure = Figure(figsize=(13, 1.9 * len(shown) + 0.9), layout="constrained")
     panels = np.atleast_1d(figure.subplots(len(shown), 1, sharex=True))
     for axes, one in zip(panels, shown, strict=True):
         _panel(axes, one, time, clock)
+    if list(stretches) not in ([], [(0, len(time))]):
+        _mark_stretches(panels, stretches, time, clock)
     locator = matplotlib.dates.AutoDateLocator(minticks=4, maxticks=14)
     panels[-1].xaxis.set_major_locator(locator)
     panels[-1].xaxis.set_major_formatter(matplotlib.dates.ConciseDateFormatter(locator))
@@ -66,6 +73,19 @@ def draw_recording(series: Sequence[Series], time: np.ndarray, clock: Clock, tit
         )
     figure.suptitle(title, fontsize=11)
     return as_png(figure)
+
+
+def _mark_stretches(panels: np.ndarray, stretches: Sequence[tuple[int, int]], time: np.ndarray, clock: Clock) -> None:
+    """A bar for each stretch along the top of each panel, with its number in the first."""
+    step = float(time[1] - time[0])
+    for k, (a, b) in enumerate(stretches, 1):
+        begin, end = clock.dates(np.array([time[a] - step, time[b - 1]]))
+        for axes in panels:
+            label = "stretch without gaps in inputs" if k == 1 else None
+            axes.axvspan(begin, end, ymin=0.96, color="#228833", linewidth=0, label=label)
+        panels[0].annotate(
+            f"{k}", (begin, 0.94), xycoords=("data", "axes fraction"), fontsize=7, color="#228833", va="top"
+        )
 
 
 def _panel(axes: Axes, one: Series, time: np.ndarray, clock: Clock) -> None:
@@ -158,10 +178,21 @@ class Comparison(_Table):
     correlation: float | None
 
 
+class StretchReport(_Table):
+    """A stretch of at least a day in which no input is missing, and how long outputs were ``measured`` there [h]."""
+
+    number: int
+    begin: str
+    end: str
+    hours: float
+    measured: float
+
+
 class ImportReport(_Table):
     """What :func:`diagnosis.measurements.import_recording` returns and ``diagnosis import --json`` prints.
 
     ``not_recorded`` are the variables that the recording lacks, ``lacking`` what that means for each kind of them.
+    Outputs were ``measured`` for so many hours, and in each of the ``stretches`` for its share of them.
     ``begin`` and ``end`` are local standard time, ``utc_offset`` hours east of Greenwich, ``time_zero`` the Monday from
     which the recording's seconds count. ``physics``: what cannot be, and what the description contradicts.
     """
@@ -180,6 +211,8 @@ class ImportReport(_Table):
     end: str
     step: float
     steps: int
+    measured: float
+    stretches: list[StretchReport]
     variables: list[VariableReport]
     comparisons: list[Comparison]
     not_recorded: list[str]
@@ -244,6 +277,11 @@ def print_report(report: ImportReport, console: Console) -> None:
             ", ".join(filled) or "-",
         )
     console.print(table, markup=False)
+    if [one.hours for one in report.stretches] != [hours]:
+        spans = Grid("stretch", "from", "to", "hours", "outputs measured [h]", box=None)
+        for span in report.stretches:
+            spans.add_row(f"{span.number}", span.begin, span.end, f"{span.hours:g}", f"{span.measured:g}")
+        console.print(spans, markup=False)
     for pair in report.comparisons:
         together = f"correlation {pair.correlation:.2f} " if pair.correlation is not None else ""
         console.print(

@@ -9,7 +9,6 @@ import numpy as np
 from diagnosis.measurements import units
 from diagnosis.measurements.clock import Clock
 from diagnosis.measurements.mapping import Place, Source
-from diagnosis.measurements.signal import DARK as FAINT
 from diagnosis.measurements.signal import Signal
 from diagnosis.measurements.spacing import DAY, usual_interval
 from diagnosis.measurements.weather import sun_position
@@ -26,6 +25,8 @@ BRIDGED = 6 * 3600.0
 """A dew point or a cloud cover says little of a time so far from its readings [s]."""
 RESETS = 0.01
 """Share of a register's steps that may fall: it is reset, or a reading is lost as zero."""
+FAINT = 10.0
+"""Irradiance that never passes this [W/m2] is of the months without a sun."""
 DARK, BRIGHT = 0.3, 1.4
 """Shares of a clear sky's highest irradiance that the highest of some days does not stay below, nor pass."""
 COARSE = 0.25
@@ -181,16 +182,22 @@ def about_sun(where: str, signal: Signal) -> str | None:
     )
 
 
-def about_helper(name: str, column: str, signal: Signal) -> str | None:
-    """A sentence if a quantity that only helps to compute another one had readings left out, or long gaps bridged."""
+def about_helper(name: str, column: str, signal: Signal, times: np.ndarray) -> str | None:
+    """A sentence if a quantity that only helps to compute another one is far from many of its ``times`` [s].
+
+    Where that other one has no readings itself nothing is computed.
+    """
     clean = signal.clean()
-    left = len(signal.values) - len(clean.values)
-    longest = float(np.diff(clean.middle).max()) if len(clean.values) > 1 else 0.0
-    if not left and longest <= BRIDGED:
+    if len(clean.values) < 2:
+        return None
+    k = np.clip(np.searchsorted(clean.middle, times, side="right") - 1, 0, len(clean.values) - 2)
+    apart = clean.middle[k + 1] - clean.middle[k]
+    within = (apart > BRIDGED) & (times > clean.middle[k]) & (times < clean.middle[k + 1])
+    if not within.any():
         return None
     return (
-        f"{name}: of column {column} {left} readings were left out, and gaps of up to {longest / 3600:.3g} h bridged,"
-        " to compute it"
+        f"{name}: in {within.mean():.1%} of its readings column {column}, which it is computed with, has gaps of up to"
+        f" {apart[within].max() / 3600:.3g} h, and straight lines stand in for it"
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -43,8 +44,6 @@ def reach_of_noise(values: np.ndarray) -> float:
 
 _SLACK = 1e-9
 """Rounding that a limit forgives, as a share of its size."""
-DARK = 10.0
-"""Irradiance [W/m2] that may stand still all night."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,10 +168,12 @@ def to_target(readings: np.ndarray, source: Source, target: str, *, density: flo
 
 
 def _possible(
-    source: Source, unit: str, *, density: float, where: str, sun: bool
+    source: Source, unit: str, *, density: float, where: str, sun: bool, signed: bool
 ) -> tuple[float, float, units.Below, float]:
     """Lowest and highest possible value [unit], what is below zero, and how far beyond a limit is still rounding."""
     low, high, below = units.limits(source.unit, unit, sun=sun, density=density)
+    if signed:
+        low, high, below = -np.inf, np.inf, "impossible"
     if source.persons is not None:
         low, high = low * source.persons, high * source.persons
     if source.valid is not None:
@@ -185,7 +186,16 @@ def _possible(
     return low, high, below, _SLACK * max(sizes, default=0.0)
 
 
-def check_possible(value: float, source: Source, unit: str, *, density: float, where: str, sun: bool = True) -> None:
+def check_possible(
+    value: float,
+    source: Source,
+    unit: str,
+    *,
+    density: float,
+    where: str,
+    sun: bool = True,
+    signed: bool = False,
+) -> None:
     """Refuse a constant that readings in its place would be refused for.
 
     Raises
@@ -193,19 +203,27 @@ def check_possible(value: float, source: Source, unit: str, *, density: float, w
     RecordingError
         If ``value`` [unit] is impossible.
     """
-    low, high, _, slack = _possible(source, unit, density=density, where=where, sun=sun)
+    low, high, _, slack = _possible(source, unit, density=density, where=where, sun=sun, signed=signed)
     if low - slack <= value <= high + slack:
         return
     raw = source_value(value, source, unit, density=density, where=where)
     fits = [one for one in units.alternatives(raw, unit, low, high, density=density) if one != source.unit]
-    hint = f"; is it in {' or '.join(fits)}?" if fits else ""
-    raise RecordingError(
-        f"{where}: {raw:.6g} {source.unit} is {value:.6g} {unit}; expected {low:g} to {high:g} {unit}{hint}"
-    )
+    made = f", which is {value:.6g} {unit}" if source.unit != unit else ""
+    ends = possible_in_source(source, unit, density=density, where=where, sun=sun, signed=signed)
+    wider = [
+        f"{one:.6g}" if np.isfinite(one) else word
+        for one, word in zip((min(raw, ends[0]), max(raw, ends[1])), ("lowest", "highest"), strict=True)
+    ]
+    hint = f"; is it in {' or '.join(fits)}?" if fits else f", or valid = [{', '.join(wider)}] beside it if it is right"
+    raise RecordingError(f"{where}: is {raw:.6g} {source.unit}{made}; expected {low:g} to {high:g} {unit}{hint}")
 
 
-def mark_impossible(signal: Signal, source: Source, *, density: float, where: str, sun: bool = True) -> Signal:
-    """Mark readings outside the possible values; ``sun`` says that what is in W/m2 is irradiance.
+def mark_impossible(
+    signal: Signal, source: Source, *, density: float, where: str, sun: bool = True, signed: bool = False
+) -> Signal:
+    """Mark readings outside the possible values.
+
+    ``sun`` says that what is in W/m2 is irradiance, ``signed`` that readings are differences, which go either way.
 
     Of quantities that are never negative, small negative readings become zero if they are an offset or rounding. If
     they are a meter's noise they stay, as far down as its noise reaches: without them means would be too large. The
@@ -216,7 +234,7 @@ def mark_impossible(signal: Signal, source: Source, *, density: float, where: st
     RecordingError
         If more than half of the readings are impossible: then it is the unit, not the sensor.
     """
-    low, high, below, slack = _possible(source, signal.unit, density=density, where=where, sun=sun)
+    low, high, below, slack = _possible(source, signal.unit, density=density, where=where, sun=sun, signed=signed)
     if below == "noise":
         low = min(low, -reach_of_noise(signal.values[signal.used]))
     bad = (signal.values < low - slack) | (signal.values > high + slack)
@@ -228,7 +246,8 @@ def mark_impossible(signal: Signal, source: Source, *, density: float, where: st
         hint = f"; is it in {' or '.join(fits)}?" if fits else ""
         raise RecordingError(
             f"{where}: declared in {source.unit!r}, its median {raw:.4g} is {middle:.4g} {signal.unit}, and "
-            f"{int(bad.sum())} of {len(bad)} readings lie outside {low:g} to {high:g} {signal.unit}{hint}"
+            f"{int(bad.sum())} of {len(bad)} readings lie outside {low:g} to {high:g} {signal.unit}{hint}; if they are"
+            " right, valid = [lowest, highest] says what is possible"
         )
     values = signal.values
     if below == "zero" or (below == "impossible" and low == 0.0):  # the latter is rounding
@@ -238,12 +257,12 @@ def mark_impossible(signal: Signal, source: Source, *, density: float, where: st
 
 
 def possible_in_source(
-    source: Source, unit: str, *, density: float, where: str, sun: bool = True
+    source: Source, unit: str, *, density: float, where: str, sun: bool = True, signed: bool = False
 ) -> tuple[float, float]:
     """Lowest and highest possible value in the declared unit of a column: what ``valid`` says, or would say."""
     ends = [
         source_value(end, source, unit, density=density, where=where) if np.isfinite(end) else end
-        for end in _possible(source, unit, density=density, where=where, sun=sun)[:2]
+        for end in _possible(source, unit, density=density, where=where, sun=sun, signed=signed)[:2]
     ]
     each = source.persons or 1.0
     return min(ends) / each, max(ends) / each
@@ -254,21 +273,21 @@ def source_value(value: float, source: Source, unit: str, *, density: float, whe
     return float(units.convert(value, unit, source.unit, density=density, where=where))
 
 
-@dataclass(frozen=True)
-class Resting:
-    """Readings of at most ``size`` [unit of the signal] are believed for ``hours`` [h] in a row."""
-
-    size: float
-    hours: float
-
-
-def mark_stuck(signal: Signal, hours: float, resting: Resting | None = None) -> Signal:
+def mark_stuck(
+    signal: Signal,
+    hours: float,
+    *,
+    zero: float | None = None,
+    lasting: Callable[[np.ndarray, np.ndarray], np.ndarray] = lambda begin, end: end - begin,
+) -> Signal:
     """Mark runs of equal readings that last longer than ``hours`` [h]; a gap ends a run.
 
     Parameters
     ----------
-    resting
-        What may stand still for another time: irradiance at night, of a pyranometer with a small offset, too.
+    zero
+        Zeros are believed for so long [h] instead.
+    lasting
+        How long something lasts [s] from its begin to its end [s], of what does not always move: irradiance by day.
     """
     if hours <= 0 or len(signal.values) < 2:
         return signal
@@ -278,9 +297,9 @@ def mark_stuck(signal: Signal, hours: float, resting: Resting | None = None) -> 
     first = np.searchsorted(runs, np.arange(runs[-1] + 1), side="left")
     last = np.searchsorted(runs, np.arange(runs[-1] + 1), side="right") - 1
     believed = np.full(len(first), hours)
-    if resting is not None:
-        believed[np.abs(signal.values[first]) <= resting.size] = resting.hours
-    long = signal.end[last] - signal.begin[first] > 3600.0 * believed
+    if zero is not None:
+        believed[signal.values[first] == 0] = zero
+    long = lasting(signal.begin[first], signal.end[last]) > 3600.0 * believed
     return replace(signal, flags=signal.flags | np.where(long[runs], STUCK, 0).astype(np.int8))
 
 

@@ -96,6 +96,12 @@ def split(
 
 _FINEST = 300.0
 """Means are split into parts of at most this length for the sun's movement within them [s]."""
+_BESIDE = 5 * 3600.0
+"""The sun is known so long before and after a record [s]."""
+_DARK = 96.0
+"""Zenith [degree] from which on civil twilight is over: what light is left is below 0.1 W/m2."""
+_HIGH = 80.0
+"""Zenith [degree] below which a sky under any cloud sends tens of W/m2, whose course no sensor misses."""
 _SWINBANK = 9.365e-6
 """Clear-sky emissivity over the square of the air temperature [1/K2] (Swinbank 1963)."""
 _SKY_BELOW_AIR = 11.0
@@ -107,6 +113,33 @@ def sun_position(utc: np.ndarray, place: Place) -> tuple[np.ndarray, np.ndarray]
     index = pd.to_datetime(np.asarray(utc, dtype=np.float64).ravel(), unit="s", utc=True)
     found = sun_at(index, latitude=place.latitude, longitude=place.longitude, altitude=place.altitude)
     return found.zenith.reshape(np.shape(utc)), found.azimuth.reshape(np.shape(utc))
+
+
+@dataclass(frozen=True, eq=False)
+class Daylight:
+    """The sun's apparent zenith [degree] at times of the clock, both (n,), close enough for straight lines [s]."""
+
+    time: np.ndarray
+    zenith: np.ndarray
+
+    @classmethod
+    def over(cls, begin: float, end: float, clock: Clock, place: Place) -> Daylight:
+        """Of a span of the clock [s], and five hours to both sides."""
+        time = np.arange(begin - _BESIDE, end + _BESIDE + _FINEST, _FINEST)
+        return cls(time, sun_position(clock.utc(time), place)[0])
+
+    def zenith_at(self, times: np.ndarray) -> np.ndarray:
+        """The zenith [degree] at times [s], same shape."""
+        return np.interp(times, self.time, self.zenith)
+
+    def is_dark(self, times: np.ndarray) -> np.ndarray:
+        """Whether no light of the sun is left, civil twilight being over, at times [s], same shape."""
+        return self.zenith_at(times) > _DARK
+
+    def lit(self, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+        """How long the sun stands high enough between two times to show through any cloud [s], same shape."""
+        high = np.concatenate([[0.0], np.cumsum(_FINEST * (self.zenith[:-1] < _HIGH))])
+        return np.interp(end, self.time, high) - np.interp(begin, self.time, high)
 
 
 def on_the_plane(
@@ -265,8 +298,8 @@ def _everywhere(signal: Signal, times: np.ndarray) -> np.ndarray:
     return np.where(np.isfinite(found), found, np.interp(times, clean.middle, clean.values))
 
 
-def sun_clock(ghi: Signal, clock: Clock, place: Place) -> tuple[float, float, float]:
-    """How far the irradiance runs behind the sun of this place and clock: a check of stamps and zone.
+def sun_clock(ghi: Signal, daylight: Daylight) -> tuple[float, float, float]:
+    """How far the irradiance runs behind the sun of its place and clock: a check of stamps and zone.
 
     Returns
     -------
@@ -276,16 +309,14 @@ def sun_clock(ghi: Signal, clock: Clock, place: Place) -> tuple[float, float, fl
     """
     clean = ghi.clean()
     at = clean.middle
-    grid = np.arange(at[0] - 5 * 3600.0, at[-1] + 5 * 3600.0, 300.0)
-    zenith, _ = sun_position(clock.utc(grid), place)
-    height = np.maximum(np.cos(np.radians(zenith)), 0.0)
+    height = np.maximum(np.cos(np.radians(daylight.zenith)), 0.0)
     shifts = np.arange(-240, 241, 5)
     total = float(clean.values.sum())
     if total <= 0 or clean.values.std() == 0:
         return 0.0, 0.0, 0.0
-    suns = [np.interp(at - 60.0 * one, grid, height) for one in shifts]
+    suns = [np.interp(at - 60.0 * one, daylight.time, height) for one in shifts]
     # where it does not rise at all there is nothing to be late of
     found = [float(np.corrcoef(clean.values, sun)[0, 1]) if sun.std() > 0 else 0.0 for sun in suns]
     best = int(np.argmax(found))
-    down = float(clean.values[np.interp(at, grid, zenith) > 92.0].sum()) / total
+    down = float(clean.values[daylight.zenith_at(at) > 92.0].sum()) / total
     return float(shifts[best]), found[best], down

@@ -9,7 +9,7 @@ import numpy as np
 
 from shared.system import System
 from shared.units import spelled
-from shared.variables import Output
+from shared.variables import ZERO_CELSIUS, Output
 
 ANY = "any"
 _SUN_SHARE = 0.2
@@ -75,12 +75,12 @@ def _of_input(source: str, column: str, name: str, unit: str, series: np.ndarray
         return [Regime(f"sun on {name}", _above(name, threshold, unit), series > threshold)]
     if source == "weather" and column == "wind_speed":
         threshold = float(np.quantile(series, 0.75))
-        return [Regime("windy", _above(name, threshold, unit), series > threshold)]
+        return [Regime(f"wind above {threshold:.2g} {unit}", _above(name, threshold, unit), series > threshold)]
     if source == "weather" and column == "temp_air":
         low, high = (float(np.quantile(series, q)) for q in (0.25, 0.75))
         return [
-            Regime("cold outside", f"{name} < {low:.4g} {unit}", series < low),
-            Regime("warm outside", _above(name, high, unit), series > high),
+            Regime(f"below {_warmth(low, unit)} outside", f"{name} < {low:.4g} {unit}", series < low),
+            Regime(f"above {_warmth(high, unit)} outside", _above(name, high, unit), series > high),
         ]
     if source == "weather":
         # sky temperature and its like move with what has a name already
@@ -107,6 +107,11 @@ def _of_output(output: Output, series: np.ndarray) -> list[Regime]:
     if wide and np.atleast_2d(at_high)[0].mean() >= _AT_BOUND:
         found.append(Regime(f"{label} at its maximum", _above(output.name, _first(high - close), unit), at_high))
     return found
+
+
+def _warmth(value: float, unit: str) -> str:
+    """A temperature as people say it: its coldest quarter may be warm."""
+    return f"{value - ZERO_CELSIUS:.1f} degC" if spelled(unit) == "K" else f"{value:.1f} {unit}"
 
 
 def _first(values: np.ndarray) -> float:

@@ -11,6 +11,7 @@ from datagen import simulate
 from diagnosis.fitting.drive import drive
 from diagnosis.recording import HOUR, Recording, extended, read_recording, whole_days
 from shared.errors import RecordingError
+from shared.stretches import Stretch
 
 
 @pytest.mark.parametrize(
@@ -168,6 +169,38 @@ def test_whole_first_days_are_repeated_before_a_series(steps, lead, before):
     np.testing.assert_array_equal(held.values, lines.values)
     np.testing.assert_allclose(held.times, lines.times - HOUR)
     assert (lines.kind, held.kind) == ("linear", "previous")
+
+
+def test_a_recording_is_read_in_stretches_and_what_is_not_needed_may_have_gaps(default_system, tmp_path):
+    simulate(default_system, hours=120.0, seed=1, out=tmp_path / "one.nc")
+    data = xr.load_dataset(tmp_path / "one.nc", decode_times=False)
+    data["winSpe"].values[50:53] = np.nan
+    data["nPer"].values[70:80] = np.nan
+    data["mOA_in"].values[100:] = np.nan
+    data["TRoo"].values[5:90] = np.nan  # an output is evidence, and no condition
+    path = tmp_path / "gaps.nc"
+    data.to_netcdf(path)
+
+    def hours(**how):
+        record = read_recording(path, default_system, **how)
+        return record.start / HOUR, record.stop / HOUR, set(record.inputs) >= {"nPer"}, "mOA_in" in record.inputs
+
+    assert hours() == (0, 50, True, True)
+    assert hours(stretch=Stretch(2)) == (80, 120, True, False)
+    assert hours(occupancy="unknown") == (53, 120, False, False)
+    assert hours(replay=True, occupancy="unknown") == (0, 50, True, True)
+    assert hours(stretch=Stretch(begin="2001-01-04")) == (80, 120, True, False)
+    assert hours(stretch=Stretch(begin="2001-01-01 06:00", end="2001-01-02")) == (6, 48, True, True)
+    with pytest.raises(
+        RecordingError, match="has no stretch 3; expected one of 1: 2001-01-01 00:00 to 2001-01-03 02:00"
+    ):
+        read_recording(path, default_system, stretch=Stretch(3))
+
+
+def test_a_recording_of_another_system_is_said_to_be_one(default_system, house, tmp_path):
+    simulate(default_system, hours=24.0, seed=1, out=tmp_path / "one.nc")
+    with pytest.raises(RecordingError, match=r"none of .* is in it; the recording is of the system 'MixedAirCO2', and"):
+        read_recording(tmp_path / "one.nc", house("me"))
 
 
 def test_a_recording_of_a_newer_major_schema_is_told(default_system, tmp_path):

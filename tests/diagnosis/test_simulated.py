@@ -176,7 +176,10 @@ def damaged(recording, tmp_path, change):
     ("change", "said"),
     [
         (lambda d: d["TRoo"].attrs.update(units="degC"), "'TRoo' is in 'degC'.*'K'"),
-        (lambda d: d["TDryBul"].values.__setitem__(5, np.nan), "'TDryBul' has gaps"),
+        (
+            lambda d: d["TDryBul"].values.__setitem__(slice(5, None, 20), np.nan),
+            "stretch without gaps has 19 h .TDryBul",
+        ),
         (lambda d: d.__delitem__("TDryBul"), "'TDryBul' was not recorded"),
         (lambda d: d["CO2"].values.fill(400.0), "'CO2' is 400 ppm throughout"),
     ],

@@ -15,6 +15,7 @@ from diagnosis.recording import read_recording
 from diagnosis.zero_shot import estimate
 from shared.errors import RecordingError
 from shared.netcdf import write_netcdf
+from shared.stretches import Stretch
 from tests.small_disk import SAID, small_disk
 from trainer import predict
 from trainer.predicting.readings import GapError
@@ -118,20 +119,24 @@ def test_a_full_disk_of_temporary_files_is_a_sentence(default_system, tmp_path, 
     assert list((tmp_path / "scratch").iterdir()) == []
 
 
-def test_a_lost_reading_of_the_weather_does_not_shorten_the_window(default_system, tmp_path):
-    """The estimator would read the last day alone; with the short gap filled it reads all."""
-    simulate(default_system, hours=72.0, seed=1, out=tmp_path / "one.nc")
+def test_the_estimate_of_a_stretch_is_that_of_a_recording_of_it_alone(default_system, tmp_path, caplog):
+    """Ten hours of the weather are lost: before them lie 130 h, and after them 100 h."""
+    simulate(default_system, hours=240.0, seed=1, out=tmp_path / "one.nc")
     data = xr.load_dataset(tmp_path / "one.nc", decode_times=False)
-    temperature = data["TDryBul"].values
-    temperature[30] = 0.5 * (temperature[29] + temperature[31])
-    data.to_netcdf(tmp_path / "filled.nc")
-    whole = estimate("MixedAirCO2", read_recording(tmp_path / "filled.nc", default_system), default_system)
-    record = read_recording(tmp_path / "filled.nc", default_system)
-    temperature[30] = np.nan
+    data["TDryBul"].values[130:140] = np.nan
     data.to_netcdf(tmp_path / "lost.nc")
-    found = estimate("MixedAirCO2", replace(record, path=tmp_path / "lost.nc"), default_system)
-    assert found == pytest.approx(whole, rel=1e-4)
-    assert predict("MixedAirCO2", tmp_path / "lost.nc").context_hours < 72.0
+    for number, part in ((1, slice(0, 130)), (2, slice(140, 240))):
+        data.isel(time=part).to_netcdf(tmp_path / "alone.nc")
+        alone = read_recording(tmp_path / "alone.nc", default_system)
+        record = read_recording(tmp_path / "lost.nc", default_system, stretch=Stretch(number))
+        np.testing.assert_array_equal(record.time, alone.time)
+        np.testing.assert_array_equal(record.outputs, alone.outputs)
+        found = estimate("MixedAirCO2", record, default_system)
+        assert found == estimate("MixedAirCO2", alone, default_system)
+        predicted = predict("MixedAirCO2", tmp_path / "lost.nc", stretch=Stretch(number))
+        assert predicted.predictions == predict("MixedAirCO2", tmp_path / "alone.nc").predictions
+    assert read_recording(tmp_path / "lost.nc", default_system).time[0] == 3600.0  # the longest
+    assert "has 2 stretches without gaps in TDryBul" in caplog.text
 
 
 def test_a_dead_sensor_is_told_though_a_gap_shortens_the_window(default_system, tmp_path):

@@ -46,7 +46,10 @@ def whole():
             lambda d: d.assign(level=("time", np.array(["a"] * 96, dtype=object))).drop_vars("glow"),
             "none of the outputs",
         ),
-        (lambda d: d.assign(valve=("time", np.full(96, np.inf), {"units": "1"})), "'valve' has gaps"),
+        (
+            lambda d: d.assign(valve=("time", np.full(96, np.inf), {"units": "1"})),
+            r"without gaps has 0 h .valve in 96 of 96",
+        ),
         (lambda d: d.assign(level=(("k", "time"), np.ones((2, 96)), {"units": "m"})), "has dimensions"),
         (lambda d: d.expand_dims(system=2), "holds 2 systems"),
     ],

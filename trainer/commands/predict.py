@@ -10,6 +10,7 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from shared.console import new_console
+from shared.stretches import LONGEST, Stretch
 
 if TYPE_CHECKING:
     from trainer.predicting.prediction import Estimate, Prediction, Predictions
@@ -24,6 +25,7 @@ def predict(
     out: Path | None = None,
     corner: Path | None = None,
     seed: int = 0,
+    stretch: Stretch = LONGEST,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
     """Estimate the parameters behind a recording, from its last context window.
@@ -37,7 +39,8 @@ def predict(
         Run folder made by `trainer fit`; or a system with an estimator, by its folder or the name of one that comes
         with the package.
     file
-        NetCDF with the run's channels over (time) or (system, time), with units, as a dataset's shards have them.
+        NetCDF with the run's channels over (time) or (system, time), with units, as `diagnosis import` and a dataset's
+        shards have them.
     samples
         Drawn from the posterior, at least 20: an interval takes that many.
     out
@@ -51,7 +54,7 @@ def predict(
     """
     from trainer.predicting.prediction import predict as run_predict
 
-    result = run_predict(run, file, samples=samples, seed=seed, out=out, corner=corner)
+    result = run_predict(run, file, samples=samples, seed=seed, stretch=stretch, out=out, corner=corner)
     if json:
         sys.stdout.write(result.model_dump_json(indent=1) + "\n")
         return

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict
 from shared.errors import EstimatorError, RecordingError
 from shared.logs import logger
 from shared.places import check_folder
+from shared.stretches import Stretch
 from trainer.predicting.readings import date_of
 from trainer.predicting.recorded import Window, read_window
 from trainer.reading.encoding import Encoding
@@ -112,6 +113,7 @@ def predict(
     *,
     samples: int = SAMPLES,
     seed: int = 0,
+    stretch: Stretch | None = None,
     out: Path | str | None = None,
     corner: Path | str | None = None,
 ) -> Predictions:
@@ -131,6 +133,9 @@ def predict(
         Drawn from the posterior of each system, at least 20.
     seed
         Of the samples.
+    stretch
+        Which stretch without gaps in the inputs that the run reads is taken, of which the last window is read; the
+        longest, if not given.
     out
         NetCDF file to write the samples to.
     corner
@@ -167,7 +172,7 @@ def predict(
             f"out and corner: both are {out}, and one would be written over the other; expected two files"
         )
     encoding = run.card.encoding
-    window = read_window(Path(file), encoding)
+    window = read_window(Path(file), encoding, run.card.system_name, stretch)
     familiar = {one.length: one for one in run.card.familiar}
     known = familiar.get(len(window.stamps))
     for values in (*window.longer, window.values):  # a gap long ago does not make a dead sensor live

@@ -48,10 +48,11 @@ def check_gaps(path: Path, name: str, values: np.ndarray, systems: list[int | No
     length = values.shape[-1]
     allowed = int(largest * length)
     finite = "expected numbers: check the unit, and declare what is missing so (NaN)"
-    filled = f"expected {f'at most {allowed}' if allowed else 'none'}: fill them first, for example by holding the last"
+    fewer = f"expected {f'at most {allowed}' if allowed else 'none'}: choose a window without (--from and --to)"
+    fill = "; only an input's gaps may be filled (fill in the mapping of `diagnosis import`)"
     for what, found, most, expected in (
         ("infinite", np.isinf(values), 0, finite),
-        ("missing", np.isnan(values), allowed, f"{filled} value"),
+        ("missing", np.isnan(values), allowed, f"{fewer}{fill}"),
     ):
         counts = found.sum(axis=-1)
         worst = int(counts.argmax())

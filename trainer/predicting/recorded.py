@@ -12,7 +12,8 @@ from shared.errors import RecordingError
 from shared.gaps import bridge
 from shared.netcdf import read_netcdf
 from shared.reading import shown
-from shared.schema import Method, method_fault
+from shared.schema import EPOCH, RECORDING, Method, method_fault, of_another
+from shared.stretches import LONGEST, Steps, Stretch, chosen
 from shared.times import recorded_begins, recorded_times
 from trainer.predicting.readings import GapError, check_gaps, comparable, date_of
 from trainer.reading.encoding import Encoding
@@ -30,7 +31,7 @@ class Window(NamedTuple):
     them), ``absent`` the optional channels that the recording lacks, or lacks too much of, ``bridged`` how many
     readings of each system were put in where single ones were missing, ``failed`` why a channel that the recording has
     is absent, a sentence each, ``passed`` why no longer window was read, if one was tried,
-    ``longer`` the outputs over each longer window that was passed over, longest first: float32 (systems, its length,
+    ``longer`` the outputs over each longer window that was not read, longest first: float32 (systems, its length,
     recorded), not a number where nothing was read, and in all other channels.
     """
 
@@ -45,18 +46,56 @@ class Window(NamedTuple):
     longer: tuple[np.ndarray, ...] = ()
 
 
-def read_window(path: Path, encoding: Encoding) -> Window:
+def read_window(path: Path, encoding: Encoding, system: str | None = None, stretch: Stretch | None = None) -> Window:
     """The last context window of a recording: the longest of those that the run was trained on, and can read.
 
-    Of several systems it is as long for each and lacks the same channels: what one lacks too much of is read of none.
+    It is of one stretch in which the inputs that the run cannot do without have no gaps. Of several systems it is as
+    long for each and lacks the same channels: what one lacks too much of is read of none.
+
+    Parameters
+    ----------
+    system
+        The name of the system that the run estimates: said where a recording is of another one, and does not fit.
+    stretch
+        The longest is taken, if not given.
 
     Raises
     ------
     RecordingError
         If the recording does not fit the run; the sentence says in what, of the longest window that it has.
     """
-    recording = read_netcdf(path, RecordingError, "a recording (NetCDF)", times=True)
+    recording = read_netcdf(path, RecordingError, RECORDING, times=True)
+    try:
+        first, after = _taken(path, recording, encoding, stretch)
+        return _read(path, recording.isel(time=slice(0, after)), first, encoding)
+    except GapError:
+        raise
+    except RecordingError as error:
+        other = of_another(recording.attrs, system, "the run") if system is not None else ""
+        raise RecordingError(f"{error}{other}") from None
+
+
+def _taken(path: Path, recording: xr.Dataset, encoding: Encoding, stretch: Stretch | None) -> tuple[int, int]:
+    """The steps that are taken: the inputs that the run cannot do without have no gaps there."""
     seconds = recorded_times(path, recording)
+    known = {
+        name: ~np.isnan(recording[name].values).reshape(-1, len(seconds)).any(axis=0)
+        for name in encoding.recorded[encoding.outputs :]
+        if name not in encoding.optional and name in recording and recording[name].dims[-1:] == ("time",)
+    }
+    if stretch in (None, LONGEST) and all(there.all() for there in known.values()):
+        return 0, len(seconds)
+    begins = recorded_begins(path, recording, recording.sizes.get("system", 1))
+    if stretch is not None and (stretch.begin or stretch.end) and (begins != begins[0]).any():
+        raise RecordingError(f"{path}: its systems begin on different days; expected --stretch in place of dates")
+    ends = np.datetime64(EPOCH, "s") + np.round(seconds + begins[0]).astype("timedelta64[s]")
+    return chosen(Steps(path, ends, encoding.step), known, stretch)
+
+
+def _read(path: Path, known: xr.Dataset, begin: int, encoding: Encoding) -> Window:
+    """The window of the stretch of a recording from step ``begin`` to its end, of which all before is ``known``."""
+    recording, before = known.isel(time=slice(begin, None)), recorded_times(path, known)
+    seconds = before[begin:]
     lengths = sorted((length for length in encoding.lengths if length <= len(seconds)), reverse=True)
     if not lengths:
         hours, least = len(seconds) * encoding.step / 3600, min(encoding.lengths)
@@ -71,11 +110,15 @@ def read_window(path: Path, encoding: Encoding) -> Window:
         except GapError as error:  # an outage long ago does not spoil the days since; a code or another unit does
             first = first or error
             continue
-        if first is None:
+        more = [one for one in sorted(encoding.lengths, reverse=True) if length < one <= len(before)]
+        if not more:
             return window
-        longest = _outputs(path, recording, seconds, encoding, len(window.systems), lengths[0])
-        longer = tuple(longest[:, -one:] for one in lengths if one > length)
-        return window._replace(passed=str(first), longer=longer)
+        longest = _outputs(path, known, before, encoding, len(window.systems), more[0])
+        longer = tuple(longest[:, -one:] for one in more)
+        short = (
+            f"{path}: the stretch without gaps that is taken has {len(seconds)} samples; the next window has {more[-1]}"
+        )
+        return window._replace(passed=short if first is None else str(first), longer=longer)
     assert first is not None
     raise first
 

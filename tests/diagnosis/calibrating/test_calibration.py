@@ -18,6 +18,7 @@ from diagnosis.fitting.noise import undeclared
 from diagnosis.recording import read_recording
 from shared.console import FAULT, OK, start
 from shared.errors import RecordingError, SystemDescriptionError
+from shared.stretches import Stretch
 
 TRUTH = {"ro": 7.0, "ri": 0.6, "c": 4.0, "a": 2.5}
 
@@ -99,7 +100,11 @@ def test_a_description_whose_variables_the_fmu_lacks(house, house_recording, tmp
             "N was not recorded; expected it, or occupancy unknown",
         ),
         (lambda d: d.drop_vars("P"), {"replay": True}, "'P'.* was not recorded; replay needs it"),
-        (lambda d: d["S"].values.__setitem__(5, np.nan), {}, "input 'S' has gaps"),
+        (
+            lambda d: d["S"].values.__setitem__(slice(None, None, 20), np.nan),
+            {},
+            r"longest stretch without gaps has 19 h \(S in 3 of 48 steps have no value\); without S there would be one",
+        ),
         (lambda d: d["room"].values.fill(np.nan), {}, "no output was measured"),
     ],
 )
@@ -201,3 +206,20 @@ def test_the_share_that_is_explained_is_of_what_exceeds_the_sensors_noise(follow
     noise, signal, error = (np.sqrt(2) * np.sin(k * step) for k in (7, 2, 3))
     found = _explained(20 + followed * signal + missed * error + noise, 20 + followed * signal + invented * error, 1.0)
     assert found is None if share is None else found == pytest.approx(share, abs=1e-6)
+
+
+def test_a_stretch_is_calibrated_as_a_recording_of_it_alone(house, house_recording, tmp_path):
+    """The sun of six hours is lost: of 48 h and 36 h each is taken by number, the longer one by default."""
+    data = xr.load_dataset(house_recording(hours=90), decode_times=False)
+    data["S"].values[48:54] = np.nan
+    path, alone = tmp_path / "lost.nc", tmp_path / "alone.nc"
+    data.to_netcdf(path)
+    data.isel(time=slice(54, None)).to_netcdf(alone)
+    second = calibrate(house("me"), path, stretch=Stretch(2), starts=1)
+    expected = calibrate(house("me"), alone, starts=1)
+    assert second.report.parameters == expected.report.parameters
+    assert second.report.days == expected.report.days
+    record = read_recording(path, house("me"))
+    assert len(record.time) == 48
+    with pytest.raises(RecordingError, match="stretch is given with a recording that has been read"):
+        calibrate(house("me"), record, stretch=Stretch(2))

@@ -90,7 +90,9 @@ def test_a_forecast_is_drawn_from_the_begin_of_its_first_step():
 
 
 def test_a_recording_that_ends_too_early_is_told(house, house_recording):
-    with pytest.raises(RecordingError, match="is 72 h long; expected at least 504 h"):
+    with pytest.raises(
+        RecordingError, match=r"is 72 h long; expected at least 504 h: --context .*; --context 48 --ahead 24 would"
+    ):
         forecast(house("me"), house_recording(hours=72))
 
 

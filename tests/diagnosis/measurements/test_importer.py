@@ -1,6 +1,7 @@
 """A CSV with all that goes wrong in measurements becomes a recording."""
 
 import io
+import re
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -13,9 +14,11 @@ from rich.console import Console
 
 from diagnosis.measurements import import_recording
 from diagnosis.measurements.output import print_report
+from diagnosis.recording import read_recording
 from shared.errors import RecordingError
 from shared.flags import ASSUMED, COMPUTED, IMPOSSIBLE, INTERPOLATED, MISSING, PARTLY, STUCK
 from shared.schema import EPOCH
+from shared.system import load_system
 from tests.diagnosis.measurements.house_cases import MAPPING, measured, warmth
 
 
@@ -110,14 +113,54 @@ def test_what_is_wrong_is_flagged_and_not_used(house):
     assert data["warmth_flag"].attrs["flag_meanings"].split()[0] == "missing"
 
 
-def test_an_input_that_stays_missing_cuts_the_recording(house):
+def test_an_input_that_stays_missing_parts_the_recording(house):
+    """Nothing is cut: rows are lost for 7 h, and so are the steps from 48.5 to 54.5 h, with days on both sides."""
     frame, hours = measured()
     frame.loc[(hours > 48) & (hours < 55), "outside"] = np.nan
     report = house(frame)
-    _, at = steps_of(report)
-    assert at[0] == pytest.approx(55.5, abs=0.6) and at[-1] == pytest.approx(144.0, abs=0.6)
-    assert any("outdoors in" in note and "longest stretch" in note for note in report.notes)
-    assert all(one.missing == 0 for one in report.variables)
+    data, at = steps_of(report)
+    assert at[0] == pytest.approx(0.5, abs=0.6) and at[-1] == pytest.approx(144.0, abs=0.6)
+    lost = np.isnan(data["outdoors"].values)
+    assert lost.sum() == 13 and ((at[lost] > 48) & (at[lost] < 55)).all()
+    np.testing.assert_allclose([one.hours for one in report.stretches], [48.0, 89.5], atol=0.6)
+    assert report.measured == pytest.approx(144.0, abs=0.6)
+    assert sum(one.measured for one in report.stretches) == pytest.approx(report.measured - 6.5, abs=0.01)
+    told = [note for note in report.notes if "fill_up_to" in note]  # less than 5 % of the hours: not worth a line
+    assert told == [] and any("2 stretches" in note for note in report.notes)
+
+
+@pytest.mark.parametrize(
+    ("lose", "line", "key"),
+    [
+        (lambda d, h: d["outside"].where((h < 60) | (h > 70)), 'fill = "interpolate" with fill_up_to = ', "temp_air"),
+        (lambda d, h: d["outside"].where((h < 60) | (h > 90), 8.0), "stuck_after = 0.0", "temp_air"),
+        (lambda d, h: d["outside"].where((h < 60) | (h > 90), -60.0 - h / 90), r"valid = \[", "temp_air"),
+    ],
+)
+def test_the_line_that_is_named_keeps_what_was_lost(house, lose, line, key):
+    frame, hours = measured()
+    frame["outside"] = lose(frame, hours)
+    report = house(frame)
+    assert len(report.stretches) == 2
+    (said,) = {one[1] for note in report.notes if (one := re.search(rf"({line}.*?) under \[weather.{key}\]", note))}
+    lines = said.replace(" with ", "\n")
+    kept = house(frame, MAPPING.replace('column = "outside"\n', f'column = "outside"\n{lines}\n'))
+    assert len(kept.stretches) == 1 and sum(one.measured for one in kept.stretches) > report.measured - 1.1
+    assert not any("stretches" in note or "are left out" in note for note in kept.notes)
+
+
+def test_persons_who_were_counted_now_and_then_cost_no_day(house, tmp_path):
+    """Six hours of each day: there is no day with a count, and all days without one."""
+    frame, hours = measured()
+    frame["presence"] = frame["presence"].where(hours % 24 > 18)
+    report = house(frame)
+    assert [one.hours for one in report.stretches] == [144.0]
+    assert any("0 stretches of a day" in one for one in report.notes)
+    assert any("with --occupancy unknown, 144 h" in one for one in report.notes)
+    described = load_system(tmp_path / "house.toml")
+    with pytest.raises(RecordingError, match=r"without people \(--occupancy unknown\) there would be one"):
+        read_recording(report.recording, described)
+    assert read_recording(report.recording, described, occupancy="unknown").time.size == report.steps
 
 
 def test_what_comes_after_the_last_reading_is_kept_for_a_forecast_or_told(house):
@@ -257,7 +300,7 @@ def test_no_gap_is_filled_that_is_longer_than_the_mapping_allows(house, step, ho
     mapping = MAPPING.replace("[place]", f"[grid]\nstep = {step}\n[place]")
     report = house(frame, mapping.replace("fill = 0.0", 'fill = "interpolate"\nfill_up_to = 3.0'))
     assert next(one for one in report.variables if one.name == "air").interpolated == round(hours * 3600 / step)
-    assert report.end == "2022-11-01 00:00"  # the second gap, a step longer, cuts the recording
+    assert report.stretches[0].end == "2022-11-01 00:00"  # the second gap, a step longer, parts the recording
 
 
 def test_a_schedule_that_stands_in_says_where_clocks_show_another_hour(house):

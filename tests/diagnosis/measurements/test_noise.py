@@ -9,7 +9,7 @@ from diagnosis.measurements.grid import resample
 from diagnosis.measurements.mapping import Source
 from diagnosis.measurements.signal import make_signal, mark_impossible, reach_of_noise
 from shared.flags import IMPOSSIBLE
-from tests.diagnosis.measurements.house_cases import MAPPING, measured
+from tests.diagnosis.measurements.house_cases import HOUSE, MAPPING, measured
 
 SEEDS = st.integers(0, 10**6)
 
@@ -91,3 +91,18 @@ def test_an_input_is_not_below_zero_but_its_readings_are(house):
     (said,) = [one for one in report.notes if one.startswith("air: ")]
     before, after = (float(one.split(" ")[0]) for one in (said.split("and was ")[1], said.split("of all is ")[1]))
     assert before == pytest.approx(0.0125, abs=0.0005) and before <= after
+
+
+def test_an_excitation_goes_either_way(house, tmp_path):
+    """It is added to an air flow, which itself is never negative."""
+    excited = '{ name = "shake", unit = "kg/s", source = "excitation", excitation = "shake" },\n  { name = "people"'
+    shaken = "[excitations.shake]\ncomponents = [{ amplitude = 0.005, period = 5.9 }]\n"
+    (tmp_path / "shaken.toml").write_text(HOUSE.replace('{ name = "people"', excited) + shaken)
+    frame, hours = measured()
+    frame["extra"] = 0.05 * np.sin(hours)
+    report = house(
+        frame, MAPPING + '[variables.shake]\ncolumn = "extra"\nunit = "kg/s"\n', system=tmp_path / "shaken.toml"
+    )
+    (shake,) = [one for one in report.variables if one.name == "shake"]
+    assert shake.impossible == 0
+    assert (shake.minimum, shake.maximum) == pytest.approx((-0.05, 0.05), abs=1e-3)

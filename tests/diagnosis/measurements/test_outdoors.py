@@ -154,7 +154,7 @@ def test_a_dead_sensor_outdoors_is_stuck_whichever_way_it_is_mapped(house):
         house(frame.assign(outside=8.0), mapping)
 
 
-@pytest.mark.parametrize(("quantity", "stuck"), [("dni", 0), ("poa_global", 91)])
+@pytest.mark.parametrize(("quantity", "stuck"), [("dni", 0), ("poa_global", 433)])
 def test_a_beam_may_stand_still_and_the_sun_on_a_facade_by_night_only(house, tmp_path, quantity, stuck):
     """An overcast day has no beam, and its instrument an offset; on a facade there is light."""
     other = HOUSE.replace(
@@ -163,7 +163,7 @@ def test_a_beam_may_stand_still_and_the_sun_on_a_facade_by_night_only(house, tmp
     )
     (tmp_path / "other.toml").write_text(other)
     frame, hours = measured()
-    frame.loc[(hours >= 60) & (hours <= 75), "sun"] = 15.0
+    frame.loc[(hours >= 60) & (hours <= 132), "sun"] = 15.0  # of three days, 18 h with the sun 10 degrees high
     mapping = MAPPING.replace("[weather.ghi]", "[variables.sunshine]") + "fill = 0.0\n"
     report = house(frame, mapping, system=tmp_path / "other.toml")
     assert steps_of(report, "sunshine") == (stuck, 0)

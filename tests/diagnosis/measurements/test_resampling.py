@@ -13,14 +13,13 @@ from diagnosis.measurements.grid import (
     fill_constant,
     instants_of,
     interpolate_short,
-    longest_whole,
     means_of,
     resample,
-    runs,
 )
 from diagnosis.measurements.mapping import Source
 from diagnosis.measurements.signal import Signal, make_signal
 from shared.flags import ASSUMED, IMPOSSIBLE, INTERPOLATED, PARTLY
+from shared.stretches import runs
 
 FINITE = st.floats(-1e3, 1e3)
 
@@ -162,17 +161,6 @@ def test_filling():
     np.testing.assert_array_equal(np.flatnonzero(flags == INTERPOLATED), [2, 3])
     found, flags = fill_constant(found, flags, 7.0)
     assert np.isfinite(found).all() and (found[flags == ASSUMED] == 7.0).all() and (flags == ASSUMED).sum() == 5
-
-
-@settings(deadline=None, max_examples=25)
-@given(st.lists(st.booleans(), min_size=1, max_size=60), st.lists(st.booleans(), min_size=60, max_size=60))
-def test_the_longest_stretch_is_whole_and_longest(first, second):
-    n = len(first)
-    inputs = {"a": np.where(first, 1.0, np.nan), "b": np.where(second[:n], 1.0, np.nan)}
-    a, b = longest_whole(inputs, 0, n)
-    both = "".join("x" if p and q else "." for p, q in zip(first, second, strict=False))
-    assert both[a:b] == "x" * (b - a)
-    assert b - a == max((len(run) for run in both.split(".")), default=0)
 
 
 @settings(deadline=None, max_examples=25)

@@ -86,8 +86,8 @@ def test_readings_that_cannot_be_are_named_where_they_shorten_the_recording(hous
     mapping = MAPPING + '[weather.wind_speed]\ncolumn = "sun"\nunit = "m/s"\n'
     with pytest.raises(
         RecordingError,
-        match=r"longest stretch in which no inputs are missing .*\(wind, sun \[m/s\]: of 865 readings left out"
-        r" are 306 as impossible and 425 as stuck: are column and unit right\? a mapping's fill",
+        match=r"no inputs are missing \(wind in .*\) in no stretch of a day; expected at least one"
+        r" \(wind \(sun \[m/s\]\): no value in .* stand still; stuck_after = 0.0 under \[weather.wind_speed\] would",
     ):
         house(frame, mapping, system=tmp_path / "windy.toml")
 

@@ -9,7 +9,7 @@ from diagnosis.measurements import weather
 from diagnosis.measurements.clock import find_zone, make_clock
 from diagnosis.measurements.mapping import Place
 from diagnosis.measurements.signal import Signal
-from diagnosis.measurements.weather import cloud_cover, global_of, on_the_plane, sky, sun_clock, sun_position
+from diagnosis.measurements.weather import Daylight, cloud_cover, global_of, on_the_plane, sky, sun_clock, sun_position
 from shared.flags import COMPUTED, IMPOSSIBLE
 from shared.signals import Weather
 
@@ -150,7 +150,8 @@ def test_a_sky_of_which_nothing_is_known():
 @pytest.mark.parametrize("late", [-60, 0, 60, 120])
 def test_the_sun_tells_a_wrong_clock(late):
     clear, _ = clear_days(shift=late * 60)
-    found, correlation, down = sun_clock(means(clear["ghi"], 300), CLOCK, PLACE)
+    ghi = means(clear["ghi"], 300)
+    found, correlation, down = sun_clock(ghi, Daylight.over(ghi.begin[0], ghi.end[-1], CLOCK, PLACE))
     assert abs(found - late) <= 5
     assert correlation > 0.98
     assert (down > 0.005) == (abs(late) >= 120)

@@ -130,7 +130,7 @@ def with_more_dimensions(r):
     [
         (without_units, "level has no units; the run expects 'm'"),
         (in_other_units, "level is in 'cm'; the run expects 'm': convert it first"),
-        (with_holes, "level has 2 missing values in its last 48 samples; expected none: fill"),
+        (with_holes, "level has 2 missing values in its last 48 samples; expected none: choose"),
         (averaged, r"level is a mean over each step \(its cell_methods\); for the run it is an instant at each step's"),
         (highest, "level is the maximum of each step"),
         (
@@ -163,8 +163,11 @@ def test_a_file_that_is_missing_or_no_netcdf_is_told(ridge_run, tmp_path):
     with pytest.raises(RecordingError, match="no such file; expected a recording"):
         predict(ridge_run, tmp_path / "none.nc")
     (tmp_path / "text.nc").write_text("time,level\n")
-    with pytest.raises(RecordingError, match="cannot be read as NetCDF"):
+    with pytest.raises(RecordingError, match=r"is no NetCDF file but begins with 'time,level'; .* `diagnosis import`"):
         predict(ridge_run, tmp_path / "text.nc")
+    (tmp_path / "cut.nc").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(40))
+    with pytest.raises(RecordingError, match="cannot be read as NetCDF"):
+        predict(ridge_run, tmp_path / "cut.nc")
 
 
 def test_a_shards_records_have_their_own_beginning(ridge_run, shard, tmp_path):
@@ -267,3 +270,13 @@ def test_the_table_says_which_of_two_answers_to_take(monkeypatch, capsys):
     assert "Take the median" not in answer(value.model_copy(update={"median": None, "low": None, "high": None}))
     bound = answer(value.model_copy(update={"at_bound": True}))
     assert "remark" in bound and "at the end of its range" in bound
+
+
+def test_what_does_not_fit_of_another_system_is_said_to_be_of_it(ridge_run, recording, tmp_path):
+    recording["level"].attrs["cell_methods"] = "time: mean"
+    mine = write(recording.assign_attrs(system_name=ridge_run.card.system_name), tmp_path / "mine.nc")
+    with pytest.raises(RecordingError, match=r"level is a mean .*; for the run it is an instant at each step's end$"):
+        predict(ridge_run, mine)
+    other = write(recording.assign_attrs(system_name="Barrel"), tmp_path / "other.nc")
+    with pytest.raises(RecordingError, match=r"; the recording is of the system 'Barrel', and the run of '\w+'$"):
+        predict(ridge_run, other)

@@ -52,9 +52,13 @@ def test_a_missing_reading_is_left_missing():
 @pytest.mark.parametrize(
     ("holes", "largest", "sentence"),
     [
-        ({0: 2, 1: 3}, 0.2, "power of system 8 has 3 missing values in its last 10 samples; expected at most 2: fill"),
+        (
+            {0: 2, 1: 3},
+            0.2,
+            "power of system 8 has 3 missing values in its last 10 samples; expected at most 2: choose",
+        ),
         ({0: 2, 1: 2}, 0.2, None),
-        ({0: 1, 1: 1}, 0.0, "power of system 4 has 1 missing value in its last 10 samples; expected none: fill"),
+        ({0: 1, 1: 1}, 0.0, "power of system 4 has 1 missing value in its last 10 samples; expected none: choose"),
     ],
 )
 def test_missing_readings_are_counted_in_the_window_that_has_most(holes, largest, sentence):

@@ -46,7 +46,8 @@ def test_an_outage_long_ago_does_not_spoil_the_days_since(flexible, recording, t
     found = predict(flexible, path)
     assert found.context_hours == 24.0 and found.predictions == alone.predictions
     assert found.passed == f"{path}: level has 35 missing values in its last 96 samples; expected at most 14: " + (
-        "fill them first, for example by holding the last value"
+        "choose a window without (--from and --to); only an input's gaps may be filled (fill in the mapping of"
+        " `diagnosis import`)"
     )
     assert app(["predict", str(flexible.folder), str(path)], result_action="return_value") in (None, 0)
     assert "No longer window was read: " in capsys.readouterr().out
@@ -83,8 +84,8 @@ def test_of_several_systems_it_is_told_whose_meter_failed_for_all(flexible, shar
     assert (found.context_hours, found.absent, found.bridged) == (24.0, ["glow"], 2)
     assert [one.bridged for one in found.predictions] == [0, 0, 2]
     assert found.failed == [
-        f"{path}: glow of system 1 has 30 missing values in its last 48 samples; expected at most 7: fill them first,"
-        " for example by holding the last value"
+        f"{path}: glow of system 1 has 30 missing values in its last 48 samples; expected at most 7: choose a window"
+        " without (--from and --to); only an input's gaps may be filled (fill in the mapping of `diagnosis import`)"
     ]
     assert app(["predict", str(flexible.folder), str(path)], result_action="return_value") in (None, 0)
     said = " ".join(capsys.readouterr().out.split())
