@@ -20,9 +20,11 @@ FOLDER has a folder a room, each with ``log.csv``, ``mapping.toml`` (it names a 
     flow = "mOA_in"             # [kg/s]
     heat = ["QHea_in"]          # [W], added up
 
-Of a shorter recording 60 % (to whole days) are context and the rest is forecast. Ahead, the forecast and the grey-box
-model (``greybox.py``, fitted to the context) get the same measured inputs. *Day before* repeats the context's last 24
-hours, *week before* its last 168. A command that fails or runs out of time leaves its sentence under the table.
+Context and forecast are of the longest stretch without gaps in the inputs. Calibration and diagnosis are told to end
+within half of ``--minutes``. Of a shorter stretch 60 % (to whole days) are context and the rest is forecast. Ahead, the
+forecast and the grey-box model (``greybox.py``, fitted to the context) get the same measured inputs. *Day before*
+repeats the context's last 24 hours, *week before* its last 168. A command that fails or runs out of time leaves its
+sentence under the table.
 Writes ``rooms.md``, ``rooms.csv``, ``rooms.json`` and each command's words to OUT.
 """
 
@@ -47,6 +49,8 @@ import greybox
 import numpy as np
 import pandas as pd
 import xarray as xr
+
+from shared.stretches import stretches
 
 HOUR, DAY, WEEK = 3600.0, 24, 168
 SHIPPED = "MixedAirCO2"
@@ -117,18 +121,26 @@ def imported(room: Room) -> xr.Dataset | None:
         data = opened.load()
     names = [room.about["greybox"]["temperature"], room.about["greybox"]["co2"]]
     step = float(np.diff(data["time"].values[:2])[0] / np.timedelta64(1, "s"))
-    kept = np.isfinite(np.stack([data[name].values for name in names])).all(axis=0).sum() * step / HOUR
+    read = np.isfinite(np.stack([data[name].values for name in names])).all(axis=0)
+    inputs = [one for one in data.data_vars if data[one].attrs.get("role") == "input"]
+    whole = np.all([np.isfinite(data[one].values) for one in inputs], axis=0) & np.ones(len(read), dtype=bool)
+    found = stretches(whole, step)
+    kept = sum(int(read[a:b].sum()) for a, b in found) * step / HOUR
+    first, after = max(found, key=lambda one: one[1] - one[0], default=(0, len(read)))
+    data = data.isel(time=slice(first, after))
     length = data.sizes["time"] * step / HOUR
     context = min(room.about["context"], DAY * round(0.6 * length / DAY))
     ahead = min(room.about["ahead"], length - context)
     room.row |= {
         "measured_h": measured_hours(room, names), "kept_h": round(float(kept)), "step_s": step,
+        "stretches": len(found),
         "context_h": context, "ahead_h": ahead,
     }  # fmt: skip
     if context < DAY:
         room.failures["context"] = f"the recording has {length:g} h; a context of a day or more needs 40"
         return None
     opened.close()
+    data.to_netcdf(room.out / "longest.nc")
     data.isel(time=slice(0, round(context * HOUR / step))).to_netcdf(room.out / "context.nc")
     return data
 
@@ -158,10 +170,8 @@ def held(room: Room, step: str, intervals: dict[str, tuple[float | None, float |
 def calibrated(room: Room, system: str) -> bool:
     """Calibrate on the context."""
     out = room.out / "calibration"
-    if (
-        room.command("calibrate", ["diagnosis", "calibrate", system, str(room.out / "context.nc"), "--out", str(out)])
-        is None
-    ):
+    words = ["diagnosis", "calibrate", system, str(room.out / "context.nc"), "--out", str(out)]
+    if room.command("calibrate", [*words, "--minutes", f"{room.minutes / 2:g}"]) is None:
         return False
     report = json.loads((out / "calibration.json").read_text())
     held(room, "calibrate", {one["name"]: (one["low"], one["high"]) for one in report["parameters"]})
@@ -175,7 +185,7 @@ def forecast(room: Room, system: str) -> None:
     """Forecast what comes after the context with the calibration's parameters."""
     hours = ["--context", f"{room.row['context_h']:g}", "--ahead", f"{room.row['ahead_h']:g}"]
     out = room.out / "forecast"
-    words = ["diagnosis", "forecast", system, str(room.out / "recording.nc"), *hours, "--out", str(out)]
+    words = ["diagnosis", "forecast", system, str(room.out / "longest.nc"), *hours, "--out", str(out)]
     if room.command("forecast", [*words, "--calibration", str(room.out / "calibration")]) is None:
         return
     report = json.loads((out / "forecast.json").read_text())
@@ -186,7 +196,8 @@ def forecast(room: Room, system: str) -> None:
 def diagnosed(room: Room, system: str, more: list[str]) -> None:
     """Diagnose the context."""
     out = room.out / "answer"
-    told = room.command("run", ["diagnosis", "run", system, str(room.out / "context.nc"), "--out", str(out), *more])
+    words = ["diagnosis", "run", system, str(room.out / "context.nc"), "--out", str(out)]
+    told = room.command("run", [*words, "--minutes", f"{room.minutes / 2:g}", *more])
     if told is None:
         return
     report = json.loads((out / "report.json").read_text())
