@@ -5,6 +5,7 @@ Columns of measurements and of weather files are held to the same rules.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,8 +40,19 @@ class Runs:
     hours: np.ndarray
 
 
+def elapsed(begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """From beginnings to ends [s]."""
+    return end - begin
+
+
 def long_runs(
-    values: np.ndarray, begin: np.ndarray, end: np.ndarray, hours: float, resting: Resting | None, joined: np.ndarray
+    values: np.ndarray,
+    begin: np.ndarray,
+    end: np.ndarray,
+    hours: float,
+    resting: Resting | None,
+    joined: np.ndarray,
+    lasting: Callable[[np.ndarray, np.ndarray], np.ndarray] = elapsed,
 ) -> Runs:
     """Runs of equal readings that last longer than ``hours`` [h].
 
@@ -52,6 +64,8 @@ def long_runs(
         What may stand still for another time.
     joined
         Whether a run may go on from one reading to the next, shape (n - 1,): not over a gap.
+    lasting
+        How long something lasts [s] from its begin to its end [s], of what does not always move: irradiance by day.
     """
     runs = np.concatenate([[0], np.cumsum(~((np.diff(values) == 0) & joined))])
     numbers = np.arange(runs[-1] + 1)
@@ -60,6 +74,6 @@ def long_runs(
     believed = np.full(len(first), hours)
     if resting is not None:
         believed[np.abs(values[first]) <= resting.size] = resting.hours
-    length = (end[last] - begin[first]) / 3600.0
+    length = lasting(begin[first], end[last]) / 3600.0
     long = length > believed
     return Runs(first[long], last[long], length[long])

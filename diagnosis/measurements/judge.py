@@ -38,6 +38,7 @@ from diagnosis.measurements.table import Measurements
 from diagnosis.measurements.weather import Daylight
 from shared.errors import RecordingError
 from shared.flags import ASSUMED, COMPUTED, IMPOSSIBLE, STUCK
+from shared.still import CALM, STUCK_AFTER
 from shared.units import spelled
 
 _STATES = ("presence", "bool", "person", "persons", "count", "counts")
@@ -50,14 +51,9 @@ BEAM = "dni"
 """The quantity of the weather that may: the beam of an overcast day is zero from morning to night."""
 TOLD = 0.05
 """Share of a column's readings from which on the sentence on those left out says what would keep them."""
-_STUCK_AFTER = 12.0
-"""How long such a sensor may show one value [h]."""
 _NIGHT = 24.0
 """How long an irradiance may show one value where nothing says when the sun is up [h]: only a polar night lasts longer,
 in which it is zero."""
-_CALM = 120.0
-"""How long wind may be exactly zero [h]: a cup anemometer does not turn below about half a metre per second, and a
-winter's high stays over a valley for days; one that nothing has stirred for five days is frozen or dead."""
 
 
 @dataclass
@@ -279,14 +275,14 @@ class Judge:
             self.notes.append(f"column {column}: declared in percent, but no reading is above 1; is it a fraction?")
         self.tell(plausible.about_register(column, signal) if units.is_power(unit) else None)
         # a state is silent while nothing changes
-        hours = _STUCK_AFTER if moving and kind_of_reading != "hold" else 0.0
+        hours = STUCK_AFTER if moving and kind_of_reading != "hold" else 0.0
         rest: dict[str, Any] = {}
         if watt is not None and self.daylight is not None:
             rest = {"lasting": self.daylight.lit}
         elif watt is not None:
             hours, rest = _NIGHT if hours else 0.0, {"zero": np.inf}
         elif spelled(unit) == "m/s" and source.stuck_after is None:  # else the mapping knows the place
-            rest = {"zero": _CALM}
+            rest = {"zero": CALM}
         hours = hours if source.stuck_after is None else source.stuck_after
         signal = mark_stuck(signal, hours, **rest)
         self._tell_left_out(signal, read, source, where, hours)
@@ -356,7 +352,7 @@ class Judge:
 
 def _is_calm(signal: Signal) -> bool:
     """Whether a signal is of wind, and so short that all of it may be a calm."""
-    short = bool(signal.end[-1] - signal.begin[0] <= 3600.0 * _CALM)
+    short = bool(signal.end[-1] - signal.begin[0] <= 3600.0 * CALM)
     return short and spelled(signal.unit) == "m/s" and not signal.values.any()
 
 

@@ -14,6 +14,7 @@ from diagnosis.measurements.spacing import usual_gap, usual_hold, usual_interval
 from shared.codes import coded
 from shared.errors import RecordingError
 from shared.flags import IMPOSSIBLE, STUCK
+from shared.still import Resting, elapsed, long_runs
 
 FEW = 5
 """So many readings below zero at least are noise; fewer may be anything."""
@@ -278,7 +279,7 @@ def mark_stuck(
     hours: float,
     *,
     zero: float | None = None,
-    lasting: Callable[[np.ndarray, np.ndarray], np.ndarray] = lambda begin, end: end - begin,
+    lasting: Callable[[np.ndarray, np.ndarray], np.ndarray] = elapsed,
 ) -> Signal:
     """Mark runs of equal readings that last longer than ``hours`` [h]; a gap ends a run.
 
@@ -291,16 +292,13 @@ def mark_stuck(
     """
     if hours <= 0 or len(signal.values) < 2:
         return signal
-    usable = signal.used
-    same = (np.diff(signal.values) == 0) & (np.diff(signal.middle) <= signal.max_gap) & usable[1:] & usable[:-1]
-    runs = np.concatenate([[0], np.cumsum(~same)])
-    first = np.searchsorted(runs, np.arange(runs[-1] + 1), side="left")
-    last = np.searchsorted(runs, np.arange(runs[-1] + 1), side="right") - 1
-    believed = np.full(len(first), hours)
-    if zero is not None:
-        believed[signal.values[first] == 0] = zero
-    long = lasting(signal.begin[first], signal.end[last]) > 3600.0 * believed
-    return replace(signal, flags=signal.flags | np.where(long[runs], STUCK, 0).astype(np.int8))
+    joined = (np.diff(signal.middle) <= signal.max_gap) & signal.used[1:] & signal.used[:-1]
+    resting = None if zero is None else Resting(0.0, zero)
+    runs = long_runs(signal.values, signal.begin, signal.end, hours, resting, joined, lasting)
+    flags = signal.flags.copy()
+    for first, last in zip(runs.first, runs.last, strict=True):
+        flags[first : last + 1] |= np.int8(STUCK)
+    return replace(signal, flags=flags)
 
 
 def is_constant(signal: Signal) -> bool:
