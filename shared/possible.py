@@ -14,7 +14,7 @@ POSSIBLE: dict[str, tuple[float, float]] = {
     "K": (223.15, 333.15),
     "degC": (-50.0, 60.0),
     "degF": (-58.0, 140.0),
-    "ppm": (300.0, 10000.0),
+    "ppm": (200.0, 10000.0),  # half of what the air has: a sensor without its baseline reads a hundred too low
     "W/m2": (-20.0, 1500.0),
     "m/s": (-0.1, 75.0),
     "kg/s": (-1e-3, np.inf),

@@ -20,7 +20,7 @@ from trainer.training.fitting import fit
 
 PROGRAMS = {"datagen": datagen, "trainer": trainer, "diagnosis": diagnosis}
 SHORT = {
-    *("datagen simulate", "datagen info", "datagen merge"),
+    *("datagen describe", "datagen simulate", "datagen info", "datagen merge"),
     *("trainer evaluate", "trainer calibration", "trainer predict", "trainer info"),
     *("diagnosis residuals", "diagnosis import", "diagnosis blind score"),
 }

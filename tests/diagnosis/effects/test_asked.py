@@ -94,7 +94,7 @@ def test_inputs_changed_in_place_act_as_copies_do(warm):
     ],
 )
 def test_what_goes_wrong_in_a_strangers_effect_is_told_with_its_name(warm, what, value, said):
-    with pytest.raises(SystemDescriptionError, match=rf"effect 'mine' \({__name__}\): {said}"):
+    with pytest.raises(SimulationError, match=rf"effect 'mine' \({__name__}\): {said}"):
         simulated(warm, [acting(what, value)], [1.0])
 
 
