@@ -19,6 +19,7 @@ from diagnosis.usual import WARM_UP
 from shared.assignments import assignments
 from shared.console import OK, new_app, new_console, start
 from shared.stretches import LONGEST, Stretch
+from shared.watchdog import PATIENT, Patience
 
 app = new_app(
     "diagnosis",
@@ -41,6 +42,7 @@ def residuals(
     warm_up: float = WARM_UP,
     stretch: Stretch = LONGEST,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
+    patience: Patience = PATIENT,
 ) -> int:
     """Simulate a recording with given, estimated or calibrated parameters, and say what is left.
 

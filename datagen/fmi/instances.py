@@ -94,10 +94,10 @@ def _settle(fmu: Fmu) -> np.ndarray:
     raise SimulationError(f"{fmu.path.name}: {_CAUSES[calls.ENDLESS_EVENT]} at the start{fmu.last_words()}")
 
 
-def cause(fmu: Fmu, outcome: int, plan: np.ndarray, reached: float, stop: float, timeout: float | None) -> str:
+def cause(fmu: Fmu, outcome: int, plan: np.ndarray, reached: float, stop: float, timeout: float) -> str:
     """One sentence for a simulation that did not reach its end, with the FMU's own last words."""
     if plan[calls.EXPIRED]:
-        why = f"timed out after {timeout:g} s"
+        why = f"timed out after {timeout:g} s; expected its end by then, or a longer timeout"
     elif plan[calls.STATUS] > 1:
         failed = int(plan[calls.FAILED_CALL])
         why = f"{fmu.interface.functions[failed]} returned status {plan[calls.STATUS]}"

@@ -16,6 +16,7 @@ from shared.logs import USUAL, Reporting
 from shared.numbers import counted, number
 from shared.progress import stages
 from shared.stretches import LONGEST, Stretch
+from shared.watchdog import PATIENT, Patience
 
 console = new_console()
 LINES = 5
@@ -33,6 +34,7 @@ def run(
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
     stretch: Stretch = LONGEST,
     fitting: Fitting = PLAIN,
+    patience: Patience = PATIENT,
     reporting: Reporting = USUAL,
 ) -> int:
     """Diagnose the gap between a recording and the model: where it lies, which effect causes it, how far it shrinks.
