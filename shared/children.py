@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import sys
+import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
@@ -68,25 +69,27 @@ def worker_pool(
     SimulationError
         In place of what the body raised, if a worker's FMU did not return within the limit.
     """
-    begin = (watchdog.limit(), initialise, arguments)
-    pool = ProcessPoolExecutor(workers, get_context("spawn"), _begin, begin)
-    try:
-        yield pool
-        pool.shutdown()
-    except BaseException as error:
-        processes = list((pool._processes or {}).values())
-        for one in processes:
-            one.kill()
-        pool.shutdown(cancel_futures=True)  # after which the exit codes are known
-        if isinstance(error, Exception) and any(one.exitcode == watchdog.HUNG for one in processes):
-            raise SimulationError(
-                f"an FMU's function had not returned after {begin[0]:g} s in one of {workers} processes; expected one"
-                " that returns: give it longer with --timeout, or look at its inputs and parameters"
-            ) from None
-        raise
+    with tempfile.TemporaryDirectory(prefix="zeroshot-workers-", ignore_cleanup_errors=True) as folder:
+        seconds = watchdog.limit()
+        pool = ProcessPoolExecutor(workers, get_context("spawn"), _begin, (seconds, folder, initialise, arguments))
+        try:
+            yield pool
+            pool.shutdown()
+        except BaseException as error:
+            processes = list((pool._processes or {}).values())
+            for one in processes:
+                one.kill()
+            pool.shutdown(cancel_futures=True)  # after which the exit codes are known
+            if isinstance(error, Exception) and any(one.exitcode == watchdog.HUNG for one in processes):
+                raise SimulationError(
+                    f"an FMU's function had not returned after {seconds:g} s in one of {workers} processes; expected"
+                    " one that returns: give it longer with --timeout, or look at its inputs and parameters"
+                ) from None
+            raise
 
 
-def _begin(seconds: float, initialise: Callable[..., None] | None, arguments: tuple[Any, ...]) -> None:
+def _begin(seconds: float, folder: str, initialise: Callable[..., None] | None, arguments: tuple[Any, ...]) -> None:
+    tempfile.tempdir = folder  # what a worker that was killed left there is removed
     watchdog.serve(seconds)
     if initialise is not None:
         initialise(*arguments)

@@ -62,7 +62,11 @@ class FmuVariable(Table):
 
 
 class Parameter(FmuVariable):
-    """An estimated parameter and its prior: uniform in ``scale`` between ``min`` and ``max``."""
+    """An estimated parameter and its prior: uniform in ``scale`` between ``min`` and ``max``.
+
+    Estimators are trained on the logarithm of a positive parameter (paper, section 2.4), and on one itself whose range
+    reaches zero or goes below.
+    """
 
     name: str
     description: str = ""
@@ -74,9 +78,10 @@ class Parameter(FmuVariable):
     def _range(self) -> Parameter:
         if not self.min < self.max:
             raise ValueError(f"range is reversed or empty: min {self.min:g}, max {self.max:g}; expected min < max")
-        if self.min <= 0:
-            # targets are log10 of the parameter (paper, section 2.4)
-            raise ValueError(f"min is {self.min:g}; expected a positive number, because targets are logarithms")
+        if self.scale == "log" and self.min <= 0:
+            raise ValueError(
+                f'min is {self.min:g} on a logarithmic scale; expected a positive one, or scale = "linear"'
+            )
         return self
 
     def from_unit(self, u: np.ndarray | float) -> np.ndarray:

@@ -136,7 +136,7 @@ def describe(fmu: Path | str, *, out: Path | str | None = None) -> Description:
     >>> from shared.shipped import resolved
     >>> found = describe(resolved("MixedAirCO2").parent / "MixedAirCO2.fmu")
     >>> found.version, found.kinds, found.states
-    ('2.0', ('Model Exchange', 'Co-Simulation'), 18)
+    ('2.0', ('Model Exchange',), 18)
     """
     path = Path(fmu)
     place = None if out is None else Path(out)

@@ -14,7 +14,6 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from datagen.farming.worker import simulator_for
 from datagen.simulating.simulator import Simulator
 from diagnosis.fitting.failures import FAILURES, reason
 from diagnosis.fitting.run import Run
@@ -137,6 +136,8 @@ def _parts(runs: Sequence[Run], workers: int) -> list[list[Run]]:
 
 
 def _simulate_all(what: tuple[str, str], runs: Sequence[Run]) -> list[Outcome]:
+    from datagen.farming.worker import simulator_for  # with distributed, which only workers need
+
     simulator = simulator_for(*what)
     if simulator is None:
         return [SimulationError(f"{what[1]}: its FMU is not on this worker; expected the same path")] * len(runs)
