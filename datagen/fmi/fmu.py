@@ -160,8 +160,8 @@ class Fmu:
 
     def last_words(self) -> str:
         """The FMU's own last messages, for an error's text."""
-        log = list(self.interface.log)[-3:]
-        return f"; the FMU says: {' | '.join(log)}" if log else ""
+        said = self.interface.last_words()
+        return f"; the FMU says: {said}" if said else ""
 
     def set_value(self, name: str, value: float | bool) -> None:
         """Set a number or a boolean by name."""

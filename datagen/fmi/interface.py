@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import re
 import weakref
 from abc import ABC, abstractmethod
 from collections import deque
@@ -23,7 +24,8 @@ from shared.errors import FmuError
 from shared.reading import listed, short
 
 _NUMBERS = count(1)
-_REMEMBERED = 20
+_REMEMBERED = 3
+_WARNING = 1
 DOUBLE_P = ctypes.POINTER(ctypes.c_double)
 
 
@@ -34,8 +36,8 @@ class Interface(ABC):
     ----------
     functions
         Names of the C functions by their places in the plan of :mod:`datagen.fmi.calls`.
-    log
-        What the FMU has said since it was instantiated: the last :data:`_REMEMBERED` messages.
+    errors, warnings
+        What the FMU has said since it was instantiated: the last :data:`_REMEMBERED` different messages of each kind.
 
     Raises
     ------
@@ -52,7 +54,8 @@ class Interface(ABC):
         self.path = path
         self.cosimulation = description.modelExchange is None
         kind = description.coSimulation if self.cosimulation else description.modelExchange
-        self.log: deque[str] = deque(maxlen=_REMEMBERED)
+        self.errors: deque[str] = deque(maxlen=_REMEMBERED)
+        self.warnings: deque[str] = deque(maxlen=_REMEMBERED)
         self.name = f"instance-{next(_NUMBERS)}"
         where = library(folder, kind.modelIdentifier)
         if not where.is_file():
@@ -78,13 +81,25 @@ class Interface(ABC):
 
     def begin(self) -> None:
         """Forget what was said: an instance is about to be made, or reset."""
-        self.log.clear()
+        self.errors.clear()
+        self.warnings.clear()
         Interface.latest = weakref.ref(self)
 
     def hear(self, status: int, category: bytes | None, message: bytes | None) -> None:
-        """Take in what the FMU says of a call that was not OK; any of it may be missing, and in any encoding."""
-        if status > 0 and (words := text_of(message) or text_of(category)):
-            self.log.append(words)
+        """Take in what the FMU says of a call that was not OK; any of it may be missing, and in any encoding.
+
+        Some tools call everything OK, and say only by the category that it is an error.
+        """
+        about = text_of(category)
+        words = text_of(message) or about
+        severe = status > _WARNING or (status < _WARNING and re.search("error|fatal", about, re.I) is not None)
+        kept = self.errors if severe else self.warnings
+        if words and (severe or status == _WARNING) and words not in kept:
+            kept.append(words)
+
+    def last_words(self) -> str:
+        """The last errors that the FMU told; of one that told none the last warning; empty if it told nothing."""
+        return " | ".join(self.errors) or (self.warnings[-1] if self.warnings else "")
 
     def address(self, function: str) -> int:
         """Address of one of the FMU's C functions, for example ``fmi2GetReal``."""

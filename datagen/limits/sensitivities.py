@@ -58,8 +58,8 @@ class Window:
     [unit of output per unit of state], of Co-Simulation per unit of :data:`PASTS` independent numbers of variance one;
     ``constants`` (outputs, steps, constants) per prior standard deviation of the logarithm, without any constants where
     all are known; ``occupancy`` (outputs, steps, pulses) per person; ``occupancy_covariance`` (pulses, pulses)
-    [persons^2]; ``occupancy_steps`` (pulses,), the step that each pulse lies in; ``visited`` (steps, states), states met
-    on the way, for the prior of the start.
+    [persons^2]; ``occupancy_steps`` (pulses,), the step that each pulse lies in; ``visited`` (steps, states), states
+    met on the way, for the prior of the start.
     """
 
     parameters: np.ndarray
