@@ -22,6 +22,7 @@ from datagen.driving.sampling import record_start, sample_parameters, stream
 from datagen.driving.tables import InputTable
 from datagen.limits.pulses import responses
 from datagen.simulating.constants import constants, sample_factors, values_of
+from datagen.simulating.drawn import drawn_values
 from datagen.simulating.simulator import Simulator
 from shared.store import sha256_of
 from shared.system import System
@@ -228,8 +229,10 @@ def random_window(system: System, context: float, seed: int, index: int, uncerta
     spin_up = min(step * np.ceil(max(SPIN_UP_HOURS * HOUR, warm_up) / step - 1e-9), since + warm_up)
     table = build_inputs(system, root_seed=seed, index=index, start=begin - spin_up, stop=begin + span)
 
+    facts = drawn_values(simulator, seed, index)
+
     def setting(values: np.ndarray = theta, factors: np.ndarray = drawn) -> dict[str, float]:
-        return dict(zip(system.parameter_names, values.tolist(), strict=True)) | values_of(known, factors)
+        return facts | dict(zip(system.parameter_names, values.tolist(), strict=True)) | values_of(known, factors)
 
     each = int(np.ceil(step / PULSE - 1e-9))
     edges = begin + step / each * np.arange(round(span / step) * each + 1)
@@ -251,14 +254,14 @@ def random_window(system: System, context: float, seed: int, index: int, uncerta
     by_pulse, covariance, within = np.empty(shape), np.empty((0, 0)), np.empty(0, dtype=int)
     crowd = [system.input_names.index(name) for name in crowd_inputs(system)]
     if crowd and system.occupancy is not None:
-        base = runs.outputs(setting(), runs.window)
+        undisturbed = runs.outputs(setting(), runs.window)
 
         def response(pulses: Sequence[tuple[float, float]]) -> np.ndarray:
             more = runs.window
             for column in crowd:
                 for a, b in pulses:
                     more = more.with_pulse(column, a, b, 1.0)
-            return runs.outputs(setting(), more) - base
+            return runs.outputs(setting(), more) - undisturbed
 
         draws = occupancy_prior(system.occupancy, edges, max(PRIOR_DRAWS, DRAWS_EACH * (len(edges) - 1)), seed)
         some = np.flatnonzero(np.ptp(draws, axis=0) > 0)  # nobody comes at night
