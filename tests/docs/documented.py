@@ -71,11 +71,11 @@ def in_sentences(text):
 
 
 def commands(document):
-    """All commands of a document but those that are run by hand; a changelog's are of their time."""
+    """All commands of a document but those that are run by hand; a changelog's are old, a help's have gaps."""
     before, _, after = document.read_text(encoding="utf-8").partition(BY_HAND)
     text = before + after[after.find("\n## ") :] if after else before
     yield from in_blocks(text)
-    if document.name != "CHANGELOG.md":
+    if document.name not in ("CHANGELOG.md", "commands.md"):
         yield from in_sentences(text)
 
 
