@@ -199,8 +199,8 @@ class Output(FmuVariable):
     standard_name: str = Field("", description="of the CF conventions, for the NetCDF files")
     method: Literal["point", "mean"] = Field(
         "point",
-        description="an instant, as of a temperature; or the exact mean since the last step, as of a power or a flow that"
-        " a meter adds up",
+        description="an instant, as of a temperature; or the exact mean since the last step, as of a power that a meter"
+        " adds up",
     )
     accuracy: float = Field(gt=0, description="what a noise-free value is good for [unit]: the numerical floor")
     noise: dict[str, Noise] = Field({}, description="sensors by the name of a preset; none is always there")
