@@ -13,7 +13,7 @@ from typing import Any
 
 from fmpy.model_description import ModelDescription, ScalarVariable
 
-from datagen.fmi.fmu import fmu_sha256, is_difference, start_of, unit_of, unpack
+from datagen.fmi.fmu import UNSET, fmu_sha256, is_difference, start_of, unit_of, unpack
 from datagen.fmi.interface import library
 from datagen.units import UNITLESS, conversion, parsed
 from shared.errors import FmuError
@@ -89,6 +89,11 @@ class Description:
     parameters: int
     toml: str
 
+    @property
+    def drafted(self) -> bool:
+        """Whether the draft has all that a simulation needs."""
+        return self.outputs > 0 and self.parameters > 0
+
     def sentences(self) -> list[str]:
         """What a reader should know before the description is used."""
         said = [
@@ -98,6 +103,16 @@ class Description:
             + ("" if self.runs_here else ": none for this machine; export it for this platform, too"),
             f"{self.inputs} inputs, {self.outputs} outputs, {self.parameters} positive parameters that can be set",
         ]
+        lacking = [
+            f"no {what}"
+            for what, count in (("output that is a Real or Float64", self.outputs), ("parameter", self.parameters))
+            if not count
+        ]
+        if lacking:
+            said.append(
+                f"the draft does not run yet, for the FMU offers {' and '.join(lacking)}: name another variable of it"
+                " in [[outputs]] or [[parameters]]"
+            )
         if self.missing:
             said += [
                 f"its binary needs {name}, which this machine lacks; install {_PACKAGES.get(name, 'what brings it')}"
@@ -270,7 +285,7 @@ def _draft(
     if recorded:
         channels = ", ".join(_quoted(v.name) for v in recorded[:2])
         parts.append(f"# what an estimator reads\n[estimator]\nchannels = [{channels}]\ncontext_hours = 24.0\n")
-    fixed = "\n".join(f"{_quoted(v.name)} = {start_of(v)}" for v in others if not v.shape and v.type != "String")
+    fixed = "\n".join(f"{_quoted(v.name)} = {start_of(v)}" for v in others if not v.shape and v.type not in UNSET)
     parts.append(
         f"# values of the FMU that stay as they are; inputs that are no numbers stand here\n[fixed]\n{fixed}\n"
     )

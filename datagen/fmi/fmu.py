@@ -27,6 +27,8 @@ from shared.watchdog import clean_at_end, watched
 
 SCRATCH = "ZEROSHOT_FMU_SCRATCH"
 """Environment variable of a process that may be killed: a folder that another process clears away afterwards."""
+UNSET = ("String", "Binary", "Clock")
+"""Types of variables that no description can set: their start values stay."""
 MOST_INDICATORS = 1_000_000
 """More than any model has, and few enough to make room for."""
 

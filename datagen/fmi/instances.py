@@ -16,7 +16,7 @@ _CAUSES = {
     calls.ENDLESS_EVENT: "events without end",
     calls.NOT_FINITE: "an output is not finite",
     calls.CUT_SHORT: "the FMU returned early from a step",
-    -1: "CVODE: too many steps between two outputs",
+    -1: "CVODE: too many steps between two outputs; expected fewer: a shorter experiment.step, or a larger tolerance",
     -2: "CVODE: accuracy beyond the machine's",
     -3: "CVODE: error test failed repeatedly",
     -4: "CVODE: corrector did not converge",
