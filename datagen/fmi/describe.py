@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import subprocess
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +12,7 @@ from typing import Any
 from fmpy.model_description import ModelDescription, ScalarVariable
 
 from datagen.fmi.fmu import UNSET, fmu_sha256, is_difference, start_of, unit_of, unpack
-from datagen.fmi.interface import library
+from datagen.fmi.interface import lacks, library, missing_libraries
 from datagen.units import UNITLESS, conversion, parsed
 from shared.errors import FmuError
 from shared.store import write_atomically
@@ -43,14 +41,6 @@ _WEATHER = (  # column, the kind of its unit, and words of its name
 )
 _PERSONS = r"^n?_?per(s|$|[A-Z_])|people|occ|person|persons|head"
 _SET_POINT = r"set|_sp$|sp$|ref"
-_PACKAGES = {
-    "libgfortran.so.3": "the compatibility package libgfortran3, or a JModelica runtime that brings it",
-    "libgfortran.so.4": "the package libgfortran4",
-    "libgfortran.so.5": "the package libgfortran5",
-    "libquadmath.so.0": "the package libquadmath0",
-    "libgomp.so.1": "the package libgomp1",
-}
-"""Libraries that exporters link to and machines lack, and what brings them on Debian and its kin."""
 
 
 @dataclass(frozen=True)
@@ -114,10 +104,7 @@ class Description:
                 " in [[outputs]] or [[parameters]]"
             )
         if self.missing:
-            said += [
-                f"its binary needs {name}, which this machine lacks; install {_PACKAGES.get(name, 'what brings it')}"
-                for name in self.missing
-            ]
+            said += [f"its binary {lacks(name)}" for name in self.missing]
         if self.without_unit:
             some = ", ".join(self.without_unit[:6]) + (" ..." if len(self.without_unit) > 6 else "")
             said.append(
@@ -188,17 +175,6 @@ def describe(fmu: Path | str, *, out: Path | str | None = None) -> Description:
         except OSError as error:
             raise FmuError(f"{place}: cannot be written: {error.strerror or error}") from None
     return found
-
-
-def missing_libraries(binary: Path) -> tuple[str, ...] | None:
-    """Shared libraries that a binary needs and this machine lacks; None where there is no ``ldd``, or no binary."""
-    if not sys.platform.startswith("linux") or not binary.is_file():
-        return None
-    try:
-        told = subprocess.run(["ldd", str(binary)], capture_output=True, text=True, timeout=30)
-    except (OSError, subprocess.SubprocessError):
-        return None
-    return tuple(dict.fromkeys(line.split()[0] for line in told.stdout.splitlines() if "not found" in line))
 
 
 def _seen_from(path: Path, place: Path | None) -> str:

@@ -23,6 +23,7 @@ static int rates(Model *m, double *dx) {
   }
   if (is(m, CHATTERS)) { /* what matters, among what does not */
     say(m, 1, "a licence ends in 30 days");
+    say_as(m, m->name, 1, "WARNING", "<AssertionError><value>\"k &gt; 1\"</value></AssertionError>");
     say(m, FAILED, "the valve is stuck");
     for (int i = 0; i < 30; i++) say(m, 1, "step size reduced");
   }
