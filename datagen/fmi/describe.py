@@ -195,6 +195,8 @@ def _is_candidate(variable: ScalarVariable) -> bool:
     """Whether a parameter is a positive number that can be set before a simulation."""
     if variable.causality != "parameter" or variable.type not in _FLOATS or variable.variability == "constant":
         return False
+    if variable.name.startswith("_"):  # settings of the exporter's own solver
+        return False
     start = _number(variable)
     return start is not None and 0 < start < math.inf
 
