@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
+from shared.assignments import assignments
 from shared.console import new_console
 from shared.stretches import LONGEST, Stretch
 
@@ -26,6 +27,7 @@ def predict(
     corner: Path | None = None,
     seed: int = 0,
     stretch: Stretch = LONGEST,
+    known: Annotated[list[str] | None, Parameter(consume_multiple=True, negative="")] = None,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
     """Estimate the parameters behind a recording, from its last context window.
@@ -49,12 +51,15 @@ def predict(
         PNG file for the posterior's marginals and pairs, of a recording of one system.
     seed
         Of the samples.
+    known
+        Parameters and given facts that are known, as NAME=VALUE in the description's unit, for a run that was trained
+        with --facts: all others are sharpened by them. The recording's own given facts are read as well.
     json
         Print the estimates as JSON, and nothing else, on stdout.
     """
     from trainer.predicting.prediction import predict as run_predict
 
-    result = run_predict(run, file, samples=samples, seed=seed, stretch=stretch, out=out, corner=corner)
+    result = run_predict(run, file, samples=samples, seed=seed, stretch=stretch, known=assignments(known or [], "known"), out=out, corner=corner)
     if json:
         sys.stdout.write(result.model_dump_json(indent=1) + "\n")
         return
