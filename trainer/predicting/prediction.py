@@ -187,15 +187,15 @@ def predict(
         if (like := familiar.get(values.shape[1])) is not None:
             _check_moving(Path(file), values, window.systems, like, encoding)
     begins = window.begins + window.stamps[0]
-    facts = facts_of(Path(file), encoding, known or {}, window.systems)
-    answers = run.read(window.values, begins, facts)
+    told = facts_of(Path(file), encoding, known or {}, window.systems)
+    answers = run.read(window.values, begins, told)
     estimates = run.estimates(answers, len(window.stamps), window.absent)
     posterior = load_posterior(run)
     if posterior is None and (out is not None or corner is not None):
         raise EstimatorError(f"{run.folder}: has no posterior to draw samples from; `trainer posterior` fits one")
     if corner is not None and len(window.systems) > 1:
         raise EstimatorError(f"{file}: has {len(window.systems)} systems; expected one for a corner plot")
-    drawn = None if posterior is None else posterior.sample(window.values, begins, samples, seed=seed, facts=facts)
+    drawn = None if posterior is None else posterior.sample(window.values, begins, samples, seed=seed, facts=told)
     found = None if drawn is None else summarise(drawn)
     names, units = encoding.parameters, encoding.parameter_units
     for path in (out, corner):
@@ -249,7 +249,7 @@ def predict(
         noise=run.card.noise,
         absent=window.absent,
         failed=list(window.failed),
-        facts=facts_known(facts, encoding),
+        facts=facts_known(told, encoding),
         bridged=sum(window.bridged),
         passed=window.passed,
         held=run.card.held,
