@@ -27,7 +27,7 @@ TEMPLATE = """<p>Of {% if days %}seven {{ days }} days{% else %}one day only, wh
 
 
 @pytest.mark.parametrize(
-    ("name", "text", "lengths"), [("a.md", MARKDOWN, [7, 6, 7, 6]), ("a.j2", TEMPLATE, [5, 5])], ids=["md", "template"]
+    ("name", "text", "lengths"), [("a.md", MARKDOWN, [7, 7, 7, 6]), ("a.j2", TEMPLATE, [5, 5])], ids=["md", "template"]
 )
 def test_sentences_are_counted_as_a_person_counts_them(tmp_path, name, text, lengths):
     (tmp_path / name).write_text(text, encoding="utf-8")

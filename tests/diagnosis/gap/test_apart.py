@@ -115,7 +115,7 @@ def test_few_scored_readings_are_told_and_give_no_share(drifted):
     page = render(replace(drifted, report=report.model_copy(update={"summary": summary(report)})))
     assert "too few readings" in page and "fewer than 12 readings of any channel" in page
     page = render(replace(drifted, report=report.model_copy(update={"shrinkage": []})))
-    assert "Nothing was added" not in page and "cannot be told" in page
+    assert "Nothing was added" not in page and "it is unknown how far" in page
 
 
 def test_whether_the_fitted_readings_alone_make_the_same_choice_is_told(drifted):
