@@ -16,10 +16,7 @@ def test_what_lies_at_an_end_of_its_range_is_not_said_to_be_the_prior(calibrated
     names = [one.name for one in ranges]
     report = calibrated.report.model_copy(update={"parameters": ranges, "z": z, "converged": True})
     said = sentences(report)
-    assert (
-        f"It pushes {names[1]} to an end of the range: the interval ends where the range does."
-        in said
-    )
+    assert f"It pushes {names[1]} to an end of the range: the interval ends where the range does." in said
     others = ", ".join(name for name, place in zip(names[2:], z[2:], strict=False) if abs(place) < 1.28)
     assert f"It hardly identifies {others}: what is given for them is mostly the prior." in said
     assert any(one.startswith(f"{names[0]} lies on a bound") for one in said)
