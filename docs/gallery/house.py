@@ -159,13 +159,13 @@ def draw_answer(made: Answer, system: System, recording: xr.Dataset, path: Path)
     )
     measured, week = recording["TAir"].values, slice(0, 168)
     day = np.arange(1, HOURS + 1)[week] / 24
-    figure, (top, low) = plt.subplots(2, 1, figsize=(9, 4.6), layout="constrained", sharex=True, height_ratios=(2, 1))
+    figure, (top, low) = plt.subplots(2, 1, figsize=(7, 4.6), layout="constrained", sharex=True, height_ratios=(2, 1))
     top.plot(day, measured[week] - 273.15, ".", color="0.25", ms=4, label="measured")
     for values, colour, label in ((before, "#d95f02", "model before"), (after, "#1f5fa8", "model after")):
         top.plot(day, values[week] - 273.15, color=colour, lw=1.4, label=label)
         low.plot(day, (measured - values)[week], color=colour, lw=1.2)
     top.set_ylabel("room air [°C]")
-    top.legend(ncols=3, loc="lower right", bbox_to_anchor=(1, 1), frameon=False)
+    top.legend(loc="upper right", frameon=False)
     found = "; ".join(
         f"{one.description}:\n{one.amplitude:.0f} {one.unit} ({one.low:.0f} to {one.high:.0f}),"
         f" probability {one.probability:.0%}"
@@ -181,7 +181,7 @@ def draw_answer(made: Answer, system: System, recording: xr.Dataset, path: Path)
             axes.axvspan(begin, end, color="0.92", zorder=0, lw=0)
         axes.set_xlim(0, 7)
     low.axhline(0, color="0.6", lw=0.8, zorder=0)
-    figure.savefig(path, dpi=100)
+    figure.savefig(path, dpi=130)
     plt.close(figure)
 
 

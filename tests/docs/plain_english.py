@@ -41,7 +41,7 @@ PHRASES = {
     r"\bhonest(ly)?\b": "calibrated, or covers 90 %",
     r"\bnought\b": "zero",
     r"\bthat anybody could\b|\blets? anybody\b": "say who",
-    r"\bbegins? anew\b(?! \|)": "start again",
+    r"\bbegins? anew\b": "start again",
     r"\bwhat [a-z]+ (makes|make) of (it|them)\b": "say what is computed",
     r"\bfor want of\b|\bit is as if\b|\bas it were\b|\bhangs? on\b": "say it plainly",
 }

@@ -73,7 +73,7 @@ def test_what_is_stopped_goes_on_to_the_same_report_with_fewer_simulations(
     words = ["calibrate", str(house("me").path), str(path), "--starts", "1", "--out", str(out)]
     counted(at=2 * count // 3)
     assert start(app, words) == STOPPED
-    assert "this goes on from there" in capsys.readouterr().err
+    assert "this command continues it" in capsys.readouterr().err
     assert not (out / "calibration.json").exists() and (out / FOLDER).is_dir()
     counted()
     assert start(app, words) == 0
