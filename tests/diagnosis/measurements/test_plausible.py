@@ -151,7 +151,7 @@ def test_long_gaps_of_a_dew_point_are_told(house):
     dew = 3.0 + np.sin(hours)
     assert not told(house(frame.assign(dew=dew), mapping), "column dew, which it is computed with")
     gap = house(frame.assign(dew=np.where((hours > 50) & (hours < 98), np.nan, dew)), mapping, out="gap.nc")
-    assert told(gap, "of its readings column dew, which it is computed with, has gaps of up to 48 h, and")
+    assert told(gap, "of its readings column dew, which it is computed with, has gaps of up to 48 h, which")
     both = frame.assign(dew=dew, outside=frame["outside"])
     both.loc[(hours > 50) & (hours < 98), ["dew", "outside"]] = np.nan  # nothing is computed there
     assert not told(house(both, mapping, out="both.nc"), "column dew, which it is computed with")
