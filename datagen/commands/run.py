@@ -34,6 +34,7 @@ def run(
     excitation: bool = True,
     calm: float = 0.0,
     uncertain: Annotated[bool, Parameter(negative=())] = False,
+    disturbed: float = 0.0,
     extend: Annotated[bool, Parameter(negative=())] = False,
     retry_failures: Annotated[bool, Parameter(negative=())] = False,
     failure_budget: float = FAILURE_BUDGET,
@@ -80,6 +81,9 @@ def run(
         Share of the systems, drawn by chance, without excitation. An estimator reads only kinds that it was trained on.
     uncertain
         Draw the description's [[uncertain]] constants for each system. An estimator for real buildings needs this.
+    disturbed
+        Share of the systems on which one or two of the description's effects act, each as a random process. Intervals
+        then cover rooms that differ from the model.
     extend
         Add systems to a dataset that has fewer. Its shards stay as they are.
     retry_failures
@@ -109,6 +113,7 @@ def run(
         excitation=excitation,
         calm=calm,
         uncertain=uncertain,
+        disturbed=disturbed,
         extend=extend,
         retry_failures=retry_failures,
         failure_budget=failure_budget,
