@@ -29,6 +29,8 @@ def assignments(items: Iterable[str], option: str = "set") -> dict[str, float]:
             sentence = f"--{option} {item!r}: expected NAME=VALUE with a finite number, like volume=150"
             raise SystemDescriptionError(sentence) from None
         if name.strip() in values:
-            raise SystemDescriptionError(f"--{option} {item!r}: {name.strip()!r} is given twice; expected one value of it")
+            raise SystemDescriptionError(
+                f"--{option} {item!r}: {name.strip()!r} is given twice; expected one value of it"
+            )
         values[name.strip()] = value
     return values

@@ -59,7 +59,16 @@ def predict(
     """
     from trainer.predicting.prediction import predict as run_predict
 
-    result = run_predict(run, file, samples=samples, seed=seed, stretch=stretch, known=assignments(known or [], "known"), out=out, corner=corner)
+    result = run_predict(
+        run,
+        file,
+        samples=samples,
+        seed=seed,
+        stretch=stretch,
+        known=assignments(known or [], "known"),
+        out=out,
+        corner=corner,
+    )
     if json:
         sys.stdout.write(result.model_dump_json(indent=1) + "\n")
         return

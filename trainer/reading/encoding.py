@@ -283,5 +283,7 @@ def _given(system: System, values: np.ndarray) -> list[Fact]:
         log = one.scale == "log"
         numbers = np.log10(values[:, k]) if log else values[:, k]
         sd = float(numbers.std())
-        made.append(Fact(name=one.name, unit=one.unit, log=log, mean=float(numbers.mean()), sd=sd if sd > 1e-9 else 1.0))
+        made.append(
+            Fact(name=one.name, unit=one.unit, log=log, mean=float(numbers.mean()), sd=sd if sd > 1e-9 else 1.0)
+        )
     return made
