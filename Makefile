@@ -6,6 +6,9 @@ READY := $(VENV)/.ready
 # small problems: a second thread of the linear algebra costs more than it brings
 export OMP_NUM_THREADS ?= 1
 
+# fast tests of the documents, which are checks
+CHECKED := tests/test_readme.py tests/docs/test_plain_english.py
+
 .PHONY: demo test check docs reference wheels clean
 .DEFAULT_GOAL := test
 
@@ -22,7 +25,7 @@ check: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python -m pytest -q tests/test_readme.py
+	$(BIN)/python -m pytest -q $(CHECKED)
 
 docs: $(READY)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
@@ -36,10 +39,10 @@ PYTHONS ?= python3.11 python3.12 python3.13
 wheels: $(READY)
 	ZEROSHOT_PYTHONS="$(PYTHONS)" $(BIN)/python -m pytest -rA tests/packaging
 
-# check has run the tests of the README already; the tests of a file stay together, so that what they share is made once,
+# check has run some tests already; the tests of a file stay together, so that what they share is made once,
 # and tests/conftest.py has the longest files first. Three processes on two cores: farms and installations are waited for
 test: check
-	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder --ignore=tests/test_readme.py
+	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder $(CHECKED:%=--ignore=%)
 
 clean:
 	rm -rf demo .mypy_cache .ruff_cache .pytest_cache build dist *.egg-info

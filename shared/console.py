@@ -200,8 +200,8 @@ def _carry_out(
 
 def _how_to_go_on(program: str, words: list[str], command: Callable[..., Any]) -> str:
     if command not in _resumable:
-        return "stopped before its end; the same command begins anew"
+        return "stopped before its end; the same command starts from the beginning"
     more, instead_of = _resumable[command]
     kept = [word for word in words if word not in instead_of]
     again = shlex.join([program, *kept, *(word for word in more if word not in kept)])
-    return f"stopped; what was finished is kept, and this goes on from there:\n  {again}"
+    return f"stopped; finished work is kept, and this command continues it:\n  {again}"

@@ -28,7 +28,7 @@ def simulate(
     uncertain: Annotated[bool, Parameter(negative=())] = False,
     patience: Patience = PATIENT,
 ) -> int:
-    """Simulate one system into one NetCDF file, the shape in which recordings come.
+    """Simulate one system into a NetCDF file, in the form of a recording.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def simulate(
     excitation
         Add the description's small sinusoids to the control actions.
     uncertain
-        Draw the constants that the description says are uncertain, too, but those that are set.
+        Draw the description's [[uncertain]] constants, too, except those that are set.
     """
     from datagen import simulate as simulate_
 

@@ -222,9 +222,9 @@ def _checked(
 
 
 def _bridged(path: Path, values: np.ndarray, bad: np.ndarray) -> np.ndarray:
-    """Infrared radiation with its short gaps on straight lines, over the year's end where one lies there.
+    """Infrared radiation with its short gaps interpolated, over the year's end where one lies there.
 
-    Where a gap is longer all of ``bad`` become NaN. Either is told by a warning.
+    Where a gap is longer all of ``bad`` become NaN. A warning says which.
     """
     good = np.setdiff1d(np.arange(HOURS), bad)
     longest = int(np.diff(np.append(good, good[0] + HOURS)).max()) - 1
@@ -232,7 +232,7 @@ def _bridged(path: Path, values: np.ndarray, bad: np.ndarray) -> np.ndarray:
     _log.warning(
         "%s: %s is missing or out of range in %d of %d hours, first in hour %d, at most %d in a row: %s",
         *(path, SPELLING["infrared"], bad.size, HOURS, bad[0] + 1, longest),
-        "it is put in on straight lines" if short else "the sky's temperature is worked out without any of it",
+        "it is interpolated" if short else "the sky's temperature is computed without it",
     )
     values = values.copy()
     values[bad] = np.interp(bad, good, values[good], period=HOURS) if short else np.nan

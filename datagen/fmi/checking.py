@@ -198,8 +198,8 @@ def check_held(system: System, fmu: Fmu, names: Sequence[str], left: np.ndarray,
     if bent.any():
         name = names[int(np.argmax(bent))]
         raise SystemDescriptionError(
-            f"{system.path}: input {name!r} is discrete in {fmu.path.name}, and what drives it changes on straight"
-            ' lines; expected interpolation = "previous"'
+            f"{system.path}: input {name!r} is discrete in {fmu.path.name}, and what drives it changes"
+            ' linearly; expected interpolation = "previous"'
         )
 
 

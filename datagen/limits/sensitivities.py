@@ -229,10 +229,10 @@ def random_window(system: System, context: float, seed: int, index: int, uncerta
     spin_up = min(step * np.ceil(max(SPIN_UP_HOURS * HOUR, warm_up) / step - 1e-9), since + warm_up)
     table = build_inputs(system, root_seed=seed, index=index, start=begin - spin_up, stop=begin + span)
 
-    facts = drawn_values(simulator, seed, index)
+    given = drawn_values(simulator, seed, index)
 
     def setting(values: np.ndarray = theta, factors: np.ndarray = drawn) -> dict[str, float]:
-        return facts | dict(zip(system.parameter_names, values.tolist(), strict=True)) | values_of(known, factors)
+        return given | dict(zip(system.parameter_names, values.tolist(), strict=True)) | values_of(known, factors)
 
     each = int(np.ceil(step / PULSE - 1e-9))
     edges = begin + step / each * np.arange(round(span / step) * each + 1)

@@ -116,18 +116,18 @@ def _judged(system: System, found: Mapping[str, float | SimulationError], least:
     dead = [name for name, change in known.items() if change < least]
     ignored = [name for name in dead if known[name] < HARDLY]
     still = [repr(one.name) for one in system.inputs if one.source == "measured"]
-    hint = f" (with {', '.join(still)}, which a recording would drive, at rest)" if still else ""
+    hint = f" (with {', '.join(still)}, which a recording would drive, held constant)" if still else ""
     if ignored:
         raise SystemDescriptionError(
             f"{system.path}: {system.fmu_path.name} accepts {', '.join(map(repr, ignored))} and ignores it: "
             f"no output moves between the ends of its range{hint}; expected parameters that are tunable at run time"
         )
     if dead:
-        told = ", ".join(f"{name!r} ({known[name]:.2g} of it)" for name in dead)
+        weak = ", ".join(f"{name!r} ({known[name]:.2g} of it)" for name in dead)
         raise SystemDescriptionError(
             f"{system.path}: between the ends of the range no output of {system.fmu_path.name} moves by its accuracy"
-            f" for {told}{hint}; expected a wider range, outputs that tell more, or a parameter that is held under"
-            " [fixed]: `datagen identifiability` says how little such a one is told"
+            f" for {weak}{hint}; expected a wider range, more outputs, or a value under [fixed]: `datagen"
+            " identifiability` prints how well each parameter is identified"
         )
     return known
 

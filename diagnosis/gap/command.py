@@ -50,9 +50,9 @@ def run(
     out
         Folder for the results.
     warm_up
-        The recording's first day is repeated this long before its start [h], at least a step.
+        Repeat the recording's first day for so long before its start [h], at least a step.
     seed
-        Of twins, placebos and bootstraps.
+        Seed of bootstrap replicates and placebos.
     as_json
         Print the report as JSON.
     """

@@ -117,7 +117,7 @@ class Source(Table):
     reading: Literal["point", "mean", "hold"] | None = Field(
         None,
         description="an instant, the mean of an interval, or a state that holds until the next reading; here or in"
-        " defaults, needed where means over steps are made of readings about a step apart",
+        " defaults, needed where means over steps come from readings about a step apart",
     )
     stamp: Literal["start", "end"] | None = Field(None, description="which end of its interval a mean is stamped with")
     shift: float = Field(0.0, description="added to the column's stamps, whose clock is known to be wrong [s]")
@@ -125,20 +125,20 @@ class Source(Table):
     max_gap: float | None = Field(
         None,
         gt=0,
-        description="readings further apart leave a gap, and a state holds no longer [h]; nearer ones of an output are"
-        " joined over what was lost between, flagged as interpolated",
+        description="readings further apart leave a gap, and a state holds at most so long [h]; between nearer ones an"
+        " output is interpolated, and flagged so",
     )
     valid: tuple[float, float] | None = Field(None, description="possible values, in ``unit``")
     stuck_after: float | None = Field(
         None,
         ge=0,
-        description="equal readings for longer are not believed [h]; 0: off; if not given, 12 h of what never stands"
-        " still (of irradiance, with the sun 10 degrees high), and 120 h of no wind",
+        description="equal readings for longer are rejected [h]; 0: off; if not given, 12 h of what always varies (of"
+        " irradiance, with the sun 10 degrees high), and 120 h of no wind",
     )
     fill: Literal["none", "interpolate"] | float | None = Field(
-        None, description="what an input's gaps are filled with: nothing, straight lines, or a constant in ``unit``"
+        None, description="how an input's gaps are filled: not, by interpolation, or with a constant in ``unit``"
     )
-    fill_up_to: float = Field(3.0, gt=0, description="longest gap that straight lines bridge [h]")
+    fill_up_to: float = Field(3.0, gt=0, description="longest gap that is interpolated [h]")
     compare: Meter | None = Field(None, description="a second meter; see below")
 
     @model_validator(mode="after")

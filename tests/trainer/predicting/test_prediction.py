@@ -265,9 +265,9 @@ def test_the_table_says_which_of_two_answers_to_take(monkeypatch, capsys):
         return capsys.readouterr().out
 
     both = answer(value)
-    assert "Take the median and its 90 % interval" in both
+    assert "Use the median and its 90 % interval" in both
     assert "remark" not in both
-    assert "Take the median" not in answer(value.model_copy(update={"median": None, "low": None, "high": None}))
+    assert "Use the median" not in answer(value.model_copy(update={"median": None, "low": None, "high": None}))
     bound = answer(value.model_copy(update={"at_bound": True}))
     assert "remark" in bound and "at the end of its range" in bound
 
