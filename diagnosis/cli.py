@@ -10,6 +10,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
+from diagnosis.app.server import app as app_
 from diagnosis.blind.command import app as blind
 from diagnosis.calibrating.command import calibrate
 from diagnosis.forecasting.command import forecast
@@ -109,6 +110,7 @@ app.command(import_, name="import")
 app.command(calibrate)
 app.command(forecast)
 app.command(run_, name="run")
+app.command(app_, name="app")
 app.command(blind)
 
 

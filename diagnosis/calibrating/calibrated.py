@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import xarray as xr
+
 from diagnosis.calibrating.schema import Calibration
+from diagnosis.curves import curves
 from diagnosis.fitting.fit import Fit
 from diagnosis.fitting.problem import Problem
 
@@ -20,3 +23,10 @@ class Calibrated:
     def problem(self) -> Problem:
         """The problem as it was fitted in the end."""
         return self.fit.problem
+
+    def curves(self) -> xr.Dataset:
+        """What was measured, and the fitted model, over (output, time)."""
+        made, record = self.problem, self.problem.recording
+        return curves(
+            made.time, record.zero, made.system.outputs, measured=made.measured, model=self.fit.around.outputs
+        )

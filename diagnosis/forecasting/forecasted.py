@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import xarray as xr
 from pydantic import BaseModel, ConfigDict
 
 from diagnosis.calibrating.schema import Calibration
+from diagnosis.curves import curves
 from diagnosis.physics import Finding
 from diagnosis.scores import Score
 from shared.system import System
@@ -61,6 +63,13 @@ class Forecasted:
     high: np.ndarray
     context: int
     given: bool
+
+    def curves(self) -> xr.Dataset:
+        """What was measured, the forecast and its band, over (output, time): the first ``context`` steps are fitted."""
+        begin = float(2 * self.time[0] - self.time[1])  # a stamp is the end of its step
+        zero = np.datetime64(self.report.begin.replace(" ", "T"), "ms") - np.timedelta64(round(begin * 1000), "ms")
+        band = {"low": self.low, "high": self.high}
+        return curves(self.time, zero, self.system.outputs, measured=self.measured, model=self.centre, **band)
 
 
 def about_failed(draws: int, failed: int) -> str:

@@ -7,7 +7,9 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
+import xarray as xr
 
+from diagnosis.curves import curves
 from diagnosis.effects import Effect
 from diagnosis.fitting.failures import NO_TIME
 from diagnosis.fitting.fit import Fit
@@ -23,7 +25,7 @@ from diagnosis.gap.reporting import reported
 from diagnosis.gap.schema import HOW_FAR, Report
 from diagnosis.gap.search import at_its_optimum, search
 from diagnosis.gap.searched import Search, outdone
-from diagnosis.gap.shrinkage import Shrinkage, shrinkages
+from diagnosis.gap.shrinkage import Shrinkage, left_by, shrinkages
 from diagnosis.gap.starting import Begun
 from diagnosis.recording import HOUR
 from diagnosis.where import Operator, Where
@@ -71,6 +73,22 @@ class Diagnosis:
     def base(self) -> Fit:
         """The base model's fit."""
         return self.origin.fit
+
+    def curves(self) -> xr.Dataset:
+        """What was measured, the base model, and the model with the chosen effects if there are any."""
+        first, last, record = self.search.stages[0], self.search.last, self.whole.recording
+        before, after = first.twins.residual, None
+        if last.lin.chosen:
+            after = record.outputs - left_by(last.lin, last.colours, self.whole.observed)
+        system = self.whole.system
+        return curves(
+            record.time,
+            record.zero,
+            system.outputs,
+            measured=record.outputs,
+            before=record.outputs - before,
+            after=after,
+        )
 
 
 def concluded(

@@ -37,13 +37,19 @@ class Guess:
 
 @dataclass(frozen=True)
 class Draft:
-    """A draft: its file and text, what its columns were taken for, and which fields somebody has to fill in."""
+    """A draft: its file and text, what its columns were taken for, and which fields somebody has to fill in.
+
+    ``columns`` are the file's but those of its times, with their readings, in the order of ``guesses``; rows are
+    usually ``interval`` apart [s].
+    """
 
     path: Path
     data: Path
     text: str
     guesses: list[Guess]
     to_fill_in: list[str] = field(default_factory=list)
+    columns: list[Column] = field(default_factory=list)
+    interval: float = 0.0
 
     def __repr__(self) -> str:
         used = sum(bool(one.to) for one in self.guesses)
@@ -75,7 +81,7 @@ def draft_mapping(data: Path | str, system: System | Path | str | None = None, *
     if out.exists():
         raise RecordingError(f"{out}: is there already; expected another name (--out), or that it is removed first")
     check_folder(out.parent, RecordingError)
-    named = system if isinstance(system, System) else _only(system)
+    named = system if isinstance(system, System) else only_system(system)
     described = named if isinstance(named, System) else load_system(named)
     layout = layout_of(data)
     columns = guess(layout, described)
@@ -88,12 +94,18 @@ def draft_mapping(data: Path | str, system: System | Path | str | None = None, *
             file.write(text)
     except OSError as error:
         raise RecordingError(f"{out}: cannot be written ({error.strerror or error})") from None
-    return Draft(
-        out, data, text, [_guess(one) for one in columns], list(unfilled(parse_toml(text, str(out), RecordingError)))
-    )
+    open_fields = list(unfilled(parse_toml(text, str(out), RecordingError)))
+    return Draft(out, data, text, [_guess(one) for one in columns], open_fields, columns, layout.interval)
 
 
-def _only(system: Path | str | None) -> Path | str:
+def only_system(system: Path | str | None) -> Path | str:
+    """The system that is meant: the one that comes with the package, if none is named.
+
+    Raises
+    ------
+    RecordingError
+        If none is named and several come with it.
+    """
     if system is not None:
         return system
     shipped = list(shipped_systems())
