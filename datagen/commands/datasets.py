@@ -29,7 +29,7 @@ def info(folder: Path, *, as_json: Annotated[bool, Parameter(name="--json", nega
     """
     from datagen import info as info_
 
-    found = info_(folder)
+    found = vars(info_(folder))
     if as_json:
         sys.stdout.write(json.dumps(found, indent=1, allow_nan=False) + "\n")
         return OK

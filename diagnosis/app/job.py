@@ -13,13 +13,16 @@ import subprocess
 import sys
 import threading
 import time
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import psutil
 
+from diagnosis.app.project import STEPS, Project
 from shared.children import command, environment
 from shared.errors import EstimatorError, RecordingError, ZeroshotError
+from shared.places import give_matplotlib_a_place
 
 PATIENCE = 1.0
 """Seconds that a child has to end in order when it is stopped; then it is killed."""
@@ -30,10 +33,15 @@ LOG = "job.log"
 class Job:
     """One step at work, or what has become of it.
 
+    Parameters
+    ----------
+    project, step
+        What is made, and of what: see :data:`diagnosis.app.project.STEPS`.
+    minutes
+        Time that there is; no limit if None.
+
     Attributes
     ----------
-    step
-        Its folder, as in :data:`diagnosis.app.project.STEPS`.
     stage
         What it is at, in words.
     error
@@ -42,7 +50,9 @@ class Job:
         Whether somebody stopped it.
     """
 
-    def __init__(self, folder: Path, step: str, system: str) -> None:
+    def __init__(self, project: Project, step: str, minutes: float | None = None) -> None:
+        project.begin(step, minutes)
+        folder, system = project.folder, project.reference
         self.step, self.stage, self.error, self.stopped = step, "starting", "", False
         self._began, self._seconds = time.monotonic(), 0.0
         self._log = folder / LOG
@@ -104,10 +114,6 @@ class Job:
 
 def main(folder: Path, step: str, system: str) -> int:
     """Run a step, and write lines of JSON: what it is at, and the sentence with which it failed."""
-    import diagnosis
-    from diagnosis.app.project import STEPS, Project
-    from shared.places import give_matplotlib_a_place
-
     threading.Thread(target=_end_with_parent, daemon=True).start()
     give_matplotlib_a_place()
 
@@ -117,7 +123,7 @@ def main(folder: Path, step: str, system: str) -> int:
     try:
         project = Project(folder, system)
         asked = project.asked(step)
-        make = getattr(diagnosis, STEPS[step])
+        make = getattr(import_module("diagnosis"), STEPS[step])
         tell("reading the model and the recording")
         try:
             done = make(**asked, tell=tell)
@@ -140,7 +146,8 @@ def _write(**said: Any) -> None:
 
 def _end_with_parent() -> None:
     """Wait until the page's process is gone, and go as well: nobody would stop this one any more."""
-    sys.stdin.buffer.read()
+    while os.read(0, 1):  # not sys.stdin, whose lock the interpreter wants at its end
+        pass
     for one in psutil.Process().children(recursive=True):
         one.kill()
     os._exit(1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import io
 import json
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from html import escape
@@ -17,7 +18,7 @@ import xarray as xr
 from panel.widgets.input import FileDropper
 
 from diagnosis.app.job import Job
-from diagnosis.app.pictures import figures, intervals, spark
+from diagnosis.app.pictures import figures, intervals, legend, spark
 from diagnosis.app.project import (
     ENDINGS,
     MOST,
@@ -50,7 +51,8 @@ ABOUT = {
     "forecast": "The first two thirds of the recording tell the parameters; the rest is forecast and compared.",
     "diagnosis": "Where model and measurements differ, which effect is the cause, and how much it explains.",
 }
-LIMITS = {"no limit": None, "5 minutes": 5.0, "20 minutes": 20.0, "1 hour": 60.0}
+ABOUTS = "<br>".join(f"<b>{TITLES[one]}</b>: {text}" for one, text in ABOUT.items())
+LIMITS = {"no limit": 0.0, "5 minutes": 5.0, "20 minutes": 20.0, "1 hour": 60.0}
 CARD = {
     "background": "white",
     "border": "1px solid #e3e6ea",
@@ -66,10 +68,11 @@ HTML_CSS = """
 h1 { font-size: 1.5rem; margin: .2rem 0; } h2 { font-size: 1.15rem; margin: 0 0 .3rem; } p { margin: .2rem 0; }
 .quiet { color: #5b6168; font-size: .88rem; } .bad { color: #b3261e; font-weight: 600; } .warn { color: #8a5a00; }
 .wide { overflow-x: auto; } table { border-collapse: collapse; width: 100%; font-size: .9rem; }
-th, td { text-align: right; padding: .25rem .5rem; border-bottom: 1px solid #e3e6ea; vertical-align: top; }
-th:first-child, td:first-child { text-align: left; min-width: 9rem; } pre { overflow-x: auto; background: #f3f6fa;
+th, td { overflow-wrap: normal; text-align: right; padding: .25rem .5rem; border-bottom: 1px solid #e3e6ea; }
+th:first-child, td:first-child { text-align: left; min-width: 8rem; } pre { overflow-x: auto; background: #f3f6fa;
 padding: .6rem; border-radius: 6px; font-size: .82rem; white-space: pre; } svg { display: block; max-width: 100%; }
-.head { font-weight: 600; font-size: 1.1rem; border-left: 4px solid #1f5fa8; background: #f3f6fa; padding: .5rem .8rem; }
+.head { font-weight: 600; font-size: 1.1rem; border-left: 4px solid #1f5fa8; background: #f3f6fa;
+padding: .5rem .8rem; }
 """
 
 
@@ -117,10 +120,12 @@ class Page:
         The server's one child process, if there is one, under ``job``: tabs come and go, it stays.
     zone
         The browser's time zone, a first guess of the clock's.
+    phone
+        Whether it is a phone's browser.
     """
 
-    def __init__(self, project: Project, jobs: dict[str, Job], zone: str = "") -> None:
-        self.project, self.jobs, self.zone = project, jobs, zone
+    def __init__(self, project: Project, jobs: dict[str, Job], *, zone: str = "", phone: bool = False) -> None:
+        self.project, self.jobs, self.zone, self.phone = project, jobs, zone, phone
         self.targets: dict[str, Target] = {one.key: one for one in project.targets()}
         self.look: Look | None = None
         self.rows: dict[str, tuple[Any, Any, Any, Any]] = {}
@@ -146,49 +151,76 @@ class Page:
         )
         self.drop.param.watch(self._dropped, "value")
         self.received = html()
-        first = card(html(f"<h2>1. Measurements</h2><p class='quiet'>One table with a column of times: "
-                          f"{', '.join(ENDINGS)}, up to {MOST // MIB} MiB.</p>"), self.drop, self.received)  # fmt: skip
+        first = card(
+            html(
+                f"<h2>1. Measurements</h2><p class='quiet'>One table with a column of times: "
+                f"{', '.join(ENDINGS)}, up to {MOST // MIB} MiB.</p>"
+            ),
+            self.drop,
+            self.received,
+        )
         self.columns = pn.Column(sizing_mode="stretch_width", margin=0)
         self.needed = flowing()
         self.known = flowing()
         self.replay = pn.widgets.Checkbox(
             name="The logged heater and air flow drive the model, in place of its own controllers",
-            value=bool(self.project.settings["replay"]), sizing_mode="stretch_width",
-        )  # fmt: skip
-        self.check = pn.widgets.Button(name="Make the recording", button_type="primary", margin=(8, 6))
+            value=bool(self.project.settings["replay"]),
+            sizing_mode="stretch_width",
+        )
+        self.check = pn.widgets.Button(name="Make the recording", button_type="primary", margin=(8, 6), width=190)
         self.check.on_click(self._checked)
         self.findings = html()
         self.picture = pn.Column(sizing_mode="stretch_width", margin=0)
-        self.second = card(html("<h2>2. Columns</h2><p class='quiet'>What each column is, and in which unit. Correct what"
-                                " is wrong.</p>"), self.columns, visible=False)  # fmt: skip
+        self.second = card(
+            html("<h2>2. Columns</h2><p class='quiet'>What each column is, and its unit. Correct what is wrong.</p>"),
+            self.columns,
+            visible=False,
+        )
         self.third = card(
-            html("<h2>3. Clock, place and what you know of the room</h2>"), self.needed,
-            html("<p class='quiet'>Leave empty what you do not know. What is known is not estimated, and the estimator"
-                 " that comes with the package is left out.</p>"), self.known, self.replay, self.check, visible=False,
-        )  # fmt: skip
+            html("<h2>3. Clock, place and what you know of the room</h2>"),
+            self.needed,
+            html(
+                "<p class='quiet'>Leave empty what you do not know. What is known is not estimated, and the estimator"
+                " that comes with the package is left out.</p>"
+            ),
+            self.known,
+            self.replay,
+            self.check,
+            visible=False,
+        )
         self.fourth = card(html("<h2>4. Recording</h2>"), self.findings, self.picture, visible=False)
-        self.limit = field(pn.widgets.Select, 140, name="Time that there is", options=LIMITS)
+        self.limit = pn.widgets.Select(name="Time that there is", options=LIMITS, width=130, margin=(2, 2))
         self.buttons = {one: self._button(one) for one in STEPS}
-        self.stop = pn.widgets.Button(name="Stop", button_type="danger", visible=False, margin=(18, 2))
+        self.stop = pn.widgets.Button(name="Stop", button_type="danger", visible=False, margin=(18, 2), width=90)
         self.stop.on_click(self._stop)
         self.progress = html()
         self.bar = pn.indicators.Progress(active=True, value=-1, sizing_mode="stretch_width", height=8, visible=False)
         self.answers = {one: pn.Column(sizing_mode="stretch_width", margin=0) for one in STEPS}
+        row = flowing(*self.buttons.values(), self.stop, self.limit)
         self.fifth = card(
-            html("<h2>5. Answers</h2>"), flowing(*self.buttons.values(), self.stop, self.limit), self.bar,
-            self.progress, *self.answers.values(), visible=False,
-        )  # fmt: skip
+            html(f"<h2>5. Answers</h2><p class='quiet'>{ABOUTS}</p>"),
+            row,
+            self.bar,
+            self.progress,
+            *self.answers.values(),
+            visible=False,
+        )
         self.download = pn.widgets.FileDownload(
-            callback=self._report, filename="report.html", label="Download the report", button_type="primary",
-            margin=(4, 6), embed=False, auto=True,
-        )  # fmt: skip
+            callback=self._report,
+            filename="report.html",
+            label="Download the report",
+            button_type="primary",
+            margin=(4, 6),
+            embed=False,
+            auto=True,
+        )
         self.recipe = html()
-        self.sixth = card(html("<h2>6. Take away</h2>"), self.download, self.recipe, visible=False)
+        self.sixth = card(html("<h2>6. Report and commands</h2>"), self.download, self.recipe, visible=False)
         body = (head, first, self.second, self.third, self.fourth, self.fifth, self.sixth)
         self.view = pn.Column(*body, max_width=WIDTH, sizing_mode="stretch_width", styles={"margin": "0 auto"})
 
     def _button(self, step: str) -> Any:
-        made = pn.widgets.Button(name=f"{TITLES[step]}", button_type="primary", margin=(18, 2), description=ABOUT[step])
+        made = pn.widgets.Button(name=f"{TITLES[step]}", button_type="primary", margin=(18, 2), width=130)
         made.on_click(lambda _: self._start(step))
         return made
 
@@ -227,8 +259,13 @@ class Page:
         self.rows = {}
         used = [self._row(one) for one in look.columns if one.to]
         rest = [self._row(one) for one in look.columns if not one.to]
-        more = pn.Card(*rest, title=f"{len(rest)} columns that are not used", collapsed=len(rest) > 6,
-                       sizing_mode="stretch_width", margin=(4, 0))  # fmt: skip
+        more = pn.Card(
+            *rest,
+            title=f"{len(rest)} columns that are not used",
+            collapsed=len(rest) > 6,
+            sizing_mode="stretch_width",
+            margin=(4, 0),
+        )
         self.columns.objects = [*used, *([more] if rest else [])]
         self._ask()
         self._show(self.second, self.third)
@@ -240,9 +277,12 @@ class Page:
         to = field(pn.widgets.Select, 190, name="is", options=options, value=one.to)
         unit = field(pn.widgets.Select, 90, name="in", options=self._units(one.to, one.unit), value=one.unit)
         reading = field(
-            pn.widgets.Select, 120, name="readings are",
-            options={"not said": "", **{v: k for k, v in READINGS.items()}}, value=one.reading,
-        )  # fmt: skip
+            pn.widgets.Select,
+            120,
+            name="readings are",
+            options={"not said": "", **{v: k for k, v in READINGS.items()}},
+            value=one.reading,
+        )
         said = html(styles={"flex": "1 1 100%"})
         picture = html(
             f"<b>{escape(one.name)}</b>{spark(one)}", styles={"flex": "2 1 220px", "min-width": "min(220px, 100%)"}
@@ -282,28 +322,40 @@ class Page:
         place, zone = mapped.get("place", {}), mapped["time"].get("zone", "")
         zones = sorted(available_timezones())
         clock = field(
-            pn.widgets.AutocompleteInput, 230, name="Clock of the stamps (as Europe/Berlin, or +01:00)",
-            options=zones, restrict=False, min_characters=2, case_sensitive=False, search_strategy="includes",
+            pn.widgets.AutocompleteInput,
+            230,
+            name="Clock of the stamps (as Europe/Berlin, or +01:00)",
+            options=zones,
+            restrict=False,
+            min_characters=2,
+            case_sensitive=False,
+            search_strategy="includes",
             value=self.zone if zone == "?" else str(zone),
-        )  # fmt: skip
+        )
         self.given = {"time.zone": clock}
         for name, words in {"latitude": "Latitude (degrees north)", "longitude": "Longitude (degrees east)"}.items():
             value = place.get(name, "?")
             self.given[f"place.{name}"] = field(
-                pn.widgets.TextInput, 150, name=words, value="" if value == "?" else f"{value:g}",
+                pn.widgets.TextInput,
+                150,
+                name=words,
+                value="" if value == "?" else f"{value:g}",
                 placeholder="for the sun, as 52.5",
-            )  # fmt: skip
+            )
         for one in self.look.open:
             self.given.setdefault(one, field(pn.widgets.TextInput, 200, name=one))
         self.needed.objects = list(self.given.values())
         kept = self.project.settings["facts"]
         self.facts = {
             one.key: field(
-                pn.widgets.TextInput, 240, name=f"{one.label}{f' [{one.unit}]' if one.unit not in ('', '1') else ''}",
-                placeholder=one.usual, value=f"{kept[one.key]:g}" if one.key in kept else "",
+                pn.widgets.TextInput,
+                240,
+                name=f"{one.label}{f' [{one.unit}]' if one.unit not in ('', '1') else ''}",
+                placeholder=one.usual,
+                value=f"{kept[one.key]:g}" if one.key in kept else "",
             )
             for one in self.project.facts()
-        }  # fmt: skip
+        }
         self.known.objects = list(self.facts.values())
 
     def guess_clock(self, zone: str) -> None:
@@ -363,8 +415,8 @@ class Page:
         panels = []
         for name, one in drawn.items():
             values, unit = readable(data[name].values.astype(float), one.unit)
-            panels.append((f"{name}: {one.origin}", unit, time, {"measured": values}))
-        self.picture.objects = figures(panels, height=130)
+            panels.append((f"{name}: {re.sub(r' [[].*[]]$', '', one.origin)}", unit, time, {"measured": values}))
+        self.picture.objects = [figures(panels, height=130, phone=self.phone)]
         self._show(self.fourth, self.fifth, self.sixth)
         self._recipe()
 
@@ -375,7 +427,7 @@ class Page:
         if job is not None and job.running:
             return
         self.answers[step].objects = []
-        self.jobs["job"] = self.project.start(step, minutes=self.limit.value)
+        self.jobs["job"] = Job(self.project, step, self.limit.value or None)
         self._show_job()
 
     def _stop(self, _: Any) -> None:
@@ -409,8 +461,10 @@ class Page:
 
     def _show_answers(self) -> None:
         shows: dict[str, Callable[[], list[Any]]] = {
-            "calibration": self._calibration, "forecast": self._forecast, "diagnosis": self._diagnosis,
-        }  # fmt: skip
+            "calibration": self._calibration,
+            "forecast": self._forecast,
+            "diagnosis": self._diagnosis,
+        }
         for step, show in shows.items():
             done = self.project.done(step)
             self.answers[step].objects = [html(f"<h2>{TITLES[step]}</h2>"), *show()] if done else []
@@ -418,18 +472,23 @@ class Page:
 
     def _calibration(self) -> list[Any]:
         report = read_calibration(self.project.folder / "calibration")
-        rows = "".join(
-            f"<tr><td>{escape(long_named(one.name, one.description))}</td><td>{number(one.value, 3)}"
-            f"{escape(spaced(one.unit))}</td><td>{number(one.low, 3)} to {number(one.high, 3)}</td><td>{one.told:.0%}</td>"
-            f"<td>{'<span class=bad>on its bound</span>' if one.at_bound else escape(one.identified)}</td></tr>"
-            for one in report.parameters
-        )
+        rows = ""
+        for one in report.parameters:
+            note = "<span class='bad'>on its bound</span>" if one.at_bound else escape(one.identified)
+            value = f"{number(one.value, 3)}{escape(spaced(one.unit))}"
+            interval = f"{number(one.low, 3)} to {number(one.high, 3)}"
+            cells = (escape(long_named(one.name, one.description)), value, interval, f"{one.told:.0%}", note)
+            rows += f"<tr>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"
         head = "<tr><th>parameter</th><th>value</th><th>90 % interval</th><th>learned</th><th></th></tr>"
         made = intervals(report, self.project.system)
         note = "<p class='quiet'>Blue: value and 90 % interval within the range of the description (grey)."
         note += " Orange: the estimator's first answer.</p>" if report.parameters[0].zero_shot is not None else "</p>"
-        return [html(f"<div class='wide'><table>{head}{rows}</table></div>"), made, html(note),
-                *self._curves("calibration")]  # fmt: skip
+        return [
+            html(f"<div class='wide'><table>{head}{rows}</table></div>"),
+            made,
+            html(note),
+            *self._curves("calibration"),
+        ]
 
     def _forecast(self) -> list[Any]:
         report = self._json("forecast", "forecast.json")
@@ -476,7 +535,9 @@ class Page:
             drawn = file.load()
         time = drawn["time"].values
         from_ = None if context is None else time[0] + np.timedelta64(round(context * 3600), "s")
-        return figures([(words, unit, time, values) for words, unit, values in shown(drawn)], fitted_until=from_)
+        panels = [(words, unit, time, values) for words, unit, values in shown(drawn)]
+        key = html(f"<p class='quiet'>{legend([str(name) for name in drawn.data_vars])}</p>")
+        return [key, figures(panels, fitted_until=from_, phone=self.phone)]
 
     def _report(self) -> io.BytesIO:
         return io.BytesIO(combined(self.project).encode())

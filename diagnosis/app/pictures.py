@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from html import escape
 from typing import Any
 
 import numpy as np
 import panel as pn
+from bokeh import models as bokeh_models
 from bokeh import plotting
-from bokeh.models import Band, ColumnDataSource, CrosshairTool, DatetimeTickFormatter, HoverTool, Range1d, WheelZoomTool
 
 from diagnosis.app.project import Column
 from diagnosis.calibrating.schema import Calibration
@@ -18,7 +18,9 @@ from diagnosis.pictures import BLUE, GREY, ORANGE, RED
 from shared.system import System
 
 figure: Any = plotting.figure
-"""Of any type: bokeh's properties are set by names that a type checker does not know."""
+models: Any = bokeh_models
+"""Of any type, both: bokeh's properties are set by names that a type checker does not know."""
+STAMPS = {"@time": "datetime"}
 
 
 def spark(one: Column) -> str:
@@ -36,6 +38,12 @@ def spark(one: Column) -> str:
     )
 
 
+def legend(names: Collection[str]) -> str:
+    """What the colours of curves are, as HTML."""
+    known = {**{name: (COLOURS[name], label) for name, label in LABELS.items()}, "low": (ORANGE, "90 % band")}
+    return " ".join(f"<span style='color:{known[one][0]}'>■</span> {known[one][1]}" for one in known if one in names)
+
+
 def intervals(report: Calibration, system: System) -> Any:
     """Each parameter's value and 90 % interval within the range of its description, in the scale of that."""
     words = {one.name: one.description or one.name for one in report.parameters}
@@ -44,7 +52,7 @@ def intervals(report: Calibration, system: System) -> Any:
         sizing_mode="stretch_width",
         toolbar_location=None,
         y_range=list(dict.fromkeys(reversed(words.values()))),
-        x_range=Range1d(-0.02, 1.02),
+        x_range=models.Range1d(-0.02, 1.02),
     )
     ranges = {one.name: one for one in system.parameters}
     for one in report.parameters:
@@ -61,54 +69,65 @@ def intervals(report: Calibration, system: System) -> Any:
 
 def figures(
     panels: Sequence[tuple[str, str, np.ndarray, dict[str, np.ndarray]]],
+    *,
     height: int = 210,
     fitted_until: np.datetime64 | None = None,
-) -> list[Any]:
-    """Pictures one below the other that zoom together.
+    phone: bool = False,
+) -> Any:
+    """Pictures one below the other that zoom together; the first has the tools for all.
 
     Parameters
     ----------
     panels
-        Of each: what it is, its unit, times (steps,), and curves (steps,) by name as in :data:`diagnosis.curves.LABELS`.
+        Of each: what it is, its unit, times (steps,), and curves (steps,) by name as in
+        :data:`diagnosis.curves.LABELS`.
     height
         Of a picture [px].
     fitted_until
         The end of what a fit has seen, on a grey ground.
+    phone
+        Whether a finger that moves over a picture is to move the page rather than to zoom.
     """
     made: list[Any] = []
-    first: Any = None
     for words, unit, time, values in panels:
-        together = {} if first is None else {"x_range": first.x_range}
+        together = {"x_range": made[0].x_range} if made else {}
         one = figure(
             height=height,
             sizing_mode="stretch_width",
             x_axis_type="datetime",
             title=f"{words} [{unit}]",
-            tools="xpan,box_zoom,reset",
-            toolbar_location="above",
+            tools=[],
+            toolbar_location=None if made else "above",
             **together,
         )
-        one.add_tools(WheelZoomTool(dimensions="width"), CrosshairTool(dimensions="height", line_alpha=0.4))
+        zoom, pan, wheel = (
+            models.BoxZoomTool(dimensions="width"),
+            models.PanTool(dimensions="width"),
+            models.WheelZoomTool(dimensions="width"),
+        )
+        one.add_tools(zoom, pan, wheel, models.ResetTool())
+        one.toolbar.active_drag, one.toolbar.logo = None if phone else zoom, None
         if fitted_until is not None:
             one.varea([time[0], fitted_until], *_ends(values), color=GREY, alpha=0.15)
         if {"low", "high"} <= values.keys():
-            source = ColumnDataSource({"time": time, "low": values["low"], "high": values["high"]})
-            band: Any = Band(base="time", lower="low", upper="high", source=source, fill_color=ORANGE, fill_alpha=0.25)
+            source = models.ColumnDataSource({"time": time, "low": values["low"], "high": values["high"]})
+            band = models.Band(
+                base="time", lower="low", upper="high", source=source, fill_color=ORANGE, fill_alpha=0.25
+            )
             one.add_layout(band)
         for key in [name for name in LABELS if name in values]:
-            source = ColumnDataSource({"time": time, "value": values[key]})
-            named = {"legend_label": LABELS[key]} if len(values) > 1 and first is None else {}
+            source = models.ColumnDataSource({"time": time, "value": values[key]})
             colour = COLOURS[key] if len(values) > 1 else BLUE
-            line = one.line("time", "value", source=source, color=colour, line_width=1.3, **named)
-            one.add_tools(HoverTool(renderers=[line], mode="vline", tooltips=[(LABELS[key], "@value{0.00}")]))
-        if len(values) > 1 and first is None:
-            one.legend.orientation, one.legend.padding, one.legend.label_text_font_size = "horizontal", 2, "8pt"
-            one.add_layout(one.legend[0], "above")
-        one.xaxis.formatter = DatetimeTickFormatter(days="%d %b", hours="%d %b %H h", months="%b %Y")
-        one.yaxis.ticker.desired_num_ticks, one.toolbar.logo, one.title.text_font_size = 4, None, "10pt"
-        first = first or one
-        made.append(pn.pane.Bokeh(one, sizing_mode="stretch_width", margin=(0, 2)))
-    return made
+            one.line("time", "value", source=source, color=colour, line_width=1.3)
+        one.xaxis.formatter = models.DatetimeTickFormatter(days="%d %b", hours="%d %b %H h", months="%b %Y")
+        one.yaxis.ticker.desired_num_ticks, one.title.text_font_size = 4, "10pt"
+        one.add_tools(models.HoverTool(mode="vline", tooltips="@time{%d %b %H:%M}: @value{0.00}", formatters=STAMPS))
+        made.append(one)
+    return pn.Column(
+        *(pn.pane.Bokeh(one, sizing_mode="stretch_width", margin=(0, 2)) for one in made),
+        sizing_mode="stretch_width",
+        margin=0,
+    )
 
 
 def _ends(values: dict[str, np.ndarray]) -> tuple[list[float], list[float]]:

@@ -22,7 +22,6 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import ValidationError
 
-from diagnosis.app.job import Job
 from diagnosis.measurements.draft import draft_mapping
 from diagnosis.measurements.guess import targets_of
 from diagnosis.measurements.importer import import_recording
@@ -476,11 +475,10 @@ class Project:
             asked |= {"context": context, "ahead": math.floor((hours - context) / step_hours + 1e-6) * step_hours}
         return asked
 
-    def start(self, step: str, *, minutes: float | None = None) -> Job:
-        """Begin to make an answer, in the time that there is."""
+    def begin(self, step: str, minutes: float | None = None) -> None:
+        """Note the time that there is for an answer, and that there is none yet."""
         self._set(minutes=minutes)
         (self.folder / step / PAGES[step]).unlink(missing_ok=True)
-        return Job(self.folder, step, self.reference)
 
     def commands(self) -> str:
         """The shell's lines that do the same."""
@@ -520,7 +518,8 @@ class Project:
 
 def combined(project: Project) -> str:
     """All answers that are there as one page: self-contained, as each is."""
-    parts, styles = [], {}
+    parts: list[str] = []
+    styles: dict[str, None] = {}
     for step in STEPS:
         if project.done(step):
             page = project.page(step)
@@ -539,13 +538,14 @@ def combined(project: Project) -> str:
 
 def in_target(column: Column, target: str) -> str:
     """The range of a column's readings in the unit of what it is to be, or why it has none; empty if it is the same."""
+    target = "degC" if target == "K" else target
     if column.unit == target:
         return ""
     try:
         low, high = convert(np.array(column.span), column.unit, target, density=1.2, where=column.name)
     except RecordingError as error:
         return str(error)
-    return f"{number(float(low), 4)} to {number(float(high), 4)}{spaced(target)}"
+    return f"{number(round(float(low), 9), 4)} to {number(round(float(high), 9), 4)}{spaced(target)}"
 
 
 def as_toml(table: Mapping[str, Any]) -> str:

@@ -109,14 +109,15 @@ def page_server(project: Project, jobs: dict[str, Job], port: int = 0) -> tuple[
     from diagnosis.app.page import CSS, POLL, Page
 
     port, token = _free(port), secrets.token_urlsafe(24)
-    pn.extension("filedropper", raw_css=[CSS], sizing_mode="stretch_width", notifications=False)
+    pn.extension("filedropper", raw_css=[CSS], notifications=False)
 
     def page() -> Any:
         view = pn.Column(sizing_mode="stretch_width", margin=(8, 8))
 
         def loaded() -> None:
             browser = pn.state.browser_info
-            made = Page(project, jobs, (browser and browser.timezone) or "")
+            phone = "Mobi" in str(pn.state.headers.get("User-Agent", ""))  # as browsers' makers recommend to tell
+            made = Page(project, jobs, zone=(browser and browser.timezone) or "", phone=phone)
             view.objects = [made.view]
             pn.state.add_periodic_callback(made.poll, period=POLL)
             if browser is not None:
@@ -171,7 +172,7 @@ def _only_with(token: str, port: int) -> AuthProvider:
         get_user_async = None
 
         @property
-        def get_user(self) -> Callable[[Any], str | None]:
+        def get_user(self) -> Any:
             def user(handler: RequestHandler) -> str | None:
                 named = handler.get_query_argument("token", "")
                 if named and compare_digest(named.encode(), token.encode()):

@@ -7,9 +7,11 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
 import xarray as xr
+from matplotlib.figure import Figure
 
-from diagnosis.curves import curves
+from diagnosis.curves import curves, plot
 from diagnosis.effects import Effect
 from diagnosis.fitting.failures import NO_TIME
 from diagnosis.fitting.fit import Fit
@@ -29,12 +31,13 @@ from diagnosis.gap.shrinkage import Shrinkage, left_by, shrinkages
 from diagnosis.gap.starting import Begun
 from diagnosis.recording import HOUR
 from diagnosis.where import Operator, Where
+from shared.results import Result
 
 SOURCES = "what the balances may lack"
 
 
-@dataclass(frozen=True)
-class Diagnosis:
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Result):
     """A diagnosis and all that it was made from.
 
     ``whole`` is the problem before any fit; ``scored`` (steps,) the part that ``apart``'s fits do without; ``sources``
@@ -73,6 +76,19 @@ class Diagnosis:
     def base(self) -> Fit:
         """The base model's fit."""
         return self.origin.fit
+
+    @property
+    def headline(self) -> str:
+        """What this is, in a few words."""
+        return f"{self.report.recording}: {self.report.summary[1]}"
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row for each candidate: its probability, and its size with the 90 % interval if it was fitted."""
+        return pd.DataFrame([one.model_dump() for one in self.report.effects]).set_index("name")
+
+    def plot(self) -> Figure:
+        """Measured, the base model, and the model with the chosen effects, output by output."""
+        return plot(self.curves())
 
     def curves(self) -> xr.Dataset:
         """What was measured, the base model, and the model with the chosen effects if there are any."""

@@ -8,12 +8,16 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
 from pydantic import BaseModel, ConfigDict
 from rich.table import Table
 
 from shared.errors import EstimatorError
 from shared.reading import MIB, read_text, why
+from shared.results import Result
 from shared.store import write_atomically
+from trainer.figures import draw_r2
 from trainer.reading.kind import Kind
 from trainer.runs.checkpoint import Card
 from trainer.tables import Row, markdown_table
@@ -64,7 +68,7 @@ class CeilingFigures(_Table):
     r2_mean: float
 
 
-class Evaluation(_Table):
+class Evaluation(Result, _Table):
     """``evaluation.json``."""
 
     schema_version: int = 3
@@ -80,6 +84,27 @@ class Evaluation(_Table):
     protocols: dict[str, Protocol]
     ceiling: CeilingFigures | None
     ceiling_note: str
+
+    @property
+    def headline(self) -> str:
+        """What this is, in a few words."""
+        scores = ", ".join(f"{name} {_number(one.r2_mean)}" for name, one in self.protocols.items())
+        return f"{self.model}, {self.context_hours:g} h, noise {self.noise}; mean R2: {scores}"
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row for each parameter and protocol: R2, its 90 % interval, the median accuracy, and the ceiling of R2."""
+        rows = []
+        for protocol, one in self.protocols.items():
+            for name, value in one.r2.items():
+                low, high = one.r2_interval[name]
+                limit = None if self.ceiling is None else self.ceiling.r2.get(name)
+                figures = {"r2": value, "low": low, "high": high, "accuracy": one.relative_accuracy[name]}
+                rows.append({"parameter": name, "protocol": protocol, **figures, "ceiling": limit})
+        return pd.DataFrame(rows).set_index(["parameter", "protocol"])
+
+    def plot(self) -> Figure:
+        """R2 of each parameter with its 90 % interval, by protocol; a dash is the ceiling."""
+        return draw_r2(self.to_dataframe())
 
 
 def _number(value: float | None) -> str:

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import torch
+import xarray as xr
 import zuko
 from torch import nn
 
@@ -56,7 +57,7 @@ FEWEST = 4
 
 def fit_posterior(
     run: Run | Path | str,
-    dataset_dir: Path | str,
+    dataset_dir: Path | str | xr.Dataset,
     *,
     systems: int | None = None,
     training_systems: int = 0,

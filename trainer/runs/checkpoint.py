@@ -10,11 +10,13 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+import pandas as pd
 import torch
 from pydantic import BaseModel, ConfigDict, model_validator
 
 from shared.errors import EstimatorError
 from shared.reading import read_json, validated
+from shared.results import Result
 from shared.shipped import estimators, resolved_estimator, shipped_estimator
 from shared.store import Records
 from trainer.models import build
@@ -173,7 +175,7 @@ class Card(_Table):
         return shape_of(self.encoding)
 
 
-class Run:
+class Run(Result):
     """An estimator ready to use."""
 
     def __init__(self, card: Card, model: Estimator, folder: Path | None = None, results: Path | None = None) -> None:
@@ -182,6 +184,19 @@ class Run:
         self.folder = folder
         self.results = results or folder
         """where findings about it go, unless told otherwise: not among the files of an installed package"""
+
+    @property
+    def headline(self) -> str:
+        """What this is, in a few words."""
+        card = self.card
+        lengths = ", ".join(f"{one * card.encoding.step / 3600:g}" for one in card.encoding.lengths)
+        return f"{card.model} of {card.system_name}, {len(card.encoding.parameters)} parameters from {lengths} h"
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row for each parameter that it estimates: its unit and the ends of its range."""
+        known = self.card.encoding
+        rows = {"unit": known.parameter_units, "min": known.parameter_min, "max": known.parameter_max}
+        return pd.DataFrame(rows, index=pd.Index(known.parameters, name="parameter"))
 
     def answers(self, windows: torch.Tensor, time: torch.Tensor) -> torch.Tensor:
         """Standardised log10 answers (windows, parameters) to encoded windows (windows, length, columns)."""
