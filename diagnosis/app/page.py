@@ -28,11 +28,14 @@ from diagnosis.app.project import (
     Look,
     Project,
     Target,
+    becomes,
     combined,
     in_target,
 )
 from diagnosis.calibrating.schema import read_calibration
 from diagnosis.curves import shown
+from diagnosis.gap.schema import Report
+from diagnosis.gap.sentences import headline
 from diagnosis.pages import long_named
 from diagnosis.pictures import readable
 from shared.errors import RecordingError, ZeroshotError
@@ -274,8 +277,10 @@ class Page:
 
     def _row(self, one: Column) -> Any:
         options = {NOTHING: "", **{target.label: key for key, target in self.targets.items()}}
+        options |= {one.to: one.to} if one.to not in options.values() else {}
         to = field(pn.widgets.Select, 190, name="is", options=options, value=one.to)
-        unit = field(pn.widgets.Select, 90, name="in", options=self._units(one.to, one.unit), value=one.unit)
+        units = self._units(one.to, one.unit)
+        unit = field(pn.widgets.Select, 90, name="in", options=units, value=one.unit if one.unit in units else units[0])
         reading = field(
             pn.widgets.Select,
             120,
@@ -303,9 +308,13 @@ class Page:
         return line
 
     def _units(self, to: str, unit: str) -> list[str]:
-        fits = list(self.targets[to].units) if to in self.targets else []
-        guessed = [unit] if unit and (not to or unit in fits or to in ("", NOTHING)) else []
-        return list(dict.fromkeys([*guessed, *fits])) or ["-"]
+        """Units that a column may have; a dash first where it has to be chosen."""
+        if to not in self.targets:
+            return [unit or "-"]
+        fits = list(self.targets[to].units)
+        if unit in fits:
+            return fits
+        return [unit, *fits] if becomes(unit, self.targets[to].unit) else ["-", *fits]
 
     def _preview(self, one: Column, found: Sequence[tuple[str, bool]] = ()) -> None:
         to, unit, _, said = self.rows[one.name]
@@ -375,9 +384,7 @@ class Page:
         columns = []
         for one in self.look.columns:
             to, unit, reading, _said = self.rows[one.name]
-            columns.append(
-                replace(one, to=to.value, unit="" if unit.value == "-" else unit.value, reading=reading.value)
-            )
+            columns.append(replace(one, to=to.value, unit=unit.value, reading=reading.value))
         given = {where: str(widget.value or "") for where, widget in self.given.items()}
         facts = {key: widget.value for key, widget in self.facts.items()}
         try:
@@ -507,20 +514,18 @@ class Page:
         return [html(said + table), *self._curves("forecast", context=float(report["context_hours"]))]
 
     def _diagnosis(self) -> list[Any]:
-        report = self._json("diagnosis", "report.json")
-        first, *rest = report["summary"]
-        rows = "".join(
-            f"<tr><td>{escape(long_named(one['name'], one['description']))}</td><td>{one['probability']:.0%}</td><td>"
-            f"{'' if one['amplitude'] is None else number(one['amplitude'], 3) + escape(spaced(one['unit']))}</td></tr>"
-            for one in report["effects"]
-            if one["named"] or one["probability"] >= 0.02
-        )
-        rows += f"<tr><td>none of these</td><td>{report['none_of_these']:.0%}</td><td></td></tr>"
-        rows += f"<tr><td>no gap</td><td>{report['no_gap']:.0%}</td><td></td></tr>"
-        said = "".join(f"<p>{escape(one)}</p>" for one in [first, *rest])
+        report = Report.model_validate_json((self.project.folder / "diagnosis" / "report.json").read_bytes())
+        rows = ""
+        for one in report.foremost:
+            size = "" if one.amplitude is None else f"{number(one.amplitude, 3)}{escape(spaced(one.unit))}"
+            cells = (escape(long_named(one.name, one.description)), f"{one.probability:.0%}", size)
+            rows += f"<tr>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"
+        for name, share in {"none of these": report.none_of_these, "no gap": report.no_gap}.items():
+            rows += f"<tr><td>{name}</td><td>{share:.0%}</td><td></td></tr>"
+        said = "".join(f"<p>{escape(one)}</p>" for one in report.summary)
         head = "<tr><th>cause</th><th>probability</th><th>size</th></tr>"
         table = f"<div class='wide'><table>{head}{rows}</table></div>"
-        return [html(f"<div class='head'>{said}</div>{table}"), *self._curves("diagnosis")]
+        return [html(f"<p class='head'>{escape(headline(report))}</p>{said}{table}"), *self._curves("diagnosis")]
 
     def _json(self, step: str, name: str) -> dict[str, Any]:
         found = json.loads((self.project.folder / step / name).read_text(encoding="utf-8"))

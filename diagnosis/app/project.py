@@ -280,7 +280,7 @@ class Project:
             words = " ".join(words_for([name]) for name in [*sorted(one.places), *sorted(one.roles | quantities)])
             kinds = one.quantities & {kind for unit in _UNITS for kind in measured_in(unit)}
             fits = tuple(
-                unit for unit in _UNITS if _becomes(unit, one.unit) and (not kinds or kinds & {*measured_in(unit)})
+                unit for unit in _UNITS if becomes(unit, one.unit) and (not kinds or kinds & {*measured_in(unit)})
             )
             found.append(
                 Target(f"{one.table}.{one.name}", f"{long.get(one.name) or words} ({one.name})", one.unit, fits)
@@ -319,15 +319,18 @@ class Project:
             elif where in look.open:
                 raise RecordingError(f"{where}: is empty; expected a value{EXAMPLES.get(name, '')}")
         raw["place"] = place
-        tables: dict[str, dict[str, Any]] = {"variables": {}, "weather": {}}
+        tables: dict[str, dict[str, Any]] = {
+            table: {name: one for name, one in look.mapping.get(table, {}).items() if "column" not in one}
+            for table in ("variables", "weather")
+        }
         for one in columns:
             if not one.to:
                 continue
             table, _, name = one.to.partition(".")
             if name in tables[table]:
-                first = tables[table][name]["column"]
-                raise RecordingError(f"columns {first!r} and {one.name!r} are both {name}; expected one of them")
-            if not one.unit or one.unit == OPEN:
+                first = tables[table][name].get("column", "a constant")
+                raise RecordingError(f"{first!r} and column {one.name!r} are both {name}; expected one of them")
+            if one.unit in ("", "-", OPEN):
                 raise RecordingError(f"column {one.name!r} has no unit; expected one, as degC")
             same = any(was.name == one.name and was.to == one.to for was in look.columns)
             more = one.more if same else {}
@@ -584,7 +587,8 @@ def _columns_of(mapping: Mapping[str, Any]) -> set[str]:
     return {str(one["column"]) for one in fields if "column" in one}
 
 
-def _becomes(unit: str, target: str) -> bool:
+def becomes(unit: str, target: str) -> bool:
+    """Whether readings in a unit can become those of another."""
     try:
         convert(0.0, unit, target, density=1.2, where="")
     except ZeroshotError:

@@ -119,9 +119,16 @@ def _r2(protocol: Protocol, parameter: str | None) -> str:
     return f"{_number(value)} [{span}]"
 
 
+def told(evaluation: Evaluation) -> dict[str, Protocol]:
+    """The protocols that differ: of a dataset none of whose systems the run has seen, both are the last one."""
+    if any(one.systems_trained_on for one in evaluation.protocols.values()):
+        return evaluation.protocols
+    return dict([list(evaluation.protocols.items())[-1]])
+
+
 def table_rows(evaluation: Evaluation) -> tuple[Row, list[Row]]:
-    """Header and rows: R2 of both protocols, the ceiling, median relative accuracy; the last row is the mean."""
-    names = list(evaluation.protocols)
+    """Header and rows: R2 of the protocols, the ceiling, median relative accuracy; the last row is the mean."""
+    names = list(told(evaluation))
     header = ("parameter", *(f"R2 {name}" for name in names), "ceiling", *(f"accuracy {name}" for name in names))
     ceiling = evaluation.ceiling
     rows: list[Row] = []
@@ -139,7 +146,7 @@ def notes(evaluation: Evaluation) -> list[str]:
     lines = [
         f"{name}: {one.windows} disjoint windows of {one.systems} systems, {one.systems_trained_on} of which the run"
         " had trained on or been validated by"
-        for name, one in evaluation.protocols.items()
+        for name, one in told(evaluation).items()
     ]
     meant = (
         "R2 in the parameters' own units, with 90 % intervals by system; accuracy: median of 1 less the relative error"
@@ -157,7 +164,7 @@ def terminal_table(evaluation: Evaluation) -> Table:
     """The table for the terminal."""
     header, rows = table_rows(evaluation)
     title = f"{evaluation.model}, {evaluation.context_hours:g} h, noise {evaluation.noise}{_on(evaluation.dataset)}"
-    return plain_table(title, header, rows, whole=1 + len(evaluation.protocols))
+    return plain_table(title, header, rows, whole=1 + len(told(evaluation)))
 
 
 def markdown(evaluation: Evaluation, card: Card) -> str:

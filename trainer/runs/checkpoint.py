@@ -16,8 +16,9 @@ from pydantic import BaseModel, ConfigDict, model_validator
 
 from shared.errors import EstimatorError
 from shared.reading import read_json, validated
+from shared.refused import meant
 from shared.results import Result
-from shared.shipped import estimators, resolved_estimator, shipped_estimator
+from shared.shipped import estimators, resolved_estimator, shipped_estimator, shipped_systems
 from shared.store import Records
 from trainer.models import build
 from trainer.models.base import Estimator, Shape
@@ -278,6 +279,7 @@ def read_card(folder: Path) -> Card:
     """
     path = folder / CARD
     expected = f"a run folder made by `trainer fit`, or a system that comes with an estimator ({estimators()})"
+    expected += meant(folder.name, shipped_systems()) if len(folder.parts) == 1 else ""
     raw = read_json(path, EstimatorError, expected)
     check_card_version(path, raw, SCHEMA_VERSION, "trainer fit")
     return validated(Card, raw, f"{path}: damaged", EstimatorError)

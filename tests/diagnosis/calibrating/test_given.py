@@ -19,8 +19,8 @@ def test_residuals_with_a_calibration_are_its_own_figures_and_carry_to_days_that
     words = ["residuals", str(system.path), report.recording, "--calibration", str(tmp_path), "--json"]
     assert start(app, words) == OK
     found = json.loads(capsys.readouterr().out)
-    assert found.parameters == {one.name: one.value for one in report.parameters}
-    assert found.outputs["room"]["rmse"] == pytest.approx(report.outputs["room"].rmse, rel=2e-3)
+    assert found["parameters"] == {one.name: one.value for one in report.parameters}
+    assert found["outputs"]["room"]["rmse"] == pytest.approx(report.outputs["room"].rmse, rel=2e-3)
     other = house_recorded(tmp_path, hours=48, seed=1)
     left = residuals(system, other, calibration=report).outputs["room"]["rmse"]
     assert left < 0.1  # of 0.05 K of noise

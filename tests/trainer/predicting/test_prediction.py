@@ -252,7 +252,7 @@ def test_samples_and_their_picture_are_not_written_over_each_other(ridge_run, ta
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_table_says_which_of_two_answers_to_take(monkeypatch, capsys):
+def test_the_table_has_one_answer_the_posteriors_where_there_is_one(monkeypatch, capsys):
     value = Estimate(value=2.0, unit="m2", rmse=0.5, at_bound=False, median=2.1, low=1.5, high=2.7)
 
     def answer(one):
@@ -265,9 +265,10 @@ def test_the_table_says_which_of_two_answers_to_take(monkeypatch, capsys):
         return capsys.readouterr().out
 
     both = answer(value)
-    assert "Take the median and its 90 % interval" in both
+    assert "2.1" in both and "1.5 to 2.7" in both and "rmse" not in both
     assert "remark" not in both
-    assert "Take the median" not in answer(value.model_copy(update={"median": None, "low": None, "high": None}))
+    alone = answer(value.model_copy(update={"median": None, "low": None, "high": None}))
+    assert "+- rmse" in alone and "0.5" in alone and "rmse: of rooms" in alone and "interval" not in alone
     bound = answer(value.model_copy(update={"at_bound": True}))
     assert "remark" in bound and "at the end of its range" in bound
 
