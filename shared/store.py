@@ -26,7 +26,7 @@ from shared.manifest import Source as Source
 from shared.netcdf import read_netcdf, write_netcdf
 from shared.netcdf_child import check_declared
 from shared.reading import MIB, read_bytes, read_json, validated, why
-from shared.schema import CONTENT_HASH, SPLITS, check_version, dataset_hash, newer_minor
+from shared.schema import CONTENT_HASH, DISTURBANCES, SPLITS, check_version, dataset_hash, newer_minor
 from shared.system import System, system_from_canonical
 
 MANIFEST = "manifest.json"
@@ -128,7 +128,9 @@ class Records:
     ``values`` float32 (systems, channels, time) [units of the channels], ``parameters`` float64
     (systems, parameters), ``systems`` int64 (systems,), ``splits`` int8 (systems,), ``time`` (time,) [s], ``seeds``
     (systems,) root seeds as Python integers: a system is known by its root seed and its index. ``starts`` (systems,)
-    [s since time zero]: when each record begins; ``time`` runs from there.
+    [s since time zero]: when each record begins; ``time`` runs from there. ``given`` float64 (systems, facts): the
+    given facts that the description tells, in its order [unit of each]. ``disturbances`` (systems,): how many effects
+    act on each.
     """
 
     channels: list[str]
@@ -139,6 +141,8 @@ class Records:
     time: np.ndarray
     seeds: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=object))
     starts: np.ndarray = field(default_factory=lambda: np.empty(0))
+    given: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    disturbances: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.int8))
 
     def of_split(self, split: str) -> np.ndarray:
         """Rows of a split, by its name (``train``, ``validation``, ``test``)."""
@@ -298,6 +302,7 @@ class DatasetFolder:
         parameters = np.empty((len(chosen), len(self.system.parameters)))
         splits, starts = np.empty(len(chosen), dtype=np.int8), np.zeros(len(chosen))
         seeds = np.empty(len(chosen), dtype=object)
+        given, disturbances = np.empty((len(chosen), len(self.system.told))), np.zeros(len(chosen), dtype=np.int8)
         time, end = np.empty(0), 0
         for entry in self.manifest.shards:
             begin, end = end, end + len(entry.systems)
@@ -316,6 +321,10 @@ class DatasetFolder:
                         values[to, k] = shard[name][...][here]
                     for k, name in enumerate(self.system.parameter_names):
                         parameters[to, k] = shard[name][...][here]
+                    for k, fact in enumerate(self.system.told):
+                        given[to, k] = _finite(shard, fact.name)[here]
+                    if DISTURBANCES in shard.variables:
+                        disturbances[to] = shard[DISTURBANCES][...][here]
                     splits[to] = shard["split"][...][here]
                     seeds[to] = self.manifest.seed_of(entry)
                     if "start" in shard.variables:
@@ -329,4 +338,5 @@ class DatasetFolder:
                     raise DatasetError(
                         f"{self.shard_path(entry)}: not as the manifest says ({why(error)}), {_UNDAMAGED}"
                     ) from None
-        return Records(wanted, values, parameters, listed[chosen], splits, time, seeds, starts)
+        who = (listed[chosen], splits, time, seeds, starts)
+        return Records(wanted, values, parameters, *who, given, disturbances)

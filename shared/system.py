@@ -18,6 +18,7 @@ import numpy as np
 from pydantic import Field, SerializerFunctionWrapHandler, ValidationError, model_serializer, model_validator
 
 from shared.errors import SystemDescriptionError
+from shared.given import Given, Ratio, given_fault
 from shared.possible import driven_in_another_unit
 from shared.reading import MOST_TOML, parse_json, parse_toml, read_text, shown
 from shared.refused import meant, sentence_of
@@ -93,6 +94,8 @@ class System(Table):
     effects: list[Effect] = []
     sources: list[Source] = []
     uncertain: list[Uncertain] = []
+    given: list[Given] = []
+    ratios: list[Ratio] = []
     weather: Weather | None = None
     occupancy: Occupancy | None = None
     schedules: dict[str, Schedule] = {}
@@ -102,15 +105,16 @@ class System(Table):
 
     @model_serializer(mode="wrap")
     def _without_nothing(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """A description that states no ``kind`` has the hash that it had before there was one."""
+        """A description without a ``kind``, given facts or ratios has the hash that it had before there were any."""
         made: dict[str, Any] = handler(self)
-        if self.kind is None:
-            made.pop("kind", None)
+        for name in ("kind", "given", "ratios"):
+            if not getattr(self, name):
+                made.pop(name, None)
         return made
 
     @model_validator(mode="after")
     def _consistent(self) -> System:
-        for kind in ("parameters", "inputs", "outputs", "uncertain"):
+        for kind in ("parameters", "inputs", "outputs", "uncertain", "given"):
             if wrong := names_fault(kind, [item.name for item in getattr(self, kind)]):
                 raise ValueError(wrong)
         for name in sorted({*self.parameter_names, *self.input_names}):
@@ -143,6 +147,15 @@ class System(Table):
         taken = {name for tables in by_others for table in tables for name in table}
         if wrong := fault(self.uncertain, {*self.parameter_names, *known, *effects}, self.parameter_names, taken):
             raise ValueError(wrong)
+        names = {*self.parameter_names, *known, *effects, *(one.name for one in self.uncertain)}
+        taken = taken - {*self.replay} | {name for one in self.uncertain for name in one.parameters} | {*self.fixed}
+        if wrong := given_fault(self.given, names, self.parameter_names, taken):
+            raise ValueError(wrong)
+        for where, name in self._reads():
+            if name not in self.parameter_names:
+                raise ValueError(f"{where}: {name!r} is not an estimated parameter")
+        if self.weather is None and any(one.weather for one in self.given):
+            raise ValueError("given: a fact sets the weather, but there is no [weather] table")
         for channel in self.estimator.channels:
             if channel not in known:
                 near = meant(channel, [*self.output_names, *self.input_names])
@@ -158,6 +171,16 @@ class System(Table):
         if round(steps) < 1 or abs(steps - round(steps)) > WHOLE:
             raise ValueError(f"experiment: step {self.experiment.step:g} s does not divide {self.experiment.hours:g} h")
         return self
+
+    def _reads(self) -> list[tuple[str, str]]:
+        """Where other tables name estimated parameters, and which."""
+        found = [("ratios", name) for one in self.ratios for name in (one.over, one.under)]
+        return found + ([("occupancy.per", self.occupancy.per)] if self.occupancy and self.occupancy.per else [])
+
+    @property
+    def told(self) -> list[Given]:
+        """The given facts that an estimator may be told."""
+        return [one for one in self.given if not one.hidden]
 
     @property
     def parameter_names(self) -> list[str]:
@@ -218,7 +241,8 @@ class System(Table):
         """
         rest = {one.name: [name for name in one.parameters if name not in values] for one in self.uncertain}
         uncertain = [one.model_copy(update={"parameters": rest[one.name]}) for one in self.uncertain if rest[one.name]]
-        return self.model_copy(update={"fixed": {**self.fixed, **values}, "uncertain": uncertain})
+        given = [one for one in self.given if not {*one.parameters} & {*values}]
+        return self.model_copy(update={"fixed": {**self.fixed, **values}, "uncertain": uncertain, "given": given})
 
     def preset(self, name: str) -> Preset:
         """A preset by its name.

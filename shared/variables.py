@@ -11,7 +11,7 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, mod
 from shared.effects import Effect as Effect
 from shared.signals import Table
 
-RESERVED = ("bnds", "split", "start", "system", "time", "time_bnds")
+RESERVED = ("bnds", "disturbances", "split", "start", "system", "time", "time_bnds")
 """What a shard calls its own fields and dimensions: a variable of that name would take the place of one."""
 ZERO_CELSIUS = 273.15
 """[K]"""
@@ -36,6 +36,7 @@ def names_fault(kind: str, names: Sequence[str]) -> str:
         another = {
             "outputs": 'another name, with the FMU\'s own as `variable = "..."`',
             "uncertain": "another name",
+            "given": "another name",
         }.get(kind, "an FMU that calls it otherwise")
         return f"{kind}: {name!r} is {why}; expected {another}"
     return ""

@@ -61,6 +61,8 @@ def fit(
     options: Path | None = None,
     begin_with: Path | None = None,
     coarse: Annotated[bool, Parameter(negative="")] = False,
+    facts: Annotated[bool, Parameter(negative="")] = False,
+    device: str = "cpu",
     systems: int | None = None,
     keep: Literal["best", "last"] = "best",
     seed: int = 0,
@@ -117,6 +119,11 @@ def fit(
     coarse
         Round products to bfloat16 while training, for the multiscale and the regression transformer: faster on
         processors that have such products.
+    facts
+        Read the description's given facts, and parameters that happen to be known, as static inputs; `trainer predict`
+        then takes them from the recording and with --known.
+    device
+        `cpu`, or `cuda` to train on a graphics card.
     systems
         Train on the first so many training systems only.
     keep
@@ -166,6 +173,8 @@ def fit(
         options=chosen,
         begin_with=begin_with,
         coarse=coarse,
+        facts=facts,
+        device=device,
         systems=systems,
         keep=keep,
         seed=seed,

@@ -34,6 +34,7 @@ def run(
     excitation: bool = True,
     calm: float = 0.0,
     uncertain: Annotated[bool, Parameter(negative=())] = False,
+    disturbed: float = 0.0,
     extend: Annotated[bool, Parameter(negative=())] = False,
     retry_failures: Annotated[bool, Parameter(negative=())] = False,
     failure_budget: float = FAILURE_BUDGET,
@@ -84,6 +85,9 @@ def run(
         Draw the constants that the description says are uncertain, anew for each system: an estimator that shall read
         buildings must have seen others than the declared ones. They are the [[uncertain]] tables
         of the description.
+    disturbed
+        Share of the systems on which one or two of the description's effects act, each as a random process: an
+        estimator whose intervals shall cover real rooms must have seen rooms that are not quite the model.
     extend
         Add systems to a dataset that has fewer; the shards that are there stay as they are.
     retry_failures
@@ -114,6 +118,7 @@ def run(
         excitation=excitation,
         calm=calm,
         uncertain=uncertain,
+        disturbed=disturbed,
         extend=extend,
         retry_failures=retry_failures,
         failure_budget=failure_budget,

@@ -10,7 +10,11 @@ import math
 
 import numpy as np
 
+from shared.errors import SystemDescriptionError
 from shared.system import System
+
+DRAWS = 10000
+"""How often parameters are drawn at most, until the ratios of a description hold."""
 
 
 def stream(root_seed: int, index: int, name: str) -> np.random.Generator:
@@ -57,10 +61,21 @@ def is_calm(root_seed: int, index: int, share: float) -> bool:
 def sample_parameters(system: System, root_seed: int, index: int) -> np.ndarray:
     """Draw a system's parameters: independent, uniform in each parameter's scale between its bounds.
 
+    Where the description has ratios, they are drawn again until all of these hold.
+
     Returns
     -------
     numpy.ndarray
         Shape (parameters,), in the order of the description [unit of each].
     """
-    u = stream(root_seed, index, "parameters").random(len(system.parameters))
-    return np.array([float(p.from_unit(x)) for p, x in zip(system.parameters, u, strict=True)])
+    rng = stream(root_seed, index, "parameters")
+    for _ in range(DRAWS):
+        u = rng.random(len(system.parameters))
+        values = [float(p.from_unit(x)) for p, x in zip(system.parameters, u, strict=True)]
+        named = dict(zip(system.parameter_names, values, strict=True))
+        if all(one.holds(named) for one in system.ratios):
+            return np.array(values)
+    wanted = ", ".join(f"{one.over} / {one.under} from {one.min:g} to {one.max:g}" for one in system.ratios)
+    raise SystemDescriptionError(
+        f"{system.path}: ratios: none of {DRAWS} draws of the parameters has {wanted}; expected ranges that allow for it"
+    )

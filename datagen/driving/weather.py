@@ -135,7 +135,7 @@ def weather_path(file: str, base: Path) -> Path:
     return (base / file).resolve()
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=128)
 def _read(path: Path, stamp: int, tilt: float, azimuth: float, albedo: float, model: str) -> WeatherTable:
     """``stamp`` is part of the key, so that a file that changed is read again."""
     record = read_hourly(path)

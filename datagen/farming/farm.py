@@ -60,6 +60,7 @@ def run(
     excitation: bool = True,
     calm: float = 0.0,
     uncertain: bool = False,
+    disturbed: float = 0.0,
     extend: bool = False,
     retry_failures: bool = False,
     failure_budget: float = FAILURE_BUDGET,
@@ -87,6 +88,8 @@ def run(
         Share of the systems, drawn by chance, in which they do not.
     uncertain
         Draw the description's uncertain constants for each system, in place of their values.
+    disturbed
+        Share of the systems on which one or two of the description's effects act, as random processes.
     extend
         Allow more systems than the dataset was started with; the shards that are there stay as they are.
     retry_failures
@@ -125,6 +128,11 @@ def run(
         raise DatasetError(f"calm is {calm:g}; expected 0: {described.path} has no input of source 'excitation'")
     if uncertain and not described.uncertain:
         raise DatasetError(f"uncertain is set; expected an [[uncertain]] table in {described.path}, which has none")
+    if not 0 <= disturbed <= 1 or (disturbed and not described.effects):
+        raise DatasetError(
+            f"disturbed is {disturbed:g}; expected a share from 0 to 1 of the systems"
+            + ("" if described.effects else f", or 0: {described.path} has no [[effects]]")
+        )
     if seed < 0:
         raise DatasetError(f"seed is {seed}; expected at least 0")
     if not 0 <= failure_budget <= 1:  # of a NaN no comparison holds
@@ -142,6 +150,9 @@ def run(
         settings["calm"] = calm
     if uncertain:
         settings["uncertain"] = [one.model_dump(mode="json") for one in described.uncertain]
+    if disturbed:
+        settings["disturbed"] = disturbed
+        settings["effects"] = [one.model_dump(mode="json") for one in described.effects]
     wanted = Manifest(
         system_name=described.name,
         system_hash=described.hash(),
@@ -174,6 +185,7 @@ def run(
                 excitation=excitation,
                 calm=calm,
                 uncertain=uncertain,
+                disturbed=disturbed,
                 folder=str(folder.resolve()),
                 settings=text,
                 package=package_hash(fmu_hash, weather),

@@ -21,6 +21,8 @@ import dask
 import numpy as np
 import psutil
 
+from datagen.driving.disturbances import number_of
+from datagen.driving.given import told_values
 from datagen.driving.sampling import is_calm, record_start, sample_parameters
 from datagen.farming.dask_worker import RECYCLE, address, hold_back, named, recycle, this_worker, unpack_in_scratch
 from datagen.farming.package import locate, sees_folder
@@ -70,6 +72,7 @@ class Job:
     folder: str
     calm: float = 0.0
     uncertain: bool = False
+    disturbed: float = 0.0
     settings: str = ""
     package: str = ""
     token: str = ""
@@ -126,6 +129,7 @@ def attempt(work: tuple[Job, int]) -> Trajectory:
                 index=index,
                 excitation=job.excitation and not is_calm(job.root_seed, index, job.calm),
                 uncertain=job.uncertain,
+                disturbed=job.disturbed,
                 tolerance=simulator.system.experiment.tolerance * factor,
             )
         except SimulationError as error:
@@ -241,6 +245,10 @@ def _deliver(job: Job, file: str, indices: Sequence[int], outcomes: list[Any]) -
         outputs=np.stack([one.outputs for one in good]),
         inputs=np.stack([one.inputs for one in good]),
         starts=np.array([record_start(system, job.root_seed, index) for index in done]),
+        given=np.stack([told_values(system, job.root_seed, index) for index in done]) if system.told else None,
+        disturbances=(
+            np.array([number_of(job.root_seed, index, job.disturbed) for index in done]) if job.disturbed else None
+        ),
         factors=np.stack([sample_factors(system, job.root_seed, index) for index in done]) if job.uncertain else None,
         attributes={"fmu_sha256": job.fmu_sha256, "root_seed": str(job.root_seed), "settings": job.settings},
     )

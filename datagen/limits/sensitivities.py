@@ -18,6 +18,7 @@ from datagen.driving.occupancy import occupancy_prior
 from datagen.driving.sampling import record_start, sample_parameters, stream
 from datagen.driving.tables import InputTable
 from datagen.limits.pulses import responses
+from datagen.simulating.drawn import drawn_values
 from datagen.simulating.constants import constants, sample_factors, values_of
 from datagen.simulating.simulator import Simulator
 from shared.store import sha256_of
@@ -108,8 +109,10 @@ def random_window(system: System, context: float, seed: int, index: int, uncerta
     spin_up = min(step * np.ceil(max(SPIN_UP_HOURS * HOUR, warm_up) / step - 1e-9), since + warm_up)
     table = build_inputs(system, root_seed=seed, index=index, start=begin - spin_up, stop=begin + span)
 
+    base = drawn_values(simulator, seed, index)
+
     def setting(values: np.ndarray, factors: np.ndarray) -> dict[str, float]:
-        return dict(zip(system.parameter_names, values.tolist(), strict=True)) | values_of(known, factors)
+        return base | dict(zip(system.parameter_names, values.tolist(), strict=True)) | values_of(known, factors)
 
     visited = np.empty((0, simulator.fmu.n_states))
     if spin_up > 0:

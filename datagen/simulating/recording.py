@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from datagen.driving.given import told_values
 from datagen.driving.sampling import record_start, sample_parameters
 from datagen.simulating.constants import sample_factors
 from datagen.simulating.drawn import simulate_system
@@ -107,6 +108,7 @@ def simulate(
         inputs=trajectory.inputs[None],
         starts=np.array([record_start(described, seed, index)]),
         factors=sample_factors(described, seed, index)[None, drawn_at] if uncertain else None,
+        given=told_values(described, seed, index)[None] if described.told else None,
         attributes={
             "fmu_sha256": simulator.fmu.sha256,
             "root_seed": str(seed),

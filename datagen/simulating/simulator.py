@@ -197,7 +197,7 @@ class Simulator:
         return Trajectory(
             time=recorded[1:],
             outputs=outputs,
-            inputs=self._driven(inputs, recorded) if driven else np.empty((0, count)),
+            inputs=self.driven(inputs, recorded) if driven else np.empty((0, count)),
             states=records.states,
             statistics={name: int(plan[place]) for name, place in counts.items()},
         )
@@ -271,7 +271,7 @@ class Simulator:
             raise SimulationError(f"{self.fmu.path.name}: {error}") from None
         return cosimulation.march(plan, *steps, records.points, records.quadratures, reached)
 
-    def _driven(self, inputs: InputTable, grid: np.ndarray) -> np.ndarray:
+    def driven(self, inputs: InputTable, grid: np.ndarray) -> np.ndarray:
         """Inputs of each step between the points of a grid, shape (inputs, steps): means of what is held, else ends."""
         found = np.where(self._held[:, None], inputs.means(grid).T, inputs.at(grid[1:]).T)
         found[self._directions] %= 360.0  # as a vane shows it; the FMU's has no jump from 360 to 0

@@ -170,6 +170,8 @@ def _fit(
     asked = memory_for(f"{windows_per_system} windows of each system (windows_per_system)")
     with asked, torch_state(seeds[3], threads):
         fit_to = draw_contexts(run, prior, source, parameters, places[0], windows_per_system, seeds[1])
+        # intervals of what is unknown are to cover: of the windows that calibrate them none tells a parameter
+        source = source.under(source.sensors, source.generator, source.gaps, "given")
         held_out = draw_contexts(run, prior, source, parameters, places[1], few, seeds[2])
         del source
         sizes = (len(run.card.encoding.lengths), run.card.encoding.outputs)

@@ -23,6 +23,7 @@ from shared.store import Records
 from trainer.models import build
 from trainer.models.base import Estimator, Shape
 from trainer.reading.encoding import Encoding
+from trainer.reading.facts import static_columns
 from trainer.reading.familiar import Familiar
 from trainer.reading.kind import Kind
 from trainer.runs.pair import digest, write_pair
@@ -30,10 +31,11 @@ from trainer.runs.scatter import Errors, factors_of
 from trainer.runs.systems import Systems
 from trainer.runs.weights import check_card_version, load_weights, weights_data
 
-SCHEMA_VERSION = 6
+SCHEMA_VERSION = 7
 """The first version has no errors by condition; before the third it is not said which channels are means of a step, and
 which never varied, before the fourth not which uncertain constants were as declared, before the fifth not of what
-dataset the errors are, and before the sixth not how far answers scatter, so that these are not made means."""
+dataset the errors are, and before the sixth not how far answers scatter, so that these are not made means; before the
+seventh no estimator reads facts."""
 CARD = "estimator.json"
 WEIGHTS = "weights.safetensors"
 CALIBRATION = ("calibration.json", "calibration.md", "calibration.csv", "sbc.png", "coverage.png")
@@ -97,6 +99,8 @@ def shape_of(encoding: Encoding) -> Shape:
         columns=encoding.columns,
         parameters=len(encoding.parameters),
         step=encoding.step,
+        static=2 * len(encoding.facts),
+        known=len(encoding.parameters) if encoding.known else 0,
     )
 
 
@@ -203,13 +207,22 @@ class Run(Result):
         """Standardised log10 answers (windows, parameters) to encoded windows (windows, length, columns)."""
         return forward_in_chunks(self.model, windows, time)
 
-    def read(self, values: np.ndarray, time: np.ndarray) -> torch.Tensor:
+    def read(self, values: np.ndarray, time: np.ndarray, facts: np.ndarray | None = None) -> torch.Tensor:
         """Answers (windows, parameters) to recorded windows; the arguments are those of :meth:`estimate`."""
-        stamps = torch.from_numpy(np.asarray(time, dtype=np.float64))
-        encoded = self.card.encoding.encode(torch.from_numpy(np.asarray(values, dtype=np.float32)), stamps)
-        return self.answers(encoded, stamps)
+        return self.answers(*self.encoded(values, time, facts))
 
-    def estimate(self, values: np.ndarray, time: np.ndarray) -> np.ndarray:
+    def encoded(
+        self, values: np.ndarray, time: np.ndarray, facts: np.ndarray | None = None
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """Encoded windows and their first stamps; the arguments are those of :meth:`estimate`."""
+        encoding = self.card.encoding
+        stamps = torch.from_numpy(np.asarray(time, dtype=np.float64))
+        static = None
+        if facts is not None and encoding.facts:
+            static = static_columns(encoding.standardised(facts), torch.from_numpy(np.isfinite(facts)))
+        return encoding.encode(torch.from_numpy(np.asarray(values, dtype=np.float32)), stamps, static), stamps
+
+    def estimate(self, values: np.ndarray, time: np.ndarray, facts: np.ndarray | None = None) -> np.ndarray:
         """Parameters (windows, parameters) [own units], float64.
 
         Parameters
@@ -218,9 +231,12 @@ class Run(Result):
             Recorded channels, shape (windows, length, recorded) [units of ``card.encoding.units``].
         time
             Time stamp of each window's first sample, shape (windows,) [s since time zero].
+        facts
+            What is known, shape (windows, ``card.encoding.facts``) [own units], not a number where unknown; nothing is
+            by default.
         """
         absent = self.card.encoding.absent_from(values)
-        return self.estimates(self.read(values, time), values.shape[1], absent)
+        return self.estimates(self.read(values, time, facts), values.shape[1], absent)
 
     def estimates(self, answers: torch.Tensor, length: int, absent: Collection[str] = ()) -> np.ndarray:
         """Answers to windows of ``length`` samples that lack the channels ``absent`` throughout, as parameters.
@@ -238,11 +254,12 @@ class Run(Result):
 def forward_in_chunks(model: Estimator, windows: torch.Tensor, time: torch.Tensor) -> torch.Tensor:
     """Answers in evaluation mode, a bounded number of windows at a time."""
     was_training = model.training
+    device = next((one.device for one in model.parameters()), windows.device)
     model.eval()
     try:
         with torch.no_grad():
-            pairs = zip(windows.split(CHUNK), time.split(CHUNK), strict=True)
-            return torch.cat([model(part, stamps) for part, stamps in pairs])
+            pairs = zip(windows.to(device).split(CHUNK), time.to(device).split(CHUNK), strict=True)
+            return torch.cat([model.with_known(model(part, stamps), part) for part, stamps in pairs]).cpu()
     finally:
         model.train(was_training)
 

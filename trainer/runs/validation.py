@@ -63,7 +63,7 @@ def measured_errors(
         for preset in presets:
             readings = source.under(
                 Sensors(system, encoding.recorded, preset),
-                torch.Generator().manual_seed(numbers[1]),
+                torch.Generator(source.values.device).manual_seed(numbers[1]),
                 Without(encoding.recorded, absent),
             )
             batch = readings.gather(torch.from_numpy(where), torch.from_numpy(starts), length)
@@ -100,7 +100,7 @@ class Without:
 
     def __call__(self, values: torch.Tensor, _: torch.Generator) -> torch.Tensor:
         """Windows (batch, length, recorded) without those channels."""
-        return values.masked_fill(self.lost, torch.nan)
+        return values.masked_fill(self.lost.to(values.device), torch.nan)
 
 
 def absences(optional: list[str]) -> list[list[str]]:
