@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import io
-import json
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -34,6 +33,7 @@ from diagnosis.app.project import (
 )
 from diagnosis.calibrating.schema import read_calibration
 from diagnosis.curves import shown
+from diagnosis.forecasting.forecasted import Forecast
 from diagnosis.gap.schema import Report
 from diagnosis.gap.sentences import headline
 from diagnosis.pages import long_named
@@ -479,58 +479,41 @@ class Page:
 
     def _calibration(self) -> list[Any]:
         report = read_calibration(self.project.folder / "calibration")
-        rows = ""
+        rows = []
         for one in report.parameters:
-            note = "<span class='bad'>on its bound</span>" if one.at_bound else escape(one.identified)
-            value = f"{number(one.value, 3)}{escape(spaced(one.unit))}"
-            interval = f"{number(one.low, 3)} to {number(one.high, 3)}"
-            cells = (escape(long_named(one.name, one.description)), value, interval, f"{one.told:.0%}", note)
-            rows += f"<tr>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"
-        head = "<tr><th>parameter</th><th>value</th><th>90 % interval</th><th>learned</th><th></th></tr>"
-        made = intervals(report, self.project.system)
-        note = "<p class='quiet'>Blue: value and 90 % interval within the range of the description (grey)."
-        note += " Orange: the estimator's first answer.</p>" if report.parameters[0].zero_shot is not None else "</p>"
-        return [
-            html(f"<div class='wide'><table>{head}{rows}</table></div>"),
-            made,
-            html(note),
-            *self._curves("calibration"),
-        ]
+            value, interval = (
+                f"{number(one.value, 3)}{spaced(one.unit)}",
+                f"{number(one.low, 3)} to {number(one.high, 3)}",
+            )
+            note = "on its bound" if one.at_bound else one.identified
+            rows.append([long_named(one.name, one.description), value, interval, f"{one.told:.0%}", note])
+        table = _table(["parameter", "value", "90 % interval", "learned", ""], rows)
+        orange = " Orange: the estimator's first answer." if report.parameters[0].zero_shot is not None else ""
+        note = f"<p class='quiet'>Blue: value and 90 % interval within the range of the description (grey).{orange}</p>"
+        return [html(table), intervals(report, self.project.system), html(note), *self._curves("calibration")]
 
     def _forecast(self) -> list[Any]:
-        report = self._json("forecast", "forecast.json")
-        rows = "".join(
-            f"<tr><td>{escape(name)}</td><td>{number(one['rmse'], 3)}{escape(spaced(one['unit']))}</td>"
-            f"<td>{number(one['bias'], 3)}{escape(spaced(one['unit']))}</td><td>{one['covered']:.0%}</td></tr>"
-            for name, one in report["outputs"].items()
-            if one is not None
-        )
-        head = "<tr><th>output</th><th>RMSE ahead</th><th>bias</th><th>readings within the 90 % band</th></tr>"
-        said = (
-            f"<p>{report['context_hours'] / 24:g} days tell the parameters; {report['ahead_hours'] / 24:g} days are"
-            " forecast (white ground).</p>"
-        )
-        table = f"<div class='wide'><table>{head}{rows}</table></div>"
-        return [html(said + table), *self._curves("forecast", context=float(report["context_hours"]))]
+        report = Forecast.model_validate_json((self.project.folder / "forecast" / "forecast.json").read_bytes())
+        long = {one.name: one.long_name for one in self.project.system.outputs}
+        rows = []
+        for name, one in report.outputs.items():
+            if one is not None:
+                errors = (f"{number(value, 3)}{spaced(one.unit)}" for value in (one.rmse, one.bias))
+                rows.append([long_named(name, long), *errors, f"{one.covered:.0%}"])
+        table = _table(["output", "RMSE ahead", "bias", "within the 90 % band"], rows)
+        said = f"<p>{report.context_hours / 24:.3g} days (grey) tell the parameters; {report.ahead_hours / 24:.3g} follow.</p>"
+        return [html(said + table), *self._curves("forecast", context=report.context_hours)]
 
     def _diagnosis(self) -> list[Any]:
         report = Report.model_validate_json((self.project.folder / "diagnosis" / "report.json").read_bytes())
-        rows = ""
+        rows = []
         for one in report.foremost:
-            size = "" if one.amplitude is None else f"{number(one.amplitude, 3)}{escape(spaced(one.unit))}"
-            cells = (escape(long_named(one.name, one.description)), f"{one.probability:.0%}", size)
-            rows += f"<tr>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"
-        for name, share in {"none of these": report.none_of_these, "no gap": report.no_gap}.items():
-            rows += f"<tr><td>{name}</td><td>{share:.0%}</td><td></td></tr>"
+            size = "" if one.amplitude is None else f"{number(one.amplitude, 3)}{spaced(one.unit)}"
+            rows.append([long_named(one.name, one.description), f"{one.probability:.0%}", size])
+        rows += [["none of these", f"{report.none_of_these:.0%}", ""], ["no gap", f"{report.no_gap:.0%}", ""]]
         said = "".join(f"<p>{escape(one)}</p>" for one in report.summary)
-        head = "<tr><th>cause</th><th>probability</th><th>size</th></tr>"
-        table = f"<div class='wide'><table>{head}{rows}</table></div>"
+        table = _table(["cause", "probability", "size"], rows)
         return [html(f"<p class='head'>{escape(headline(report))}</p>{said}{table}"), *self._curves("diagnosis")]
-
-    def _json(self, step: str, name: str) -> dict[str, Any]:
-        found = json.loads((self.project.folder / step / name).read_text(encoding="utf-8"))
-        assert isinstance(found, dict)
-        return found
 
     def _curves(self, step: str, context: float | None = None) -> list[Any]:
         path = self.project.folder / step / "curves.nc"
@@ -560,6 +543,13 @@ class Page:
     def _hide(self, *parts: Any) -> None:
         for one in parts:
             one.visible = False
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table as HTML, which scrolls by itself where there is no room."""
+    lines = ["".join(f"<th>{escape(cell)}</th>" for cell in head)]
+    lines += ["".join(f"<td>{escape(cell)}</td>" for cell in row) for row in rows]
+    return f"<div class='wide'><table>{''.join(f'<tr>{line}</tr>' for line in lines)}</table></div>"
 
 
 def _bad(error: object) -> str:

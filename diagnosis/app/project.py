@@ -22,6 +22,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import ValidationError
 
+from datagen.driving.given import fmu_values
 from diagnosis.measurements.draft import draft_mapping
 from diagnosis.measurements.guess import targets_of
 from diagnosis.measurements.importer import import_recording
@@ -98,10 +99,10 @@ class Column:
 
 @dataclass(frozen=True)
 class Fact:
-    """What an engineer may know of a room: a parameter, a constant of the description, or where its facade looks."""
+    """What an engineer may know of a room: a parameter, a constant or given fact of the description, its facade."""
 
     key: str
-    kind: Literal["parameters", "fixed", "weather"]
+    kind: Literal["parameters", "fixed", "given", "weather"]
     label: str
     unit: str
     usual: str
@@ -390,6 +391,10 @@ class Project:
             for name, value in system.fixed.items()
             if not isinstance(value, bool)
         ]
+        for one in system.told:
+            if one.parameters and one.of == "each":  # a sum is shared out by the FMU's own values
+                per = f" per {one.per}" if one.per else ""
+                found.append(Fact(one.name, "given", one.description, one.unit, f"{one.min:g} to {one.max:g}{per}"))
         if system.weather is not None:
             facade = {
                 "surface_azimuth": "Facade looks to (90 east, 180 south)",
@@ -433,13 +438,24 @@ class Project:
         if not known:
             return ""
         facts = {one.key: one.kind for one in self.facts()}
-        constants = {key: value for key, value in known.items() if facts[key] != "weather"}
+        constants = {key: value for key, value in known.items() if facts[key] in ("parameters", "fixed")}
+        constants |= fmu_values(self.described, {k: v for k, v in known.items() if facts[k] == "given"}, {})
         if len(set(constants) & set(self.described.parameter_names)) == len(self.described.parameters):
             raise RecordingError("all parameters are known; expected one at least that is to be found")
         raw = self.described.with_known(constants).model_dump(mode="json", exclude={"path"})
         raw["parameters"] = [one for one in raw["parameters"] if one["name"] not in constants]
         for one in raw["sources"]:
             one["per"] = constants.get(one["per"], one["per"])
+        for one in raw.get("given", []):
+            if one["per"] in constants:
+                factor, one["per"] = constants[one["per"]], ""
+                one["min"], one["max"] = one["min"] * factor, one["max"] * factor
+        crowd = raw["occupancy"] or {}
+        if crowd.get("per") in constants:  # persons per unit of what is known now: so many at least and at most
+            least, most = crowd["headcount"]
+            headcount = [min(max(round(one * constants[crowd["per"]]), least), most) for one in crowd["density"]]
+            raw["occupancy"] = {**crowd, "headcount": headcount, "density": None, "per": ""}
+        raw["ratios"] = [one for one in raw.get("ratios", []) if not {one["over"], one["under"]} & {*constants}]
         home = self.described.path.parent
         raw["fmu"] = str(self.described.fmu_path)
         if raw["weather"] is not None:

@@ -13,6 +13,7 @@ from cyclopts import Parameter
 
 from shared.console import OK, NotNegative, new_console
 from shared.errors import ZeroshotError
+from shared.shipped import USUAL
 
 if TYPE_CHECKING:
     from bokeh.server.auth_provider import AuthProvider
@@ -42,8 +43,8 @@ def app(
     folder
         Where everything is kept: go on with it by giving it again.
     system
-        System description (TOML), its folder, or the name of one that comes with the package; the one that comes with
-        the package, if not given.
+        System description (TOML), its folder, or the name of one that comes with the package; if not given,
+        MixedAirCO2.
     port
         Port of the page; any that is free, if 0.
     browser
@@ -81,9 +82,8 @@ def serve(
         If folder, description or port cannot be used, or panel is not installed.
     """
     from diagnosis.app.project import Project
-    from diagnosis.measurements.draft import only_system
 
-    project = Project(folder, only_system(system))
+    project = Project(folder, system or USUAL)
     jobs: dict[str, Job] = {}
     server, address = page_server(project, jobs, port)
     try:

@@ -15,8 +15,8 @@ from diagnosis.measurements.layout import Layout, layout_of
 from diagnosis.measurements.mapping import OPEN, File, unfilled
 from shared.errors import RecordingError
 from shared.places import check_folder
-from shared.reading import MOST_TOML, listed, parse_toml
-from shared.shipped import shipped_systems
+from shared.reading import MOST_TOML, parse_toml
+from shared.shipped import USUAL
 from shared.system import System, load_system
 
 _STUCK = 12.0
@@ -66,7 +66,7 @@ def draft_mapping(data: Path | str, system: System | Path | str | None = None, *
     data
         The measurements: CSV, Excel, Parquet or NetCDF.
     system
-        The description of what is measured; the one that comes with the package if not given, where it is the only one.
+        The description of what is measured; that of the paper's room, if not given.
     out
         The mapping to write.
 
@@ -81,7 +81,7 @@ def draft_mapping(data: Path | str, system: System | Path | str | None = None, *
     if out.exists():
         raise RecordingError(f"{out}: is there already; expected another name (--out), or that it is removed first")
     check_folder(out.parent, RecordingError)
-    named = system if isinstance(system, System) else only_system(system)
+    named = system or USUAL
     described = named if isinstance(named, System) else load_system(named)
     layout = layout_of(data)
     columns = guess(layout, described)
@@ -96,22 +96,6 @@ def draft_mapping(data: Path | str, system: System | Path | str | None = None, *
         raise RecordingError(f"{out}: cannot be written ({error.strerror or error})") from None
     open_fields = list(unfilled(parse_toml(text, str(out), RecordingError)))
     return Draft(out, data, text, [_guess(one) for one in columns], open_fields, columns, layout.interval)
-
-
-def only_system(system: Path | str | None) -> Path | str:
-    """The system that is meant: the one that comes with the package, if none is named.
-
-    Raises
-    ------
-    RecordingError
-        If none is named and several come with it.
-    """
-    if system is not None:
-        return system
-    shipped = list(shipped_systems())
-    if len(shipped) != 1:
-        raise RecordingError(f"system is missing; expected --system with a description, or one of {listed(shipped)}")
-    return shipped[0]
 
 
 def _reference(system: System | Path | str, out: Path) -> str:

@@ -105,6 +105,17 @@ def test_a_known_area_is_a_constant_of_the_room_and_everything_else_stays(projec
     assert project.asked("diagnosis")["replay"] is True
 
 
+def test_a_given_fact_sets_what_the_description_says_it_does(tmp_path):
+    project = Project(tmp_path / "room", "Room")
+    project.know({"heater.size": "2500", "roo.AFlo": "20"}, replay=False)
+    room = load_system(project.room)
+    assert room.fixed == {"roo.AFlo": 20.0, "QHea_max": 2500.0}
+    assert "heater.size" not in [one.name for one in room.given]
+    cooler = next(one for one in room.given if one.name == "cooler.size")
+    assert (cooler.per, cooler.min, cooler.max) == ("", 400.0, 4000.0)  # 20 to 200 W/m2
+    assert not [one for one in room.ratios if "roo.AFlo" in (one.over, one.under)]
+
+
 def test_a_table_is_the_same_after_it_was_written_as_toml(default_system):
     raw = default_system.model_dump(mode="json", exclude={"path"}, exclude_none=True)
     raw["odd"] = {'a "b"\n': "c\\d\x7f", "numbers": [1.5, -2, True, 1e-30], "in": {"deep": [{"x": 1}]}}
