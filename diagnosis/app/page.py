@@ -169,6 +169,7 @@ class Page:
             name="The logged heater and air flow drive the model, in place of its own controllers",
             value=bool(self.project.settings["replay"]),
             sizing_mode="stretch_width",
+            visible=bool(self.project.described.replay),
         )
         self.check = pn.widgets.Button(name="Make the recording", button_type="primary", margin=(8, 6), width=190)
         self.check.on_click(self._checked)
@@ -481,10 +482,8 @@ class Page:
         report = read_calibration(self.project.folder / "calibration")
         rows = []
         for one in report.parameters:
-            value, interval = (
-                f"{number(one.value, 3)}{spaced(one.unit)}",
-                f"{number(one.low, 3)} to {number(one.high, 3)}",
-            )
+            value = f"{number(one.value, 3)}{spaced(one.unit)}"
+            interval = f"{number(one.low, 3)} to {number(one.high, 3)}"
             note = "on its bound" if one.at_bound else one.identified
             rows.append([long_named(one.name, one.description), value, interval, f"{one.told:.0%}", note])
         table = _table(["parameter", "value", "90 % interval", "learned", ""], rows)
@@ -501,7 +500,8 @@ class Page:
                 errors = (f"{number(value, 3)}{spaced(one.unit)}" for value in (one.rmse, one.bias))
                 rows.append([long_named(name, long), *errors, f"{one.covered:.0%}"])
         table = _table(["output", "RMSE ahead", "bias", "within the 90 % band"], rows)
-        said = f"<p>{report.context_hours / 24:.3g} days (grey) tell the parameters; {report.ahead_hours / 24:.3g} follow.</p>"
+        days, ahead = report.context_hours / 24, report.ahead_hours / 24
+        said = f"<p>{days:.3g} days (grey) tell the parameters; {ahead:.3g} days are forecast.</p>"
         return [html(said + table), *self._curves("forecast", context=report.context_hours)]
 
     def _diagnosis(self) -> list[Any]:
