@@ -2,7 +2,7 @@
 
 The functions behind the commands of the same names: :func:`describe`, :func:`run`, :func:`simulate`, :func:`info`,
 :func:`verify`, :func:`repair`, :func:`merge`, :func:`compare`, :func:`identifiability`. :func:`open` gives a dataset to
-xarray.
+xarray; :func:`load_system`, :class:`Simulator` and :func:`ceilings_of` are for studies of one's own.
 """
 
 from __future__ import annotations
@@ -20,16 +20,36 @@ if TYPE_CHECKING:
     from datagen.datasets.opening import open as open
     from datagen.farming.farm import run as run
     from datagen.fmi.describe import describe as describe
+    from datagen.limits.ceilings import ceilings_of as ceilings_of
     from datagen.limits.ceilings import identifiability as identifiability
     from datagen.simulating.recording import simulate as simulate
+    from datagen.simulating.simulator import Simulator as Simulator
+    from shared.system import load_system as load_system
 
-__all__ = ["compare", "describe", "identifiability", "info", "merge", "open", "repair", "run", "simulate", "verify"]
+__all__ = [
+    "Simulator",
+    "ceilings_of",
+    "compare",
+    "describe",
+    "identifiability",
+    "info",
+    "load_system",
+    "merge",
+    "open",
+    "repair",
+    "run",
+    "simulate",
+    "verify",
+]
 
 _HOMES = {
+    "Simulator": "datagen.simulating.simulator",
+    "ceilings_of": "datagen.limits.ceilings",
     "compare": "datagen.comparing.comparison",
     "describe": "datagen.fmi.describe",
     "identifiability": "datagen.limits.ceilings",
     "info": "datagen.datasets.inspection",
+    "load_system": "shared.system",
     "merge": "datagen.datasets.merging",
     "open": "datagen.datasets.opening",
     "repair": "datagen.datasets.mending",

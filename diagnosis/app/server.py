@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import secrets
 import socket
+import webbrowser
 from collections.abc import Callable
 from hmac import compare_digest
 from pathlib import Path
@@ -86,15 +87,19 @@ def serve(
     project = Project(folder, system or USUAL)
     jobs: dict[str, Job] = {}
     server, address = page_server(project, jobs, port)
+    door = (
+        project.folder / ".open.html"
+    )  # in a browser's own command line everybody on the machine would read the token
     try:
         server.start()
         ready(address)
         if browser:
-            import webbrowser
-
-            server.io_loop.add_callback(webbrowser.open, address)
+            door.touch(mode=0o600)
+            door.write_text(f'<meta http-equiv="refresh" content="0;url={address}">', encoding="utf-8")
+            server.io_loop.add_callback(webbrowser.open, door.as_uri())
         server.io_loop.start()
     finally:
+        door.unlink(missing_ok=True)
         if "job" in jobs:
             jobs["job"].stop()
         server.stop()

@@ -3,6 +3,7 @@ import shutil
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from shared.errors import EstimatorError, RecordingError
 from shared.store import DatasetFolder
@@ -281,3 +282,13 @@ def test_what_does_not_fit_of_another_system_is_said_to_be_of_it(ridge_run, reco
     other = write(recording.assign_attrs(system_name="Barrel"), tmp_path / "other.nc")
     with pytest.raises(RecordingError, match=r"; the recording is of the system 'Barrel', and the run of '\w+'$"):
         predict(ridge_run, other)
+
+
+def test_a_recording_in_memory_is_estimated_as_the_one_in_the_file(ridge_run, recording, tmp_path):
+    path = write(recording, tmp_path / "r.nc")
+    with xr.open_dataset(path) as opened:
+        found = predict(ridge_run, opened)
+    assert found == predict(ridge_run, path)
+    assert predict(ridge_run, recording).predictions == found.predictions
+    with pytest.raises(RecordingError, match=r"^dataset-\w+: has no channel 'level', which the run reads"):
+        predict(ridge_run, recording.drop_vars("level").drop_encoding())
