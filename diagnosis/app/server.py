@@ -87,9 +87,8 @@ def serve(
     project = Project(folder, system or USUAL)
     jobs: dict[str, Job] = {}
     server, address = page_server(project, jobs, port)
-    door = (
-        project.folder / ".open.html"
-    )  # in a browser's own command line everybody on the machine would read the token
+    # everybody on the machine can read the browser's command line, and only this user the file that it names
+    door = project.folder / ".open.html"
     try:
         server.start()
         ready(address)

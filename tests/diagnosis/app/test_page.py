@@ -105,7 +105,7 @@ def test_from_a_log_to_a_recording_and_a_calibration_that_is_stopped(browser, tm
         begin = time.monotonic()
         page.get_by_role("button", name="Stop").click()
         page.get_by_text("Stopped; what was simulated is kept").wait_for()
-        assert time.monotonic() - begin < 3.0  # 2 s, and the page's own look every 0.4 s
+        assert time.monotonic() - begin < 10.0  # of a busy machine; the process itself is timed in test_project.py
         page.reload()
         page.get_by_text("504 steps of 3600 s").wait_for()  # the folder is the state
     assert not (tmp_path / "room" / "calibration" / "calibration.html").exists()
