@@ -338,11 +338,12 @@ def load_system(path: Path | str) -> System:
     SystemDescriptionError
         If the file is missing, not TOML, or does not describe a system.
     """
-    path = resolved(path)
+    named, path = Path(path), resolved(path)
     if path.is_dir():
         path = path / "system.toml"
     shipped = ", ".join(shipped_systems())
     expected = f"a system description (TOML), or the name of one that comes with the package ({shipped})"
+    expected += meant(named.name, shipped_systems()) if len(named.parts) == 1 else ""
     if path.is_file() and is_zipfile(path):
         raise SystemDescriptionError(
             f"{path}: is an FMU or another archive; expected a system description (TOML) that names it as its fmu:"

@@ -57,6 +57,7 @@ def run(
         Print the report as JSON.
     """
     from diagnosis.gap.diagnosed import diagnose
+    from diagnosis.gap.sentences import headline
     from diagnosis.physics import hints, warnings
 
     with stages("reading", shown=not reporting.quiet) as tell:
@@ -75,6 +76,7 @@ def run(
         return OK
     for sentence in warnings(report.physics):
         console.print(sentence, style="bold red", markup=False)
+    console.print(headline(report), style="bold", markup=False)
     for sentence in report.summary + hints(report.physics):
         console.print(sentence, markup=False)
     table = Table("candidate", "probability", "size", "unit", box=None)

@@ -218,7 +218,7 @@ def load_mapping(path: Path | str) -> Mapping:
     path = Path(path)
     raw = read_toml(path, RecordingError, "a column mapping (TOML)")
     if empty := list(unfilled(raw)):
-        places = ", ".join(f"{where}{_EXAMPLES.get(where.rpartition('.')[2], '')}" for where in empty)
+        places = ", ".join(f"{where}{EXAMPLES.get(where.rpartition('.')[2], '')}" for where in empty)
         raise RecordingError(f"{path}: has {OPEN!r} where something has to be filled in: {places}")
     try:
         return Mapping.model_validate({**raw, "path": path})
@@ -226,7 +226,7 @@ def load_mapping(path: Path | str) -> Mapping:
         raise _refused(path, _sentences(error)) from None
 
 
-_EXAMPLES = {
+EXAMPLES = {
     "zone": " (the place's clock, as 'Europe/Berlin')",
     "latitude": " (degrees north)",
     "longitude": " (degrees east)",

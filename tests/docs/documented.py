@@ -25,6 +25,7 @@ PAGES = (
 """Pages whose commands are run, in this order and in that in which they stand there."""
 
 ELSEWHERE = {
+    "diagnosis app": ("diagnosis/app/test_page.py", "test_a_drifting_sensor_is_named_and_the_report_is_one_file"),
     "diagnosis calibrate": ("diagnosis/calibrating/test_calibration.py", "test_the_command_writes_figures_and_a_page"),
     "diagnosis forecast": ("diagnosis/forecasting/test_forecast.py", "test_the_command_goes_on_from_a_calibration"),
     "diagnosis residuals": ("diagnosis/test_simulated.py", "test_the_command"),
