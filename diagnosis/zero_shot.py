@@ -73,12 +73,14 @@ def estimate(run: Path | str, recording: Recording, system: System) -> dict[str,
         if whole is None:
             raise RecordingError(str(refused).replace(str(path), str(recording.path))) from None
     if whole.passed:
-        _log.warning("the estimator read no longer window: %s", whole.passed.replace(str(path), str(recording.path)))
+        _log.warning(
+            "the estimator did not read a longer window: %s", whole.passed.replace(str(path), str(recording.path))
+        )
     if whole.bridged:
-        _log.warning("%s: the estimator itself put in %d readings that were lost singly", recording.path, whole.bridged)
+        _log.warning("%s: the estimator interpolated %d readings that were lost singly", recording.path, whole.bridged)
     told = whole.predictions[0]
     for note in told.unlike or ():
-        _log.warning("%s: unlike all that the estimator was trained on: %s", recording.path, note)
+        _log.warning("%s: unlike everything in the estimator's training: %s", recording.path, note)
     values_by_name = {name: one.value for name, one in told.parameters.items()}
     _check_parameters(run, values_by_name, system)
     return values_by_name
@@ -154,7 +156,7 @@ def _of_filled(run: Run, data: xr.Dataset, path: Path, least: float, longest: in
         passed = passed or found.passed
         if found.context_hours * HOUR >= 0.999 * length * run.card.encoding.step:
             if put:
-                _log.warning("%s: for the estimator, readings were put in on straight lines: %s", name, ", ".join(put))
+                _log.warning("%s: for the estimator, readings were interpolated: %s", name, ", ".join(put))
             return found.model_copy(update={"passed": passed})
     if refused is not None and not least:
         raise refused

@@ -66,7 +66,7 @@ def test_the_page_on_long_runs_names_every_long_command_and_how_it_goes_on():
 
     for name, how in rows.items():
         command = EVERY[name].default_command
-        assert ("begins anew" in how) == (command not in _resumable), name
+        assert ("starts from the beginning" in how) == (command not in _resumable), name
         for option in _resumable.get(command, ((), ()))[0]:
             assert f"`{option}`" in how, name
 
@@ -103,7 +103,7 @@ def test_a_training_that_is_stopped_says_how_to_go_on_and_that_goes_on(tmp_path)
     assert (child.returncode, out) == (STOPPED, "")
     assert "Traceback" not in err
     sentence, again = err.splitlines()[-2:]
-    assert sentence == "warning: stopped; what was finished is kept, and this goes on from there:"
+    assert sentence == "warning: stopped; finished work is kept, and this command continues it:"
     program, *rest = again.split()
     assert program == "trainer" and rest == [*map(str, words), "--resume"]
     done = subprocess.run([Path(sys.executable).parent / program, *rest], capture_output=True, text=True, timeout=300)

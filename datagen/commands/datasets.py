@@ -50,14 +50,14 @@ def verify(
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
     report: Reporting = USUAL,
 ) -> int:
-    """Hold every shard of a dataset against its manifest. Exit code 1 if anything is wrong.
+    """Check every shard of a dataset against its manifest. Exit code 1 if anything is wrong.
 
     Parameters
     ----------
     folder
         Dataset folder.
     repair
-        Simulate damaged and missing shards again; they must come out as the manifest says.
+        Simulate damaged and missing shards again; they must get the hashes of the manifest.
     system
         System description for a repair, if the dataset was not made on this machine.
     timeout

@@ -39,13 +39,11 @@ def fmu_values(system: System, given: Mapping[str, float], starts: Mapping[str, 
     starts
         The FMU's own values by name, which facts that are sums scale in proportion.
     """
-    values = {}
+    values: dict[str, float] = {}
     for one in system.given:
         if one.name in given and one.parameters:
             share = given[one.name] / sum(starts[name] for name in one.parameters) if one.of == "sum" else None
-            values |= {
-                name: given[one.name] if share is None else share * starts[name] for name in one.parameters
-            }
+            values |= {name: given[one.name] if share is None else share * starts[name] for name in one.parameters}
     return values
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -102,7 +103,7 @@ def system_weather(system: System, root_seed: int, index: int) -> WeatherTable:
     # a draw also when there is one file: cheap, and the same code path for all
     file = files[int(stream(root_seed, index, "weather").integers(len(files)))]
     given = sample_given(system, root_seed, index)
-    settings = {one.weather: given[one.name] for one in system.given if one.weather}
+    settings: dict[str, Any] = {one.weather: given[one.name] for one in system.given if one.weather}
     shift = settings.pop("temperature_shift", 0.0)
     table = read_weather(system.weather.model_copy(update=settings), file, system.path.parent)
     if not shift:

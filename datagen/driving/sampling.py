@@ -77,5 +77,6 @@ def sample_parameters(system: System, root_seed: int, index: int) -> np.ndarray:
             return np.array(values)
     wanted = ", ".join(f"{one.over} / {one.under} from {one.min:g} to {one.max:g}" for one in system.ratios)
     raise SystemDescriptionError(
-        f"{system.path}: ratios: none of {DRAWS} draws of the parameters has {wanted}; expected ranges that allow for it"
+        f"{system.path}: ratios: none of {DRAWS} draws of the parameters has {wanted};"
+        " expected ranges that allow for it"
     )

@@ -51,7 +51,13 @@ def simulate_system(
     start, stop = begin - experiment.warm_up_hours * HOUR, begin + experiment.hours * HOUR
     effects = sample_disturbances(system, root_seed, index, disturbed, start, stop)
     values = drawn_values(simulator, root_seed, index, uncertain=uncertain)
-    span: dict[str, Any] = {"root_seed": root_seed, "index": index, "start": start, "stop": stop, "excitation": excitation}
+    span: dict[str, Any] = {
+        "root_seed": root_seed,
+        "index": index,
+        "start": start,
+        "stop": stop,
+        "excitation": excitation,
+    }
     inputs = build_inputs(system, **span, changes=effects.changes)
     found = simulator.run(
         {**values, **effects.parameters, **(parameters or {})},

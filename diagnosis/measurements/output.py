@@ -245,7 +245,7 @@ def sentences_of(missing: Sequence[str], system: System) -> list[str]:
     if outputs:
         said.append(f"not measured: {', '.join(outputs)}: fits know nothing of it, and an estimator may need it")
     if persons:
-        said.append(f"nobody counted persons ({', '.join(persons)}): fits take them for unknown")
+        said.append(f"occupants were not counted ({', '.join(persons)}): fits treat them as unknown")
     if inputs:
         said.append(f"not recorded: {', '.join(inputs)}: needed by a simulation of this recording")
     return said

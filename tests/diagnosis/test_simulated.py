@@ -102,7 +102,7 @@ def test_replayed_outputs_are_marked(recording, truth, default_system, capsys):
     for words, marked in (([], False), (["--replay"], True)):
         assert start(app, ["residuals", str(default_system.path), str(recording), "--set", *values, *words]) == OK
         said = capsys.readouterr().out
-        assert ("Replayed: " in said) is marked
+        assert ("Replayed outputs drive the model" in said) is marked
         assert all((f"{name} (replayed)" in said) is marked for name in done.replayed)
 
 

@@ -178,9 +178,9 @@ def test_what_was_put_in_is_told_and_an_old_outage_does_not_hinder(default_syste
     outputs = record.outputs.copy()
     outputs[:, 120] = np.nan
     expected = estimate("MixedAirCO2", replace(last, outputs=outputs[:, 96:]), default_system)
-    assert "filled.nc: the estimator itself put in 4 readings that were lost singly" in caplog.text
+    assert "filled.nc: the estimator interpolated 4 readings that were lost singly" in caplog.text
     outputs[default_system.output_names.index("CO2"), np.flatnonzero(np.arange(96) % 4)] = np.nan
     found = estimate("MixedAirCO2", replace(record, outputs=outputs, path=tmp_path / "lost.nc"), default_system)
     assert found == pytest.approx(expected, rel=1e-4)
-    assert "lost.nc: for the estimator, readings were put in on straight lines: " in caplog.text
-    assert "read no longer window" in caplog.text and "CO2 has 73 missing" in caplog.text
+    assert "lost.nc: for the estimator, readings were interpolated: " in caplog.text
+    assert "did not read a longer window" in caplog.text and "CO2 has 73 missing" in caplog.text

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
+from shared.assignments import assignments
 from shared.console import new_console
 from shared.errors import SystemDescriptionError
 from shared.shipped import DESCRIPTION, resolved_estimator
@@ -30,6 +31,7 @@ def predict(
     corner: Path | None = None,
     seed: int = 0,
     stretch: Stretch = LONGEST,
+    known: Annotated[list[str] | None, Parameter(consume_multiple=True, negative="")] = None,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
     """Estimate the parameters behind a recording, from its last context window.
@@ -54,12 +56,24 @@ def predict(
         PNG file for the posterior's marginals and pairs, of a recording of one system.
     seed
         Of the samples.
+    known
+        Parameters and given facts that are known, as NAME=VALUE in the description's unit, for a run that was trained
+        with --facts: all others are sharpened by them. The recording's own given facts are read as well.
     json
         Print the estimates as JSON, and nothing else, on stdout.
     """
     from trainer.predicting.prediction import predict as run_predict
 
-    result = run_predict(run, file, samples=samples, seed=seed, stretch=stretch, out=out, corner=corner)
+    result = run_predict(
+        run,
+        file,
+        samples=samples,
+        seed=seed,
+        stretch=stretch,
+        known=assignments(known or [], "known"),
+        out=out,
+        corner=corner,
+    )
     if json:
         sys.stdout.write(result.model_dump_json(indent=1) + "\n")
         return
@@ -68,12 +82,10 @@ def predict(
     for one in result.predictions:
         console.print(_table(one, words))
         if one.unlike is None:
-            console.print(
-                "The run does not remember what it was trained on: whether this recording is like it is not known."
-            )
+            console.print("The run does not record its training data, so the recording was not compared with it.")
         elif one.unlike:
             console.print(
-                "[bold]Unlike all that the run was trained on[/bold], so that errors are larger than is said:",
+                "[bold]Unlike everything in training[/bold], so errors are larger than stated:",
                 markup=True,
             )
             for note in one.unlike:
@@ -87,13 +99,15 @@ def predict(
     if result.bridged:
         each = ", ".join(f"{one.bridged} of system {one.system}" for one in result.predictions if one.bridged)
         whose = f" ({each})" if several else ""
-        console.print(f"{result.bridged} missing readings were put in on straight lines{whose}.", markup=False)
+        console.print(f"{result.bridged} missing readings were interpolated{whose}.", markup=False)
     if result.interval_gaps:
         console.print(result.interval_gaps, markup=False)
     for sentence in result.failed:
         console.print(f"A channel was left out{' of all systems' if several else ''}: {sentence}", markup=False)
     if result.passed:
-        console.print(f"No longer window was read{' of any system' if several else ''}: {result.passed}", markup=False)
+        console.print(
+            f"A longer window was not read{' of any system' if several else ''}: {result.passed}", markup=False
+        )
     if result.unfinished:
         console.print(result.unfinished, markup=False)
     if result.interval_note:
@@ -115,15 +129,14 @@ def _on_constants(result: Predictions) -> list[str]:
         if names:
             told.setdefault(", ".join(names), []).append(what)
     said += [
-        f"The systems of {' and '.join(what)} have {names} as declared. Where a building has others, errors are larger"
-        " than is said; `datagen run --uncertain` simulates such systems."
+        f"The systems of {' and '.join(what)} have {names} as declared. A building with others has larger errors;"
+        " `datagen run --uncertain` simulates such systems."
         for names, what in told.items()
     ]
     posterior = any(value.median is not None for one in result.predictions for value in one.parameters.values())
     if posterior and result.interval_held is None:
         said.append(
-            "The posterior does not remember whether its systems had constants of the description as declared: fit it"
-            " again to know."
+            "The posterior does not record whether its systems had constants as declared. Fit it again to know."
         )
     return said
 

@@ -107,11 +107,17 @@ class Summary(nn.Module):
         past = [series[:, (ORDER - k) * hop : (ORDER - k) * hop + length] for k in range(1, ORDER + 1)]
         now = series[:, ORDER * hop :]
         middle = self._middle(time, series.shape[1])[:, ORDER * hop :]
-        angle = torch.remainder(middle, DAY)[:, :, None] * (2 * torch.pi / DAY) * torch.arange(1, HARMONICS + 1, device=middle.device)
+        angle = (
+            torch.remainder(middle, DAY)[:, :, None]
+            * (2 * torch.pi / DAY)
+            * torch.arange(1, HARMONICS + 1, device=middle.device)
+        )
         clock = torch.cat([torch.sin(angle), torch.cos(angle)], dim=2)
         rows = torch.cat([*past, now[:, :, outputs:], clock, torch.ones_like(clock[:, :, :1])], dim=2).double()
         change = (now - past[0])[:, :, :outputs].double()
-        gram = rows.transpose(1, 2) @ rows / length + PENALTY * torch.eye(rows.shape[2], dtype=torch.float64, device=rows.device)
+        gram = rows.transpose(1, 2) @ rows / length + PENALTY * torch.eye(
+            rows.shape[2], dtype=torch.float64, device=rows.device
+        )
         coefficients = torch.linalg.solve(gram, rows.transpose(1, 2) @ change / length)
         left = (change - rows @ coefficients).to(series.dtype)
         yield coefficients.to(series.dtype).flatten(1)

@@ -162,7 +162,7 @@ class MultiscaleTransformer(Estimator):
 
 
 def _silent(inputs: int, outputs: int) -> nn.Linear:
-    """A layer that answers nothing before it is trained, so that weights of an estimator without it keep their sense."""
+    """A layer that answers nothing before it is trained: an earlier estimator's weights keep their sense beside it."""
     layer = nn.Linear(inputs, outputs)
     nn.init.zeros_(layer.weight)
     nn.init.zeros_(layer.bias)

@@ -58,8 +58,8 @@ class Posterior:
         time
             Time stamp of each window's first sample (windows,) [s since time zero].
         facts
-            What is known, as for :meth:`trainer.runs.checkpoint.Run.estimate`: samples of a parameter that is known have
-            its value, and those of the others are conditioned on it.
+            What is known, as for :meth:`trainer.runs.checkpoint.Run.estimate`. Samples of a known parameter have its
+            value; those of the others are conditioned on it.
 
         Raises
         ------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from shared.places import check_folder
 from shared.results import Result
 from shared.stretches import Stretch
 from trainer.figures import draw_estimates
+from trainer.predicting.known import facts_known, facts_of
 from trainer.predicting.readings import date_of
 from trainer.predicting.recorded import Window, read_window
 from trainer.reading.encoding import Encoding
@@ -79,7 +81,7 @@ class Prediction(_Table):
 class Predictions(Result, _Table):
     """What ``trainer predict`` prints."""
 
-    schema_version: int = 9
+    schema_version: int = 10
     file: str
     model: str
     unfinished: str | None = None
@@ -90,6 +92,8 @@ class Predictions(Result, _Table):
     """channels that the run can do without, and that the recording lacks, or lacks too much of in one of its systems"""
     failed: list[str] = []
     """why channels that the recording has are absent, a sentence each, which names the system"""
+    facts: dict[str, float] = {}
+    """parameters and given facts that the estimate was told, of the first system [own units]"""
     bridged: int = 0
     """readings that were put in where single ones were missing, in all systems"""
     passed: str | None = None
@@ -140,6 +144,7 @@ def predict(
     samples: int = SAMPLES,
     seed: int = 0,
     stretch: Stretch | None = None,
+    known: Mapping[str, float] | None = None,
     out: Path | str | None = None,
     corner: Path | str | None = None,
 ) -> Predictions:
@@ -163,6 +168,9 @@ def predict(
     stretch
         Which stretch without gaps in the inputs that the run reads is taken, of which the last window is read; the
         longest, if not given.
+    known
+        Parameters and given facts that are known, by name [own units], for a run that was trained with ``facts``. They
+        come before the given facts of the recording, which are read as well.
     out
         NetCDF file to write the samples to.
     corner
@@ -203,19 +211,20 @@ def predict(
     encoding = run.card.encoding
     window = read_window(recording, encoding, run.card.system_name, stretch)
     familiar = {one.length: one for one in run.card.familiar}
-    known = familiar.get(len(window.stamps))
+    alike = familiar.get(len(window.stamps))
     for values in (*window.longer, window.values):  # a gap long ago does not make a dead sensor live
         if (like := familiar.get(values.shape[1])) is not None:
             _check_moving(Path(file), values, window.systems, like, encoding)
     begins = window.begins + window.stamps[0]
-    answers = run.read(window.values, begins)
+    told = facts_of(recording, encoding, known or {}, window.systems)
+    answers = run.read(window.values, begins, told)
     estimates = run.estimates(answers, len(window.stamps), window.absent)
     posterior = load_posterior(run)
     if posterior is None and (out is not None or corner is not None):
         raise EstimatorError(f"{run.folder}: has no posterior to draw samples from; `trainer posterior` fits one")
     if corner is not None and len(window.systems) > 1:
         raise EstimatorError(f"{file}: has {len(window.systems)} systems; expected one for a corner plot")
-    drawn = None if posterior is None else posterior.sample(window.values, begins, samples, seed=seed)
+    drawn = None if posterior is None else posterior.sample(window.values, begins, samples, seed=seed, facts=told)
     found = None if drawn is None else summarise(drawn)
     names, units = encoding.parameters, encoding.parameter_units
     for path in (out, corner):
@@ -257,7 +266,7 @@ def predict(
                 end=end,
                 parameters=parameters,
                 correlation=correlation,
-                unlike=None if known is None else unlike(window.values[i], known, encoding),
+                unlike=None if alike is None else unlike(window.values[i], alike, encoding),
                 bridged=window.bridged[i],
             )
         )
@@ -269,6 +278,7 @@ def predict(
         noise=run.card.noise,
         absent=window.absent,
         failed=list(window.failed),
+        facts=facts_known(told, encoding),
         bridged=sum(window.bridged),
         passed=window.passed,
         held=run.card.held,

@@ -223,7 +223,7 @@ def _storage(path: Path) -> str:
     """
     url = URL.create("sqlite", database=str(path)).render_as_string()
     if make_url(url).database != str(path):
-        raise EstimatorError(f"{path}: its name cannot be told to sqlalchemy; expected one without ? and %")
+        raise EstimatorError(f"{path}: sqlalchemy cannot use this name; expected one without ? and %")
     return url
 
 

@@ -361,7 +361,7 @@ def test_a_short_gap_of_infrared_leaves_the_sky_of_all_other_hours(tmp_path, cap
     # 1 W/m2 and K of the air are 0.2 K; the air changes by 4 K in six hours
     assert np.abs(found[gap] - whole[1:][gap]).max() < 2.0
     assert f"missing or out of range in {hours} of 8760 hours" in caplog.text
-    assert f"at most {hours} in a row: it is put in on straight lines" in caplog.text
+    assert f"at most {hours} in a row: it is interpolated" in caplog.text
 
 
 def test_a_long_gap_of_infrared_gives_another_sky_and_is_told(tmp_path, caplog):
@@ -372,7 +372,7 @@ def test_a_long_gap_of_infrared_gives_another_sky_and_is_told(tmp_path, caplog):
     assert record.absent["infrared"].startswith(
         "horizontal infrared radiation is missing or out of range in 13 of 8760"
     )
-    assert "13 in a row: the sky's temperature is worked out without any of it" in caplog.text
+    assert "13 in a row: the sky's temperature is computed without it" in caplog.text
 
 
 def _edit(path, number, text):

@@ -109,7 +109,7 @@ def test_stopped_again_and_again_it_is_the_same_and_leaves_nothing_behind(good, 
             code, said = finish(process)
             assert code == {"interrupt": STOPPED, "terminate": ENDED}[victim], said
             again = shlex.join(["datagen", "run", *map(str, [good, "--out", out, *WORDS])])
-            assert f"what was finished is kept, and this goes on from there:\n  {again}\n" in said, said
+            assert f"finished work is kept, and this command continues it:\n  {again}\n" in said, said
             assert "Traceback" not in said, said
         assert len(hashes(out)) < MANY, victim
         assert hashes(out).items() <= hashes(whole).items(), victim

@@ -173,7 +173,7 @@ def test_a_recording_counts_for_less_than_the_fit_believes_and_the_page_says_so(
     said = " ".join(sentences(report))
     assert "Intervals are up to 1.5 times as wide" in said and "Actuators were replayed" in said
     said = " ".join(sentences(report.model_copy(update={"occupancy": "unknown"})))
-    assert "Nobody counted the persons" in said and "Actuators were replayed" in said
+    assert "Occupants were not counted" in said and "Actuators were replayed" in said
     assert report.undeclared == {} and "No noise is declared" not in said
     said = " ".join(sentences(report.model_copy(update={"undeclared": {"room": "0.01 degC"}})))
     assert "No noise is declared for the sensor of room (to 0.01 degC): " in said and "as noise.sensor, or" in said

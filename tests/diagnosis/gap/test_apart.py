@@ -115,7 +115,7 @@ def test_few_scored_readings_are_told_and_give_no_share(drifted):
     page = render(replace(drifted, report=report.model_copy(update={"summary": summary(report)})))
     assert "too few readings" in page and "fewer than 12 readings of any channel" in page
     page = render(replace(drifted, report=report.model_copy(update={"shrinkage": []})))
-    assert "Nothing was added" not in page and "cannot be told" in page
+    assert "Nothing was added" not in page and "it is unknown how far" in page
 
 
 def test_whether_the_fitted_readings_alone_make_the_same_choice_is_told(drifted):
@@ -199,5 +199,5 @@ def test_where_nothing_is_left_to_fit_no_share_is_told(house, drifted, monkeypat
     done = diagnosed.diagnose(house("me"), drifted.path, effects=effects)
     assert [one.name for one in done.search.chosen] == ["drift"]
     assert done.apart is None and done.report.shrinkage == []
-    assert "one of the two has no readings" in done.report.summary[2]
+    assert "they or the other days have no readings" in done.report.summary[2]
     assert "Both are fitted to the unshaded" not in render(done)

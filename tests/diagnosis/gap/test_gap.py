@@ -41,8 +41,8 @@ def test_a_drifting_sensor_is_found_told_how_large_and_removed(drifted, house):
     assert page.index(report.summary[0][:20]) < page.index("<img")
     words = " ".join(page.split())
     assert "the longest need not be the cause" in words
-    assert "Both are fitted to the days that are not hatched" in words and "is fitted to all days" in words
-    assert ("and the parameters told below are of where it then was" in words) == (not report.converged)
+    assert "Both are fitted to the days that are not hatched" in words and "base model fitted to all days" in words
+    assert ("The fit has not converged" in words) == (not report.converged)
     # which hours these are, and how many more than the page shows, depends on rounding
     dated = [one for one in report.where[:12] if "first_s" in one.cell]
     assert {one.kind for one in dated} >= {"episode"}
@@ -59,7 +59,7 @@ def test_without_a_gap_none_is_reported(house, house_recording):
     report = done.report
     assert report.verdict == "no_gap", report.stages
     page = " ".join(render(done).split())
-    assert ("told by refits" in page) == any(one.amplitude is not None for one in report.effects)
+    assert ("comes from refits" in page) == any(one.amplitude is not None for one in report.effects)
     assert "effects found" not in page and page.count("<th>after</th>") == page.count("<th>noise alone</th>")
     assert not any(one.named for one in report.effects)
     assert report.no_gap > 0.9 * NOTHING

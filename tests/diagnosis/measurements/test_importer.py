@@ -185,7 +185,7 @@ def test_what_is_not_mapped_is_said(house):
         measured()[0], mapping.replace('[variables.air]\ncolumn = "valve"', "[variables.air]\nconstant = 50.0")
     )
     assert report.not_recorded == ["people"]
-    assert report.lacking == ["nobody counted persons (people): fits take them for unknown"]
+    assert report.lacking == ["occupants were not counted (people): fits treat them as unknown"]
     assert any("measured cloud cover" in note for note in report.notes)
     data, _ = steps_of(report)
     np.testing.assert_allclose(data["air"], 0.04, rtol=1e-6)

@@ -58,6 +58,6 @@ def test_closer_readings_are_told_while_it_matters(house, minutes, said):
     assert bool(told(report, "gas")) == said
     if said:
         assert told(report, "gas") == [
-            f"gas: instants {60 * minutes:g} s apart are joined by straight lines to means over 1800 s; if the logger"
+            f"gas: instants {60 * minutes:g} s apart are interpolated to means over 1800 s; if the logger"
             " wrote means, write reading = 'mean' under variables.gas"
         ]

@@ -151,7 +151,7 @@ def test_long_gaps_of_a_dew_point_are_told(house):
     dew = 3.0 + np.sin(hours)
     assert not told(house(frame.assign(dew=dew), mapping), "column dew, which it is computed with")
     gap = house(frame.assign(dew=np.where((hours > 50) & (hours < 98), np.nan, dew)), mapping, out="gap.nc")
-    assert told(gap, "of its readings column dew, which it is computed with, has gaps of up to 48 h, and")
+    assert told(gap, "of its readings column dew, which it is computed with, has gaps of up to 48 h, which")
     both = frame.assign(dew=dew, outside=frame["outside"])
     both.loc[(hours > 50) & (hours < 98), ["dew", "outside"]] = np.nan  # nothing is computed there
     assert not told(house(both, mapping, out="both.nc"), "column dew, which it is computed with")
@@ -182,7 +182,9 @@ def test_persons_that_the_mapping_states_are_said_to_count_as_counted(house):
     stated = 'constant = 2.0\nunit = "persons"'
     counted = 'column = "presence"\nunit = "presence"\npersons = 2.0\nreading = "mean"'
     report = house(frame, MAPPING.replace(counted, stated))
-    assert told(report, "people: 2 persons at all hours, nights too, as the mapping states: a calibration, forecast or")
+    assert told(
+        report, "people: 2 occupants at all hours, nights too, as the mapping states: a calibration, forecast or"
+    )
     assert (xr.load_dataset(report.recording)["people"].values == 2.0).all()
     valve = 'column = "valve"\nunit = "m3/h"\nscale = 2.4\nreading = "mean"\nfill = 0.0'
     other = house(frame, MAPPING.replace(valve, 'constant = 50.0\nunit = "m3/h"'), out="other.nc")

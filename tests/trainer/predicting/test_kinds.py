@@ -69,7 +69,7 @@ def test_a_posterior_of_before_does_not_remember_of_what_it_is(datasets, recordi
     del card["dataset"]
     path.write_text(json.dumps(card))
     assert predict(run, recording).interval_held is None
-    assert "The posterior does not remember whether" in told(run.folder, recording, capsys)
+    assert "The posterior does not record whether" in told(run.folder, recording, capsys)
 
 
 def test_a_posterior_of_another_kind_of_systems_is_told(datasets, recording, tmp_path, capsys, caplog):

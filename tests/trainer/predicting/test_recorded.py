@@ -50,7 +50,7 @@ def test_an_outage_long_ago_does_not_spoil_the_days_since(flexible, recording, t
         " `diagnosis import`)"
     )
     assert app(["predict", str(flexible.folder), str(path)], result_action="return_value") in (None, 0)
-    assert "No longer window was read: " in capsys.readouterr().out
+    assert "A longer window was not read: " in capsys.readouterr().out
     lost = recording.isel(time=np.delete(np.arange(100), 20))  # a row that is missing spoils it no more
     assert predict(flexible, write(lost, tmp_path / "lost.nc")).predictions == alone.predictions
     assert alone.passed is None
@@ -89,9 +89,9 @@ def test_of_several_systems_it_is_told_whose_meter_failed_for_all(flexible, shar
     ]
     assert app(["predict", str(flexible.folder), str(path)], result_action="return_value") in (None, 0)
     said = " ".join(capsys.readouterr().out.split())
-    assert "A channel was left out of all systems: " in said and "No longer window was read of any system: " in said
+    assert "A channel was left out of all systems: " in said and "A longer window was not read of any system: " in said
     assert "glow of system 1 has 30 missing" in said and "level of system 1 has 35 missing" in said
-    assert "2 missing readings were put in on straight lines (2 of system 2)." in said
+    assert "2 missing readings were interpolated (2 of system 2)." in said
 
 
 def test_readings_that_are_missing_one_by_one_are_put_in(flexible, recording, tmp_path):
