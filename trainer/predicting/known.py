@@ -22,7 +22,7 @@ def facts_of(
     Parameters
     ----------
     given
-        The recording, in a file or in memory: its scalars of role ``given`` are facts that it brings.
+        The recording, a file or in memory: its scalars of role ``given`` are facts that it brings.
     known
         What the user says, by name; it comes first.
 
