@@ -142,7 +142,8 @@ def test_a_drifting_sensor_is_named_and_the_report_is_one_file(browser, house, h
         page.get_by_text("240 steps of 3600 s").wait_for()
         page.get_by_role("button", name="Diagnosis").click()
         page.get_by_text("Diagnosis: done in").wait_for(timeout=180_000)
-        answer = page.get_by_text("Cause: The room sensor drifts").inner_text()
+        page.get_by_text("Cause: The room sensor drifts").wait_for()
+        answer = page.get_by_text("Cause: The room sensor drifts").text_content()
         assert "(drift)" in answer and "probability" in answer and "of the gap in room" in answer
         with page.expect_download() as download:
             page.get_by_text("Download the report").click()
@@ -153,6 +154,6 @@ def test_a_drifting_sensor_is_named_and_the_report_is_one_file(browser, house, h
         shown.goto((tmp_path / "report.html").as_uri())
         assert shown.get_by_role("heading", name="Measured minus model").is_visible() and not outside
         shown.close()
-        copied = page.locator("pre").nth(1).inner_text()
+        copied = page.locator("pre").nth(1).text_content()
         compile(copied, "copied", "exec")
         assert "answer = diagnosis.diagnose(" in copied
