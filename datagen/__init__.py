@@ -1,7 +1,7 @@
 """The simulation farm: samples systems, simulates FMUs, writes datasets.
 
 The functions behind the commands of the same names: :func:`describe`, :func:`run`, :func:`simulate`, :func:`info`,
-:func:`verify`, :func:`repair`, :func:`merge`, :func:`compare`, :func:`identifiability`.
+:func:`verify`, :func:`repair`, :func:`merge`, :func:`copy`, :func:`compare`, :func:`identifiability`.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ _HOMES = {
     "merge": "datagen.datasets.merging",
     "repair": "datagen.datasets.mending",
     "compare": "datagen.comparing.comparison",
+    "copy": "shared.remote",
     "identifiability": "datagen.limits.ceilings",
 }
 

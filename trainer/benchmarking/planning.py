@@ -126,7 +126,7 @@ def make_plan(
     budget = Budget(minutes=3.0 if minutes is None and steps is None else minutes, steps=steps)
     identity = identity_of(dataset, index)
     plan = Plan(
-        dataset=Path(dataset_dir),
+        dataset=dataset.folder,
         out=Path(out),
         parts=make_parts(ground, parts),
         seeds=seeds,
