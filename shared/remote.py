@@ -11,6 +11,7 @@ import hashlib
 import os
 import shutil
 import socket
+import ssl
 import tempfile
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
@@ -39,7 +40,7 @@ SILENCE = 60.0
 """Seconds without a byte after which a web server counts as gone. The whole of a file may take any time."""
 _BUCKETS = {"s3", "s3a", "gs", "gcs", "az", "abfs", "abfss", "oci", "oss"}
 """Protocols without folders, where to make a folder may mean to make a bucket."""
-_EXTRA = {"s3fs", "aiobotocore", "botocore", "aiohttp"}
+_EXTRA = {"fsspec", "s3fs", "aiobotocore", "botocore", "aiohttp"}
 """What the extra ``remote`` installs."""
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 _DATASET = "a dataset made by `datagen run`"
@@ -242,7 +243,8 @@ def _in_words(url: str) -> Iterator[None]:
 def _sentence(url: str, error: Exception) -> DatasetError:
     chain = _chain(error)
     kinds = {kind.__name__ for one in chain for kind in type(one).__mro__}
-    status = next((one.status for one in chain if isinstance(getattr(one, "status", None), int)), None)
+    statuses = [getattr(one, "status", None) for one in chain]
+    status = next((one for one in statuses if isinstance(one, int)), None)
     full = [one for one in chain if isinstance(one, OSError) and one.errno in _FULL]
     if full:
         return DatasetError(f"{url}: cannot be stored here ({full[0].strerror}); expected more free space")
@@ -253,6 +255,8 @@ def _sentence(url: str, error: Exception) -> DatasetError:
         )
     if status is not None:
         return _Failed(f"{url}: the server answers with status {status}; try again later, which goes on from here")
+    if any(isinstance(one, ssl.SSLError) for one in chain):
+        return DatasetError(f"{url}: its certificate is not trusted here; expected one that is: check the address")
     if any(isinstance(one, socket.gaierror) for one in chain) or {"ClientConnectorDNSError", "InvalidURL"} & kinds:
         return DatasetError(f"{url}: no such host; expected an address that this machine can reach: check its spelling")
     if {"ClientConnectorError", "EndpointConnectionError", "ConnectTimeoutError", "ConnectionRefusedError"} & kinds:
