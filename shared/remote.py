@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import errno
 import hashlib
+import logging
 import os
 import shutil
 import socket
@@ -238,6 +239,9 @@ def _in_words(url: str) -> Iterator[None]:
         raise DatasetError(f"{url}: nothing can be written there; expected a folder, or a URL such as s3://") from None
     except Exception as error:
         raise _sentence(url, error) from None
+    except KeyboardInterrupt:
+        logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # which would complain of the transfer that is left
+        raise
 
 
 def _sentence(url: str, error: Exception) -> DatasetError:
@@ -261,6 +265,8 @@ def _sentence(url: str, error: Exception) -> DatasetError:
         return DatasetError(f"{url}: no such host; expected an address that this machine can reach: check its spelling")
     if {"ClientConnectorError", "EndpointConnectionError", "ConnectTimeoutError", "ConnectionRefusedError"} & kinds:
         return DatasetError(f"{url}: its host does not answer; check the address, the port and the network")
+    if type(error) is ValueError and "::" in url:  # a server that cannot send parts of a file
+        return DatasetError(f"{url}: cannot be read where it lies; expected the archive on this machine: download it")
     if type(error) is ValueError:  # a protocol that nobody knows, or an address that is none
         return DatasetError(
             f"{url}: is no URL that can be opened ({why(error)}); expected one such as https:// or s3://"
