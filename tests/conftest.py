@@ -28,6 +28,7 @@ LONGEST = (
     "docker/test_farm.py",
     "diagnosis/blind/test_running.py",
     "diagnosis/blind/test_make.py",
+    "diagnosis/app/test_page.py",
     "diagnosis/gap/test_apart.py",
     "diagnosis/gap/test_gap.py",
     "trainer/benchmarking/test_running.py",

@@ -145,7 +145,7 @@ def test_newer_minor_version_is_read(folder):
 
 
 def test_a_newer_description_of_a_newer_minor_version_is_told(folder):
-    version = newer_minor(folder, given=[])
+    version = newer_minor(folder, foreseen=[])
     said = rf"manifest\.json: schema version is '{version}', and this version of zeroshot-fmu writes .*: update it"
     with pytest.raises(DatasetError, match=said):
         DatasetFolder(folder)

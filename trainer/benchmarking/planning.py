@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import xarray as xr
+
 from shared.ceiling import FILE_NAME, read_ceilings
 from shared.errors import EstimatorError
 from shared.reading import read_json, shown
@@ -82,7 +84,7 @@ class Plan:
 
 
 def make_plan(
-    dataset_dir: Path | str,
+    dataset_dir: Path | str | xr.Dataset,
     out: Path | str,
     *,
     minutes: float | None = None,

@@ -32,6 +32,7 @@ FAULTS = [
     "crashes",
     "leaks",
     "mutters",
+    "chatters",
 ]
 
 
@@ -81,6 +82,11 @@ def test_the_fmu_has_the_last_word(small_system, flavour):
     """Its messages reach us from within the compiled code, which runs without the interpreter's lock."""
     with pytest.raises(SimulationError, match="the FMU says: something broke at t = "):
         run(faulty(small_system, flavour), "fails")
+
+
+def test_an_error_is_quoted_and_no_warning_before_or_after_it(small_system, flavour):
+    with pytest.raises(SimulationError, match=r'the FMU says: "k > 1" \| the valve is stuck at t = [\d.]*$'):
+        run(faulty(small_system, flavour), "chatters")
 
 
 def test_words_without_a_name_or_in_another_encoding_are_kept(small_system, flavour, capfd):

@@ -315,7 +315,7 @@ def test_a_process_that_died_is_a_sentence(system, tmp_path, monkeypatch):
             future.set_exception(BrokenProcessPool("terminated abruptly"))
             return future
 
-    monkeypatch.setattr("diagnosis.blind.make.ProcessPoolExecutor", Dead)
+    monkeypatch.setattr("diagnosis.blind.make.worker_pool", Dead)
     with pytest.raises(SimulationError, match=r"took a process down that made recordings of 48 h, .* fewer workers"):
         make(system, tmp_path / "set", recordings=2, seed=SEED, hours=48.0, workers=2)
 

@@ -3,6 +3,7 @@ import shutil
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from shared.errors import EstimatorError, RecordingError
 from shared.store import DatasetFolder
@@ -252,7 +253,7 @@ def test_samples_and_their_picture_are_not_written_over_each_other(ridge_run, ta
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_table_says_which_of_two_answers_to_take(monkeypatch, capsys):
+def test_the_table_has_one_answer_the_posteriors_where_there_is_one(monkeypatch, capsys):
     value = Estimate(value=2.0, unit="m2", rmse=0.5, at_bound=False, median=2.1, low=1.5, high=2.7)
 
     def answer(one):
@@ -265,9 +266,10 @@ def test_the_table_says_which_of_two_answers_to_take(monkeypatch, capsys):
         return capsys.readouterr().out
 
     both = answer(value)
-    assert "Use the median and its 90 % interval" in both
+    assert "2.1" in both and "1.5 to 2.7" in both and "rmse" not in both
     assert "remark" not in both
-    assert "Use the median" not in answer(value.model_copy(update={"median": None, "low": None, "high": None}))
+    alone = answer(value.model_copy(update={"median": None, "low": None, "high": None}))
+    assert "+- rmse" in alone and "0.5" in alone and "rmse: of rooms" in alone and "interval" not in alone
     bound = answer(value.model_copy(update={"at_bound": True}))
     assert "remark" in bound and "at the end of its range" in bound
 
@@ -280,3 +282,13 @@ def test_what_does_not_fit_of_another_system_is_said_to_be_of_it(ridge_run, reco
     other = write(recording.assign_attrs(system_name="Barrel"), tmp_path / "other.nc")
     with pytest.raises(RecordingError, match=r"; the recording is of the system 'Barrel', and the run of '\w+'$"):
         predict(ridge_run, other)
+
+
+def test_a_recording_in_memory_is_estimated_as_the_one_in_the_file(ridge_run, recording, tmp_path):
+    path = write(recording, tmp_path / "r.nc")
+    with xr.open_dataset(path) as opened:
+        found = predict(ridge_run, opened)
+    assert found == predict(ridge_run, path)
+    assert predict(ridge_run, recording).predictions == found.predictions
+    with pytest.raises(RecordingError, match=r"^dataset-\w+: has no channel 'level', which the run reads"):
+        predict(ridge_run, recording.drop_vars("level").drop_encoding())
