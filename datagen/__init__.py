@@ -1,8 +1,8 @@
 """The simulation farm: samples systems, simulates FMUs, writes datasets.
 
 The functions behind the commands of the same names: :func:`describe`, :func:`run`, :func:`simulate`, :func:`info`,
-:func:`verify`, :func:`repair`, :func:`merge`, :func:`copy`, :func:`compare`, :func:`identifiability`. :func:`open` gives
-a dataset to xarray; :func:`load_system`, :class:`Simulator` and :func:`ceilings_of` are for studies of one's own.
+:func:`verify`, :func:`repair`, :func:`merge`, :func:`copy`, :func:`compare`, :func:`identifiability`. :func:`open`
+gives a dataset to xarray; :func:`load_system`, :class:`Simulator` and :func:`ceilings_of` are for studies of one's own.
 """
 
 from __future__ import annotations

@@ -22,6 +22,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit, urlunsplit
 
+import xarray as xr
+
 from shared.ceiling import FILE_NAME as CEILING_FILE
 from shared.errors import DatasetError
 from shared.lock import FILE_NAME as LOCK_FILE
@@ -31,6 +33,7 @@ from shared.manifest import Manifest
 from shared.places import check_folder, is_url, url_of
 from shared.progress import progress_bar
 from shared.reading import MIB, read_bytes, read_text, why
+from shared.results import Result
 from shared.store import MANIFEST, MOST_MANIFEST, check_shard_name, parse_manifest, sha256_of, temporary_name
 
 BESIDE = ("failures.jsonl", CEILING_FILE, "README.md")
@@ -48,8 +51,8 @@ _DATASET = "a dataset made by `datagen run`"
 _log = logger(__name__)
 
 
-@dataclass(frozen=True)
-class Copied:
+@dataclass(frozen=True, repr=False)
+class Copied(Result):
     """What a copy did: shards that were copied, their size, and shards that were there already."""
 
     target: str
@@ -58,9 +61,15 @@ class Copied:
     bytes: int
     kept: int
 
-    def __str__(self) -> str:
+    @property
+    def headline(self) -> str:
+        """What this is, in a few words."""
         there = f", {self.kept} shards were there" if self.kept else ""
         return f"{self.target}: {self.systems} systems, {self.shards} shards copied ({self.bytes / MIB:.1f} MiB){there}"
+
+    def to_dataframe(self) -> Any:
+        """One row."""
+        return xr.Dataset({name: ("copy", [value]) for name, value in vars(self).items()}).to_dataframe()
 
 
 class _Failed(DatasetError):

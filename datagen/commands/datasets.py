@@ -101,7 +101,7 @@ def copy(source: str, target: str, /, *, report: Reporting = USUAL) -> int:
     """
     from datagen import copy as copy_
 
-    console.print(f"{copy_(source, target, quiet=report.quiet)}", markup=False)
+    console.print(copy_(source, target, quiet=report.quiet).headline, markup=False)
     return OK
 
 
