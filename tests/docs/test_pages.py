@@ -85,7 +85,7 @@ def test_the_quick_start(run, capsys):
 @pytest.mark.slow
 def test_sharing(run):
     folder, count = run("docs/share.md")
-    assert count == 6
+    assert count == 7
     both = xr.concat([xr.load_dataset(one) for one in sorted((folder / "both" / "shards").glob("*.nc"))], "system")
     assert both.sizes["system"] == 80
 
