@@ -38,10 +38,22 @@ LONGEST = (
 keeps a process busy when the others have nothing left to do."""
 
 
+TOGETHER = ("drifted", "results", "calibrated")
+"""Fixtures of a session that take long to make: all files that use one of them go to the same process."""
+
+
+@pytest.hookimpl(tryfirst=True)  # xdist reads the groups
 def pytest_collection_modifyitems(items):
-    """Sort by file alone: within a file, and among all other files, the order stays."""
+    """Sort by file alone: within a file, and among all other files, the order stays. A file is dealt out as a whole."""
     place = {ROOT / "tests" / name: k for k, name in enumerate(LONGEST)}
     items.sort(key=lambda item: place.get(item.path, len(place)))
+    groups = {}
+    for item in items:
+        for name in {*TOGETHER} & {*getattr(item, "fixturenames", ())}:
+            groups[item.path] = name
+    for item in items:
+        group = groups.get(item.path, item.path.relative_to(ROOT).as_posix())
+        item.add_marker(pytest.mark.xdist_group(group))
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -110,7 +110,7 @@ def readers(folder: Path) -> list[Reader]:
         }
         xr.Dataset(series, {"time": time}).to_netcdf(at / "r.nc", format=form)
         read = lambda at: read_recording(at / "r.nc", system)  # noqa: E731
-        found.append(Reader(f"recording, {form}", at, "r.nc", read, damage_bytes, examples=8))
+        found.append(Reader(f"recording, {form}", at, "r.nc", read, damage_bytes, examples=5))
     frame, _ = measured(days=2, minutes=30)
     for name, file, damage in (
         ("mapping", "mapping.toml", damage_text),

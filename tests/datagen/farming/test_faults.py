@@ -80,18 +80,10 @@ def made(dozen, tmp_path):
 
 MOMENTS = {
     "folder": lambda out, pid: (out / "manifest.json").exists() or len(family_of(pid)) > 1,
-    "manifest": lambda out, pid: (out / "manifest.json").exists(),
     "workers": lambda out, pid: workers_of(pid),
-    "all workers": lambda out, pid: len(workers_of(pid)) == 2,
 }
-EARLY = [
-    ("folder", signal.SIGINT),
-    ("manifest", signal.SIGKILL),
-    ("workers", signal.SIGINT),
-    ("workers", signal.SIGKILL),
-    ("all workers", signal.SIGINT),
-]
-"""Stops before the first shard, ever later."""
+EARLY = [("folder", signal.SIGINT), ("workers", signal.SIGKILL)]
+"""Stops before the first shard."""
 
 
 def test_stopped_again_and_again_it_is_the_same_and_leaves_nothing_behind(good, whole, tmp_path):
@@ -181,7 +173,7 @@ def spoilt(request, tanks, tmp_path_factory):
 # sorts by the place in the list, so that the one which the test below has too is the first
 @pytest.mark.parametrize(
     ("spoilt", "cause"),
-    [(3, "exit code 7"), (1, "SIGSEGV"), (2, "did not end within 6 s")],
+    [(1, "SIGSEGV"), (2, "did not end within 6 s")],
     indirect=["spoilt"],
     scope="module",
 )
@@ -203,7 +195,7 @@ def test_only_the_guilty_systems_are_quarantined_and_no_unpacked_fmu_is_left(spo
     assert list(scratch.rglob("modelDescription.xml")) == []
 
 
-@pytest.mark.parametrize("spoilt", [3], indirect=True, scope="module")
+@pytest.mark.parametrize("spoilt", [1], indirect=True, scope="module")
 def test_failures_are_tried_again_only_when_asked(spoilt, tmp_path):
     bad, made, *_ = spoilt
     shutil.copytree(made, tmp_path, dirs_exist_ok=True)
@@ -231,7 +223,7 @@ def test_the_failure_budget_stops_a_run_that_goes_wrong(tanks, tmp_path, taken_t
 
 
 def test_a_leaking_fmu_gets_fresh_workers(tanks, tmp_path, monkeypatch, taken_to_be_alive):
-    """Twelve years of a tank, each of which loses sixty megabytes: no worker sees many of them, however short.
+    """Six years of a tank, each of which loses sixty megabytes: no worker sees many of them, however short.
 
     Dask would give up for good a worker that is not back in time: the farm does not let it, whatever is set.
     """
@@ -242,14 +234,14 @@ def test_a_leaking_fmu_gets_fresh_workers(tanks, tmp_path, monkeypatch, taken_to
         "take",
         lambda self, piece, result: seen.append((result.pid, result.rss)) or take(self, piece, result),
     )
-    size = {**SIZE, "shard_size": 1, "workers": 1, "hours": 8760.0}
+    size = {**SIZE, "systems": 6, "shard_size": 1, "workers": 1, "hours": 8760.0}
     with dask.config.set({"distributed.deploy.lost-worker-timeout": "1s"}):
         manifest = run(leaky, tmp_path / "leaky", recycle=100e6, **size)
-    assert len(manifest.done()) == len(seen) == 12
+    assert len(manifest.done()) == len(seen) == 6
     assert (tmp_path / "leaky" / "failures.jsonl").read_text() == ""
     counts = Counter(pid for pid, _ in seen)
     assert len(counts) >= 2
-    assert max(counts.values()) <= 6  # two or three make it grow by a hundred; what the system gives back is left
+    assert max(counts.values()) <= 5  # two or three make it grow by a hundred; what the system gives back is left
 
 
 def test_more_systems_by_extension_leave_the_old_shards_alone(good, dozen, tmp_path, monkeypatch):

@@ -86,24 +86,6 @@ def test_views_are_the_same_window_in_patches_that_begin_elsewhere(model):
     torch.testing.assert_close(both.read(columns), (model.read(columns) + second) / 2)
 
 
-def test_training_sees_two_views_at_a_time(model):
-    several = with_views(4)
-    columns = model.columns(torch.randn(2, 48, 5))
-    one = [model._encode(columns)] + [model._encode(several._shifted(columns, shift)) for shift in (3, 6, 9)]
-    pairs = {(a, b): (one[a] + one[b]) / 2 for a in range(4) for b in range(a)}
-    seen = set()
-    for _ in range(60):
-        found = several.read(columns)
-        seen |= {pair for pair, mean in pairs.items() if torch.allclose(found, mean, atol=1e-6)}
-    assert seen == set(pairs)
-    torch.testing.assert_close(several.eval().read(columns), torch.stack(one).mean(dim=0))
-
-
-def test_more_views_than_samples_of_a_patch_are_refused():
-    with pytest.raises(EstimatorError, match="views is 13; expected no more than the 12 samples of a patch"):
-        build("multiscale-transformer", SHAPE, {"views": 13})
-
-
 def test_a_patch_longer_than_the_context_is_refused():
     with pytest.raises(EstimatorError, match="patch is 97 samples; expected no more than the 96"):
         build("multiscale-transformer", SHAPE, {"patch": 97})
