@@ -77,13 +77,14 @@ def test_views_are_the_same_window_in_patches_that_begin_elsewhere(model):
     columns = model.columns(windows)
     nothing = torch.zeros(3, 6, columns.shape[2])
     nothing[:, :, -2:] = 1
-    second = model.read(torch.cat([nothing, columns, nothing], dim=1))
+    facts = torch.zeros(3, 0)
+    second = model.read(torch.cat([nothing, columns, nothing], dim=1), facts)
     both = with_views(2).eval()
     torch.testing.assert_close(both.embed(windows), (model.embed(windows) + second) / 2)
     # the longest window has no room for a patch more: the oldest half patch is left out
     columns = model.columns(torch.randn(3, 96, 5))
-    second = model.read(torch.cat([columns, nothing], dim=1)[:, -96:])
-    torch.testing.assert_close(both.read(columns), (model.read(columns) + second) / 2)
+    second = model.read(torch.cat([columns, nothing], dim=1)[:, -96:], facts)
+    torch.testing.assert_close(both.read(columns, facts), (model.read(columns, facts) + second) / 2)
 
 
 def test_a_patch_longer_than_the_context_is_refused():

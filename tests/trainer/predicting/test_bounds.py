@@ -19,7 +19,7 @@ PLACES = [
 def answering(estimate, monkeypatch):
     """Let runs answer parameters to whatever they read."""
     monkeypatch.setattr(
-        Run, "read", lambda run, values, _: run.card.encoding.targets(np.tile(estimate, (len(values), 1)))
+        Run, "read", lambda run, values, *_: run.card.encoding.targets(np.tile(estimate, (len(values), 1)))
     )
 
 
