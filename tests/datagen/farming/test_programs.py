@@ -59,10 +59,9 @@ def alone(tanks, tmp_path_factory):
     return found
 
 
-@pytest.mark.parametrize("method", ["spawn", "fork"])
-def test_a_script_without_a_guard_has_its_farm(tanks, alone, tmp_path, method):
+def test_a_script_without_a_guard_has_its_farm(tanks, alone, tmp_path):
     (tmp_path / "script.py").write_text(SCRIPT)
-    env = environment() | {"DASK_DISTRIBUTED__WORKER__MULTIPROCESSING_METHOD": method}
+    env = environment()
     words = [sys.executable, "script.py", str(tanks[0]), "ds"]
     done = subprocess.run(words, env=env, cwd=tmp_path, capture_output=True, text=True, timeout=300)
     assert (done.returncode, done.stdout) == (0, "begun\n"), done.stderr
