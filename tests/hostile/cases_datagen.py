@@ -118,7 +118,7 @@ def readers(folder: Path) -> list[Reader]:
     ]
     for form, file in WEATHER:
         read = lambda at, file=file: checked_weather(at / file)  # noqa: E731
-        found.append(Reader(f"weather, {form}", folder / form, file, read, damage_text, examples=4, own_words=True))
+        found.append(Reader(f"weather, {form}", folder / form, file, read, damage_text, examples=2, own_words=True))
     for file in ("mapping.toml", "rooms.csv", "room1.csv"):
         at = folder / f"recorded-{file}"
         at.mkdir()

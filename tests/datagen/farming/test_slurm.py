@@ -8,7 +8,7 @@ import dask
 import pytest
 
 from datagen.commands.run import _options
-from datagen.farming.cluster import _CONFIG
+from datagen.farming.cluster import _CONFIG, QUEUES, connect
 from datagen.farming.slurm import slurm
 from shared.errors import ClusterError
 
@@ -128,3 +128,22 @@ def test_without_dask_jobqueue_it_is_said_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "dask_jobqueue", None)
     with pytest.raises(ClusterError, match=r"install zeroshot-fmu\[cluster\]"):
         slurm(1, {}, LISTENING)
+
+
+def test_a_kind_is_one_line_and_listens_on_loopback(monkeypatch):
+    asked = []
+
+    def made(*what):
+        asked.append(what)
+        raise ClusterError("asked")
+
+    monkeypatch.setitem(QUEUES, "mine", made)
+    place = {"workers": 3, "host": "127.0.0.1"}  # all jobs on this machine
+    with pytest.raises(ClusterError, match="asked"), connect(cluster="mine", options={"queue": "night"}, **place):
+        pass
+    assert asked == [(3, {"queue": "night"}, {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"})]
+    with pytest.raises(ClusterError, match="asked"), connect(cluster="mine", options={"interface": "ib0"}):
+        pass
+    assert asked[1] == (1, {"interface": "ib0"}, {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"})
+    with pytest.raises(ClusterError, match="expected local or slurm or mine"), connect(cluster="yours"):
+        pass

@@ -12,7 +12,7 @@ from datagen.driving.tables import Piecewise, merge
 from datagen.fmi.fmu import Fmu
 from datagen.fmi.interface import library
 from datagen.simulating.canary import resets_cleanly
-from datagen.simulating.cosimulation import plan_steps
+from datagen.simulating.cosimulation import longest_step, plan_steps
 from datagen.simulating.simulator import Simulator
 from shared.errors import FmuError, SimulationError
 
@@ -178,3 +178,13 @@ def test_scheduled_execution_is_refused(small_fmu, tmp_path):
         target.writestr("modelDescription.xml", text.replace("<ModelExchange", "<ScheduledExecution"))
     with pytest.raises(FmuError, match=r"FMI 3\.0 without Model Exchange or Co-Simulation"):
         Fmu(tmp_path / "clocked.fmu")
+
+
+def test_the_communication_step():
+    assert longest_step(3600.0, None, None, means=False) == 300.0
+    assert longest_step(300.0, None, None, means=False) == 300.0
+    assert longest_step(300.0, None, None, means=True) == 25.0
+    assert longest_step(1.0, 0.1, None, means=False) == pytest.approx(0.1)
+    assert longest_step(3600.0, 0.002, None, means=False) == pytest.approx(3.6)  # its own step is far too small
+    assert longest_step(3600.0, None, 40.0, means=False) == 240.0  # fifteen parts, six internal steps each
+    assert longest_step(3600.0, None, 7.0, means=False) == 300.0  # cannot be met

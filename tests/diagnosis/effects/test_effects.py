@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from datagen.driving.tables import Piecewise, merge
-from diagnosis.effects import Effect, build, library
+from diagnosis.effects import Effect, Nothing, build, clash, library
 from diagnosis.effects.kinds import lagged
 from diagnosis.effects.shapes import followed, shape_signal, timetable
 from diagnosis.recording import DAY, HOUR, Recording
@@ -225,3 +225,10 @@ def test_thermostat_moves_the_set_point_against_its_error(default_system, record
     thermostat = effects(default_system)["thermostat.bias"]
     np.testing.assert_allclose(thermostat.inputs(0.5, inputs, recording)["TSet"].values, inputs["TSet"].values - 0.5)
     assert thermostat.outputs(0.5, recording.outputs, recording.time)[0, 0] == recording.outputs[0, 0] + 0.5
+
+
+def test_two_that_set_the_same_clash(default_system, recording):
+    found = effects(default_system)
+    assert clash([found["window.warm"], found["window.night"]]).startswith("window.warm and window.night both set ")
+    assert not clash([found["outdoor.CO2.offset"], found["outdoor.CO2.swing"], found["plug"]])
+    assert Nothing("placebo").outputs(3.0, recording.outputs, recording.time) is recording.outputs

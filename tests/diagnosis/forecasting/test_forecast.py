@@ -9,6 +9,7 @@ import pytest
 
 from datagen import simulate
 from diagnosis.calibrating.calibration import calibrate
+from diagnosis.calibrating.given import check_constants
 from diagnosis.calibrating.schema import read_calibration
 from diagnosis.cli import app
 from diagnosis.fitting.problem import Problem
@@ -193,3 +194,29 @@ def test_the_command_goes_on_from_a_calibration(house, house_recording, tmp_path
     assert f"Parameters from a calibration on 96 h of {path}" in page
     assert "Intervals are up to 1.5 times as wide as the fit makes them" in page
     assert page.index("Over the 24 h ahead the forecast was off in room by") < page.index("Intervals are up to")
+
+
+@pytest.mark.parametrize(
+    ("names", "relative", "said"),
+    [
+        ("ab", 0.3, None),
+        ("ba", 0.3, "constant 'a'"),
+        ("ab", 0.1, "'a' is 1.35; the description has 'a' there"),
+        ("abc", 0.3, r"has 2 uncertain constants \(a, b\), the description 3 \(a, b, c\)"),
+        ("", 0.3, r"the description 0 \(none\)"),
+    ],
+)
+def test_a_calibration_with_other_uncertain_constants_is_refused(names, relative, said):
+    """They are no part of the description's hash, and the unknowns stand for what the description says they are."""
+    z = np.array([1.0, -0.5])
+    told = [SimpleNamespace(name=name, factor=np.exp(0.3 * one)) for name, one in zip("ab", z, strict=True)]
+    problem = SimpleNamespace(
+        values=lambda z: np.exp(relative * z),
+        constants=[SimpleNamespace(name=name) for name in names],
+        unknown=SimpleNamespace(places_of_constants=range(2)),
+    )
+    if said is None:
+        check_constants(SimpleNamespace(constants=told), problem, z)
+        return
+    with pytest.raises(RecordingError, match=said):
+        check_constants(SimpleNamespace(constants=told), problem, z)

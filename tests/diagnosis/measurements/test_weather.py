@@ -8,7 +8,7 @@ import pytest
 from diagnosis.measurements.clock import find_zone, make_clock
 from diagnosis.measurements.mapping import Place
 from diagnosis.measurements.signal import Signal
-from diagnosis.measurements.weather import Daylight, on_the_plane, sky, sun_clock
+from diagnosis.measurements.weather import Daylight, cloud_cover, on_the_plane, sky, sun_clock
 from shared.flags import COMPUTED
 from shared.signals import Weather
 
@@ -105,3 +105,13 @@ def test_the_sun_tells_a_wrong_clock(late):
     assert abs(found - late) <= 5
     assert correlation > 0.98
     assert (down > 0.005) == (abs(late) >= 120)
+
+
+@pytest.mark.parametrize("cover", [0.0, 0.6, 1.0])
+def test_cloud_cover_comes_back(cover):
+    _, sun = clear_days()
+    sine = np.sin(np.radians(sun["apparent_elevation"].to_numpy()))
+    ghi = np.maximum(910 * sine - 30, 0) * (1 - 0.75 * cover**3.4)
+    noons, found = cloud_cover(means(ghi, 300), CLOCK, PLACE)
+    assert len(noons) == 3 and (noons % 86400 == 43200).all()
+    np.testing.assert_allclose(found, cover, atol=0.03)

@@ -233,3 +233,18 @@ def test_a_missing_or_damaged_shard_is_named(tmp_path, damage, words):
 def stopping(loop, *_):
     loop._keep()
     raise KeyboardInterrupt
+
+
+def test_a_coarse_training_is_a_training_of_its_own(tanks, tmp_path):
+    settings = {"model": "regression-transformer", "options": SMALL | {"patch": 12, "views": 2}, "steps": 8}
+    exact = fit(tanks, tmp_path / "exact", **settings)
+    rough = fit(tanks, tmp_path / "rough", coarse=True, **settings)
+    assert (exact.card.training.coarse, rough.card.training.coarse) == (False, True)
+    assert rough.card.weights_sha256 != exact.card.weights_sha256
+    assert rough.card.training.validation_loss == pytest.approx(exact.card.training.validation_loss, rel=0.05)
+    values = DatasetFolder(tanks).load().values[:5, :, :48].transpose(0, 2, 1)[..., :1]
+    first = rough.estimate(values, np.zeros(5))
+    rough.model.coarse = False  # estimates have all digits either way
+    assert np.array_equal(rough.estimate(values, np.zeros(5)), first)
+    with pytest.raises(EstimatorError, match="coarse: lstm is trained with all digits only"):
+        fit(tanks, tmp_path / "lstm", model="lstm", coarse=True, steps=1)

@@ -5,16 +5,20 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import pytest
 import torch
 
 from shared.errors import EstimatorError
+from trainer.models.base import Recipe, Shape
+from trainer.models.patch_transformer import PatchTransformer
 from trainer.reading.windows import Sampler
 from trainer.runs.checkpoint import load_run, read_card
-from trainer.runs.state import STATE, read_state, write_state
+from trainer.runs.state import STATE, optimiser_tensors, read_state, restore_optimiser, write_state
 from trainer.training.fitting import fit
 from trainer.training.loop import Loop
+from trainer.training.optimisers import make_optimisers
 
 SMALL = {"width": 16, "layers": 1, "heads": 2, "feedforward": 32, "dropout": 0.2}
 SETTINGS = {"options": SMALL, "noise": "gauge", "context_hours": 12.0, "seed": 3}
@@ -186,3 +190,37 @@ def test_fewer_training_systems_are_the_first_ones(tanks, tmp_path):
     for wrong in (0, 1, 81):  # one alone had losses in log10, told as shares of the spread
         with pytest.raises(EstimatorError, match=f"systems: is {wrong}; expected 2 to the 80 training systems"):
             fit(tanks, tmp_path / "none", model="mean", systems=wrong)
+
+
+@pytest.mark.parametrize("optimiser", ["adamax", "adamw", "muon"])
+def test_every_optimiser_goes_on_as_if_nothing_had_happened(tmp_path, optimiser):
+    shape = Shape(length=24, outputs=1, recorded=1, columns=1, parameters=2, step=3600.0)
+    recipe = replace(Recipe(), optimiser=optimiser)
+    torch.manual_seed(0)
+    batches = [torch.randn(4, 24, 1) for _ in range(6)]
+
+    def made():
+        torch.manual_seed(1)
+        network = PatchTransformer(shape, patch=6, width=8, layers=1, heads=2, feedforward=8, dropout=0.0)
+        return network, make_optimisers(network, recipe)
+
+    def train(network, optimisers, some):
+        for batch in some:
+            network.zero_grad()
+            network(batch, torch.zeros(4)).square().mean().backward()
+            for one in optimisers:
+                one.step()
+
+    network, optimisers = made()
+    train(network, optimisers, batches[:3])
+    parts = {"network": network.state_dict()} | {str(k): optimiser_tensors(o) for k, o in enumerate(optimisers)}
+    write_state(tmp_path / STATE, parts, {})
+    train(network, optimisers, batches[3:])
+    other, others = made()
+    parts, _ = read_state(tmp_path / STATE)
+    other.load_state_dict(parts["network"])
+    for k, one in enumerate(others):
+        restore_optimiser(one, parts[str(k)])
+    train(other, others, batches[3:])
+    for name, weight in network.state_dict().items():
+        assert torch.equal(weight, other.state_dict()[name]), name
