@@ -18,21 +18,22 @@ if os.environ.get("CI"):
 
 ROOT = Path(__file__).resolve().parents[1]
 LONGEST = (
-    "datagen/farming/test_faults.py",
     "diagnosis/gap/test_conditions.py",
-    "docker/test_images.py",
-    "diagnosis/gap/test_fewer.py",
+    "diagnosis/gap/test_gap.py",
+    "datagen/farming/test_faults.py",
     "packaging/test_wheel.py",
     "docs/test_gallery.py",
-    "diagnosis/blind/test_detectability.py",
-    "docker/test_farm.py",
-    "diagnosis/blind/test_running.py",
-    "diagnosis/blind/test_make.py",
-    "diagnosis/gap/test_apart.py",
-    "diagnosis/gap/test_gap.py",
+    "docker/test_images.py",
+    "diagnosis/gap/test_exchange.py",
+    "docs/test_pages.py",
     "trainer/benchmarking/test_running.py",
     "diagnosis/fitting/test_fit.py",
-    "docs/test_pages.py",
+    "diagnosis/blind/test_running.py",
+    "diagnosis/gap/test_missing.py",
+    "diagnosis/gap/test_afresh.py",
+    "docker/test_farm.py",
+    "diagnosis/blind/test_detectability.py",
+    "hostile/test_diagnosis.py",
 )
 """Files that take longest, in that order. They come first: where files are dealt out to processes, one that begins late
 keeps a process busy when the others have nothing left to do."""

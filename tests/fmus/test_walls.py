@@ -63,15 +63,3 @@ def test_resistance_of_the_facade_is_the_parameter(twin):
         A = 0.6 * 3.0 * np.sqrt(120.0)
         assert t.get("QFacOut")[0] == pytest.approx(-A * dT / resistance, rel=1e-6)
         assert t.get("QFacRoo")[0] == pytest.approx(-A * dT / resistance, rel=1e-6)
-
-
-@pytest.mark.slow
-def test_finer_walls_stay_near(simulate, build_fmu, weather):
-    """Nine and seventeen nodes a wall against three: near, and converging."""
-    t = np.arange(0.0, 30 * 86400.0 + 1, 3600.0)
-    inputs = weather(t + 1800.0)
-    out = {n: simulate(t, inputs, fmu=build_fmu(n), rtol=1e-7)[240:] for n in (3, 9, 17)}
-    rms = {n: np.sqrt(np.mean((out[n][:, 0] - out[17][:, 0]) ** 2)) for n in (3, 9)}
-    assert np.std(out[17][:, 0]) > 0.5
-    assert 1e-4 < rms[3] < 0.3
-    assert rms[9] < rms[3] / 4
