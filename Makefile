@@ -9,7 +9,7 @@ export OMP_NUM_THREADS ?= 1
 # fast tests of the documents, which are checks
 CHECKED := tests/test_readme.py tests/docs/test_plain_english.py
 
-.PHONY: demo test check docs wheels clean
+.PHONY: demo test check docs reference wheels clean
 .DEFAULT_GOAL := test
 
 $(READY): pyproject.toml constraints.txt
@@ -29,6 +29,10 @@ check: $(READY)
 
 docs: $(READY)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+# the pages of docs/reference that are made from the code
+reference: $(READY)
+	$(BIN)/python docs/making/reference.py
 
 # the wheel in clean environments under every Python that is there (PYTHONS names others), and the steps of all images
 PYTHONS ?= python3.11 python3.12 python3.13

@@ -10,6 +10,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
+from diagnosis.app.server import app as app_
 from diagnosis.blind.command import app as blind
 from diagnosis.calibrating.command import calibrate
 from diagnosis.forecasting.command import forecast
@@ -19,6 +20,7 @@ from diagnosis.usual import WARM_UP
 from shared.assignments import assignments
 from shared.console import OK, new_app, new_console, start
 from shared.stretches import LONGEST, Stretch
+from shared.watchdog import PATIENT, Patience
 
 app = new_app(
     "diagnosis",
@@ -41,6 +43,7 @@ def residuals(
     warm_up: float = WARM_UP,
     stretch: Stretch = LONGEST,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
+    patience: Patience = PATIENT,
 ) -> int:
     """Simulate a recording with given, estimated or calibrated parameters, and print the residuals.
 
@@ -81,12 +84,12 @@ def residuals(
         warm_up=warm_up,
     )
     if as_json:
-        sys.stdout.write(json.dumps(found, indent=1, allow_nan=False) + "\n")
+        sys.stdout.write(json.dumps(found.to_json(), indent=1, allow_nan=False) + "\n")
         return OK
     table = Table("output", "unit", "RMSE", "bias", "CVRMSE", "NMBE", "lag-1 autocorrelation", box=None)
-    for name, one in found["outputs"].items():
+    for name, one in found.outputs.items():
         table.add_row(
-            f"{name} (replayed)" if name in found["replayed"] else name,
+            f"{name} (replayed)" if name in found.replayed else name,
             one["unit"],
             f"{one['rmse']:.4g}",
             f"{one['bias']:.4g}",
@@ -95,10 +98,10 @@ def residuals(
             "-" if one["autocorrelation"] is None else f"{one['autocorrelation']:.2f}",
         )
     console.print(table)
-    if found["assumed"]:
-        taken = "; ".join(f"{name} = {what}" for name, what in found["assumed"].items())
+    if found.assumed:
+        taken = "; ".join(f"{name} = {what}" for name, what in found.assumed.items())
         console.print(f"Not measured, and taken as: {taken}.", markup=False)
-    if any(name in found["outputs"] for name in found["replayed"]):
+    if any(name in found.outputs for name in found.replayed):
         said = "Replayed outputs drive the model, so their rows say nothing about it."
         console.print(said, markup=False)
     return OK
@@ -108,6 +111,7 @@ app.command(import_, name="import")
 app.command(calibrate)
 app.command(forecast)
 app.command(run_, name="run")
+app.command(app_, name="app")
 app.command(blind)
 
 

@@ -683,7 +683,7 @@ def _crowded(system: System, recording: Recording) -> Iterator[Finding]:
 def _small(system: System, recording: Recording) -> Iterator[Finding]:
     """CO2 that rises faster than the persons can make it in the smallest room that the description allows."""
     persons, excess = _persons(system), _gas_output(system, recording)
-    volumes = [one for one in system.parameters if spelled(one.unit) == "m3"]
+    volumes = [one for one in system.parameters if spelled(one.unit) == "m3" and one.min > 0]
     noise = [
         max((n.sd for n in one.noise.values()), default=0.0) for one in system.outputs if spelled(one.unit) == "ppm"
     ]

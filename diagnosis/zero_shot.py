@@ -14,9 +14,9 @@ from diagnosis.recording import HOUR, Recording
 from shared.errors import EstimatorError, RecordingError
 from shared.gaps import bridge
 from shared.logs import logger
-from shared.netcdf import read_netcdf, write_netcdf
-from shared.schema import RECORDING
+from shared.netcdf import write_netcdf
 from shared.system import System
+from shared.times import read_recorded
 
 if TYPE_CHECKING:
     from trainer.predicting.prediction import Predictions
@@ -46,7 +46,7 @@ def estimate(run: Path | str, recording: Recording, system: System) -> dict[str,
     from trainer import load_run, predict
     from trainer.predicting.readings import GapError
 
-    data = read_netcdf(recording.path, RecordingError, RECORDING, times=True)
+    _, data = read_recorded(recording.path if recording.data is None else recording.data)
     time = recording.times(data)
     data = data.isel(time=np.flatnonzero((time >= recording.time[0] - 1) & (time <= recording.time[-1] + 1)))
     data = data.isel(system=0, drop=True) if "system" in data.dims else data

@@ -18,12 +18,12 @@ class Given(Table):
     a setting of the weather. An estimator reads it as a static input that may be unknown, unless it is ``hidden``.
     """
 
-    name: str
-    description: str = ""
-    unit: str
-    min: float
-    max: float
-    scale: Literal["linear", "log"] = "linear"
+    name: str = Field(description="in datasets and reports")
+    description: str = Field("", description="what it is, for reports")
+    unit: str = Field(description="of min and max")
+    min: float = Field(description="least value [unit]")
+    max: float = Field(description="greatest value [unit]")
+    scale: Literal["linear", "log"] = Field("linear", description="what it is uniform in: the value, or its logarithm")
     parameters: list[str] = Field([], description="FMU parameters that take the value")
     of: Literal["each", "sum"] = Field(
         "each", description="each parameter takes the value; or they are scaled so that their sum is the value"
@@ -63,8 +63,8 @@ class Ratio(Table):
 
     over: str = Field(description="name of an estimated parameter")
     under: str = Field(description="name of another one")
-    min: float = Field(ge=0)
-    max: float
+    min: float = Field(ge=0, description="least ratio")
+    max: float = Field(description="greatest ratio")
 
     def holds(self, values: dict[str, float]) -> bool:
         """Whether parameters, by name, are within the range."""

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
+import xarray as xr
 from pydantic import BaseModel, ConfigDict, Field
 
-from shared.schema import SCHEMA_VERSION
+from shared.results import Result
+from shared.schema import SCHEMA_VERSION, SPLITS, split_of
 
 Index = Annotated[int, Field(ge=0, lt=2**63)]
 """Of a system: what an int64 holds."""
@@ -30,7 +32,7 @@ class Source(BaseModel):
     systems: int
 
 
-class Manifest(BaseModel):
+class Manifest(Result, BaseModel):
     """What a dataset is, and which shards it has.
 
     ``stages`` are the numbers of systems asked for one after another, if the dataset was extended; ``sources`` the
@@ -52,6 +54,23 @@ class Manifest(BaseModel):
     stages: list[int] = []
     sources: list[Source] = []
     shards: list[ShardEntry] = []
+
+    @property
+    def headline(self) -> str:
+        """What this is, in a few words."""
+        done = sum(len(entry.systems) for entry in self.shards)
+        return f"{self.system_name}, {done} of {self.systems} systems in {len(self.shards)} shards"
+
+    def to_dataframe(self) -> Any:
+        """A row for each system that is done: its root seed, index and split, and the shard that it is in."""
+        rows = [(self.seed_of(entry), index, entry.file) for entry in self.shards for index in entry.systems]
+        columns = {
+            "root_seed": ("row", [seed for seed, _, _ in rows]),
+            "system": ("row", [index for _, index, _ in rows]),
+            "split": ("row", [SPLITS[split_of(seed, index)] for seed, index, _ in rows]),
+            "shard": ("row", [file for _, _, file in rows]),
+        }
+        return xr.Dataset(columns).to_dataframe()
 
     def all_versions(self) -> list[dict[str, str]]:
         """Every set of versions that took part in the numbers; the first is that which the dataset was begun with."""

@@ -46,8 +46,10 @@ class Weather(Table):
     )
     surface_tilt: float = Field(90.0, ge=0, le=180, description="[degree] from horizontal")
     surface_azimuth: float = Field(180.0, ge=0, le=360, description="[degree] east of north")
-    albedo: float = Field(0.2, ge=0, le=1)
-    transposition: Literal["isotropic", "haydavies", "perez"] = "perez"
+    albedo: float = Field(0.2, ge=0, le=1, description="share of the sun that the ground reflects")
+    transposition: Literal["isotropic", "haydavies", "perez"] = Field(
+        "perez", description="model of the diffuse light on the plane"
+    )
 
 
 _MOST = {
@@ -134,8 +136,8 @@ class Schedule(Table):
     10 K that are no temperature in K but one in degC or degF are refused.
     """
 
-    weekday: list[tuple[float, float]] = Field(min_length=1)
-    weekend: list[tuple[float, float]] | None = None
+    weekday: list[tuple[float, float]] = Field(min_length=1, description="(hour, value) [h, unit of the input]")
+    weekend: list[tuple[float, float]] | None = Field(None, description="the same of Saturday and Sunday")
     drawn: DrawnSchedule | None = Field(None, description="what simulated systems have in its place")
     first_weekday: FirstWeekday = Field(0, description="weekday of time zero: 0, Monday")
 
@@ -167,4 +169,4 @@ class Sinusoid(Table):
 class Excitation(Table):
     """A sum of sinusoids, the same for every system."""
 
-    components: list[Sinusoid] = Field(min_length=1)
+    components: list[Sinusoid] = Field(min_length=1, description="which are added up")

@@ -17,6 +17,7 @@ from typing import Any
 import netCDF4
 import numpy as np
 import xarray as xr
+from xarray.backends.locks import HDF5_LOCK, NETCDFC_LOCK, combine_locks
 
 from shared.errors import DatasetError, SystemDescriptionError
 from shared.manifest import Manifest as Manifest
@@ -150,6 +151,8 @@ class Records:
 
 _WRONG = (ArithmeticError, AttributeError, LookupError, MemoryError, OSError, RuntimeError, TypeError, ValueError)
 """What netCDF4 and numpy raise over a file that is not what it should be."""
+_ALONE = combine_locks([NETCDFC_LOCK, HDF5_LOCK])
+"""The C libraries crash where two threads use them: these are the locks that xarray takes for its own reads."""
 _UNDAMAGED = "though its sha256 is the manifest's; expected a shard made by `datagen run`"
 
 
@@ -160,17 +163,33 @@ def _finite(shard: netCDF4.Dataset, name: str) -> np.ndarray:
     return values
 
 
+def _folder_of(data: xr.Dataset) -> Path:
+    """Where a Dataset of `datagen.open` came from."""
+    source = data.encoding.get("source")
+    if not source or not Path(source).is_dir():
+        raise DatasetError(
+            "the Dataset in memory does not say which dataset it is; expected one of `datagen.open`, all of it, or the"
+            " folder of the dataset"
+        )
+    return Path(source)
+
+
 class DatasetFolder:
     """A dataset, opened for reading.
+
+    Parameters
+    ----------
+    folder
+        Its folder, or the whole of it as `datagen.open` has it.
 
     Raises
     ------
     DatasetError
-        If the folder holds no readable dataset.
+        If the folder holds no readable dataset, or what is in memory is a part of one.
     """
 
-    def __init__(self, folder: Path | str) -> None:
-        self.folder = Path(folder)
+    def __init__(self, folder: Path | str | xr.Dataset) -> None:
+        self.folder = _folder_of(folder) if isinstance(folder, xr.Dataset) else Path(folder)
         self.manifest = read_manifest(self.folder)
         try:
             self.system: System = system_from_canonical(self.manifest.system, self.folder / MANIFEST)
@@ -180,6 +199,28 @@ class DatasetFolder:
             raise error
         if self.system.hash() != self.manifest.system_hash:
             raise DatasetError(f"{self.folder / 'manifest.json'}: system and system_hash disagree; it was changed")
+
+        if isinstance(folder, xr.Dataset) and folder.sizes.get("system") != len(self.manifest.done()):
+            raise DatasetError(
+                f"{self.folder}: the Dataset in memory has {folder.sizes.get('system', 0)} of its"
+                f" {len(self.manifest.done())} systems; expected all of them, as `datagen.open` has them"
+            )
+
+    def values(self, entry: ShardEntry, name: str) -> np.ndarray:
+        """A variable of a shard as it lies in the file; several threads may ask at once.
+
+        Raises
+        ------
+        DatasetError
+            If the shard is missing or damaged, or has no such variable.
+        """
+        with _ALONE, self._open(entry) as shard:
+            try:
+                return np.asarray(shard[name][...])
+            except _WRONG as error:
+                raise DatasetError(
+                    f"{self.shard_path(entry)}: not as the manifest says ({why(error)}), {_UNDAMAGED}"
+                ) from None
 
     def shard_path(self, entry: ShardEntry) -> Path:
         """Where a shard lies; a name that leaves the folder is refused."""

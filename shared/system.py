@@ -60,34 +60,38 @@ class Experiment(Table):
 class Estimator(Table):
     """What the default estimator reads."""
 
-    channels: list[str]
-    context_hours: float = Field(168.0, gt=0)
+    channels: list[str] = Field(description="names of outputs and inputs, unless a command names others")
+    context_hours: float = Field(168.0, gt=0, description="length of the recording that it reads [h]")
 
 
 class Preset(Table):
     """A named dataset: how many systems, and what of the experiment differs from the description's."""
 
-    systems: int = Field(ge=1)
+    systems: int = Field(ge=1, description="how many")
     hours: float | None = Field(None, gt=0, description="length of the record [h]")
     step: float | None = Field(None, gt=0, description="output step [s]")
     start: tuple[float, float] | None = Field(None, description="as that of the experiment [h]")
-    description: str = ""
+    description: str = Field("", description="what it is for")
 
 
 class System(Table):
     """A system description. Load one with :func:`load_system`."""
 
-    schema_version: Literal[1]
-    name: str
-    description: str = ""
-    fmu: str
+    schema_version: Literal[1] = Field(description="of this format")
+    name: str = Field(description="in datasets and reports")
+    description: str = Field("", description="what it is, for reports")
+    fmu: str = Field(description="the FMU's file, as seen from this one's folder")
     kind: Literal["ModelExchange", "CoSimulation"] | None = Field(
         None, description="of an FMU that is both, which one is simulated; Model Exchange if not given"
     )
     experiment: Experiment = Experiment()
     estimator: Estimator
-    fixed: dict[str, float | bool] = {}
-    replay: dict[str, float | bool] = {}
+    fixed: dict[str, float | bool] = Field(
+        {}, description="FMU variables by name, and the value that each keeps [the FMU's unit]; Boolean inputs, too"
+    )
+    replay: dict[str, float | bool] = Field(
+        {}, description="FMU parameters that make recorded actuators replace the control loops [the FMU's unit]"
+    )
     parameters: list[Parameter] = Field(min_length=1)
     inputs: list[Input] = []
     outputs: list[Output] = Field(min_length=1)
@@ -334,11 +338,12 @@ def load_system(path: Path | str) -> System:
     SystemDescriptionError
         If the file is missing, not TOML, or does not describe a system.
     """
-    path = resolved(path)
+    named, path = Path(path), resolved(path)
     if path.is_dir():
         path = path / "system.toml"
     shipped = ", ".join(shipped_systems())
     expected = f"a system description (TOML), or the name of one that comes with the package ({shipped})"
+    expected += meant(named.name, shipped_systems()) if len(named.parts) == 1 else ""
     if path.is_file() and is_zipfile(path):
         raise SystemDescriptionError(
             f"{path}: is an FMU or another archive; expected a system description (TOML) that names it as its fmu:"

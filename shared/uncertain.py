@@ -17,8 +17,8 @@ class Uncertain(Table):
     What ``fixed`` sets to 0 stays 0.
     """
 
-    name: str
-    description: str = ""
+    name: str = Field(description="in reports")
+    description: str = Field("", description="what it is, for reports")
     parameters: list[str] = Field(min_length=1, description="names of FMU parameters, each positive")
     relative: float = Field(gt=0, le=1, description="standard deviation of the logarithm of their common factor")
 

@@ -13,6 +13,7 @@ from rich.table import Table
 from shared.console import OK, NotNegative, Place, Positive, new_console
 from shared.logs import USUAL, Reporting
 from shared.numbers import number
+from shared.watchdog import PATIENT, Patience
 
 console = new_console()
 
@@ -31,6 +32,7 @@ def compare(
     excitation: bool = True,
     out: Place | None = None,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
+    patience: Patience = PATIENT,
     report: Reporting = USUAL,
 ) -> int:
     """Compare two models of one system: by time of year, by regime, by system.

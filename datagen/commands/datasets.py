@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 from rich.table import Table
@@ -29,7 +29,7 @@ def info(folder: Path, *, as_json: Annotated[bool, Parameter(name="--json", nega
     """
     from datagen import info as info_
 
-    found = info_(folder)
+    found = vars(info_(folder))
     if as_json:
         sys.stdout.write(json.dumps(found, indent=1, allow_nan=False) + "\n")
         return OK
@@ -71,7 +71,7 @@ def verify(
     for name, value in (("system", system), ("timeout", timeout)):
         if value is not None and not repair:
             raise DatasetError(f"--{name} is given without --repair; expected both, or neither")
-    allowed = {} if timeout is None else {"timeout": timeout}
+    allowed: dict[str, Any] = {} if timeout is None else {"timeout": timeout}
     mended = repair_(folder, system, quiet=report.quiet, **allowed) if repair else []
     faults = verify_(folder, quiet=report.quiet)
     if as_json:

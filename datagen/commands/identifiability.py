@@ -13,6 +13,7 @@ from rich.table import Table
 from shared.console import OK, NotNegative, Place, Positive, new_console
 from shared.errors import ZeroshotError
 from shared.logs import USUAL, Reporting, logger
+from shared.watchdog import PATIENT, Patience
 
 if TYPE_CHECKING:
     from shared.ceiling import Ceiling
@@ -35,6 +36,7 @@ def identifiability(
     out: Place | None = None,
     overwrite: Annotated[bool, Parameter(negative=())] = False,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
+    patience: Patience = PATIENT,
     report: Reporting = USUAL,
 ) -> int:
     """Print the ceiling of R2 for each parameter: the linearised limit from the FMU's sensitivities.
@@ -73,7 +75,8 @@ def identifiability(
     as_json
         Print JSON.
     """
-    from datagen.limits.ceilings import ceilings_of
+    from datagen.fmi.checking import check_system, fmu_of
+    from datagen.limits.ceilings import ceilings_of, check_conditions
     from datagen.limits.keeping import ceilings_at, check_as_many
     from datagen.simulating.liveness import HARDLY, check_live_apart
     from shared.ceiling import FILE_NAME, in_words, write_ceilings
@@ -95,9 +98,11 @@ def identifiability(
     if len(sets) > 1 and all(len(names) == 1 for names in sets):
         together = ",".join(name for names in sets for name in names)
         _log.info("%d sets of one channel each; %s would be one set of all", len(sets), together)
+    check_conditions(described, contexts, conditions, systems=systems, uncertain=uncertain)
     before = ceilings_at(path, described, overwrite=overwrite)
     if not overwrite:
         check_as_many(path, before, described, contexts, conditions, systems=systems, uncertain=uncertain)
+    check_system(described, fmu_of(described))  # sooner than in a process apart
     check_live_apart(described, least=HARDLY)  # how weak a parameter is, is the question here
     found = ceilings_of(
         described,

@@ -10,6 +10,7 @@ from rich.table import Table
 
 from shared.assignments import assignments
 from shared.console import OK, NotNegative, Place, new_console
+from shared.watchdog import PATIENT, Patience
 
 console = new_console()
 
@@ -25,6 +26,7 @@ def simulate(
     index: NotNegative = 0,
     excitation: bool = True,
     uncertain: Annotated[bool, Parameter(negative=())] = False,
+    patience: Patience = PATIENT,
 ) -> int:
     """Simulate one system into a NetCDF file, in the form of a recording.
 

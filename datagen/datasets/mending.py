@@ -15,13 +15,14 @@ from datagen.farming.package import package_hash, weather_hashes
 from datagen.farming.plan import Piece, settings_text
 from datagen.farming.usual import TIMEOUT
 from datagen.farming.versions import in_words
-from datagen.farming.worker import Job, ShardResult, check_timeout
+from datagen.farming.worker import Job, ShardResult
 from datagen.fmi.fmu import fmu_sha256
 from shared.errors import DatasetError, SimulationError
 from shared.lock import FolderLock, read_holder
 from shared.schema import newer_minor
 from shared.store import MANIFEST, DatasetFolder
 from shared.system import System, load_system
+from shared.watchdog import check_timeout
 
 
 class _Repair(Collection):

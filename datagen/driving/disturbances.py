@@ -52,7 +52,10 @@ def number_of(root_seed: int, index: int, share: float) -> int:
 def sample_disturbances(
     system: System, root_seed: int, index: int, share: float, start: float, stop: float
 ) -> Disturbances:
-    """Draw what acts on a system from ``start`` to ``stop`` [s since time zero]; on a ``share`` of them something does."""
+    """Draw what acts on a system from ``start`` to ``stop`` [s since time zero].
+
+    On a ``share`` of the systems something does.
+    """
     made = Disturbances()
     possible = [one for one in system.effects if "control" in one.modes]
     count = number_of(root_seed, index, share)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import ndtri
 
 from datagen.driving.tables import Piecewise
 from shared.signals import Occupancy
@@ -132,6 +131,8 @@ def _steps(
 
     ``u`` has shape (..., days, slots). Steps that do not happen have change 0; the changes of a day sum to 0.
     """
+    from scipy.special import ndtri  # a quarter of a second, for which a description that is refused need not wait
+
     headcount, arrival, duration = usual
     weekend = days % 7 >= 5
     comes = u[..., 0] < np.where(weekend, spec.weekend, 1.0 - spec.absence)

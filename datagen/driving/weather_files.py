@@ -10,7 +10,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pvlib
 
 from datagen.driving.weather_formats import FORMS, Rows, is_on_earth, read_rows
 from datagen.driving.weather_record import (
@@ -161,6 +160,8 @@ def _to_local(path: Path, rows: Rows) -> tuple[int, float]:
 
 def _completed(path: Path, rows: Rows, columns: dict[str, np.ndarray], offset: float, later: float) -> HourlyRecord:
     """The record, with what can be worked out of other columns where a file has no such column, or an empty one."""
+    import pvlib  # a second, which a description that is refused need not wait for
+
     columns = {name: values for name, values in columns.items() if not np.isnan(values).all()}
     if "pressure" not in columns:
         standard = float(pvlib.atmosphere.alt2pres(rows.place["altitude"]))

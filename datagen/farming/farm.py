@@ -23,7 +23,7 @@ from datagen.farming.package import package_hash, weather_hashes
 from datagen.farming.plan import adopt, check_sizes, missing, settings_text
 from datagen.farming.usual import FAILURE_BUDGET, TIMEOUT
 from datagen.farming.versions import all_here, note
-from datagen.farming.worker import Job, check_timeout
+from datagen.farming.worker import Job
 from datagen.fmi.fmu import fmu_sha256
 from datagen.simulating.liveness import check_live_apart
 from datagen.simulating.simulator import Simulator
@@ -37,6 +37,7 @@ from shared.places import check_folder
 from shared.schema import newer_minor
 from shared.store import MANIFEST, Manifest, read_manifest, write_atomically, write_manifest
 from shared.system import System, load_system
+from shared.watchdog import check_timeout
 
 _log = logger(__name__)
 _FIXED = ("system_hash", "fmu_sha256", "root_seed", "shard_size", "settings")

@@ -41,20 +41,6 @@ from shared.system import System, system_from_canonical
 
 RETRY_TOLERANCES = (1.0, 0.1, 0.01)
 """A system that fails is tried again with the tolerance times these, in this order, then given up."""
-_SHORTEST, _LONGEST = 0.001, 1e9
-"""Of a time limit [s]: faulthandler watches over it in microseconds, and over twice as long in a child process."""
-
-
-def check_timeout(timeout: float) -> None:
-    """Refuse a time for one system [s] that no watch can keep.
-
-    Raises
-    ------
-    DatasetError
-        If it is too short, too long, or no number.
-    """
-    if not _SHORTEST <= timeout <= _LONGEST:  # of a NaN no comparison holds
-        raise DatasetError(f"timeout is {timeout:g} s; expected {_SHORTEST:g} to {_LONGEST:g} s")
 
 
 @dataclass(frozen=True)

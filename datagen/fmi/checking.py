@@ -9,7 +9,7 @@ import numpy as np
 from fmpy.model_description import ScalarVariable
 
 from datagen.fmi.baselines import check_effects
-from datagen.fmi.fmu import Fmu, is_difference, start_of, unit_of, value_fault
+from datagen.fmi.fmu import UNSET, Fmu, is_difference, start_of, unit_of, value_fault
 from datagen.units import Conversion, conversion
 from shared.errors import FmuError, SystemDescriptionError
 from shared.possible import in_another_unit
@@ -88,7 +88,7 @@ def _undriven(system: System, fmu: Fmu) -> list[str]:
         f"{fmu.path.name} has an input {name!r} that no [[inputs]] table names"
         + (_under_fixed(found) if not _is_number(found) else f"; expected one{_with_unit(found)}, or{_line(found)}")
         for name, found in fmu.variables.items()
-        if found.causality == "input" and name not in declared
+        if found.causality == "input" and name not in declared and found.type not in UNSET
     ]
 
 

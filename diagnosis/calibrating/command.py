@@ -16,6 +16,7 @@ from shared.console import OK, NotNegative, Place, Positive, new_console, resuma
 from shared.logs import USUAL, Reporting
 from shared.progress import stages
 from shared.stretches import LONGEST, Stretch
+from shared.watchdog import PATIENT, Patience
 
 console = new_console()
 
@@ -32,6 +33,7 @@ def calibrate(
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
     stretch: Stretch = LONGEST,
     fitting: Fitting = PLAIN,
+    patience: Patience = PATIENT,
     report: Reporting = USUAL,
 ) -> int:
     """Estimate a system's parameters from a recording by simulation, from a zero-shot estimate (--run) or the prior.

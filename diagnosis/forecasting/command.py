@@ -14,6 +14,7 @@ from shared.console import OK, Place, Positive, new_console, resumable
 from shared.logs import USUAL, Reporting
 from shared.progress import stages
 from shared.stretches import LONGEST, Stretch
+from shared.watchdog import PATIENT, Patience
 
 console = new_console()
 
@@ -31,6 +32,7 @@ def forecast(
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
     stretch: Stretch = LONGEST,
     fitting: Fitting = PLAIN,
+    patience: Patience = PATIENT,
     report: Reporting = USUAL,
 ) -> int:
     """Estimate parameters from a recording's first days, simulate the days after, and compare.

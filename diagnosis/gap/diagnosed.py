@@ -7,6 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import xarray as xr
+
 from datagen.simulating.simulator import Simulator
 from diagnosis.calibrating.checks import opened
 from diagnosis.effects import Effect, library
@@ -46,7 +48,7 @@ told follows from them, and where a stage is left out there is less of it."""
 
 def diagnose(
     system: System | Path | str,
-    recording: Recording | Path | str,
+    recording: Recording | Path | str | xr.Dataset,
     *,
     run: Path | str | None = None,
     out: Path | str | None = None,

@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
 from diagnosis.fitting.failures import NO_TIME
-from diagnosis.gap.schema import FEWEST, HOW_FAR, NamedEffect, Report, ShrinkageOf
+from diagnosis.gap.schema import FEWEST, HOW_FAR, VERDICTS, NamedEffect, Report, ShrinkageOf
 from diagnosis.gap.stages import LEVEL, PLAIN
 from diagnosis.pages import long_named, percent, within_sentence
 from shared.numbers import counted, number
@@ -17,6 +17,23 @@ NEEDED = 0.05
 """Up to this p-value a source is reported as missing."""
 LISTED = 6
 """So many names of a set are said."""
+
+
+def headline(report: Report) -> str:
+    """The answer in one line: the cause, its size, its probability, and what it removes of the gap."""
+    named = [one for one in report.effects if one.named]
+    if report.verdict not in ("effect", "ambiguous") or not named:
+        return f"{VERDICTS[report.verdict]}."
+    causes = []
+    for one in named:
+        size = "" if one.amplitude is None else f", {number(one.amplitude, 3)}{spaced(one.unit)}"
+        if one.low is not None and one.high is not None:
+            size += f" ({number(one.low, 3)} to {number(one.high, 3)})"
+        causes.append(f"{long_named(one.name, one.description)}{size}, probability {one.probability:.0%}")
+    shares = [(one.channel, one.told[0]) for one in report.shrinkage]
+    removed = ", ".join(f"{share:.0%} of the gap in {channel}" for channel, share in shares if share is not None)
+    which = "Cause" if len(causes) == 1 else "One of these causes" if report.verdict == "ambiguous" else "Causes"
+    return f"{which}: {'; '.join(causes)}.{f' Removes {removed}.' if removed else ''}"
 
 
 def summary(

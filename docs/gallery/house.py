@@ -27,7 +27,8 @@ from scipy.signal import cont2discrete
 import datagen
 import trainer
 from datagen.driving.inputs import build_inputs
-from diagnosis.gap import Report, diagnose
+from diagnosis import diagnose
+from diagnosis.gap import Report
 from fmus.build import write_zip
 from fmus.toolchain import BINARIES, compile_binary, native_platform
 from shared.system import System, load_system

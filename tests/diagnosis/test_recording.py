@@ -150,3 +150,20 @@ def test_a_recording_of_a_newer_major_schema_is_told(default_system, tmp_path):
     data.assign_attrs(zeroshot_schema_version="3.0").to_netcdf(tmp_path / "new.nc")
     with pytest.raises(RecordingError, match=r"new\.nc: schema version is '3\.0'; .* reads up to 2: update it"):
         read_recording(tmp_path / "new.nc", default_system)
+
+
+def test_a_recording_in_memory_is_the_one_in_the_file(default_system, tmp_path):
+    """As xarray opens it, and as `datagen.simulate` returns it, whose times are numbers yet."""
+    made = simulate(default_system, hours=48, seed=4, out=tmp_path / "room.nc")
+    with xr.open_dataset(tmp_path / "room.nc") as opened:
+        loaded = opened.load()
+    told = read_recording(tmp_path / "room.nc", default_system)
+    for given in (made, loaded, loaded.drop_encoding()):
+        found = read_recording(given, default_system)
+        assert (found.step, found.zero, found.assumed) == (told.step, told.zero, told.assumed)
+        np.testing.assert_array_equal(found.time, told.time)
+        np.testing.assert_array_equal(found.outputs, told.outputs)
+        assert found.inputs.keys() == told.inputs.keys()
+    assert read_recording(loaded, default_system).path == tmp_path / "room.nc"
+    one, other = (read_recording(each, default_system).path.name for each in (made, made * 1.0))
+    assert one.startswith("dataset-") and one != other  # called by what it holds

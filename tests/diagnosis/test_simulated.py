@@ -33,11 +33,11 @@ def truth(recording, default_system):
 
 def test_the_true_model_leaves_little(recording, truth, default_system):
     """Hourly means of the occupancy stand for its changes within the hour, and the start is not known: that is left."""
-    found = residuals(default_system, recording, parameters=truth)["outputs"]
+    found = residuals(default_system, recording, parameters=truth).outputs
     assert (found["TRoo"]["cvrmse"], found["TRoo"]["nmbe"]) == (None, None)
     assert found["TRoo"]["rmse"] < 0.5
     assert found["CO2"]["rmse"] < 40
-    wrong = residuals(default_system, recording, parameters={**truth, "roo.AFlo": truth["roo.AFlo"] * 0.6})["outputs"]
+    wrong = residuals(default_system, recording, parameters={**truth, "roo.AFlo": truth["roo.AFlo"] * 0.6}).outputs
     assert wrong["TRoo"]["rmse"] > 2 * found["TRoo"]["rmse"]
 
 
@@ -45,7 +45,7 @@ def test_replay_of_a_record_as_it_was_written_leaves_little(recording, truth, de
     """The meters are in the record, and the inputs beside them rest at the description's values throughout."""
     resting = xr.load_dataset(recording)
     assert not resting["QHea_in"].any() and resting["QHea"].max() > 1000
-    found = residuals(default_system, recording, parameters=truth, replay=True, noise="none")["outputs"]
+    found = residuals(default_system, recording, parameters=truth, replay=True, noise="none").outputs
     assert found["QHea"]["rmse"] < 1.0
     assert found["mOA"]["rmse"] < 1e-4
     assert found["TRoo"]["rmse"] < 0.5
@@ -58,7 +58,7 @@ def test_replayed_meters_are_cleared_of_their_noise(recording, truth, default_sy
     data["mOA"].values[:] += 0.01 * np.random.default_rng(0).standard_normal(data.sizes["time"])
     data.to_netcdf(tmp_path / "noisy.nc")
     left = [
-        residuals(default_system, tmp_path / "noisy.nc", parameters=truth, replay=True, noise=noise)["outputs"]["mOA"]
+        residuals(default_system, tmp_path / "noisy.nc", parameters=truth, replay=True, noise=noise).outputs["mOA"]
         for noise in ("none", "sensor")
     ]
     assert left[0]["rmse"] < 0.001
@@ -97,8 +97,8 @@ def test_figures_are_those_of_the_guideline(recording, truth, default_system, tm
     shifted = data.copy(deep=True)
     shifted["CO2"].values[:] += 50.0
     shifted.to_netcdf(tmp_path / "shifted.nc")
-    before = residuals(default_system, recording, parameters=truth)["outputs"]["CO2"]
-    after = residuals(default_system, tmp_path / "shifted.nc", parameters=truth)["outputs"]["CO2"]
+    before = residuals(default_system, recording, parameters=truth).outputs["CO2"]
+    after = residuals(default_system, tmp_path / "shifted.nc", parameters=truth).outputs["CO2"]
     assert after["bias"] - before["bias"] == pytest.approx(50.0, abs=1e-3)
     assert after["rmse"] ** 2 == pytest.approx(before["rmse"] ** 2 + 100 * before["bias"] + 2500, rel=1e-4)
     mean, count = float(shifted["CO2"].mean()), shifted.sizes["time"]

@@ -61,7 +61,7 @@ def test_residuals_are_of_the_estimate_that_a_calibration_begins_with(default_sy
     for name in unread:
         data[name].values[:] = np.nan
     data.to_netcdf(tmp_path / "unread.nc")
-    found = residuals(default_system, tmp_path / "unread.nc", run="MixedAirCO2")["parameters"]
+    found = residuals(default_system, tmp_path / "unread.nc", run="MixedAirCO2").parameters
     expected = predict("MixedAirCO2", tmp_path / "two.nc").predictions[0].parameters
     assert found == pytest.approx({name: one.value for name, one in expected.items()}, rel=1e-5)
 

@@ -99,7 +99,7 @@ def test_the_command_page_has_every_command_and_option_of_the_command_lines(site
     from diagnosis.cli import app as diagnosis_app
     from trainer.cli import app as trainer_app
 
-    said, checked = _text(site / "commands.html"), 0
+    said, checked = _text(site / "reference/commands.html"), 0
     for app in (datagen_app, trainer_app, diagnosis_app):
         for words, command in _commands(app, app.name[0]):
             assert words in said

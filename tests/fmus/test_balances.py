@@ -113,3 +113,17 @@ def test_heat_is_conserved_over_a_year(twin, weather):
     gains = integrals[FLOWS.index("QHea")] + integrals[FLOWS.index("QPeo")]
     assert gains > 1e10
     assert abs(np.sum(integrals) - (t.get("UStored")[0] - stored_before)) < 1e-6 * gains
+
+
+def test_a_cooled_room_is_at_rest_where_the_controller_says_and_loses_what_is_cooled(twin):
+    summer = WINTER | {"TDryBul": 303.15, "TSky": 293.15, "TSet": 295.15, "QCoo_max": 8000.0, "conCoo.k": 0.5}
+    t = steady(twin, summer | {"conCoo.dSet": 1.5})
+    T, Q = t.get("TRoo", "QHea")
+    # proportional control, written down anew
+    assert pytest.approx(-8000.0 * np.clip(0.5 * (T - 295.15 - 1.5), 0, 1), abs=1e-3) == Q
+    assert -8000.0 < Q < -100.0
+    assert np.sum(t.get(*FLOWS)) == pytest.approx(0.0, abs=1e-2)
+    # in replay a measured power may be negative, and is limited by the cooler's size
+    for given, acting in ((-1500.0, -1500.0), (-9000.0, -8000.0)):
+        replayed = steady(twin, summer | {"replay": True, "QHea_in": given, "mOA_in": 0.1})
+        assert replayed.get("QHea")[0] == acting

@@ -38,7 +38,7 @@ def test_default_system_is_table_1():
         ('unit = "m2"\nmin', "min", ["parameters 'roo.AFlo'", "no unit"]),
         ('unit = "m2"\nmin', 'units = "m2"\nmin', ["parameters[2].units: unknown field", "; did you mean unit?"]),
         ("min = 60.0", "min = 600.0", ["parameters[2]", "range is reversed", "600", "200"]),
-        ("min = 60.0", "min = -1.0", ["parameters[2]", "positive"]),
+        ("min = 60.0", 'scale = "log"\nmin = -1.0', ["parameters[2]", "min is -1", 'or scale = "linear"']),
         ('source = "occupancy"', 'source = "crystal ball"', ["inputs[6]", "crystal ball"]),
         ('schedule = "set_point"', 'schedule = "nights"', ["inputs", "'TSet'", "'nights'"]),
         ("step = 3600.0", "stpe = 3600.0", ["experiment.stpe", "unknown field", "; did you mean step?"]),

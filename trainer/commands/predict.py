@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,10 +12,13 @@ from rich.table import Table
 
 from shared.assignments import assignments
 from shared.console import new_console
+from shared.errors import SystemDescriptionError
+from shared.shipped import DESCRIPTION, resolved_estimator
 from shared.stretches import LONGEST, Stretch
+from shared.system import load_system
 
 if TYPE_CHECKING:
-    from trainer.predicting.prediction import Estimate, Prediction, Predictions
+    from trainer.predicting.prediction import Prediction, Predictions
 
 
 def predict(
@@ -32,8 +36,9 @@ def predict(
 ) -> None:
     """Estimate the parameters behind a recording, from its last context window.
 
-    Where the run has a posterior (`trainer posterior`), the median and the central 90 % interval are shown. The error
-    on validation systems is shown where the run's card has it for windows of this length and these channels.
+    Where the run has a posterior (`trainer posterior`), the estimate is its median, with the central 90 % interval.
+    Without one it is the run's answer, with the error on validation systems for windows of this length and these
+    channels, where the run's card has it.
 
     Parameters
     ----------
@@ -73,8 +78,9 @@ def predict(
         sys.stdout.write(result.model_dump_json(indent=1) + "\n")
         return
     console = new_console()
+    words = _words(run)
     for one in result.predictions:
-        console.print(_table(one))
+        console.print(_table(one, words))
         if one.unlike is None:
             console.print("The run does not record its training data, so the recording was not compared with it.")
         elif one.unlike:
@@ -86,13 +92,9 @@ def predict(
                 console.print(f"- {note}", markup=False)
     if result.interval_doubt:
         console.print(f"[bold]Do not rely on the intervals:[/bold] {result.interval_doubt}.", markup=True)
-    elif any(value.median is not None for one in result.predictions for value in one.parameters.values()):
-        console.print(
-            "Use the median and its 90 % interval, which are of this recording. The estimate is a single number, and"
-            " its rmse is the same for every recording of this kind.",
-            markup=False,
-        )
-    console.print(result.rmse_note, markup=False)
+    posterior = all(value.median is not None for one in result.predictions for value in one.parameters.values())
+    if not posterior:
+        console.print(result.rmse_note, markup=False)
     several = len(result.predictions) > 1
     if result.bridged:
         each = ", ".join(f"{one.bridged} of system {one.system}" for one in result.predictions if one.bridged)
@@ -139,23 +141,34 @@ def _on_constants(result: Predictions) -> list[str]:
     return said
 
 
-def _table(one: Prediction) -> Table:
+def _table(one: Prediction, words: Mapping[str, str]) -> Table:
+    """One estimate of each parameter: the posterior's where there is one, else the answer with its usual error."""
     name = "" if one.system is None else f"system {one.system}, "
-    table = Table(title=f"{name}{one.begin} to {one.end}")
+    table = Table(title=f"{name}{one.begin} to {one.end}", box=None)
     posterior = all(value.median is not None for value in one.parameters.values())
-    rmse = ("+- rmse",) if all(value.rmse is not None for value in one.parameters.values()) else ()
-    middle = (*rmse, *(("median", "90 % interval") if posterior else ()))
+    rmse = not posterior and all(value.rmse is not None for value in one.parameters.values())
+    spread = ("90 % interval",) if posterior else ("+- rmse",) if rmse else ()
     remark = ("remark",) if any(value.at_bound for value in one.parameters.values()) else ()
-    for column in ("parameter", "estimate", *middle, "unit", *remark):
-        numeric = column in ("estimate", *middle)
+    for column in ("parameter", "estimate", *spread, "unit", *remark):
+        numeric = column in ("estimate", *spread)
         table.add_column(column, justify="right" if numeric else "left", no_wrap=numeric)
     for parameter, value in one.parameters.items():
         mark = ("at the end of its range" if value.at_bound else "",) if remark else ()
-        cells = [f"{value.rmse:.2g}"] if rmse else []
-        cells += _interval(value) if posterior else ()
-        table.add_row(parameter, f"{value.value:.4g}", *cells, value.unit, *mark)
+        label = f"{words[parameter]} ({parameter})" if words.get(parameter) else parameter
+        estimate = value.median if posterior else value.value
+        cells = [f"{value.low:.4g} to {value.high:.4g}"] if posterior else [f"{value.rmse:.2g}"] if rmse else []
+        table.add_row(label, f"{estimate:.4g}", *cells, value.unit, *mark)
     return table
 
 
-def _interval(value: Estimate) -> tuple[str, str]:
-    return f"{value.median:.4g}", f"{value.low:.4g} to {value.high:.4g}"
+def _words(run: Path) -> dict[str, str]:
+    """What the parameters are, by name, where the description lies beside the estimator; empty where none does."""
+    from trainer import load_run
+
+    folder = resolved_estimator(run)
+    try:
+        system = load_system(folder.parent / DESCRIPTION)
+    except SystemDescriptionError:  # a run of one's own: its parameters go by their names
+        return {}
+    same = system.hash() == load_run(run).card.system_hash
+    return {one.name: one.description for one in system.parameters} if same else {}

@@ -6,23 +6,23 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+import xarray as xr
 
 from shared.errors import EstimatorError, RecordingError
-from shared.netcdf import read_netcdf
 from shared.refused import meant
-from shared.schema import RECORDING
+from shared.times import read_recorded
 from trainer.reading.encoding import Encoding
 
 
 def facts_of(
-    path: Path, encoding: Encoding, known: Mapping[str, float], systems: Sequence[int | None]
+    given: Path | xr.Dataset, encoding: Encoding, known: Mapping[str, float], systems: Sequence[int | None]
 ) -> np.ndarray | None:
     """Facts (systems, facts) [own units], not a number where unknown; None for an estimator that reads none.
 
     Parameters
     ----------
-    path
-        The recording: its scalars of role ``given`` are facts that it brings.
+    given
+        The recording, a file or in memory: its scalars of role ``given`` are facts that it brings.
     known
         What the user says, by name; it comes first.
 
@@ -52,7 +52,7 @@ def facts_of(
         return None
     facts = np.full((len(systems), len(encoding.facts)), np.nan)
     if encoding.given:
-        recording = read_netcdf(path, RecordingError, RECORDING, times=None)
+        path, recording = read_recorded(given)
         for one in encoding.given:
             found = recording.data_vars.get(one.name)
             if found is None or found.attrs.get("role") != "given" or found.dims not in ((), ("system",)):

@@ -6,12 +6,17 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
+import xarray as xr
+from matplotlib.figure import Figure
 from pydantic import BaseModel, ConfigDict
 
 from shared.errors import EstimatorError, RecordingError
 from shared.logs import logger
 from shared.places import check_folder
+from shared.results import Result
 from shared.stretches import Stretch
+from trainer.figures import draw_estimates
 from trainer.predicting.known import facts_known, facts_of
 from trainer.predicting.readings import date_of
 from trainer.predicting.recorded import Window, read_window
@@ -73,7 +78,7 @@ class Prediction(_Table):
     """readings of this system that were put in where single ones were missing"""
 
 
-class Predictions(_Table):
+class Predictions(Result, _Table):
     """What ``trainer predict`` prints."""
 
     schema_version: int = 10
@@ -110,10 +115,31 @@ class Predictions(_Table):
     """That intervals do not allow for the readings that were put in; None where none were, or there is no posterior."""
     predictions: list[Prediction]
 
+    @property
+    def headline(self) -> str:
+        """What this is, in a few words."""
+        several = "" if len(self.predictions) == 1 else f"{len(self.predictions)} systems, "
+        count = len(self.predictions[0].parameters)
+        return f"{Path(self.file).name}: {several}{count} parameters from {self.context_hours:g} h"
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row for each system and parameter: value, unit, rmse, median, and the ends of the 90 % interval."""
+        rows = [
+            {"system": one.system, "parameter": name, **value.model_dump()}
+            for one in self.predictions
+            for name, value in one.parameters.items()
+        ]
+        frame = pd.DataFrame(rows).set_index(["system", "parameter"])
+        return frame.droplevel("system") if len(self.predictions) == 1 else frame
+
+    def plot(self) -> Figure:
+        """A panel for each parameter: the estimates and their 90 % intervals, system by system."""
+        return draw_estimates(self.to_dataframe())
+
 
 def predict(
     run: Run | Path | str,
-    file: Path | str,
+    file: Path | str | xr.Dataset,
     *,
     samples: int = SAMPLES,
     seed: int = 0,
@@ -131,8 +157,9 @@ def predict(
     run
         A run folder, or a run already loaded.
     file
-        NetCDF with the run's recorded channels as variables over (time) or (system, time), each with ``units``, and a
-        ``time`` coordinate, as the shards of a dataset have it. Each system of it is estimated by itself,
+        NetCDF file, or a Dataset in memory. It has the run's recorded channels as variables over (time) or
+        (system, time), each with ``units``, and a ``time`` coordinate, as the shards of a dataset have it. Each system
+        of it is estimated by itself,
         but all from windows of one length and without the same channels: of what one lacks too much is read of none.
     samples
         Drawn from the posterior of each system, at least 20.
@@ -165,6 +192,8 @@ def predict(
     check_seed(seed)
     check_samples(samples)
     run = run if isinstance(run, Run) else load_run(run)
+    recording = file if isinstance(file, xr.Dataset) else Path(file)
+    file = recording.encoding.get("source", "the Dataset") if isinstance(recording, xr.Dataset) else recording
     if cut_short := unfinished(run.card, run.folder):
         _log.warning("%s: %s", run.folder, cut_short)  # for callers that use the values alone
     for name, path in (("out", out), ("corner", corner)):
@@ -180,14 +209,14 @@ def predict(
             f"out and corner: both are {out}, and one would be written over the other; expected two files"
         )
     encoding = run.card.encoding
-    window = read_window(Path(file), encoding, run.card.system_name, stretch)
+    window = read_window(recording, encoding, run.card.system_name, stretch)
     familiar = {one.length: one for one in run.card.familiar}
     alike = familiar.get(len(window.stamps))
     for values in (*window.longer, window.values):  # a gap long ago does not make a dead sensor live
         if (like := familiar.get(values.shape[1])) is not None:
             _check_moving(Path(file), values, window.systems, like, encoding)
     begins = window.begins + window.stamps[0]
-    told = facts_of(Path(file), encoding, known or {}, window.systems)
+    told = facts_of(recording, encoding, known or {}, window.systems)
     answers = run.read(window.values, begins, told)
     estimates = run.estimates(answers, len(window.stamps), window.absent)
     posterior = load_posterior(run)

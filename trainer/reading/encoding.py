@@ -11,6 +11,7 @@ the time of day and the day of the week by a remainder.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -206,9 +207,9 @@ class Encoding(BaseModel):
         return with_static(windows, unknown if static is None else static)
 
     def targets(self, parameters: np.ndarray) -> torch.Tensor:
-        """Parameters (windows, parameters) [own units] to standardised log10, float32."""
-        scaled = (np.log10(parameters) - np.array(self.target_mean)) / np.array(self.target_sd)
-        return torch.from_numpy(scaled.astype(np.float32))
+        """Parameters (windows, parameters) [own units] to standardised :func:`scaled` ones, float32."""
+        targets = (scaled(parameters, self.parameter_min) - np.array(self.target_mean)) / np.array(self.target_sd)
+        return torch.from_numpy(targets.astype(np.float32))
 
     def estimates(self, answers: torch.Tensor, factors: np.ndarray | None = None) -> np.ndarray:
         """An estimator's answers (windows, parameters) to parameters [own units], float64.
@@ -216,9 +217,21 @@ class Encoding(BaseModel):
         They are clipped to the ranges of the system description: the prior gives what lies outside no chance.
         ``factors`` (parameters,) make means of them (:mod:`trainer.runs.scatter`); None leaves them as they are.
         """
-        log10 = answers.double().cpu().numpy() * np.array(self.target_sd) + np.array(self.target_mean)
-        found = 10.0**log10 if factors is None else factors * 10.0**log10
-        return np.clip(found, self.parameter_min, self.parameter_max)
+        targets = answers.double().cpu().numpy() * np.array(self.target_sd) + np.array(self.target_mean)
+        positive = np.array(self.parameter_min) > 0
+        found = np.where(positive, 10.0 ** np.where(positive, targets, 0.0), targets)
+        return np.clip(found if factors is None else factors * found, self.parameter_min, self.parameter_max)
+
+    def log_ratio(self, found: np.ndarray, truth: np.ndarray) -> np.ndarray:
+        """ln(found / truth) of parameters (windows, parameters); 0 where targets are no logarithms."""
+        positive = np.array(self.parameter_min) > 0
+        return np.asarray(np.log(np.where(positive, found, 1.0) / np.where(positive, truth, 1.0)))
+
+
+def scaled(parameters: np.ndarray, lowest: Sequence[float]) -> np.ndarray:
+    """Parameters (..., parameters) as targets have them: log10 of those whose range has a ``lowest`` value above 0."""
+    positive = np.array(lowest) > 0
+    return np.where(positive, np.log10(np.where(positive, parameters, 1.0)), parameters)
 
 
 def make_encoding(
@@ -247,7 +260,7 @@ def make_encoding(
     mean = np.mean(means, axis=0)
     sd = np.sqrt(np.mean(variances, axis=0) + np.var(means, axis=0))
     varies = sd > 1e-6 * np.abs(mean)
-    targets = np.log10(records.parameters[training])
+    targets = scaled(records.parameters[training], [p.min for p in system.parameters])
     target_mean, target_sd = targets.mean(axis=0), targets.std(axis=0)
     methods = methods_of(system)
     return Encoding(

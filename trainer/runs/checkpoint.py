@@ -10,12 +10,15 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+import pandas as pd
 import torch
 from pydantic import BaseModel, ConfigDict, model_validator
 
 from shared.errors import EstimatorError
 from shared.reading import read_json, validated
-from shared.shipped import estimators, resolved_estimator, shipped_estimator
+from shared.refused import meant
+from shared.results import Result
+from shared.shipped import estimators, resolved_estimator, shipped_estimator, shipped_systems
 from shared.store import Records
 from trainer.models import build
 from trainer.models.base import Estimator, Shape
@@ -177,7 +180,7 @@ class Card(_Table):
         return shape_of(self.encoding)
 
 
-class Run:
+class Run(Result):
     """An estimator ready to use."""
 
     def __init__(self, card: Card, model: Estimator, folder: Path | None = None, results: Path | None = None) -> None:
@@ -186,6 +189,19 @@ class Run:
         self.folder = folder
         self.results = results or folder
         """where findings about it go, unless told otherwise: not among the files of an installed package"""
+
+    @property
+    def headline(self) -> str:
+        """What this is, in a few words."""
+        card = self.card
+        lengths = ", ".join(f"{one * card.encoding.step / 3600:g}" for one in card.encoding.lengths)
+        return f"{card.model} of {card.system_name}, {len(card.encoding.parameters)} parameters from {lengths} h"
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row for each parameter that it estimates: its unit and the ends of its range."""
+        known = self.card.encoding
+        rows = {"unit": known.parameter_units, "min": known.parameter_min, "max": known.parameter_max}
+        return pd.DataFrame(rows, index=pd.Index(known.parameters, name="parameter"))
 
     def answers(self, windows: torch.Tensor, time: torch.Tensor) -> torch.Tensor:
         """Standardised log10 answers (windows, parameters) to encoded windows (windows, length, columns)."""
@@ -280,6 +296,7 @@ def read_card(folder: Path) -> Card:
     """
     path = folder / CARD
     expected = f"a run folder made by `trainer fit`, or a system that comes with an estimator ({estimators()})"
+    expected += meant(folder.name, shipped_systems()) if len(folder.parts) == 1 else ""
     raw = read_json(path, EstimatorError, expected)
     check_card_version(path, raw, SCHEMA_VERSION, "trainer fit")
     return validated(Card, raw, f"{path}: damaged", EstimatorError)

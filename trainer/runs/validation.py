@@ -69,7 +69,7 @@ def measured_errors(
             batch = readings.gather(torch.from_numpy(where), torch.from_numpy(starts), length)
             answers.append(forward_in_chunks(network, batch.windows, batch.time))
             truth = encoding.estimates(batch.targets)  # the same under every preset
-        scatter = np.array([_rms(np.log(encoding.estimates(one) / truth)) for one in answers])
+        scatter = np.array([_rms(encoding.log_ratio(encoding.estimates(one), truth)) for one in answers])
         factors = means_from(scatter) if network.means else None
         rmse = [_rms(encoding.estimates(one, factors) - truth) for one in answers]
         found += [

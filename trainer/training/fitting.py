@@ -10,6 +10,7 @@ from typing import Any, get_args
 
 import numpy as np
 import torch
+import xarray as xr
 
 from shared.errors import EstimatorError
 from shared.lock import FolderLock
@@ -53,7 +54,7 @@ VALIDATION_WINDOWS = 512
 
 
 def fit(
-    dataset_dir: Path | str,
+    dataset_dir: Path | str | xr.Dataset,
     out: Path | str,
     *,
     model: str = "patch-transformer",

@@ -53,9 +53,9 @@ def test_merged_systems_keep_seed_split_and_data(teams, tmp_path):
         assert (c.splits[rows] == part.splits).all()
     assert verify(tmp_path / "c") == []
     found = info(tmp_path / "c")
-    assert (found["root_seeds"], found["systems_done"], found["complete"]) == ([1, 2], 8, True)
+    assert (found.root_seeds, found.systems_done, found.complete) == ([1, 2], 8, True)
     assert "root seed\n1, 2" in (tmp_path / "c" / "README.md").read_text()
-    json.dumps(found)
+    json.dumps(vars(found))
     # and it can be mended, each shard from its own seed
     victim = tmp_path / "c" / "shards" / "seed-2-shard-000001.nc"
     victim.unlink()

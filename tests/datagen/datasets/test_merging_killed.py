@@ -34,7 +34,7 @@ def test_what_it_had_moved_bars_no_second_one(two, tmp_path, moved):
     merge(two, out)
     assert content(out) == content(tmp_path / "whole")
     assert not draft.exists()
-    assert info(out)["complete"]
+    assert info(out).complete
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(28, "No space left on device")])

@@ -49,7 +49,7 @@ def test_the_dataset_is_what_was_asked_for(made, default_system):
     for row, index in enumerate(records.systems):
         np.testing.assert_array_equal(records.parameters[row], sample_parameters(default_system, 5, int(index)))
     found = info(made)
-    assert (found["systems_done"], found["complete"], found["root_seed"]) == (6, True, 5)
+    assert (found.systems_done, found.complete, found.root_seed) == (6, True, 5)
     assert verify(made) == []
     assert "Read it with plain xarray" in (made / "README.md").read_text()
     assert (made / "failures.jsonl").read_text() == ""

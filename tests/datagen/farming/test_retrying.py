@@ -107,6 +107,6 @@ def test_what_fewer_systems_fail_in_is_better(system, tmp_path, monkeypatch):
     run(system, folder, retry_failures=True, **SIZE)
     assert [one["system"] for one in failures(folder)] == [4]
     told = info(folder)
-    assert (told["systems_done"], told["systems_failed"], told["complete"]) == (5, 1, False)
+    assert (told.systems_done, told.systems_failed, told.complete) == (5, 1, False)
     assert DatasetFolder(folder).load().systems.tolist() == [0, 1, 2, 3, 5]
     assert verify(folder) == []

@@ -56,7 +56,7 @@ def test_a_dataset_that_is_extended_by_other_versions_names_all(tanks, older, to
     (sentence,) = told()
     assert sentence.startswith(f"{older}: made with pvlib 0.0.1, this run with {OURS}; their systems agree within")
     assert read_manifest(older).all_versions() == [OLDER, all_here()]
-    assert info(older)["other_versions"] == [all_here()]
+    assert info(older).other_versions == [all_here()]
     card = (older / "README.md").read_text()
     assert "Several versions made it" in card and "pvlib 0.0.1" in card and OURS in card
     assert before.items() <= hashes(older).items()

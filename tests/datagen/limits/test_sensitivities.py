@@ -41,6 +41,16 @@ def test_a_parameter_over_decades_stays_in_its_range_where_it_is_small(house, mo
     assert wide.min <= min(given) < value < max(given) < 1.1 * value
 
 
+def test_both_kinds_of_one_fmu_have_one_limit(small_fmu, house):
+    """Model Exchange moves the states themselves; Co-Simulation sees what other pasts do to the window."""
+    fmu = small_fmu("house", 2, ("me", "cs"), attributes='canHandleVariableCommunicationStepSize="true"')
+    kinds = [house("N").model_copy(update={"fmu": fmu.name, "kind": one}) for one in ("ModelExchange", "CoSimulation")]
+    limits = [identifiability(one, context=24.0, noise="sensor", systems=2) for one in kinds]
+    exchange, cosimulation = ([*one.r2.values()] for one in limits)
+    assert 0.1 < min(exchange) < max(exchange) < 0.99
+    assert cosimulation == pytest.approx(exchange, abs=0.01)
+
+
 def first_order(small_system, **experiment):
     """x' = (u - x) / tau from x = 0, u = 1 throughout; its record is a day."""
     text = {"outputs": {"x": "point"}, "parameters": ("tau",), "inputs": {"u": "linear"}}

@@ -32,6 +32,7 @@ FAULTS = [
     "crashes",
     "leaks",
     "mutters",
+    "chatters",
 ]
 
 
@@ -75,6 +76,11 @@ def test_each_fault_is_an_error(small_system, flavour, fault, words):
     # the next run is clean
     good = run(simulator, "none")
     np.testing.assert_allclose(good.outputs[0], np.exp(-good.time), rtol=1e-6 if flavour[1] == "me" else 0.05)
+
+
+def test_an_error_is_quoted_and_no_warning_before_or_after_it(small_system, flavour):
+    with pytest.raises(SimulationError, match=r'the FMU says: "k > 1" \| the valve is stuck at t = [\d.]*$'):
+        run(faulty(small_system, flavour), "chatters")
 
 
 def test_a_timeout_ends_a_slow_simulation(small_system, flavour):

@@ -91,6 +91,21 @@ def test_figures_of_merit_of_known_estimates():
     assert (found.windows, found.systems, found.systems_trained_on) == (100, 20, 2)
 
 
+def test_a_parameter_whose_range_passes_zero_is_estimated(tmp_path):
+    """Its targets are no logarithms; those of the other are, as ever."""
+    text = TANK.replace('min = 1.0\nmax = 4.0\nscale = "log"', "min = -2.0\nmax = 4.0")
+    dataset = make_dataset(tmp_path / "ds", text=text)
+    run = fit(dataset, out=tmp_path / "run", model="ridge")
+    truth = np.array([[2.0, -2.0], [5.0, 0.0], [20.0, 4.0]])
+    encoding = run.card.encoding
+    np.testing.assert_allclose(encoding.estimates(encoding.targets(truth)), truth, atol=1e-5)
+    assert encoding.target_mean[0] == pytest.approx(np.log10(11), abs=0.2)
+    assert encoding.target_mean[1] == pytest.approx(1.0, abs=0.5)
+    found = evaluate(run, dataset, out=tmp_path / "out").protocols["unseen"]
+    assert found.r2["tank.fill"] > 0.95
+    assert found.relative_accuracy["tank.fill"] > 0.8
+
+
 def test_one_unseen_system_has_no_r2(ridge_run, tmp_path):
     few = make_dataset(tmp_path / "ds", systems=1, root_seed=8)
     found = evaluate(ridge_run, few, out=tmp_path / "out").protocols["unseen"]

@@ -13,7 +13,7 @@ from trainer.posterior.inference import summarise
 from trainer.posterior.prior import Prior
 from trainer.posterior.tempering import temper
 
-from ..conftest import tank_system
+from ..conftest import TANK, tank_system
 
 MIXING = torch.tensor([[1.0, 0.5], [0.2, 1.0]])
 NOISE = 0.4
@@ -95,6 +95,15 @@ def test_windows_that_lack_an_output_have_temperatures_of_their_own():
     z = centre + (1 + lacking[:, None]) * (drawn - centre)
     temper(flow, Contexts(context, z, torch.zeros(2000, dtype=torch.int64), torch.arange(2000)), seed=0)
     assert flow.log_temperature.exp().numpy() == pytest.approx(np.array([[[1.0, 1.0], [2.0, 2.0]]]), rel=0.12)
+
+
+def test_a_range_through_zero_is_linear_beside_a_logarithmic_one():
+    system = tank_system(TANK.replace("min = 2.0\nmax = 20.0", "min = -3.0\nmax = 1.0"))
+    prior = Prior.of(system)
+    at = np.array([[-1.0, 2.0], [0.0, 1.0], [0.5, 4.0]])
+    assert prior.to_unit(at) == pytest.approx(np.array([[0.5, 0.5], [0.75, 0.0], [0.875, 1.0]]))
+    assert prior.from_normal(prior.to_normal(at)) == pytest.approx(at, abs=1e-6)
+    assert prior.log_density(at) == pytest.approx(-math.log(4) - np.log(at[:, 1] * math.log(4)))
 
 
 def test_the_prior_is_standard_normal():

@@ -3,6 +3,7 @@ import shutil
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from shared.errors import RecordingError
 from shared.store import DatasetFolder
@@ -205,7 +206,7 @@ def test_a_channel_that_never_varied_in_training_must_stay_as_it_was(tanks, reco
     assert read_window(read(0.5), earlier).values[0, -1, 1] == 0.5
 
 
-def test_the_table_says_which_of_two_answers_to_take(monkeypatch, capsys):
+def test_the_table_has_one_answer_the_posteriors_where_there_is_one(monkeypatch, capsys):
     value = Estimate(value=2.0, unit="m2", rmse=0.5, at_bound=False, median=2.1, low=1.5, high=2.7)
 
     def answer(one):
@@ -218,8 +219,19 @@ def test_the_table_says_which_of_two_answers_to_take(monkeypatch, capsys):
         return capsys.readouterr().out
 
     both = answer(value)
-    assert "Use the median and its 90 % interval" in both
+    assert "2.1" in both and "1.5 to 2.7" in both and "rmse" not in both
     assert "remark" not in both
-    assert "Use the median" not in answer(value.model_copy(update={"median": None, "low": None, "high": None}))
+    alone = answer(value.model_copy(update={"median": None, "low": None, "high": None}))
+    assert "+- rmse" in alone and "0.5" in alone and "rmse: of rooms" in alone and "interval" not in alone
     bound = answer(value.model_copy(update={"at_bound": True}))
     assert "remark" in bound and "at the end of its range" in bound
+
+
+def test_a_recording_in_memory_is_estimated_as_the_one_in_the_file(ridge_run, recording, tmp_path):
+    path = write(recording, tmp_path / "r.nc")
+    with xr.open_dataset(path) as opened:
+        found = predict(ridge_run, opened)
+    assert found == predict(ridge_run, path)
+    assert predict(ridge_run, recording).predictions == found.predictions
+    with pytest.raises(RecordingError, match=r"^dataset-\w+: has no channel 'level', which the run reads"):
+        predict(ridge_run, recording.drop_vars("level").drop_encoding())
