@@ -193,6 +193,11 @@ def connection(guarded, scheme="tls", **environment):
     return done.stdout.strip() or done.stderr.strip().splitlines()[-1]
 
 
+def test_a_farm_with_tls_lets_its_own_client_in(guarded):
+    assert connection(guarded) == "in"
+    assert f"tls://127.0.0.1:{guarded.scheduler}" in (guarded.folder / "scheduler.log").read_text()
+
+
 def test_a_farm_with_tls_refuses_a_client_of_another_authority(guarded, tmp_path):
     others = certificates(tmp_path / "others")
     theirs = {f"{TLS}CLIENT__CERT": str(others / "client.pem"), f"{TLS}CLIENT__KEY": str(others / "client.key")}
