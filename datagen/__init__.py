@@ -1,8 +1,8 @@
 """The simulation farm: samples systems, simulates FMUs, writes datasets.
 
 The functions behind the commands of the same names: :func:`describe`, :func:`run`, :func:`simulate`, :func:`info`,
-:func:`verify`, :func:`repair`, :func:`merge`, :func:`compare`, :func:`identifiability`. :func:`open` gives a dataset to
-xarray; :func:`load_system`, :class:`Simulator` and :func:`ceilings_of` are for studies of one's own.
+:func:`verify`, :func:`repair`, :func:`merge`, :func:`copy`, :func:`compare`, :func:`identifiability`. :func:`open`
+gives a dataset to xarray; :func:`load_system`, :class:`Simulator` and :func:`ceilings_of` are for studies of one's own.
 """
 
 from __future__ import annotations
@@ -24,12 +24,14 @@ if TYPE_CHECKING:
     from datagen.limits.ceilings import identifiability as identifiability
     from datagen.simulating.recording import simulate as simulate
     from datagen.simulating.simulator import Simulator as Simulator
+    from shared.remote import copy as copy
     from shared.system import load_system as load_system
 
 __all__ = [
     "Simulator",
     "ceilings_of",
     "compare",
+    "copy",
     "describe",
     "identifiability",
     "info",
@@ -46,6 +48,7 @@ _HOMES = {
     "Simulator": "datagen.simulating.simulator",
     "ceilings_of": "datagen.limits.ceilings",
     "compare": "datagen.comparing.comparison",
+    "copy": "shared.remote",
     "describe": "datagen.fmi.describe",
     "identifiability": "datagen.limits.ceilings",
     "info": "datagen.datasets.inspection",

@@ -22,7 +22,7 @@ from shared import __version__
 from shared.errors import IncompleteError, ZeroshotError
 from shared.interrupts import Terminated, terminable
 from shared.logs import USUAL, Reporting, fields, logger, reported
-from shared.places import give_matplotlib_a_place, no_text
+from shared.places import give_matplotlib_a_place, is_url, no_text
 from shared.watchdog import PATIENT, Patience, armed, leave
 
 OK, FAULT, USAGE, PARTLY, STOPPED, ENDED = 0, 1, 2, 3, 130, 143
@@ -50,6 +50,10 @@ Positive = Annotated[int, cyclopts.Parameter(validator=cyclopts.validators.Numbe
 def _named(_: Any, tokens: Sequence[Any]) -> Path:
     if not tokens[0].value.strip():  # a shell's variable that is not set would be the folder that one happens to be in
         raise ValueError("it is empty; expected a path")
+    if is_url(tokens[0].value):
+        raise ValueError(
+            "it is a URL; expected a folder or file on this machine (`datagen copy` brings a dataset there)"
+        )
     return Path(tokens[0].value)
 
 

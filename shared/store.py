@@ -25,7 +25,8 @@ from shared.manifest import ShardEntry as ShardEntry
 from shared.manifest import Source as Source
 from shared.netcdf import read_netcdf, write_netcdf
 from shared.netcdf_child import check_declared
-from shared.reading import MIB, read_bytes, read_json, validated, why
+from shared.places import is_url
+from shared.reading import MIB, parse_json, read_bytes, read_text, validated, why
 from shared.schema import CONTENT_HASH, DISTURBANCES, SPLITS, check_version, dataset_hash, newer_minor
 from shared.system import System, system_from_canonical
 
@@ -81,11 +82,35 @@ def read_manifest(folder: Path | str) -> Manifest:
     path = Path(folder) / MANIFEST
     if Path(folder).is_file():
         raise DatasetError(f"{folder}: is a file; expected the folder of a dataset made by `datagen run`")
-    raw = read_json(path, DatasetError, "a dataset made by `datagen run`", most=MOST_MANIFEST)
+    text = read_text(path, DatasetError, "a dataset made by `datagen run`", most=MOST_MANIFEST)
+    return parse_manifest(text, f"{path}")
+
+
+def parse_manifest(text: str, where: str) -> Manifest:
+    """Check the text of a manifest; ``where`` is what the error names.
+
+    Raises
+    ------
+    DatasetError
+        If it is damaged, or of a newer schema.
+    """
+    raw = parse_json(text, where, DatasetError, "a dataset made by `datagen run`")
     if not isinstance(raw, dict) or "schema_version" not in raw:
-        raise DatasetError(f"{path}: schema_version is missing; expected a manifest made by `datagen run`")
-    check_version(raw["schema_version"], str(path))
-    return validated(Manifest, raw, f"{path}", DatasetError)
+        raise DatasetError(f"{where}: schema_version is missing; expected a manifest made by `datagen run`")
+    check_version(raw["schema_version"], where)
+    return validated(Manifest, raw, where, DatasetError)
+
+
+def check_shard_name(entry: ShardEntry, where: str) -> None:
+    """Refuse a shard whose name leaves the folder.
+
+    Raises
+    ------
+    DatasetError
+        Naming the shard and ``where`` its dataset is.
+    """
+    if Path(entry.file).name != entry.file or entry.file in ("", "..") or "\0" in entry.file:
+        raise DatasetError(f"{where}: shard {entry.file!r} is not a plain file name")
 
 
 def write_shard(
@@ -180,16 +205,23 @@ class DatasetFolder:
     Parameters
     ----------
     folder
-        Its folder, or the whole of it as `datagen.open` has it.
+        Its folder, a URL, whose content is then read from a cache, or the whole of it as `datagen.open` has it.
 
     Raises
     ------
     DatasetError
-        If the folder holds no readable dataset, or what is in memory is a part of one.
+        If the place holds no readable dataset or cannot be reached, or what is in memory is a part of one.
     """
 
     def __init__(self, folder: Path | str | xr.Dataset) -> None:
-        self.folder = _folder_of(folder) if isinstance(folder, xr.Dataset) else Path(folder)
+        if isinstance(folder, xr.Dataset):
+            self.folder = _folder_of(folder)
+        elif is_url(folder):
+            from shared.remote import cached  # which stands on this module
+
+            self.folder = cached(folder)
+        else:
+            self.folder = Path(folder)
         self.manifest = read_manifest(self.folder)
         try:
             self.system: System = system_from_canonical(self.manifest.system, self.folder / MANIFEST)
@@ -224,8 +256,7 @@ class DatasetFolder:
 
     def shard_path(self, entry: ShardEntry) -> Path:
         """Where a shard lies; a name that leaves the folder is refused."""
-        if Path(entry.file).name != entry.file or "\0" in entry.file:
-            raise DatasetError(f"{self.folder}: shard {entry.file!r} is not a plain file name")
+        check_shard_name(entry, f"{self.folder}")
         return self.folder / "shards" / entry.file
 
     def _open(self, entry: ShardEntry) -> netCDF4.Dataset:

@@ -33,6 +33,7 @@ LONGEST = (
     "diagnosis/gap/test_afresh.py",
     "docker/test_farm.py",
     "diagnosis/blind/test_detectability.py",
+    "diagnosis/app/test_page.py",
     "hostile/test_diagnosis.py",
 )
 """Files that take longest, in that order. They come first: where files are dealt out to processes, one that begins late

@@ -21,9 +21,9 @@ PROGRAMS = {"datagen": datagen, "trainer": trainer, "diagnosis": diagnosis}
 SHORT = {
     *("datagen describe", "datagen simulate", "datagen info", "datagen merge"),
     *("trainer evaluate", "trainer calibration", "trainer predict", "trainer info"),
-    *("diagnosis residuals", "diagnosis import", "diagnosis blind score"),
+    *("diagnosis app", "diagnosis residuals", "diagnosis import", "diagnosis blind score"),
 }
-"""Commands that are done before anybody asks how far they are."""
+"""Commands that are done before anybody asks how far they are, and the page, which shows that itself."""
 RUNNING = (Path(__file__).parents[1] / "docs" / "running.md").read_text()
 
 

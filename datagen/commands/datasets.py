@@ -1,4 +1,4 @@
-"""The commands for datasets that are there: ``datagen info``, ``verify`` and ``merge``."""
+"""The commands for datasets that are there: ``datagen info``, ``verify``, ``copy`` and ``merge``."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 from rich.table import Table
 
-from shared.console import FAULT, OK, Place, new_console
+from shared.console import FAULT, OK, Place, new_console, resumable
 from shared.errors import DatasetError
 from shared.logs import USUAL, Reporting
 
@@ -23,7 +23,7 @@ def info(folder: Path, *, as_json: Annotated[bool, Parameter(name="--json", nega
     Parameters
     ----------
     folder
-        Dataset folder.
+        Dataset folder or URL.
     as_json
         Print JSON.
     """
@@ -55,7 +55,7 @@ def verify(
     Parameters
     ----------
     folder
-        Dataset folder.
+        Dataset folder or URL.
     repair
         Simulate damaged and missing shards again; they must get the hashes of the manifest.
     system
@@ -84,13 +84,34 @@ def verify(
     return FAULT if faults else OK
 
 
+@resumable()
+def copy(source: str, target: str, /, *, report: Reporting = USUAL) -> int:
+    """Copy a dataset from or to another machine, and verify every shard by its sha256.
+
+    Both places are folders or URLs: `https://`, `s3://` and what else fsspec reaches (`pip install
+    'zeroshot-fmu[remote]'`). A copy that was interrupted goes on, and shards that are there already stay. The target
+    is a dataset once all shards are there.
+
+    Parameters
+    ----------
+    source
+        Folder or URL of the dataset.
+    target
+        Folder or URL to copy it to.
+    """
+    from datagen import copy as copy_
+
+    console.print(copy_(source, target, quiet=report.quiet).headline, markup=False)
+    return OK
+
+
 def merge(folders: Annotated[list[Path], Parameter(consume_multiple=True, negative=())], /, *, out: Place) -> int:
     """Join datasets of one system, made from different root seeds, into a new one.
 
     Parameters
     ----------
     folders
-        Dataset folders, at least two.
+        Dataset folders or URLs, at least two.
     out
         Folder of the joint dataset; new, or empty.
     """

@@ -19,6 +19,7 @@ from datagen.farming.worker import Job, ShardResult
 from datagen.fmi.fmu import fmu_sha256
 from shared.errors import DatasetError, SimulationError
 from shared.lock import FolderLock, read_holder
+from shared.places import is_url, url_of
 from shared.schema import newer_minor
 from shared.store import MANIFEST, DatasetFolder
 from shared.system import System, load_system
@@ -73,6 +74,8 @@ def repair(
         If a system cannot be simulated any more.
     """
     check_timeout(timeout)
+    if is_url(folder):
+        raise DatasetError(f"{url_of(folder)}: is a URL; expected a folder to repair: `datagen copy` it into one first")
     dataset = DatasetFolder(folder)
     if said := newer_minor(dataset.manifest.schema_version):  # what is new in it would be lost
         raise DatasetError(f"{dataset.folder / MANIFEST}: {said}")

@@ -22,7 +22,7 @@ def open(folder: Path | str) -> xr.Dataset:
     Parameters
     ----------
     folder
-        A dataset made by `datagen run`.
+        A dataset made by `datagen run`, or its URL.
 
     Returns
     -------
@@ -63,7 +63,7 @@ def open(folder: Path | str) -> xr.Dataset:
     }
     made = xr.Dataset(variables, coordinates, first.attrs)
     made = xr.decode_cf(made.set_coords("time"), decode_times=xr.coders.CFDatetimeCoder(), decode_timedelta=False)
-    made.encoding["source"] = str(folder)
+    made.encoding["source"] = str(dataset.folder)
     return made
 
 

@@ -162,7 +162,7 @@ def tune(
             ) from None
         batch_size, lr = chosen.pop("batch_size"), chosen.pop("lr")
         run = fit(
-            dataset_dir,
+            dataset.folder,
             folder / "trials" / f"{trial.number:04d}",
             model=model,
             context_hours=context_hours,
