@@ -34,15 +34,15 @@ docs: $(READY)
 reference: $(READY)
 	$(BIN)/python docs/making/reference.py
 
-# the wheel in clean environments under every Python that is there; PYTHONS names others
+# the wheel in clean environments under every Python that is there (PYTHONS names others), and the steps of all images
 PYTHONS ?= python3.11 python3.12 python3.13
 wheels: $(READY)
-	ZEROSHOT_PYTHONS="$(PYTHONS)" $(BIN)/python -m pytest -rA tests/packaging
+	ZEROSHOT_PYTHONS="$(PYTHONS)" $(BIN)/python -m pytest -rA tests/packaging tests/docker/test_images.py
 
 # check has run some tests already; the tests of a file stay together, so that what they share is made once,
 # and tests/conftest.py has the longest files first. Three processes on two cores: farms and installations are waited for
 test: check
-	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder $(CHECKED:%=--ignore=%)
+	$(BIN)/python -m pytest -n 3 --dist loadgroup --no-loadscope-reorder $(CHECKED:%=--ignore=%)
 
 clean:
 	rm -rf demo .mypy_cache .ruff_cache .pytest_cache build dist *.egg-info

@@ -123,10 +123,8 @@ def lacks(environment, folder, extra, *words):
 
 def bare(environment, folder):
     assert environment.out("diagnosis", "--version", cwd=folder).strip() == __version__
-    lacks(environment, folder, "datagen", "datagen", "simulate", "MixedAirCO2", "--out", "room.nc")
     lacks(environment, folder, "datagen", "datagen", "run", "MixedAirCO2", "--out", "d", "--systems", "2")
     lacks(environment, folder, "trainer", "trainer", "predict", "MixedAirCO2", "room.nc")
-    lacks(environment, folder, "trainer", "trainer", "fit", "d", "--out", "run")
     lacks(environment, folder, "diagnosis", "diagnosis", "residuals", "MixedAirCO2", "room.nc")
 
 

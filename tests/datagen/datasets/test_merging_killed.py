@@ -51,16 +51,3 @@ def test_stopped_in_between_it_leaves_the_folder_empty(two, tmp_path, monkeypatc
         patch.setattr(Path, "rename", rename)
         merge(two, out)
     assert list(out.iterdir()) == []
-
-
-def test_files_of_others_are_not_taken_for_its_own(two, tmp_path):
-    out = tmp_path / "out"
-    (out / ".merging").mkdir(parents=True)  # a draft that was not whole: nothing was moved out of it
-    (out / "README.md").write_text("mine")
-    with pytest.raises(DatasetError, match="already there; expected a new folder"):
-        merge(two, out)
-    (out / ".merging" / "manifest.json").write_text("{}")
-    (out / "README.md").rename(out / "thesis.md")
-    with pytest.raises(DatasetError, match="already there; expected a new folder"):
-        merge(two, out)
-    assert (out / "thesis.md").read_text() == "mine"

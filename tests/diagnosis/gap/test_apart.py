@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagnosis.gap import apart, diagnosed
+from diagnosis.gap import apart
 from diagnosis.gap.apart import fitted_apart
 from diagnosis.gap.grams import Grams
 from diagnosis.gap.made import Made
@@ -16,7 +16,6 @@ from diagnosis.gap.schema import ShrinkageOf
 from diagnosis.gap.sentences import summary
 from diagnosis.gap.shrinkage import _placebos, left_by, shrinkages
 from shared.errors import SimulationError
-from tests.diagnosis.gap.gap_cases import candidates
 
 pytestmark = pytest.mark.slow
 
@@ -190,14 +189,3 @@ def test_the_line_of_the_days_kept_is_drawn_until_it_fits_no_better(monkeypatch,
     assert lin is (begun if used is None else lines[used])
     assert (len(calls), count) == (made, 7 * min(made, len(lines)))
     assert calls[0] is begun and all(calls[k + 1] is lines[k] for k in range(len(calls) - 1))
-
-
-def test_where_nothing_is_left_to_fit_no_share_is_told(house, drifted, monkeypatch):
-    """A sensor that was put up on the last day of three: all that it read is kept to score on."""
-    monkeypatch.setattr(diagnosed, "kept_for_scoring", lambda record: np.ones(len(record.time), dtype=bool))
-    effects = [one for one in candidates(house("me")) if one.name == "drift"]
-    done = diagnosed.diagnose(house("me"), drifted.path, effects=effects)
-    assert [one.name for one in done.search.chosen] == ["drift"]
-    assert done.apart is None and done.report.shrinkage == []
-    assert "they or the other days have no readings" in done.report.summary[2]
-    assert "Both are fitted to the unshaded" not in render(done)

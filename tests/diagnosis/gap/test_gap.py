@@ -79,13 +79,3 @@ def test_a_cause_that_is_not_among_the_candidates_is_none_of_these(house, house_
     assert report.mistaken > 0.5
     assert report.none_of_these == pytest.approx(OUTSIDE * report.mistaken)
     assert report.stages[0].left_over > 10
-
-
-@pytest.mark.slow
-def test_a_sensor_without_declared_noise_is_among_the_limits(house, house_recording, drifted):
-    """A description for simulations has none: real readings would be judged at the numerical floor without a word."""
-    output = house("me").outputs[0].model_copy(update={"noise": {}})
-    system = house("me").model_copy(update={"outputs": [output]})
-    limits = diagnose(system, house_recording(hours=72), effects=candidates(system)[:1]).report.limits
-    assert any(one.startswith("No noise is declared for the sensor of room (to 0.01 degC)") for one in limits)
-    assert not any(one.startswith("No noise") for one in drifted.done.report.limits)

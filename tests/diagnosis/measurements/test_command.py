@@ -1,9 +1,6 @@
 """The import as a user calls it: the packaged example from CSV to residuals, and the command."""
 
 import json
-import os
-import subprocess
-import sys
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -72,8 +69,3 @@ def test_the_command(tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["step"] == 1800.0
     assert start(app, [*words[:2], str(tmp_path / "none.csv"), *words[3:]]) == FAULT
     assert "none.csv: no such file" in capsys.readouterr().err
-
-
-def test_the_package_is_light_to_import():
-    code = "import diagnosis.measurements, sys; sys.exit('pint' in sys.modules or 'matplotlib' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=os.environ, check=False).returncode == 0
