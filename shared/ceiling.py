@@ -17,9 +17,9 @@ import xarray as xr
 from pydantic import BaseModel, ConfigDict, Field
 
 from shared.errors import ZeroshotError
+from shared.manifest import write_atomically
 from shared.reading import newer, read_json, validated
 from shared.results import Result
-from shared.store import write_atomically
 from shared.system import Experiment
 from shared.uncertain import Uncertain
 

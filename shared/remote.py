@@ -29,12 +29,19 @@ from shared.errors import DatasetError
 from shared.lock import FILE_NAME as LOCK_FILE
 from shared.lock import FolderLock, at_work
 from shared.logs import fields, heard, logger
-from shared.manifest import Manifest
+from shared.manifest import (
+    MANIFEST,
+    MOST_MANIFEST,
+    Manifest,
+    check_shard_name,
+    parse_manifest,
+    sha256_of,
+    temporary_name,
+)
 from shared.places import check_folder, is_url, url_of
 from shared.progress import progress_bar
 from shared.reading import MIB, read_bytes, read_text, why
 from shared.results import Result
-from shared.store import MANIFEST, MOST_MANIFEST, check_shard_name, parse_manifest, sha256_of, temporary_name
 
 BESIDE = ("failures.jsonl", CEILING_FILE, "README.md")
 """What a dataset may have beside its shards; the manifest has no hash of these."""

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import socket
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,97 +19,27 @@ import xarray as xr
 from xarray.backends.locks import HDF5_LOCK, NETCDFC_LOCK, combine_locks
 
 from shared.errors import DatasetError, SystemDescriptionError
+from shared.manifest import MANIFEST as MANIFEST
+from shared.manifest import MOST_MANIFEST as MOST_MANIFEST
 from shared.manifest import Manifest as Manifest
 from shared.manifest import ShardEntry as ShardEntry
 from shared.manifest import Source as Source
+from shared.manifest import check_shard_name as check_shard_name
+from shared.manifest import parse_manifest as parse_manifest
+from shared.manifest import read_manifest as read_manifest
+from shared.manifest import sha256_of as sha256_of
+from shared.manifest import temporary_name as temporary_name
+from shared.manifest import write_atomically as write_atomically
+from shared.manifest import write_manifest as write_manifest
 from shared.netcdf import read_netcdf, write_netcdf
 from shared.netcdf_child import check_declared
 from shared.places import is_url
-from shared.reading import MIB, parse_json, read_bytes, read_text, validated, why
+from shared.reading import read_bytes, why
 from shared.schema import CONTENT_HASH, DISTURBANCES, SPLITS, check_version, dataset_hash, newer_minor
 from shared.system import System, system_from_canonical
 
-MANIFEST = "manifest.json"
-"""In a dataset's folder; it is what makes it one."""
-MOST_MANIFEST = 4096 * MIB
-"""Bytes; a manifest has about 500 for each shard."""
 _LARGEST = 1 << 40
 """Bytes of a shard: memory is the limit."""
-
-
-def temporary_name(path: Path) -> Path:
-    """A neighbour of ``path`` that no other process on any machine writes to."""
-    return path.with_name(f".{path.name}.{socket.gethostname()}.{os.getpid()}.tmp")
-
-
-def write_atomically(path: Path, data: bytes) -> None:
-    """Write a file whole: temporary neighbour, flush, rename."""
-    temporary = temporary_name(path)
-    try:
-        with open(temporary, "wb") as handle:
-            handle.write(data)
-            handle.flush()
-            os.fsync(handle.fileno())
-        os.replace(temporary, path)
-    except OSError as error:
-        if error.filename is None:  # a full disk names none
-            error.filename = str(path)
-        raise
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
-def sha256_of(path: Path) -> str:
-    """sha256 of a file."""
-    with open(path, "rb") as handle:
-        return hashlib.file_digest(handle, "sha256").hexdigest()
-
-
-def write_manifest(folder: Path, manifest: Manifest) -> None:
-    """Write ``manifest.json``."""
-    write_atomically(folder / MANIFEST, (manifest.model_dump_json(indent=1) + "\n").encode())
-
-
-def read_manifest(folder: Path | str) -> Manifest:
-    """Read and check ``manifest.json``.
-
-    Raises
-    ------
-    DatasetError
-        If it is missing, damaged, or of a newer schema.
-    """
-    path = Path(folder) / MANIFEST
-    if Path(folder).is_file():
-        raise DatasetError(f"{folder}: is a file; expected the folder of a dataset made by `datagen run`")
-    text = read_text(path, DatasetError, "a dataset made by `datagen run`", most=MOST_MANIFEST)
-    return parse_manifest(text, f"{path}")
-
-
-def parse_manifest(text: str, where: str) -> Manifest:
-    """Check the text of a manifest; ``where`` is what the error names.
-
-    Raises
-    ------
-    DatasetError
-        If it is damaged, or of a newer schema.
-    """
-    raw = parse_json(text, where, DatasetError, "a dataset made by `datagen run`")
-    if not isinstance(raw, dict) or "schema_version" not in raw:
-        raise DatasetError(f"{where}: schema_version is missing; expected a manifest made by `datagen run`")
-    check_version(raw["schema_version"], where)
-    return validated(Manifest, raw, where, DatasetError)
-
-
-def check_shard_name(entry: ShardEntry, where: str) -> None:
-    """Refuse a shard whose name leaves the folder.
-
-    Raises
-    ------
-    DatasetError
-        Naming the shard and ``where`` its dataset is.
-    """
-    if Path(entry.file).name != entry.file or entry.file in ("", "..") or "\0" in entry.file:
-        raise DatasetError(f"{where}: shard {entry.file!r} is not a plain file name")
 
 
 def write_shard(
