@@ -258,6 +258,7 @@ EXAMPLES = {
     "datagen simulate": "system.toml --hours 336 --out one.nc",
     "datagen info": "data",
     "datagen verify": "data --repair",
+    "datagen copy": "data elsewhere",
     "datagen merge": "data more --out both",
     "datagen identifiability": "system.toml --context 24 168 --noise sensor",
     "datagen compare": "system.toml other.toml --systems 5 --out apart",

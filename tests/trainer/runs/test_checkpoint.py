@@ -27,7 +27,7 @@ def test_the_estimate_does_not_depend_on_its_neighbours(ridge_run):
 
 
 def test_a_folder_without_a_run_is_told(tmp_path):
-    with pytest.raises(EstimatorError, match=r"no such file; expected a run folder made by .* \(MixedAirCO2\)"):
+    with pytest.raises(EstimatorError, match=r"no such file; expected a run folder made by .* \(MixedAirCO2, Room\)"):
         load_run(tmp_path / "nowhere")
 
 
