@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
 from typing import Literal
 
 import numpy as np
@@ -69,31 +68,3 @@ class Ratio(Table):
     def holds(self, values: dict[str, float]) -> bool:
         """Whether parameters, by name, are within the range."""
         return self.min <= values[self.over] / values[self.under] <= self.max
-
-
-def given_fault(declared: Sequence[Given], names: Collection[str], estimated: Collection[str], taken: set[str]) -> str:
-    """What is wrong with given facts in a system, as a sentence; empty if nothing is.
-
-    Parameters
-    ----------
-    names
-        Of everything that has a name of its own already.
-    estimated
-        Names of the estimated parameters.
-    taken
-        FMU parameters that effects, sources, uncertain constants and replay set.
-    """
-    names, taken = {*names}, {*taken}
-    for one in declared:
-        if one.name in names:
-            return f"given: {one.name!r} is the name of two things; expected one"
-        names.add(one.name)
-        if one.per and one.per not in estimated:
-            return f"given: {one.name!r} is per {one.per!r}; expected an estimated parameter"
-        for parameter in one.parameters:
-            if parameter in estimated:
-                return f"given: {one.name!r} sets {parameter!r}, which is an estimated parameter"
-            if parameter in taken:
-                return f"given: {one.name!r} sets {parameter!r}, which is set elsewhere as well"
-            taken.add(parameter)
-    return ""

@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import Field, SerializerFunctionWrapHandler, ValidationError, model_serializer, model_validator
 
 from shared.errors import SystemDescriptionError
-from shared.given import Given, Ratio, given_fault
+from shared.given import Given, Ratio
 from shared.possible import driven_in_another_unit
 from shared.reading import MOST_TOML, parse_json, parse_toml, read_text, shown
 from shared.refused import meant, sentence_of
@@ -149,11 +149,13 @@ class System(Table):
         by_others = [(getattr(one, "parameters", {}), getattr(one, "constants", {})) for one in self.effects]
         by_others += [(one.parameters, {}) for one in self.sources] + [(self.replay, {})]
         taken = {name for tables in by_others for table in tables for name in table}
-        if wrong := fault(self.uncertain, {*self.parameter_names, *known, *effects}, self.parameter_names, taken):
+        if wrong := fault(
+            "uncertain", self.uncertain, {*self.parameter_names, *known, *effects}, self.parameter_names, taken
+        ):
             raise ValueError(wrong)
         names = {*self.parameter_names, *known, *effects, *(one.name for one in self.uncertain)}
         taken = taken - {*self.replay} | {name for one in self.uncertain for name in one.parameters} | {*self.fixed}
-        if wrong := given_fault(self.given, names, self.parameter_names, taken):
+        if wrong := fault("given", self.given, names, self.parameter_names, taken):
             raise ValueError(wrong)
         for where, name in self._reads():
             if name not in self.parameter_names:
@@ -179,6 +181,7 @@ class System(Table):
     def _reads(self) -> list[tuple[str, str]]:
         """Where other tables name estimated parameters, and which."""
         found = [("ratios", name) for one in self.ratios for name in (one.over, one.under)]
+        found += [(f"given {one.name!r}: per", one.per) for one in self.given if one.per]
         return found + ([("occupancy.per", self.occupancy.per)] if self.occupancy and self.occupancy.per else [])
 
     @property

@@ -120,10 +120,12 @@ def _changed(effect: InputEffect, change: float, shape: Piecewise | None) -> Cha
     def change_of(signal: Piecewise) -> Piecewise:
         if effect.operation == "shift":
             return Piecewise(signal.times + change, signal.values, signal.kind)
-        acting = change * (1.0 if shape is None else shape.at(signal.times))
-        if effect.operation == "gain":
-            return Piecewise(signal.times, signal.values * np.maximum(1.0 + acting, 0.0), signal.kind)
-        return Piecewise(signal.times, signal.values + acting, signal.kind)
+        # an input that is constant has one knot only: the course brings its own
+        times = signal.times if shape is None or len(signal.times) > 1 else np.union1d(signal.times, shape.times)
+        values, acting = signal.at(times), change * (1.0 if shape is None else shape.at(times))
+        kind = signal.kind if shape is None or len(signal.times) > 1 else shape.kind
+        changed = values * np.maximum(1.0 + acting, 0.0) if effect.operation == "gain" else values + acting
+        return Piecewise(times, changed, kind)
 
     return change_of
 

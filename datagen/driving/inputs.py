@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from datagen.driving.disturbances import Change, changed_signals
-from datagen.driving.given import sample_given
 from datagen.driving.occupancy import sample_occupancy
-from datagen.driving.sampling import sample_parameters, stream
+from datagen.driving.sampling import sample_given, sample_parameters, stream
 from datagen.driving.tables import InputTable, Piecewise, merge
 from datagen.driving.weather import UNITS, WeatherTable, read_weather
 from datagen.units import conversion

@@ -22,8 +22,7 @@ import numpy as np
 import psutil
 
 from datagen.driving.disturbances import number_of
-from datagen.driving.given import told_values
-from datagen.driving.sampling import is_calm, record_start, sample_parameters
+from datagen.driving.sampling import is_calm, record_start, sample_parameters, told_values
 from datagen.farming.dask_worker import RECYCLE, address, hold_back, named, recycle, this_worker, unpack_in_scratch
 from datagen.farming.package import locate, sees_folder
 from datagen.farming.usual import TIMEOUT

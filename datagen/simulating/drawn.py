@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from datagen.driving.disturbances import sample_disturbances
-from datagen.driving.given import fmu_values, sample_given
 from datagen.driving.inputs import build_inputs
-from datagen.driving.sampling import record_start, sample_parameters
+from datagen.driving.sampling import fmu_values, record_start, sample_given, sample_parameters
 from datagen.simulating.constants import constants, sample_factors, values_of
 from datagen.simulating.simulator import Simulator, Trajectory
 

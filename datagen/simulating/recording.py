@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from datagen.driving.given import told_values
-from datagen.driving.sampling import record_start, sample_parameters
+from datagen.driving.sampling import record_start, sample_parameters, told_values
 from datagen.simulating.constants import sample_factors
 from datagen.simulating.drawn import simulate_system
 from datagen.simulating.simulator import Simulator

@@ -22,7 +22,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import ValidationError
 
-from datagen.driving.given import fmu_values
+from datagen.driving.sampling import fmu_values
 from diagnosis.measurements.draft import draft_mapping
 from diagnosis.measurements.guess import targets_of
 from diagnosis.measurements.importer import import_recording

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from datagen.driving.given import fmu_values, sample_given
 from datagen.driving.inputs import build_inputs, system_weather
-from datagen.driving.sampling import sample_parameters
+from datagen.driving.sampling import fmu_values, sample_given, sample_parameters
+from datagen.simulating.simulator import Simulator
 from shared.errors import SystemDescriptionError
 from shared.given import Given
 from shared.system import load_system, parse_system
@@ -107,3 +107,9 @@ def test_ratios_that_no_draw_has_are_named(tmp_path):
     )
     with pytest.raises(SystemDescriptionError, match="a / b from 5 to 6"):
         sample_parameters(system, 0, 0)
+
+
+def test_a_fact_that_the_fmu_does_not_have_is_named(room):
+    wrong = room.given[0].model_copy(update={"parameters": ["fraWim"]})
+    with pytest.raises(SystemDescriptionError, match=r"'fraWim' is not a variable .* did you mean 'fraWin'"):
+        Simulator(room.model_copy(update={"given": [wrong]}))

@@ -7,7 +7,6 @@ import xarray as xr
 
 from shared.errors import EstimatorError
 from tests.trainer.conftest import make_dataset
-from trainer.posterior.checkpoint import load_posterior
 from trainer.posterior.fitting import fit_posterior
 from trainer.predicting.prediction import predict
 from trainer.reading.facts import Reveal, known_parameters, with_static
@@ -82,8 +81,3 @@ def test_what_an_estimator_does_not_read_is_refused(knowing, ridge_run, tmp_path
         predict(run, file, known={"tank.fil": 2.0})
     with pytest.raises(EstimatorError, match="expected 1 to 4"):
         predict(run, file, known={"tank.fill": 9.0})
-
-
-def test_a_posterior_of_facts_is_read_back(knowing):
-    run, _ = knowing
-    assert load_posterior(run) is not None
