@@ -55,6 +55,17 @@ def sample_occupancy(spec: Occupancy, rng: np.random.Generator, start: float, st
     return Piecewise(times[keep], persons[keep].astype(np.float64), "previous")
 
 
+def sized(spec: Occupancy, amount: float) -> Occupancy:
+    """The occupancy of a system whose density counts per ``amount``, such as its floor area [unit of ``spec.per``].
+
+    Its headcount is uniform between the least and the greatest density, within the description's headcount.
+    """
+    if spec.density is None:
+        return spec
+    least, most = (min(max(round(density * amount), spec.headcount[0]), spec.headcount[1]) for density in spec.density)
+    return spec.model_copy(update={"headcount": (least, most)})
+
+
 def occupancy_prior(spec: Occupancy, edges: ArrayLike, draws: int, seed: int) -> np.ndarray:
     """Draw what is known before any measurement about the mean number of persons in each interval.
 

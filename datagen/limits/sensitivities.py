@@ -17,7 +17,7 @@ from itertools import pairwise
 import numpy as np
 
 from datagen.driving.inputs import build_inputs
-from datagen.driving.occupancy import occupancy_prior
+from datagen.driving.occupancy import occupancy_prior, sized
 from datagen.driving.sampling import record_start, sample_parameters, stream
 from datagen.driving.tables import InputTable
 from datagen.limits.pulses import responses
@@ -263,7 +263,10 @@ def random_window(system: System, context: float, seed: int, index: int, uncerta
                     more = more.with_pulse(column, a, b, 1.0)
             return runs.outputs(setting(), more) - undisturbed
 
-        draws = occupancy_prior(system.occupancy, edges, max(PRIOR_DRAWS, DRAWS_EACH * (len(edges) - 1)), seed)
+        persons = system.occupancy
+        if persons.per:
+            persons = sized(persons, float(theta[system.parameter_names.index(persons.per)]))
+        draws = occupancy_prior(persons, edges, max(PRIOR_DRAWS, DRAWS_EACH * (len(edges) - 1)), seed)
         some = np.flatnonzero(np.ptp(draws, axis=0) > 0)  # nobody comes at night
         if some.size:  # nor at weekends, say
             covariance, within = np.atleast_2d(np.cov(draws[:, some], rowvar=False)), some // each

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from datagen.driving.inputs import build_inputs, system_weather
+from datagen.driving.occupancy import occupancy_prior, sized
 from datagen.driving.sampling import fmu_values, sample_given, sample_parameters
 from datagen.simulating.simulator import Simulator
 from shared.errors import SystemDescriptionError
@@ -113,3 +114,11 @@ def test_a_fact_that_the_fmu_does_not_have_is_named(room):
     wrong = room.given[0].model_copy(update={"parameters": ["fraWim"]})
     with pytest.raises(SystemDescriptionError, match=r"'fraWim' is not a variable .* did you mean 'fraWin'"):
         Simulator(room.model_copy(update={"given": [wrong]}))
+
+
+def test_the_prior_of_persons_is_that_of_the_rooms_own_size(room):
+    hours = np.arange(0, 8 * 24 + 1) * HOUR
+    spec = sized(room.occupancy, 50.0)
+    assert spec.headcount == (1, 15)  # 0.02 and 0.3 per square metre
+    assert occupancy_prior(spec, hours, 400, seed=1).max() <= 15
+    assert sized(room.occupancy, 4000.0).headcount == (80, 120)  # the description's headcount limits it
