@@ -219,6 +219,9 @@ def predict(
     told = facts_of(recording, encoding, known or {}, window.systems)
     answers = run.read(window.values, begins, told)
     estimates = run.estimates(answers, len(window.stamps), window.absent)
+    if told is not None and encoding.known:  # what is known needs no mean made of it
+        known_values = told[:, : len(encoding.parameters)]
+        estimates = np.where(np.isfinite(known_values), known_values, estimates)
     posterior = load_posterior(run)
     if posterior is None and (out is not None or corner is not None):
         raise EstimatorError(f"{run.folder}: has no posterior to draw samples from; `trainer posterior` fits one")

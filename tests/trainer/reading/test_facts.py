@@ -62,6 +62,7 @@ def test_a_known_parameter_is_the_answer_and_its_samples(knowing, tmp_path):
     told = predict(run, tmp_path / "tank.nc", known={"tank.fill": 2.5})
     fill = told.predictions[0].parameters["tank.fill"]
     assert told.facts == {"tank.fill": 2.5}
+    assert fill.value == 2.5
     assert fill.low == pytest.approx(2.5) and fill.high == pytest.approx(2.5)
     assert told.predictions[0].parameters["tank.drain"].low < told.predictions[0].parameters["tank.drain"].high
     assert plain["tank.fill"].low < plain["tank.fill"].high
