@@ -66,7 +66,7 @@ def test_sensors_read_as_their_preset_says(default_system):
         assert abs((~known).mean() - sensor.dropout) <= 4 * (sensor.dropout / known.size) ** 0.5
     again = simulate(default_system, hours=2000, seed=3, noise="sensor")
     assert read.identical(again)
-    with pytest.raises(SystemDescriptionError, match="noise 'loud' is not a preset of .*; found none"):
+    with pytest.raises(SystemDescriptionError, match=r"noise 'loud' is not a preset of .*; found none"):
         simulate(default_system, hours=24, noise="loud")
 
 
