@@ -17,6 +17,7 @@ from PIL import Image
 from diagnosis.pages import long_named
 from shared.units import ABSOLUTE
 from shared.variables import ZERO_CELSIUS, Output, Parameter, spaced
+from trainer.figures import Picture
 
 BLUE, ORANGE, GREY, RED = "#1f5fa8", "#d9730d", "#8a8f98", "#b3261e"
 
@@ -27,7 +28,7 @@ COLOURS = 256
 
 def figure(rows: int = 1, *, height: float = 2.0, width: float = 10.0, sharex: bool = True) -> tuple[Figure, list[Any]]:
     """A figure of panels one above the other, without any window."""
-    made = Figure(figsize=(width, height * rows + 0.4), layout="constrained")
+    made = Picture(figsize=(width, height * rows + 0.4), layout="constrained")
     panels = made.subplots(rows, 1, sharex=sharex, squeeze=False)[:, 0]
     for panel in panels:
         panel.grid(alpha=0.25)

@@ -307,13 +307,13 @@ class Report(Result, _Table):
 
     def plot(self) -> Figure:
         """Probabilities of the foremost candidates, of none of these, and of no gap."""
-        from matplotlib.figure import Figure
+        from diagnosis.pictures import Picture
 
         chances = {one.name: one.probability for one in self.foremost}
         if self.others is not None:
             chances[f"another of {self.others[0]}"] = self.others[1]
         chances |= {"none of these": self.none_of_these, "no gap": self.no_gap}
-        figure = Figure(figsize=(7, 0.6 + 0.35 * len(chances)), layout="constrained")
+        figure = Picture(figsize=(7, 0.6 + 0.35 * len(chances)), layout="constrained")
         axes = figure.subplots()
         axes.barh(list(chances), list(chances.values()), color="#1f5fa8")
         axes.invert_yaxis()
