@@ -9,7 +9,7 @@ export OMP_NUM_THREADS ?= 1
 # fast tests of the documents, which are checks
 CHECKED := tests/test_readme.py tests/docs/test_plain_english.py
 
-.PHONY: demo test check docs reference wheels clean
+.PHONY: demo samples test check docs reference wheels clean
 .DEFAULT_GOAL := test
 
 $(READY): pyproject.toml constraints.txt
@@ -19,6 +19,11 @@ $(READY): pyproject.toml constraints.txt
 
 demo: $(READY)
 	$(BIN)/python docs/making/demo.py --out demo
+
+# the sample reports of the site, which take ten minutes, and the outputs of its notebooks
+samples: $(READY)
+	$(BIN)/python docs/making/samples.py
+	$(BIN)/python docs/making/notebooks.py
 
 check: $(READY)
 	$(BIN)/ruff check .

@@ -297,7 +297,7 @@ class Report(Result, _Table):
     @property
     def headline(self) -> str:
         """The recording, and which cause was found."""
-        return f"{self.recording}: {self.summary[1]}"
+        return f"{Path(self.recording).name}: {self.summary[1]}"
 
     def to_dataframe(self) -> pd.DataFrame:
         """A row for each candidate: its probability, and its size with the 90 % interval if it was fitted."""
