@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -38,6 +39,10 @@ def describe(
     if out is None:
         sys.stdout.write(found.toml)
     else:
-        then = f"datagen simulate {out} --out one.nc --hours 24" if found.drafted else "the tables that it lacks"
+        then = (
+            f"datagen simulate {shlex.quote(str(out))} --out one.nc --hours 24"
+            if found.drafted
+            else "the tables that it lacks"
+        )
         console.print(f"written to {out}; next: {then}", markup=False)
     return OK
