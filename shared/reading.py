@@ -146,7 +146,7 @@ def parse_toml(text: str, where: str, error: type[ZeroshotError]) -> dict[str, A
 
 
 def _line_of(text: str, cause: str) -> str:
-    """The line in which a TOML ends to be one, and what to write for a number with a comma; empty where none is named."""
+    """The line at which TOML is not read on, and what to write for a number with a comma; empty where none is named."""
     place = re.search(r"at line (\d+)", cause)
     lines = text.splitlines()
     if place is None or not 0 < int(place[1]) <= len(lines):
