@@ -20,10 +20,11 @@ $(READY): pyproject.toml constraints.txt
 demo: $(READY)
 	$(BIN)/python docs/making/demo.py --out demo
 
-# the sample reports of the site, which take ten minutes, and the outputs of its notebooks
+# the sample reports of the site and the outputs of its notebooks: a quarter of an hour on one core
 samples: $(READY)
 	$(BIN)/python docs/making/samples.py
 	$(BIN)/python docs/making/notebooks.py
+
 # the paper's tables and figures, hours on two cores; both trainings go on where they were stopped
 STEPS ?= 2000
 paper: $(READY)
