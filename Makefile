@@ -9,7 +9,7 @@ export OMP_NUM_THREADS ?= 1
 # fast tests of the documents, which are checks
 CHECKED := tests/test_readme.py tests/docs/test_plain_english.py
 
-.PHONY: demo paper test check docs reference wheels clean
+.PHONY: demo paper samples test check docs reference wheels clean
 .DEFAULT_GOAL := test
 
 $(READY): pyproject.toml constraints.txt
@@ -19,6 +19,11 @@ $(READY): pyproject.toml constraints.txt
 
 demo: $(READY)
 	$(BIN)/python docs/making/demo.py --out demo
+
+# the sample reports of the site and the outputs of its notebooks: a quarter of an hour on one core
+samples: $(READY)
+	$(BIN)/python docs/making/samples.py
+	$(BIN)/python docs/making/notebooks.py
 
 # the paper's tables and figures, hours on two cores; both trainings go on where they were stopped
 STEPS ?= 2000

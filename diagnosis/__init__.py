@@ -1,8 +1,8 @@
 """From recordings to parameters, forecasts, and what the model still lacks.
 
-The functions behind the commands: :func:`import_recording`, :func:`residuals`, :func:`calibrate`, :func:`forecast`,
-:func:`diagnose`; and :func:`serve`, behind ``diagnosis app``.
-:func:`read_recording` and :func:`read_calibration` read what they write.
+The functions behind the commands: :func:`draft_mapping`, :func:`import_recording`, :func:`residuals`,
+:func:`calibrate`, :func:`forecast`, :func:`diagnose`; and :func:`serve`, behind ``diagnosis app``.
+:func:`read_recording`, :func:`read_calibration` and :func:`read_report` read what they write.
 """
 
 from __future__ import annotations
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from diagnosis.calibrating.schema import read_calibration as read_calibration
     from diagnosis.forecasting.forecast import forecast as forecast
     from diagnosis.gap.diagnosed import diagnose as diagnose
+    from diagnosis.gap.schema import read_report as read_report
+    from diagnosis.measurements.draft import draft_mapping as draft_mapping
     from diagnosis.measurements.importer import import_recording as import_recording
     from diagnosis.recording import read_recording as read_recording
     from diagnosis.simulated import residuals as residuals
@@ -24,10 +26,12 @@ if TYPE_CHECKING:
 __all__ = [
     "calibrate",
     "diagnose",
+    "draft_mapping",
     "forecast",
     "import_recording",
     "read_calibration",
     "read_recording",
+    "read_report",
     "residuals",
     "serve",
 ]
@@ -35,10 +39,12 @@ __all__ = [
 _HOMES = {
     "calibrate": "diagnosis.calibrating.calibration",
     "diagnose": "diagnosis.gap.diagnosed",
+    "draft_mapping": "diagnosis.measurements.draft",
     "forecast": "diagnosis.forecasting.forecast",
     "import_recording": "diagnosis.measurements.importer",
     "read_calibration": "diagnosis.calibrating.schema",
     "read_recording": "diagnosis.recording",
+    "read_report": "diagnosis.gap.schema",
     "residuals": "diagnosis.simulated",
     "serve": "diagnosis.app.server",
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -11,7 +12,7 @@ from shared.variables import spaced
 
 
 def page_environment(decimals: int = 1) -> Environment:
-    """Templates of this package with filters ``number``, ``percent``, ``named`` and ``spaced``; a dash for no value.
+    """Templates of this package; a dash for no value. Pages go to others, so files stand in them without their folders.
 
     Parameters
     ----------
@@ -25,6 +26,7 @@ def page_environment(decimals: int = 1) -> Environment:
     environment.filters["percent"] = lambda value: percent(value, decimals)
     environment.filters["named"] = long_named
     environment.filters["spaced"] = spaced
+    environment.filters["file_name"] = lambda path: Path(path).name
     return environment
 
 

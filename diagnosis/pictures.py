@@ -12,17 +12,23 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, MaxNLocator
+from PIL import Image
 
 from diagnosis.pages import long_named
 from shared.units import ABSOLUTE
 from shared.variables import ZERO_CELSIUS, Output, Parameter, spaced
+from trainer.figures import Picture
 
 BLUE, ORANGE, GREY, RED = "#1f5fa8", "#d9730d", "#8a8f98", "#b3261e"
 
 
+COLOURS = 256
+"""In a picture's palette, the most that a byte for each pixel tells apart: a page is a third of its size so."""
+
+
 def figure(rows: int = 1, *, height: float = 2.0, width: float = 10.0, sharex: bool = True) -> tuple[Figure, list[Any]]:
     """A figure of panels one above the other, without any window."""
-    made = Figure(figsize=(width, height * rows + 0.4), layout="constrained")
+    made = Picture(figsize=(width, height * rows + 0.4), layout="constrained")
     panels = made.subplots(rows, 1, sharex=sharex, squeeze=False)[:, 0]
     for panel in panels:
         panel.grid(alpha=0.25)
@@ -42,9 +48,11 @@ def as_png(made: Figure, dpi: int = 110) -> bytes:
         for axis, scale in ((axes.xaxis, axes.get_xscale()), (axes.yaxis, axes.get_yscale())):
             for label in axis.get_ticklabels(which="both") if scale == "log" else ():
                 label.set_parse_math(True)
-    buffer = io.BytesIO()
-    made.savefig(buffer, format="png", dpi=dpi)
-    return buffer.getvalue()
+    drawn, packed = io.BytesIO(), io.BytesIO()
+    made.savefig(drawn, format="png", dpi=dpi)
+    drawn.seek(0)
+    Image.open(drawn).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE).save(packed, "PNG", optimize=True)
+    return packed.getvalue()
 
 
 def calendar(panel: Axes, begin: np.datetime64 | str) -> None:

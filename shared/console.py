@@ -17,6 +17,7 @@ from typing import Annotated, Any, NoReturn, TypeVar
 
 import cyclopts
 from rich.console import Console
+from rich.table import Table
 
 from shared import __version__
 from shared.errors import IncompleteError, ZeroshotError
@@ -64,12 +65,23 @@ _resumable: dict[Callable[..., Any], tuple[tuple[str, ...], tuple[str, ...]]] = 
 _log = logger(__name__)
 
 
+class _Console(Console):
+    """A console that folds what is too long for its column of a table: rich would cut it short."""
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        for table in objects:
+            if isinstance(table, Table):
+                for column in table.columns:
+                    column.overflow = "fold"
+        super().print(*objects, **options)
+
+
 def new_console() -> Console:
     """A console for results on standard output, which prints text as it stands.
 
     Users name what they like, and units stand in brackets: rich would take `[degC]` for a style and leave it out.
     """
-    console = Console(highlight=False, markup=False)
+    console = _Console(highlight=False, markup=False)
     if not console.is_terminal:
         console.width = max(console.width, _PIPED_WIDTH)
     return console

@@ -141,8 +141,19 @@ def parse_toml(text: str, where: str, error: type[ZeroshotError]) -> dict[str, A
         _check_depth(found)
         _check_integers(found)
     except (ValueError, RecursionError) as cause:
-        raise error(f"{where}: not valid TOML: {why(cause)}") from None
+        raise error(f"{where}: not valid TOML: {why(cause)}{_line_of(text, str(cause))}") from None
     return found
+
+
+def _line_of(text: str, cause: str) -> str:
+    """The line at which TOML is not read on, and what to write for a number with a comma; empty where none is named."""
+    place = re.search(r"at line (\d+)", cause)
+    lines = text.splitlines()
+    if place is None or not 0 < int(place[1]) <= len(lines):
+        return ""
+    line = lines[int(place[1]) - 1].strip()
+    comma = re.search(r"=\s*([-+]?\d+),(\d+)\s*(#|$)", line)
+    return f": {shown(line)}{f'; write {comma[1]}.{comma[2]}, with a point' if comma else ''}"
 
 
 def read_toml(path: Path, error: type[ZeroshotError], expected: str) -> dict[str, Any]:

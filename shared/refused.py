@@ -12,8 +12,14 @@ from shared.reading import short, shown
 
 
 def meant(word: str, names: Iterable[str]) -> str:
-    """The end of a sentence about a word that is none of the names: which of them is like it; empty if none is."""
-    near = get_close_matches(short(word), list(names), n=1)
+    """The end of a sentence about a word that is none of the names: which of them is like it; empty if none is.
+
+    Likeness counts letters as they are written; where none is like it so, in whatever case.
+    """
+    known = list(names)
+    folded = {name.casefold(): name for name in known}
+    near = get_close_matches(short(word), known, n=1)
+    near = near or [folded[one] for one in get_close_matches(short(word).casefold(), folded, n=1)]
     return f"; did you mean {near[0]}?" if near else ""
 
 

@@ -251,7 +251,8 @@ def evaluate(
     if json:
         print(result.model_dump_json(indent=1))
     else:
-        new_console().print(terminal_table(result))
+        console = new_console()
+        console.print(terminal_table(result, console.width))
         print("\n".join(notes(result)))
         files = "evaluation.json, evaluation.md, evaluation.csv, answers.csv, scatter.png"
         print(f"written to {out or loaded.results}: {files}")

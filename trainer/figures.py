@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-import matplotlib
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -18,12 +17,19 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
 
 from shared.store import write_atomically
 
-matplotlib.use("Agg")
-
 COLOURS = {"paper": "#4477aa", "unseen": "#cc3311"}
 MARKERS = {"paper": "o", "unseen": "x"}
 WITHIN = 10.0
 """A logarithmic axis whose ends are apart by less than this factor has plain numbers in place of powers of ten."""
+
+
+class Picture(Figure):
+    """A figure that notebooks show, whether or not they have loaded ``matplotlib.pyplot``."""
+
+    def _repr_png_(self) -> bytes:
+        buffer = io.BytesIO()
+        self.savefig(buffer, format="png")
+        return buffer.getvalue()
 
 
 def save_png(figure: Figure, path: Path) -> None:
@@ -42,13 +48,13 @@ def save_png(figure: Figure, path: Path) -> None:
     write_atomically(path, data.getvalue())
 
 
-def draw_estimates(table: pd.DataFrame) -> Figure:
+def draw_estimates(table: pd.DataFrame) -> Picture:
     """A panel for each parameter of :meth:`trainer.predicting.prediction.Predictions.to_dataframe`.
 
     A point is the median and a bar its 90 % interval, where there is a posterior; else the estimate with its rmse.
     """
     names = list(dict.fromkeys(table.index.get_level_values("parameter")))
-    figure = Figure(figsize=(8, 0.9 * len(names) + 0.5), layout="constrained")
+    figure = Picture(figsize=(8, 0.9 * len(names) + 0.5), layout="constrained")
     for axes, name in zip(np.atleast_1d(figure.subplots(len(names), 1)), names, strict=True):
         rows = table[table.index.get_level_values("parameter") == name]
         posterior = bool(rows["median"].notna().all())
@@ -66,11 +72,11 @@ def draw_estimates(table: pd.DataFrame) -> Figure:
     return figure
 
 
-def draw_r2(table: pd.DataFrame) -> Figure:
+def draw_r2(table: pd.DataFrame) -> Picture:
     """R2 by parameter, of :meth:`trainer.evaluating.report.Evaluation.to_dataframe`."""
     names = list(dict.fromkeys(table.index.get_level_values("parameter")))
     protocols = list(dict.fromkeys(table.index.get_level_values("protocol")))
-    figure = Figure(figsize=(8, 0.4 * len(names) + 1.2), layout="constrained")
+    figure = Picture(figsize=(8, 0.4 * len(names) + 1.2), layout="constrained")
     axes = figure.subplots()
     for k, protocol in enumerate(protocols):
         rows = table.xs(protocol, level="protocol").loc[names].astype(float)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rich import box
+from rich.console import Console
+from rich.measure import Measurement
 from rich.table import Table
 
 Row = tuple[str, ...]
@@ -16,17 +18,33 @@ def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)])
 
 
-def terminal_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]], *, whole: int = 0) -> Table:
+def terminal_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]], *, width: int) -> Table:
     """For the terminal, with a line above the last row, which sums up.
 
     Parameters
     ----------
-    whole
-        So many columns, from the first on, are never wrapped.
+    width
+        Of the terminal [characters]. The last columns are left out, and named below, where figures would be cut short.
     """
-    table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for k, name in enumerate(header):
-        table.add_column(name, justify="left" if k == 0 else "right", no_wrap=k < whole)
-    for k, row in enumerate(rows):
-        table.add_row(*row, end_section=k == len(rows) - 2)
+    count = len(header)
+    while (table := _table(title, header, rows, count)) and count > 2 and _width_of(table) > width:
+        count -= 1
+    if count < len(header):
+        table.caption = f"for lack of width in the files alone: {', '.join(header[count:])}"
     return table
+
+
+def _table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]], count: int) -> Table:
+    """The first columns of a table; none of them is wrapped."""
+    table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for k, name in enumerate(header[:count]):
+        table.add_column(name, justify="left" if k == 0 else "right", no_wrap=True)
+    for k, row in enumerate(rows):
+        table.add_row(*row[:count], end_section=k == len(rows) - 2)
+    return table
+
+
+def _width_of(table: Table) -> int:
+    """How wide a table is where there is room [characters], its title apart."""
+    console = Console(width=1000)
+    return Measurement.get(console, console.options, table).maximum

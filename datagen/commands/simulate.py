@@ -26,6 +26,7 @@ def simulate(
     index: NotNegative = 0,
     excitation: bool = True,
     uncertain: Annotated[bool, Parameter(negative=())] = False,
+    noise: str = "none",
     patience: Patience = PATIENT,
 ) -> int:
     """Simulate one system into a NetCDF file, in the form of a recording.
@@ -50,6 +51,8 @@ def simulate(
         Add the description's small sinusoids to the control actions.
     uncertain
         Draw the description's [[uncertain]] constants, too, except those that are set.
+    noise
+        Preset of the description, such as sensor: what its sensors would read. Without it, outputs are exact.
     """
     from datagen import simulate as simulate_
 
@@ -63,6 +66,7 @@ def simulate(
         index=index,
         excitation=excitation,
         uncertain=uncertain,
+        noise=noise,
     )
     table = Table("variable", "unit", "minimum", "mean", "maximum", box=None)
     for name, values in record.data_vars.items():

@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fmpy.model_description import ModelDescription, ScalarVariable
 
@@ -15,8 +15,13 @@ from datagen.fmi.fmu import UNSET, fmu_sha256, is_difference, start_of, unit_of,
 from datagen.fmi.interface import lacks, library, missing_libraries
 from datagen.units import UNITLESS, conversion, parsed
 from shared.errors import FmuError
+from shared.refused import meant
+from shared.results import Result
 from shared.store import write_atomically
 from shared.variables import RESERVED
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MOST_CANDIDATES = 20
 """Of more than these all but the first stand commented out: drawn all at once they seldom make a building."""
@@ -43,8 +48,8 @@ _PERSONS = r"^n?_?per(s|$|[A-Z_])|people|occ|person|persons|head"
 _SET_POINT = r"set|_sp$|sp$|ref"
 
 
-@dataclass(frozen=True)
-class Description:
+@dataclass(frozen=True, repr=False)
+class Description(Result):
     """What an FMU says of itself.
 
     Attributes
@@ -78,6 +83,19 @@ class Description:
     outputs: int
     parameters: int
     toml: str
+
+    @property
+    def headline(self) -> str:
+        """The file, what it is and how much it offers."""
+        kinds = " and ".join(self.kinds) or "no kind that can be simulated"
+        counts = f"{self.inputs} inputs, {self.outputs} outputs, {self.parameters} parameters"
+        return f"{self.path.name}: FMI {self.version}, {kinds}; {counts}"
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """What :meth:`sentences` says, a row each."""
+        import pandas as pd
+
+        return pd.DataFrame({"about the FMU": self.sentences()})
 
     @property
     def drafted(self) -> bool:
@@ -114,7 +132,7 @@ class Description:
         return said
 
 
-def describe(fmu: Path | str, *, out: Path | str | None = None) -> Description:
+def describe(fmu: Path | str, *, out: Path | str | None = None, parameters: Sequence[str] | None = None) -> Description:
     """Describe an FMU, and draft the system description that the other commands need.
 
     The draft runs as it is: inputs of the weather and persons are guessed by name and unit, every other one stays at
@@ -127,11 +145,13 @@ def describe(fmu: Path | str, *, out: Path | str | None = None) -> Description:
         An FMU of FMI 2.0 or 3.0.
     out
         Where the description goes (TOML), if it is wanted as a file. The FMU stays where it is.
+    parameters
+        Names of those that are to be estimated; the draft then has no others.
 
     Raises
     ------
     FmuError
-        If it is no readable FMU, or the file exists or cannot be written.
+        If it is no readable FMU, one of the parameters is no candidate of it, or the file exists or cannot be written.
 
     Examples
     --------
@@ -153,7 +173,8 @@ def describe(fmu: Path | str, *, out: Path | str | None = None) -> Description:
     scalars = [v for v in model.modelVariables if not v.shape]
     inputs = [v for v in model.modelVariables if v.causality == "input"]
     outputs = [v for v in scalars if v.causality == "output" and v.type in _FLOATS]
-    parameters = [v for v in scalars if _is_candidate(v)]
+    candidates = [v for v in scalars if _is_candidate(v)]
+    chosen = candidates if parameters is None else _chosen(path, candidates, parameters)
     found = Description(
         path=path,
         version=str(model.fmiVersion),
@@ -166,8 +187,8 @@ def describe(fmu: Path | str, *, out: Path | str | None = None) -> Description:
         without_unit=tuple(v.name for v in [*inputs, *outputs] if v.type in _FLOATS and not _states_unit(v)),
         inputs=len(inputs),
         outputs=len(outputs),
-        parameters=len(parameters),
-        toml=_draft(_seen_from(path, place), model, inputs, outputs, parameters),
+        parameters=len(candidates),
+        toml=_draft(_seen_from(path, place), model, inputs, outputs, chosen, every=parameters is not None),
     )
     if place is not None:
         try:
@@ -199,6 +220,18 @@ def _is_candidate(variable: ScalarVariable) -> bool:
         return False
     start = _number(variable)
     return start is not None and 0 < start < math.inf
+
+
+def _chosen(fmu: Path, candidates: Sequence[ScalarVariable], names: Sequence[str]) -> list[ScalarVariable]:
+    """Candidates of these names, in this order."""
+    known = {v.name: v for v in candidates}
+    for name in names:
+        if name not in known:
+            raise FmuError(
+                f"{fmu}: {name!r} is not one of its {len(known)} positive parameters that can be set"
+                f"{meant(name, known) or f'; they are listed by: datagen describe {fmu}'}"
+            )
+    return [known[name] for name in dict.fromkeys(names)]
 
 
 def _number(variable: ScalarVariable) -> float | None:
@@ -252,7 +285,10 @@ def _draft(
     inputs: Sequence[ScalarVariable],
     outputs: Sequence[ScalarVariable],
     parameters: Sequence[ScalarVariable],
+    *,
+    every: bool,
 ) -> str:
+    """The description as TOML; with ``every`` no parameter is commented out, however many there are."""
     floats = [v for v in inputs if v.type in _FLOATS and not v.shape and v.name not in RESERVED]
     others = [v for v in inputs if v not in floats]
     guesses = [(v, *_source(v)) for v in floats]
@@ -268,7 +304,7 @@ def _draft(
         f"# values of the FMU that stay as they are; inputs that are no numbers stand here\n[fixed]\n{fixed}\n"
     )
     parts.append("# what is estimated: choose a few, and give each a range that fits the building")
-    many = len(candidates) > MOST_CANDIDATES
+    many = len(candidates) > MOST_CANDIDATES and not every
     if many:
         parts.append(f"# ({len(candidates)} candidates: all but the first are commented out)")
     if not candidates:

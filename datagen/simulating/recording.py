@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from datagen.driving.sampling import record_start, sample_parameters, told_values
+from datagen.driving.sampling import record_start, sample_parameters, stream, told_values
 from datagen.simulating.constants import sample_factors
 from datagen.simulating.drawn import simulate_system
 from datagen.simulating.simulator import Simulator
@@ -19,7 +19,7 @@ from shared.refused import meant
 from shared.schema import CLOCK, STEP_END, build_shard
 from shared.store import write_shard
 from shared.system import System, load_system
-from shared.variables import spaced
+from shared.variables import Noise, spaced
 
 _log = logger(__name__)
 
@@ -35,6 +35,7 @@ def simulate(
     index: int = 0,
     excitation: bool = True,
     uncertain: bool = False,
+    noise: str = "none",
 ) -> xr.Dataset:
     """Simulate one system and return its outputs and inputs, dimensions (time); write them to ``out`` if given.
 
@@ -44,11 +45,14 @@ def simulate(
         Values by name [unit of the description]; the others are drawn as the farm would for (``seed``, ``index``).
     uncertain
         Draw the description's uncertain constants, too; a value that is given stays.
+    noise
+        Preset of the description, as which its sensors read the outputs; ``none`` leaves them as simulated. The errors
+        depend on (``seed``, ``index``).
 
     Raises
     ------
     SystemDescriptionError
-        If a parameter is unknown to the description and the FMU.
+        If a parameter is unknown to the description and the FMU, or the preset to the description.
     SimulationError
         If the end was not reached.
     DatasetError
@@ -67,6 +71,7 @@ def simulate(
         raise SystemDescriptionError(
             f"uncertain is set; expected an [[uncertain]] table in {described.path}, which has none"
         )
+    described.noise_sd(noise)  # refuses an unknown preset before long work
     simulator = Simulator(described)
     given = dict(parameters or {})
     for name in given:
@@ -103,7 +108,7 @@ def simulate(
         indices=np.array([index]),
         root_seed=seed,
         parameters=values[None],
-        outputs=trajectory.outputs[None],
+        outputs=readings(described, trajectory.outputs, noise, stream(seed, index, "sensors"))[None],
         inputs=trajectory.inputs[None],
         starts=np.array([record_start(described, seed, index)]),
         factors=sample_factors(described, seed, index)[None, drawn_at] if uncertain else None,
@@ -111,6 +116,7 @@ def simulate(
         attributes={
             "fmu_sha256": simulator.fmu.sha256,
             "root_seed": str(seed),
+            **({"noise": noise} if noise != "none" else {}),
             **({"other_parameters": ", ".join(f"{k}={v:g}" for k, v in others.items())} if others else {}),
         },
     )
@@ -125,6 +131,31 @@ def simulate(
                 "free space"
             ) from None
     return record
+
+
+def readings(system: System, outputs: np.ndarray, noise: str, rng: np.random.Generator) -> np.ndarray:
+    """Outputs as sensors show them: Gaussian noise, then rounding, then lost readings.
+
+    Parameters
+    ----------
+    outputs
+        Without noise, shape (outputs, steps) [unit of each].
+    noise
+        Preset of the description.
+
+    Returns
+    -------
+    np.ndarray
+        Shape (outputs, steps) [unit of each]; NaN where a reading is lost.
+    """
+    shown = outputs.copy()
+    for row, output in zip(shown, system.outputs, strict=True):
+        sensor = output.noise.get(noise, Noise())
+        row += sensor.sd * rng.standard_normal(row.size)
+        if sensor.quantum:
+            row[:] = np.round(row / sensor.quantum) * sensor.quantum
+        row[rng.random(row.size) < sensor.dropout] = np.nan
+    return shown
 
 
 def _still(name: str, described: System) -> list[str]:

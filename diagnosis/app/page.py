@@ -34,7 +34,7 @@ from diagnosis.app.project import (
 from diagnosis.calibrating.schema import read_calibration
 from diagnosis.curves import shown
 from diagnosis.forecasting.forecasted import Forecast
-from diagnosis.gap.schema import Report
+from diagnosis.gap.schema import read_report
 from diagnosis.gap.sentences import headline
 from diagnosis.pages import long_named
 from diagnosis.pictures import readable
@@ -505,7 +505,7 @@ class Page:
         return [html(said + table), *self._curves("forecast", context=report.context_hours)]
 
     def _diagnosis(self) -> list[Any]:
-        report = Report.model_validate_json((self.project.folder / "diagnosis" / "report.json").read_bytes())
+        report = read_report(self.project.folder / "diagnosis")
         rows = []
         for one in report.foremost:
             size = "" if one.amplitude is None else f"{number(one.amplitude, 3)}{spaced(one.unit)}"

@@ -80,11 +80,11 @@ class Diagnosis(Result):
     @property
     def headline(self) -> str:
         """What this is, in a few words."""
-        return f"{self.report.recording}: {self.report.summary[1]}"
+        return self.report.headline
 
     def to_dataframe(self) -> pd.DataFrame:
         """A row for each candidate: its probability, and its size with the 90 % interval if it was fitted."""
-        return pd.DataFrame([one.model_dump() for one in self.report.effects]).set_index("name")
+        return self.report.to_dataframe()
 
     def plot(self) -> Figure:
         """Measured, the base model, and the model with the chosen effects, output by output."""

@@ -21,7 +21,8 @@ from diagnosis.gap.pictures import (
 )
 from diagnosis.gap.reporting import sensors_among
 from diagnosis.gap.scan import LEVEL, NEGLIGIBLE
-from diagnosis.gap.schema import HOW_FAR, VERDICTS, Place
+from diagnosis.gap.schema import HOW_FAR, Place
+from diagnosis.gap.sentences import headline
 from diagnosis.gap.twins import SHOWN as SHOWN_TWINS
 from diagnosis.pages import page_environment
 from diagnosis.physics import hints, warnings
@@ -54,7 +55,7 @@ def render(done: Diagnosis) -> str:
         report=done.report,
         warnings=warnings(done.report.physics),
         hints=hints(done.report.physics),
-        headline=VERDICTS[done.report.verdict],
+        headline=headline(done.report),
         how_far=HOW_FAR,
         begin=str(begin).replace("T", " "),
         units={one.name: one.unit for one in done.report.effects},

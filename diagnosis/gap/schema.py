@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from diagnosis.gap.decision import Verdict
 from diagnosis.physics import Finding
+from shared.errors import RecordingError
+from shared.reading import newer, read_json, shown, validated
+from shared.results import Result
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
 
 SCHEMA_VERSION = 12
 HOW_FAR = "how far the gap shrinks"
@@ -197,7 +205,7 @@ class NoiseOf(_Table):
     hours: float
 
 
-class Report(_Table):
+class Report(Result, _Table):
     """``report.json``."""
 
     schema_version: int = SCHEMA_VERSION
@@ -285,3 +293,52 @@ class Report(_Table):
         """How many other candidates there are, and their probability together; None where there are none."""
         rest = [one.probability for one in self.effects if not one.named and one.probability < NOTICED]
         return (len(rest), sum(rest)) if rest else None
+
+    @property
+    def headline(self) -> str:
+        """The recording, and which cause was found."""
+        return f"{Path(self.recording).name}: {self.summary[1]}"
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row for each candidate: its probability, and its size with the 90 % interval if it was fitted."""
+        import pandas as pd
+
+        return pd.DataFrame([one.model_dump() for one in self.effects]).set_index("name")
+
+    def plot(self) -> Figure:
+        """Probabilities of the foremost candidates, of none of these, and of no gap."""
+        from diagnosis.pictures import Picture
+
+        chances = {one.name: one.probability for one in self.foremost}
+        if self.others is not None:
+            chances[f"another of {self.others[0]}"] = self.others[1]
+        chances |= {"none of these": self.none_of_these, "no gap": self.no_gap}
+        figure = Picture(figsize=(7, 0.6 + 0.35 * len(chances)), layout="constrained")
+        axes = figure.subplots()
+        axes.barh(list(chances), list(chances.values()), color="#1f5fa8")
+        axes.invert_yaxis()
+        axes.set(xlim=(0, 1), xlabel="probability")
+        return figure
+
+
+def read_report(path: Path | str) -> Report:
+    """Read ``report.json`` of ``diagnosis run``, or the one in a folder.
+
+    Raises
+    ------
+    RecordingError
+        If it is missing, not such a file, or of another version.
+    """
+    path = Path(path)
+    path = path / "report.json" if path.is_dir() else path
+    expected = "a file of `diagnosis run`"
+    raw = read_json(path, RecordingError, expected)
+    version = raw.get("schema_version") if isinstance(raw, dict) else None
+    if isinstance(version, int) and version < SCHEMA_VERSION:
+        raise RecordingError(
+            f"{path}: schema_version is {shown(version)}; expected {SCHEMA_VERSION}, {expected} of this version: run"
+            " the diagnosis again"
+        )
+    if said := newer(SCHEMA_VERSION if version is None else version, SCHEMA_VERSION):
+        raise RecordingError(f"{path}: {said}")
+    return validated(Report, raw, f"{path}", RecordingError, expected)

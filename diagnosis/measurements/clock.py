@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, date, datetime, timedelta, timezone, tzinfo
 from difflib import get_close_matches
+from importlib.resources import files
 from itertools import pairwise
 from zoneinfo import ZoneInfo, available_timezones
 
@@ -262,12 +263,27 @@ def find_zone(name: str, where: str) -> tzinfo:
     try:
         return ZoneInfo(name)
     except (KeyError, ValueError, OSError):
-        near = get_close_matches(name, sorted(available_timezones()), n=3, cutoff=0.5)
+        near = zones_of_country(name) or get_close_matches(name, sorted(available_timezones()), n=3, cutoff=0.6)
         hint = f"; did you mean {' or '.join(near)}?" if near else ""
         raise RecordingError(
             f"{where}: zone is {name!r}; expected an IANA name such as 'Europe/Amsterdam', 'UTC', or an offset such as "
             f"'+01:00'{hint}"
         ) from None
+
+
+def zones_of_country(name: str) -> list[str]:
+    """Up to three zones of a country, by its English name or its two letters; none where it is no country.
+
+    From the tables of the time zone database, as tzdata brings them; without it no country is known.
+    """
+    try:
+        tables = files("tzdata") / "zoneinfo"
+        rows = {kind: (tables / f"{kind}.tab").read_text(encoding="utf-8").splitlines() for kind in ("iso3166", "zone")}
+    except (ModuleNotFoundError, FileNotFoundError):
+        return []
+    cells = {kind: [row.split("\t") for row in text if row and row[0] != "#"] for kind, text in rows.items()}
+    codes = {code for code, country in cells["iso3166"] if name.casefold() in (code.casefold(), country.casefold())}
+    return [row[2] for row in cells["zone"] if row[0] in codes][:3]
 
 
 def standard_offset(zone: tzinfo, utc: float) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -86,5 +87,6 @@ def _draft(data: Path, system: Path | None, out: Path, as_json: bool) -> int:
     console.print(f"{draft.path}: read the reasons in it, and correct what is wrong")
     if draft.to_fill_in:
         console.print(f"fill in {', '.join(draft.to_fill_in)}")
-    console.print(f"then: diagnosis import {draft.path} {data} --out recording.nc")
+    then = shlex.join(["diagnosis", "import", f"{draft.path}", f"{data}", "--out", "recording.nc"])
+    console.print(f"then: {then}", soft_wrap=True)
     return OK

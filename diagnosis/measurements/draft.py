@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,8 +17,12 @@ from diagnosis.measurements.mapping import OPEN, File, unfilled
 from shared.errors import RecordingError
 from shared.places import check_folder
 from shared.reading import MOST_TOML, parse_toml
+from shared.results import Result
 from shared.shipped import USUAL
 from shared.system import System, load_system
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _STUCK = 12.0
 """Hours that a reading may stand still before the import leaves it out as stuck."""
@@ -35,8 +40,8 @@ class Guess:
     why: str
 
 
-@dataclass(frozen=True)
-class Draft:
+@dataclass(frozen=True, repr=False)
+class Draft(Result):
     """A draft: its file and text, what its columns were taken for, and which fields somebody has to fill in.
 
     ``columns`` are the file's but those of its times, with their readings, in the order of ``guesses``; rows are
@@ -51,9 +56,18 @@ class Draft:
     columns: list[Column] = field(default_factory=list)
     interval: float = 0.0
 
-    def __repr__(self) -> str:
+    @property
+    def headline(self) -> str:
+        """The file, how many columns have a place, and what is to be filled in."""
         used = sum(bool(one.to) for one in self.guesses)
-        return f"Draft({str(self.path)!r}, {used} of {len(self.guesses)} columns placed, fill in {self.to_fill_in})"
+        fill = f"; fill in {', '.join(self.to_fill_in)}" if self.to_fill_in else ""
+        return f"{self.path.name}: {used} of {len(self.guesses)} columns placed{fill}"
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row for each column: its place in the mapping, its unit, and why."""
+        import pandas as pd
+
+        return pd.DataFrame([asdict(one) for one in self.guesses]).set_index("column")
 
 
 def draft_mapping(data: Path | str, system: System | Path | str | None = None, *, out: Path | str) -> Draft:

@@ -263,8 +263,10 @@ def _matching(column: Column, targets: Sequence[Target], columns: Sequence[Colum
     if len(found) == 1:
         return found[0]
     said = words_for(quantities | meaning.places | (meaning.roles - {"mean", "count"}))
-    known = any(quantities & one.quantities for one in targets)
-    which = "does not say of which place" if known and not meaning.places else "is nothing that this system takes"
+    alike = [one.name for one in targets if one.table == "variables" and quantities & one.quantities]
+    which = "does not say of which place" if alike and not meaning.places else "is nothing that this system takes"
+    if alike and meaning.places and "temperature" not in quantities:  # a flow goes on, a temperature is another there
+        which = f"the system has elsewhere: write {' or '.join(alike[:3])} for the ? if this is the same here"
     which = f"may be {' or '.join(targets[k].name for k in found)}" if found else which
     column.open = f"{said}, which {which}: {column.looks}{_of_use(column, quantities)}"
     return None

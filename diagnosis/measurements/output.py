@@ -34,8 +34,6 @@ from shared.system import System
 from shared.units import ABSOLUTE
 from shared.variables import ZERO_CELSIUS, OccupancyInput
 
-matplotlib.use("Agg")
-
 _MARKS = ((IMPOSSIBLE, "x", "impossible, left out"), (STUCK, ".", "stuck, left out"))
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 import shutil
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -40,6 +40,8 @@ EQUIPMENT = 300.0
 """Heat of the equipment in working hours [W]."""
 HOURS, BEGIN, WARM_UP = 336, 1008, 480
 """Length of the recording, its beginning in the year (12 February), and what is simulated before it [h]."""
+Heat = Callable[[np.ndarray], np.ndarray]
+"""Heat that the model does not know [W], at times [s of the year]."""
 PARTS = 60
 """Steps of the exact solution in an hour: the inputs' straight lines are held that long."""
 
@@ -71,12 +73,13 @@ def exact_house(
     return air
 
 
-def air_of(system: System, parameters: Mapping[str, float], equipment: float) -> np.ndarray:
-    """Air temperature [K] of a house at the recording's steps, with so much heat [W] in working hours."""
+def air_of(system: System, parameters: Mapping[str, float], heat: Heat | float = 0.0) -> np.ndarray:
+    """Air temperature [K] of a house at the recording's steps, with so much heat [W] in working hours, or at times."""
+    gains = heat if callable(heat) else lambda time: heat * at_work(time)
     table = build_inputs(system, root_seed=5, index=0, start=(BEGIN - WARM_UP) * 3600, stop=(BEGIN + HOURS) * 3600)
     fine = (np.arange((WARM_UP + HOURS) * PARTS) + 0.5) * 3600 / PARTS + (BEGIN - WARM_UP) * 3600
     inputs = table.at(fine)  # in the description's order: outdoors, sun, heater
-    inputs[:, 2] += equipment * at_work(fine)
+    inputs[:, 2] += gains(fine)
     return exact_house(inputs, (293.0, 285.0), parameters)[PARTS * WARM_UP + PARTS - 1 :: PARTS]
 
 
@@ -86,9 +89,9 @@ def at_work(time: np.ndarray) -> np.ndarray:
     return (hour >= 8) & (hour < 18) & ((time // 86400) % 7 < 5)
 
 
-def measure(system: System, path: Path, *, equipment: float = EQUIPMENT, noise: float = 0.05) -> xr.Dataset:
+def measure(system: System, path: Path, *, heat: Heat | float = EQUIPMENT, noise: float = 0.05) -> xr.Dataset:
     """Write a recording of the true house: what its sensor shows, and the inputs that were logged."""
-    air = air_of(system, TRUTH, equipment) + noise * np.random.default_rng(5).standard_normal(HOURS)
+    air = air_of(system, TRUTH, heat) + noise * np.random.default_rng(5).standard_normal(HOURS)
     table = build_inputs(system, root_seed=5, index=0, start=BEGIN * 3600, stop=(BEGIN + HOURS) * 3600)
     time = 3600.0 * (BEGIN + np.arange(1, HOURS + 1))
     record = xr.Dataset(coords={"time": ("time", time, {"units": "seconds since 2001-01-01 00:00:00"})})
@@ -154,7 +157,7 @@ def draw_answer(made: Answer, system: System, recording: xr.Dataset, path: Path)
     """The first week measured, and simulated by the model before and after the effect that was found is added."""
     named = [one for one in made.report.effects if one.named]
     size = sum(one.amplitude or 0.0 for one in named)
-    before = air_of(system, {one.name: one.before for one in made.report.parameters}, 0.0)
+    before = air_of(system, {one.name: one.before for one in made.report.parameters})
     after = air_of(
         system, {one.name: one.before if one.after is None else one.after for one in made.report.parameters}, size
     )

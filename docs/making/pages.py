@@ -4,10 +4,12 @@
   the pages' links are those of the repository, and work in both.
 - ``<!-- text FILE -->`` is replaced by a file as it is, ``<!-- source FILE -->`` by a file shown as code.
 - ``<!-- public PACKAGE -->`` is replaced by the reference of the package's public functions.
+- A notebook becomes a page with its text, code, stored outputs and pictures, and can be downloaded.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import re
 from importlib import import_module
@@ -33,7 +35,10 @@ _PUBLIC = re.compile(r"<!-- public (?P<package>\w+) -->")
 
 def place_of(uri: str) -> PurePosixPath:
     """Where a page's text lies in the repository: pages of the site that are not in ``docs/`` have its own paths."""
-    return PurePosixPath("docs", uri) if (ROOT / "docs" / uri).exists() else PurePosixPath(uri)
+    for place in (PurePosixPath("docs", uri), PurePosixPath("docs", uri).with_suffix(".ipynb")):
+        if (ROOT / place).exists():
+            return place
+    return PurePosixPath(uri)
 
 
 def page_of(place: PurePosixPath) -> str | None:
@@ -45,7 +50,8 @@ def page_of(place: PurePosixPath) -> str | None:
     if place == PurePosixPath("README.md"):
         return "index.md"
     if in_docs(place):
-        return str(PurePosixPath(*place.parts[1:]))
+        page = PurePosixPath(*place.parts[1:])
+        return str(page.with_suffix(".md") if place.suffix == ".ipynb" else page)
     return str(place) if place.suffix == ".md" else f"{place}.md"
 
 
@@ -56,8 +62,8 @@ def linked(place: PurePosixPath, text: str) -> set[PurePosixPath]:
 
 
 def in_docs(place: PurePosixPath) -> bool:
-    """Whether MkDocs finds the file by itself."""
-    return place.parts[0] == "docs" and place.suffix in {".md", ".png", ".svg", ".csv"}
+    """Whether MkDocs finds the file by itself, or it is a notebook."""
+    return place.parts[0] == "docs" and place.suffix in {".md", ".png", ".svg", ".csv", ".html", ".ipynb"}
 
 
 def resolve(place: PurePosixPath, target: str) -> PurePosixPath:
@@ -70,7 +76,10 @@ def _without_code(text: str) -> str:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the pages that lie outside of ``docs/``, and all that they link to."""
+    """Add the notebooks, the pages that lie outside of ``docs/``, and all that they link to."""
+    for path in sorted((ROOT / "docs").rglob("*.ipynb")):
+        uri = path.relative_to(ROOT / "docs").with_suffix(".md").as_posix()
+        files.append(File.generated(config, uri, content=notebook_page(path)))
     todo = {PurePosixPath(one) for one in ALWAYS}
     for file in files.documentation_pages():
         todo |= linked(PurePosixPath("docs", file.src_uri), file.content_string)
@@ -107,6 +116,30 @@ def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -
 def marked(html: str) -> str:
     """Mark a table's cells of figures or of a piece of code alone, which are not to be broken over lines."""
     return _FIGURES.sub(r'<td class="figures"\g<how>>\g<what></td>', html)
+
+
+def notebook_page(path: Path) -> str:
+    """A notebook as Markdown, with what it has printed and drawn."""
+    parts = []
+    for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
+        source = "".join(cell["source"])
+        if cell["cell_type"] == "markdown":
+            parts.append(source)
+        else:
+            parts += [f"```python\n{source}\n```", *(_shown(output) for output in cell["outputs"])]
+    parts.append(f'<p><a href="{path.name}" download>Download this notebook</a></p>')
+    return "\n\n".join(parts) + "\n"
+
+
+def _shown(output: dict[str, Any]) -> str:
+    """What a cell has printed or drawn: a picture before a table, a table before text."""
+    shown = {kind: "".join(text) for kind, text in output.get("data", {"text/plain": output.get("text", "")}).items()}
+    if "image/png" in shown:
+        return f'<img alt="What the cell above draws" src="data:image/png;base64,{shown["image/png"].strip()}">'
+    if "text/html" in shown:
+        table = re.sub(r"<style.*?</style>", "", shown["text/html"], flags=re.DOTALL)
+        return re.sub(r"\n\s*", "\n", re.sub(r"<table[^>]*>", "<table>", f"<div>{table}</div>"))
+    return f"```text\n{shown['text/plain'].rstrip()}\n```"
 
 
 def _moved(markdown: str, here: PurePosixPath, uri: str) -> str:

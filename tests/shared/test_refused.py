@@ -28,6 +28,7 @@ class Shapes(Table):
 def test_the_nearest_name_is_meant_or_none():
     assert meant("CO_2", ["CO2Out", "CO2"]) == "; did you mean CO2?"
     assert meant("wind", ["CO2Out", "CO2"]) == ""
+    assert meant("ROOM", ["Room", "Roof"]) == "; did you mean Room?"
 
 
 @pytest.mark.parametrize(

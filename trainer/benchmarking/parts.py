@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from shared.errors import EstimatorError
+from shared.refused import meant
 from shared.system import System
 from shared.variables import WeatherInput
 from trainer.benchmarking.conditions import Condition
@@ -276,5 +277,5 @@ def make_parts(ground: Ground, names: list[str] | None) -> list[Part]:
         raise EstimatorError(f"parts: none is named; expected some of {', '.join(PARTS)}")
     for name in names or []:
         if name not in PARTS:
-            raise EstimatorError(f"parts: {name!r} is unknown; found {', '.join(PARTS)}")
+            raise EstimatorError(f"parts: {name!r} is unknown; found {', '.join(PARTS)}{meant(name, PARTS)}")
     return [make(ground) for name, make in PARTS.items() if names is None or name in names]

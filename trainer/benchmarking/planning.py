@@ -124,7 +124,9 @@ def make_plan(
     index = load_records(dataset, [])
     training = len(rows_of(index, "train", dataset.folder))
     step = float(index.time[1] - index.time[0]) if len(index.time) > 1 else dataset.system.experiment.step
-    ground = Ground(dataset.system, len(index.time) * step / 3600, step, training, tuple(ours or OURS))
+    ground = Ground(
+        dataset.system, len(index.time) * step / 3600, step, training, tuple(OURS if ours is None else ours)
+    )
     budget = Budget(minutes=3.0 if minutes is None and steps is None else minutes, steps=steps)
     identity = identity_of(dataset, index)
     plan = Plan(

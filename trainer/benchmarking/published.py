@@ -13,6 +13,10 @@ from pydantic import BaseModel, ConfigDict
 
 from shared.errors import EstimatorError
 from shared.reading import read_json, validated
+from shared.shipped import resolved
+
+PUBLISHED = "published.json"
+"""File beside a description that comes with the package."""
 
 
 class _Table(BaseModel):
@@ -47,7 +51,7 @@ class Published(_Table):
 
 
 def read_published(path: Path | None) -> Published:
-    """Read such a file; nothing is published where there is none.
+    """Read such a file, or the one of a system that comes with the package; nothing is published where there is none.
 
     Raises
     ------
@@ -56,5 +60,7 @@ def read_published(path: Path | None) -> Published:
     """
     if path is None:
         return Published()
-    expected = "published figures as JSON"
+    found = resolved(path)
+    path = found / PUBLISHED if found.is_dir() else found
+    expected = f"published figures as JSON, or the name of a system that comes with {PUBLISHED}"
     return validated(Published, read_json(path, EstimatorError, expected), f"{path}", EstimatorError, expected)

@@ -78,7 +78,7 @@ def benchmark(
     ceiling
         File of `datagen identifiability`; DATASET/identifiability.json by default.
     published
-        JSON of another work's figures, to stand beside ours.
+        JSON of another work's figures, to stand beside ours; the name of a shipped system stands for its own.
     plan
         Say which fits are left and how long they will take, and do nothing.
     json
@@ -96,7 +96,9 @@ def benchmark(
     }
     if plan:
         from trainer.benchmarking.planning import make_plan
+        from trainer.benchmarking.published import read_published
 
+        read_published(published)  # what would stop the run stops its plan
         _print_plan(make_plan(dataset, out, **asked), json)
         return
     if json:

@@ -160,11 +160,11 @@ def _on(dataset: Kind | None) -> str:
     return "" if dataset is None else f", {dataset.heading()}"
 
 
-def terminal_table(evaluation: Evaluation) -> Table:
-    """The table for the terminal."""
+def terminal_table(evaluation: Evaluation, width: int) -> Table:
+    """The table for a terminal of so many characters."""
     header, rows = table_rows(evaluation)
     title = f"{evaluation.model}, {evaluation.context_hours:g} h, noise {evaluation.noise}{_on(evaluation.dataset)}"
-    return plain_table(title, header, rows, whole=1 + len(told(evaluation)))
+    return plain_table(title, header, rows, width=width)
 
 
 def markdown(evaluation: Evaluation, card: Card) -> str:

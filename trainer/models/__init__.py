@@ -11,6 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from shared.errors import EstimatorError, OptionsError
+from shared.refused import meant
 from trainer.memory import memory_for
 
 if TYPE_CHECKING:
@@ -39,7 +40,9 @@ def estimator_class(name: str) -> type[Estimator]:
         If there is none.
     """
     if name not in ESTIMATORS:
-        raise EstimatorError(f"model: {name!r} is not an estimator; found {', '.join(ESTIMATORS)}")
+        raise EstimatorError(
+            f"model: {name!r} is not an estimator; found {', '.join(ESTIMATORS)}{meant(name, ESTIMATORS)}"
+        )
     module, attribute = ESTIMATORS[name].split(":")
     found: type[Estimator] = getattr(import_module(module), attribute)
     return found

@@ -139,7 +139,7 @@ def calibration(
         sys.stdout.write(result.model_dump_json(indent=1) + "\n")
         return
     console = new_console()
-    console.print(terminal_table(result))
+    console.print(terminal_table(result, console.width))
     for line in notes(result):
         console.print(line, markup=False)
     console.print(

@@ -159,9 +159,9 @@ def _title(result: Calibration) -> str:
     return f"Posterior of {result.model}, {condition}"
 
 
-def terminal_table(result: Calibration) -> Table:
-    """The table for the terminal."""
-    return plain_table(_title(result), *table_rows(result))
+def terminal_table(result: Calibration, width: int) -> Table:
+    """The table for a terminal of so many characters."""
+    return plain_table(_title(result), *table_rows(result), width=width)
 
 
 def markdown(result: Calibration) -> str:

@@ -45,6 +45,18 @@ def house(small_fmu, tmp_path):
     return rewritten(small_fmu("house"), tmp_path / "house.fmu")
 
 
+def test_a_draft_estimates_the_parameters_that_are_named(house, tmp_path):
+    found = describe(house, out=tmp_path / "system.toml", parameters=["ro"])
+    assert load_system(tmp_path / "system.toml").parameter_names == ["ro"]
+    assert found.parameters > 1
+    assert repr(found).startswith("Description(house.fmu: FMI 2.0, ") and len(repr(found)) < 200
+    assert "<table" in found._repr_html_()
+    with pytest.raises(FmuError, match=r"'Ro' is not one of its \d+ positive parameters .*; did you mean ro\?$"):
+        describe(house, parameters=["Ro"])
+    with pytest.raises(FmuError, match=r"'elephant' is not one .*; they are listed by: datagen describe"):
+        describe(house, parameters=["elephant"])
+
+
 def test_a_draft_of_a_house_runs_and_guesses_by_name_and_unit(house, tmp_path):
     found = describe(house, out=tmp_path / "system.toml")
     system = load_system(tmp_path / "system.toml")

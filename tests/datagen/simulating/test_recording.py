@@ -54,6 +54,22 @@ def test_a_system_that_no_record_can_name_is_not_simulated(default_system, monke
         simulate(default_system, hours=24, **given)
 
 
+def test_sensors_read_as_their_preset_says(default_system):
+    exact = simulate(default_system, hours=2000, seed=3)
+    read = simulate(default_system, hours=2000, seed=3, noise="sensor")
+    for output in default_system.outputs:
+        sensor = output.noise["sensor"]
+        error = (read[output.name] - exact[output.name]).values.astype(float)
+        known = np.isfinite(error)
+        assert error[known].std() == pytest.approx(np.hypot(sensor.sd, sensor.quantum / 12**0.5), rel=0.06)
+        assert abs(error[known].mean()) < 4 * sensor.sd / known.sum() ** 0.5
+        assert abs((~known).mean() - sensor.dropout) <= 4 * (sensor.dropout / known.size) ** 0.5
+    again = simulate(default_system, hours=2000, seed=3, noise="sensor")
+    assert read.identical(again)
+    with pytest.raises(SystemDescriptionError, match=r"noise 'loud' is not a preset of .*; found none"):
+        simulate(default_system, hours=24, noise="loud")
+
+
 @pytest.mark.parametrize("factor", [0.5, 1.2])
 def test_a_parameter_beyond_its_prior_is_not_missing_to_readers_that_follow_cf(default_system, tmp_path, factor):
     """Within the prior its bounds are told; without, netCDF4 would mask the value that they exclude."""

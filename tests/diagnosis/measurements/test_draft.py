@@ -184,6 +184,11 @@ def test_what_a_name_does_not_tell_is_left_open(log, tmp_path):
     draft = draft_mapping(tmp_path / "log.csv", out=tmp_path / "mapping.toml")
     assert placed(draft) == TRUTH
     assert all(f'# column = "{name}"' in draft.text for name in traps)
+    # supply air may be all outdoor air: that is for the engineer to say
+    log.rename(columns={"fresh_air_m3_h": "Zuluft [m3/h]"}).to_csv(tmp_path / "log.csv", index=False)
+    draft = draft_mapping(tmp_path / "log.csv", out=tmp_path / "supply.toml")
+    assert "variables.mOA" not in placed(draft).values()
+    assert "write mOA for the ? if this is the same here" in draft.text
     # rooms of which nobody says which one is modelled
     frame = log.assign(**{f"Room {k} T [°C]": log["room_degC"] + k - 101 for k in (101, 102)}).drop(columns="room_degC")
     frame.to_csv(tmp_path / "log.csv", index=False)

@@ -45,6 +45,7 @@ from tests.small_disk import SAID, small_disk
             r"no inputs are missing \(outdoors in .*fill_up_to = \d+ under \[weather.temp_air\]",
         ),
         (None, MAPPING.replace("Europe/Amsterdam", "Mars/Olympus"), "zone is 'Mars/Olympus'"),
+        (None, MAPPING.replace("Europe/Amsterdam", "germany"), "did you mean Europe/Berlin or Europe/Busingen"),
         (None, MAPPING.replace("variables.gas", "variables.gaz"), "'gaz' is neither output nor input of House"),
         (
             None,
@@ -87,6 +88,7 @@ from tests.small_disk import SAID, small_disk
             MAPPING.replace("fill = 0.0", "fill = -5.0"),
             r"variables.air: fill: is -5 m3/h, which is -0.00\d+ kg/s; expected .*, or valid = \[-5, highest\] b",
         ),
+        (None, MAPPING + "\nlatitude = 36,1", r"not valid TOML: .*: 'latitude = 36,1'; write 36\.1, with a point"),
         (None, MAPPING + "[", "not valid TOML"),
         (None, MAPPING.replace('system = "house.toml"', ""), "system is missing"),
         (

@@ -4,6 +4,7 @@ import csv
 import json
 import math
 import os
+from pathlib import Path
 
 import matplotlib.image
 import numpy as np
@@ -137,6 +138,7 @@ def test_published_figures_stand_beside_ours(finished, short, tmp_path):
         read_published(path)
     with pytest.raises(EstimatorError, match="no such file"):
         read_published(tmp_path / "none.json")
+    assert read_published(Path("MixedAirCO2")).find("table4", ("24", "lstm"), None) == pytest.approx(-0.028, abs=5e-4)
 
 
 def test_pictures_of_the_paper(short, tmp_path):
