@@ -172,7 +172,7 @@ def fit(
                 noise = _noise(problem, z, around)
                 same = _same(noise, problem.noise)
                 stays, bent = stays and same, bent if same else None
-                problem = _go_on(problem, noise)
+                problem = problem.with_noise(noise)
                 around = replace(around, marginal=problem.marginal(around.response))
             if stays:
                 converged, path = True, []
@@ -186,12 +186,6 @@ def fit(
     with problem.runner.lifted():
         found = _finish(problem, z, around, slope, converged, history, began, counted)
     return replace(found, covariance=found.covariance + swing)
-
-
-def _go_on(problem: Problem, noise: NoiseModel) -> Problem:
-    other = problem.with_noise(noise)
-    other.simulations = problem.simulations
-    return other
 
 
 def _first(problem: Problem, starts: list[np.ndarray]) -> Linearisation:

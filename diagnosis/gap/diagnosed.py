@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +14,7 @@ from diagnosis.effects.edges import foreseen
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.side_by_side import side_by_side
 from diagnosis.fitting.simulations import simulations
-from diagnosis.gap.concluded import Diagnosis, concluded
+from diagnosis.gap.concluded import Began, Diagnosis, concluded
 from diagnosis.gap.linear import applicable
 from diagnosis.gap.parts import kept_for_scoring
 from diagnosis.gap.places import check_places
@@ -103,7 +102,7 @@ def diagnose(
     TimeUp
         If the time was up before the base model was fitted.
     """
-    began, used = time.perf_counter(), time.process_time()
+    began = Began.now(0)
     if out is not None:
         check_folder(Path(out), RecordingError)
     described, record = opened(
@@ -138,7 +137,7 @@ def diagnose(
 
         told("fitting the base model")
         origin = begun(whole, estimated)
-        done = concluded(whole, origin, candidates, scored, seed, (began, used), told)
+        done = concluded(whole, origin, candidates, scored, seed, began, told)
         done = replace(done, report=done.report.model_copy(update={"physics": physics}))
         if place is not None:
             from diagnosis.gap.page import write_report

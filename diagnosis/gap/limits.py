@@ -161,17 +161,6 @@ def ends_left_out(observed: np.ndarray, read: np.ndarray, hours: float) -> list[
     ]
 
 
-def ended_early(gain: float | None) -> list[str]:
-    """That a fit of the base model was met that is more plausible by a log evidence; nothing if none is by far."""
-    if gain is None:
-        return []
-    return [
-        f"A fit of the base model that lies elsewhere is more plausible, by {gain:.3g} in log evidence: its fit had"
-        " ended too early. What an effect is worth is over that one, and how far the gap shrinks is, too, if it fits"
-        " the fitted days better. Where the gap lies, and parameters before, are of the fit that ended early."
-    ]
-
-
 def noiseless(undeclared: Mapping[str, str]) -> list[str]:
     """That outputs, by name, were taken to be as exact as the model's numbers [unit of each]; nothing of none."""
     if not undeclared:

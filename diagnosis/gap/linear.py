@@ -50,7 +50,6 @@ class Linearised:
     by_effect: np.ndarray
     effects: tuple[Effect, ...]
     failed: dict[str, str]
-    simulations: int
 
     @property
     def chosen(self) -> tuple[Effect, ...]:
@@ -165,7 +164,6 @@ def linearised(
         by_effect=stacked[..., count:],
         effects=tuple(effects),
         failed=failed,
-        simulations=library.simulations,
     )
 
 

@@ -6,12 +6,14 @@ import numpy as np
 
 from diagnosis.fitting.doubt import doubted_sd
 from diagnosis.fitting.fit import Fit
+from diagnosis.gap.colours import discrepancy
 from diagnosis.gap.conditions import Otherwise
 from diagnosis.gap.decision import Decision
 from diagnosis.gap.limits import limits, strained
 from diagnosis.gap.places import stretch
 from diagnosis.gap.refit import Refit
 from diagnosis.gap.schema import (
+    HypothesisOf,
     NamedEffect,
     NoiseOf,
     ParameterOf,
@@ -60,6 +62,7 @@ def reported(
         verdict=decision.verdict,
         summary=[],
         effects=_effects(search, decision),
+        hypotheses=_hypotheses(search),
         sets=[list(one) for one in decision.sets],
         none_of_these=decision.none,
         no_gap=decision.nothing,
@@ -117,12 +120,49 @@ def sensors_among(first: Stage) -> set[str]:
     return {one.name for one in first.lin.effects if any(what.startswith("output:") for what in one.changes)}
 
 
+def _hypotheses(search: Search) -> list[HypothesisOf]:
+    """The base model first, then candidates in the order of their evidence where they were asked last."""
+    stage = search.stages[0]
+    colours, floor = stage.colours, stage.lin.problem.floor
+    start = {one.names[-1]: one.evidence for one in (search.tried[0] if search.tried else ())}
+    rest = {one.names[-1]: one for one in search.compared}
+    base = stage.grams.evidence(colours.best)
+    made = [
+        HypothesisOf(
+            name=None,
+            on_line=0.0,
+            at_start=search.at_start,
+            at_rest=base,
+            beside_discrepancy=base + max(stage.slow, 0.0),
+        )
+    ]
+    for effect, evidence in zip(stage.lin.effects, stage.scan.evidence.tolist(), strict=True):
+        one = rest.get(effect.name)
+        made.append(
+            HypothesisOf(
+                name=effect.name,
+                on_line=evidence,
+                at_start=start.get(effect.name),
+                at_rest=None if one is None else one.evidence,
+                beside_discrepancy=None
+                if one is None
+                else one.evidence + max(discrepancy(one.grams, colours, floor)[0], 0.0),
+                amplitude=None if one is None else float(one.lin.amplitudes[0]),
+            )
+        )
+
+    def rank(one: HypothesisOf) -> list[float]:
+        return [-np.inf if value is None else value for value in (one.at_rest, one.at_start, one.on_line)]
+
+    return [made[0], *sorted(made[1:], key=rank, reverse=True)]
+
+
 def _effects(search: Search, decision: Decision) -> list[NamedEffect]:
     """Candidates, the most probable first."""
     fitted: dict[str, tuple[float, float, bool]] = {}
     for k, refits in enumerate(search.refits):
         told = decision.sets[k] if k < len(decision.sets) else ()
-        for one in reversed(search.beside[k][1] if k in search.beside else refits):
+        for one in reversed(refits):
             name = one.names[-1]
             if name in told or name not in fitted:  # a candidate of an earlier set is told as what it was there
                 fitted[name] = _amplitude(one, name)

@@ -1,0 +1,155 @@
+"""The base model and all candidates as rivals: each fitted from the same starts, so that their evidences compare.
+
+A straight line drawn at the base model's fit says nothing of a cause that has bent the parameters there: plug loads of
+twice their usual size look like warm outdoor air. And an evidence (Laplace's, at an optimum) holds where it was worked
+out, so that two models that were fitted from different starts differ by where the search ended as well as by what they
+are. So the base model and every candidate begin where the base model's fit did, at the zero-shot estimate or the middle
+of the prior, and are treated alike:
+
+1. on one line by the nuisance, drawn at the start, each is refitted with the parameters (:mod:`.refit`). A candidate
+   begins with the amplitude that promises most there, of a grid over its prior: what it does need not grow with its
+   amplitude (a timetable that is moved by two hours meets another hour of the day). Derivatives are those of the start,
+   corrected by what each step shows: that ranks forty candidates for ten simulations each;
+2. the foremost go on to their own rest, nuisance and all, from where that has led. So does the base model, from where
+   it was led itself and from where the best candidate was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from diagnosis.effects import Effect
+from diagnosis.fitting.failures import FAILURES, reason
+from diagnosis.fitting.fit import fit
+from diagnosis.fitting.problem import Problem
+from diagnosis.fitting.renewing import most_likely
+from diagnosis.gap.grams import AMPLITUDE, Colour, Grams, projected
+from diagnosis.gap.linear import Linearised, linearised
+from diagnosis.gap.nuisances import widened
+from diagnosis.gap.refit import Refit, refit
+from diagnosis.gap.renewal import settled
+from diagnosis.gap.starting import RESTLESS, ROUNDS
+from shared.errors import SimulationError
+
+GRID = (-4.0, -2.0, -0.5, 0.5, 2.0, 4.0)
+"""Amplitudes that are tried at first [scales]: out to twice the prior's standard deviation, and well within it."""
+
+
+@dataclass(frozen=True)
+class Rivals:
+    """Refits on the line at the start.
+
+    ``base`` without an effect, ``refits`` of the candidates, the best first; ``failed``: candidates that could not be
+    refitted, and why.
+    """
+
+    base: Refit
+    refits: tuple[Refit, ...]
+    failed: dict[str, str] = field(default_factory=dict)
+
+
+def from_one_start(
+    plain: Problem, start: np.ndarray, effects: Sequence[Effect], observed: np.ndarray, colours: dict[int, Colour]
+) -> Rivals:
+    """Refit the base model and all candidates from one start, on one line by the nuisance.
+
+    Parameters
+    ----------
+    plain
+        The problem before its nuisances were widened, without effects.
+    start
+        Unknowns without effects, shape (unknowns,).
+    observed
+        Readings that count, shape (outputs, steps).
+    colours
+        Of the noise, by channel.
+
+    Raises
+    ------
+    SimulationError
+        If the base model cannot be simulated there.
+    """
+    around = plain.linearise(start)
+    if plain.nuisance.guessed.any():  # at the usual persons of a day the line is wrong for the days that were
+        around, _ = most_likely(plain, start, rounds=2)
+    problem, around = widened(plain, around)
+    lin = linearised(problem, start, around)
+    amplitudes, secants, works = begun(lin, effects, observed, colours)
+    grams = Grams(replace(lin, by_effect=secants, effects=tuple(effects)), observed)
+    base = refit(grams, colours, start, (), redrawn=False)
+    first, made, failed = len(problem.system.parameters), [], {}
+    for effect, amplitude, simulated in zip(effects, amplitudes.tolist(), works.tolist(), strict=True):
+        if not simulated:
+            failed[effect.name] = "it cannot be simulated with any amplitude where the fit begins"
+            continue
+        try:
+            made.append(refit(grams, colours, np.insert(start, first, amplitude), [effect], redrawn=False))
+        except FAILURES as error:
+            failed[effect.name] = reason(error)
+    return Rivals(base, tuple(sorted(made, key=lambda one: -one.evidence)), failed)
+
+
+def begun(
+    lin: Linearised, effects: Sequence[Effect], observed: np.ndarray, colours: dict[int, Colour]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of a grid the amplitude (effects,) [scales] of each candidate that promises most on one line.
+
+    Returns
+    -------
+    tuple of numpy.ndarray
+        Amplitudes; what a scale of each does to the outputs there, shape (outputs, steps, effects); and whether it
+        could be simulated at all, shape (effects,).
+    """
+    library, first = lin.problem.with_effects(effects), len(lin.problem.system.parameters)
+    cases, places = [], []
+    for k, effect in enumerate(effects):
+        low, high = effect.lower / effect.scale, effect.upper / effect.scale
+        for amplitude in sorted({float(np.clip(one, low, high)) for one in GRID} - {0.0}):
+            one = np.zeros(len(effects))
+            one[k] = amplitude
+            cases.append((np.concatenate([lin.z[:first], one, lin.z[first:]]), lin.around.heights))
+            places.append((k, amplitude))
+    outcomes = library.simulate_each(cases)
+    kept = [
+        (k, amplitude, outputs - lin.outputs)
+        for (k, amplitude), outputs in zip(places, outcomes, strict=True)
+        if not isinstance(outputs, SimulationError)
+    ]
+    best, secants = np.zeros(len(effects)), np.zeros((*lin.outputs.shape, len(effects)))
+    if not kept:
+        return best, secants, best != 0
+    grams = Grams(replace(lin, by_effect=np.stack([moved for *_, moved in kept], axis=-1)), observed)
+    left = projected(grams.total(colours), grams.inner.size)
+    amplitudes = np.array([amplitude for _, amplitude, _ in kept])
+    worth = left.score - 0.5 * (np.diag(left.information) + (amplitudes / AMPLITUDE) ** 2)
+    for place in np.argsort(worth, kind="stable"):
+        k, amplitude, moved = kept[place]
+        best[k], secants[..., k] = amplitude, moved / amplitude
+    return best, secants, best != 0
+
+
+def to_rest(
+    plain: Problem,
+    effects: Sequence[Effect],
+    starts: Sequence[np.ndarray],
+    observed: np.ndarray,
+    colours: dict[int, Colour],
+) -> Refit | None:
+    """Effects fitted with parameters and nuisance: the best of several starts, each (unknowns with amplitudes,).
+
+    Nothing where all of them fail.
+    """
+    made: list[Refit] = []
+    for start in starts:
+        with suppress(*FAILURES):
+            found = fit(plain.with_effects(effects).with_observed(observed), [start], rounds=ROUNDS, restless=RESTLESS)
+            wider, around = widened(found.problem, found.around)
+            around = wider.linearise(found.z, around.nuisance)  # the fit's own was drawn before its last step
+            made.append(refit(Grams(linearised(wider, found.z, around), observed), colours, found.z, ()))
+            # what is likely on the straight line may be worse than where the fit had come to
+            made.append(settled(wider, found.z, around, observed, wider.floor, colours, renewals=0))
+    return max(made, key=lambda one: one.evidence, default=None)
