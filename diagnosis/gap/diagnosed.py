@@ -30,13 +30,10 @@ from shared.system import System
 SPANS = {
     "fitting the base model": (0.0, 0.1),
     "sensitivities": (0.1, 0.2),
-    "going on": (0.2, 0.4),
-    "refitting": (0.4, 0.6),
-    "fitting afresh": (0.6, 0.7),
-    "looking at all": (0.7, 0.8),
-    "fitting from there": (0.8, 0.9),
-    "finding where": (0.9, 0.95),
-    "scoring": (0.95, 0.99),
+    "looking at all": (0.2, 0.4),
+    "refitting": (0.4, 0.7),
+    "finding where": (0.7, 0.8),
+    "scoring": (0.8, 0.99),
     "writing": (0.99, 1.0),
 }
 """By the first words of what is told: between which shares of a diagnosis it is, roughly. Only the time left that is

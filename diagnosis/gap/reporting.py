@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from diagnosis.fitting.doubt import doubted_sd
@@ -124,37 +126,28 @@ def _hypotheses(search: Search) -> list[HypothesisOf]:
     """The base model first, then candidates in the order of their evidence where they were asked last."""
     stage = search.stages[0]
     colours, floor = stage.colours, stage.lin.problem.floor
-    start = {one.names[-1]: one.evidence for one in (search.tried[0] if search.tried else ())}
-    rest = {one.names[-1]: one for one in search.compared}
-    base = stage.grams.evidence(colours.best)
-    made = [
-        HypothesisOf(
-            name=None,
-            on_line=0.0,
-            at_start=search.at_start,
-            at_rest=base,
-            beside_discrepancy=base + max(stage.slow, 0.0),
-        )
-    ]
-    for effect, evidence in zip(stage.lin.effects, stage.scan.evidence.tolist(), strict=True):
-        one = rest.get(effect.name)
-        made.append(
-            HypothesisOf(
-                name=effect.name,
-                on_line=evidence,
-                at_start=start.get(effect.name),
-                at_rest=None if one is None else one.evidence,
-                beside_discrepancy=None
-                if one is None
-                else one.evidence + max(discrepancy(one.grams, colours, floor)[0], 0.0),
-                amplitude=None if one is None else float(one.lin.amplitudes[0]),
-            )
+    known = search.made.rivals.get(replace(search, stages=[stage]).path)
+    start = {None: known[1].base, **{one.names[0]: one for one in known[1].refits}} if known is not None else {}
+    compared = search.compared
+    best = {None: compared.base, **{one.names[0]: one for one in compared.refits}} if compared is not None else {}
+
+    def of(name: str | None, on_line: float) -> HypothesisOf:
+        first, last = start.get(name), best.get(name)
+        beside = None if last is None else last.evidence + max(discrepancy(last.grams, colours, floor)[0], 0.0)
+        return HypothesisOf(
+            name=name,
+            on_line=on_line,
+            at_start=None if first is None else first.evidence,
+            at_best=None if last is None else last.evidence,
+            beside_discrepancy=beside,
+            amplitude=None if last is None or name is None else float(last.lin.amplitudes[0]),
         )
 
     def rank(one: HypothesisOf) -> list[float]:
-        return [-np.inf if value is None else value for value in (one.at_rest, one.at_start, one.on_line)]
+        return [-np.inf if value is None else value for value in (one.at_best, one.at_start, one.on_line)]
 
-    return [made[0], *sorted(made[1:], key=rank, reverse=True)]
+    evidence = zip(stage.lin.effects, stage.scan.evidence.tolist(), strict=True)
+    return [of(None, 0.0), *sorted((of(effect.name, value) for effect, value in evidence), key=rank, reverse=True)]
 
 
 def _effects(search: Search, decision: Decision) -> list[NamedEffect]:

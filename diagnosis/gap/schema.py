@@ -42,9 +42,9 @@ class HypothesisOf(_Table):
     name: str | None = Field(description="of the candidate; null is the base model")
     on_line: float = Field(description="over the base model's, on the straight line at its fit")
     at_start: float | None = Field(None, description="refitted where the base model's fit began, on one line for all")
-    at_rest: float | None = Field(None, description="fitted from there to its rest")
-    beside_discrepancy: float | None = Field(None, description="at rest, with the most plausible slow errors beside it")
-    amplitude: float | None = Field(None, description="at rest [scale of the effect]")
+    at_best: float | None = Field(None, description="refitted on one line that is drawn where the best of them is")
+    beside_discrepancy: float | None = Field(None, description="there, with the most plausible slow errors beside it")
+    amplitude: float | None = Field(None, description="there [scale of the effect]")
 
 
 class Place(_Table):

@@ -8,7 +8,7 @@ is a gap at all is asked at the base model's fit; which candidate explains it, o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 
@@ -29,19 +29,20 @@ from diagnosis.gap.linear import Linearised, applicable, linearised
 from diagnosis.gap.nuisances import widened
 from diagnosis.gap.refit import Refit, linear_start, refit, rested
 from diagnosis.gap.renewal import RENEWALS, settled
-from diagnosis.gap.rivals import Rivals, from_one_start, to_rest
+from diagnosis.gap.rivals import Rivals, from_one_start, on_the_best_line
 from diagnosis.gap.scan import NEGLIGIBLE
 from diagnosis.gap.searched import Ranked, Search, evidence_before
 from diagnosis.gap.stages import CLEAR, STRONG, Stage, examine
 from diagnosis.gap.weighing import named, weighed
 from shared.errors import TimeUp
+from shared.numbers import counted
 
-FITTED = 3
-"""Candidates that are fitted to their own rest: the foremost where the base model's fit began."""
+FITTED = 4
+"""Candidates that are refitted where the best is: the foremost where the base model's fit began."""
 BY_LINE = 1
 """And of those that the straight line at the base model's fit puts first."""
 NEAR = 50.0
-"""Log evidence below the foremost from which a candidate is not fitted further. A large gap is far along a line: beside
+"""Log evidence below the foremost from which a candidate is not refitted again. A large gap is far along a line: beside
 causes that explain it another nuisance is likely, and that alone moves evidences by some tens."""
 SECOND = 3
 """Candidates that are refitted as a second effect: the foremost on the straight line at the first."""
@@ -108,7 +109,7 @@ def _extended(found: Search, effects: Sequence[Effect], observed: np.ndarray, se
     """
     first = not found.chosen
     if first:
-        refits = _first_effect(found, effects, observed, seed, tell)
+        refits = _first_effect(found, tell)
     else:
         refits = refitted(found.last, tell, found) if found.last.candidate_found else []
         if refits and refits[0].evidence - evidence_before(found) < CLEAR:
@@ -118,9 +119,8 @@ def _extended(found: Search, effects: Sequence[Effect], observed: np.ndarray, se
     stage, best = found.last, refits[0]
     late = best.lin.problem.runner.lifted() if found.unfinished.why else nullcontext()
     with blamed(best.names), late:
-        if not first:
-            lin = best.lin
-            best = settled(lin.problem, lin.z, lin.around, observed, lin.problem.floor, stage.colours.best, renewals=1)
+        lin = best.lin
+        best = settled(lin.problem, lin.z, lin.around, observed, lin.problem.floor, stage.colours.best, renewals=1)
         lin = renewed_among(best, effects, found)
         after = examine(lin, observed, seed=seed + len(found.stages))
     if not first and not (worth_more(stage, after) and told(stage, refits, after)):
@@ -133,70 +133,52 @@ def _extended(found: Search, effects: Sequence[Effect], observed: np.ndarray, se
     return True
 
 
-def _first_effect(found: Search, effects: Sequence[Effect], observed: np.ndarray, seed: int, tell: Tell) -> list[Refit]:
-    """Candidates fitted to their rest, the best first; none where no gap is confirmed.
+def _first_effect(found: Search, tell: Tell) -> list[Refit]:
+    """Candidates that explain a gap, the best first; none where no gap is confirmed.
 
-    Where the base model itself fits clearly better from where a candidate was led, that is its fit, and the first stage
-    is examined anew.
+    It is confirmed where the best is strong evidence over the base model on both lines: where the fit began, and where
+    that candidate is.
+
+    Raises
+    ------
+    TimeUp
+        If the time was up before the candidates were looked at where the fit began.
     """
     stage = found.last
     if not (stage.candidate_found or stage.misfits or stage.discrepancy):
         return []
-    refits, base = _fitted_alike(found, stage, tell)
-    if base is not None and base.evidence > evidence_before(found) + CLEAR:
-        tell("going on from a better fit of the base model")
-        found.base = base
-        stage = examine(renewed_among(base, effects, found), observed, seed=seed)
-        found.stages[:] = [stage]
-        refits = [replace(one, evidence=one.evidence_with(stage.colours.best)) for one in refits]
-        refits.sort(key=lambda one: -one.evidence)
-    found.compared = refits
-    gap = stage.misfits or stage.discrepancy
-    gain = refits[0].evidence - evidence_before(found) if refits else -np.inf
-    found.confirmed = gap or (stage.candidate_found and gain >= STRONG)
+    usable = [one.name for one in stage.lin.effects if one.name not in found.failed]
+    start = _at_start(found, stage, usable, tell)
+    ones = [one for one in start.refits if one.names[0] in usable]
+    found.tried = [[Ranked(one.names, one.evidence) for one in ones]]
+    found.failed |= {name: why for name, why in start.failed.items() if name in usable}
+    ones = _foremost(ones, stage)
+    if not ones:
+        found.confirmed = stage.misfits or stage.discrepancy
+        return []
+    rivals = replace(start, refits=tuple(ones), failed={})
+    try:
+        rivals = _on_the_best_line(found, rivals, stage, tell)
+    except TimeUp:
+        found.unfinished.why["the best candidates simulated anew"] = NO_TIME
+    found.failed |= rivals.failed
+    refits = [one for one in rivals.refits if abs(one.lin.amplitudes[0]) >= NEGLIGIBLE]
+    found.compared = Rivals(rivals.base, tuple(refits))
+    before = {one.names: one.evidence - start.base.evidence for one in ones}
+    gain = min(refits[0].evidence - rivals.base.evidence, before[refits[0].names]) if refits else -np.inf
+    found.confirmed = stage.misfits or stage.discrepancy or (stage.candidate_found and gain >= STRONG)
     return refits if found.confirmed and gain >= STRONG else []
 
 
-def _fitted_alike(found: Search, stage: Stage, tell: Tell) -> tuple[list[Refit], Refit | None]:
-    """The foremost candidates at their own rest, the best first, and the base model from where the best one was led.
-
-    Where the time is up after one of them, those before it are all.
-    """
-    plain, observed, colours = found.plain, stage.grams.observed, stage.colours.best
-    usable = {one.name: one for one in stage.lin.effects if one.name not in found.failed}
-    rivals = _rivals(found, stage, usable, tell)
-    ones = {one.names[0]: one for one in rivals.refits if one.names[0] in usable}
-    found.tried[:], found.at_start = [[Ranked(one.names, one.evidence) for one in ones.values()]], rivals.base.evidence
-    found.failed |= {name: why for name, why in rivals.failed.items() if name in usable}
-    order = [name for name, one in ones.items() if one.evidence > rivals.refits[0].evidence - NEAR][:FITTED]
+def _foremost(ones: Sequence[Refit], stage: Stage) -> list[Refit]:
+    """The best where the fit began, and on the straight line at the base model's fit; the best first."""
+    near = [one for one in ones if one.evidence > ones[0].evidence - NEAR][:FITTED]
+    others = {one.names[0]: one for one in ones[len(near) :]}
     on_line = [stage.lin.effects[j].name for j in stage.scan.order if stage.scan.ratio[j] > 0]
-    order += [name for name in on_line if name in ones and name not in order][:BY_LINE]
-    made: list[Refit] = []
-    try:
-        for name in order:
-            key = (found.path, name)
-            if key not in found.made.alike:
-                tell(f"fitting with {name}")
-                found.made.alike[key] = to_rest(plain, [usable[name]], [ones[name].lin.z], observed, colours)
-            one = found.made.alike[key]
-            if one is not None and abs(one.lin.amplitudes[0]) >= NEGLIGIBLE:
-                made.append(one)
-    except TimeUp:
-        if not made:
-            raise
-        found.unfinished.why["fits of other candidates"] = NO_TIME
-    made.sort(key=lambda one: -one.evidence)
-    if not made or found.unfinished.why:
-        return made, None
-    key = (found.path, f"without {made[0].names[0]}")
-    if key not in found.made.alike:
-        tell("fitting the base model from there")
-        there = np.delete(made[0].lin.z, len(plain.system.parameters))
-        found.made.alike[key] = to_rest(plain, (), [rivals.base.lin.z, there], observed, colours)
-    return made, found.made.alike[key]
+    return [*near, *[others[name] for name in on_line if name in others][:BY_LINE]]
 
 
-def _rivals(found: Search, stage: Stage, names: Collection[str], tell: Tell) -> Rivals:
+def _at_start(found: Search, stage: Stage, names: Sequence[str], tell: Tell) -> Rivals:
     """All candidates and the base model where its fit began; candidates that nobody asked for may be among them."""
     known = found.made.rivals.get(found.path)
     if known is not None and known[0] >= set(names):
@@ -207,6 +189,15 @@ def _rivals(found: Search, stage: Stage, names: Collection[str], tell: Tell) -> 
     made = from_one_start(found.plain, start, effects, stage.grams.observed, stage.colours.best)
     found.made.rivals[found.path] = set(names), made
     return made
+
+
+def _on_the_best_line(found: Search, rivals: Rivals, stage: Stage, tell: Tell) -> Rivals:
+    """The foremost candidates and the base model on one line, made once."""
+    key = (found.path, tuple(one.names[0] for one in rivals.refits))
+    if key not in found.made.alike:
+        tell(f"refitting {counted(len(rivals.refits), 'effect')} where the best is")
+        found.made.alike[key] = on_the_best_line(rivals, stage.lin.z, stage.grams.observed, stage.colours.best)
+    return found.made.alike[key]
 
 
 def _begun(

@@ -32,8 +32,8 @@ class Made:
     """What a search has made, by what led to it: nothing is made twice, and a search among fewer candidates shares it.
 
     The first part of every key is the path of stages (:attr:`Search.path`) that led there. ``rivals``: all candidates
-    where the base model's fit began, and the names of those that were asked. ``alike``: a candidate fitted from there
-    to its rest, by its name; the base model from where that candidate was led, by ``without`` and its name.
+    where the base model's fit began, and the names of those that were asked. ``alike``: the foremost where the best of
+    them is, by their names.
     ``refits``: of a second effect, by its name. ``renewed``: a refit linearised by the candidates that remain, by its
     effects' names and its unknowns' bytes. ``apart``: both lines of a fit to a part, by the bytes of what was fitted;
     its path is that of these stages alone. None is what cannot be simulated. ``base``: the base model's fit, and
@@ -42,7 +42,7 @@ class Made:
 
     base: tuple[Refit, Linearised] | None = None
     rivals: dict[Hashable, tuple[set[str], Rivals]] = field(default_factory=dict)
-    alike: dict[tuple[Hashable, str], Refit | None] = field(default_factory=dict)
+    alike: dict[tuple[Hashable, Names], Rivals] = field(default_factory=dict)
     refits: dict[tuple[Hashable, str], Refit] = field(default_factory=dict)
     renewed: dict[tuple[Hashable, Names, bytes], Linearised] = field(default_factory=dict)
     apart: dict[tuple[Hashable, bytes], tuple[Linearised, Linearised]] = field(default_factory=dict)
@@ -54,8 +54,8 @@ class Search:
 
     ``settled``: the best refit of each stage as the next stage has it.
     ``tried``: at each stage what all candidates were worth that were looked at, as they were then: at the first where
-    the base model's fit began. ``at_start`` (log evidence): the base model there.
-    ``compared``: candidates that were fitted from there to their rest, whether or not a gap is there.
+    the base model's fit began.
+    ``compared``: the foremost where the best of them is, and the base model there, whether or not a gap is there.
     ``confirmed``: whether what the straight line found at first is there in a refit, or in the residual itself.
     ``plain``: the base model's problem before its nuisances were widened, ``begin`` (unknowns,) where its fit began:
     the middle of the prior if None.
@@ -72,8 +72,7 @@ class Search:
     refits: list[list[Refit]] = field(default_factory=list)
     settled: list[Refit] = field(default_factory=list)
     tried: list[Sequence[Judged]] = field(default_factory=list)
-    at_start: float | None = None
-    compared: list[Refit] = field(default_factory=list)
+    compared: Rivals | None = None
     excluded: dict[str, str] = field(default_factory=dict)
     failed: dict[str, str] = field(default_factory=dict)
     unfinished: Unfinished = field(default_factory=Unfinished)

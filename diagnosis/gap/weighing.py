@@ -59,7 +59,7 @@ def weighed(
     after
         The stage with the best of them.
     tried
-        All that were refitted, if only some of them were fitted afresh, or all where the base model's fit began.
+        All that were looked at, as they were worth where the base model's fit began.
     later
         Effects that were found beside it: they are no alternatives to it.
     excluded
