@@ -23,8 +23,7 @@ from diagnosis.fitting.answers import lasting, responses
 from diagnosis.fitting.differences import one_sided
 from diagnosis.fitting.drive import crowd, drive
 from diagnosis.fitting.failures import FAILURES, reason
-from diagnosis.fitting.linearisation import Linearisation
-from diagnosis.fitting.marginal import Marginal
+from diagnosis.fitting.linearisation import Linearisation, Marginal
 from diagnosis.fitting.noise import NoiseModel, errors_under, undeclared
 from diagnosis.fitting.run import Run
 from diagnosis.fitting.runs import Runs

@@ -21,7 +21,7 @@ from diagnosis.fitting.failures import FAILURES
 from diagnosis.fitting.noise import HOUR
 from diagnosis.fitting.nuisance import Nuisance
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.pruning import pruned
+from diagnosis.fitting.renewing import pruned
 from diagnosis.fitting.within_steps import counted
 from diagnosis.gap.grams import Colour, Grams, projected
 from diagnosis.gap.linear import Linearised, applicable, felt_nuisance, linearised

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.fitting.doubt import doubted_sd
 from diagnosis.fitting.fit import Fit
+from diagnosis.fitting.spread import doubted_sd
 from diagnosis.gap.colours import discrepancy
 from diagnosis.gap.conditions import Otherwise
 from diagnosis.gap.decision import Decision

@@ -24,8 +24,7 @@ from diagnosis.fitting.failures import (
     said_by,
 )
 from diagnosis.fitting.fit import Fit
-from diagnosis.gap.fewer import fewer
-from diagnosis.gap.linear import Linearised, applicable, linearised
+from diagnosis.gap.linear import Linearised, applicable, fewer, linearised
 from diagnosis.gap.nuisances import widened
 from diagnosis.gap.refit import Refit, linear_start, refit, rested
 from diagnosis.gap.renewal import RENEWALS, settled
@@ -159,8 +158,9 @@ def _first_effect(found: Search, tell: Tell) -> list[Refit]:
     rivals = replace(start, refits=tuple(ones), failed={})
     try:
         rivals = _on_the_best_line(found, rivals, stage, tell)
-    except TimeUp:
-        found.unfinished.why["the best candidates simulated anew"] = NO_TIME
+    except (TimeUp, *FAILURES) as error:
+        why = NO_TIME if isinstance(error, TimeUp) else reason(error)
+        found.unfinished.why["the candidates where the best of them is"] = why
     found.failed |= rivals.failed
     refits = [one for one in rivals.refits if abs(one.lin.amplitudes[0]) >= NEGLIGIBLE]
     found.compared = Rivals(rivals.base, tuple(refits))

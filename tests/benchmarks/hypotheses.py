@@ -57,7 +57,7 @@ from diagnosis.effects.edges import foreseen
 from diagnosis.fitting.linearisation import Linearisation
 from diagnosis.fitting.nuisance import Nuisance
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.pruning import pruned
+from diagnosis.fitting.renewing import pruned
 from diagnosis.gap.colours import Colours, discrepancy, estimated_colours
 from diagnosis.gap.grams import AMPLITUDE, Colour, Grams
 from diagnosis.gap.linear import applicable, linearised

@@ -12,7 +12,7 @@ from jsonschema import validate
 from datagen.simulating.simulator import Simulator
 from diagnosis.cli import app
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.pruning import pruned
+from diagnosis.fitting.renewing import pruned
 from diagnosis.gap import Report, conditions, diagnose
 from diagnosis.gap.conditions import Otherwise, _counted, expected, otherwise
 from diagnosis.gap.linear import applicable, linearised
