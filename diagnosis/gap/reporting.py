@@ -14,6 +14,7 @@ from diagnosis.gap.decision import Decision
 from diagnosis.gap.limits import limits, strained
 from diagnosis.gap.places import stretch
 from diagnosis.gap.refit import Refit
+from diagnosis.gap.rivals import Rivals
 from diagnosis.gap.schema import (
     HypothesisOf,
     NamedEffect,
@@ -122,14 +123,21 @@ def sensors_among(first: Stage) -> set[str]:
     return {one.name for one in first.lin.effects if any(what.startswith("output:") for what in one.changes)}
 
 
+def _by_name(rivals: Rivals | None) -> dict[str | None, Refit]:
+    """Refits by their candidate, the base model's by None."""
+    if rivals is None:
+        return {}
+    found: dict[str | None, Refit] = {one.names[0]: one for one in rivals.refits}
+    return found | {None: rivals.base}
+
+
 def _hypotheses(search: Search) -> list[HypothesisOf]:
     """The base model first, then candidates in the order of their evidence where they were asked last."""
     stage = search.stages[0]
     colours, floor = stage.colours, stage.lin.problem.floor
     known = search.made.rivals.get(replace(search, stages=[stage]).path)
-    start = {None: known[1].base, **{one.names[0]: one for one in known[1].refits}} if known is not None else {}
-    compared = search.compared
-    best = {None: compared.base, **{one.names[0]: one for one in compared.refits}} if compared is not None else {}
+    start = _by_name(None if known is None else known[1])
+    best = _by_name(search.compared)
 
     def of(name: str | None, on_line: float) -> HypothesisOf:
         first, last = start.get(name), best.get(name)

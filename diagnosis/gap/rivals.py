@@ -10,7 +10,8 @@ of the prior, and are treated alike:
    begins with the amplitude that promises most there, of a grid over its prior: what it does need not grow with its
    amplitude (a timetable that is moved by two hours meets another hour of the day). Derivatives are those of the start,
    corrected by what each step shows: that ranks forty candidates for ten simulations each;
-2. the foremost and the base model are refitted on one line that is drawn where the best of them is.
+2. the foremost and the base model are refitted on one line that is drawn where the best of them is; what moves an input
+   in time is simulated there with amplitudes from all over its range.
 
 All share a line to the end. Fitted each to its own rest, nuisance and all, one and the same model differs by tens in
 log evidence between two starts where nobody counted the persons or meters drive the model: by more than most candidates
@@ -25,19 +26,21 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from diagnosis.effects import Effect
+from diagnosis.effects import Effect, moved_in_time
 from diagnosis.fitting.failures import FAILURES, reason
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.renewing import most_likely
 from diagnosis.gap.grams import AMPLITUDE, Colour, Grams, projected
 from diagnosis.gap.linear import Linearised, linearised
 from diagnosis.gap.nuisances import widened
-from diagnosis.gap.refit import Refit, refit
+from diagnosis.gap.refit import Refit, inner, misfit, refit, step_from
 from diagnosis.gap.renewal import relinearised
 from shared.errors import SimulationError
 
 GRID = (-4.0, -2.0, -0.5, 0.5, 2.0, 4.0)
 """Amplitudes that are tried at first [scales]: out to twice the prior's standard deviation, and well within it."""
+FINE = np.linspace(-8.0, 8.0, 17)
+"""Of an effect that moves an input in time: every step of the readings has a trough of its own."""
 
 
 @dataclass(frozen=True)
@@ -79,13 +82,12 @@ def from_one_start(
         around, _ = most_likely(plain, start, rounds=2)
     problem, around = widened(plain, around)
     lin = linearised(problem, start, around)
-    amplitudes, secants, works = begun(lin, effects, observed, colours)
+    amplitudes, secants, failed = begun(lin, effects, observed, colours)
     grams = Grams(replace(lin, by_effect=secants, effects=tuple(effects)), observed)
     base = refit(grams, colours, start, (), redrawn=False)
-    first, made, failed = len(problem.system.parameters), [], {}
-    for effect, amplitude, simulated in zip(effects, amplitudes.tolist(), works.tolist(), strict=True):
-        if not simulated:
-            failed[effect.name] = "it cannot be simulated with any amplitude where the fit begins"
+    first, made = len(problem.system.parameters), []
+    for effect, amplitude in zip(effects, amplitudes.tolist(), strict=True):
+        if effect.name in failed:
             continue
         try:
             made.append(refit(grams, colours, np.insert(start, first, amplitude), [effect], redrawn=False))
@@ -96,33 +98,36 @@ def from_one_start(
 
 def begun(
     lin: Linearised, effects: Sequence[Effect], observed: np.ndarray, colours: dict[int, Colour]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, dict[str, str]]:
     """Of a grid the amplitude (effects,) [scales] of each candidate that promises most on one line.
 
     Returns
     -------
     tuple of numpy.ndarray
-        Amplitudes; what a scale of each does to the outputs there, shape (outputs, steps, effects); and whether it
-        could be simulated at all, shape (effects,).
+        Amplitudes; what a scale of each does to the outputs there, shape (outputs, steps, effects); and which could not
+        be simulated with any amplitude, and why.
     """
     library, first = lin.problem.with_effects(effects), len(lin.problem.system.parameters)
     cases, places = [], []
     for k, effect in enumerate(effects):
         low, high = effect.lower / effect.scale, effect.upper / effect.scale
-        for amplitude in sorted({float(np.clip(one, low, high)) for one in GRID} - {0.0}):
+        grid = FINE if moved_in_time(effect) else GRID
+        for amplitude in sorted({float(np.clip(one, low, high)) for one in grid} - {0.0}):
             one = np.zeros(len(effects))
             one[k] = amplitude
             cases.append((np.concatenate([lin.z[:first], one, lin.z[first:]]), lin.around.heights))
             places.append((k, amplitude))
     outcomes = library.simulate_each(cases)
-    kept = [
-        (k, amplitude, outputs - lin.outputs)
-        for (k, amplitude), outputs in zip(places, outcomes, strict=True)
-        if not isinstance(outputs, SimulationError)
-    ]
+    kept, failed = [], {}
+    for (k, amplitude), outputs in zip(places, outcomes, strict=True):
+        if isinstance(outputs, SimulationError):
+            failed[effects[k].name] = str(outputs)
+        else:
+            kept.append((k, amplitude, outputs - lin.outputs))
+    failed = {name: why for name, why in failed.items() if name not in {effects[k].name for k, *_ in kept}}
     best, secants = np.zeros(len(effects)), np.zeros((*lin.outputs.shape, len(effects)))
     if not kept:
-        return best, secants, best != 0
+        return best, secants, failed
     grams = Grams(replace(lin, by_effect=np.stack([moved for *_, moved in kept], axis=-1)), observed)
     left = projected(grams.total(colours), grams.inner.size)
     amplitudes = np.array([amplitude for _, amplitude, _ in kept])
@@ -130,7 +135,7 @@ def begun(
     for place in np.argsort(worth, kind="stable"):
         k, amplitude, moved = kept[place]
         best[k], secants[..., k] = amplitude, moved / amplitude
-    return best, secants, best != 0
+    return best, secants, failed
 
 
 def on_the_best_line(rivals: Rivals, base: np.ndarray, observed: np.ndarray, colours: dict[int, Colour]) -> Rivals:
@@ -166,8 +171,40 @@ def on_the_best_line(rivals: Rivals, base: np.ndarray, observed: np.ndarray, col
     made, failed = [], {}
     for one in rivals.refits:
         try:
-            made.append(there(one.lin.z, one.lin.chosen))
+            made.append(in_the_deepest_trough(there(one.lin.z, one.lin.chosen), colours))
         except FAILURES as error:
             failed[one.names[0]] = reason(error)
     made.sort(key=lambda one: -one.evidence)
     return Rivals(max(plain, key=lambda one: one.evidence), tuple(made), failed)
+
+
+def in_the_deepest_trough(one: Refit, colours: dict[int, Colour]) -> Refit:
+    """A refit of one effect, or one that began with another amplitude and is more plausible.
+
+    Only effects that move an input in time are asked: steps along straight lines end in the nearest trough.
+    """
+    problem, place = one.lin.problem, len(one.lin.problem.system.parameters)
+    if not moved_in_time(one.lin.chosen[0]):
+        return one
+    # the effect's own derivative belongs to where it is, and promises what it does not keep elsewhere
+    others = one.lin.by_unknown.copy()
+    others[..., place] = 0.0
+    promised, start = misfit(one.grams, colours), None
+    for amplitude in np.unique(np.clip(FINE, *(bound[place] for bound in inner(problem)))):
+        z = one.lin.z.copy()
+        z[place] = amplitude
+        try:
+            there = linearised(problem, z, one.lin.around, (), others, one.lin)
+        except FAILURES:
+            continue
+        grams = Grams(there, one.grams.observed, one.grams)
+        value = misfit(grams, colours) - step_from(there, grams, colours)[1]
+        if value < promised:
+            promised, start = value, z
+    if start is None:
+        return one
+    with suppress(*FAILURES):
+        begins = linearised(problem, start, one.lin.around, like=one.lin)
+        other = refit(Grams(begins, one.grams.observed, one.grams), colours, start, ())
+        return max(one, other, key=lambda each: each.evidence)
+    return one

@@ -91,7 +91,7 @@ def test_a_candidate_begins_with_the_amplitude_that_promises_most():
     """Of a signature that is no multiple of itself, within its bounds; one that cannot be simulated has none."""
     rng = np.random.default_rng(4)
     steps, effects = 60, (Nothing("bent"), Nothing("bounded", lower=0.0, upper=1.0), Nothing("stiff"))
-    signature = rng.standard_normal((4, steps))
+    signature = 8.0 * np.linalg.qr(rng.standard_normal((steps, 3)))[0].T
 
     def outputs(amplitudes):
         if amplitudes[2]:
@@ -119,7 +119,7 @@ def test_a_candidate_begins_with_the_amplitude_that_promises_most():
         effects=(),
         failed={},
     )
-    amplitudes, secants, works = begun(lin, effects, np.ones((1, steps), dtype=bool), {0: (0.1, 0.0, HOUR)})
+    amplitudes, secants, failed = begun(lin, effects, np.ones((1, steps), dtype=bool), {0: (0.1, 0.0, HOUR)})
     assert amplitudes.tolist() == [2.0, 1.0, 0.0] and 2.0 in GRID
-    assert works.tolist() == [True, True, False]
+    assert failed == {"stiff": "it is stiff"}
     np.testing.assert_allclose(secants[0, :, 1], signature[2])
