@@ -6,7 +6,10 @@ READY := $(VENV)/.ready
 # small problems: a second thread of the linear algebra costs more than it brings
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test check docs wheels clean
+# fast tests of the documents, which are checks
+CHECKED := tests/test_readme.py tests/docs/test_plain_english.py
+
+.PHONY: demo test check docs reference wheels clean
 .DEFAULT_GOAL := test
 
 $(READY): pyproject.toml constraints.txt
@@ -22,20 +25,24 @@ check: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python -m pytest -q tests/test_readme.py
+	$(BIN)/python -m pytest -q $(CHECKED)
 
 docs: $(READY)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
-# the wheel in clean environments under every Python that is there; PYTHONS names others
+# the pages of docs/reference that are made from the code
+reference: $(READY)
+	$(BIN)/python docs/making/reference.py
+
+# the wheel in clean environments under every Python that is there (PYTHONS names others), and the steps of all images
 PYTHONS ?= python3.11 python3.12 python3.13
 wheels: $(READY)
-	ZEROSHOT_PYTHONS="$(PYTHONS)" $(BIN)/python -m pytest -rA tests/packaging
+	ZEROSHOT_PYTHONS="$(PYTHONS)" $(BIN)/python -m pytest -rA tests/packaging tests/docker/test_images.py
 
-# check has run the tests of the README already; the tests of a file stay together, so that what they share is made once,
+# check has run some tests already; the tests of a file stay together, so that what they share is made once,
 # and tests/conftest.py has the longest files first. Three processes on two cores: farms and installations are waited for
 test: check
-	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder --ignore=tests/test_readme.py
+	$(BIN)/python -m pytest -n 3 --dist loadgroup --no-loadscope-reorder $(CHECKED:%=--ignore=%)
 
 clean:
 	rm -rf demo .mypy_cache .ruff_cache .pytest_cache build dist *.egg-info

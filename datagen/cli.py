@@ -7,14 +7,14 @@ docstring make the help. To add one, write it and name it here.
 from __future__ import annotations
 
 from datagen.commands.compare import compare
-from datagen.commands.datasets import info, merge, verify
+from datagen.commands.datasets import copy, info, merge, verify
 from datagen.commands.describe import describe
 from datagen.commands.identifiability import identifiability
 from datagen.commands.run import run
 from datagen.commands.simulate import simulate
 from shared.console import new_app, start
 
-COMMANDS = (describe, run, simulate, info, verify, merge, identifiability, compare)
+COMMANDS = (describe, run, simulate, info, verify, copy, merge, identifiability, compare)
 
 app = new_app(
     "datagen",

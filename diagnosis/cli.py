@@ -10,6 +10,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
+from diagnosis.app.server import app as app_
 from diagnosis.blind.command import app as blind
 from diagnosis.calibrating.command import calibrate
 from diagnosis.forecasting.command import forecast
@@ -19,10 +20,11 @@ from diagnosis.usual import WARM_UP
 from shared.assignments import assignments
 from shared.console import OK, new_app, new_console, start
 from shared.stretches import LONGEST, Stretch
+from shared.watchdog import PATIENT, Patience
 
 app = new_app(
     "diagnosis",
-    "Hold a recording of a building against its simulation model.\n\n"
+    "Compare a recording of a building with its simulation model.\n\n"
     "A recording is a NetCDF file with the outputs and inputs that the system description names.",
 )
 console = new_console()
@@ -41,8 +43,9 @@ def residuals(
     warm_up: float = WARM_UP,
     stretch: Stretch = LONGEST,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
+    patience: Patience = PATIENT,
 ) -> int:
-    """Simulate a recording with given, estimated or calibrated parameters, and say what is left.
+    """Simulate a recording with given, estimated or calibrated parameters, and print the residuals.
 
     Parameters
     ----------
@@ -51,19 +54,18 @@ def residuals(
     recording
         The recording (NetCDF).
     run
-        Folder of an estimator, whose estimate is used for parameters that are not set.
+        Folder of an estimator. Its estimate is used for parameters that are not set.
     calibration
-        A folder of `diagnosis calibrate`, of this recording or another: its parameters, constants and noise, in place
-        of --run, --set and --noise. How the recording began, and persons whom nobody counted, are then what its
-        readings make most likely.
+        Folder of a `diagnosis calibrate`, of this recording or another: use its parameters, constants and noise, in
+        place of --run, --set and --noise. Unknown occupancy and initial states are then the most likely ones.
     set_
         Parameter values as NAME=VALUE.
     replay
-        The recorded actuators replace the model's control loops.
+        Drive the model with the recorded actuators in place of its control loops.
     noise
-        A noise preset of the description, by which replayed actuators are cleared of noise; `sensor`, if not given.
+        Noise preset of the description, to remove noise from replayed actuators. Default: `sensor`.
     warm_up
-        The recording's first day is repeated this long before its start [h].
+        Repeat the recording's first day for so long before its start [h].
     as_json
         Print JSON.
     """
@@ -82,12 +84,12 @@ def residuals(
         warm_up=warm_up,
     )
     if as_json:
-        sys.stdout.write(json.dumps(found, indent=1, allow_nan=False) + "\n")
+        sys.stdout.write(json.dumps(found.to_json(), indent=1, allow_nan=False) + "\n")
         return OK
     table = Table("output", "unit", "RMSE", "bias", "CVRMSE", "NMBE", "lag-1 autocorrelation", box=None)
-    for name, one in found["outputs"].items():
+    for name, one in found.outputs.items():
         table.add_row(
-            f"{name} (replayed)" if name in found["replayed"] else name,
+            f"{name} (replayed)" if name in found.replayed else name,
             one["unit"],
             f"{one['rmse']:.4g}",
             f"{one['bias']:.4g}",
@@ -96,11 +98,11 @@ def residuals(
             "-" if one["autocorrelation"] is None else f"{one['autocorrelation']:.2f}",
         )
     console.print(table)
-    if found["assumed"]:
-        taken = "; ".join(f"{name} = {what}" for name, what in found["assumed"].items())
+    if found.assumed:
+        taken = "; ".join(f"{name} = {what}" for name, what in found.assumed.items())
         console.print(f"Not measured, and taken as: {taken}.", markup=False)
-    if any(name in found["outputs"] for name in found["replayed"]):
-        said = "Replayed: what was read drives the model, so that rows marked so say nothing of it."
+    if any(name in found.outputs for name in found.replayed):
+        said = "Replayed outputs drive the model, so their rows say nothing about it."
         console.print(said, markup=False)
     return OK
 
@@ -109,6 +111,7 @@ app.command(import_, name="import")
 app.command(calibrate)
 app.command(forecast)
 app.command(run_, name="run")
+app.command(app_, name="app")
 app.command(blind)
 
 

@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import nnls
-from scipy.signal import lfilter
 
 from diagnosis.recording import DAY, HOUR, Recording
 from shared.system import System
@@ -288,6 +287,8 @@ class _Table:
 
 def _lagged(values: np.ndarray, step: float) -> np.ndarray:
     """A series (steps,) passed through first-order lags that start at its first day's mean, shape (steps, lags)."""
+    from scipy.signal import lfilter  # it brings scipy.stats, which takes a second
+
     first = float(values[: max(round(DAY / step), 1)].mean())
     made = [values - first]
     for hours in LAGS[1:]:

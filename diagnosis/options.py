@@ -17,29 +17,30 @@ class Fitting:
     run: Annotated[
         Path | None,
         Parameter(
-            help="Folder of an estimator, or the name of a system that comes with one: its estimate is the first start."
-            " Without, the middle of the prior (for `diagnosis run` the estimator beside the system description, if"
-            " there is one)."
+            help="Estimator to start from: its folder, or the name of a system that comes with one. Without, a fit"
+            " starts from the middle of the prior, and `diagnosis run` from the estimator beside the description."
         ),
     ] = None
-    replay: Annotated[bool, Parameter(help="The recorded actuators replace the model's control loops.")] = False
+    replay: Annotated[
+        bool, Parameter(help="Drive the model with the recorded actuators in place of its control loops.")
+    ] = False
     occupancy: Annotated[
         Literal["measured", "unknown"] | None,
-        Parameter(help="Whether persons were counted; without this, they were if the recording has them."),
+        Parameter(help="Whether occupants were counted. Default: measured if the recording has them."),
     ] = None
-    noise: Annotated[str | None, Parameter(help="Noise preset of the description; `sensor`, if not given.")] = None
+    noise: Annotated[str | None, Parameter(help="Noise preset of the description. Default: `sensor`.")] = None
     workers: Annotated[
-        int | None, Parameter(help="Processes on this machine that simulate side by side; one, if not given.")
+        int | None, Parameter(help="Processes on this machine that simulate in parallel. Default: one.")
     ] = None
     scheduler: Annotated[
-        str | None, Parameter(help="Address of a Dask scheduler, to simulate on its workers in place of those.")
+        str | None, Parameter(help="Address of a Dask scheduler, to simulate on its workers instead.")
     ] = None
 
     minutes: Annotated[
         float | None,
         Parameter(
-            help="Time that there is. When it is up, the answer is what is known then, and says what it lacks; given"
-            " again, the command goes on from there."
+            help="Stop after about so many minutes, with an answer that says what it lacks. The same command with more"
+            " minutes continues."
         ),
     ] = None
 

@@ -259,8 +259,8 @@ def _below_outdoors(system: System, recording: Recording) -> Iterator[Finding]:
         assumed = outdoors.name not in recording.inputs or outdoors.name in recording.assumed
         sentence = (
             f"{one.name} is below the air outdoors ({outdoors.name}, {mean:.0f} ppm{', assumed' if assumed else ''}) in"
-            f" {share:.0%} of the readings, by {size:.0f} ppm or more: persons only add to it, so that the sensor reads"
-            " too low by at least so much."
+            f" {share:.0%} of the readings, by {size:.0f} ppm or more: occupants only add to it, so that the sensor"
+            " reads too low by at least so much."
         )
         remedy = (
             f"Write offset = {round(size, -1):.0f} under [variables.{one.name}] of the mapping (in ppm) and import"
@@ -529,7 +529,7 @@ def _gas_balance(system: System, recording: Recording) -> Iterator[Finding]:
     )
     remedy = (
         f"Check the unit of {name} (l/s, m3/h and kg/s; per hour or per second) and that of {persons.name}; air that"
-        " flows beside the meter, or persons whom nobody counted, look alike."
+        " flows beside the meter, or occupants who were not counted, look alike."
     )
     yield Finding("balance", (name,), factor, "1", sentence, remedy, strong=False)
 
@@ -588,7 +588,7 @@ def _cooled(system: System, recording: Recording) -> Iterator[Finding]:
         return
     days = (recording.stop - recording.start) / DAY
     sentence = (
-        f"{name} is {colder:.1f} K colder than {outdoors} on average over {days:.0f} days: persons, sun and a heater"
+        f"{name} is {colder:.1f} K colder than {outdoors} on average over {days:.0f} days: occupants, sun and a heater"
         " only add heat, so that the room is cooled."
     )
     remedy = (
@@ -672,7 +672,7 @@ def _crowded(system: System, recording: Recording) -> Iterator[Finding]:
         most = system.occupancy.headcount[1]
         if values is None or name in recording.assumed or float(values.max()) <= most + 0.5:
             continue
-        sentence = f"{name} reaches {values.max():.0f} persons, and the description has {most} at most."
+        sentence = f"{name} reaches {values.max():.0f} occupants, and the description has {most} at most."
         remedy = (
             "An estimator never saw so many: widen [occupancy] headcount in a description of this room and train on it"
             f" {WHERE}."
@@ -683,7 +683,7 @@ def _crowded(system: System, recording: Recording) -> Iterator[Finding]:
 def _small(system: System, recording: Recording) -> Iterator[Finding]:
     """CO2 that rises faster than the persons can make it in the smallest room that the description allows."""
     persons, excess = _persons(system), _gas_output(system, recording)
-    volumes = [one for one in system.parameters if spelled(one.unit) == "m3"]
+    volumes = [one for one in system.parameters if spelled(one.unit) == "m3" and one.min > 0]
     noise = [
         max((n.sd for n in one.noise.values()), default=0.0) for one in system.outputs if spelled(one.unit) == "ppm"
     ]
@@ -698,8 +698,8 @@ def _small(system: System, recording: Recording) -> Iterator[Finding]:
         return
     size = volumes[0].min * float(np.median(quickest[faster] / rise[faster]))
     sentence = (
-        f"CO2 rises faster than the persons of {persons.name} can make it rise in {volumes[0].min:g} m3, the smallest"
-        f" {volumes[0].name} of the description: as in {size:.0f} m3 or less, or with more persons than were counted."
+        f"CO2 rises faster than the occupants of {persons.name} can make it rise in {volumes[0].min:g} m3, the smallest"
+        f" {volumes[0].name} of the description: as in {size:.0f} m3 or less, or with more occupants than were counted."
     )
     remedy = f"Write the room's volume under [fixed], or a range that holds it {WHERE}."
     yield Finding("description", (volumes[0].name,), size, "m3", sentence, remedy, strong=False)

@@ -13,12 +13,11 @@ import xarray as xr
 from datagen.driving.tables import Piecewise
 from shared.errors import RecordingError
 from shared.flags import ASSUMED
-from shared.netcdf import read_netcdf
 from shared.reading import shown
-from shared.schema import EPOCH, RECORDING, method_fault, methods_of, of_another
+from shared.schema import EPOCH, method_fault, methods_of, of_another
 from shared.stretches import Steps, Stretch, chosen
 from shared.system import System
-from shared.times import recorded_begins, recorded_times, time_zero
+from shared.times import read_recorded, recorded_begins, recorded_times, time_zero
 
 HOUR = 3600.0
 DAY = 24 * HOUR
@@ -36,7 +35,8 @@ class Recording:
     ``time`` (steps,) ends of the steps [s since time zero of the year]; ``outputs`` (outputs, steps) in the order and
     units of the system description, NaN where nothing was measured; ``inputs`` by name, each (steps,). ``zero`` is the
     date from which time runs: that of simulated years if the recording names none. ``assumed`` says of inputs that an
-    import filled in altogether what stands in for them.
+    import filled in altogether what stands in for them. ``data`` is the whole Dataset that it was taken from, where
+    that was in memory and not in the file at ``path``.
     """
 
     path: Path
@@ -46,6 +46,7 @@ class Recording:
     inputs: dict[str, np.ndarray]
     zero: np.datetime64 = ZERO
     assumed: dict[str, str] = field(default_factory=dict)
+    data: xr.Dataset | None = field(default=None, repr=False, compare=False)
 
     @property
     def start(self) -> float:
@@ -89,7 +90,7 @@ def needed_inputs(
 
 
 def read_recording(
-    path: Path | str,
+    given: Path | str | xr.Dataset,
     system: System,
     *,
     replay: bool = False,
@@ -101,6 +102,8 @@ def read_recording(
 
     Parameters
     ----------
+    given
+        The recording: a NetCDF file, or a Dataset in memory.
     replay, occupancy
         What the recording is for, as in :func:`diagnosis.calibrating.calibration.calibrate`: inputs that are not read
         then may have gaps, and are left out if they have.
@@ -116,8 +119,8 @@ def read_recording(
         another kind: a mean for an instant, or the other way round; or if it has no stretch of a day, or not the one
         that was chosen.
     """
-    path = Path(path)
-    data = read_netcdf(path, RecordingError, RECORDING, times=True)
+    path, data = read_recorded(given)
+    whole = data if isinstance(given, xr.Dataset) else None
     if "system" in data.dims:
         if data.sizes["system"] != 1:
             raise RecordingError(f"{path}: holds {data.sizes['system']} systems; expected a recording of one")
@@ -169,7 +172,7 @@ def read_recording(
     time = time - _after_time_zero(zero)
     cut = data.isel(time=part)
     assumed = {name: str(data[name].attrs.get("comment", "assumed")) for name in inputs if _assumed(cut, name)}
-    return Recording(path, step, time, outputs, inputs, zero, assumed)
+    return Recording(path, step, time, outputs, inputs, zero, assumed, whole)
 
 
 def _exact(time: np.ndarray) -> tuple[float, np.ndarray]:

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from dataclasses import replace as with_changes
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
+import xarray as xr
+from matplotlib.figure import Figure
 
 from datagen.simulating.simulator import Simulator
 from diagnosis.calibrating.checks import opened
 from diagnosis.calibrating.given import check_given, check_unknowns, given_calibration, noise_of
 from diagnosis.calibrating.schema import Calibration
+from diagnosis.curves import curves, plot
 from diagnosis.fitting.fit import ROUNDS
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.renewing import most_likely
@@ -23,13 +28,51 @@ from diagnosis.scores import score
 from diagnosis.usual import WARM_UP
 from diagnosis.zero_shot import estimate
 from shared.errors import RecordingError, SystemDescriptionError
+from shared.results import Result
 from shared.stretches import Stretch
 from shared.system import System
+from shared.variables import spaced
+
+
+@dataclass(frozen=True, repr=False)
+class Residuals(Result):
+    """What is left of a recording after its simulation.
+
+    ``parameters`` that were used, what is ``assumed`` of inputs that were not measured, and which outputs were
+    ``replayed``: their readings drive the model, so that their figures say nothing of it. ``outputs``: for each that
+    was measured the figures of :class:`diagnosis.scores.Score`, and the ``autocorrelation`` of the residual at one step
+    (None where no two neighbouring readings are there). ``drawn``: measured and model over (output, time).
+    """
+
+    recording: str
+    parameters: dict[str, float]
+    assumed: dict[str, str]
+    replayed: list[str]
+    outputs: dict[str, dict[str, Any]]
+    drawn: xr.Dataset
+
+    @property
+    def headline(self) -> str:
+        """What this is, in a few words."""
+        left = ", ".join(f"{name} {one['rmse']:.3g}{spaced(one['unit'])}" for name, one in self.outputs.items())
+        return f"{self.recording}: RMSE {left}"
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row for each output: its figures."""
+        return pd.DataFrame(self.outputs).T.rename_axis("output")
+
+    def plot(self) -> Figure:
+        """Measured and simulated, output by output."""
+        return plot(self.drawn)
+
+    def to_json(self) -> dict[str, Any]:
+        """What ``diagnosis residuals --json`` prints."""
+        return {name: one for name, one in vars(self).items() if name != "drawn"}
 
 
 def residuals(
     system: System | Path | str,
-    recording: Path | str,
+    recording: Recording | Path | str | xr.Dataset,
     *,
     run: Path | str | None = None,
     calibration: Calibration | Path | str | None = None,
@@ -38,7 +81,7 @@ def residuals(
     stretch: Stretch | None = None,
     noise: str | None = None,
     warm_up: float = WARM_UP,
-) -> dict[str, Any]:
+) -> Residuals:
     """Simulate a recording with given, estimated or calibrated parameters and compare output by output.
 
     The model is driven as in a calibration: see :mod:`diagnosis.fitting.drive`. Persons whom nobody counted are as the
@@ -62,14 +105,6 @@ def residuals(
         A noise preset of the description: how noisy those meters are (``sensor`` if not given).
     warm_up
         The recording's first day is repeated this long before its start [h]; at least a step.
-
-    Returns
-    -------
-    dict
-        ``parameters`` used, what is ``assumed`` of inputs that were not measured, which outputs were ``replayed``
-        (their readings drive the model, so that their figures say nothing of it), and in ``outputs`` for each that was
-        measured the figures of :class:`diagnosis.scores.Score` and the ``autocorrelation`` of the residual at one step
-        (None where no two neighbouring readings are there).
 
     Raises
     ------
@@ -106,13 +141,8 @@ def residuals(
         seen = np.isfinite(record.outputs[k])
         if seen.any():
             found[output.name] = _compare(record.outputs[k], simulated[k], output.unit)
-    return {
-        "recording": str(recording),
-        "parameters": values,
-        "assumed": assumed,
-        "replayed": list(problem.drive.replayed),
-        "outputs": found,
-    }
+    drawn = curves(record.time, record.zero, described.outputs, measured=record.outputs, model=simulated)
+    return Residuals(str(record.path), values, assumed, list(problem.drive.replayed), found, drawn)
 
 
 def _with_values(

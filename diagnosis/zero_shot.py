@@ -14,9 +14,9 @@ from diagnosis.recording import HOUR, Recording
 from shared.errors import EstimatorError, RecordingError
 from shared.gaps import bridge
 from shared.logs import logger
-from shared.netcdf import read_netcdf, write_netcdf
-from shared.schema import RECORDING
+from shared.netcdf import write_netcdf
 from shared.system import System
+from shared.times import read_recorded
 
 if TYPE_CHECKING:
     from trainer.predicting.prediction import Predictions
@@ -46,7 +46,7 @@ def estimate(run: Path | str, recording: Recording, system: System) -> dict[str,
     from trainer import load_run, predict
     from trainer.predicting.readings import GapError
 
-    data = read_netcdf(recording.path, RecordingError, RECORDING, times=True)
+    _, data = read_recorded(recording.path if recording.data is None else recording.data)
     time = recording.times(data)
     data = data.isel(time=np.flatnonzero((time >= recording.time[0] - 1) & (time <= recording.time[-1] + 1)))
     data = data.isel(system=0, drop=True) if "system" in data.dims else data
@@ -73,12 +73,14 @@ def estimate(run: Path | str, recording: Recording, system: System) -> dict[str,
         if whole is None:
             raise RecordingError(str(refused).replace(str(path), str(recording.path))) from None
     if whole.passed:
-        _log.warning("the estimator read no longer window: %s", whole.passed.replace(str(path), str(recording.path)))
+        _log.warning(
+            "the estimator did not read a longer window: %s", whole.passed.replace(str(path), str(recording.path))
+        )
     if whole.bridged:
-        _log.warning("%s: the estimator itself put in %d readings that were lost singly", recording.path, whole.bridged)
+        _log.warning("%s: the estimator interpolated %d readings that were lost singly", recording.path, whole.bridged)
     told = whole.predictions[0]
     for note in told.unlike or ():
-        _log.warning("%s: unlike all that the estimator was trained on: %s", recording.path, note)
+        _log.warning("%s: unlike everything in the estimator's training: %s", recording.path, note)
     values_by_name = {name: one.value for name, one in told.parameters.items()}
     _check_parameters(run, values_by_name, system)
     return values_by_name
@@ -154,7 +156,7 @@ def _of_filled(run: Run, data: xr.Dataset, path: Path, least: float, longest: in
         passed = passed or found.passed
         if found.context_hours * HOUR >= 0.999 * length * run.card.encoding.step:
             if put:
-                _log.warning("%s: for the estimator, readings were put in on straight lines: %s", name, ", ".join(put))
+                _log.warning("%s: for the estimator, readings were interpolated: %s", name, ", ".join(put))
             return found.model_copy(update={"passed": passed})
     if refused is not None and not least:
         raise refused

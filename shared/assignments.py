@@ -8,8 +8,8 @@ from collections.abc import Iterable
 from shared.errors import SystemDescriptionError
 
 
-def assignments(items: Iterable[str]) -> dict[str, float]:
-    """Parse ``NAME=VALUE`` with a number as value.
+def assignments(items: Iterable[str], option: str = "set") -> dict[str, float]:
+    """Parse ``NAME=VALUE`` with a number as value; ``option`` is where they were given.
 
     Raises
     ------
@@ -26,9 +26,11 @@ def assignments(items: Iterable[str]) -> dict[str, float]:
             if not math.isfinite(value):
                 raise ValueError
         except ValueError:
-            sentence = f"--set {item!r}: expected NAME=VALUE with a finite number, like volume=150"
+            sentence = f"--{option} {item!r}: expected NAME=VALUE with a finite number, like volume=150"
             raise SystemDescriptionError(sentence) from None
         if name.strip() in values:
-            raise SystemDescriptionError(f"--set {item!r}: {name.strip()!r} is set twice; expected one value of it")
+            raise SystemDescriptionError(
+                f"--{option} {item!r}: {name.strip()!r} is given twice; expected one value of it"
+            )
         values[name.strip()] = value
     return values

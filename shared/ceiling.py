@@ -11,12 +11,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
+import xarray as xr
 from pydantic import BaseModel, ConfigDict, Field
 
 from shared.errors import ZeroshotError
+from shared.manifest import write_atomically
 from shared.reading import newer, read_json, validated
-from shared.store import write_atomically
+from shared.results import Result
 from shared.system import Experiment
 from shared.uncertain import Uncertain
 
@@ -103,7 +106,7 @@ def in_words(constants: Mapping[str, Unknown]) -> str:
     return f"constants drawn ({drawn})" if drawn else "constants as declared"
 
 
-class Ceiling(BaseModel):
+class Ceiling(Result, BaseModel):
     """Limit of R2 per parameter under one condition, averaged over ``systems`` random systems and windows.
 
     ``origin`` says what the windows were of; older files lack it, and are taken to be of the whole year. ``constants``
@@ -124,6 +127,17 @@ class Ceiling(BaseModel):
     seed: int
     origin: Origin | None = None
     constants: dict[str, Unknown] = {}
+
+    @property
+    def headline(self) -> str:
+        """What this is, in a few words."""
+        return (
+            f"{self.context_hours:g} h, noise {self.noise}, {self.systems} systems: mean R2 at most {self.r2_mean:.3f}"
+        )
+
+    def to_dataframe(self) -> Any:
+        """A row for each parameter: the limit of its R2."""
+        return xr.Dataset({"r2": ("parameter", list(self.r2.values()))}, {"parameter": list(self.r2)}).to_dataframe()
 
     def known_origin(self) -> Origin:
         """What the windows were of, also of an older file."""

@@ -8,9 +8,15 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator, Mapping
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
+from multiprocessing import get_context
+from typing import Any
 
+from shared import watchdog
+from shared.errors import SimulationError
 from shared.interrupts import interrupts_held
 
 
@@ -47,3 +53,43 @@ def starting() -> Iterator[None]:
     """For the moment in which :mod:`multiprocessing` starts workers: without the script, and deaf to Ctrl-C."""
     with without_script(), interrupts_held():
         yield
+
+
+@contextmanager
+def worker_pool(
+    workers: int, initialise: Callable[..., None] | None = None, arguments: tuple[Any, ...] = ()
+) -> Iterator[ProcessPoolExecutor]:
+    """Processes side by side, spawned: loading an FMU changes the folder of its process.
+
+    They have the limit for each simulation that this process has. Where the body ends by an exception they are killed,
+    whatever they do: one whose FMU never returns would be waited for in vain.
+
+    Raises
+    ------
+    SimulationError
+        In place of what the body raised, if a worker's FMU did not return within the limit.
+    """
+    with tempfile.TemporaryDirectory(prefix="zeroshot-workers-", ignore_cleanup_errors=True) as folder:
+        seconds = watchdog.limit()
+        pool = ProcessPoolExecutor(workers, get_context("spawn"), _begin, (seconds, folder, initialise, arguments))
+        try:
+            yield pool
+            pool.shutdown()
+        except BaseException as error:
+            processes = list((pool._processes or {}).values())
+            for one in processes:
+                one.kill()
+            pool.shutdown(cancel_futures=True)  # after which the exit codes are known
+            if isinstance(error, Exception) and any(one.exitcode == watchdog.HUNG for one in processes):
+                raise SimulationError(
+                    f"an FMU's function had not returned after {seconds:g} s in one of {workers} processes; expected"
+                    " one that returns: give it longer with --timeout, or look at its inputs and parameters"
+                ) from None
+            raise
+
+
+def _begin(seconds: float, folder: str, initialise: Callable[..., None] | None, arguments: tuple[Any, ...]) -> None:
+    tempfile.tempdir = folder  # what a worker that was killed left there is removed
+    watchdog.serve(seconds)
+    if initialise is not None:
+        initialise(*arguments)

@@ -7,11 +7,13 @@ import io
 import os
 import platform
 import shlex
+import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, NoReturn, TypeVar
 
 import cyclopts
 from rich.console import Console
@@ -20,7 +22,8 @@ from shared import __version__
 from shared.errors import IncompleteError, ZeroshotError
 from shared.interrupts import Terminated, terminable
 from shared.logs import USUAL, Reporting, fields, logger, reported
-from shared.places import give_matplotlib_a_place, no_text
+from shared.places import give_matplotlib_a_place, is_url, no_text
+from shared.watchdog import PATIENT, Patience, armed, leave
 
 OK, FAULT, USAGE, PARTLY, STOPPED, ENDED = 0, 1, 2, 3, 130, 143
 """Exit codes: done; a sentence on standard error says what is wrong; the command line itself is wrong; done but for a
@@ -47,6 +50,10 @@ Positive = Annotated[int, cyclopts.Parameter(validator=cyclopts.validators.Numbe
 def _named(_: Any, tokens: Sequence[Any]) -> Path:
     if not tokens[0].value.strip():  # a shell's variable that is not set would be the folder that one happens to be in
         raise ValueError("it is empty; expected a path")
+    if is_url(tokens[0].value):
+        raise ValueError(
+            "it is a URL; expected a folder or file on this machine (`datagen copy` brings a dataset there)"
+        )
     return Path(tokens[0].value)
 
 
@@ -122,21 +129,42 @@ def start(app: cyclopts.App, arguments: Sequence[str] | None = None) -> int:
         command, bound, _ = app.parse_args(words)
     except cyclopts.CycloptsError:
         return USAGE
-    options = next((value for value in bound.arguments.values() if isinstance(value, Reporting)), USUAL)
+    given = list(bound.arguments.values())
+    options = next((value for value in given if isinstance(value, Reporting)), USUAL)
+    patience = next((value for value in given if isinstance(value, Patience)), PATIENT)
+    call = partial(command, *bound.args, **bound.kwargs)
     try:
         with reported(options, errors):
-            return _carry_out(app.name[0], words, command, lambda: command(*bound.args, **bound.kwargs))
+            return _carry_out(app.name[0], words, command, call, patience.timeout)
     except ZeroshotError as error:  # no log can be written
         errors.print(f"error: {error}", markup=False)
         return FAULT
 
 
-def _carry_out(program: str, words: list[str], command: Callable[..., Any], call: Callable[[], Any]) -> int:
+def _carry_out(
+    program: str, words: list[str], command: Callable[..., Any], call: Callable[[], Any], timeout: float
+) -> int:
     began, code = time.monotonic(), FAULT
     about = {"version": __version__, "python": platform.python_version(), "pid": os.getpid(), "folder": os.getcwd()}
     _log.debug("%s", shlex.join([program, *words]), extra=fields(**about))
+
+    def end(what: str, number: int | None, seconds: float) -> NoReturn:
+        """From another thread: the main one is in compiled code that does not return."""
+        ended = FAULT if number is None else ENDED if number == signal.SIGTERM else STOPPED
+        errors.show_cursor(True)
+        if number is None:
+            _log.error(
+                "%s: one of its functions had not returned after %g s, and takes this command with it; expected one"
+                " that returns: give it longer with --timeout, or look at its inputs and parameters",
+                *(what, seconds),
+            )
+        else:
+            _log.warning("%s", _how_to_go_on(program, words, command))
+        _log.debug("exit code %d: %s did not return", ended, what, extra=fields(code=ended))
+        leave(ended)
+
     try:
-        with terminable():
+        with terminable(), armed(end, timeout):
             found = call()
         code = found if isinstance(found, int) else OK
     except IncompleteError as error:
@@ -176,8 +204,8 @@ def _carry_out(program: str, words: list[str], command: Callable[..., Any], call
 
 def _how_to_go_on(program: str, words: list[str], command: Callable[..., Any]) -> str:
     if command not in _resumable:
-        return "stopped before its end; the same command begins anew"
+        return "stopped before its end; the same command starts from the beginning"
     more, instead_of = _resumable[command]
     kept = [word for word in words if word not in instead_of]
     again = shlex.join([program, *kept, *(word for word in more if word not in kept)])
-    return f"stopped; what was finished is kept, and this goes on from there:\n  {again}"
+    return f"stopped; finished work is kept, and this command continues it:\n  {again}"

@@ -43,7 +43,7 @@ class ThresholdShape(Table):
     """1 / (1 + exp(-(x - threshold) / width)) of a series: a smooth step; a negative width turns it round."""
 
     form: Literal["threshold"]
-    series: str
+    series: str = Field(description="an output or an input of the description")
     threshold: float = Field(description="[unit of the series]")
     width: float = Field(description="[unit of the series]")
 
@@ -58,7 +58,7 @@ class PresenceShape(Table):
     """x / (x + half) of a series that is not negative: 0 where it is 0, and near 1 far above ``half``."""
 
     form: Literal["presence"]
-    series: str
+    series: str = Field(description="an output or an input of the description")
     half: float = Field(1.0, gt=0, description="[unit of the series]")
 
 
@@ -66,7 +66,7 @@ class SeriesShape(Table):
     """(x - origin) / reference of a series."""
 
     form: Literal["series"]
-    series: str
+    series: str = Field(description="an output or an input of the description")
     reference: float = Field(1.0, description="[unit of the series]")
     origin: float = Field(0.0, description="[unit of the series]")
 
@@ -85,13 +85,17 @@ Shape = Annotated[
 class _Effect(Table):
     """What all kinds have. ``modes``: whether the effect can act under the control loops, in replay, or both."""
 
-    name: str
-    unit: str
-    description: str = ""
+    name: str = Field(description="in reports")
+    unit: str = Field(description="of the amplitude")
+    description: str = Field("", description="what it is, for reports")
     scale: float = Field(gt=0, description="standard deviation expected of the amplitude [unit]")
     lower: float = Field(description="least amplitude [unit], <= 0")
     upper: float = Field(description="greatest amplitude [unit], >= 0")
-    modes: list[Mode] = Field(["control", "replay"], min_length=1)
+    modes: list[Mode] = Field(
+        ["control", "replay"],
+        min_length=1,
+        description="whether it can act under the control loops, in replay, or both",
+    )
 
     @model_validator(mode="after")
     def _bounds(self) -> _Effect:
@@ -110,7 +114,7 @@ class ParameterEffect(_Effect):
     kind: Literal["parameter"]
     parameters: dict[str, float] = Field(min_length=1, description="change for an amplitude of 1")
     base: dict[str, float] = Field({}, description="values of the base model that are not 0, held against it")
-    constants: dict[str, float] = {}
+    constants: dict[str, float] = Field({}, description="FMU parameters that are set while the amplitude is not 0")
 
     @model_validator(mode="after")
     def _known(self) -> ParameterEffect:
@@ -125,9 +129,9 @@ class ShapedEffect(_Effect):
 
     kind: Literal["shaped"]
     parameters: dict[str, float] = Field(min_length=1, description="change for an amplitude of 1")
-    constants: dict[str, float] = {}
+    constants: dict[str, float] = Field({}, description="FMU parameters that are set while the amplitude is not 0")
     input: str = Field(description="the FMU input that takes the shape")
-    shape: list[Shape] = Field(min_length=1)
+    shape: list[Shape] = Field(min_length=1, description="whose product it is; see shapes")
 
 
 class InputEffect(_Effect):
@@ -138,10 +142,10 @@ class InputEffect(_Effect):
     """
 
     kind: Literal["input"]
-    input: str
-    operation: Literal["add", "gain", "shift"]
-    factor: float = 1.0
-    shape: list[Shape] = []
+    input: str = Field(description="the input that is not what was recorded")
+    operation: Literal["add", "gain", "shift"] = Field(description="how; see above")
+    factor: float = Field(1.0, description="of the amplitude, as from its unit to that of the input")
+    shape: list[Shape] = Field([], description="when it acts; see shapes")
 
     @model_validator(mode="after")
     def _shift(self) -> InputEffect:
@@ -162,12 +166,12 @@ class SensorEffect(_Effect):
     """
 
     kind: Literal["sensor"]
-    outputs: list[str] = Field(min_length=1)
-    operation: Literal["bias", "gain", "lag", "drift", "shift"]
-    factor: float = 1.0
-    about: float = 0.0
-    replayed: dict[str, str] = {}
-    fed_back: list[str] = []
+    outputs: list[str] = Field(min_length=1, description="whose sensors are meant")
+    operation: Literal["bias", "gain", "lag", "drift", "shift"] = Field(description="how; see above")
+    factor: float = Field(1.0, description="of the amplitude, as from its unit to that of the output")
+    about: float = Field(0.0, description="value at which a gain changes nothing [unit of the output]")
+    replayed: dict[str, str] = Field({}, description="by output, the FMU input that carries its reading in replay")
+    fed_back: list[str] = Field([], description="FMU inputs from which the bias is subtracted: set points")
 
     @model_validator(mode="after")
     def _fits(self) -> SensorEffect:

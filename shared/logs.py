@@ -73,6 +73,12 @@ def log_files() -> list[Path]:
     return [Path(one.baseFilename).resolve() for one in handlers if isinstance(one, logging.FileHandler)]
 
 
+def heard() -> bool:
+    """Whether a command shows sentences of level ``info`` on a console."""
+    handlers = logging.getLogger(_ROOT).handlers
+    return any(isinstance(one, _Sentences) and one.level <= logging.INFO for one in handlers)
+
+
 class JsonLines(logging.Formatter):
     """A record as one line of JSON: time (UTC), level, logger, message, its fields, and a traceback if there is one.
 

@@ -30,8 +30,12 @@ def r2(truth: np.ndarray, estimate: np.ndarray) -> np.ndarray:
 
 
 def relative_accuracy(truth: np.ndarray, estimate: np.ndarray) -> np.ndarray:
-    """1 - |p - p_hat| / p of each window and parameter (paper, equation 3); same shape as ``truth``."""
-    return 1 - np.abs(truth - estimate) / truth
+    """1 - |p - p_hat| / p of each window and parameter (paper, equation 3); same shape as ``truth``.
+
+    Of a parameter that is not positive throughout, the error is divided by the mean of its size.
+    """
+    size = np.where((truth > 0).all(axis=0), truth, np.abs(truth).mean(axis=0))
+    return 1 - np.abs(truth - estimate) / size
 
 
 def wilson(share: ArrayLike, count: ArrayLike, z: float) -> tuple[np.ndarray, np.ndarray]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import getpass
 import os
+import re
 import stat
 import sys
 import tempfile
@@ -18,6 +19,25 @@ OF_A_DISK = {
     *(errno.EACCES, errno.EPERM, errno.ENOENT, errno.ENOTDIR),
 }
 """Errors of the operating system that are those of a place to write to, not of what is written."""
+_URL = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):(?=/|:)")
+"""The beginning of a URL; a single letter is a drive of Windows."""
+
+
+def is_url(place: object) -> bool:
+    """Whether a place is a URL, such as ``s3://bucket/folder``, also one that became a Path."""
+    return isinstance(place, str | Path) and bool(_URL.match(_text(place)))
+
+
+def url_of(place: Path | str) -> str:
+    """A URL as it was before it became a Path, which joins the slashes of ``https://``."""
+    if isinstance(place, str):
+        return place
+    restored = re.sub(r"(?<![A-Za-z0-9+.-])([A-Za-z][A-Za-z0-9+.-]+):/(?!/)", r"\1://", _text(place))
+    return re.sub(r"(?<![A-Za-z0-9+.-])(file|local)://", r"\1:///", restored)
+
+
+def _text(place: Path | str) -> str:
+    return place.as_posix() if isinstance(place, Path) else place
 
 
 def check_folder(folder: Path, kind: type[ZeroshotError]) -> None:
@@ -30,6 +50,10 @@ def check_folder(folder: Path, kind: type[ZeroshotError]) -> None:
     ZeroshotError
         Of that kind, saying what is in the way.
     """
+    if is_url(folder):
+        raise kind(
+            f"{url_of(folder)}: is a URL; expected a folder on this machine: `datagen copy` brings it there later"
+        )
     if said := no_text(f"{folder.absolute()}"):
         raise kind(f"nothing can be written to a folder of such a name: {said}")
     full = Path(os.path.normpath(folder.absolute()))  # a link that leads nowhere stays one

@@ -21,7 +21,7 @@ from shared.errors import DatasetError
 from shared.reading import newer, shown
 from shared.system import System
 
-SCHEMA_VERSION = "2.2"
+SCHEMA_VERSION = "2.3"
 """2.0 added ``start``: a reader of 1.0 would take every record to begin at time zero. 2.1: where records begin on days
 of their own, ``start`` is a date and ``time`` is none; the values are the same. 2.2: where uncertain constants were
 drawn, a variable each says by what theirs were multiplied."""
@@ -40,6 +40,8 @@ CONTENT_HASH = "content_hash"
 """Global attribute of a shard that holds its own content hash."""
 RECORDING = "a recording (NetCDF), which `diagnosis import` makes of a CSV"
 """What a reader of recordings expects."""
+DISTURBANCES = "disturbances"
+"""Variable of a shard: how many effects of the description act on a system."""
 SPLITS = ("train", "validation", "test")
 Method = Literal["point", "mean"]
 """CF cell method of a series over time."""
@@ -99,6 +101,8 @@ def build_shard(
     attributes: dict[str, str],
     starts: np.ndarray | None = None,
     factors: np.ndarray | None = None,
+    given: np.ndarray | None = None,
+    disturbances: np.ndarray | None = None,
 ) -> xr.Dataset:
     """Put simulated systems into a dataset that follows the schema.
 
@@ -117,6 +121,10 @@ def build_shard(
     factors
         By what each system's uncertain constants were multiplied, shape (systems, constants), in the order of the
         description [1]; none if they have their values.
+    given
+        Values of the given facts that are told, shape (systems, facts), in the order of the description [unit of each].
+    disturbances
+        How many effects of the description act on each system, shape (systems,); none are stored if not given.
     """
     step = system.experiment.step
     count = outputs.shape[2]
@@ -152,6 +160,13 @@ def build_shard(
         what = constant.description or constant.name
         about = {"long_name": f"{what}, as a multiple of its value", "units": "1", "role": "constant"}
         variables[constant.name] = (("system",), factors[:, k].astype(np.float64), about)
+    for k, fact in enumerate(system.told if given is not None else ()):
+        assert given is not None
+        about = {"long_name": fact.description or fact.name, "units": fact.unit, "role": "given"}
+        variables[fact.name] = (("system",), given[:, k].astype(np.float64), about)
+    if disturbances is not None:
+        about = {"long_name": "how many effects act", "units": "1", "role": "disturbance"}
+        variables[DISTURBANCES] = (("system",), disturbances.astype(np.int8), about)
     for k, output in enumerate(system.outputs):
         attrs = {"long_name": output.long_name or output.name, "units": output.unit, "role": "output"}
         attrs["cell_methods"] = f"time: {methods[output.name]}"

@@ -6,6 +6,8 @@ from importlib.util import find_spec
 from pathlib import Path
 
 DESCRIPTION = "system.toml"
+USUAL = "MixedAirCO2"
+"""The system that is meant where none is named: the paper's."""
 CARD = "estimator.json"
 ESTIMATOR = "estimator"
 """Folder of a shipped system that holds its pretrained estimator."""

@@ -3,9 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
 
 Span = tuple[float, float]
 
@@ -38,8 +46,10 @@ class Weather(Table):
     )
     surface_tilt: float = Field(90.0, ge=0, le=180, description="[degree] from horizontal")
     surface_azimuth: float = Field(180.0, ge=0, le=360, description="[degree] east of north")
-    albedo: float = Field(0.2, ge=0, le=1)
-    transposition: Literal["isotropic", "haydavies", "perez"] = "perez"
+    albedo: float = Field(0.2, ge=0, le=1, description="share of the sun that the ground reflects")
+    transposition: Literal["isotropic", "haydavies", "perez"] = Field(
+        "perez", description="model of the diffuse light on the plane"
+    )
 
 
 _MOST = {
@@ -62,6 +72,10 @@ class Occupancy(Table):
     """
 
     headcount: tuple[int, int] = Field(description="persons of a full day, once per system")
+    density: Span | None = Field(
+        None, description="of the headcount, per unit of the estimated parameter `per`; headcount limits it"
+    )
+    per: str = Field("", description="estimated parameter that the density is multiplied by, such as a floor area")
     arrival: Span = Field(description="usual start of the day, once per system [h]")
     duration: Span = Field(description="usual length of the day, once per system [h]")
     jitter: float = Field(ge=0, description="standard deviation of a day's start and end about the usual [h]")
@@ -73,14 +87,45 @@ class Occupancy(Table):
     weekend: float = Field(ge=0, le=1, description="probability that somebody comes on a day of the weekend")
     first_weekday: FirstWeekday = Field(0, description="weekday of time zero: 0, Monday")
 
+    @model_serializer(mode="wrap")
+    def _without_nothing(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """A description without a density has the hash that it had before there was one."""
+        made: dict[str, Any] = handler(self)
+        if self.density is None:
+            made.pop("density", None), made.pop("per", None)
+        return made
+
     @model_validator(mode="after")
     def _spans(self) -> Occupancy:
+        if (self.density is None) != (not self.per):
+            raise ValueError("density and per: one is given without the other; expected both, or none")
+        if self.density is not None and not 0 <= self.density[0] <= self.density[1]:
+            raise ValueError(f"density: span is {list(self.density)}; expected 0 <= low <= high")
         for name in _MOST:
             low, high = getattr(self, name)
             most = _MOST[name]
             if not 0 <= low <= high <= most:
                 end = "" if most == math.inf else f" <= {most:g}"
                 raise ValueError(f"{name}: span is [{low:g}, {high:g}]; expected 0 <= low <= high{end}")
+        return self
+
+
+class DrawnSchedule(Table):
+    """A timetable that each system draws for itself: ``high`` within hours of the day, ``low`` outside of them."""
+
+    low: Span = Field(description="value outside of the hours, once per system [unit of the input]")
+    high: Span = Field(description="value within the hours, once per system [unit of the input]")
+    begin: Span = Field(description="first hour, once per system [h]")
+    end: Span = Field(description="last hour, once per system [h]")
+    constant: float = Field(0.0, ge=0, le=1, description="share of the systems that have the high value at all times")
+    weekends: float = Field(0.5, ge=0, le=1, description="share of the others whose weekends are as other days")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> DrawnSchedule:
+        if not 0 < self.begin[0] <= self.begin[1] < self.end[0] <= self.end[1] < 24:
+            raise ValueError(
+                f"begin and end: are {list(self.begin)} and {list(self.end)} h; expected begin before end, within a day"
+            )
         return self
 
 
@@ -91,9 +136,18 @@ class Schedule(Table):
     10 K that are no temperature in K but one in degC or degF are refused.
     """
 
-    weekday: list[tuple[float, float]] = Field(min_length=1)
-    weekend: list[tuple[float, float]] | None = None
+    weekday: list[tuple[float, float]] = Field(min_length=1, description="(hour, value) [h, unit of the input]")
+    weekend: list[tuple[float, float]] | None = Field(None, description="the same of Saturday and Sunday")
+    drawn: DrawnSchedule | None = Field(None, description="what simulated systems have in its place")
     first_weekday: FirstWeekday = Field(0, description="weekday of time zero: 0, Monday")
+
+    @model_serializer(mode="wrap")
+    def _without_nothing(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """A schedule that is not drawn has the hash that it had before any was."""
+        made: dict[str, Any] = handler(self)
+        if self.drawn is None:
+            made.pop("drawn", None)
+        return made
 
     @model_validator(mode="after")
     def _ordered(self) -> Schedule:
@@ -115,4 +169,4 @@ class Sinusoid(Table):
 class Excitation(Table):
     """A sum of sinusoids, the same for every system."""
 
-    components: list[Sinusoid] = Field(min_length=1)
+    components: list[Sinusoid] = Field(min_length=1, description="which are added up")

@@ -14,12 +14,12 @@ class Source(Table):
     fitted value counts. What it brings beside that are other sources, ``less``, which are taken off again.
     """
 
-    name: str
+    name: str = Field(description="in reports")
     description: str = Field("", description="as a reader sees it, for example 'missing heat'")
-    unit: str = Field(min_length=1)
+    unit: str = Field(min_length=1, description="of what it brings, such as W or kg/s")
     input: str = Field(description="the FMU input that carries the pulses")
     parameters: dict[str, float] = Field({}, description="FMU parameters while it does [unit of each]")
-    per: float | str = 1.0
+    per: float | str = Field(1.0, description="what one unit of the input brings: a number, or an estimated parameter")
     less: dict[str, float] = Field({}, description="by name of a source declared before: its amount per unit of input")
 
     def fault(self, inputs: list[str], parameters: list[str], before: list[str]) -> str:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import socket
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,74 +16,30 @@ from typing import Any
 import netCDF4
 import numpy as np
 import xarray as xr
+from xarray.backends.locks import HDF5_LOCK, NETCDFC_LOCK, combine_locks
 
 from shared.errors import DatasetError, SystemDescriptionError
+from shared.manifest import MANIFEST as MANIFEST
+from shared.manifest import MOST_MANIFEST as MOST_MANIFEST
 from shared.manifest import Manifest as Manifest
 from shared.manifest import ShardEntry as ShardEntry
 from shared.manifest import Source as Source
+from shared.manifest import check_shard_name as check_shard_name
+from shared.manifest import parse_manifest as parse_manifest
+from shared.manifest import read_manifest as read_manifest
+from shared.manifest import sha256_of as sha256_of
+from shared.manifest import temporary_name as temporary_name
+from shared.manifest import write_atomically as write_atomically
+from shared.manifest import write_manifest as write_manifest
 from shared.netcdf import read_netcdf, write_netcdf
 from shared.netcdf_child import check_declared
-from shared.reading import MIB, read_bytes, read_json, validated, why
-from shared.schema import CONTENT_HASH, SPLITS, check_version, dataset_hash, newer_minor
+from shared.places import is_url
+from shared.reading import read_bytes, why
+from shared.schema import CONTENT_HASH, DISTURBANCES, SPLITS, check_version, dataset_hash, newer_minor
 from shared.system import System, system_from_canonical
 
-MANIFEST = "manifest.json"
-"""In a dataset's folder; it is what makes it one."""
-MOST_MANIFEST = 4096 * MIB
-"""Bytes; a manifest has about 500 for each shard."""
 _LARGEST = 1 << 40
 """Bytes of a shard: memory is the limit."""
-
-
-def temporary_name(path: Path) -> Path:
-    """A neighbour of ``path`` that no other process on any machine writes to."""
-    return path.with_name(f".{path.name}.{socket.gethostname()}.{os.getpid()}.tmp")
-
-
-def write_atomically(path: Path, data: bytes) -> None:
-    """Write a file whole: temporary neighbour, flush, rename."""
-    temporary = temporary_name(path)
-    try:
-        with open(temporary, "wb") as handle:
-            handle.write(data)
-            handle.flush()
-            os.fsync(handle.fileno())
-        os.replace(temporary, path)
-    except OSError as error:
-        if error.filename is None:  # a full disk names none
-            error.filename = str(path)
-        raise
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
-def sha256_of(path: Path) -> str:
-    """sha256 of a file."""
-    with open(path, "rb") as handle:
-        return hashlib.file_digest(handle, "sha256").hexdigest()
-
-
-def write_manifest(folder: Path, manifest: Manifest) -> None:
-    """Write ``manifest.json``."""
-    write_atomically(folder / MANIFEST, (manifest.model_dump_json(indent=1) + "\n").encode())
-
-
-def read_manifest(folder: Path | str) -> Manifest:
-    """Read and check ``manifest.json``.
-
-    Raises
-    ------
-    DatasetError
-        If it is missing, damaged, or of a newer schema.
-    """
-    path = Path(folder) / MANIFEST
-    if Path(folder).is_file():
-        raise DatasetError(f"{folder}: is a file; expected the folder of a dataset made by `datagen run`")
-    raw = read_json(path, DatasetError, "a dataset made by `datagen run`", most=MOST_MANIFEST)
-    if not isinstance(raw, dict) or "schema_version" not in raw:
-        raise DatasetError(f"{path}: schema_version is missing; expected a manifest made by `datagen run`")
-    check_version(raw["schema_version"], str(path))
-    return validated(Manifest, raw, f"{path}", DatasetError)
 
 
 def write_shard(
@@ -127,7 +82,9 @@ class Records:
     ``values`` float32 (systems, channels, time) [units of the channels], ``parameters`` float64
     (systems, parameters), ``systems`` int64 (systems,), ``splits`` int8 (systems,), ``time`` (time,) [s], ``seeds``
     (systems,) root seeds as Python integers: a system is known by its root seed and its index. ``starts`` (systems,)
-    [s since time zero]: when each record begins; ``time`` runs from there.
+    [s since time zero]: when each record begins; ``time`` runs from there. ``given`` float64 (systems, facts): the
+    given facts that the description tells, in its order [unit of each]. ``disturbances`` (systems,): how many effects
+    act on each.
     """
 
     channels: list[str]
@@ -138,6 +95,8 @@ class Records:
     time: np.ndarray
     seeds: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=object))
     starts: np.ndarray = field(default_factory=lambda: np.empty(0))
+    given: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    disturbances: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.int8))
 
     def of_split(self, split: str) -> np.ndarray:
         """Rows of a split, by its name (``train``, ``validation``, ``test``)."""
@@ -146,6 +105,8 @@ class Records:
 
 _WRONG = (ArithmeticError, AttributeError, LookupError, MemoryError, OSError, RuntimeError, TypeError, ValueError)
 """What netCDF4 and numpy raise over a file that is not what it should be."""
+_ALONE = combine_locks([NETCDFC_LOCK, HDF5_LOCK])
+"""The C libraries crash where two threads use them: these are the locks that xarray takes for its own reads."""
 _UNDAMAGED = "though its sha256 is the manifest's; expected a shard made by `datagen run`"
 
 
@@ -156,17 +117,40 @@ def _finite(shard: netCDF4.Dataset, name: str) -> np.ndarray:
     return values
 
 
+def _folder_of(data: xr.Dataset) -> Path:
+    """Where a Dataset of `datagen.open` came from."""
+    source = data.encoding.get("source")
+    if not source or not Path(source).is_dir():
+        raise DatasetError(
+            "the Dataset in memory does not say which dataset it is; expected one of `datagen.open`, all of it, or the"
+            " folder of the dataset"
+        )
+    return Path(source)
+
+
 class DatasetFolder:
     """A dataset, opened for reading.
+
+    Parameters
+    ----------
+    folder
+        Its folder, a URL, whose content is then read from a cache, or the whole of it as `datagen.open` has it.
 
     Raises
     ------
     DatasetError
-        If the folder holds no readable dataset.
+        If the place holds no readable dataset or cannot be reached, or what is in memory is a part of one.
     """
 
-    def __init__(self, folder: Path | str) -> None:
-        self.folder = Path(folder)
+    def __init__(self, folder: Path | str | xr.Dataset) -> None:
+        if isinstance(folder, xr.Dataset):
+            self.folder = _folder_of(folder)
+        elif is_url(folder):
+            from shared.remote import cached  # which stands on this module
+
+            self.folder = cached(folder)
+        else:
+            self.folder = Path(folder)
         self.manifest = read_manifest(self.folder)
         try:
             self.system: System = system_from_canonical(self.manifest.system, self.folder / MANIFEST)
@@ -177,10 +161,31 @@ class DatasetFolder:
         if self.system.hash() != self.manifest.system_hash:
             raise DatasetError(f"{self.folder / 'manifest.json'}: system and system_hash disagree; it was changed")
 
+        if isinstance(folder, xr.Dataset) and folder.sizes.get("system") != len(self.manifest.done()):
+            raise DatasetError(
+                f"{self.folder}: the Dataset in memory has {folder.sizes.get('system', 0)} of its"
+                f" {len(self.manifest.done())} systems; expected all of them, as `datagen.open` has them"
+            )
+
+    def values(self, entry: ShardEntry, name: str) -> np.ndarray:
+        """A variable of a shard as it lies in the file; several threads may ask at once.
+
+        Raises
+        ------
+        DatasetError
+            If the shard is missing or damaged, or has no such variable.
+        """
+        with _ALONE, self._open(entry) as shard:
+            try:
+                return np.asarray(shard[name][...])
+            except _WRONG as error:
+                raise DatasetError(
+                    f"{self.shard_path(entry)}: not as the manifest says ({why(error)}), {_UNDAMAGED}"
+                ) from None
+
     def shard_path(self, entry: ShardEntry) -> Path:
         """Where a shard lies; a name that leaves the folder is refused."""
-        if Path(entry.file).name != entry.file or "\0" in entry.file:
-            raise DatasetError(f"{self.folder}: shard {entry.file!r} is not a plain file name")
+        check_shard_name(entry, f"{self.folder}")
         return self.folder / "shards" / entry.file
 
     def _open(self, entry: ShardEntry) -> netCDF4.Dataset:
@@ -257,6 +262,7 @@ class DatasetFolder:
         parameters = np.empty((len(chosen), len(self.system.parameters)))
         splits, starts = np.empty(len(chosen), dtype=np.int8), np.zeros(len(chosen))
         seeds = np.empty(len(chosen), dtype=object)
+        given, disturbances = np.empty((len(chosen), len(self.system.told))), np.zeros(len(chosen), dtype=np.int8)
         time, end = np.empty(0), 0
         for entry in self.manifest.shards:
             begin, end = end, end + len(entry.systems)
@@ -275,6 +281,10 @@ class DatasetFolder:
                         values[to, k] = shard[name][...][here]
                     for k, name in enumerate(self.system.parameter_names):
                         parameters[to, k] = shard[name][...][here]
+                    for k, fact in enumerate(self.system.told):
+                        given[to, k] = _finite(shard, fact.name)[here]
+                    if DISTURBANCES in shard.variables:
+                        disturbances[to] = shard[DISTURBANCES][...][here]
                     splits[to] = shard["split"][...][here]
                     seeds[to] = self.manifest.seed_of(entry)
                     if "start" in shard.variables:
@@ -288,4 +298,5 @@ class DatasetFolder:
                     raise DatasetError(
                         f"{self.shard_path(entry)}: not as the manifest says ({why(error)}), {_UNDAMAGED}"
                     ) from None
-        return Records(wanted, values, parameters, listed[chosen], splits, time, seeds, starts)
+        who = (listed[chosen], splits, time, seeds, starts)
+        return Records(wanted, values, parameters, *who, given, disturbances)

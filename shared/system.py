@@ -18,6 +18,7 @@ import numpy as np
 from pydantic import Field, SerializerFunctionWrapHandler, ValidationError, model_serializer, model_validator
 
 from shared.errors import SystemDescriptionError
+from shared.given import Given, Ratio
 from shared.possible import driven_in_another_unit
 from shared.reading import MOST_TOML, parse_json, parse_toml, read_text, shown
 from shared.refused import meant, sentence_of
@@ -59,40 +60,46 @@ class Experiment(Table):
 class Estimator(Table):
     """What the default estimator reads."""
 
-    channels: list[str]
-    context_hours: float = Field(168.0, gt=0)
+    channels: list[str] = Field(description="names of outputs and inputs, unless a command names others")
+    context_hours: float = Field(168.0, gt=0, description="length of the recording that it reads [h]")
 
 
 class Preset(Table):
     """A named dataset: how many systems, and what of the experiment differs from the description's."""
 
-    systems: int = Field(ge=1)
+    systems: int = Field(ge=1, description="how many")
     hours: float | None = Field(None, gt=0, description="length of the record [h]")
     step: float | None = Field(None, gt=0, description="output step [s]")
     start: tuple[float, float] | None = Field(None, description="as that of the experiment [h]")
-    description: str = ""
+    description: str = Field("", description="what it is for")
 
 
 class System(Table):
     """A system description. Load one with :func:`load_system`."""
 
-    schema_version: Literal[1]
-    name: str
-    description: str = ""
-    fmu: str
+    schema_version: Literal[1] = Field(description="of this format")
+    name: str = Field(description="in datasets and reports")
+    description: str = Field("", description="what it is, for reports")
+    fmu: str = Field(description="the FMU's file, as seen from this one's folder")
     kind: Literal["ModelExchange", "CoSimulation"] | None = Field(
         None, description="of an FMU that is both, which one is simulated; Model Exchange if not given"
     )
     experiment: Experiment = Experiment()
     estimator: Estimator
-    fixed: dict[str, float | bool] = {}
-    replay: dict[str, float | bool] = {}
+    fixed: dict[str, float | bool] = Field(
+        {}, description="FMU variables by name, and the value that each keeps [the FMU's unit]; Boolean inputs, too"
+    )
+    replay: dict[str, float | bool] = Field(
+        {}, description="FMU parameters that make recorded actuators replace the control loops [the FMU's unit]"
+    )
     parameters: list[Parameter] = Field(min_length=1)
     inputs: list[Input] = []
     outputs: list[Output] = Field(min_length=1)
     effects: list[Effect] = []
     sources: list[Source] = []
     uncertain: list[Uncertain] = []
+    given: list[Given] = []
+    ratios: list[Ratio] = []
     weather: Weather | None = None
     occupancy: Occupancy | None = None
     schedules: dict[str, Schedule] = {}
@@ -102,15 +109,16 @@ class System(Table):
 
     @model_serializer(mode="wrap")
     def _without_nothing(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """A description that states no ``kind`` has the hash that it had before there was one."""
+        """A description without a ``kind``, given facts or ratios has the hash that it had before there were any."""
         made: dict[str, Any] = handler(self)
-        if self.kind is None:
-            made.pop("kind", None)
+        for name in ("kind", "given", "ratios"):
+            if not getattr(self, name):
+                made.pop(name, None)
         return made
 
     @model_validator(mode="after")
     def _consistent(self) -> System:
-        for kind in ("parameters", "inputs", "outputs", "uncertain"):
+        for kind in ("parameters", "inputs", "outputs", "uncertain", "given"):
             if wrong := names_fault(kind, [item.name for item in getattr(self, kind)]):
                 raise ValueError(wrong)
         for name in sorted({*self.parameter_names, *self.input_names}):
@@ -141,8 +149,19 @@ class System(Table):
         by_others = [(getattr(one, "parameters", {}), getattr(one, "constants", {})) for one in self.effects]
         by_others += [(one.parameters, {}) for one in self.sources] + [(self.replay, {})]
         taken = {name for tables in by_others for table in tables for name in table}
-        if wrong := fault(self.uncertain, {*self.parameter_names, *known, *effects}, self.parameter_names, taken):
+        if wrong := fault(
+            "uncertain", self.uncertain, {*self.parameter_names, *known, *effects}, self.parameter_names, taken
+        ):
             raise ValueError(wrong)
+        names = {*self.parameter_names, *known, *effects, *(one.name for one in self.uncertain)}
+        taken = taken - {*self.replay} | {name for one in self.uncertain for name in one.parameters} | {*self.fixed}
+        if wrong := fault("given", self.given, names, self.parameter_names, taken):
+            raise ValueError(wrong)
+        for where, name in self._reads():
+            if name not in self.parameter_names:
+                raise ValueError(f"{where}: {name!r} is not an estimated parameter")
+        if self.weather is None and any(one.weather for one in self.given):
+            raise ValueError("given: a fact sets the weather, but there is no [weather] table")
         for channel in self.estimator.channels:
             if channel not in known:
                 near = meant(channel, [*self.output_names, *self.input_names])
@@ -158,6 +177,17 @@ class System(Table):
         if round(steps) < 1 or abs(steps - round(steps)) > WHOLE:
             raise ValueError(f"experiment: step {self.experiment.step:g} s does not divide {self.experiment.hours:g} h")
         return self
+
+    def _reads(self) -> list[tuple[str, str]]:
+        """Where other tables name estimated parameters, and which."""
+        found = [("ratios", name) for one in self.ratios for name in (one.over, one.under)]
+        found += [(f"given {one.name!r}: per", one.per) for one in self.given if one.per]
+        return found + ([("occupancy.per", self.occupancy.per)] if self.occupancy and self.occupancy.per else [])
+
+    @property
+    def told(self) -> list[Given]:
+        """The given facts that an estimator may be told."""
+        return [one for one in self.given if not one.hidden]
 
     @property
     def parameter_names(self) -> list[str]:
@@ -218,7 +248,8 @@ class System(Table):
         """
         rest = {one.name: [name for name in one.parameters if name not in values] for one in self.uncertain}
         uncertain = [one.model_copy(update={"parameters": rest[one.name]}) for one in self.uncertain if rest[one.name]]
-        return self.model_copy(update={"fixed": {**self.fixed, **values}, "uncertain": uncertain})
+        given = [one for one in self.given if not {*one.parameters} & {*values}]
+        return self.model_copy(update={"fixed": {**self.fixed, **values}, "uncertain": uncertain, "given": given})
 
     def preset(self, name: str) -> Preset:
         """A preset by its name.
@@ -310,11 +341,12 @@ def load_system(path: Path | str) -> System:
     SystemDescriptionError
         If the file is missing, not TOML, or does not describe a system.
     """
-    path = resolved(path)
+    named, path = Path(path), resolved(path)
     if path.is_dir():
         path = path / "system.toml"
     shipped = ", ".join(shipped_systems())
     expected = f"a system description (TOML), or the name of one that comes with the package ({shipped})"
+    expected += meant(named.name, shipped_systems()) if len(named.parts) == 1 else ""
     if path.is_file() and is_zipfile(path):
         raise SystemDescriptionError(
             f"{path}: is an FMU or another archive; expected a system description (TOML) that names it as its fmu:"

@@ -14,13 +14,41 @@ import numpy as np
 import xarray as xr
 
 from shared.errors import RecordingError
+from shared.netcdf import read_netcdf
 from shared.reading import newer, shown
-from shared.schema import EPOCH, SCHEMA_VERSION
+from shared.schema import EPOCH, RECORDING, SCHEMA_VERSION, dataset_hash
 
 _PLAIN = re.compile(r"\s*\d{4}-\d{1,2}-\d{1,2}([ T]+\d{1,2}(:\d{1,2}(:\d{1,2}(\.\d*)?)?)?)?\s*")
 """A date without an offset from UTC."""
 YEARS = (1900, 2201)
 """A record begins in one of these years, the second excluded."""
+
+
+def read_recorded(given: Path | str | xr.Dataset) -> tuple[Path, xr.Dataset]:
+    """What was recorded, decoded as the CF conventions have it but for time spans, and what it is called in sentences.
+
+    Parameters
+    ----------
+    given
+        A NetCDF file, or what is in memory already, decoded or not. In memory it is called by the file that it came
+        from, or by its content; dates without CF units are taken for local standard time.
+
+    Raises
+    ------
+    RecordingError
+        If the file cannot be read, or what is in memory cannot be decoded.
+    """
+    if not isinstance(given, xr.Dataset):
+        return Path(given), read_netcdf(Path(given), RecordingError, RECORDING, times=True)
+    source = given.encoding.get("source")
+    path = Path(source) if source else Path(f"dataset-{dataset_hash(given)[:12]}")
+    try:
+        data = xr.decode_cf(given, decode_times=True, decode_timedelta=False).load().copy()
+    except (ArithmeticError, LookupError, TypeError, ValueError) as error:
+        raise RecordingError(f"{path}: cannot be decoded ({error}); expected {RECORDING}") from None
+    if "time" in data.coords and np.issubdtype(data["time"].dtype, np.datetime64):
+        data["time"].encoding.setdefault("units", f"seconds since {EPOCH}")
+    return path, data
 
 
 def recorded_times(path: Path, recording: xr.Dataset) -> np.ndarray:

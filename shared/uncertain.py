@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable
+from typing import Any
 
 from pydantic import Field
 
@@ -17,33 +18,37 @@ class Uncertain(Table):
     What ``fixed`` sets to 0 stays 0.
     """
 
-    name: str
-    description: str = ""
+    name: str = Field(description="in reports")
+    description: str = Field("", description="what it is, for reports")
     parameters: list[str] = Field(min_length=1, description="names of FMU parameters, each positive")
     relative: float = Field(gt=0, le=1, description="standard deviation of the logarithm of their common factor")
 
 
-def fault(declared: Sequence[Uncertain], names: Collection[str], estimated: Collection[str], taken: set[str]) -> str:
-    """What is wrong with uncertain constants in a system, as a sentence; empty if nothing is.
+def fault(
+    table: str, declared: Iterable[Any], names: Collection[str], estimated: Collection[str], taken: Collection[str]
+) -> str:
+    """What is wrong with what a ``table`` sets in a system, as a sentence; empty if nothing is.
 
     Parameters
     ----------
+    declared
+        Its entries, each with a ``name`` and ``parameters``.
     names
         Of everything that has a name of its own already.
     estimated
         Names of the estimated parameters.
     taken
-        FMU parameters that effects, sources and replay set.
+        FMU parameters that other tables set.
     """
     names, taken = {*names}, {*taken}
-    for uncertain in declared:
-        if uncertain.name in names:
-            return f"uncertain: {uncertain.name!r} is the name of two things; expected one"
-        names.add(uncertain.name)
-        for one in uncertain.parameters:
+    for entry in declared:
+        if entry.name in names:
+            return f"{table}: {entry.name!r} is the name of two things; expected one"
+        names.add(entry.name)
+        for one in entry.parameters:
             if one in estimated:
-                return f"uncertain: {uncertain.name!r} holds {one!r}, which is an estimated parameter"
+                return f"{table}: {entry.name!r} holds {one!r}, which is an estimated parameter"
             if one in taken:
-                return f"uncertain: {uncertain.name!r} holds {one!r}, which is set elsewhere as well"
+                return f"{table}: {entry.name!r} holds {one!r}, which is set elsewhere as well"
             taken.add(one)
     return ""

@@ -11,7 +11,7 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, mod
 from shared.effects import Effect as Effect
 from shared.signals import Table
 
-RESERVED = ("bnds", "split", "start", "system", "time", "time_bnds")
+RESERVED = ("bnds", "disturbances", "split", "start", "system", "time", "time_bnds")
 """What a shard calls its own fields and dimensions: a variable of that name would take the place of one."""
 ZERO_CELSIUS = 273.15
 """[K]"""
@@ -36,6 +36,7 @@ def names_fault(kind: str, names: Sequence[str]) -> str:
         another = {
             "outputs": 'another name, with the FMU\'s own as `variable = "..."`',
             "uncertain": "another name",
+            "given": "another name",
         }.get(kind, "an FMU that calls it otherwise")
         return f"{kind}: {name!r} is {why}; expected {another}"
     return ""
@@ -49,7 +50,7 @@ def spaced(unit: str) -> str:
 class FmuVariable(Table):
     """What a description says of one of the FMU's variables: its unit here, and there if the FMU states none."""
 
-    unit: str
+    unit: str = Field(description="of all numbers here, such as K, degC, W/m2; a pure number has 1")
     fmu_unit: str = Field("", description="unit that the FMU computes in, where the FMU states none")
 
     @model_serializer(mode="wrap")
@@ -62,21 +63,28 @@ class FmuVariable(Table):
 
 
 class Parameter(FmuVariable):
-    """An estimated parameter and its prior: uniform in ``scale`` between ``min`` and ``max``."""
+    """An estimated parameter and its prior: uniform in ``scale`` between ``min`` and ``max``.
 
-    name: str
-    description: str = ""
-    min: float
-    max: float
-    scale: Literal["linear", "log"] = "linear"
+    Estimators are trained on the logarithm of a positive parameter (paper, section 2.4), and on one itself whose range
+    reaches zero or goes below.
+    """
+
+    name: str = Field(description="of the FMU's variable")
+    description: str = Field("", description="what it is, for reports")
+    min: float = Field(description="least value [unit]; with max, it is the prior")
+    max: float = Field(description="greatest value [unit]")
+    scale: Literal["linear", "log"] = Field(
+        "linear", description="what the prior is uniform in: the value, or its logarithm (min above 0)"
+    )
 
     @model_validator(mode="after")
     def _range(self) -> Parameter:
         if not self.min < self.max:
             raise ValueError(f"range is reversed or empty: min {self.min:g}, max {self.max:g}; expected min < max")
-        if self.min <= 0:
-            # targets are log10 of the parameter (paper, section 2.4)
-            raise ValueError(f"min is {self.min:g}; expected a positive number, because targets are logarithms")
+        if self.scale == "log" and self.min <= 0:
+            raise ValueError(
+                f'min is {self.min:g} on a logarithmic scale; expected a positive one, or scale = "linear"'
+            )
         return self
 
     def from_unit(self, u: np.ndarray | float) -> np.ndarray:
@@ -95,37 +103,39 @@ class Parameter(FmuVariable):
 
 
 class _Input(FmuVariable):
-    name: str
-    interpolation: Literal["linear", "previous"] = "linear"
+    name: str = Field(description="of the FMU's variable")
+    interpolation: Literal["linear", "previous"] = Field(
+        "linear", description="between two values: a straight line, or the earlier one until the next"
+    )
 
 
 class WeatherInput(_Input):
     """An input read from the weather table."""
 
     source: Literal["weather"]
-    column: str
+    column: str = Field(description="a column of the weather, see below")
 
 
 class OccupancyInput(_Input):
     """The number of persons present, the same in all inputs of this source; of several a diagnosis needs it counted."""
 
     source: Literal["occupancy"]
-    interpolation: Literal["previous"] = "previous"
+    interpolation: Literal["previous"] = Field("previous", description="persons come and go in steps")
 
 
 class ScheduleInput(_Input):
     """An input that follows a schedule of the week."""
 
     source: Literal["schedule"]
-    schedule: str
-    interpolation: Literal["previous"] = "previous"
+    schedule: str = Field(description="name of one of [schedules]")
+    interpolation: Literal["previous"] = Field("previous", description="a schedule changes in steps")
 
 
 class ExcitationInput(_Input):
     """A sum of sinusoids added to a control action; zero when excitation is switched off."""
 
     source: Literal["excitation"]
-    excitation: str
+    excitation: str = Field(description="name of one of [excitations]")
 
 
 class ConstantInput(_Input):
@@ -136,7 +146,7 @@ class ConstantInput(_Input):
     """
 
     source: Literal["constant"]
-    value: float
+    value: float = Field(description="[unit]")
 
 
 class MeasuredInput(_Input):
@@ -146,8 +156,8 @@ class MeasuredInput(_Input):
     """
 
     source: Literal["measured"]
-    column: str
-    value: float = 0.0
+    column: str = Field(description="variable of the recording")
+    value: float = Field(0.0, description="what stands in where there is no recording [unit]")
 
     def fault(self, outputs: Sequence[Output]) -> str:
         """What is wrong beside the output whose readings drive it as they are; nothing if all is well."""
@@ -183,13 +193,17 @@ class Noise(Table):
 class Output(FmuVariable):
     """A recorded output. ``method`` follows CF cell methods: an instant, or the mean since the last step."""
 
-    name: str
-    variable: str = ""
-    long_name: str = ""
-    standard_name: str = ""
-    method: Literal["point", "mean"] = "point"
+    name: str = Field(description="in datasets and recordings")
+    variable: str = Field("", description="the FMU's variable, where that has another name")
+    long_name: str = Field("", description="for axes and reports")
+    standard_name: str = Field("", description="of the CF conventions, for the NetCDF files")
+    method: Literal["point", "mean"] = Field(
+        "point",
+        description="an instant, as of a temperature; or the exact mean since the last step, as of a power that a meter"
+        " adds up",
+    )
     accuracy: float = Field(gt=0, description="what a noise-free value is good for [unit]: the numerical floor")
-    noise: dict[str, Noise] = {}
+    noise: dict[str, Noise] = Field({}, description="sensors by the name of a preset; none is always there")
 
     @model_validator(mode="after")
     def _none(self) -> Output:

@@ -18,30 +18,44 @@ if os.environ.get("CI"):
 
 ROOT = Path(__file__).resolve().parents[1]
 LONGEST = (
-    "datagen/farming/test_faults.py",
     "diagnosis/gap/test_conditions.py",
-    "docker/test_images.py",
-    "diagnosis/gap/test_fewer.py",
+    "diagnosis/gap/test_gap.py",
+    "datagen/farming/test_faults.py",
     "packaging/test_wheel.py",
     "docs/test_gallery.py",
-    "diagnosis/blind/test_detectability.py",
-    "docker/test_farm.py",
-    "diagnosis/blind/test_running.py",
-    "diagnosis/blind/test_make.py",
-    "diagnosis/gap/test_apart.py",
-    "diagnosis/gap/test_gap.py",
+    "docker/test_images.py",
+    "diagnosis/gap/test_exchange.py",
+    "docs/test_pages.py",
     "trainer/benchmarking/test_running.py",
     "diagnosis/fitting/test_fit.py",
-    "docs/test_pages.py",
+    "diagnosis/blind/test_running.py",
+    "diagnosis/gap/test_missing.py",
+    "diagnosis/gap/test_afresh.py",
+    "docker/test_farm.py",
+    "diagnosis/blind/test_detectability.py",
+    "diagnosis/app/test_page.py",
+    "hostile/test_diagnosis.py",
 )
 """Files that take longest, in that order. They come first: where files are dealt out to processes, one that begins late
 keeps a process busy when the others have nothing left to do."""
 
 
+TOGETHER = ("drifted", "results", "calibrated")
+"""Fixtures of a session that take long to make: all files that use one of them go to the same process."""
+
+
+@pytest.hookimpl(tryfirst=True)  # xdist reads the groups
 def pytest_collection_modifyitems(items):
-    """Sort by file alone: within a file, and among all other files, the order stays."""
+    """Sort by file alone: within a file, and among all other files, the order stays. A file is dealt out as a whole."""
     place = {ROOT / "tests" / name: k for k, name in enumerate(LONGEST)}
     items.sort(key=lambda item: place.get(item.path, len(place)))
+    groups = {}
+    for item in items:
+        for name in {*TOGETHER} & {*getattr(item, "fixturenames", ())}:
+            groups[item.path] = name
+    for item in items:
+        group = groups.get(item.path, item.path.relative_to(ROOT).as_posix())
+        item.add_marker(pytest.mark.xdist_group(group))
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -12,9 +12,7 @@ import psutil
 import pytest
 import xarray as xr
 
-import shared.netcdf
 from shared.children import command, environment
-from shared.errors import RecordingError
 from tests.datagen.faults import wait_for
 from tests.forked import Forked
 
@@ -71,15 +69,3 @@ def test_one_that_crashes_takes_nobody_along(forked, tmp_path):
         assert ended.result().returncode == -signal.SIGSEGV
     assert mother.rlimit(psutil.RLIMIT_CPU)[0] == psutil.RLIM_INFINITY and mother.num_threads() == 1
     assert forked.run(words(tmp_path / "none.nc"), **how()).returncode == 1
-
-
-def test_all_else_is_started(forked, tmp_path, monkeypatch):
-    said = forked.run([sys.executable, "-c", "print(1)"], **how())
-    assert said.stdout.strip() == b"1"
-    (tmp_path / "lethal.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)")
-    xr.Dataset({"a": ("time", np.zeros(3))}).to_netcdf(tmp_path / "a.nc")
-    monkeypatch.setattr("shared.netcdf.command", lambda _, *rest: command("lethal", *rest))
-    monkeypatch.setattr("shared.netcdf.environment", lambda: environment() | {"PYTHONPATH": str(tmp_path)})
-    monkeypatch.setattr("shared.netcdf.subprocess", forked)
-    with pytest.raises(RecordingError, match="its reader crashed: SIGSEGV"):
-        shared.netcdf.read_netcdf(tmp_path / "a.nc", RecordingError, "a recording")

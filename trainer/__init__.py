@@ -11,7 +11,17 @@ The names are looked up when first used: they import torch, and the command line
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from shared.lazy import lazily
+
+if TYPE_CHECKING:
+    from trainer.benchmarking.running import benchmark as benchmark
+    from trainer.evaluating.evaluation import evaluate as evaluate
+    from trainer.predicting.prediction import predict as predict
+    from trainer.runs.checkpoint import load_run as load_run
+    from trainer.training.fitting import fit as fit
+    from trainer.training.tuning import tune as tune
 
 __all__ = ["benchmark", "evaluate", "fit", "load_run", "predict", "tune"]
 
@@ -25,3 +35,8 @@ _HOMES = {
 }
 
 __getattr__ = lazily(__name__, _HOMES)
+
+
+def __dir__() -> list[str]:
+    """What tab completion offers."""
+    return __all__

@@ -61,6 +61,8 @@ def fit(
     options: Path | None = None,
     begin_with: Path | None = None,
     coarse: Annotated[bool, Parameter(negative="")] = False,
+    facts: Annotated[bool, Parameter(negative="")] = False,
+    device: str = "cpu",
     systems: int | None = None,
     keep: Literal["best", "last"] = "best",
     seed: int = 0,
@@ -71,8 +73,8 @@ def fit(
 ) -> None:
     """Fit an estimator to the training systems of a dataset.
 
-    The run folder gets weights.safetensors, estimator.json (all that it takes to use them), curve.csv and, of
-    what is trained by steps, curve.png.
+    The run folder gets weights.safetensors, estimator.json (everything needed to use them), curve.csv and, for
+    iterative training, curve.png.
 
     Examples: `trainer fit DATASET --out RUN` is the paper's estimator and recipe; `--model ridge` takes seconds;
     `--noise sensor --channels OUTPUT OUTPUT time_of_day` trains for real sensors, two outputs and the time of day.
@@ -93,12 +95,12 @@ def fit(
     optional
         Outputs among the channels that a recording may lack, for the multiscale and the regression transformer.
     noise
-        Sensor preset of the system description, drawn afresh for every window; "none" is noise-free. Of several each
-        window draws one.
+        Sensor preset of the system description, drawn again for every window; "none" is noise-free. With several,
+        each window draws one.
     steps
         Optimiser steps; the model's own number by default.
     minutes
-        Wall-clock budget [min] in place of steps. Only steps give the same run again.
+        Wall-clock budget [min] in place of steps. Only a budget in steps is reproducible.
     batch_size
         Windows a step; the model's own by default (16 for the paper's).
     lr
@@ -109,27 +111,31 @@ def fit(
     option
         A further option of the model, for example `--option.width 32`.
     options
-        File of `trainer tune` with the model, its options, batch size and learning rate; what is given here as well
-        comes first.
+        File of `trainer tune` with the model, its options, batch size and learning rate. Options given here take
+        precedence.
     begin_with
-        Run folder, or name of a shipped system, whose estimator's weights to begin with; it must have been trained with
-        the same channels and contexts. What the model has beyond that one begins untrained.
+        Run folder, or name of a shipped system, whose weights to start from. It must have the same channels and
+        contexts. Parts that it lacks start untrained.
     coarse
         Round products to bfloat16 while training, for the multiscale and the regression transformer: faster on
         processors that have such products.
+    facts
+        Read the description's given facts, and parameters that happen to be known, as static inputs; `trainer predict`
+        then takes them from the recording and with --known.
+    device
+        `cpu`, or `cuda` to train on a graphics card.
     systems
-        Train on the first so many training systems only.
+        Number of training systems to use, from the first on.
     keep
-        The weights that were best on the validation systems, or the last ones, however well they know the training
-        systems by heart.
+        Keep the weights that were best on the validation systems, or the last ones, even if they overfit.
     seed
-        Of weights, windows, noise and dropout.
+        Seed of weights, windows, noise and dropout.
     threads
         torch's threads; more than one is slower unless the machine is idle.
     overwrite
-        Replace an estimator that OUT already holds; it stays until there is a first one of this training.
+        Replace the estimator in OUT. It stays until the new training has written its first weights.
     resume
-        Go on with an interrupted training in OUT, to the same weights (with --steps); begin where there is none.
+        Continue an interrupted training in OUT, with --steps to the same weights. Start one if there is none.
     """
     from trainer.training.fitting import fit as run_fit
 
@@ -166,6 +172,8 @@ def fit(
         options=chosen,
         begin_with=begin_with,
         coarse=coarse,
+        facts=facts,
+        device=device,
         systems=systems,
         keep=keep,
         seed=seed,
@@ -197,7 +205,7 @@ def evaluate(
     out: Path | None = None,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
-    """R2 on windows of the full dataset ("paper") and of systems never trained on ("unseen"), beside the ceiling.
+    """Print R2 on windows of all systems ("paper") and of systems never trained on ("unseen"), beside the ceiling.
 
     Writes evaluation.json, evaluation.md, evaluation.csv, answers.csv and scatter.png. Intervals are 90 %,
     by system.
@@ -211,13 +219,13 @@ def evaluate(
     windows
         Disjoint windows drawn for each protocol; fewer where there are fewer.
     seed
-        Of the windows and the sensor noise.
+        Seed of the windows and the sensor noise.
     noise
         Sensor preset; what the run was trained on by default.
     context
         Length of a window [h], one of those that the run was trained on.
     without
-        Optional channels of the run that are to be missing.
+        Optional channels to leave out.
     ceiling
         File of `datagen identifiability`; DATASET/identifiability.json by default.
     out

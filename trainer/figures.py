@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import matplotlib
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
@@ -39,6 +40,51 @@ def save_png(figure: Figure, path: Path) -> None:
     data = io.BytesIO()
     figure.savefig(data, format="png", dpi=150)
     write_atomically(path, data.getvalue())
+
+
+def draw_estimates(table: pd.DataFrame) -> Figure:
+    """A panel for each parameter of :meth:`trainer.predicting.prediction.Predictions.to_dataframe`.
+
+    A point is the median and a bar its 90 % interval, where there is a posterior; else the estimate with its rmse.
+    """
+    names = list(dict.fromkeys(table.index.get_level_values("parameter")))
+    figure = Figure(figsize=(8, 0.9 * len(names) + 0.5), layout="constrained")
+    for axes, name in zip(np.atleast_1d(figure.subplots(len(names), 1)), names, strict=True):
+        rows = table[table.index.get_level_values("parameter") == name]
+        posterior = bool(rows["median"].notna().all())
+        middle = rows["median" if posterior else "value"].to_numpy(dtype=float)
+        wide = rows["rmse"].to_numpy(dtype=float)
+        low = rows["low"].to_numpy(dtype=float) if posterior else middle - wide
+        high = rows["high"].to_numpy(dtype=float) if posterior else middle + wide
+        place = np.arange(len(rows))
+        axes.hlines(place, low, high, color=COLOURS["paper"], lw=3)
+        axes.plot(middle, place, "o", color=COLOURS["paper"])
+        axes.set(yticks=[], ylim=(-0.8, len(rows) - 0.2))
+        unit = rows["unit"].iloc[0]
+        axes.set_title(name if unit == "1" else f"{name} [{unit}]", loc="left", fontsize=8)
+        axes.spines[["top", "right", "left"]].set_visible(False)
+    return figure
+
+
+def draw_r2(table: pd.DataFrame) -> Figure:
+    """R2 by parameter, of :meth:`trainer.evaluating.report.Evaluation.to_dataframe`."""
+    names = list(dict.fromkeys(table.index.get_level_values("parameter")))
+    protocols = list(dict.fromkeys(table.index.get_level_values("protocol")))
+    figure = Figure(figsize=(8, 0.4 * len(names) + 1.2), layout="constrained")
+    axes = figure.subplots()
+    for k, protocol in enumerate(protocols):
+        rows = table.xs(protocol, level="protocol").loc[names].astype(float)
+        place = np.arange(len(names)) + 0.25 * (k - 0.5 * (len(protocols) - 1))
+        colour = COLOURS.get(protocol, "#444444")
+        axes.hlines(place, rows["low"], rows["high"], color=colour, lw=2)
+        axes.plot(rows["r2"], place, MARKERS.get(protocol, "o"), color=colour, label=protocol)
+    limits = table.xs(protocols[0], level="protocol").loc[names, "ceiling"].astype(float)
+    axes.plot(limits, np.arange(len(names)), "|", ms=14, color="black", label="ceiling")
+    axes.set_yticks(np.arange(len(names)), names)
+    axes.invert_yaxis()
+    axes.set_xlabel("R2")
+    axes.legend(fontsize=8)
+    return figure
 
 
 def draw_loss_curve(

@@ -40,6 +40,21 @@ def check_threads(threads: int) -> None:
         raise EstimatorError(f"threads: is {threads}; expected 1 to {MOST_THREADS}")
 
 
+def check_device(name: str) -> torch.device:
+    """The device of a name: ``cpu``, or ``cuda`` where there is a graphics card that torch can use.
+
+    Raises
+    ------
+    EstimatorError
+        If it is another name, or there is none.
+    """
+    if name.partition(":")[0] not in ("cpu", "cuda"):
+        raise EstimatorError(f"device: is {name!r}; expected cpu or cuda")
+    if name.startswith("cuda") and not torch.cuda.is_available():
+        raise EstimatorError(f"device: is {name!r}, and torch finds no graphics card here; expected cpu")
+    return torch.device(name)
+
+
 def noise_seed(seed: int) -> int:
     """Seed of a fit's sensor noise and gaps.
 

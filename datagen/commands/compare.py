@@ -13,6 +13,7 @@ from rich.table import Table
 from shared.console import OK, NotNegative, Place, Positive, new_console
 from shared.logs import USUAL, Reporting
 from shared.numbers import number
+from shared.watchdog import PATIENT, Patience
 
 console = new_console()
 
@@ -31,14 +32,15 @@ def compare(
     excitation: bool = True,
     out: Place | None = None,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
+    patience: Patience = PATIENT,
     report: Reporting = USUAL,
 ) -> int:
-    """How far two models of one system are apart: by the time of year, by regime, by system.
+    """Compare two models of one system: by time of year, by regime, by system.
 
     The second model is another description, with another FMU, or `--recorded` trajectories of another tool. Both get
-    the same parameters, weather and occupancy, as far as both have them: what only one has, a warning and the report
-    name. Parameters under [fixed] of the first description are among them, where [fixed] of the second does not give
-    them a value of its own; that it does, is told, too. Differences are second minus first.
+    the same parameters, weather and occupancy, as far as both have them. A warning and the report name what only one
+    has. A value under [fixed] of the second description is used there in place of the first's, with a warning.
+    Differences are second minus first.
 
     Parameters
     ----------
@@ -48,13 +50,13 @@ def compare(
     second
         Description of the other model.
     recorded
-        In place of it: a TOML that maps the columns of CSV files to the description's variables.
+        In place of the second model: a TOML that maps the columns of CSV files to the description's variables.
     data
         Folder of those CSV files; by default the TOML's.
     systems
-        How many random systems; of recorded ones, at most so many.
+        Number of random systems, or the largest number of recorded ones.
     seed
-        Root seed of what is drawn, 0 by default. Neither it nor the next three go with `--recorded`.
+        Root seed, 0 by default. --seed, --hours, --step and --no-excitation do not go with `--recorded`.
     hours
         Length of each record [h]; by default the first description's.
     step

@@ -28,5 +28,6 @@ def describe(fmu: Path, *, out: Path | None = None) -> int:
     if out is None:
         sys.stdout.write(found.toml)
     else:
-        console.print(f"written to {out}; next: datagen simulate {out} --out one.nc --hours 24", markup=False)
+        then = f"datagen simulate {out} --out one.nc --hours 24" if found.drafted else "the tables that it lacks"
+        console.print(f"written to {out}; next: {then}", markup=False)
     return OK

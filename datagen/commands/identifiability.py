@@ -13,6 +13,7 @@ from rich.table import Table
 from shared.console import OK, NotNegative, Place, Positive, new_console
 from shared.errors import ZeroshotError
 from shared.logs import USUAL, Reporting, logger
+from shared.watchdog import PATIENT, Patience
 
 if TYPE_CHECKING:
     from shared.ceiling import Ceiling
@@ -35,11 +36,12 @@ def identifiability(
     out: Place | None = None,
     overwrite: Annotated[bool, Parameter(negative=())] = False,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
+    patience: Patience = PATIENT,
     report: Reporting = USUAL,
 ) -> int:
-    """The linearised limit of R2 for each parameter, from the FMU's sensitivities.
+    """Print the ceiling of R2 for each parameter: the linearised limit from the FMU's sensitivities.
 
-    The result is kept beside the system description, from where `datagen run` copies it into datasets. A parameter
+    The result is written beside the system description, from where `datagen run` copies it into datasets. A parameter
     that the FMU accepts but ignores is refused.
 
     Parameters
@@ -52,10 +54,10 @@ def identifiability(
         Noise presets of the description; by default `none` alone, the numerical floor, which no sensor reaches.
     channels
         Outputs that are measured: names of one set separated by commas, several sets by spaces, as in
-        `--channels FIRST,SECOND FIRST,SECOND,THIRD`. With an occupancy input among them, persons are counted. By
-        default the estimator's.
+        `--channels FIRST,SECOND FIRST,SECOND,THIRD`. An occupancy input among them means that occupants are
+        counted. By default the estimator's.
     preset
-        Windows of records as this preset of the description has them: its season, length and step.
+        Use records of this preset of the description: its season, length and step.
     systems
         Random systems and windows to average over.
     seed
@@ -63,19 +65,18 @@ def identifiability(
     workers
         Processes.
     uncertain
-        Draw the constants that the description says are uncertain, anew for each system, and take them as unknown: the
-        limit for datasets of `datagen run --uncertain`, and kept beside that for constants as declared.
+        Draw the description's [[uncertain]] constants for each system, and treat them as unknown: the ceiling for
+        datasets of `datagen run --uncertain`.
     out
-        File to keep the result in, in place of `identifiability.json` beside the description; needed with the name of a
-        system that comes with the package, whose own limits stay. Limits of the same system that it holds stay, too,
-        but for those of the same condition.
+        File for the result, in place of `identifiability.json` beside the description. Required with the name of a
+        shipped system. Other conditions in the file are kept.
     overwrite
-        Replace a file that holds limits of another system, or of the description or the FMU as it was before a change,
-        and limits that are of more systems than these.
+        Replace a file of another system, of an earlier description or FMU, and ceilings of more systems.
     as_json
         Print JSON.
     """
-    from datagen.limits.ceilings import ceilings_of
+    from datagen.fmi.checking import check_system, fmu_of
+    from datagen.limits.ceilings import ceilings_of, check_conditions
     from datagen.limits.keeping import ceilings_at, check_as_many
     from datagen.simulating.liveness import HARDLY, check_live_apart
     from shared.ceiling import FILE_NAME, in_words, write_ceilings
@@ -85,7 +86,7 @@ def identifiability(
     if out is None and not system.exists():
         raise ZeroshotError(
             f"{system}: comes with the package, and so do its limits ({described.path.parent / FILE_NAME}); expected"
-            " --out with a file for these, or the path of a description of your own"
+            " --out with a file for these, or the path of your own description"
         )
     if preset is not None:
         chosen = described.preset(preset)
@@ -97,10 +98,12 @@ def identifiability(
     if len(sets) > 1 and all(len(names) == 1 for names in sets):
         together = ",".join(name for names in sets for name in names)
         _log.info("%d sets of one channel each; %s would be one set of all", len(sets), together)
+    check_conditions(described, contexts, conditions, systems=systems, uncertain=uncertain)
     before = ceilings_at(path, described, overwrite=overwrite)
     if not overwrite:
         check_as_many(path, before, described, contexts, conditions, systems=systems, uncertain=uncertain)
-    check_live_apart(described, least=HARDLY)  # how little a weak one is told is what is asked
+    check_system(described, fmu_of(described))  # sooner than in a process apart
+    check_live_apart(described, least=HARDLY)  # how weak a parameter is, is the question here
     found = ceilings_of(
         described,
         contexts=contexts,

@@ -34,6 +34,7 @@ def run(
     excitation: bool = True,
     calm: float = 0.0,
     uncertain: Annotated[bool, Parameter(negative=())] = False,
+    disturbed: float = 0.0,
     extend: Annotated[bool, Parameter(negative=())] = False,
     retry_failures: Annotated[bool, Parameter(negative=())] = False,
     failure_budget: float = FAILURE_BUDGET,
@@ -42,7 +43,7 @@ def run(
 ) -> int:
     """Simulate random systems into a dataset folder. Run again to resume an unfinished one.
 
-    Exit code 3 if systems have failed: the dataset is whole but for them.
+    Exit code 3 if systems have failed. The dataset is complete otherwise.
 
     Parameters
     ----------
@@ -53,8 +54,7 @@ def run(
     systems
         How many systems.
     preset
-        Take systems, hours and step from this preset of the description, where they are not given here, and when in
-        the year records begin.
+        Take systems, hours, step and season from this preset of the description, unless they are given here.
     hours
         Length of each record [h]; by default the description's.
     step
@@ -68,27 +68,26 @@ def run(
     cluster
         `local`, or `slurm` to submit the workers as jobs.
     cluster_option
-        Of a Slurm job, as NAME=VALUE: queue, account, walltime, memory, cores, interface, log_directory, and others
-        of dask_jobqueue.SLURMCluster. One that is a list, such as job_extra_directives, is given once for each item.
+        Settings of a Slurm job, as NAME=VALUE: queue, account, walltime, memory, cores, interface, log_directory, and
+        others of dask_jobqueue.SLURMCluster. Repeat one that is a list, such as job_extra_directives.
     host
-        Address that our scheduler listens on. Loopback by default, which workers on other machines do not reach; with
-        `--cluster slurm` either this or the option interface is needed.
+        Address that the scheduler listens on. Default: loopback, which other machines do not reach. `--cluster slurm`
+        needs this or the option interface.
     shard_size
         Systems per file.
     excitation
         Add the description's small sinusoids to the control actions.
     calm
-        Share of the systems, drawn by chance, that get none of them: an estimator that shall read both kinds must have
-        seen both.
+        Share of the systems, drawn by chance, without excitation. An estimator reads only kinds that it was trained on.
     uncertain
-        Draw the constants that the description says are uncertain, anew for each system: an estimator that shall read
-        buildings must have seen others than the declared ones. They are the [[uncertain]] tables
-        of the description.
+        Draw the description's [[uncertain]] constants for each system. An estimator for real buildings needs this.
+    disturbed
+        Share of the systems on which one or two of the description's effects act, each as a random process. Intervals
+        then cover rooms that differ from the model.
     extend
-        Add systems to a dataset that has fewer; the shards that are there stay as they are.
+        Add systems to a dataset that has fewer. Its shards stay as they are.
     retry_failures
-        Simulate the systems in failures.jsonl once more, each together with the others of its shard: a shard is
-        always written whole.
+        Simulate the systems in failures.jsonl again, together with the others of their shards.
     failure_budget
         Share of the systems, 0 to 1, that may fail before the run is stopped. Below 0.5 a run also stops when more
         than half of its first twenty or more have failed, unless with --retry-failures.
@@ -114,6 +113,7 @@ def run(
         excitation=excitation,
         calm=calm,
         uncertain=uncertain,
+        disturbed=disturbed,
         extend=extend,
         retry_failures=retry_failures,
         failure_budget=failure_budget,

@@ -10,6 +10,7 @@ from rich.table import Table
 
 from shared.assignments import assignments
 from shared.console import OK, NotNegative, Place, new_console
+from shared.watchdog import PATIENT, Patience
 
 console = new_console()
 
@@ -25,8 +26,9 @@ def simulate(
     index: NotNegative = 0,
     excitation: bool = True,
     uncertain: Annotated[bool, Parameter(negative=())] = False,
+    patience: Patience = PATIENT,
 ) -> int:
-    """Simulate one system into one NetCDF file, the shape in which recordings come.
+    """Simulate one system into a NetCDF file, in the form of a recording.
 
     Parameters
     ----------
@@ -47,7 +49,7 @@ def simulate(
     excitation
         Add the description's small sinusoids to the control actions.
     uncertain
-        Draw the constants that the description says are uncertain, too, but those that are set.
+        Draw the description's [[uncertain]] constants, too, except those that are set.
     """
     from datagen import simulate as simulate_
 

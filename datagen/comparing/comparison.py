@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from datagen.comparing.matching import handed_on, inputs_for, matched, told_apart, unmatched
 from datagen.comparing.recorded import HOUR, check_lengths, compared, load_recorded, series_of
@@ -24,6 +25,7 @@ from datagen.simulating.simulator import Simulator
 from shared.errors import RecordingError, SystemDescriptionError
 from shared.logs import logger
 from shared.progress import tracked
+from shared.results import Result
 from shared.system import System, load_system
 from shared.variables import Output
 
@@ -59,8 +61,8 @@ class Row:
     largest: np.ndarray
 
 
-@dataclass(frozen=True)
-class Comparison:
+@dataclass(frozen=True, repr=False)
+class Comparison(Result):
     """Trajectories of the same systems from two models.
 
     Attributes
@@ -89,6 +91,22 @@ class Comparison:
     second: np.ndarray
     cells: dict[tuple[str, str], np.ndarray]
     notes: tuple[str, ...] = ()
+
+    @property
+    def headline(self) -> str:
+        """What this is, in a few words."""
+        names = " against ".join(self.names)
+        return f"{names}: {len(self.outputs)} outputs of {len(self.systems)} systems"
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row for each output, month, regime and system: steps, and bias, rms, p95 and largest difference [unit]."""
+        rows = [
+            {"output": output.name, "unit": output.unit, "group": row.group, "cell": row.cell, "steps": row.steps}
+            | {name: float(getattr(row, name)[k]) for name in ("bias", "rms", "p95", "largest")}
+            for row in self.rows()
+            for k, output in enumerate(self.outputs)
+        ]
+        return pd.DataFrame(rows).set_index(["output", "group", "cell"])
 
     @property
     def differences(self) -> np.ndarray:

@@ -7,12 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from datagen.farming.failures import Failures
 from datagen.farming.plan import settings_text
 from shared.errors import DatasetError
 from shared.logs import logger
 from shared.progress import tracked
 from shared.reading import read_text
+from shared.results import Result
 from shared.schema import SPLITS, split_of
 from shared.store import MANIFEST, DatasetFolder, ShardEntry, sha256_of
 
@@ -27,7 +30,42 @@ class Fault:
     entry: ShardEntry | None = None
 
 
-def info(folder: Path | str) -> dict[str, Any]:
+@dataclass(frozen=True, repr=False)
+class Info(Result):
+    """What a dataset holds; ``bytes`` are those of its shards."""
+
+    folder: str
+    system: str
+    system_hash: str
+    fmu_sha256: str
+    schema_version: str
+    root_seed: int
+    root_seeds: list[int]
+    systems_wanted: int
+    systems_done: int
+    systems_failed: int
+    complete: bool
+    splits: dict[str, int]
+    shards: int
+    bytes: int
+    settings: dict[str, Any]
+    parameters: list[str]
+    outputs: list[str]
+    inputs: list[str]
+    versions: dict[str, str]
+    other_versions: list[dict[str, str]]
+
+    @property
+    def headline(self) -> str:
+        """What this is, in a few words."""
+        return f"{self.folder}: {self.system}, {self.systems_done} of {self.systems_wanted} systems"
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row for each fact."""
+        return pd.DataFrame({"value": vars(self)}).rename_axis("fact")
+
+
+def info(folder: Path | str) -> Info:
     """What a dataset holds, from its manifest.
 
     Raises
@@ -41,28 +79,28 @@ def info(folder: Path | str) -> dict[str, Any]:
     splits = [split_of(seed, index) for seed, index in done]
     failures = Failures.read(dataset.folder)
     size = sum(dataset.shard_path(e).stat().st_size for e in manifest.shards if dataset.shard_path(e).exists())
-    return {
-        "folder": str(folder),
-        "system": manifest.system_name,
-        "system_hash": manifest.system_hash,
-        "fmu_sha256": manifest.fmu_sha256,
-        "schema_version": manifest.schema_version,
-        "root_seed": manifest.root_seed,
-        "root_seeds": [source.root_seed for source in manifest.sources] or [manifest.root_seed],
-        "systems_wanted": manifest.systems,
-        "systems_done": len(done),
-        "systems_failed": len(failures),
-        "complete": len(done) == manifest.systems,
-        "splits": {name: splits.count(k) for k, name in enumerate(SPLITS)},
-        "shards": len(manifest.shards),
-        "bytes": size,
-        "settings": manifest.settings,
-        "parameters": dataset.system.parameter_names,
-        "outputs": dataset.system.output_names,
-        "inputs": dataset.system.input_names,
-        "versions": manifest.versions,
-        "other_versions": manifest.other_versions,
-    }
+    return Info(
+        folder=str(folder),
+        system=manifest.system_name,
+        system_hash=manifest.system_hash,
+        fmu_sha256=manifest.fmu_sha256,
+        schema_version=manifest.schema_version,
+        root_seed=manifest.root_seed,
+        root_seeds=[source.root_seed for source in manifest.sources] or [manifest.root_seed],
+        systems_wanted=manifest.systems,
+        systems_done=len(done),
+        systems_failed=len(failures),
+        complete=len(done) == manifest.systems,
+        splits={name: splits.count(k) for k, name in enumerate(SPLITS)},
+        shards=len(manifest.shards),
+        bytes=size,
+        settings=manifest.settings,
+        parameters=dataset.system.parameter_names,
+        outputs=dataset.system.output_names,
+        inputs=dataset.system.input_names,
+        versions=manifest.versions,
+        other_versions=manifest.other_versions,
+    )
 
 
 def verify(folder: Path | str, *, quiet: bool = True) -> list[str]:

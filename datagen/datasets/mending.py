@@ -15,13 +15,15 @@ from datagen.farming.package import package_hash, weather_hashes
 from datagen.farming.plan import Piece, settings_text
 from datagen.farming.usual import TIMEOUT
 from datagen.farming.versions import in_words
-from datagen.farming.worker import Job, ShardResult, check_timeout
+from datagen.farming.worker import Job, ShardResult
 from datagen.fmi.fmu import fmu_sha256
 from shared.errors import DatasetError, SimulationError
 from shared.lock import FolderLock, read_holder
+from shared.places import is_url, url_of
 from shared.schema import newer_minor
 from shared.store import MANIFEST, DatasetFolder
 from shared.system import System, load_system
+from shared.watchdog import check_timeout
 
 
 class _Repair(Collection):
@@ -72,6 +74,8 @@ def repair(
         If a system cannot be simulated any more.
     """
     check_timeout(timeout)
+    if is_url(folder):
+        raise DatasetError(f"{url_of(folder)}: is a URL; expected a folder to repair: `datagen copy` it into one first")
     dataset = DatasetFolder(folder)
     if said := newer_minor(dataset.manifest.schema_version):  # what is new in it would be lost
         raise DatasetError(f"{dataset.folder / MANIFEST}: {said}")

@@ -184,7 +184,7 @@ def _check_whole(dataset: DatasetFolder) -> None:
 def _limits(datasets: Sequence[DatasetFolder], draft: Path) -> None:
     """What is known of the limit in any of the datasets; of the same condition and season the first one's counts.
 
-    Limits of another system or FMU, or told for other channels, are left out, as the header that stands over all of
+    Limits of another system or FMU, or of other channels, are left out, as the header that stands over all of
     them would pass them off as this system's.
     """
     known: list[Ceilings] = []
@@ -196,7 +196,7 @@ def _limits(datasets: Sequence[DatasetFolder], draft: Path) -> None:
         if (found.system_hash, found.fmu_sha256) != (one.manifest.system_hash, one.manifest.fmu_sha256):
             _log.warning("%s: not merged: its limits are of another system or FMU than the dataset", path)
         elif known and (found.outputs, found.nuisances) != (known[0].outputs, known[0].nuisances):
-            _log.warning("%s: not merged: its limits are told of other channels than those before it", path)
+            _log.warning("%s: not merged: its limits are of other channels than those before it", path)
         else:
             known.append(found)
     if not known:

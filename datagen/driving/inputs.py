@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
+from datagen.driving.disturbances import Change, changed_signals
 from datagen.driving.occupancy import sample_occupancy
-from datagen.driving.sampling import stream
+from datagen.driving.sampling import sample_given, sample_parameters, stream
 from datagen.driving.tables import InputTable, Piecewise, merge
 from datagen.driving.weather import UNITS, WeatherTable, read_weather
 from datagen.units import conversion
 from shared.errors import SystemDescriptionError
-from shared.signals import Excitation, Schedule
+from shared.signals import DrawnSchedule, Excitation, Schedule
 from shared.system import System
 from shared.variables import (
     ConstantInput,
@@ -24,6 +28,8 @@ from shared.variables import (
     WeatherInput,
 )
 
+TEMPERATURES = ("temp_air", "temp_dew", "temp_sky")
+"""Weather columns that a shift of the temperature moves together."""
 _HOUR = 3600.0
 _DAY = 24 * _HOUR
 _KNOTS_PER_PERIOD = 5
@@ -39,6 +45,7 @@ def build_inputs(
     excitation: bool = True,
     measured: Mapping[str, Piecewise] | None = None,
     overrides: Mapping[str, Piecewise] | None = None,
+    changes: Mapping[str, list[Change]] | None = None,
 ) -> InputTable:
     """Compose the inputs of one system over ``start`` to ``stop`` [s since time zero].
 
@@ -52,6 +59,8 @@ def build_inputs(
         Signals by the column that inputs of source ``measured`` name; those without one take their ``value``.
     overrides
         Signals by the name of an input, of any source.
+    changes
+        What disturbances make of inputs, by name (:mod:`datagen.driving.disturbances`).
 
     Raises
     ------
@@ -74,7 +83,7 @@ def build_inputs(
     signals = {
         one.name: overrides[one.name] if one.name in overrides else composer.signal(one) for one in system.inputs
     }
-    return merge(signals, start, stop)
+    return merge(changed_signals(signals, changes or {}), start, stop)
 
 
 def system_weather(system: System, root_seed: int, index: int) -> WeatherTable:
@@ -92,7 +101,14 @@ def system_weather(system: System, root_seed: int, index: int) -> WeatherTable:
     files = system.weather.files
     # a draw also when there is one file: cheap, and the same code path for all
     file = files[int(stream(root_seed, index, "weather").integers(len(files)))]
-    return read_weather(system.weather, file, system.path.parent)
+    given = sample_given(system, root_seed, index)
+    settings: dict[str, Any] = {one.weather: given[one.name] for one in system.given if one.weather}
+    shift = settings.pop("temperature_shift", 0.0)
+    table = read_weather(system.weather.model_copy(update=settings), file, system.path.parent)
+    if not shift:
+        return table
+    moved = {name: table.columns[name] + shift for name in TEMPERATURES if name in table.columns}
+    return replace(table, columns=MappingProxyType({**table.columns, **moved}))
 
 
 class _Composer:
@@ -120,7 +136,11 @@ class _Composer:
         if isinstance(one, MeasuredInput):
             return self.measured[one.column] if one.column in self.measured else Piecewise.constant(one.value)
         if isinstance(one, ScheduleInput):
-            return schedule_signal(self.system.schedules[one.schedule], self.start, self.stop)
+            schedule = self.system.schedules[one.schedule]
+            if schedule.drawn is not None:
+                rng = stream(self.root_seed, self.index, f"schedule {one.schedule}")
+                schedule = drawn_schedule(schedule.drawn, rng)
+            return schedule_signal(schedule, self.start, self.stop)
         if isinstance(one, OccupancyInput):
             return self.occupancy()
         if isinstance(one, ExcitationInput):
@@ -136,6 +156,12 @@ class _Composer:
         if spec is None:
             raise SystemDescriptionError(f"{self.system.path}: has no [occupancy] table; expected one for its input")
         if self._occupancy is None:
+            if spec.density is not None:
+                density = float(stream(self.root_seed, self.index, "density").uniform(*spec.density))
+                drawn = sample_parameters(self.system, self.root_seed, self.index)
+                persons = round(density * float(drawn[self.system.parameter_names.index(spec.per)]))
+                persons = min(max(persons, spec.headcount[0]), spec.headcount[1])
+                spec = spec.model_copy(update={"headcount": (persons, persons)})
             rng = stream(self.root_seed, self.index, "occupancy")
             self._occupancy = sample_occupancy(spec, rng, self.start, self.stop)
         return self._occupancy
@@ -163,6 +189,16 @@ class _Composer:
         if not made.nothing:
             signal = Piecewise(signal.times, made.to_fmu(signal.values), signal.kind)
         return _held(signal) if one.interpolation == "previous" else signal
+
+
+def drawn_schedule(spec: DrawnSchedule, rng: np.random.Generator) -> Schedule:
+    """The timetable of one system."""
+    low, high, begin, end = (float(rng.uniform(*span)) for span in (spec.low, spec.high, spec.begin, spec.end))
+    constant, weekends = rng.random(2)
+    if constant < spec.constant:
+        return Schedule(weekday=[(0.0, high)])
+    weekday = [(0.0, low), (begin, high), (end, low)]
+    return Schedule(weekday=weekday, weekend=None if weekends < spec.weekends else [(0.0, low)])
 
 
 def schedule_signal(schedule: Schedule, start: float, stop: float) -> Piecewise:

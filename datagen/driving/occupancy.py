@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import ndtri
 
 from datagen.driving.tables import Piecewise
 from shared.signals import Occupancy
@@ -54,6 +53,17 @@ def sample_occupancy(spec: Occupancy, rng: np.random.Generator, start: float, st
     keep = np.append(True, np.diff(persons) != 0) & (times < stop)
     keep[0] = True
     return Piecewise(times[keep], persons[keep].astype(np.float64), "previous")
+
+
+def sized(spec: Occupancy, amount: float) -> Occupancy:
+    """The occupancy of a system whose density counts per ``amount``, such as its floor area [unit of ``spec.per``].
+
+    Its headcount is uniform between the least and the greatest density, within the description's headcount.
+    """
+    if spec.density is None:
+        return spec
+    least, most = (min(max(round(density * amount), spec.headcount[0]), spec.headcount[1]) for density in spec.density)
+    return spec.model_copy(update={"headcount": (least, most)})
 
 
 def occupancy_prior(spec: Occupancy, edges: ArrayLike, draws: int, seed: int) -> np.ndarray:
@@ -132,6 +142,8 @@ def _steps(
 
     ``u`` has shape (..., days, slots). Steps that do not happen have change 0; the changes of a day sum to 0.
     """
+    from scipy.special import ndtri  # a quarter of a second, for which a description that is refused need not wait
+
     headcount, arrival, duration = usual
     weekend = days % 7 >= 5
     comes = u[..., 0] < np.where(weekend, spec.weekend, 1.0 - spec.absence)

@@ -1,4 +1,4 @@
-"""Where randomness comes from: one independent stream for each system and purpose, and the parameters' draw.
+"""Where randomness comes from: one independent stream for each system and purpose; parameters and given facts.
 
 A system's data depend on (root seed, system index) alone, never on which worker simulates it or after what.
 """
@@ -7,10 +7,15 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
+from shared.errors import SystemDescriptionError
 from shared.system import System
+
+DRAWS = 10000
+"""How often parameters are drawn at most, until the ratios of a description hold."""
 
 
 def stream(root_seed: int, index: int, name: str) -> np.random.Generator:
@@ -57,10 +62,65 @@ def is_calm(root_seed: int, index: int, share: float) -> bool:
 def sample_parameters(system: System, root_seed: int, index: int) -> np.ndarray:
     """Draw a system's parameters: independent, uniform in each parameter's scale between its bounds.
 
+    Where the description has ratios, they are drawn again until all of these hold.
+
     Returns
     -------
     numpy.ndarray
         Shape (parameters,), in the order of the description [unit of each].
     """
-    u = stream(root_seed, index, "parameters").random(len(system.parameters))
-    return np.array([float(p.from_unit(x)) for p, x in zip(system.parameters, u, strict=True)])
+    rng = stream(root_seed, index, "parameters")
+    for _ in range(DRAWS):
+        u = rng.random(len(system.parameters))
+        values = [float(p.from_unit(x)) for p, x in zip(system.parameters, u, strict=True)]
+        named = dict(zip(system.parameter_names, values, strict=True))
+        if all(one.holds(named) for one in system.ratios):
+            return np.array(values)
+    wanted = ", ".join(f"{one.over} / {one.under} from {one.min:g} to {one.max:g}" for one in system.ratios)
+    raise SystemDescriptionError(
+        f"{system.path}: ratios: none of {DRAWS} draws of the parameters has {wanted};"
+        " expected ranges that allow for it"
+    )
+
+
+def sample_given(system: System, root_seed: int, index: int) -> dict[str, float]:
+    """Draw the given facts of a system, by name [unit of each]; each has a stream of its own.
+
+    Examples
+    --------
+    >>> from shared.system import load_system
+    >>> sample_given(load_system("MixedAirCO2"), 0, 0)
+    {}
+    """
+    if not system.given:
+        return {}
+    parameters = dict(zip(system.parameter_names, sample_parameters(system, root_seed, index), strict=True))
+    found = {}
+    for one in system.given:
+        number = one.from_unit(float(stream(root_seed, index, f"given {one.name}").random()))
+        found[one.name] = number * float(parameters[one.per]) if one.per else number
+    return found
+
+
+def fmu_values(system: System, given: Mapping[str, float], starts: Mapping[str, float]) -> dict[str, float]:
+    """FMU parameters [unit of each] that given facts set.
+
+    Parameters
+    ----------
+    given
+        Values by name of the fact.
+    starts
+        The FMU's own values by name, which facts that are sums scale in proportion.
+    """
+    values: dict[str, float] = {}
+    for one in system.given:
+        if one.name in given and one.parameters:
+            share = given[one.name] / sum(starts[name] for name in one.parameters) if one.of == "sum" else None
+            values |= {name: given[one.name] if share is None else share * starts[name] for name in one.parameters}
+    return values
+
+
+def told_values(system: System, root_seed: int, index: int) -> np.ndarray:
+    """The facts that an estimator may be told, shape (facts,), in the order of the description [unit of each]."""
+    drawn = sample_given(system, root_seed, index)
+    return np.array([drawn[one.name] for one in system.told])

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-import pvlib
 
 from shared.schema import EPOCH
 from shared.signals import Weather
@@ -83,6 +82,8 @@ def sun_at(
         Of the air [Pa, degC], which bends the light at the horizon; that of the standard atmosphere at the altitude,
         and pvlib's, if not given.
     """
+    import pvlib  # a second, which a description that is refused need not wait for
+
     found = pvlib.solarposition.get_solarposition(
         times, latitude, longitude, altitude=altitude, pressure=pressure, temperature=temperature
     )
@@ -134,6 +135,8 @@ def transposed(
     model
         A transposition that pvlib knows.
     """
+    import pvlib
+
     parts = pvlib.irradiance.get_total_irradiance(
         tilt,
         azimuth,

@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from importlib.util import find_spec
 from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
-import pvlib
 
 from datagen.driving.tables import Piecewise
 from datagen.driving.transposition import transposed
@@ -131,11 +131,13 @@ def read_weather(spec: Weather, file: str, base: Path) -> WeatherTable:
 def weather_path(file: str, base: Path) -> Path:
     """Where a weather file of a system description lies."""
     if file.startswith("pvlib:"):
-        return Path(pvlib.__file__).parent / "data" / file.removeprefix("pvlib:")
+        package = find_spec("pvlib")  # where it lies, without the second that its import takes
+        assert package is not None and package.origin is not None
+        return Path(package.origin).parent / "data" / file.removeprefix("pvlib:")
     return (base / file).resolve()
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=128)
 def _read(path: Path, stamp: int, tilt: float, azimuth: float, albedo: float, model: str) -> WeatherTable:
     """``stamp`` is part of the key, so that a file that changed is read again."""
     record = read_hourly(path)

@@ -10,7 +10,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pvlib
 
 from datagen.driving.weather_formats import FORMS, Rows, is_on_earth, read_rows
 from datagen.driving.weather_record import (
@@ -161,6 +160,8 @@ def _to_local(path: Path, rows: Rows) -> tuple[int, float]:
 
 def _completed(path: Path, rows: Rows, columns: dict[str, np.ndarray], offset: float, later: float) -> HourlyRecord:
     """The record, with what can be worked out of other columns where a file has no such column, or an empty one."""
+    import pvlib  # a second, which a description that is refused need not wait for
+
     columns = {name: values for name, values in columns.items() if not np.isnan(values).all()}
     if "pressure" not in columns:
         standard = float(pvlib.atmosphere.alt2pres(rows.place["altitude"]))
@@ -221,9 +222,9 @@ def _checked(
 
 
 def _bridged(path: Path, values: np.ndarray, bad: np.ndarray) -> np.ndarray:
-    """Infrared radiation with its short gaps on straight lines, over the year's end where one lies there.
+    """Infrared radiation with its short gaps interpolated, over the year's end where one lies there.
 
-    Where a gap is longer all of ``bad`` become NaN. Either is told by a warning.
+    Where a gap is longer all of ``bad`` become NaN. A warning says which.
     """
     good = np.setdiff1d(np.arange(HOURS), bad)
     longest = int(np.diff(np.append(good, good[0] + HOURS)).max()) - 1
@@ -231,7 +232,7 @@ def _bridged(path: Path, values: np.ndarray, bad: np.ndarray) -> np.ndarray:
     _log.warning(
         "%s: %s is missing or out of range in %d of %d hours, first in hour %d, at most %d in a row: %s",
         *(path, SPELLING["infrared"], bad.size, HOURS, bad[0] + 1, longest),
-        "it is put in on straight lines" if short else "the sky's temperature is worked out without any of it",
+        "it is interpolated" if short else "the sky's temperature is computed without it",
     )
     values = values.copy()
     values[bad] = np.interp(bad, good, values[good], period=HOURS) if short else np.nan

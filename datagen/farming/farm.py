@@ -23,7 +23,7 @@ from datagen.farming.package import package_hash, weather_hashes
 from datagen.farming.plan import adopt, check_sizes, missing, settings_text
 from datagen.farming.usual import FAILURE_BUDGET, TIMEOUT
 from datagen.farming.versions import all_here, note
-from datagen.farming.worker import Job, check_timeout
+from datagen.farming.worker import Job
 from datagen.fmi.fmu import fmu_sha256
 from datagen.simulating.liveness import check_live_apart
 from datagen.simulating.simulator import Simulator
@@ -37,6 +37,7 @@ from shared.places import check_folder
 from shared.schema import newer_minor
 from shared.store import MANIFEST, Manifest, read_manifest, write_atomically, write_manifest
 from shared.system import System, load_system
+from shared.watchdog import check_timeout
 
 _log = logger(__name__)
 _FIXED = ("system_hash", "fmu_sha256", "root_seed", "shard_size", "settings")
@@ -60,6 +61,7 @@ def run(
     excitation: bool = True,
     calm: float = 0.0,
     uncertain: bool = False,
+    disturbed: float = 0.0,
     extend: bool = False,
     retry_failures: bool = False,
     failure_budget: float = FAILURE_BUDGET,
@@ -87,6 +89,8 @@ def run(
         Share of the systems, drawn by chance, in which they do not.
     uncertain
         Draw the description's uncertain constants for each system, in place of their values.
+    disturbed
+        Share of the systems on which one or two of the description's effects act, as random processes.
     extend
         Allow more systems than the dataset was started with; the shards that are there stay as they are.
     retry_failures
@@ -125,6 +129,11 @@ def run(
         raise DatasetError(f"calm is {calm:g}; expected 0: {described.path} has no input of source 'excitation'")
     if uncertain and not described.uncertain:
         raise DatasetError(f"uncertain is set; expected an [[uncertain]] table in {described.path}, which has none")
+    if not 0 <= disturbed <= 1 or (disturbed and not described.effects):
+        raise DatasetError(
+            f"disturbed is {disturbed:g}; expected a share from 0 to 1 of the systems"
+            + ("" if described.effects else f", or 0: {described.path} has no [[effects]]")
+        )
     if seed < 0:
         raise DatasetError(f"seed is {seed}; expected at least 0")
     if not 0 <= failure_budget <= 1:  # of a NaN no comparison holds
@@ -142,6 +151,9 @@ def run(
         settings["calm"] = calm
     if uncertain:
         settings["uncertain"] = [one.model_dump(mode="json") for one in described.uncertain]
+    if disturbed:
+        settings["disturbed"] = disturbed
+        settings["effects"] = [one.model_dump(mode="json") for one in described.effects]
     wanted = Manifest(
         system_name=described.name,
         system_hash=described.hash(),
@@ -174,6 +186,7 @@ def run(
                 excitation=excitation,
                 calm=calm,
                 uncertain=uncertain,
+                disturbed=disturbed,
                 folder=str(folder.resolve()),
                 settings=text,
                 package=package_hash(fmu_hash, weather),

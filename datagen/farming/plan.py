@@ -47,7 +47,7 @@ def check_sizes(system: System, systems: int, shard_size: int) -> None:
             )
     steps = round(system.experiment.hours * 3600 / system.experiment.step)
     channels, largest = len(system.inputs) + len(system.outputs), min(systems, shard_size)
-    each = len(system.parameters) + len(system.uncertain) + 3  # and its index, start and split
+    each = len(system.parameters) + len(system.uncertain) + len(system.told) + 4  # and its index, start, split, effects
     size = steps * (4 * channels * largest + 24) + 8 * each * largest  # float32, and float64 for all but series
     if size > MOST:
         raise DatasetError(

@@ -21,7 +21,8 @@ import dask
 import numpy as np
 import psutil
 
-from datagen.driving.sampling import is_calm, record_start, sample_parameters
+from datagen.driving.disturbances import number_of
+from datagen.driving.sampling import is_calm, record_start, sample_parameters, told_values
 from datagen.farming.dask_worker import RECYCLE, address, hold_back, named, recycle, this_worker, unpack_in_scratch
 from datagen.farming.package import locate, sees_folder
 from datagen.farming.usual import TIMEOUT
@@ -39,20 +40,6 @@ from shared.system import System, system_from_canonical
 
 RETRY_TOLERANCES = (1.0, 0.1, 0.01)
 """A system that fails is tried again with the tolerance times these, in this order, then given up."""
-_SHORTEST, _LONGEST = 0.001, 1e9
-"""Of a time limit [s]: faulthandler watches over it in microseconds, and over twice as long in a child process."""
-
-
-def check_timeout(timeout: float) -> None:
-    """Refuse a time for one system [s] that no watch can keep.
-
-    Raises
-    ------
-    DatasetError
-        If it is too short, too long, or no number.
-    """
-    if not _SHORTEST <= timeout <= _LONGEST:  # of a NaN no comparison holds
-        raise DatasetError(f"timeout is {timeout:g} s; expected {_SHORTEST:g} to {_LONGEST:g} s")
 
 
 @dataclass(frozen=True)
@@ -70,6 +57,7 @@ class Job:
     folder: str
     calm: float = 0.0
     uncertain: bool = False
+    disturbed: float = 0.0
     settings: str = ""
     package: str = ""
     token: str = ""
@@ -126,6 +114,7 @@ def attempt(work: tuple[Job, int]) -> Trajectory:
                 index=index,
                 excitation=job.excitation and not is_calm(job.root_seed, index, job.calm),
                 uncertain=job.uncertain,
+                disturbed=job.disturbed,
                 tolerance=simulator.system.experiment.tolerance * factor,
             )
         except SimulationError as error:
@@ -241,6 +230,10 @@ def _deliver(job: Job, file: str, indices: Sequence[int], outcomes: list[Any]) -
         outputs=np.stack([one.outputs for one in good]),
         inputs=np.stack([one.inputs for one in good]),
         starts=np.array([record_start(system, job.root_seed, index) for index in done]),
+        given=np.stack([told_values(system, job.root_seed, index) for index in done]) if system.told else None,
+        disturbances=(
+            np.array([number_of(job.root_seed, index, job.disturbed) for index in done]) if job.disturbed else None
+        ),
         factors=np.stack([sample_factors(system, job.root_seed, index) for index in done]) if job.uncertain else None,
         attributes={"fmu_sha256": job.fmu_sha256, "root_seed": str(job.root_seed), "settings": job.settings},
     )

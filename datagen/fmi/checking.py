@@ -9,9 +9,10 @@ import numpy as np
 from fmpy.model_description import ScalarVariable
 
 from datagen.fmi.baselines import check_effects
-from datagen.fmi.fmu import Fmu, is_difference, start_of, unit_of, value_fault
+from datagen.fmi.fmu import UNSET, Fmu, is_difference, start_of, unit_of, value_fault
 from datagen.units import Conversion, conversion
 from shared.errors import FmuError, SystemDescriptionError
+from shared.given import Given
 from shared.possible import in_another_unit
 from shared.reading import shown
 from shared.system import System
@@ -36,6 +37,7 @@ def check_system(system: System, fmu: Fmu) -> None:
         *set_faults("fixed", system.fixed, system, fmu),
         *set_faults("replay", system.replay, system, fmu),
         *(fault for one in system.uncertain for fault in _uncertain_faults(one, system, fmu)),
+        *(fault for one in system.given for fault in _given_faults(one, fmu)),
     ]
     if faults:
         raise SystemDescriptionError(f"{system.path}: {all_of(faults)}")
@@ -88,7 +90,7 @@ def _undriven(system: System, fmu: Fmu) -> list[str]:
         f"{fmu.path.name} has an input {name!r} that no [[inputs]] table names"
         + (_under_fixed(found) if not _is_number(found) else f"; expected one{_with_unit(found)}, or{_line(found)}")
         for name, found in fmu.variables.items()
-        if found.causality == "input" and name not in declared
+        if found.causality == "input" and name not in declared and found.type not in UNSET
     ]
 
 
@@ -118,6 +120,20 @@ def _uncertain_faults(uncertain: Uncertain, system: System, fmu: Fmu) -> list[st
                 f" expected a positive {_real(fmu)} parameter that can be set: give it a value under [fixed], or leave"
                 " it out of this table"
             )
+    return faults
+
+
+def _given_faults(given: Given, fmu: Fmu) -> list[str]:
+    faults = []
+    for name in given.parameters:
+        kind = f"given {given.name!r}:"
+        found = fmu.variables.get(name)
+        if found is None:
+            faults.append(f"{kind} {name!r} {_lacking(name, fmu)}")
+        elif found.causality != "parameter" or not fmu.is_float(name):
+            faults.append(f"{kind} {name!r} is {_a_kind(found)}; expected a {_real(fmu)} parameter that can be set")
+        elif given.of == "sum" and not (found.start is not None and float(found.start) > 0):
+            faults.append(f"{kind} {name!r} starts at {found.start}; expected parameters of a sum that start above 0")
     return faults
 
 
@@ -198,8 +214,8 @@ def check_held(system: System, fmu: Fmu, names: Sequence[str], left: np.ndarray,
     if bent.any():
         name = names[int(np.argmax(bent))]
         raise SystemDescriptionError(
-            f"{system.path}: input {name!r} is discrete in {fmu.path.name}, and what drives it changes on straight"
-            ' lines; expected interpolation = "previous"'
+            f"{system.path}: input {name!r} is discrete in {fmu.path.name}, and what drives it changes"
+            ' linearly; expected interpolation = "previous"'
         )
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import subprocess
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,8 +11,8 @@ from typing import Any
 
 from fmpy.model_description import ModelDescription, ScalarVariable
 
-from datagen.fmi.fmu import fmu_sha256, is_difference, start_of, unit_of, unpack
-from datagen.fmi.interface import library
+from datagen.fmi.fmu import UNSET, fmu_sha256, is_difference, start_of, unit_of, unpack
+from datagen.fmi.interface import lacks, library, missing_libraries
 from datagen.units import UNITLESS, conversion, parsed
 from shared.errors import FmuError
 from shared.store import write_atomically
@@ -43,14 +41,6 @@ _WEATHER = (  # column, the kind of its unit, and words of its name
 )
 _PERSONS = r"^n?_?per(s|$|[A-Z_])|people|occ|person|persons|head"
 _SET_POINT = r"set|_sp$|sp$|ref"
-_PACKAGES = {
-    "libgfortran.so.3": "the compatibility package libgfortran3, or a JModelica runtime that brings it",
-    "libgfortran.so.4": "the package libgfortran4",
-    "libgfortran.so.5": "the package libgfortran5",
-    "libquadmath.so.0": "the package libquadmath0",
-    "libgomp.so.1": "the package libgomp1",
-}
-"""Libraries that exporters link to and machines lack, and what brings them on Debian and its kin."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +79,11 @@ class Description:
     parameters: int
     toml: str
 
+    @property
+    def drafted(self) -> bool:
+        """Whether the draft has all that a simulation needs."""
+        return self.outputs > 0 and self.parameters > 0
+
     def sentences(self) -> list[str]:
         """What a reader should know before the description is used."""
         said = [
@@ -98,11 +93,18 @@ class Description:
             + ("" if self.runs_here else ": none for this machine; export it for this platform, too"),
             f"{self.inputs} inputs, {self.outputs} outputs, {self.parameters} positive parameters that can be set",
         ]
+        lacking = [
+            f"no {what}"
+            for what, count in (("output that is a Real or Float64", self.outputs), ("parameter", self.parameters))
+            if not count
+        ]
+        if lacking:
+            said.append(
+                f"the draft does not run yet, for the FMU offers {' and '.join(lacking)}: name another variable of it"
+                " in [[outputs]] or [[parameters]]"
+            )
         if self.missing:
-            said += [
-                f"its binary needs {name}, which this machine lacks; install {_PACKAGES.get(name, 'what brings it')}"
-                for name in self.missing
-            ]
+            said += [f"its binary {lacks(name)}" for name in self.missing]
         if self.without_unit:
             some = ", ".join(self.without_unit[:6]) + (" ..." if len(self.without_unit) > 6 else "")
             said.append(
@@ -136,7 +138,7 @@ def describe(fmu: Path | str, *, out: Path | str | None = None) -> Description:
     >>> from shared.shipped import resolved
     >>> found = describe(resolved("MixedAirCO2").parent / "MixedAirCO2.fmu")
     >>> found.version, found.kinds, found.states
-    ('2.0', ('Model Exchange', 'Co-Simulation'), 18)
+    ('2.0', ('Model Exchange',), 18)
     """
     path = Path(fmu)
     place = None if out is None else Path(out)
@@ -175,17 +177,6 @@ def describe(fmu: Path | str, *, out: Path | str | None = None) -> Description:
     return found
 
 
-def missing_libraries(binary: Path) -> tuple[str, ...] | None:
-    """Shared libraries that a binary needs and this machine lacks; None where there is no ``ldd``, or no binary."""
-    if not sys.platform.startswith("linux") or not binary.is_file():
-        return None
-    try:
-        told = subprocess.run(["ldd", str(binary)], capture_output=True, text=True, timeout=30)
-    except (OSError, subprocess.SubprocessError):
-        return None
-    return tuple(dict.fromkeys(line.split()[0] for line in told.stdout.splitlines() if "not found" in line))
-
-
 def _seen_from(path: Path, place: Path | None) -> str:
     if place is None:
         return path.name
@@ -203,6 +194,8 @@ def _relative(path: Path, folder: Path) -> tuple[str, ...]:
 def _is_candidate(variable: ScalarVariable) -> bool:
     """Whether a parameter is a positive number that can be set before a simulation."""
     if variable.causality != "parameter" or variable.type not in _FLOATS or variable.variability == "constant":
+        return False
+    if variable.name.startswith("_"):  # settings of the exporter's own solver
         return False
     start = _number(variable)
     return start is not None and 0 < start < math.inf
@@ -270,7 +263,7 @@ def _draft(
     if recorded:
         channels = ", ".join(_quoted(v.name) for v in recorded[:2])
         parts.append(f"# what an estimator reads\n[estimator]\nchannels = [{channels}]\ncontext_hours = 24.0\n")
-    fixed = "\n".join(f"{_quoted(v.name)} = {start_of(v)}" for v in others if not v.shape and v.type != "String")
+    fixed = "\n".join(f"{_quoted(v.name)} = {start_of(v)}" for v in others if not v.shape and v.type not in UNSET)
     parts.append(
         f"# values of the FMU that stay as they are; inputs that are no numbers stand here\n[fixed]\n{fixed}\n"
     )

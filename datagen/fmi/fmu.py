@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import atexit
 import os
 import shutil
 import tempfile
@@ -24,9 +23,12 @@ from shared.errors import FmuError, SystemDescriptionError
 from shared.places import no_temporary_place
 from shared.reading import shown, size_of, why
 from shared.store import sha256_of
+from shared.watchdog import clean_at_end, watched
 
 SCRATCH = "ZEROSHOT_FMU_SCRATCH"
 """Environment variable of a process that may be killed: a folder that another process clears away afterwards."""
+UNSET = ("String", "Binary", "Clock")
+"""Types of variables that no description can set: their start values stay."""
 MOST_INDICATORS = 1_000_000
 """More than any model has, and few enough to make room for."""
 
@@ -48,7 +50,7 @@ def unpack(path: Path, sha256: str) -> tuple[Path, ModelDescription]:
     except OSError as error:
         reason = no_temporary_place(error, Path(place) if place else None)
         raise FmuError(f"{path}: cannot be unpacked: {reason}") from None
-    atexit.register(_remove, folder, os.getpid())
+    clean_at_end(_remove, folder, os.getpid())
     unpack_archive(path, folder)
     try:
         check_descriptions(path, folder)
@@ -120,7 +122,8 @@ class Fmu:
         if self.description.modelExchange is None and self.description.coSimulation is None:
             raise FmuError(f"{path}: FMI {version} without Model Exchange or Co-Simulation; expected one of the two")
         self.variables: dict[str, ScalarVariable] = {v.name: v for v in self.description.modelVariables}
-        self.interface: Interface = (Fmi2 if version == "2.0" else Fmi3)(path, folder, self.description)
+        with watched(str(path)):
+            self.interface: Interface = (Fmi2 if version == "2.0" else Fmi3)(path, folder, self.description)
         self.cosimulation = self.interface.cosimulation
         self.n_states = 0 if self.cosimulation else self.description.numberOfContinuousStates
         self.n_indicators = 0 if self.cosimulation else self.description.numberOfEventIndicators
@@ -159,8 +162,8 @@ class Fmu:
 
     def last_words(self) -> str:
         """The FMU's own last messages, for an error's text."""
-        log = list(self.interface.log)[-3:]
-        return f"; the FMU says: {' | '.join(log)}" if log else ""
+        said = self.interface.last_words()
+        return f"; the FMU says: {said}" if said else ""
 
     def set_value(self, name: str, value: float | bool) -> None:
         """Set a number or a boolean by name."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import errno
 import faulthandler
+import math
 import os
 import pickle
 import signal
@@ -23,6 +24,7 @@ from typing import Any
 import psutil
 
 from datagen.fmi.fmu import SCRATCH
+from shared import watchdog
 from shared.children import command, environment
 from shared.errors import SimulationError, ZeroshotError
 from shared.places import OF_A_DISK, no_temporary_place
@@ -39,7 +41,8 @@ def guarded(
     items: Sequence[Any],
     *,
     timeout: float,
-    memory_limit: float = float("inf"),
+    limit: float = math.inf,
+    memory_limit: float = math.inf,
     tries: int = 2,
 ) -> list[Any]:
     """``[function(item) for item in items]`` in child processes; what cannot be had is an exception in its place.
@@ -50,6 +53,8 @@ def guarded(
         Importable by name. A ``ZeroshotError`` that it raises is kept as the item's result.
     timeout
         Seconds that one item may take.
+    limit
+        Seconds that one simulation of it may take.
     memory_limit
         Bytes that a child may use.
     tries
@@ -61,14 +66,14 @@ def guarded(
         If a child cannot start, or the temporary folder cannot be written to.
     """
     try:
-        return _guarded(function, items, timeout, memory_limit, tries)
+        return _guarded(function, items, (timeout, limit), memory_limit, tries)
     except OSError as error:
         cause = no_temporary_place(error) if error.errno in OF_A_DISK else error.strerror or str(error)
         raise SimulationError(f"a child process could not do its work: {cause}") from None
 
 
 def _guarded(
-    function: Callable[[Any], Any], items: Sequence[Any], timeout: float, memory_limit: float, tries: int
+    function: Callable[[Any], Any], items: Sequence[Any], limits: tuple[float, float], memory_limit: float, tries: int
 ) -> list[Any]:
     results: dict[int, Any] = {}
     deaths = dict.fromkeys(range(len(items)), 0)
@@ -78,7 +83,7 @@ def _guarded(
             left = [k for k in range(len(items)) if k not in results]
             suspects = [k for k in left if deaths[k]]
             group = suspects[:1] or left
-            guilty, cause = _one_child(function, [(k, items[k]) for k in group], folder, timeout, memory_limit)
+            guilty, cause = _one_child(function, [(k, items[k]) for k in group], folder, limits, memory_limit)
             for path in sorted(folder.glob("*.result")):
                 results[int(path.stem)] = pickle.loads(path.read_bytes())
                 path.unlink()
@@ -93,13 +98,14 @@ def _one_child(
     function: Callable[[Any], Any],
     work: list[tuple[int, Any]],
     folder: Path,
-    timeout: float,
+    limits: tuple[float, float],
     memory_limit: float,
 ) -> tuple[int | None, str]:
     """Run a child over some items; returns the item that took it down, if one did, and how."""
     current = folder / "current"
     current.unlink(missing_ok=True)
-    (folder / "work").write_bytes(pickle.dumps((function, work, timeout)))
+    timeout, limit = limits
+    (folder / "work").write_bytes(pickle.dumps((function, work, timeout, limit)))
     # a session of its own: Ctrl-C at the terminal is for the farm, which then ends the child
     child = subprocess.Popen(
         command("datagen.fmi.guard", str(folder), str(os.getpid())),
@@ -139,6 +145,8 @@ def _one_child(
     at = _read_current(current)
     if at < 0:
         raise SimulationError(f"a child process could not start (exit code {child.returncode})")
+    if child.returncode == watchdog.HUNG:
+        cause = f"one of the FMU's functions had not returned after {limit:g} s"
     return at, cause or f"the FMU took its process down ({_ending(child.returncode)})"
 
 
@@ -159,7 +167,8 @@ def _ending(code: int) -> str:
 
 
 def _child(folder: Path, parent: int) -> None:
-    function, work, timeout = pickle.loads((folder / "work").read_bytes())
+    function, work, timeout, limit = pickle.loads((folder / "work").read_bytes())
+    watchdog.serve(limit)
     for number, item in work:
         if os.name == "posix" and os.getppid() != parent:
             return  # whoever waited for us is gone

@@ -16,7 +16,7 @@ _CAUSES = {
     calls.ENDLESS_EVENT: "events without end",
     calls.NOT_FINITE: "an output is not finite",
     calls.CUT_SHORT: "the FMU returned early from a step",
-    -1: "CVODE: too many steps between two outputs",
+    -1: "CVODE: too many steps between two outputs; expected fewer: a shorter experiment.step, or a larger tolerance",
     -2: "CVODE: accuracy beyond the machine's",
     -3: "CVODE: error test failed repeatedly",
     -4: "CVODE: corrector did not converge",
@@ -94,10 +94,10 @@ def _settle(fmu: Fmu) -> np.ndarray:
     raise SimulationError(f"{fmu.path.name}: {_CAUSES[calls.ENDLESS_EVENT]} at the start{fmu.last_words()}")
 
 
-def cause(fmu: Fmu, outcome: int, plan: np.ndarray, reached: float, stop: float, timeout: float | None) -> str:
+def cause(fmu: Fmu, outcome: int, plan: np.ndarray, reached: float, stop: float, timeout: float) -> str:
     """One sentence for a simulation that did not reach its end, with the FMU's own last words."""
     if plan[calls.EXPIRED]:
-        why = f"timed out after {timeout:g} s"
+        why = f"timed out after {timeout:g} s; expected its end by then, or a longer timeout"
     elif plan[calls.STATUS] > 1:
         failed = int(plan[calls.FAILED_CALL])
         why = f"{fmu.interface.functions[failed]} returned status {plan[calls.STATUS]}"

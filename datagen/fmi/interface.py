@@ -7,10 +7,14 @@ from __future__ import annotations
 
 import ctypes
 import os
+import re
+import subprocess
+import sys
 import weakref
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Sequence
+from html import unescape
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -23,8 +27,19 @@ from shared.errors import FmuError
 from shared.reading import listed, short
 
 _NUMBERS = count(1)
-_REMEMBERED = 20
+_REMEMBERED = 3
+_WARNING = 1
+_SEVERE = re.compile("assert|error|fatal", re.IGNORECASE)
 DOUBLE_P = ctypes.POINTER(ctypes.c_double)
+
+_PACKAGES = {
+    "libgfortran.so.3": "the compatibility package libgfortran3, or a JModelica runtime that brings it",
+    "libgfortran.so.4": "the package libgfortran4",
+    "libgfortran.so.5": "the package libgfortran5",
+    "libquadmath.so.0": "the package libquadmath0",
+    "libgomp.so.1": "the package libgomp1",
+}
+"""Libraries that exporters link to and machines lack, and what brings them on Debian and its kin."""
 
 
 class Interface(ABC):
@@ -34,8 +49,8 @@ class Interface(ABC):
     ----------
     functions
         Names of the C functions by their places in the plan of :mod:`datagen.fmi.calls`.
-    log
-        What the FMU has said since it was instantiated: the last :data:`_REMEMBERED` messages.
+    errors, warnings
+        What the FMU has said since it was instantiated: the last :data:`_REMEMBERED` different messages of each kind.
 
     Raises
     ------
@@ -52,7 +67,8 @@ class Interface(ABC):
         self.path = path
         self.cosimulation = description.modelExchange is None
         kind = description.coSimulation if self.cosimulation else description.modelExchange
-        self.log: deque[str] = deque(maxlen=_REMEMBERED)
+        self.errors: deque[str] = deque(maxlen=_REMEMBERED)
+        self.warnings: deque[str] = deque(maxlen=_REMEMBERED)
         self.name = f"instance-{next(_NUMBERS)}"
         where = library(folder, kind.modelIdentifier)
         if not where.is_file():
@@ -72,19 +88,35 @@ class Interface(ABC):
                     f"{path}: its binary cannot be loaded: the temporary folder {folder.parent}, into which it was"
                     " unpacked, is mounted noexec; expected a folder where programs may run: set TMPDIR to one"
                 ) from None
+            if missing := missing_libraries(where):
+                raise FmuError(f"{path}: its binary {'; it '.join(map(lacks, missing))}") from None
             raise FmuError(f"{path}: no usable binary for {fmpy.platform_tuple}: {error}") from None
         finally:
             os.chdir(before)  # fmpy's constructor changes the working directory
 
     def begin(self) -> None:
         """Forget what was said: an instance is about to be made, or reset."""
-        self.log.clear()
+        self.errors.clear()
+        self.warnings.clear()
         Interface.latest = weakref.ref(self)
 
     def hear(self, status: int, category: bytes | None, message: bytes | None) -> None:
-        """Take in what the FMU says of a call that was not OK; any of it may be missing, and in any encoding."""
-        if status > 0 and (words := text_of(message) or text_of(category)):
-            self.log.append(words)
+        """Take in what the FMU says of a call that was not OK; any of it may be missing, and in any encoding.
+
+        Some tools call everything OK, and say only by the category that it is an error. Others call an assertion that
+        stops the simulation a warning.
+        """
+        about = text_of(category)
+        words = text_of(message) or about
+        severe = status > _WARNING or _SEVERE.search(words if status == _WARNING else about) is not None
+        kept = self.errors if severe else self.warnings
+        words = _without_tags(words)
+        if words and (severe or status == _WARNING) and words not in kept:
+            kept.append(words)
+
+    def last_words(self) -> str:
+        """The last errors that the FMU told; of one that told none the last warning; empty if it told nothing."""
+        return " | ".join(self.errors) or (self.warnings[-1] if self.warnings else "")
 
     def address(self, function: str) -> int:
         """Address of one of the FMU's C functions, for example ``fmi2GetReal``."""
@@ -149,6 +181,13 @@ def text_of(raw: bytes | None) -> str:
     return short(" ".join("".join(c if c.isprintable() else " " for c in text).split()))
 
 
+def _without_tags(text: str) -> str:
+    """A message without the tags of those tools that write it as XML."""
+    if not text.startswith("<"):
+        return text
+    return " ".join(unescape(re.sub(r"<[^<>]*>|&##\d+;", " ", text)).split())
+
+
 def library(folder: Path, identifier: str) -> Path:
     """The shared library for this machine.
 
@@ -156,6 +195,22 @@ def library(folder: Path, identifier: str) -> Path:
     """
     names = [folder / "binaries" / one / f"{identifier}{fmpy.sharedLibraryExtension}" for one in _folders()]
     return next((name for name in names if name.is_file()), names[-1])
+
+
+def missing_libraries(binary: Path) -> tuple[str, ...] | None:
+    """Shared libraries that a binary needs and this machine lacks; None where there is no ``ldd``, or no binary."""
+    if not sys.platform.startswith("linux") or not binary.is_file():
+        return None
+    try:
+        told = subprocess.run(["ldd", str(binary)], capture_output=True, text=True, timeout=30)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return tuple(dict.fromkeys(line.split()[0] for line in told.stdout.splitlines() if "not found" in line))
+
+
+def lacks(name: str) -> str:
+    """A shared library that a binary needs and this machine lacks, and what brings it, to follow the binary's name."""
+    return f"needs {name}, which this machine lacks; install {_PACKAGES.get(name, 'what brings it')}"
 
 
 def _instead(folder: Path, name: str) -> str:

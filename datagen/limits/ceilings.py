@@ -17,19 +17,16 @@ as they are recorded, and C is what that leaves: when within a step they came.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from datagen.farming.package import weather_hashes
 from datagen.limits.sensitivities import HOUR, Window, crowd_inputs, random_window
 from shared.ceiling import Ceiling, Origin, Unknown, unknown_constants
-from shared.children import starting
+from shared.children import starting, worker_pool
 from shared.errors import SimulationError, SystemDescriptionError
 from shared.progress import progress_bar
 from shared.system import WHOLE, System, load_system
@@ -86,25 +83,9 @@ def ceilings_of(
         If a simulation did not reach its end, or took its process down.
     """
     described = system if isinstance(system, System) else load_system(system)
-    if uncertain and not described.uncertain:
-        raise SystemDescriptionError(
-            f"uncertain is set; expected an [[uncertain]] table in {described.path}, which has none"
-        )
-    if systems < 1:
-        raise SystemDescriptionError(f"systems is {systems}; expected at least 1")
-    lengths = _checked(contexts, described.experiment.step)
+    lengths = list(contexts)
     wanted = [(noise, described.estimator.channels if channels is None else channels) for noise, channels in conditions]
-    if not wanted:
-        raise SystemDescriptionError("noise or channels are empty; expected at least one preset and one set of outputs")
-    for noise, channels in wanted:
-        described.noise_sd(noise)
-        known = [*described.output_names, *described.input_names]
-        if unknown := [name for name in channels if name not in known]:
-            raise SystemDescriptionError(
-                f"{described.path}: channels {unknown} are neither outputs nor inputs; expected some of {known}"
-            )
-        if not set(channels) & set(described.output_names):
-            raise SystemDescriptionError(f"{described.path}: channels {channels} hold no output; nothing to learn from")
+    check_conditions(described, lengths, wanted, systems=systems, uncertain=uncertain)
     results, weather = [], weather_hashes(described)
     constants = unknown_constants(described.uncertain if uncertain else [])
     with progress_bar("windows", systems * len(lengths), shown=not quiet) as bar:
@@ -125,6 +106,41 @@ def ceilings_of(
     return results
 
 
+def check_conditions(
+    system: System,
+    contexts: Sequence[float],
+    conditions: Sequence[tuple[str, list[str]]],
+    *,
+    systems: int,
+    uncertain: bool,
+) -> None:
+    """Refuse what no ceiling can be of, before anything is simulated.
+
+    Raises
+    ------
+    SystemDescriptionError
+        As :func:`ceilings_of`.
+    """
+    if uncertain and not system.uncertain:
+        raise SystemDescriptionError(
+            f"uncertain is set; expected an [[uncertain]] table in {system.path}, which has none"
+        )
+    if systems < 1:
+        raise SystemDescriptionError(f"systems is {systems}; expected at least 1")
+    _check_lengths(contexts, system.experiment.step)
+    if not conditions:
+        raise SystemDescriptionError("noise or channels are empty; expected at least one preset and one set of outputs")
+    for noise, channels in conditions:
+        system.noise_sd(noise)
+        known = [*system.output_names, *system.input_names]
+        if unknown := [name for name in channels if name not in known]:
+            raise SystemDescriptionError(
+                f"{system.path}: channels {unknown} are neither outputs nor inputs; expected some of {known}"
+            )
+        if not set(channels) & set(system.output_names):
+            raise SystemDescriptionError(f"{system.path}: channels {channels} hold no output; nothing to learn from")
+
+
 def posterior_variance(
     system: System, window: Window, state_covariance: np.ndarray, noise: str, channels: list[str]
 ) -> np.ndarray:
@@ -133,6 +149,8 @@ def posterior_variance(
     ``state_covariance`` (states, states) is the prior of the start. Persons are unknown unless one of the channels
     counts them: then they are known as means over the steps.
     """
+    from scipy.linalg import cho_factor, cho_solve  # what is refused need not wait for it
+
     rows = [k for k, name in enumerate(system.output_names) if name in channels]
     sd = system.noise_sd(noise)[rows]
 
@@ -167,9 +185,8 @@ def given_means(covariance: np.ndarray, steps: np.ndarray) -> np.ndarray:
     return np.asarray(covariance - across @ np.linalg.pinv(means @ across, rcond=1e-10, hermitian=True) @ across.T)
 
 
-def _checked(contexts: Iterable[float], step: float) -> list[float]:
-    """Lengths [h] as they are, of a window in steps [s]."""
-    lengths = list(contexts)
+def _check_lengths(lengths: Sequence[float], step: float) -> None:
+    """Refuse lengths [h] that are no window in steps [s]."""
     if not lengths:
         raise SystemDescriptionError("context is empty; expected at least one length [h]")
     for hours in lengths:
@@ -178,7 +195,6 @@ def _checked(contexts: Iterable[float], step: float) -> list[float]:
             raise SystemDescriptionError(
                 f"context is {hours:g} h; expected a positive number of whole output steps, which are {step:g} s"
             )
-    return lengths
 
 
 def _summarise(
@@ -220,13 +236,13 @@ def _windows(
     if workers <= 1:
         yield from (random_window(*job) for job in jobs)
         return
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        with starting():
-            found = pool.map(random_window, *zip(*jobs, strict=True))
-        try:
+    try:
+        with worker_pool(workers) as pool:
+            with starting():
+                found = pool.map(random_window, *zip(*jobs, strict=True))
             yield from found
-        except BrokenProcessPool:
-            raise SimulationError(
-                f"{system.fmu_path}: took a process down that simulated windows of {context:g} h, or memory ran out;"
-                " expected an FMU that bears every parameter within its range, or fewer workers"
-            ) from None
+    except BrokenProcessPool:
+        raise SimulationError(
+            f"{system.fmu_path}: took a process down that simulated windows of {context:g} h, or memory ran out;"
+            " expected an FMU that bears every parameter within its range, or fewer workers"
+        ) from None

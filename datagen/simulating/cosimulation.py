@@ -175,6 +175,16 @@ def _limits_from_the_left(table: InputTable, times: np.ndarray) -> np.ndarray:
     return np.where(share < 1.0, table.left[k] + share * (table.right[k] - table.left[k]), table.right[k])
 
 
+@njit
+def _put(plan: Any, row: Any, known: Any) -> bool:
+    """Set the inputs to those of a row, unless they have these values: many an FMU begins its solver anew each time."""
+    for j in range(len(row)):
+        if row[j] != known[j]:
+            known[:] = row
+            return set_floats(plan, plan[VR_INPUTS], len(row), row.ctypes.data)
+    return True
+
+
 @njit(nogil=True)
 def march(
     plan: Any,
@@ -209,27 +219,29 @@ def march(
     n, n_points, n_means = plan[N_INPUTS], plan[N_POINTS], plan[N_MEANS]
     a, b, total = np.zeros(n_means), np.zeros(n_means), np.zeros(n_means)
     orders = np.ones(max(n, 1), dtype=np.int32)
-    vr = plan[VR_INPUTS]
+    known = np.full(n, np.nan)  # what the inputs were set to last; a NaN is like nothing
     quadratures[0, :] = 0.0
     for i in range(len(time)):
         reached[0] = time[i]
         if plan[EXPIRED] != 0:
             return TIMED_OUT
-        if fresh[i]:
-            if not set_floats(plan, vr, n, before.ctypes.data + 8 * n * i):
+        if n_means > 0 and fresh[i]:
+            if not _put(plan, before[i], known):
                 return FMU_FAILED
             if not get_floats(plan, plan[VR_MEANS], n_means, a.ctypes.data):
                 return FMU_FAILED
         else:
             a[:] = b
-        if not set_floats(plan, vr, n, held.ctypes.data + 8 * n * i):
+        if not _put(plan, held[i], known):
             return FMU_FAILED
         if plan[SET_SLOPES] != 0 and not set_slopes(plan, orders, slope.ctypes.data + 8 * n * i):
             return FMU_FAILED
         outcome = do_step(plan, time[i], size[i])
         if outcome != DONE:
             return outcome
-        if not set_floats(plan, vr, n, after.ctypes.data + 8 * n * i):
+        if plan[SET_SLOPES] != 0:
+            known[:] = np.nan  # the FMU has moved them itself
+        if (n_means > 0 or row[i] >= 0) and not _put(plan, after[i], known):
             return FMU_FAILED
         if not get_floats(plan, plan[VR_MEANS], n_means, b.ctypes.data):
             return FMU_FAILED

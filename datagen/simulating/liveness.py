@@ -14,6 +14,7 @@ from datagen.driving.inputs import build_inputs
 from datagen.driving.tables import InputTable
 from datagen.fmi.guard import guarded
 from datagen.simulating.simulator import Simulator
+from shared import watchdog
 from shared.errors import SimulationError, SystemDescriptionError, ZeroshotError
 from shared.logs import logger
 from shared.system import System
@@ -71,7 +72,7 @@ def check_live(simulator: Simulator) -> dict[str, float]:
     return _judged(simulator.system, responses(simulator))
 
 
-def check_live_apart(system: System, timeout: float = PATIENCE, least: float = 1.0) -> dict[str, float]:
+def check_live_apart(system: System, timeout: float | None = None, least: float = 1.0) -> dict[str, float]:
     """:func:`check_live` in a process apart: the FMU may crash or hang at the ends of its ranges.
 
     Where it does, the parameters are looked at one by one, so that those at fault do not hide what others are.
@@ -79,7 +80,8 @@ def check_live_apart(system: System, timeout: float = PATIENCE, least: float = 1
     Parameters
     ----------
     timeout
-        How long one look at all parameters, or at one, may take [s].
+        How long one look at all parameters, or at one, may take [s]; if not given, :data:`PATIENCE`, and each
+        simulation what the command allows.
     least
         Change of an output, in units of its accuracy, below which a parameter is refused.
 
@@ -89,14 +91,15 @@ def check_live_apart(system: System, timeout: float = PATIENCE, least: float = 1
         As :func:`check_live`, and if the FMU does not fit the description.
     """
     all_names = tuple(system.parameter_names)
-    at_once = guarded(_probe, [(system, all_names)], timeout=timeout, tries=1)[0]
+    patience = {"timeout": PATIENCE, "limit": watchdog.limit()} if timeout is None else {"timeout": timeout}
+    at_once = guarded(_probe, [(system, all_names)], **patience, tries=1)[0]
     found: dict[str, float | SimulationError] = {}
     if not isinstance(at_once, SimulationError):
         found = _found(at_once)
-    elif len(all_names) == 1 or isinstance(guarded(_middle, [system], timeout=timeout, tries=1)[0], ZeroshotError):
+    elif len(all_names) == 1 or isinstance(guarded(_middle, [system], **patience, tries=1)[0], ZeroshotError):
         found = dict.fromkeys(all_names, at_once)  # the middle of the ranges is no better: one by one neither
     else:
-        alone = guarded(_probe, [(system, (name,)) for name in all_names], timeout=timeout, tries=1)
+        alone = guarded(_probe, [(system, (name,)) for name in all_names], **patience, tries=1)
         for name, one in zip(all_names, alone, strict=True):
             found |= {name: one} if isinstance(one, SimulationError) else _found(one)
     return _judged(system, found, least)
@@ -113,18 +116,18 @@ def _judged(system: System, found: Mapping[str, float | SimulationError], least:
     dead = [name for name, change in known.items() if change < least]
     ignored = [name for name in dead if known[name] < HARDLY]
     still = [repr(one.name) for one in system.inputs if one.source == "measured"]
-    hint = f" (with {', '.join(still)}, which a recording would drive, at rest)" if still else ""
+    hint = f" (with {', '.join(still)}, which a recording would drive, held constant)" if still else ""
     if ignored:
         raise SystemDescriptionError(
             f"{system.path}: {system.fmu_path.name} accepts {', '.join(map(repr, ignored))} and ignores it: "
             f"no output moves between the ends of its range{hint}; expected parameters that are tunable at run time"
         )
     if dead:
-        told = ", ".join(f"{name!r} ({known[name]:.2g} of it)" for name in dead)
+        weak = ", ".join(f"{name!r} ({known[name]:.2g} of it)" for name in dead)
         raise SystemDescriptionError(
             f"{system.path}: between the ends of the range no output of {system.fmu_path.name} moves by its accuracy"
-            f" for {told}{hint}; expected a wider range, outputs that tell more, or a parameter that is held under"
-            " [fixed]: `datagen identifiability` says how little such a one is told"
+            f" for {weak}{hint}; expected a wider range, more outputs, or a value under [fixed]: `datagen"
+            " identifiability` prints how well each parameter is identified"
         )
     return known
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from datagen.driving.sampling import record_start, sample_parameters
+from datagen.driving.sampling import record_start, sample_parameters, told_values
 from datagen.simulating.constants import sample_factors
 from datagen.simulating.drawn import simulate_system
 from datagen.simulating.simulator import Simulator
@@ -107,6 +107,7 @@ def simulate(
         inputs=trajectory.inputs[None],
         starts=np.array([record_start(described, seed, index)]),
         factors=sample_factors(described, seed, index)[None, drawn_at] if uncertain else None,
+        given=told_values(described, seed, index)[None] if described.told else None,
         attributes={
             "fmu_sha256": simulator.fmu.sha256,
             "root_seed": str(seed),

@@ -5,16 +5,17 @@ from __future__ import annotations
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from datagen.driving.tables import InputTable
 from datagen.fmi import calls, instances
 from datagen.fmi.checking import check_held, check_system, conversion_of, fmu_of
-from datagen.fmi.watchdog import watchdog
 from datagen.simulating import cosimulation, native
 from datagen.simulating.canary import resets_cleanly
 from datagen.simulating.solver import Cvode
+from shared import watchdog
 from shared.errors import SimulationError
 from shared.system import System
 from shared.variables import WeatherInput
@@ -118,8 +119,9 @@ class Simulator:
         driven
             Whether the inputs of each step are wanted as well.
         timeout
-            Wall-clock limit of the simulation [s]. An FMU that hangs in one of its own functions is not interrupted:
-            only another process can end that.
+            Wall-clock limit of the simulation [s]; that of the command or of its worker, if not given. An FMU that
+            hangs in one of its own functions ends such a process, and is not interrupted in any other
+            (:mod:`shared.watchdog`).
 
         Raises
         ------
@@ -162,20 +164,21 @@ class Simulator:
                 span = {"start": start - years, "stop": stop - years, "step": step}
                 self.reuse = resets_cleanly(self, parameters, inputs, **span, timeout=timeout)
             plan, kept = self._plan(table)
-            next_event, *states = instances.initialise(
-                self.fmu,
-                {**system.fixed, **(system.replay if replay else {}), **self._in_fmu_units(parameters)},
-                (self._vr_inputs.tolist(), table.at(np.array([start]))[0].tolist()),
-                start=start,
-                stop=stop,
-                tolerance=tolerance,
-                initial_states=initial_states,
-                reuse=bool(self.reuse) and self._finished,
-            )
-            self._finished = False
-            plan[calls.COMPONENT] = self.fmu.interface.instance
-            reached = np.array([start])
-            with watchdog(plan, timeout):
+            timeout = watchdog.limit() if timeout is None else timeout
+            with watchdog.watched(str(self.fmu.path), partial(plan.__setitem__, calls.EXPIRED, 1), timeout):
+                next_event, *states = instances.initialise(
+                    self.fmu,
+                    {**system.fixed, **(system.replay if replay else {}), **self._in_fmu_units(parameters)},
+                    (self._vr_inputs.tolist(), table.at(np.array([start]))[0].tolist()),
+                    start=start,
+                    stop=stop,
+                    tolerance=tolerance,
+                    initial_states=initial_states,
+                    reuse=bool(self.reuse) and self._finished,
+                )
+                self._finished = False
+                plan[calls.COMPONENT] = self.fmu.interface.instance
+                reached = np.array([start])
                 if self.fmu.cosimulation:
                     outcome = self._step(plan, table, grid, step, records, reached)
                 else:
@@ -197,7 +200,7 @@ class Simulator:
         return Trajectory(
             time=recorded[1:],
             outputs=outputs,
-            inputs=self._driven(inputs, recorded) if driven else np.empty((0, count)),
+            inputs=self.driven(inputs, recorded) if driven else np.empty((0, count)),
             states=records.states,
             statistics={name: int(plan[place]) for name, place in counts.items()},
         )
@@ -271,7 +274,7 @@ class Simulator:
             raise SimulationError(f"{self.fmu.path.name}: {error}") from None
         return cosimulation.march(plan, *steps, records.points, records.quadratures, reached)
 
-    def _driven(self, inputs: InputTable, grid: np.ndarray) -> np.ndarray:
+    def driven(self, inputs: InputTable, grid: np.ndarray) -> np.ndarray:
         """Inputs of each step between the points of a grid, shape (inputs, steps): means of what is held, else ends."""
         found = np.where(self._held[:, None], inputs.means(grid).T, inputs.at(grid[1:]).T)
         found[self._directions] %= 360.0  # as a vane shows it; the FMU's has no jump from 360 to 0

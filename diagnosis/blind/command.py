@@ -185,7 +185,7 @@ def score(
     seed: NotNegative = 0,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
 ) -> int:
-    """Open the answers and hold the verdicts against them. Writes OUT (HTML), and beside it .json and .md.
+    """Open the answers and compare the verdicts with them. Writes OUT (HTML), and beside it .json and .md.
 
     Parameters
     ----------

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-import multiprocessing
 import os
 import shutil
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from pathlib import Path
@@ -28,7 +27,7 @@ from diagnosis.blind.truth import default_truth, load_truth
 from diagnosis.effects import library
 from diagnosis.recording import DAY, HOUR
 from diagnosis.where.series import FEWEST
-from shared.children import starting
+from shared.children import starting, worker_pool
 from shared.errors import RecordingError, SimulationError, ZeroshotError
 from shared.lock import FolderLock
 from shared.reading import read_json
@@ -191,23 +190,19 @@ def _work_off(
             write_one(generator, *job)
             tell(k)
         return
-    context = multiprocessing.get_context("spawn")  # loading an FMU changes the folder of its process
-    with ProcessPoolExecutor(workers, context, _prepare, (system, truth, hours)) as pool:
-        try:
+    try:
+        with worker_pool(workers, _prepare, (system, truth, hours)) as pool:
             with starting():  # the first one starts the processes
                 futures = [pool.submit(_work, job) for job in jobs]
             for k, future in enumerate(as_completed(futures), done + 1):
                 future.result()
                 tell(k)
-        except BrokenProcessPool:
-            raise SimulationError(
-                f"{system.fmu_path} or the FMU of {truth}: took a process down that made recordings of {hours:g} h, or"
-                " memory ran out; expected FMUs that bear every parameter within its range, or fewer workers; what was"
-                " made is kept, and the same call goes on from there"
-            ) from None
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+    except BrokenProcessPool:
+        raise SimulationError(
+            f"{system.fmu_path} or the FMU of {truth}: took a process down that made recordings of {hours:g} h, or"
+            " memory ran out; expected FMUs that bear every parameter within its range, or fewer workers; what was"
+            " made is kept, and the same call goes on from there"
+        ) from None
 
 
 _generator: Generator | ZeroshotError | None = None

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import xarray as xr
 
 from datagen.simulating.simulator import Simulator
 from diagnosis.calibrating.calibrated import Calibrated
@@ -33,7 +34,7 @@ __all__ = ["Calibrated", "Calibration", "calibrate", "read_calibration", "whole"
 
 def calibrate(
     system: System | Path | str,
-    recording: Recording | Path | str,
+    recording: Recording | Path | str | xr.Dataset,
     *,
     run: Path | str | None = None,
     out: Path | str | None = None,

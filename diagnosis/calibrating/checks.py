@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import xarray as xr
+
 from diagnosis.fitting.noise import errors_under
 from diagnosis.physics import check_recording
 from diagnosis.recording import HOUR, Recording, check_warm_up, read_recording
@@ -14,7 +16,7 @@ from shared.system import System, load_system
 
 def opened(
     system: System | Path | str,
-    recording: Recording | Path | str,
+    recording: Recording | Path | str | xr.Dataset,
     *,
     noise: str,
     warm_up: float,
@@ -50,7 +52,7 @@ def opened(
 
 def taken(
     system: System,
-    recording: Recording | Path | str,
+    recording: Recording | Path | str | xr.Dataset,
     *,
     replay: bool,
     occupancy: str | None,

@@ -16,6 +16,7 @@ from shared.console import OK, NotNegative, Place, Positive, new_console, resuma
 from shared.logs import USUAL, Reporting
 from shared.progress import stages
 from shared.stretches import LONGEST, Stretch
+from shared.watchdog import PATIENT, Patience
 
 console = new_console()
 
@@ -32,12 +33,13 @@ def calibrate(
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
     stretch: Stretch = LONGEST,
     fitting: Fitting = PLAIN,
+    patience: Patience = PATIENT,
     report: Reporting = USUAL,
 ) -> int:
     """Estimate a system's parameters from a recording by simulation, from a zero-shot estimate (--run) or the prior.
 
-    Writes calibration.json and calibration.html: parameters with their uncertainty, what the recording tells and what
-    not, the fit, and what is left.
+    Writes calibration.json and calibration.html: parameters with intervals, how well the recording identifies them, the
+    fit, and the residuals.
 
     Parameters
     ----------
@@ -48,11 +50,11 @@ def calibrate(
     out
         Folder for the results.
     starts
-        Starts in all; further ones are drawn from the prior.
+        Number of start points. Those after the first are drawn from the prior.
     warm_up
-        The recording's first day is repeated this long before its start [h], at least a step.
+        Repeat the recording's first day for so long before its start [h], at least a step.
     seed
-        Of the further starts.
+        Seed of the further start points.
     as_json
         Print JSON.
     """
@@ -77,7 +79,7 @@ def calibrate(
         return OK
     for sentence in warnings(done.report.physics):
         console.print(sentence, style="bold red", markup=False)
-    table = Table("parameter", "unit", "value", "90 % interval", "told", "", box=None)
+    table = Table("parameter", "unit", "value", "90 % interval", "identified", "", box=None)
     for one in done.report.parameters:
         note = "on its bound" if one.at_bound else one.identified
         table.add_row(

@@ -1,4 +1,4 @@
-"""A calibration in a few sentences: what the recording tells, and why not to believe it."""
+"""A calibration in a few sentences: what the recording identifies, and why not to believe it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ POOR = 0.5
 OUTER = 1.28
 """Beyond this [prior standard deviations] a parameter lies in the outer tenths of its range: no prior left it."""
 ROUGH = 1.5
-"""Noise of readings so many times the declared one is told."""
+"""Noise of readings so many times the declared one is reported."""
 FAR = 2.0
 """Beyond this [prior standard deviations] an uncertain constant is not what the description expects."""
 
@@ -29,14 +29,14 @@ def sentences(report: Calibration) -> list[str]:
 def _lacking(report: Calibration) -> list[str]:
     """A fit that had no time, outputs that the model does not follow, and constants that are not the description's."""
     unexplained = [
-        f"The fitted model explains {max(one.explained, 0):.0%} of what {name} did: it lacks something, for which its"
-        " parameters make up, and neither they nor their intervals are to be believed."
+        f"The fitted model explains {max(one.explained, 0):.0%} of what {name} did: it lacks something, and its"
+        " parameters compensate. Trust neither them nor their intervals."
         for name, one in report.outputs.items()
         if one.explained is not None and one.explained < POOR
     ]
     stopped = (
-        "The time was up before the fit had come to rest: parameters are those of where it then was, with the intervals"
-        " of an optimum. The same command goes on from there, and with more minutes it comes further."
+        "The time was up before the fit converged: parameters are those where it stopped, with the intervals of an"
+        " optimum. The same command with more --minutes continues from there."
     )
     return [*([stopped] if report.stopped else []), *unexplained, *far_outside(_factors(report))]
 
@@ -60,8 +60,8 @@ def far_outside(factors: Mapping[str, tuple[float, float]], model: str = "") -> 
         return []
     are, they = ("is", "it") if len(said) == 1 else ("are", "them")
     return [
-        f"{model}{', '.join(said)} {are} far outside of what the description expects: parameters that lean on {they}"
-        " are not to be believed."
+        f"{model}{', '.join(said)} {are} far outside of what the description expects: do not trust parameters that"
+        f" depend on {they}."
     ]
 
 
@@ -84,27 +84,27 @@ def _factors(report: Calibration) -> dict[str, tuple[float, float]]:
 
 
 def _told(report: Calibration) -> list[str]:
-    """What the recording tells of each parameter."""
+    """How well the recording identifies each parameter."""
     groups: dict[str, list[Parameter]] = {"well": [], "partly": [], "hardly": [], "pushed": [], "bound": []}
     for p, place in zip(report.parameters, report.z, strict=False):
         pushed = "pushed" if abs(place) > OUTER else "hardly"
         groups["bound" if p.at_bound else pushed if p.identified == "hardly" else p.identified].append(p)
     them = "it" if len(groups["hardly"]) == 1 else "them"
-    hardly = f"It hardly tells {{}}: what is given for {them} is mostly the prior."
+    hardly = f"It hardly identifies {{}}: what is given for {them} is mostly the prior."
     if not report.converged:  # what still moved is in the interval, so that it looks like a prior that nothing moved
-        hardly = f"It hardly tells {{}}, and the fit did not settle on {them}: values are not the prior's either."
-    well = "The recording tells {} well."
+        hardly = f"It hardly identifies {{}}, and the fit did not settle on {them}: values are not the prior's either."
+    well = "The recording identifies {} well."
     if any(is_far(*one) for one in _factors(report).values()):
-        well = "Only with such constants does the recording tell {} as closely as their intervals say."
+        well = "Only with such constants does the recording identify {} as closely as their intervals say."
     said = [
         words.format(_listed(groups[kind]))
         for kind, words in (
             ("well", well),
-            ("partly", "It tells {} in part."),
+            ("partly", "It identifies {} in part."),
             ("hardly", hardly),
             (
                 "pushed",
-                "It pushes {} to an end of the range, as far as it tells: the interval ends where the range does.",
+                "It pushes {} to an end of the range: the interval ends where the range does.",
             ),
         )
         if groups[kind]
@@ -113,7 +113,7 @@ def _told(report: Calibration) -> list[str]:
     if bound:
         said.append(
             f"{_listed(bound)} {'lies' if len(bound) == 1 else 'lie'} on a bound of the range: either the range is"
-            " too narrow, or the model lacks something that the parameter makes up for."
+            " too narrow, or the model lacks something that the parameter compensates for."
         )
     return said
 
@@ -133,7 +133,7 @@ def _meant(report: Calibration) -> list[str]:
     ]
     if slow:
         said.append(
-            f"What is left of {', '.join(slow)} is slow and larger than its sensor's noise: the model lacks something."
+            f"The residual of {', '.join(slow)} is slow and larger than its sensor's noise: the model lacks something."
         )
     rough = [
         f"{name} ({number(one.noise, 3)}{spaced(one.unit)}, declared {number(one.declared, 3)})"
@@ -142,34 +142,32 @@ def _meant(report: Calibration) -> list[str]:
     ]
     if rough:
         said.append(
-            f"What is left of {', '.join(rough)} scatters from reading to reading by more than its sensor's noise:"
+            f"The residual of {', '.join(rough)} scatters from reading to reading by more than its sensor's noise:"
             " either that is declared too small, or the model lacks something fast. Intervals allow for it as noise."
         )
     if report.undeclared:
         taken = ", ".join(f"{name} (to {size})" for name, size in report.undeclared.items())
         said.append(
             f"No noise is declared for the sensor of {taken}: readings were taken to be as exact as the model's"
-            " numbers, but for what the fit itself told of their noise. Declare it in the description's [[outputs]] as"
+            " numbers, except for the noise that the fit itself found. Declare it in the description's [[outputs]] as"
             " noise.sensor, or under the preset that --noise names."
         )
     if report.occupancy == "unknown":
         said.append(
-            "Nobody counted the persons: how many there were was inferred along with the parameters, with the"
-            " description's idea of how such a room is used. What depends on them is as uncertain as that idea, above"
-            " all what a person emits: count persons if the parameters matter."
+            "Occupants were not counted: how many there were was inferred along with the parameters, from the"
+            " description's occupancy. What depends on them is as uncertain as that, above all the emission of a"
+            " person. Count occupants if the parameters matter."
         )
     if report.replay:
-        said.append(
-            "Actuators were replayed: what their meters get wrong drives the model; take the intervals with care."
-        )
+        said.append("Actuators were replayed: errors of their meters drive the model, so take the intervals with care.")
     said.append(
-        f"Intervals are up to {report.widened:g} times as wide as the fit makes them, because a building is"
-        " not the model; of a parameter that is hardly told they are hardly wider, being the prior's. For a gap that"
-        " the model does not explain they do not allow."
+        f"Intervals are up to {report.widened:g} times as wide as the fit makes them, because a building is not the"
+        " model. Those of hardly identified parameters are hardly wider, being the prior's. They do not allow for a gap"
+        " that the model does not explain."
     )
     if not report.converged:
         said.append(
-            "The fit had not come to rest when it stopped: values are means of its last rounds, and intervals allow for"
-            " what they still moved by. Take its figures with care."
+            "The fit had not converged when it stopped: values are means of its last iterations, and intervals allow"
+            " for their remaining movement. Take its figures with care."
         )
     return said

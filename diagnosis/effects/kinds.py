@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
 from datagen.driving.tables import Piecewise
 from diagnosis.effects.shapes import joined, shape_signal
@@ -286,6 +285,8 @@ def lagged(y: np.ndarray, constant: float, step: float) -> np.ndarray:
     Exact for a signal of straight lines between the samples (first-order hold): over one step
     z1 = a z0 + (b - a) y0 + (1 - b) y1 with a = exp(-step / constant), b = (1 - a) constant / step.
     """
+    from scipy.signal import lfilter  # it brings scipy.stats, which takes a second
+
     a = np.exp(-step / constant)
     b = (1.0 - a) * constant / step
     shown, _ = lfilter([1.0 - b, b - a], [1.0, -a], y - y[0], zi=np.zeros(1))

@@ -10,17 +10,15 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from itertools import pairwise
-from multiprocessing import get_context
 from typing import Any, Protocol
 
 import numpy as np
 
-from datagen.farming.worker import simulator_for
 from datagen.simulating.simulator import Simulator
 from diagnosis.fitting.failures import FAILURES, reason
 from diagnosis.fitting.run import Run
 from diagnosis.fitting.warmed import warmed
-from shared.children import starting
+from shared.children import starting, worker_pool
 from shared.errors import ClusterError, SimulationError, ZeroshotError
 from shared.system import System
 
@@ -53,12 +51,12 @@ class InProcess:
 
 
 class Processes:
-    """In processes of this machine, each with its own simulator. Close it, or use :func:`side_by_side`."""
+    """In processes of this machine, each with its own simulator."""
 
-    def __init__(self, system: System, workers: int) -> None:
+    def __init__(self, system: System, workers: int, pool: ProcessPoolExecutor) -> None:
         self._what = (system.canonical(), str(system.path))
         self.workers, self.batch = workers, _ROUNDS * workers
-        self._pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
+        self._pool = pool
 
     def map(self, runs: Sequence[Run]) -> list[Outcome]:
         """See :class:`Runner`."""
@@ -72,10 +70,6 @@ class Processes:
                 f"one of {self.workers} processes that simulate was killed, as they are where memory runs out; expected"
                 " all of them to stay. Give fewer --workers: the same command goes on from there"
             ) from None
-
-    def close(self) -> None:
-        """End the processes."""
-        self._pool.shutdown(cancel_futures=True)
 
 
 class Cluster:
@@ -118,11 +112,8 @@ def side_by_side(simulator: Simulator, *, workers: int | None = None, scheduler:
         with connect(workers=workers, scheduler=scheduler) as client:
             yield Cluster(simulator.system, client)
     elif workers is not None and workers > 1:
-        pool = Processes(simulator.system, workers)
-        try:
-            yield pool
-        finally:
-            pool.close()
+        with worker_pool(workers) as pool:
+            yield Processes(simulator.system, workers, pool)
     else:
         yield InProcess(simulator)
 
@@ -145,6 +136,8 @@ def _parts(runs: Sequence[Run], workers: int) -> list[list[Run]]:
 
 
 def _simulate_all(what: tuple[str, str], runs: Sequence[Run]) -> list[Outcome]:
+    from datagen.farming.worker import simulator_for  # with distributed, which only workers need
+
     simulator = simulator_for(*what)
     if simulator is None:
         return [SimulationError(f"{what[1]}: its FMU is not on this worker; expected the same path")] * len(runs)

@@ -14,6 +14,7 @@ from shared.console import OK, Place, Positive, new_console, resumable
 from shared.logs import USUAL, Reporting
 from shared.progress import stages
 from shared.stretches import LONGEST, Stretch
+from shared.watchdog import PATIENT, Patience
 
 console = new_console()
 
@@ -31,11 +32,12 @@ def forecast(
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
     stretch: Stretch = LONGEST,
     fitting: Fitting = PLAIN,
+    patience: Patience = PATIENT,
     report: Reporting = USUAL,
 ) -> int:
     """Estimate parameters from a recording's first days, simulate the days after, and compare.
 
-    Writes forecast.json and forecast.html. Ahead, the recording's inputs drive the model.
+    Writes forecast.json and forecast.html. The recording's inputs drive the model in the days ahead.
 
     Parameters
     ----------
@@ -46,14 +48,14 @@ def forecast(
     out
         Folder for the results.
     context
-        What the parameters are estimated from [h].
+        Length of the first part, from which the parameters are estimated [h].
     ahead
-        What is forecast [h].
+        Length of the forecast [h].
     calibration
-        A folder of `diagnosis calibrate`, in place of one on the context, to which --run, --starts and --noise
-        belong.
+        Folder of a `diagnosis calibrate`, in place of a calibration on the context. Not with --run, --starts or
+        --noise.
     starts
-        Starts of the calibration on the context, as of `diagnosis calibrate` if not given.
+        Start points of the calibration on the context. Default: as `diagnosis calibrate`.
     as_json
         Print JSON.
     """

@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import xarray as xr
 
 from datagen.simulating.simulator import Simulator
 from diagnosis.calibrating.calibration import calibrate
@@ -46,7 +47,7 @@ DRAWS = 40
 
 def forecast(
     system: System | Path | str,
-    recording: Recording | Path | str,
+    recording: Recording | Path | str | xr.Dataset,
     *,
     context: float = 168.0,
     ahead: float = 336.0,

@@ -5,11 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
+import xarray as xr
+from matplotlib.figure import Figure
 from pydantic import BaseModel, ConfigDict
 
 from diagnosis.calibrating.schema import Calibration
+from diagnosis.curves import curves, plot
 from diagnosis.physics import Finding
 from diagnosis.scores import Score
+from shared.results import Result
 from shared.system import System
 
 
@@ -43,8 +48,8 @@ class Forecast(BaseModel):
     outputs: dict[str, Ahead | None]
 
 
-@dataclass(frozen=True)
-class Forecasted:
+@dataclass(frozen=True, repr=False)
+class Forecasted(Result):
     """A forecast and its curves.
 
     ``time`` (steps,) [s]; ``measured``, ``centre``, ``low``, ``high`` (outputs, steps) [unit of each] over context and
@@ -61,6 +66,30 @@ class Forecasted:
     high: np.ndarray
     context: int
     given: bool
+
+    @property
+    def headline(self) -> str:
+        """What this is, in a few words."""
+        report = self.report
+        ahead = f"{report.ahead_hours:g} h after {report.context_hours:g} h of {report.recording}"
+        return f"{report.system}, {len(report.outputs)} outputs, {ahead}"
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row for each output and time: measured, forecast, the ends of the 90 % band, and whether it was ahead."""
+        table = self.curves().drop_vars(["unit", "long_name"]).to_dataframe()
+        ahead = np.arange(len(self.time)) >= self.context
+        return table.assign(ahead=np.tile(ahead, len(self.measured)))
+
+    def plot(self) -> Figure:
+        """Measured, forecast and its band, output by output."""
+        return plot(self.curves())
+
+    def curves(self) -> xr.Dataset:
+        """What was measured, the forecast and its band, over (output, time): the first ``context`` steps are fitted."""
+        begin = float(2 * self.time[0] - self.time[1])  # a stamp is the end of its step
+        zero = np.datetime64(self.report.begin.replace(" ", "T"), "ms") - np.timedelta64(round(begin * 1000), "ms")
+        band = {"low": self.low, "high": self.high}
+        return curves(self.time, zero, self.system.outputs, measured=self.measured, model=self.centre, **band)
 
 
 def about_failed(draws: int, failed: int) -> str:

@@ -25,8 +25,8 @@ def answer(report: Forecast, names: Mapping[str, str]) -> list[str]:
         failed.append(f"The time was up: the bands are those of {report.draws} simulations, fewer than usual.")
     if not scored:
         return [
-            f"No output was measured in the {hours} ahead but such as drive the model: how far off the forecast is"
-            " cannot be told.",
+            f"No output was measured in the {hours} ahead, except those that drive the model: the error of the forecast"
+            " is unknown.",
             *failed,
         ]
     off = ", ".join(
@@ -35,7 +35,7 @@ def answer(report: Forecast, names: Mapping[str, str]) -> list[str]:
     held = ", ".join(f"{percent(one.covered, 0)} of {name}" for name, one in scored.items())
     return [
         f"Over the {hours} ahead the forecast was off in {off} (root mean square).",
-        f"Its {band} held {held}: it allows for what the context leaves open of the parameters and of what was not"
-        " measured, and for the sensors' noise, but not for what the model lacks.",
+        f"Its {band} covered {held}. It allows for uncertain parameters, for inputs that were not measured and for"
+        " sensor noise, but not for what the model lacks.",
         *failed,
     ]

@@ -16,6 +16,7 @@ from shared.logs import USUAL, Reporting
 from shared.numbers import counted, number
 from shared.progress import stages
 from shared.stretches import LONGEST, Stretch
+from shared.watchdog import PATIENT, Patience
 
 console = new_console()
 LINES = 5
@@ -33,6 +34,7 @@ def run(
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
     stretch: Stretch = LONGEST,
     fitting: Fitting = PLAIN,
+    patience: Patience = PATIENT,
     reporting: Reporting = USUAL,
 ) -> int:
     """Diagnose the gap between a recording and the model: where it lies, which effect causes it, how far it shrinks.
@@ -48,13 +50,14 @@ def run(
     out
         Folder for the results.
     warm_up
-        The recording's first day is repeated this long before its start [h], at least a step.
+        Repeat the recording's first day for so long before its start [h], at least a step.
     seed
-        Of twins, placebos and bootstraps.
+        Seed of bootstrap replicates and placebos.
     as_json
         Print the report as JSON.
     """
     from diagnosis.gap.diagnosed import diagnose
+    from diagnosis.gap.sentences import headline
     from diagnosis.physics import hints, warnings
 
     with stages("reading", shown=not reporting.quiet) as tell:
@@ -73,6 +76,7 @@ def run(
         return OK
     for sentence in warnings(report.physics):
         console.print(sentence, style="bold red", markup=False)
+    console.print(headline(report), style="bold", markup=False)
     for sentence in report.summary + hints(report.physics):
         console.print(sentence, markup=False)
     table = Table("candidate", "probability", "size", "unit", box=None)

@@ -7,7 +7,11 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
+import xarray as xr
+from matplotlib.figure import Figure
 
+from diagnosis.curves import curves, plot
 from diagnosis.effects import Effect
 from diagnosis.fitting.failures import NO_TIME
 from diagnosis.fitting.fit import Fit
@@ -22,10 +26,11 @@ from diagnosis.gap.reporting import reported
 from diagnosis.gap.schema import HOW_FAR, Report
 from diagnosis.gap.search import at_its_optimum, search
 from diagnosis.gap.searched import Search
-from diagnosis.gap.shrinkage import Shrinkage, shrinkages
+from diagnosis.gap.shrinkage import Shrinkage, left_by, shrinkages
 from diagnosis.gap.starting import Begun
 from diagnosis.recording import HOUR
 from diagnosis.where import Operator, Where
+from shared.results import Result
 
 SOURCES = "what the balances may lack"
 
@@ -44,8 +49,8 @@ class Began:
         return cls(time.perf_counter(), time.process_time(), simulations)
 
 
-@dataclass(frozen=True)
-class Diagnosis:
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Result):
     """A diagnosis and all that it was made from.
 
     ``whole`` is the problem before any fit; ``scored`` (steps,) the part that ``apart``'s fits do without; ``sources``
@@ -85,6 +90,35 @@ class Diagnosis:
     def base(self) -> Fit:
         """The base model's fit."""
         return self.origin.fit
+
+    @property
+    def headline(self) -> str:
+        """What this is, in a few words."""
+        return f"{self.report.recording}: {self.report.summary[1]}"
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row for each candidate: its probability, and its size with the 90 % interval if it was fitted."""
+        return pd.DataFrame([one.model_dump() for one in self.report.effects]).set_index("name")
+
+    def plot(self) -> Figure:
+        """Measured, the base model, and the model with the chosen effects, output by output."""
+        return plot(self.curves())
+
+    def curves(self) -> xr.Dataset:
+        """What was measured, the base model, and the model with the chosen effects if there are any."""
+        first, last, record = self.search.stages[0], self.search.last, self.whole.recording
+        before, after = first.twins.residual, None
+        if last.lin.chosen:
+            after = record.outputs - left_by(last.lin, last.colours, self.whole.observed)
+        system = self.whole.system
+        return curves(
+            record.time,
+            record.zero,
+            system.outputs,
+            measured=record.outputs,
+            before=record.outputs - before,
+            after=after,
+        )
 
 
 def concluded(

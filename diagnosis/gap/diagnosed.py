@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import xarray as xr
+
 from datagen.simulating.simulator import Simulator
 from diagnosis.calibrating.checks import opened
 from diagnosis.effects import Effect, library
@@ -42,7 +44,7 @@ told follows from them, and where a stage is left out there is less of it."""
 
 def diagnose(
     system: System | Path | str,
-    recording: Recording | Path | str,
+    recording: Recording | Path | str | xr.Dataset,
     *,
     run: Path | str | None = None,
     out: Path | str | None = None,

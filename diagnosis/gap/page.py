@@ -21,7 +21,7 @@ from diagnosis.gap.pictures import (
 )
 from diagnosis.gap.reporting import sensors_among
 from diagnosis.gap.scan import LEVEL, NEGLIGIBLE
-from diagnosis.gap.schema import HOW_FAR, Place
+from diagnosis.gap.schema import HOW_FAR, VERDICTS, Place
 from diagnosis.gap.twins import SHOWN as SHOWN_TWINS
 from diagnosis.pages import page_environment
 from diagnosis.physics import hints, warnings
@@ -32,14 +32,6 @@ from diagnosis.where.pictures import draw_cells, draw_correlations
 from diagnosis.where.source import Source, Verdict
 from diagnosis.where.timelines import draw_episodes, draw_sources
 from diagnosis.whole import whole
-
-VERDICTS = {
-    "effect": "A cause is found",
-    "ambiguous": "Causes that cannot be told apart",
-    "none_of_these": "A gap, but none of the candidates explains it",
-    "no_gap": "No gap",
-    "unfinished": "A gap, whose cause was not looked for to the end",
-}
 
 
 def write_report(done: Diagnosis, folder: Path) -> None:

@@ -12,6 +12,14 @@ from diagnosis.physics import Finding
 SCHEMA_VERSION = 13
 HOW_FAR = "how far the gap shrinks"
 """Of the steps that a report may lack."""
+VERDICTS = {
+    "effect": "A cause is found",
+    "ambiguous": "Causes that cannot be told apart",
+    "none_of_these": "A gap, but none of the candidates explains it",
+    "no_gap": "No gap",
+    "unfinished": "A gap, whose cause was not looked for to the end",
+}
+"""What the verdicts are called."""
 NOTICED = 0.02
 """Candidates of less probability are told together."""
 FEWEST = 12

@@ -7,16 +7,33 @@ from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
 from diagnosis.fitting.failures import NO_TIME
-from diagnosis.gap.schema import FEWEST, HOW_FAR, NamedEffect, Report, ShrinkageOf
+from diagnosis.gap.schema import FEWEST, HOW_FAR, VERDICTS, NamedEffect, Report, ShrinkageOf
 from diagnosis.gap.stages import LEVEL, PLAIN
 from diagnosis.pages import long_named, percent, within_sentence
 from shared.numbers import counted, number
 from shared.variables import spaced
 
 NEEDED = 0.05
-"""Up to this p-value a source is told as missing."""
+"""Up to this p-value a source is reported as missing."""
 LISTED = 6
 """So many names of a set are said."""
+
+
+def headline(report: Report) -> str:
+    """The answer in one line: the cause, its size, its probability, and what it removes of the gap."""
+    named = [one for one in report.effects if one.named]
+    if report.verdict not in ("effect", "ambiguous") or not named:
+        return f"{VERDICTS[report.verdict]}."
+    causes = []
+    for one in named:
+        size = "" if one.amplitude is None else f", {number(one.amplitude, 3)}{spaced(one.unit)}"
+        if one.low is not None and one.high is not None:
+            size += f" ({number(one.low, 3)} to {number(one.high, 3)})"
+        causes.append(f"{long_named(one.name, one.description)}{size}, probability {one.probability:.0%}")
+    shares = [(one.channel, one.told[0]) for one in report.shrinkage]
+    removed = ", ".join(f"{share:.0%} of the gap in {channel}" for channel, share in shares if share is not None)
+    which = "Cause" if len(causes) == 1 else "One of these causes" if report.verdict == "ambiguous" else "Causes"
+    return f"{which}: {'; '.join(causes)}.{f' Removes {removed}.' if removed else ''}"
 
 
 def summary(
@@ -52,25 +69,24 @@ def _nowhere(report: Report) -> str:
     seemed = []
     if first.p_value <= LEVEL or first.evidence >= PLAIN:
         seemed.append(
-            "a candidate stands out where the model is taken for a straight line, but fitted with the parameters none"
-            " is strong evidence"
+            "a candidate stands out in the linearised model, but fitted with the parameters none is strong evidence"
         )
     if report.dropped:
         seemed.append(
-            f"fitted from where the base model's fit began, {' with '.join(report.dropped)} explains the recording much"
-            " better than the base model does, but what that leaves is no larger than noise in any way that was tested"
+            f"from the base model's start point, {' with '.join(report.dropped)} fits the recording much better than"
+            " the base model, but what the base model leaves is no larger than noise in any test"
         )
     if where_p <= LEVEL / 2:
         what = f" ({report.where[0].text})" if report.where else ""
-        seemed.append(f"a place{what} stands out, but what is left as a whole is no larger than noise")
+        seemed.append(f"a place{what} stands out, but the residual as a whole is no larger than noise")
     if first.episode_p is not None and first.episode_p <= LEVEL / 2:
         why = "as errors of replayed actuators' meters make them" if report.replay else "but not by clear evidence"
         seemed.append(f"a stretch of one output stands out, {why}")
     if seemed:
-        return f"Where: nowhere that can be told from noise for sure {chances}: {'; and '.join(seemed)}."
+        return f"Where: no difference is certain beyond noise {chances}: {'; and '.join(seemed)}."
     return (
-        "Where: nowhere that can be told from noise; the calibrated model explains the recording as well as it explains"
-        f" recordings of its own making {chances}."
+        "Where: no difference beyond noise; the calibrated model explains the recording as well as recordings that it"
+        f" simulated itself {chances}."
     )
 
 
@@ -95,22 +111,22 @@ def _which(report: Report) -> str:
     named = [one for one in report.effects if one.named]
     if report.verdict == "no_gap":
         return (
-            f"Which: no effect is needed; that none is there is {report.no_gap:.0%} sure, because small ones go unseen"
+            f"Which: no effect is needed. That none acts is {report.no_gap:.0%} sure, because small ones go unseen"
             " (the report has the smallest that would be seen)."
         )
     if report.verdict == "none_of_these":
         chosen = " with ".join(report.stages[-1].effects)
         tried = sum(one.name not in {*report.excluded, *report.failed} for one in report.effects)
-        otherwise = ": one of them may act otherwise than it is described" if tried else ""
-        nearest = f"; the nearest is {chosen}, which is rejected on its own twins" if chosen else ""
+        otherwise = ": one of them may act by another law than described" if tried else ""
+        nearest = f"; the nearest is {chosen}, which is rejected on its own bootstrap replicates" if chosen else ""
         return (
             f"Which: none of the {tried} candidates explains it{nearest}. That the cause is none of them"
             f" is {report.none_of_these:.0%} sure{otherwise}."
         )
     if report.verdict == "unfinished":
         foremost = [_sure(report, one.name) for one in report.foremost[:LISTED]]
-        by_lines = f" By straight lines alone the foremost are {', '.join(foremost)}." if foremost else ""
-        return f"Which: that was not looked for to the end ({_why(report)}), so no candidate is named.{by_lines}"
+        by_lines = f" In the linearised model the foremost are {', '.join(foremost)}." if foremost else ""
+        return f"Which: the search was not finished ({_why(report)}), so no candidate is named.{by_lines}"
     rest = _left(report) if report.rejected else ""
     at_least = (
         "of these causes at least is among them" if report.verdict == "ambiguous" else "of them at least is a cause"
@@ -179,34 +195,34 @@ def _how_far(report: Report, long: Mapping[str, str]) -> str:
         )
     if not report.shrinkage:
         return (
-            "How far: that is told on a part that is kept from a fit to the rest, and one of the two has no readings; a"
-            " longer recording would tell."
+            "How far: this is measured on held-out days, and they or the other days have no readings. A longer"
+            " recording would help."
         )
     shares = [one for one in report.shrinkage if one.share is not None]
     few = [long_named(one.channel, long) for one in report.shrinkage if one.few]
     if len(few) == len(report.shrinkage):
         return (
-            f"How far: the part that is kept from a fit for that has fewer than {FEWEST} readings of any channel, too"
-            " few to say how far the gap shrinks; a longer recording would tell."
+            f"How far: the held-out days have fewer than {FEWEST} readings of any channel, too few to say how far the"
+            " gap shrinks. A longer recording would help."
         )
-    untold = f" Of {', '.join(few)} there are too few readings on these days to tell." if few else ""
+    untold = f" There are too few readings of {', '.join(few)} on these days." if few else ""
     if not shares:
         return (
-            "How far: on the days that are kept from a fit for that, no channel's gap stands out from the noise, so no"
-            f" share of it can be given.{untold}"
+            "How far: on the held-out days, no channel's gap stands out from the noise, so no share of it can be given."
+            f"{untold}"
         )
     said = ", ".join(_removed(one, long_named(one.channel, long)) for one in shares)
     placebo = max((one.placebo or 0.0) for one in shares)
     days = (
-        "days that took no part in the fit"
+        "held-out days"
         if report.chosen_apart
-        else ("days that took no part in the fit (but in the choice: the other days alone put another candidate first)")
+        else "held-out days (which took part in the choice: the other days alone put another candidate first)"
     )
     names = " with ".join(chosen)  # the share is theirs, whatever else may be the cause
     what = {"none_of_these": f"even the nearest ({names})", "ambiguous": names}.get(report.verdict, "this")
     return (
         f"How far: on {days}, {what} removes {said} of the gap above noise;"
-        f" a meaningless signature of equal freedom removes {_share(placebo)} on average where it removes most."
+        f" a placebo of equal freedom removes {_share(placebo)} on average in the channel where it removes most."
         f"{untold}"
     )
 
@@ -219,7 +235,7 @@ def _removed(one: ShrinkageOf, channel: str) -> str:
     after, floor = one.after or 0.0, one.floor or 0.0  # there is a share, so there are readings
     rest = after / floor if floor > 0 else math.inf
     left = "less than 1%" if rest < 0.01 else percent(rest, 0)
-    return f"all in {channel} (what is left is {left} of what noise is taken for, {number(floor, 3)}{spaced(one.unit)})"
+    return f"all in {channel} (the rest is {left} of the assumed noise, {number(floor, 3)}{spaced(one.unit)})"
 
 
 def _share(value: float | None) -> str:

@@ -15,8 +15,8 @@ from diagnosis.measurements.layout import Layout, layout_of
 from diagnosis.measurements.mapping import OPEN, File, unfilled
 from shared.errors import RecordingError
 from shared.places import check_folder
-from shared.reading import MOST_TOML, listed, parse_toml
-from shared.shipped import shipped_systems
+from shared.reading import MOST_TOML, parse_toml
+from shared.shipped import USUAL
 from shared.system import System, load_system
 
 _STUCK = 12.0
@@ -37,13 +37,19 @@ class Guess:
 
 @dataclass(frozen=True)
 class Draft:
-    """A draft: its file and text, what its columns were taken for, and which fields somebody has to fill in."""
+    """A draft: its file and text, what its columns were taken for, and which fields somebody has to fill in.
+
+    ``columns`` are the file's but those of its times, with their readings, in the order of ``guesses``; rows are
+    usually ``interval`` apart [s].
+    """
 
     path: Path
     data: Path
     text: str
     guesses: list[Guess]
     to_fill_in: list[str] = field(default_factory=list)
+    columns: list[Column] = field(default_factory=list)
+    interval: float = 0.0
 
     def __repr__(self) -> str:
         used = sum(bool(one.to) for one in self.guesses)
@@ -60,7 +66,7 @@ def draft_mapping(data: Path | str, system: System | Path | str | None = None, *
     data
         The measurements: CSV, Excel, Parquet or NetCDF.
     system
-        The description of what is measured; the one that comes with the package if not given, where it is the only one.
+        The description of what is measured; that of the paper's room, if not given.
     out
         The mapping to write.
 
@@ -75,7 +81,7 @@ def draft_mapping(data: Path | str, system: System | Path | str | None = None, *
     if out.exists():
         raise RecordingError(f"{out}: is there already; expected another name (--out), or that it is removed first")
     check_folder(out.parent, RecordingError)
-    named = system if isinstance(system, System) else _only(system)
+    named = system or USUAL
     described = named if isinstance(named, System) else load_system(named)
     layout = layout_of(data)
     columns = guess(layout, described)
@@ -88,18 +94,8 @@ def draft_mapping(data: Path | str, system: System | Path | str | None = None, *
             file.write(text)
     except OSError as error:
         raise RecordingError(f"{out}: cannot be written ({error.strerror or error})") from None
-    return Draft(
-        out, data, text, [_guess(one) for one in columns], list(unfilled(parse_toml(text, str(out), RecordingError)))
-    )
-
-
-def _only(system: Path | str | None) -> Path | str:
-    if system is not None:
-        return system
-    shipped = list(shipped_systems())
-    if len(shipped) != 1:
-        raise RecordingError(f"system is missing; expected --system with a description, or one of {listed(shipped)}")
-    return shipped[0]
+    open_fields = list(unfilled(parse_toml(text, str(out), RecordingError)))
+    return Draft(out, data, text, [_guess(one) for one in columns], open_fields, columns, layout.interval)
 
 
 def _reference(system: System | Path | str, out: Path) -> str:

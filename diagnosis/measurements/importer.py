@@ -125,8 +125,8 @@ class Composer:
             made = self.judge.mapped(target, source, f"variables.{one.name}", weather=weather)
             if isinstance(one, OccupancyInput) and source.constant is not None:
                 self.notes.append(
-                    f"{one.name}: {made.values[0]:g} persons at all hours, nights too, as the mapping states: a"
-                    " calibration, forecast or diagnosis takes that for a count, unless told --occupancy unknown"
+                    f"{one.name}: {made.values[0]:g} occupants at all hours, nights too, as the mapping states: a"
+                    " calibration, forecast or diagnosis takes that for a count; use --occupancy unknown if it is none"
                 )
             if isinstance(one, OccupancyInput) and source.unit in COUNTS and made.signal is not None:
                 most = self.system.occupancy.headcount[1] if self.system.occupancy is not None else 1

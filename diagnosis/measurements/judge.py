@@ -170,7 +170,7 @@ class Judge:
             raise RecordingError(
                 f"{where}: nothing says whether its readings, {apart:g} s apart, are means or instants, and"
                 f" {target.name} is a mean over each step of {self.step:g} s; expected reading = 'mean' if the logger"
-                " wrote means (as most do of a power or a flow), 'point' to join instants by straight lines, or 'hold'"
+                " wrote means (as most do of a power or a flow), 'point' to interpolate between instants, or 'hold'"
                 " for what holds until the next reading"
             )
         self.tell(plausible.about_instants(target.name, apart, self.step))
@@ -236,7 +236,7 @@ class Judge:
         )
         if usual is not None and kind_of_reading == "point" and source.reading is None and source.unit in _STATES:
             raise RecordingError(
-                f"{where}: is read every {usual / 3600:.3g} h only, and {source.unit} is no straight line between;"
+                f"{where}: is read every {usual / 3600:.3g} h only, and {source.unit} is not linear in between;"
                 " expected reading = 'hold' if it is logged when it changes, or reading = 'point' to join its readings"
             )
         if usual is not None:

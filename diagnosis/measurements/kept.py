@@ -82,7 +82,7 @@ class Kept:
             f" gaps hold{'s' * (len(found) == 1)} {kept:g} of {self.hours():g} h in which outputs were measured"
         ]
         if len(found) > 1:
-            said.append("a command takes one stretch, the longest unless told (--stretch, or --from and --to)")
+            said.append("a command takes the longest stretch, or another by --stretch, or --from and --to")
         more = self.hours(self.stretches(without=self.crowd))
         if more > kept + MUCH * self.hours():
             said.append(

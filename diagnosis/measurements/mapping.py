@@ -35,12 +35,12 @@ OPEN = "?"
 class File(Table):
     """How the file is written. Of Excel count ``skip``, ``below``, ``sheet`` and ``missing``, of Parquet the last."""
 
-    separator: str = Field(",", min_length=1, max_length=1)
-    decimal: Literal[".", ","] = "."
+    separator: str = Field(",", min_length=1, max_length=1, description="between two columns")
+    decimal: Literal[".", ","] = Field(".", description="the decimal sign")
     skip: int = Field(0, ge=0, lt=2**31, description="lines before the line of column names")
     below: int = Field(0, ge=0, le=100, description="lines between the column names and the readings, as of units")
     sheet: str | None = Field(None, description="the sheet of an Excel file; needed if several have cells")
-    encoding: str = "utf-8-sig"
+    encoding: str = Field("utf-8-sig", description="of the text, as Python calls it")
     missing: list[str] = Field(["", "NA", "NaN", "nan", "null", "NULL", "None", "-"], description="texts for no value")
 
 
@@ -75,8 +75,8 @@ class Time(Table):
 class Place(Table):
     """Where the building stands; needed for the sun."""
 
-    latitude: float = Field(ge=-90, le=90)
-    longitude: float = Field(ge=-180, le=180)
+    latitude: float = Field(ge=-90, le=90, description="[degree] north")
+    longitude: float = Field(ge=-180, le=180, description="[degree] east")
     altitude: float = Field(0.0, ge=-500, le=9000, description="above the sea [m]")
 
 
@@ -90,10 +90,10 @@ class Grid(Table):
 class Meter(Table):
     """A second meter of the same quantity: compared and drawn, never used."""
 
-    column: str
+    column: str = Field(description="a column of the file")
     unit: str = Field(description="what the column is in, as unit = 'degC'")
-    scale: float = 1.0
-    offset: float = 0.0
+    scale: float = Field(1.0, description="readings are multiplied by it")
+    offset: float = Field(0.0, description="and this is added [unit]")
     persons: float | None = Field(None, gt=0, description="unit presence: how many persons a presence stands for")
 
     @model_validator(mode="after")
@@ -108,16 +108,16 @@ class Meter(Table):
 class Source(Table):
     """Where a variable comes from: a column, or one constant. Converted is ``scale * reading + offset`` in ``unit``."""
 
-    column: str | None = None
-    constant: float | None = None
+    column: str | None = Field(None, description="a column of the file")
+    constant: float | None = Field(None, description="one value throughout [unit], in place of a column")
     unit: str = Field(description="what the column is in, as unit = 'degC'")
-    scale: float = 1.0
-    offset: float = 0.0
+    scale: float = Field(1.0, description="readings are multiplied by it")
+    offset: float = Field(0.0, description="and this is added [unit]")
     persons: float | None = Field(None, gt=0, description="unit presence: how many persons a presence stands for")
     reading: Literal["point", "mean", "hold"] | None = Field(
         None,
         description="an instant, the mean of an interval, or a state that holds until the next reading; here or in"
-        " defaults, needed where means over steps are made of readings about a step apart",
+        " defaults, needed where means over steps come from readings about a step apart",
     )
     stamp: Literal["start", "end"] | None = Field(None, description="which end of its interval a mean is stamped with")
     shift: float = Field(0.0, description="added to the column's stamps, whose clock is known to be wrong [s]")
@@ -125,21 +125,21 @@ class Source(Table):
     max_gap: float | None = Field(
         None,
         gt=0,
-        description="readings further apart leave a gap, and a state holds no longer [h]; nearer ones of an output are"
-        " joined over what was lost between, flagged as interpolated",
+        description="readings further apart leave a gap, and a state holds at most so long [h]; between nearer ones an"
+        " output is interpolated, and flagged so",
     )
     valid: tuple[float, float] | None = Field(None, description="possible values, in ``unit``")
     stuck_after: float | None = Field(
         None,
         ge=0,
-        description="equal readings for longer are not believed [h]; 0: off; if not given, 12 h of what never stands"
-        " still (of irradiance, with the sun 10 degrees high), and 120 h of no wind",
+        description="equal readings for longer are rejected [h]; 0: off; if not given, 12 h of what always varies (of"
+        " irradiance, with the sun 10 degrees high), and 120 h of no wind",
     )
     fill: Literal["none", "interpolate"] | float | None = Field(
-        None, description="what an input's gaps are filled with: nothing, straight lines, or a constant in ``unit``"
+        None, description="how an input's gaps are filled: not, by interpolation, or with a constant in ``unit``"
     )
-    fill_up_to: float = Field(3.0, gt=0, description="longest gap that straight lines bridge [h]")
-    compare: Meter | None = None
+    fill_up_to: float = Field(3.0, gt=0, description="longest gap that is interpolated [h]")
+    compare: Meter | None = Field(None, description="a second meter; see below")
 
     @model_validator(mode="after")
     def _one_origin(self) -> Source:
@@ -164,8 +164,8 @@ class Source(Table):
 class Defaults(Table):
     """What holds for every column that does not say otherwise."""
 
-    reading: Literal["point", "mean", "hold"] = "point"
-    stamp: Literal["start", "end"] = "end"
+    reading: Literal["point", "mean", "hold"] = Field("point", description="as of a column")
+    stamp: Literal["start", "end"] = Field("end", description="as of a column")
 
 
 def _of_the_weather(name: str) -> str:
@@ -179,7 +179,7 @@ class Mapping(Table):
 
     schema_version: Literal[1] = Field(description="schema_version = 1")
     system: str | None = Field(None, description="system description, relative to the mapping's folder")
-    description: str = ""
+    description: str = Field("", description="what is measured, for reports")
     source: str = Field("", description="where the measurements come from, and their licence")
     air_density: float = Field(1.2, gt=0, description="turns volume flows into mass flows [kg/m3]")
     file: File = File()
@@ -218,7 +218,7 @@ def load_mapping(path: Path | str) -> Mapping:
     path = Path(path)
     raw = read_toml(path, RecordingError, "a column mapping (TOML)")
     if empty := list(unfilled(raw)):
-        places = ", ".join(f"{where}{_EXAMPLES.get(where.rpartition('.')[2], '')}" for where in empty)
+        places = ", ".join(f"{where}{EXAMPLES.get(where.rpartition('.')[2], '')}" for where in empty)
         raise RecordingError(f"{path}: has {OPEN!r} where something has to be filled in: {places}")
     try:
         return Mapping.model_validate({**raw, "path": path})
@@ -226,7 +226,7 @@ def load_mapping(path: Path | str) -> Mapping:
         raise _refused(path, _sentences(error)) from None
 
 
-_EXAMPLES = {
+EXAMPLES = {
     "zone": " (the place's clock, as 'Europe/Berlin')",
     "latitude": " (degrees north)",
     "longitude": " (degrees east)",

@@ -11,6 +11,7 @@ from typing import Any
 import matplotlib
 import matplotlib.dates
 import numpy as np
+import pandas as pd
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -25,6 +26,7 @@ from diagnosis.pictures import as_png, readable
 from shared.errors import RecordingError
 from shared.flags import ASSUMED, FLAGS, IMPOSSIBLE, INTERPOLATED, STUCK
 from shared.netcdf import write_netcdf
+from shared.results import Result
 from shared.schema import SCHEMA_VERSION
 from shared.store import temporary_name
 from shared.stretches import runs
@@ -188,7 +190,7 @@ class StretchReport(_Table):
     measured: float
 
 
-class ImportReport(_Table):
+class ImportReport(Result, _Table):
     """What :func:`diagnosis.measurements.import_recording` returns and ``diagnosis import --json`` prints.
 
     ``not_recorded`` are the variables that the recording lacks, ``lacking`` what that means for each kind of them.
@@ -221,6 +223,17 @@ class ImportReport(_Table):
     notes: list[str]
     physics: list[Finding]
 
+    @property
+    def headline(self) -> str:
+        """What this is, in a few words."""
+        strong = sum(one.strong for one in self.physics)
+        wrong = f", {strong} to be corrected first" if strong else ""
+        return f"{self.recording}: {self.begin} to {self.end}, {self.steps} steps of {self.step:g} s{wrong}"
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row for each variable of the recording: where it comes from, its range, and what of it is missing."""
+        return pd.DataFrame([one.model_dump() for one in self.variables]).set_index("name")
+
 
 def sentences_of(missing: Sequence[str], system: System) -> list[str]:
     """What it means that variables of a system are not in a recording: outputs, persons, and other inputs."""
@@ -232,7 +245,7 @@ def sentences_of(missing: Sequence[str], system: System) -> list[str]:
     if outputs:
         said.append(f"not measured: {', '.join(outputs)}: fits know nothing of it, and an estimator may need it")
     if persons:
-        said.append(f"nobody counted persons ({', '.join(persons)}): fits take them for unknown")
+        said.append(f"occupants were not counted ({', '.join(persons)}): fits treat them as unknown")
     if inputs:
         said.append(f"not recorded: {', '.join(inputs)}: needed by a simulation of this recording")
     return said

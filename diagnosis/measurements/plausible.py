@@ -162,7 +162,7 @@ def about_instants(name: str, apart: float, step: float) -> str | None:
     if apart < COARSE * step * (1 - 1e-6):
         return None
     return (
-        f"{name}: instants {apart:g} s apart are joined by straight lines to means over {step:g} s; if the logger wrote"
+        f"{name}: instants {apart:g} s apart are interpolated to means over {step:g} s; if the logger wrote"
         f" means, write reading = 'mean' under variables.{name}"
     )
 
@@ -197,7 +197,7 @@ def about_helper(name: str, column: str, signal: Signal, times: np.ndarray) -> s
         return None
     return (
         f"{name}: in {within.mean():.1%} of its readings column {column}, which it is computed with, has gaps of up to"
-        f" {apart[within].max() / 3600:.3g} h, and straight lines stand in for it"
+        f" {apart[within].max() / 3600:.3g} h, which are interpolated"
     )
 
 

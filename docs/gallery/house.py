@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,7 +27,8 @@ from scipy.signal import cont2discrete
 import datagen
 import trainer
 from datagen.driving.inputs import build_inputs
-from diagnosis.gap import Report, diagnose
+from diagnosis import diagnose
+from diagnosis.gap import Report
 from fmus.build import write_zip
 from fmus.toolchain import BINARIES, compile_binary, native_platform
 from shared.system import System, load_system
@@ -53,9 +55,11 @@ def build_fmu(folder: Path) -> System:
     return load_system(folder)
 
 
-def exact_house(inputs: np.ndarray, start: tuple[float, float], ca: float = 2e6) -> np.ndarray:
+def exact_house(
+    inputs: np.ndarray, start: tuple[float, float], parameters: Mapping[str, float] = TRUTH, ca: float = 2e6
+) -> np.ndarray:
     """Air temperature [K] at the ends of steps of 1 / PARTS h; inputs (steps, 3): outdoors, sun, heat; held."""
-    one = TRUTH
+    one = parameters
     a = np.array([[-1 / (one["ri"] * ca), 1 / (one["ri"] * ca)], [1 / (one["ri"] * one["cw"]), 0.0]])
     a[1, 1] = -(1 / one["ri"] + 1 / one["rw"]) / one["cw"]
     b = np.array([[0.0, one["area"] / ca, 1 / ca], [1 / (one["rw"] * one["cw"]), 0.0, 0.0]])
@@ -67,15 +71,25 @@ def exact_house(inputs: np.ndarray, start: tuple[float, float], ca: float = 2e6)
     return air
 
 
-def measure(system: System, path: Path, *, equipment: float = EQUIPMENT, noise: float = 0.05) -> xr.Dataset:
-    """Write a recording of the true house: what its sensor shows, and the inputs that were logged."""
+def air_of(system: System, parameters: Mapping[str, float], equipment: float) -> np.ndarray:
+    """Air temperature [K] of a house at the recording's steps, with so much heat [W] in working hours."""
     table = build_inputs(system, root_seed=5, index=0, start=(BEGIN - WARM_UP) * 3600, stop=(BEGIN + HOURS) * 3600)
     fine = (np.arange((WARM_UP + HOURS) * PARTS) + 0.5) * 3600 / PARTS + (BEGIN - WARM_UP) * 3600
     inputs = table.at(fine)  # in the description's order: outdoors, sun, heater
-    hour, weekday = fine / 3600 % 24, (fine // 86400) % 7 < 5  # the year begins on a Monday
-    inputs[:, 2] += equipment * ((hour >= 8) & (hour < 18) & weekday)
-    air = exact_house(inputs, (293.0, 285.0))[PARTS * WARM_UP + PARTS - 1 :: PARTS]
-    air = air + noise * np.random.default_rng(5).standard_normal(HOURS)
+    inputs[:, 2] += equipment * at_work(fine)
+    return exact_house(inputs, (293.0, 285.0), parameters)[PARTS * WARM_UP + PARTS - 1 :: PARTS]
+
+
+def at_work(time: np.ndarray) -> np.ndarray:
+    """Whether times [s of the year] lie in working hours; the year begins on a Monday."""
+    hour = time / 3600 % 24
+    return (hour >= 8) & (hour < 18) & ((time // 86400) % 7 < 5)
+
+
+def measure(system: System, path: Path, *, equipment: float = EQUIPMENT, noise: float = 0.05) -> xr.Dataset:
+    """Write a recording of the true house: what its sensor shows, and the inputs that were logged."""
+    air = air_of(system, TRUTH, equipment) + noise * np.random.default_rng(5).standard_normal(HOURS)
+    table = build_inputs(system, root_seed=5, index=0, start=BEGIN * 3600, stop=(BEGIN + HOURS) * 3600)
     time = 3600.0 * (BEGIN + np.arange(1, HOURS + 1))
     record = xr.Dataset(coords={"time": ("time", time, {"units": "seconds since 2001-01-01 00:00:00"})})
     record["TAir"] = ("time", air, {"units": "K"})
@@ -136,6 +150,42 @@ def draw(made: Answer, path: Path) -> None:
     plt.close(figure)
 
 
+def draw_answer(made: Answer, system: System, recording: xr.Dataset, path: Path) -> None:
+    """The first week measured, and simulated by the model before and after the effect that was found is added."""
+    named = [one for one in made.report.effects if one.named]
+    size = sum(one.amplitude or 0.0 for one in named)
+    before = air_of(system, {one.name: one.before for one in made.report.parameters}, 0.0)
+    after = air_of(
+        system, {one.name: one.before if one.after is None else one.after for one in made.report.parameters}, size
+    )
+    measured, week = recording["TAir"].values, slice(0, 168)
+    day = np.arange(1, HOURS + 1)[week] / 24
+    figure, (top, low) = plt.subplots(2, 1, figsize=(7, 4.6), layout="constrained", sharex=True, height_ratios=(2, 1))
+    top.plot(day, measured[week] - 273.15, ".", color="0.25", ms=4, label="measured")
+    for values, colour, label in ((before, "#d95f02", "model before"), (after, "#1f5fa8", "model after")):
+        top.plot(day, values[week] - 273.15, color=colour, lw=1.4, label=label)
+        low.plot(day, (measured - values)[week], color=colour, lw=1.2)
+    top.set_ylabel("room air [°C]")
+    top.legend(loc="upper right", frameon=False)
+    found = "; ".join(
+        f"{one.description}:\n{one.amplitude:.0f} {one.unit} ({one.low:.0f} to {one.high:.0f}),"
+        f" probability {one.probability:.0%}"
+        for one in named
+    )
+    top.set_title(found, loc="left", fontsize="medium")
+    low.set_ylabel("measured\nminus model [K]")
+    low.set_xlabel("days of the recording; shaded: working hours")
+    working = at_work(3600.0 * (BEGIN + np.arange(168) + 0.5))
+    edges = np.flatnonzero(np.diff(working.astype(int), prepend=0, append=0)) / 24
+    for axes in (top, low):
+        for begin, end in zip(edges[::2], edges[1::2], strict=True):
+            axes.axvspan(begin, end, color="0.92", zorder=0, lw=0)
+        axes.set_xlim(0, 7)
+    low.axhline(0, color="0.6", lw=0.8, zorder=0)
+    figure.savefig(path, dpi=130)
+    plt.close(figure)
+
+
 def known(*values: float | None) -> list[float]:
     """Numbers for a table; what a report does not give is none."""
     return [np.nan if value is None else value for value in values]
@@ -191,6 +241,8 @@ def main() -> None:
     made = work(folder)
     write(folder / "house.out.md", *tables(made))
     draw(made, folder / "house.png")
+    recording = xr.load_dataset(folder / "recording.nc", decode_times=False)
+    draw_answer(made, load_system(folder), recording, folder / "diagnosis.png")
 
 
 if __name__ == "__main__":

@@ -23,7 +23,6 @@ from made import table, write
 
 import datagen
 import trainer
-from datagen.limits.ceilings import ceilings_of
 
 SYSTEM = "MixedAirCO2"
 CONTEXT, NOISE = 72.0, "sensor"
@@ -53,7 +52,9 @@ class Worth(NamedTuple):
 def work(folder: Path) -> Worth:
     """The limits, then a fresh dataset and the estimator's scores on it."""
     conditions = [(NOISE, channels) for channels in SETS.values()]
-    limits = ceilings_of(SYSTEM, contexts=[CONTEXT], conditions=conditions, systems=LIMIT_ROOMS, seed=1, uncertain=True)
+    limits = datagen.ceilings_of(
+        SYSTEM, contexts=[CONTEXT], conditions=conditions, systems=LIMIT_ROOMS, seed=1, uncertain=True
+    )
     parameters = list(limits[0].r2)
     datagen.run(SYSTEM, folder / "rooms", systems=ROOMS, preset="many-rooms", seed=5, workers=1, uncertain=True)
     run, reached = trainer.load_run(SYSTEM), []

@@ -12,6 +12,7 @@ import shutil
 import subprocess
 import sys
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import xarray as xr
@@ -83,10 +84,11 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=2.0, help="training time of the neural estimators")
     options = parser.parse_args()
     out: Path = options.out
-    began = time.monotonic()
+    begun: list[float] = []
 
     def step(number: int, text: str) -> None:
-        console.print(f"\n[bold cyan]{number}. {text}[/] [dim]({time.monotonic() - began:.0f} s)[/]", markup=True)
+        begun.append(time.monotonic())
+        console.print(f"\n[bold cyan]{number}. {text}[/] [dim]({begun[-1] - begun[0]:.0f} s)[/]", markup=True)
 
     if out.exists():
         shutil.rmtree(out)
@@ -153,6 +155,9 @@ def main() -> None:
         (answer / "report.html", "the diagnosis: open it in a browser"),
     ):
         console.print(f"   {path}: {what}", markup=False)
+    names = ("simulation", "training", "scores", "estimate", "diagnosis")
+    taken = [f"{name} {after - before:.0f} s" for name, (before, after) in zip(names, pairwise(begun), strict=True)]
+    console.print(f"\nIt took {(begun[-1] - begun[0]) / 60:.1f} minutes: {', '.join(taken)}.", markup=False)
 
 
 def _others(system: System) -> list[str]:

@@ -16,7 +16,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 PROJECT = "zeroshot-fmu"
-EXTRAS = ("", "datagen", "cluster", "trainer", "diagnosis", "tables", "docs")
+EXTRAS = ("", "datagen", "cluster", "trainer", "diagnosis", "app", "tables", "remote", "docs")
 """Extras whose packages a user gets; the first is no extra."""
 PAGE = Path(__file__).resolve().parents[1] / "licences.md"
 HEAD = """# Licences

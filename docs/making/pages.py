@@ -1,8 +1,7 @@
-"""What MkDocs is told about this repository: pages that are made from it when the site is built.
+"""MkDocs' hooks: pages that are made from the repository when the site is built.
 
 - Markdown outside of ``docs/`` becomes a page, and any other file of the project that a page links to is shown as one:
   the pages' links are those of the repository, and work in both.
-- ``<!-- section FILE: HEADING -->`` is replaced by that section of a Markdown file.
 - ``<!-- text FILE -->`` is replaced by a file as it is, ``<!-- source FILE -->`` by a file shown as code.
 - ``<!-- public PACKAGE -->`` is replaced by the reference of the package's public functions.
 """
@@ -26,7 +25,6 @@ LANGUAGES = {".toml": "toml", ".json": "json", ".py": "python", ".sh": "sh", ".y
 LANGUAGES |= {".c": "c", ".h": "c", ".xml": "xml", ".cff": "yaml", ".Dockerfile": "dockerfile"}
 _LINK = re.compile(r"(?<!!)\[(?P<text>[^\]]*)\]\((?P<target>[^)\s#:]+)(?P<anchor>#[^)\s]*)?\)")
 _ROLE = re.compile(r":(?:func|class|meth|mod|data|attr):<code>~?")
-_SECTION = re.compile(r"<!-- section (?P<file>\S+): (?P<heading>.+?) -->")
 _FILE = re.compile(r"<!-- (?P<kind>text|source) (?P<file>\S+) -->")
 _NUMBERS = r"[-+±/%,.:;()\[\] \d–−]*"
 _FIGURES = re.compile(rf"<td(?P<how>(?: style=[^>]*)?)>(?P<what>{_NUMBERS}\d{_NUMBERS}|<code>[^<]{{1,40}}</code>)</td>")
@@ -76,8 +74,6 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     todo = {PurePosixPath(one) for one in ALWAYS}
     for file in files.documentation_pages():
         todo |= linked(PurePosixPath("docs", file.src_uri), file.content_string)
-        for found in _SECTION.finditer(file.content_string):
-            todo |= linked(PurePosixPath(found["file"]), (ROOT / found["file"]).read_text(encoding="utf-8"))
     while todo:
         place = todo.pop()
         uri = page_of(place)
@@ -96,10 +92,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Put in sections and references, and turn the repository's links into the site's."""
+    """Put in files and references, and turn the repository's links into the site's."""
     here = place_of(page.file.src_uri)
     markdown = _moved(markdown, here, page.file.src_uri)
-    markdown = _SECTION.sub(lambda found: _section(found["file"], found["heading"], page.file.src_uri), markdown)
     markdown = _FILE.sub(lambda found: _file(found["kind"], ROOT / found["file"]), markdown)
     return _PUBLIC.sub(lambda found: _reference(found["package"]), markdown)
 
@@ -138,16 +133,6 @@ def _file(kind: str, path: Path) -> str:
     """A file's text, as it is or as code."""
     text = path.read_text(encoding="utf-8")
     return text if kind == "text" else _code(path, text)
-
-
-def _section(file: str, heading: str, uri: str) -> str:
-    """A section of a Markdown file without its heading, its own headings one level higher."""
-    text = (ROOT / file).read_text(encoding="utf-8")
-    found = re.search(rf"^(#+) {re.escape(heading)}\n(.*?)(?=^#{{1,2}} |\Z)", text, re.MULTILINE | re.DOTALL)
-    if found is None:
-        raise ValueError(f"{file}: has no section {heading!r}, which {uri} shows")
-    body = _moved(found[2], PurePosixPath(file), uri)
-    return re.sub(r"^##(#+ )", r"#\1", body, flags=re.MULTILINE)
 
 
 def _reference(package: str) -> str:

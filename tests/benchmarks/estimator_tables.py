@@ -1,4 +1,4 @@
-"""What an estimator reaches on rooms never seen, beside the limit: the tables of docs/estimators.md.
+"""What an estimator reaches on rooms never seen, beside the limit: the tables of docs/results.md.
 
     python tests/benchmarks/estimator_tables.py RUN --rooms NAME=DATASET [NAME=DATASET ...] --out tables
 

@@ -8,7 +8,7 @@ noise, with all outputs or without those of ``--without``. From each window ``tr
 told that there is none, a fit makes parameters of persons who came within the half hours that it knows of. Printed for
 each condition and parameter: R2 over the rooms of both and of their mean, with 90 % intervals by room, and how alike
 their errors are: where two unlike methods err in the same rooms in the same way, it is the data that do not tell.
-Beside them belongs the limit of ``datagen identifiability`` (docs/estimators.md). The command also fits the uncertain
+Beside them belongs the limit of ``datagen identifiability`` (docs/results.md). The command also fits the uncertain
 constants of the description, which these rooms have as declared, or, with ``--drawn``, as uncertain as they are said to
 be. ``--known`` fits without them too, as the limit and the estimator know them: once from the estimate, and once from
 the true parameters, as nobody can: what that still misses, no start mends. Take a seed that nothing was developed on.

@@ -96,7 +96,7 @@ def test_identifiability_is_kept_and_copied(default_system, tmp_path, capsys):
         (
             [*RUN[:-1], "9999", "--shard-size", "5000"],
             FAULT,
-            "5000 systems with 19 channels of 8760 steps are 3175 MiB",
+            "5000 systems with 19 channels of 8760 steps are 3176 MiB",
         ),
         ([*RUN, "--failure-budget", "5"], FAULT, "failure_budget is 5; expected a share from 0 to 1"),
         ([*RUN, "--failure-budget", "nan"], FAULT, "failure_budget is nan; expected a share from 0 to 1"),

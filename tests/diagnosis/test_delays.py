@@ -39,12 +39,6 @@ def test_outputs_that_share_a_clock_are_named_together(hours):
     assert set(found.causes) == {"outside", "shine", "heads"}
 
 
-def test_half_hours_are_told():
-    recording = lived(step=900.0)
-    (found,) = find_delays(HALL, late(recording, -5.5, "warmth", "breathed"))
-    assert found.hours == pytest.approx(-5.5, abs=0.5)
-
-
 def test_one_output_alone_and_two_clocks():
     (found,) = find_delays(HALL, late(lived(), 6.0, "warmth"))
     assert found.names == ("warmth",) and found.hours == pytest.approx(6.0, abs=1.0)
@@ -57,15 +51,6 @@ def test_persons_that_are_late_are_told_from_a_gas_that_is_early_or_named_as_its
     (found,) = find_delays(HALL, late(lived(), 5.0, "heads"))
     named = {found.names: found.hours} | dict.fromkeys(found.rivals, -found.hours)
     assert named[("heads",)] == pytest.approx(5.0, abs=1.0)
-
-
-def test_a_habit_is_no_evidence():
-    """A heater that nobody described warms the hall every working day before the persons come, and nothing is late."""
-    recording = lived()
-    hour = (recording.time % 86400) / 3600
-    early = 3.0 * ((hour > 3) & (hour < 7) & (recording.time // 86400 % 7 < 5))
-    outputs = recording.outputs + np.array([[1.0], [0.0], [0.0]]) * early
-    assert find_delays(HALL, replace(recording, outputs=outputs)) == []
 
 
 def test_nothing_is_said_of_what_is_too_short_too_coarse_or_not_measured():

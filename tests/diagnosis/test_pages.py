@@ -3,16 +3,9 @@
 import re
 from importlib.resources import files
 
-import numpy as np
 import pytest
 
-from diagnosis.pages import long_named, percent, within_sentence
-from diagnosis.pictures import at_day
-
-
-def test_a_share_of_nothing_has_no_sign():
-    assert [percent(one, 0) for one in (-0.004, -0.006, 0.004, None)] == ["0%", "-1%", "0%", "–"]
-    assert percent(-0.0004) == "0.0%"
+from diagnosis.pages import long_named, within_sentence
 
 
 def test_things_are_told_by_what_they_are_and_their_names():
@@ -25,12 +18,6 @@ def test_things_are_told_by_what_they_are_and_their_names():
         "a leak",
         "",
     ]
-
-
-def test_a_date_has_a_time_where_it_is_not_midnight():
-    zero = np.datetime64("2024-02-28T00:00")
-    assert [at_day(zero, 86400.0 * day) for day in (1.0, 2.5)] == ["29 Feb", "1 Mar 12:00"]
-    assert at_day(zero, 86400.0, minutes=True) == "29 Feb 00:00"
 
 
 @pytest.mark.parametrize("name", ["gap", "calibration", "forecast", "blind_score"])

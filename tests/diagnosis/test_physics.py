@@ -34,14 +34,6 @@ def test_an_excitation_in_kelvin_is_a_difference(default_system, recorded):
     check_recording(recorded, as_input(default_system, excited))
 
 
-def test_an_input_is_a_difference_where_its_description_has_small_values(default_system, recorded):
-    constant = next(one for one in default_system.inputs if one.source == "constant")
-    recorded.inputs[constant.name] = np.full(len(recorded.time), 2.0)
-    check_recording(recorded, as_input(default_system, constant.name, value=0.0))
-    with pytest.raises(RecordingError, match="look like degC"):
-        check_recording(recorded, as_input(default_system, constant.name, value=293.15))
-
-
 @pytest.mark.parametrize(("value", "difference"), [(0.0, False), (2.0, True), (293.15, False)])
 def test_what_stands_in_for_a_measured_temperature_tells_a_difference_only_where_it_was_given(
     default_system, recorded, value, difference
@@ -130,16 +122,3 @@ def test_a_hall_that_is_not_the_descriptions():
     assert any("and the description has 20 at most" in one.sentence for one in check_physics(HALL, crowded))
     quick = with_output(recording, "breathed", 420.0 + 4 * (output(recording, "breathed") - 420.0))
     assert any(one.names == ("air",) and one.size < 150.0 for one in check_physics(HALL, quick))
-
-
-@pytest.mark.parametrize(
-    ("hours", "words"), [((22, 6), "from 22 to 6 h of working days"), ((0, 24), "nothing follows it")]
-)
-def test_a_set_point_that_is_not_followed(hours, words):
-    recording = lived()
-    hour = (recording.time - 1800.0) % 86400 / 3600
-    inside = (hour > hours[0]) | (hour < hours[1]) if hours[0] else np.ones(len(hour), dtype=bool)
-    rng = np.random.default_rng(0)
-    room = 20.0 - 4.0 * inside + rng.normal(0, 0.1, len(hour))
-    (one,) = check_physics(HALL, with_output(recording, "warmth", room))
-    assert words in one.sentence and one.size == pytest.approx(4.0, abs=0.2) and "schedules.wish" in one.remedy

@@ -1,6 +1,5 @@
 """Recordings as they are read."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +7,6 @@ import pytest
 import xarray as xr
 
 from datagen import simulate
-from diagnosis.fitting.drive import drive
 from diagnosis.recording import HOUR, Recording, extended, read_recording, whole_days
 from shared.errors import RecordingError
 from shared.stretches import Stretch
@@ -96,63 +94,6 @@ def test_a_mean_is_not_taken_for_an_instant(default_system, tmp_path, name, said
         read_recording(tmp_path / "other.nc", default_system)
 
 
-def test_what_an_import_assumed_is_not_called_measured(default_system, tmp_path):
-    simulate(default_system, hours=3.0, seed=1, out=tmp_path / "one.nc")
-    data = xr.load_dataset(tmp_path / "one.nc", decode_times=False)
-    for name, flags in (("TSet", [32, 32, 32]), ("CO2Out", [32, 0, 32])):
-        data[name].attrs["comment"] = "constant of the mapping"
-        data[f"{name}_flag"] = ("time", np.array(flags, dtype=np.int8))
-    data.to_netcdf(tmp_path / "other.nc")
-    found = read_recording(tmp_path / "other.nc", default_system)
-    assert found.assumed == {"TSet": "constant of the mapping"}
-    assert drive(default_system, found, warm_up=0.0).assumed["TSet"] == "constant of the mapping"
-
-
-@pytest.mark.parametrize(
-    ("replay", "told"), [(True, {}), (False, {"QHea_in": "0 W, unused", "mOA_in": "0 kg/s, unused"})]
-)
-def test_the_input_of_an_actuator_is_never_called_not_measured(default_system, tmp_path, replay, told):
-    """An import stands in for it, and its meter's readings take its place, or nothing uses it."""
-    simulate(default_system, hours=3.0, seed=1, out=tmp_path / "one.nc")
-    record = read_recording(tmp_path / "one.nc", default_system)
-    stand_ins = {"QHea_in": np.zeros(3), "mOA_in": np.zeros(3)}
-    record = replace(
-        record, inputs=record.inputs | stand_ins, assumed=dict.fromkeys(stand_ins, "assumed, not measured")
-    )
-    said = drive(default_system, record, warm_up=0.0, replay=replay).assumed
-    assert {name: said[name] for name in stand_ins if name in said} == told
-
-
-def test_a_replayed_meter_of_which_much_was_lost_is_told(default_system, tmp_path):
-    simulate(default_system, hours=48.0, seed=1, out=tmp_path / "one.nc")
-    record = read_recording(tmp_path / "one.nc", default_system)
-    heat = default_system.output_names.index("QHea")
-    assert "of its meter" not in str(drive(default_system, record, warm_up=0.0, replay=True).assumed)
-    record.outputs[heat, 20:32] = np.nan
-    record.outputs[heat, 40] = np.nan
-    said = drive(default_system, record, warm_up=0.0, replay=True).assumed
-    assert "27% of its meter's readings, bridged; the longest loss is 12 h" in said.values()
-
-
-def test_an_actuator_is_cleared_under_its_own_name_as_under_its_output_s(default_system, tmp_path):
-    """The same readings with the same meter's noise: what drives the model must not depend on what they are called."""
-    simulate(default_system, hours=48.0, seed=1, out=tmp_path / "one.nc")
-    record = read_recording(tmp_path / "one.nc", default_system)
-    record.outputs[:] += 100.0 * np.random.default_rng(2).standard_normal(record.outputs.shape)
-    noise = dict.fromkeys(default_system.output_names, 100.0)
-    own = {
-        one.name: record.outputs[default_system.output_names.index(one.column)]
-        for one in default_system.inputs
-        if one.source == "measured"
-    }
-    by_output = drive(default_system, record, warm_up=0.0, replay=True, noise=noise)
-    by_name = drive(default_system, replace(record, inputs=record.inputs | own), warm_up=0.0, replay=True, noise=noise)
-    assert by_output.meters.keys() == by_name.meters.keys() == own.keys()
-    for name, readings in own.items():
-        np.testing.assert_array_equal(by_output.meters[name].values, by_name.meters[name].values)
-        assert by_name.meters[name].values.std() < readings.std()
-
-
 @pytest.mark.parametrize(
     ("steps", "lead", "before"), [(48, 1, 24), (48, 24, 24), (48, 25, 48), (48, 0, 0), (5, 12, 15)]
 )
@@ -209,3 +150,20 @@ def test_a_recording_of_a_newer_major_schema_is_told(default_system, tmp_path):
     data.assign_attrs(zeroshot_schema_version="3.0").to_netcdf(tmp_path / "new.nc")
     with pytest.raises(RecordingError, match=r"new\.nc: schema version is '3\.0'; .* reads up to 2: update it"):
         read_recording(tmp_path / "new.nc", default_system)
+
+
+def test_a_recording_in_memory_is_the_one_in_the_file(default_system, tmp_path):
+    """As xarray opens it, and as `datagen.simulate` returns it, whose times are numbers yet."""
+    made = simulate(default_system, hours=48, seed=4, out=tmp_path / "room.nc")
+    with xr.open_dataset(tmp_path / "room.nc") as opened:
+        loaded = opened.load()
+    told = read_recording(tmp_path / "room.nc", default_system)
+    for given in (made, loaded, loaded.drop_encoding()):
+        found = read_recording(given, default_system)
+        assert (found.step, found.zero, found.assumed) == (told.step, told.zero, told.assumed)
+        np.testing.assert_array_equal(found.time, told.time)
+        np.testing.assert_array_equal(found.outputs, told.outputs)
+        assert found.inputs.keys() == told.inputs.keys()
+    assert read_recording(loaded, default_system).path == tmp_path / "room.nc"
+    one, other = (read_recording(each, default_system).path.name for each in (made, made * 1.0))
+    assert one.startswith("dataset-") and one != other  # called by what it holds

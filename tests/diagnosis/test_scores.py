@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from diagnosis.scores import guideline14, score, shares
+from diagnosis.scores import guideline14, score
 
 
 def test_the_figures_of_a_case_worked_by_hand():
@@ -37,28 +37,3 @@ def test_scores_by_hand():
     assert found.steps == 3
     assert found.cvrmse == pytest.approx(np.sqrt(1.25 / 2) / (874 / 3))
     assert found.nmbe == pytest.approx(0.5 / 2 / (874 / 3))
-
-
-@pytest.mark.parametrize("unit", ["K", "degC", "degF"])
-def test_scores_of_a_temperature_are_in_its_unit_only(unit):
-    found = score(np.array([20.0, 22.0, 25.0]), np.array([21.0, 23.0, 26.0]), unit)
-    assert (found.rmse, found.bias, found.cvrmse, found.nmbe) == (1.0, -1.0, None, None)
-
-
-def test_a_report_and_a_calibration_say_the_same_of_one_series():
-    rng = np.random.default_rng(0)
-    measured, simulated = 500 + rng.standard_normal((2, 50))
-    one, other = score(measured, simulated, "ppm"), guideline14("CO2", "ppm", measured, measured - simulated)
-    assert (one.rmse, one.bias, one.cvrmse, one.nmbe) == (other.rmse, other.bias, other.cvrmse, other.nmbe)
-
-
-@pytest.mark.parametrize(("measured", "unit"), [([5.0], "W"), ([-1.0, 1.0], "W")])
-def test_where_there_is_nothing_to_share_there_is_no_share(measured, unit):
-    found = score(np.array(measured), np.zeros(len(measured)), unit)
-    assert (found.cvrmse, found.nmbe) == (None, None)
-
-
-@pytest.mark.parametrize("unit", ["K", "degC", "degF", "°C", "Celsius", "C"])
-def test_no_spelling_of_a_temperature_has_shares(unit):
-    measured = np.array([20.0, 21.0, 22.0])
-    assert shares(measured, measured - 20.0, unit) == (None, None)

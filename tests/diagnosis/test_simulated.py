@@ -5,7 +5,6 @@ import json
 import numpy as np
 import pytest
 import xarray as xr
-from scipy.signal import lfilter
 
 from datagen import simulate
 from datagen.driving.occupancy import occupancy_prior
@@ -13,7 +12,6 @@ from diagnosis import calibrate, diagnose, residuals
 from diagnosis.cli import app
 from diagnosis.fitting.side_by_side import InProcess
 from diagnosis.recording import read_recording
-from diagnosis.simulated import _compare
 from shared.console import FAULT, OK, start
 from shared.errors import RecordingError
 
@@ -35,11 +33,11 @@ def truth(recording, default_system):
 
 def test_the_true_model_leaves_little(recording, truth, default_system):
     """Hourly means of the occupancy stand for its changes within the hour, and the start is not known: that is left."""
-    found = residuals(default_system, recording, parameters=truth)["outputs"]
+    found = residuals(default_system, recording, parameters=truth).outputs
     assert (found["TRoo"]["cvrmse"], found["TRoo"]["nmbe"]) == (None, None)
     assert found["TRoo"]["rmse"] < 0.5
     assert found["CO2"]["rmse"] < 40
-    wrong = residuals(default_system, recording, parameters={**truth, "roo.AFlo": truth["roo.AFlo"] * 0.6})["outputs"]
+    wrong = residuals(default_system, recording, parameters={**truth, "roo.AFlo": truth["roo.AFlo"] * 0.6}).outputs
     assert wrong["TRoo"]["rmse"] > 2 * found["TRoo"]["rmse"]
 
 
@@ -47,7 +45,7 @@ def test_replay_of_a_record_as_it_was_written_leaves_little(recording, truth, de
     """The meters are in the record, and the inputs beside them rest at the description's values throughout."""
     resting = xr.load_dataset(recording)
     assert not resting["QHea_in"].any() and resting["QHea"].max() > 1000
-    found = residuals(default_system, recording, parameters=truth, replay=True, noise="none")["outputs"]
+    found = residuals(default_system, recording, parameters=truth, replay=True, noise="none").outputs
     assert found["QHea"]["rmse"] < 1.0
     assert found["mOA"]["rmse"] < 1e-4
     assert found["TRoo"]["rmse"] < 0.5
@@ -60,7 +58,7 @@ def test_replayed_meters_are_cleared_of_their_noise(recording, truth, default_sy
     data["mOA"].values[:] += 0.01 * np.random.default_rng(0).standard_normal(data.sizes["time"])
     data.to_netcdf(tmp_path / "noisy.nc")
     left = [
-        residuals(default_system, tmp_path / "noisy.nc", parameters=truth, replay=True, noise=noise)["outputs"]["mOA"]
+        residuals(default_system, tmp_path / "noisy.nc", parameters=truth, replay=True, noise=noise).outputs["mOA"]
         for noise in ("none", "sensor")
     ]
     assert left[0]["rmse"] < 0.001
@@ -93,76 +91,19 @@ def test_persons_whom_nobody_counted_are_as_many_as_the_description_expects(
     np.testing.assert_allclose(means, expected, atol=0.1 * expected.max())
 
 
-def test_replayed_outputs_are_marked(recording, truth, default_system, capsys):
-    """Their readings drive the model: that little is left says nothing of it."""
-    done = residuals(default_system, recording, parameters=truth, replay=True)
-    assert done["replayed"] and {*done["replayed"]} < {*done["outputs"]}
-    assert residuals(default_system, recording, parameters=truth)["replayed"] == []
-    values = [f"{name}={value}" for name, value in truth.items()]
-    for words, marked in (([], False), (["--replay"], True)):
-        assert start(app, ["residuals", str(default_system.path), str(recording), "--set", *values, *words]) == OK
-        said = capsys.readouterr().out
-        assert ("Replayed: " in said) is marked
-        assert all((f"{name} (replayed)" in said) is marked for name in done["replayed"])
-
-
-@pytest.mark.parametrize("lost", [0.0, 0.3, "every second"])
-def test_the_autocorrelation_does_not_shrink_where_readings_are_missing(lost):
-    """Of a first-order autoregression it is its coefficient (Box and Jenkins); it is not told where no pairs are."""
-    rng = np.random.default_rng(3)
-    made = lfilter([1.0], [1.0, -0.9], rng.standard_normal(20000))
-    if lost == "every second":
-        made[::2] = np.nan
-        assert _compare(made, np.zeros_like(made), "K")["autocorrelation"] is None
-    else:
-        made[rng.random(made.size) < lost] = np.nan
-        assert _compare(made, np.zeros_like(made), "K")["autocorrelation"] == pytest.approx(0.9, abs=0.02)
-
-
-def test_values_beyond_their_ranges_are_simulated_as_they_are(recording, truth, default_system):
-    one = default_system.parameters[0]
-    beyond = [
-        residuals(default_system, recording, parameters={**truth, one.name: factor * one.max}) for factor in (1.0, 1.5)
-    ]
-    assert beyond[1]["parameters"][one.name] == 1.5 * one.max
-    assert beyond[1]["outputs"]["TRoo"]["rmse"] != pytest.approx(beyond[0]["outputs"]["TRoo"]["rmse"], rel=1e-2)
-
-
-def test_steps_that_do_not_divide_the_descriptions_hours_are_no_fault(default_system, tmp_path):
-    described = default_system.with_experiment(step=420.0, hours=420 * 240 / 3600)
-    data = simulate(described, seed=3, out=tmp_path / "short.nc")
-    values = {name: float(data[name]) for name in described.parameter_names}
-    found = residuals(default_system, tmp_path / "short.nc", parameters=values)["outputs"]
-    assert found["CO2"]["steps"] == 240
-    assert found["CO2"]["rmse"] < 5.0
-
-
 def test_figures_are_those_of_the_guideline(recording, truth, default_system, tmp_path):
     """A known error added to a known series: bias, RMSE, CVRMSE and NMBE by hand."""
     data = xr.load_dataset(recording, decode_times=False)
     shifted = data.copy(deep=True)
     shifted["CO2"].values[:] += 50.0
     shifted.to_netcdf(tmp_path / "shifted.nc")
-    before = residuals(default_system, recording, parameters=truth)["outputs"]["CO2"]
-    after = residuals(default_system, tmp_path / "shifted.nc", parameters=truth)["outputs"]["CO2"]
+    before = residuals(default_system, recording, parameters=truth).outputs["CO2"]
+    after = residuals(default_system, tmp_path / "shifted.nc", parameters=truth).outputs["CO2"]
     assert after["bias"] - before["bias"] == pytest.approx(50.0, abs=1e-3)
     assert after["rmse"] ** 2 == pytest.approx(before["rmse"] ** 2 + 100 * before["bias"] + 2500, rel=1e-4)
     mean, count = float(shifted["CO2"].mean()), shifted.sizes["time"]
     assert after["cvrmse"] == pytest.approx(np.sqrt(count / (count - 1)) * after["rmse"] / mean, rel=1e-5)
     assert after["nmbe"] == pytest.approx(count / (count - 1) * after["bias"] / mean, rel=1e-5)
-
-
-def test_a_heater_that_is_off_throughout_has_no_shares_and_json_stays_json(
-    recording, truth, default_system, tmp_path, capsys
-):
-    data = xr.load_dataset(recording, decode_times=False)
-    data["QHea"].values[:] = 0.0
-    data.to_netcdf(tmp_path / "off.nc")
-    values = [f"{name}={value}" for name, value in truth.items()]
-    command = ["residuals", str(default_system.path), str(tmp_path / "off.nc"), "--set", *values, "--json"]
-    assert start(app, command) == OK
-    found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)["outputs"]["QHea"]
-    assert (found["cvrmse"], found["nmbe"]) == (None, None)
 
 
 def damaged(recording, tmp_path, change):

@@ -3,7 +3,6 @@
 Once as it is, once with the TLS file on top and certificates made by the script beside it.
 """
 
-import json
 import os
 import re
 import shutil
@@ -147,15 +146,6 @@ def guarded(tmp_path_factory):
         yield here
 
 
-def test_a_farm_with_tls_makes_the_same_dataset(guarded):
-    done = guarded.datagen()
-    assert done.returncode == 0, done.stderr
-    dataset = guarded.folder / "data" / "rooms"
-    assert verify(dataset) == []
-    assert f"tls://127.0.0.1:{guarded.scheduler}" in (guarded.folder / "scheduler.log").read_text()
-    assert [entry["systems"] for entry in json.loads((dataset / "manifest.json").read_text())["shards"]] == [[0, 1]]
-
-
 def test_certificates_last_as_asked_and_serve_only_their_purpose(guarded):
     for role in ("scheduler", "worker", "client"):
         text = subprocess.run(
@@ -205,6 +195,7 @@ def connection(guarded, scheme="tls", **environment):
 
 def test_a_farm_with_tls_lets_its_own_client_in(guarded):
     assert connection(guarded) == "in"
+    assert f"tls://127.0.0.1:{guarded.scheduler}" in (guarded.folder / "scheduler.log").read_text()
 
 
 def test_a_farm_with_tls_refuses_a_client_of_another_authority(guarded, tmp_path):
@@ -220,16 +211,3 @@ def test_a_client_refuses_a_farm_of_another_authority(guarded, tmp_path):
 
 def test_a_farm_with_tls_refuses_a_client_that_speaks_tcp(guarded):
     assert connection(guarded, "tcp", DASK_DISTRIBUTED__COMM__REQUIRE_ENCRYPTION="False").startswith("refused:")
-
-
-SOON = {"DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "4s"}
-"""Dask tries again until its time is up, though no try can be better than the first."""
-
-
-def test_a_client_that_must_encrypt_is_told_that_tcp_does_not(guarded):
-    assert connection(guarded, "tcp", **SOON).startswith("refused:")
-
-
-def test_a_client_without_certificates_is_told_so(guarded):
-    nothing = {f"{TLS}{name}": "None" for name in ("CA_FILE", "CLIENT__CERT", "CLIENT__KEY")}
-    assert connection(guarded, **nothing, **SOON).startswith("refused:")

@@ -39,13 +39,6 @@ def test_hadolint_finds_nothing(path):
     assert (done.returncode, done.stdout) == (0, "")
 
 
-def test_hadolint_does_find_an_unpinned_base(tmp_path):
-    (tmp_path / "Dockerfile").write_text("FROM python:latest\n")
-    hadolint = shutil.which("hadolint", path=f"{sys.prefix}/bin:{sys.prefix}/Scripts")
-    done = subprocess.run([hadolint, "--no-color", str(tmp_path / "Dockerfile")], capture_output=True, text=True)
-    assert done.returncode and "DL3007" in done.stdout
-
-
 def test_bases_are_pinned_to_a_version(image):
     for stage in image.stages:
         assert re.fullmatch(r"python:3\.\d+\.\d+-slim-[a-z]+", stage.base)
@@ -64,13 +57,6 @@ def test_the_image_says_who_runs_what_and_whether_it_works(image):
     assert not any(word in command.original for command in final.commands for word in ("pip ", "apt", "curl"))
 
 
-def test_the_final_stage_takes_the_environment_and_nothing_else(image):
-    copies = [command for command in image.final.commands if command.cmd == "COPY"]
-    assert [(command.flags, command.value) for command in copies] == [
-        (("--from=build",), ("/opt/zeroshot", "/opt/zeroshot"))
-    ]
-
-
 def test_no_address_of_an_index_is_written_down(image):
     text = image.path.read_text()
     assert "://" not in text
@@ -87,7 +73,11 @@ def test_the_context_is_what_the_wheel_is_made_of():
     assert not [name for name in files if "__pycache__" in name or name.endswith((".nbi", ".nbc", ".pyc"))]
 
 
-@pytest.fixture(scope="module", params=IMAGES)
+# the trainer's steps are the same with another extra, which the wheel of packaging/test_wheel.py has
+CARRIED_OUT = IMAGES if "ZEROSHOT_PYTHONS" in os.environ else IMAGES[:1]
+
+
+@pytest.fixture(scope="module", params=CARRIED_OUT)
 def built(request, tmp_path_factory):
     """An image's steps, carried out."""
     described = read(image_file(request.param))

@@ -15,7 +15,7 @@ BY_HAND = "## Commands that no test runs\n"
 PROGRAMS = ("datagen", "trainer", "diagnosis")
 
 PAGES = (
-    "docs/session.md",
+    "docs/quick-start.md",
     "docs/share.md",
     "docs/own-measurements.md",
     "docs/running.md",
@@ -25,6 +25,7 @@ PAGES = (
 """Pages whose commands are run, in this order and in that in which they stand there."""
 
 ELSEWHERE = {
+    "diagnosis app": ("diagnosis/app/test_page.py", "test_a_drifting_sensor_is_named_and_the_report_is_one_file"),
     "diagnosis calibrate": ("diagnosis/calibrating/test_calibration.py", "test_the_command_writes_figures_and_a_page"),
     "diagnosis forecast": ("diagnosis/forecasting/test_forecast.py", "test_the_command_goes_on_from_a_calibration"),
     "diagnosis residuals": ("diagnosis/test_simulated.py", "test_the_command"),
@@ -38,6 +39,7 @@ ELSEWHERE = {
     "python docs/gallery/forecast.py": ("docs/test_gallery.py", "test_a_forecast_from_a_week"),
     "python docs/gallery/house.py": ("docs/test_gallery.py", "test_a_house_of_my_own"),
     "python docs/making/licences.py": ("docs/test_project.py", "test_the_licence_page_is_what_its_script_finds_here"),
+    "python tests/docs/plain_english.py": ("docs/test_plain_english.py", "test_the_script_prints_a_line_for_each_page"),
     "python fmus/build.py": ("datagen/comparing/test_comparison.py", "finer"),
 }
 """Commands that take a minute, by their first words, and where they are run on smaller things: file and function."""
@@ -71,11 +73,11 @@ def in_sentences(text):
 
 
 def commands(document):
-    """All commands of a document but those that are run by hand; a changelog's are of their time."""
+    """All commands of a document but those that are run by hand; a changelog's are old, a help's have gaps."""
     before, _, after = document.read_text(encoding="utf-8").partition(BY_HAND)
     text = before + after[after.find("\n## ") :] if after else before
     yield from in_blocks(text)
-    if document.name != "CHANGELOG.md":
+    if document.name not in ("CHANGELOG.md", "commands.md"):
         yield from in_sentences(text)
 
 

@@ -8,8 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import datagen
+from shared.system import load_system
 
 ROOT = Path(__file__).resolve().parents[2]
 GALLERY = ROOT / "docs" / "gallery"
@@ -124,6 +126,12 @@ def test_a_house_of_my_own(script, tmp_path):
     assert max(after) < 0.02 < max(before)
     (air,) = made.report.shrinkage
     assert air.after < 1.2 * 0.05 and air.before > 5 * air.after  # 0.05 K is the sensor
+    # the exact house with what the diagnosis found is as far from the readings as their noise
+    system, recording = load_system(tmp_path), xr.load_dataset(tmp_path / "recording.nc", decode_times=False)
+    answer = house.air_of(system, {one.name: one.after for one in made.report.parameters}, found.amplitude)
+    assert np.sqrt(np.mean((recording["TAir"].values - answer) ** 2)) < 1.2 * 0.05
     house.draw(made, tmp_path / "house.png")
+    house.draw_answer(made, system, recording, tmp_path / "diagnosis.png")
+    assert (tmp_path / "diagnosis.png").stat().st_size > 20_000
     # a model that lacks the equipment makes up for it in other ways on other processors: 0.30 to 0.38 K
     assert_page_is_true("house", "\n".join(house.tables(made)), rel=0.05, shaky=("RMS before", "placebo"))

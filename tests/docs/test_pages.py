@@ -71,8 +71,8 @@ def build_house(folder):
 
 
 @pytest.mark.slow
-def test_the_session(run, capsys):
-    folder, count = run("docs/session.md")
+def test_the_quick_start(run, capsys):
+    folder, count = run("docs/quick-start.md")
     assert count == 8
     said = capsys.readouterr().out
     assert "every shard is as the manifest says" in said
@@ -85,7 +85,7 @@ def test_the_session(run, capsys):
 @pytest.mark.slow
 def test_sharing(run):
     folder, count = run("docs/share.md")
-    assert count == 6
+    assert count == 7
     both = xr.concat([xr.load_dataset(one) for one in sorted((folder / "both" / "shards").glob("*.nc"))], "system")
     assert both.sizes["system"] == 80
 
@@ -154,7 +154,7 @@ def test_the_truth_of_a_blind_check_of_one_s_own_is_one_of_the_house(tmp_path):
 @pytest.mark.slow
 def test_the_readme(run):
     """Of the pages before it there are a dataset, a recording and those of two teams."""
-    for page in ("docs/session.md", "docs/share.md", "docs/own-measurements.md"):
+    for page in ("docs/quick-start.md", "docs/share.md", "docs/own-measurements.md"):
         run(page)
     _, count = run("README.md")
     assert count > 0

@@ -1,6 +1,8 @@
-"""The project's papers: citation, changelog, licences."""
+"""The project's papers: README, citation, changelog, licences."""
 
+import ast
 import importlib.util
+import inspect
 import os
 import re
 import subprocess
@@ -33,6 +35,17 @@ def test_the_citation_file_keeps_its_schema_and_names_this_version():
     assert cited["version"] == __version__
     (paper,) = cited["references"]
     assert paper["title"] in " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+
+
+def test_the_python_of_the_readme_calls_functions_with_arguments_that_they_have():
+    (block,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    calls = [one for one in ast.walk(ast.parse(block)) if isinstance(one, ast.Call)]
+    ours = {ast.unparse(one.func): one for one in calls if ast.unparse(one.func).split(".")[0] in PACKAGES}
+    assert {*ours} == {"datagen.simulate", "trainer.predict", "diagnosis.calibrate", "diagnosis.diagnose"}
+    for name, call in ours.items():
+        package, function = name.split(".")
+        signature = inspect.signature(getattr(importlib.import_module(package), function))
+        signature.bind(*call.args, **{one.arg: one.value for one in call.keywords})
 
 
 def test_the_changelog_has_this_version_and_only_kinds_of_change_that_keep_a_changelog_knows():

@@ -42,11 +42,6 @@ def test_the_ceilings_beside_it_are_of_the_same_system():
     assert ceilings.fmu_sha256 == hashlib.sha256(system.fmu_path.read_bytes()).hexdigest()
 
 
-def test_findings_about_it_go_into_a_folder_of_the_users():
-    assert load_run(NAME).results == Path(f"{NAME}-results")
-    assert load_run(HOME / "estimator").results == HOME / "estimator"  # whoever names the folder means it
-
-
 def test_it_estimates_an_unseen_room(room):
     found = predict(NAME, room)
     assert found.context_hours == 168.0  # the longest of its contexts that two weeks have
@@ -104,16 +99,6 @@ def test_it_says_in_what_a_recording_is_unlike_its_training(room, tmp_path):
     data["CO2"].values[:] = 400.0
     data.to_netcdf(tmp_path / "dead.nc")
     with pytest.raises(RecordingError, match="CO2 is 400 ppm throughout the window of 168 h"):
-        predict(NAME, tmp_path / "dead.nc")
-
-
-@pytest.mark.parametrize("hours", [24, 96])
-def test_a_dead_sensor_is_told_from_an_empty_room_in_short_windows_too(room, tmp_path, hours):
-    """Rooms are empty for days, and their CO2 that of outdoor air; no room is at 900 ppm for so long."""
-    data = xr.load_dataset(room, decode_times=False).isel(time=slice(hours))
-    data["CO2"].values[:] = 900.0
-    data.to_netcdf(tmp_path / "dead.nc")
-    with pytest.raises(RecordingError, match=f"CO2 is 900 ppm throughout the window of {hours} h"):
         predict(NAME, tmp_path / "dead.nc")
 
 

@@ -1,7 +1,6 @@
 """Limiters and clamps: modes, event indicators, replay."""
 
 import itertools
-import math
 
 import numpy as np
 import pytest
@@ -25,26 +24,6 @@ def test_modes_agree_with_limits_after_every_event(twin):
         t.set(excOut=m)
         t.event()
         assert t.get("mOA")[0] == pytest.approx(expected, abs=1e-6)
-
-
-def test_between_events_the_limits_are_not_applied(twin):
-    """Smooth pieces: past a limit the right-hand side goes on as it was, until the event."""
-    t = twin().start({"TSet": 294.15})  # 2500 W
-    t.set(TSet=292.15)
-    assert t.get("QHea")[0] == pytest.approx(-2500.0)
-    assert t.z[2] < 0  # the solver is told
-    t.event()
-    assert t.get("QHea")[0] == 0.0
-
-
-def test_a_quantity_at_rest_on_its_limit_makes_no_events(twin):
-    """Heater exactly off in replay, and both controllers idle, for a week."""
-    t = twin().start({"replay": True, "QHea_in": 0.0, "mOA_in": 0.0})
-    assert np.all(t.z > 0)
-    week = np.array([0.0, 7 * DAY])
-    assert t.run(week, lambda time: {"TDryBul": 280.0 + math.sin(time / 9e3)}, rtol=1e-6)[2] == 0
-    t = twin().start({"TSet": 270.0, "TDryBul": 285.0})
-    assert t.run(week, lambda time: {"HFac": 100.0 + 90.0 * math.sin(time / 9e3)}, rtol=1e-6)[2] <= 2
 
 
 def test_saturating_controllers_do_not_chatter(twin, weather):

@@ -63,25 +63,3 @@ def test_resistance_of_the_facade_is_the_parameter(twin):
         A = 0.6 * 3.0 * np.sqrt(120.0)
         assert t.get("QFacOut")[0] == pytest.approx(-A * dT / resistance, rel=1e-6)
         assert t.get("QFacRoo")[0] == pytest.approx(-A * dT / resistance, rel=1e-6)
-
-
-def test_a_layer_without_resistance_sits_on_its_surface(twin):
-    """Capacity on both surfaces of a resistance: only the middle node lives from the resistive layer."""
-    layers = {"floor.layer[1].C": 5e4, "floor.layer[2].C": 8e3, "floor.layer[3].C": 9e4}
-    layers |= {"floor.layer[1].R": 0.0, "floor.layer[2].R": 0.2, "floor.layer[3].R": 0.0}
-    t = twin().start(layers)
-    M = conduction_matrix(t, "floor", 3)
-    G = 2 / 0.2
-    np.testing.assert_allclose([M[0, 1], M[1, 0], M[2, 1]], [G / (5e4 + 2e3), G / 4e3, G / (9e4 + 2e3)], rtol=1e-7)
-
-
-@pytest.mark.slow
-def test_finer_walls_stay_near(simulate, build_fmu, weather):
-    """Nine and seventeen nodes a wall against three: near, and converging."""
-    t = np.arange(0.0, 30 * 86400.0 + 1, 3600.0)
-    inputs = weather(t + 1800.0)
-    out = {n: simulate(t, inputs, fmu=build_fmu(n), rtol=1e-7)[240:] for n in (3, 9, 17)}
-    rms = {n: np.sqrt(np.mean((out[n][:, 0] - out[17][:, 0]) ** 2)) for n in (3, 9)}
-    assert np.std(out[17][:, 0]) > 0.5
-    assert 1e-4 < rms[3] < 0.3
-    assert rms[9] < rms[3] / 4

@@ -1,25 +1,16 @@
 """Readers of ``shared``: descriptions, datasets, ceilings."""
 
-import json
 import shutil
 from pathlib import Path
 
 from shared.ceiling import read_ceilings
-from shared.store import DatasetFolder, read_manifest, sha256_of, write_manifest
+from shared.store import DatasetFolder
 from shared.system import load_system
 from tests.hostile.damage import damage_bytes, damage_json, damage_text
 from tests.hostile.trial import Reader
 from tests.trainer.conftest import make_dataset
 
 ROOM = Path(__file__).resolve().parents[2] / "fmus" / "MixedAirCO2"
-
-
-def seal_shards(folder: Path) -> None:
-    """Make the manifest's hashes those of the shards."""
-    manifest = read_manifest(folder)
-    for entry in manifest.shards:
-        entry.sha256 = sha256_of(folder / "shards" / entry.file)
-    write_manifest(folder, manifest)
 
 
 def dataset(folder: Path) -> Path:
@@ -54,14 +45,9 @@ def readers(folder: Path) -> list[Reader]:
             named=False,
         ),
         Reader("shard, training", dataset(folder / "ds2"), shard, load, damage_bytes),
-        Reader("shard, datagen verify", dataset(folder / "ds3"), shard, facts, damage_bytes, examples=8),
+        Reader("shard, datagen verify", dataset(folder / "ds3"), shard, facts, damage_bytes, examples=5),
         Reader(
             *("ceilings", folder / "ceiling", "identifiability.json"),
             *(lambda at: read_ceilings(at / "identifiability.json"), damage_json),
         ),
     ]
-
-
-def first_system(folder: Path) -> dict:
-    """The system of a manifest, as JSON holds it."""
-    return json.loads(read_manifest(folder).system)

@@ -8,24 +8,22 @@ import stat
 import tempfile
 import zipfile
 from pathlib import Path
+from unittest import mock
 
 import fmpy
 import pytest
 
 from datagen.comparing.recorded import load_recorded
-from datagen.datasets.inspection import verify
 from datagen.datasets.mending import _last_system
 from datagen.driving.weather_files import read_hourly
-from datagen.farming.failures import Failures
 from datagen.fmi.fmu import Fmu, unpack
 from datagen.fmi.guard import guarded
-from shared.errors import DatasetError, FmuError, RecordingError, WeatherError
+from shared.errors import FmuError, RecordingError, WeatherError
 from shared.lock import FILE_NAME, FolderLock
 from shared.system import parse_system
 from tests.hostile import cases_datagen
 from tests.hostile.cases_datagen import FMU, SYSTEM, description, repacked
 from tests.hostile.properties import property_of
-from tests.trainer.conftest import make_dataset
 
 test_damaged = property_of(cases_datagen)
 
@@ -46,11 +44,12 @@ def link(name, mode=stat.S_IFLNK):
 
 def refused(path, sentence):
     """Unpacking ends in this sentence, and leaves nothing anywhere."""
-    before = set(Path(tempfile.gettempdir()).glob("zeroshot-fmu-*")), sorted(path.parent.rglob("*"))
-    with pytest.raises(FmuError, match=sentence):
+    own = path.parent / "temporary"  # other tests unpack FMUs at the same time
+    own.mkdir(exist_ok=True)
+    before = sorted(path.parent.rglob("*"))
+    with mock.patch.object(tempfile, "tempdir", str(own)), pytest.raises(FmuError, match=sentence):
         unpack.__wrapped__(path, "")
-    after = set(Path(tempfile.gettempdir()).glob("zeroshot-fmu-*")), sorted(path.parent.rglob("*"))
-    assert after == before
+    assert sorted(path.parent.rglob("*")) == before
 
 
 # ---------------------------------------------------------------- archives
@@ -73,10 +72,6 @@ def refused(path, sentence):
 def test_nothing_is_written_outside_the_folder(tmp_path, name, sentence):
     path = archive(tmp_path / "a.fmu", [(name, "/etc/passwd")])
     refused(path, rf"a\.fmu: holds .*{sentence}")
-
-
-def test_a_file_in_the_place_of_a_folder_is_a_sentence(tmp_path):
-    refused(archive(tmp_path / "a.fmu", [("a", "x"), ("a/b", "y")]), "not a readable FMU")
 
 
 @pytest.mark.filterwarnings("ignore:Duplicate name")
@@ -116,11 +111,6 @@ def test_more_files_than_any_fmu_has_are_refused(tmp_path, monkeypatch):
     )
 
 
-@pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
-def test_other_compressions_are_refused(tmp_path, method):
-    refused(archive(tmp_path / "a.fmu", [("r/a", "a" * 100)], method), "compressed in a way that FMI does not have")
-
-
 def test_an_encrypted_file_is_refused(tmp_path):
     path = archive(tmp_path / "a.fmu", [("r/a", "a" * 100)])
     data = bytearray(path.read_bytes())
@@ -133,11 +123,6 @@ def test_an_encrypted_file_is_refused(tmp_path):
 def test_what_is_no_archive_is_a_sentence(tmp_path, content):
     (tmp_path / "a.fmu").write_bytes(content)
     refused(tmp_path / "a.fmu", r"a\.fmu: not a readable FMU")
-
-
-def test_a_folder_is_no_fmu(tmp_path):
-    with pytest.raises(FmuError, match="it is a folder; expected an FMU"):
-        Fmu(tmp_path)
 
 
 # ---------------------------------------------------------------- model descriptions
@@ -165,13 +150,6 @@ def test_hostile_xml_is_a_sentence(tmp_path, text, sentence):
     refused(tmp_path / "a.fmu", sentence)
 
 
-def test_a_description_of_how_to_build_is_held_to_the_same(tmp_path):
-    three = b'<fmiModelDescription fmiVersion="3.0"/>'
-    evil = b'<!DOCTYPE a [<!ENTITY x "ha">]><a>&x;</a>'
-    (tmp_path / "a.fmu").write_bytes(repacked(three, (("sources/buildDescription.xml", evil),)))
-    refused(tmp_path / "a.fmu", r"sources/buildDescription\.xml has a document type")
-
-
 def test_a_description_beyond_its_limit_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr("datagen.fmi.unpacking.MOST_DESCRIPTION", 1000)
     (tmp_path / "a.fmu").write_bytes(repacked(description()))
@@ -184,15 +162,6 @@ def test_no_library_outside_the_fmu_is_named(tmp_path, identifier):
     assert changed != description()
     (tmp_path / "a.fmu").write_bytes(repacked(changed))
     refused(tmp_path / "a.fmu", "modelIdentifier is .*; expected the name of the FMU's binary")
-
-
-@pytest.mark.parametrize("count", ["-1", "1000000000000", "1e3"])
-def test_numbers_that_no_model_has_are_refused(tmp_path, count):
-    import re
-
-    changed = re.sub(rb'numberOfEventIndicators="\d+"', f'numberOfEventIndicators="{count}"'.encode(), description())
-    (tmp_path / "a.fmu").write_bytes(repacked(changed))
-    refused(tmp_path / "a.fmu", "event indicators; expected 0 to 1000000|not a readable FMU")
 
 
 # ---------------------------------------------------------------- binaries
@@ -211,18 +180,6 @@ def with_binary(path, content, folder=None):
 def test_a_binary_that_is_missing_or_none_is_a_sentence(tmp_path, content):
     with pytest.raises(FmuError, match=rf"a\.fmu: no usable binary for {fmpy.platform_tuple}"):
         Fmu(with_binary(tmp_path / "a.fmu", content))
-
-
-def test_a_binary_for_another_machine_is_a_sentence(tmp_path):
-    with zipfile.ZipFile(FMU) as origin:
-        other = next(n for n in origin.namelist() if n.startswith("binaries/win64/") and n.endswith(".dll"))
-        content = origin.read(other)
-    if fmpy.platform == "win64":
-        pytest.skip("that is this machine")
-    with pytest.raises(FmuError, match="no usable binary"):
-        Fmu(with_binary(tmp_path / "a.fmu", content))
-    with pytest.raises(FmuError, match="no usable binary"):
-        Fmu(with_binary(tmp_path / "b.fmu", content, "win64"))
 
 
 def test_unpacking_starts_nothing(tmp_path):
@@ -250,27 +207,6 @@ def test_a_repair_runs_no_system_that_came_with_the_dataset(tmp_path):
     ):
         (tmp_path / FILE_NAME).write_text(json.dumps(raw | change))
         assert _last_system(tmp_path) is None
-
-
-@pytest.mark.parametrize("pid", ["x", None, -5, 10**30, [], 1.5])
-def test_a_lock_that_makes_no_sense_is_no_lock(tmp_path, pid):
-    (tmp_path / FILE_NAME).write_text(json.dumps({"pid": pid, "host": socket.gethostname()}))
-    assert FolderLock._lives({"pid": pid, "host": socket.gethostname()}) is False
-    with FolderLock(tmp_path):
-        pass
-
-
-def test_a_card_in_another_encoding_is_a_fault_and_no_crash(tmp_path):
-    folder = make_dataset(tmp_path / "ds", systems=10)
-    (folder / "README.md").write_bytes(b"\xff\xfe\x00")
-    assert any("README.md: cannot be read as text" in fault for fault in verify(folder))
-
-
-@pytest.mark.parametrize("line", ["[]", "3", "{", "{}", '{"system": []}', '{"system": {"a": 1}, "root_seed": 1}', "\0"])
-def test_a_failure_that_is_none_is_named_by_its_line(tmp_path, line):
-    (tmp_path / "failures.jsonl").write_text(json.dumps(cases_datagen.LINE) + f"\n{line}\n")
-    with pytest.raises(DatasetError, match=r"failures\.jsonl: line 2"):
-        Failures.read(tmp_path)
 
 
 # ---------------------------------------------------------------- weather and recorded trajectories
@@ -303,15 +239,6 @@ def test_a_packed_table_is_unpacked_to_its_limit_only(tmp_path, monkeypatch):
     (tmp_path / "rooms.csv.gz").write_bytes(out.getvalue()[:40])
     with pytest.raises(RecordingError, match=r"rooms\.csv\.gz: not a readable gzip file"):
         load_recorded(tmp_path / "mapping.toml", system)
-
-
-@pytest.mark.parametrize("series", ["room{name.__class__}.csv", "room{name:>9999999999}.csv", "{0}.csv", "{"])
-def test_a_file_name_of_a_mapping_is_no_format(tmp_path, series):
-    text = cases_datagen.MAPPING.replace("room{name}.csv", series)
-    (tmp_path / "mapping.toml").write_text(text)
-    (tmp_path / "rooms.csv").write_text("room,loss\n1,4.5\n")
-    with pytest.raises(RecordingError, match="no such file"):
-        cases_datagen.recorded(tmp_path)
 
 
 def double(number):

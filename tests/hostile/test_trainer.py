@@ -2,20 +2,15 @@
 
 import json
 
-import numpy as np
 import pytest
 import torch
-import xarray as xr
 from safetensors.torch import load_file, save_file
 
-from shared.errors import EstimatorError, RecordingError
+from shared.errors import EstimatorError
 from shared.store import sha256_of
 from tests.hostile import cases_trainer
 from tests.hostile.properties import property_of
-from trainer.predicting.recorded import read_window
 from trainer.runs.checkpoint import load_run
-from trainer.runs.spans import MOST, unpacked
-from trainer.runs.state import read_state
 from trainer.runs.weights import _Budget
 
 test_damaged = property_of(cases_trainer)
@@ -87,61 +82,3 @@ def test_weights_that_are_not_finite_are_refused(run, value):
     spoil(run, "weights_sha256", value=sha256_of(weights))
     with pytest.raises(EstimatorError, match=r"weights\.safetensors: head\.1\.weight has values that are not finite"):
         load_run(run)
-
-
-@pytest.mark.parametrize(
-    "content",
-    [
-        b"",
-        b"\xff" * 8,
-        (1 << 60).to_bytes(8, "little") + b"{}",
-        (2).to_bytes(8, "little") + b"{}",
-        (60).to_bytes(8, "little") + b'{"a":{"dtype":"F32","shape":[99999999999],"data_offsets":[0,4]}}',
-        b"\x80\x04cos\nsystem\n(S'touch taken'\ntR.",
-    ],
-)
-def test_weights_that_are_none_are_refused(run, content):
-    weights = run / "weights.safetensors"
-    weights.write_bytes(content)
-    spoil(run, "weights_sha256", value=sha256_of(weights))
-    with pytest.raises(EstimatorError, match=r"weights\.safetensors: does not fit estimator\.json"):
-        load_run(run)
-    with pytest.raises(EstimatorError, match=r"weights\.safetensors: damaged"):
-        read_state(weights)
-
-
-def test_short_texts_stand_for_no_endless_lists():
-    assert len(unpacked("0-99 7*5")) == 105
-    for text in (f"0-{MOST}", f"7*{MOST + 1}", f"0-{MOST - 1} 5", "7*-1", "9-1"):
-        with pytest.raises(ValueError, match="too long a list"):
-            unpacked(text)
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        lambda data: data.assign_coords(time=("time", data["time"].values, {"units": "seconds since never"})),
-        lambda data: data.assign_coords(time=("time", np.full(96, np.nan), dict(data["time"].attrs))),
-        lambda data: data.rename({"time": "hours"}),
-        lambda data: data.isel(time=slice(0, 1)),
-        lambda data: data.assign(level=data["level"].assign_attrs(units=np.array([1.0, 2.0]))),
-        lambda data: data.assign(level=("time", np.full(96, 1e300), {"units": "m"})),
-        lambda data: data.assign(level=("time", np.full(96, np.inf), {"units": "m"})),
-        lambda data: data.assign(level=("time", np.array(["a"] * 96, dtype=object), {"units": "m"})),
-        lambda data: data.assign(level=(("other", "time"), np.ones((2, 96)), {"units": "m"})),
-        lambda data: data.assign(start=("time", np.zeros(96))),
-        lambda data: data.assign(start=((), np.nan)),
-    ],
-)
-def test_recordings_that_make_no_sense_are_refused(run, tmp_path, change):
-    encoding = load_run(run).card.encoding
-    time = ("time", np.arange(1, 97) * encoding.step, {"units": "seconds since 2001-01-01 00:00:00"})
-    series = {
-        name: ("time", np.ones(96), {"units": u}) for name, u in zip(encoding.recorded, encoding.units, strict=True)
-    }
-    whole = xr.Dataset(series, {"time": time})
-    whole.to_netcdf(tmp_path / "whole.nc")
-    assert read_window(tmp_path / "whole.nc", encoding).values.shape == (1, encoding.length, len(encoding.recorded))
-    change(whole).to_netcdf(tmp_path / "r.nc")
-    with pytest.raises(RecordingError, match=r"r\.nc"):
-        read_window(tmp_path / "r.nc", encoding)

@@ -29,6 +29,8 @@ CARRIED = {
     "fmus/MixedAirCO2/estimator/weights.safetensors",
     "fmus/MixedAirCO2/estimator/posterior.json",
     "fmus/MixedAirCO2/estimator/posterior.safetensors",
+    "fmus/Room/system.toml",
+    *(f"fmus/Room/estimator/{name}" for name in ("estimator.json", "weights.safetensors", "posterior.safetensors")),
     "fmus/truth/MixedAirCO2Truth.fmu",
     "fmus/truth/truth.toml",
     "fmus/modelica/ZeroshotRoom/package.mo",
@@ -36,7 +38,7 @@ CARRIED = {
     *(f"{package}/py.typed" for package in ("shared", "datagen", "trainer", "diagnosis", "fmus")),
 }
 """What a user needs and is no Python module."""
-LIMIT_MB = 8
+LIMIT_MB = 20
 """Nothing large has come in unnoticed."""
 
 
@@ -121,10 +123,8 @@ def lacks(environment, folder, extra, *words):
 
 def bare(environment, folder):
     assert environment.out("diagnosis", "--version", cwd=folder).strip() == __version__
-    lacks(environment, folder, "datagen", "datagen", "simulate", "MixedAirCO2", "--out", "room.nc")
     lacks(environment, folder, "datagen", "datagen", "run", "MixedAirCO2", "--out", "d", "--systems", "2")
     lacks(environment, folder, "trainer", "trainer", "predict", "MixedAirCO2", "room.nc")
-    lacks(environment, folder, "trainer", "trainer", "fit", "d", "--out", "run")
     lacks(environment, folder, "diagnosis", "diagnosis", "residuals", "MixedAirCO2", "room.nc")
 
 

@@ -16,7 +16,7 @@ def test_names_have_their_numbers():
         (["a"], "'a': expected NAME=VALUE with a finite number"),
         (["a=b"], "'a=b': expected NAME=VALUE with a finite number"),
         (["a=nan"], "'a=nan': expected NAME=VALUE with a finite number"),
-        (["a=1", "b=1", "a =2"], "'a =2': 'a' is set twice; expected one value"),
+        (["a=1", "b=1", "a =2"], "'a =2': 'a' is given twice; expected one value of it"),
     ],
 )
 def test_what_is_no_assignment_is_refused(items, said):

@@ -55,14 +55,6 @@ def test_not_found_for_another_condition(ceilings, change):
     assert ceilings.find(**{**CONDITION, **change}) == []
 
 
-def test_put_replaces_and_file_round_trips(ceilings, tmp_path):
-    ceilings.put(ceiling(r2_mean=0.5))
-    ceilings.put(ceiling(noise="sensor", origin=JULY))
-    assert [c.r2_mean for c in ceilings.ceilings] == [0.5, 0.9]
-    write_ceilings(tmp_path / "c.json", ceilings)
-    assert read_ceilings(tmp_path / "c.json") == ceilings
-
-
 @pytest.mark.parametrize(("systems", "kept"), [(1, 0.9), (2, 0.5), (20, 0.5)])
 def test_of_two_for_one_condition_that_of_more_systems_stays(ceilings, systems, kept):
     for count, value in ((2, 0.9), (systems, 0.5)):
@@ -77,15 +69,6 @@ def test_a_counted_nuisance_is_a_condition_of_its_own(ceilings):
         ceilings.put(ceiling(channels=["T", "C", "n"], r2_mean=value, origin=YEAR))
     assert [c.r2_mean for c in ceilings.find(**counted)] == [0.95]
     assert [c.r2_mean for c in ceilings.find(**CONDITION)] == [0.9]
-
-
-def test_a_counted_nuisance_of_an_older_file_is_not_believed(ceilings):
-    """Such limits were computed as though it was unknown."""
-    ceilings.ceilings += [ceiling(channels=["T", "C", "n"]), ceiling(channels=["n", "T", "C"])]
-    assert ceilings.find(**{**CONDITION, "channels": ["T", "C", "n"]}) == []
-    ceilings.put(ceiling(channels=["T", "C", "n"], origin=YEAR))
-    assert [c.channels for c in ceilings.ceilings] == [["T", "C"], ["T", "C", "n"]]
-    assert len(ceilings.find(**{**CONDITION, "channels": ["T", "C", "n"]})) == 1
 
 
 def test_seasons_stand_beside_each_other(ceilings):
@@ -150,16 +133,6 @@ def test_a_ceiling_holds_for_its_own_constants(ceilings):
     assert fitting(ceilings.ceilings[1:], YEAR, {}) == (None, "it has none with constants as declared")
     # of those with the dataset's constants it is told why they do not hold
     assert fitting(ceilings.ceilings, JULY, pipe())[1].startswith("it is of the whole year; ")
-
-
-def test_files_that_say_nothing_of_constants_are_of_declared_ones(ceilings, tmp_path):
-    text = json.loads(ceilings.model_dump_json())
-    assert text["ceilings"][0].pop("constants") == {}
-    (tmp_path / "c.json").write_text(json.dumps(text))
-    assert read_ceilings(tmp_path / "c.json") == ceilings
-    ceilings.put(ceiling(constants=pipe()))
-    write_ceilings(tmp_path / "c.json", ceilings)
-    assert read_ceilings(tmp_path / "c.json") == ceilings
 
 
 def test_files_that_are_none(tmp_path):

@@ -65,8 +65,8 @@ def do(what: str, *, report: Reporting = USUAL):
         ("folder", FAULT, "error: /dev: cannot be read or written: Is a directory\n"),
         ("taken", FAULT, "error: /dev/null: cannot be read or written: File exists\n"),
         ("partly", PARTLY, "error: 1 of 9 failed\n"),
-        ("stop", STOPPED, "warning: stopped before its end; the same command begins anew\n"),
-        ("sigterm", ENDED, "warning: stopped before its end; the same command begins anew\n"),
+        ("stop", STOPPED, "warning: stopped before its end; the same command starts from the beginning\n"),
+        ("sigterm", ENDED, "warning: stopped before its end; the same command starts from the beginning\n"),
         (
             "torch",
             FAULT,
@@ -117,7 +117,7 @@ def test_a_bug_of_ours_is_not_hidden_and_is_in_the_log(tmp_path, what, kind):
 def test_a_stop_tells_how_to_go_on(capsys, words, again):
     assert start(app, ["fit", *words]) == STOPPED
     said = capsys.readouterr().err.splitlines()
-    assert said == ["warning: stopped; what was finished is kept, and this goes on from there:", f"  {again}"]
+    assert said == ["warning: stopped; finished work is kept, and this command continues it:", f"  {again}"]
 
 
 def test_sigterm_is_left_as_it_was():

@@ -2,10 +2,8 @@
 
 import io
 import json
-import logging
 import math
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -61,15 +59,6 @@ def test_the_file_holds_every_step_whatever_the_verbosity(console, tmp_path, opt
     assert all(one["time"].endswith("+00:00") for one in lines)
 
 
-def test_a_second_run_is_appended_and_figures_of_any_type_are_written(console, tmp_path):
-    path = tmp_path / "log.jsonl"
-    for loss in (np.float32(0.5), Path("run"), float("nan")):
-        with reported(Reporting(log=path, quiet=True), console):
-            log.debug("one", extra=fields(loss=loss))
-    assert len(path.read_text().splitlines()) == 3
-    assert json.loads(path.read_text().splitlines()[1])["loss"] == "run"
-
-
 def test_what_is_not_a_finite_number_is_null_as_any_reader_of_json_expects(console, tmp_path):
     path = tmp_path / "log.jsonl"
     figures = {"loss": math.nan, "rows": [1.5, (np.float32("nan"), -math.inf)], "best": {"value": np.float64("inf")}}
@@ -101,14 +90,6 @@ def test_a_log_that_cannot_be_written_is_refused(console, tmp_path):
         reported(Reporting(log=tmp_path / "there" / "log.jsonl"), console),
     ):
         pass
-
-
-def test_without_a_command_line_it_is_a_library_that_logs(console, caplog):
-    with reported(Reporting(), console):
-        pass
-    with caplog.at_level(logging.INFO, logger="zeroshot"):
-        say_all()
-    assert [record.getMessage() for record in caplog.records] == ["2 workers", "one failed [red]", "no more"]
 
 
 def test_warnings_of_libraries_are_for_the_log_and_not_for_the_terminal(console, tmp_path, capsys):

@@ -33,3 +33,8 @@ def test_rounding_is_no_variation():
 
 def test_relative_accuracy_is_equation_3():
     assert relative_accuracy(np.array([2.0, 4.0]), np.array([1.0, 5.0])).tolist() == [0.5, 0.75]
+
+
+def test_relative_accuracy_of_a_parameter_that_passes_zero_is_of_its_mean_size():
+    truth = np.array([[-2.0, 2.0], [0.0, 4.0], [4.0, 4.0]])
+    assert relative_accuracy(truth, truth + 1.0).tolist() == [[0.5, 0.5], [0.5, 0.75], [0.5, 0.75]]

@@ -61,12 +61,6 @@ def test_a_file_system_without_locks_is_written_to_and_read_and_a_run_says_so(tm
     )
 
 
-def test_where_the_user_wants_locks_that_cannot_be_had_the_error_names_them(tmp_path, without_locks):
-    done = carried_out(tmp_path, without_locks | {LOCKING: "TRUE"})
-    assert done.returncode
-    assert f"HDF5 gets no lock there; set {LOCKING}=FALSE" in done.stderr.splitlines()[-1]
-
-
 def test_a_file_that_another_program_has_locked_is_read(tmp_path):
     import fcntl
 

@@ -8,7 +8,7 @@ import pytest
 
 from shared.children import environment
 from shared.errors import RecordingError
-from shared.places import check_folder, own_folder
+from shared.places import check_folder
 
 
 def inside(folder):
@@ -47,16 +47,6 @@ def test_a_folder_of_somebody_else_is_refused(tmp_path):
     (tmp_path / "locked").mkdir(mode=0o500)
     with pytest.raises(RecordingError, match="Permission denied"):
         check_folder(tmp_path / "locked" / "out", RecordingError)
-
-
-@pytest.mark.skipif(os.name == "nt", reason="no such rights there")
-def test_a_folder_of_our_own_is_nobody_elses(tmp_path, monkeypatch):
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    folder = own_folder("compiled")
-    assert folder.parent.stat().st_mode & 0o077 == 0 and own_folder("compiled") == folder
-    folder.parent.chmod(0o770)
-    with pytest.raises(PermissionError, match="others may write to it"):
-        own_folder("compiled")
 
 
 @pytest.mark.skipif(os.name == "nt", reason="no such home there")

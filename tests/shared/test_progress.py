@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 import shared.progress
-from shared.progress import progress_bar, stages, tracked
+from shared.progress import progress_bar, stages
 
 
 @pytest.fixture
@@ -49,29 +49,6 @@ def test_without_a_terminal_there_are_lines_for_those_who_want_them(screen, capl
         work(shown)
     assert written.getvalue() == ""
     assert {record.levelno for record in caplog.records} == {level}
-
-
-def test_a_terminal_that_is_to_be_left_alone_is(screen):
-    written = screen(True)
-    work(False)
-    assert written.getvalue() == ""
-
-
-def test_half_a_minute_lies_between_two_lines(screen, caplog, monkeypatch):
-    screen(False)
-    clock = [0.0]
-    monkeypatch.setattr(shared.progress, "EVERY", 30.0)
-    monkeypatch.setattr("time.monotonic", lambda: clock[0])
-    with caplog.at_level(logging.INFO, logger="zeroshot"), progress_bar("fits", 100) as bar:
-        for step in range(100):
-            clock[0] += 1.0
-            bar.update(step)
-    assert len(caplog.records) == 3
-
-
-def test_tracked_gives_every_item(screen):
-    screen(False)
-    assert list(tracked([3, 1, 2], "systems")) == [3, 1, 2]
 
 
 @pytest.mark.parametrize(

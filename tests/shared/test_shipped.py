@@ -31,8 +31,8 @@ def test_a_path_goes_before_a_name(tmp_path, monkeypatch):
 
 def test_an_unknown_name_is_told_what_there_is(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemDescriptionError, match=r"Room: no such file; expected .* \(MixedAirCO2\)"):
-        load_system("Room")
+    with pytest.raises(SystemDescriptionError, match=r"Hall: no such file; expected .* \(MixedAirCO2, Room\)"):
+        load_system("Hall")
 
 
 def test_a_folder_that_hides_an_estimator_is_told(tmp_path, monkeypatch):

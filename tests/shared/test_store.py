@@ -2,7 +2,6 @@
 
 import errno
 import json
-import sys
 from pathlib import Path
 
 import netCDF4
@@ -11,7 +10,6 @@ import pytest
 import xarray as xr
 
 from shared.errors import DatasetError
-from shared.reading import MOST_JSON
 from shared.schema import build_shard, dataset_hash, split_of, time_axis
 from shared.store import (
     DatasetFolder,
@@ -23,7 +21,6 @@ from shared.store import (
     write_shard,
 )
 from shared.system import load_system
-from tests.small_disk import SAID, small_disk
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -112,13 +109,6 @@ def test_content_hash_sees_every_value_and_not_the_layout(system, tmp_path):
     assert dataset_hash(changed) != dataset_hash(one)
 
 
-def test_same_shard_written_twice_is_the_same_file(system, tmp_path):
-    for name in ("a.nc", "b.nc"):
-        write_shard(tmp_path / name, make_shard(system, [0, 1]), [0, 1])
-    assert sha256_of(tmp_path / "a.nc") == sha256_of(tmp_path / "b.nc")
-    assert not list(tmp_path.glob("*.tmp"))
-
-
 def test_newer_schema_is_refused(folder):
     path = folder / "manifest.json"
     raw = json.loads(path.read_text())
@@ -142,21 +132,6 @@ def newer_minor(folder, **more):
 def test_newer_minor_version_is_read(folder):
     newer_minor(folder)
     assert DatasetFolder(folder).load().values.shape[0] == 7
-
-
-def test_a_newer_description_of_a_newer_minor_version_is_told(folder):
-    version = newer_minor(folder, given=[])
-    said = rf"manifest\.json: schema version is '{version}', and this version of zeroshot-fmu writes .*: update it"
-    with pytest.raises(DatasetError, match=said):
-        DatasetFolder(folder)
-
-
-def test_a_manifest_may_be_larger_than_other_files_of_its_kind(folder):
-    """That of a quarter of a million systems, each in a shard of its own, is."""
-    path = folder / "manifest.json"
-    expected = read_manifest(folder)
-    path.write_text(path.read_text() + " " * MOST_JSON)
-    assert read_manifest(folder) == expected
 
 
 def test_broken_shards_are_named(folder):
@@ -205,23 +180,6 @@ def test_time_axis_ends_at_the_record():
     assert time_axis(300.0, 12)[-1] == 3600.0
 
 
-def test_some_systems_are_read_as_they_are_among_all(folder, monkeypatch):
-    dataset = DatasetFolder(folder)
-    whole = dataset.load(["CO2"])
-    rows = np.array([1, 5, 6])  # by index: systems 1, 11 and 12
-    some = dataset.load(["CO2"], rows)
-    assert some.systems.tolist() == [1, 11, 12]
-    for name in ("values", "parameters", "systems", "splits", "seeds", "starts"):
-        np.testing.assert_array_equal(getattr(some, name), getattr(whole, name)[rows], err_msg=name)
-    opened, go = [], DatasetFolder._open
-    monkeypatch.setattr(DatasetFolder, "_open", lambda self, entry: opened.append(entry.file) or go(self, entry))
-    dataset.load(["CO2"], np.array([0, 2]))
-    assert opened == ["shard-000001.nc"]
-    bare = dataset.load([])
-    assert bare.values.shape == (7, 0, 48)
-    np.testing.assert_array_equal(bare.parameters, whole.parameters)
-
-
 def test_a_shard_with_other_systems_than_the_manifest_lists_is_named(folder):
     path = folder / "manifest.json"
     raw = json.loads(path.read_text())
@@ -229,33 +187,6 @@ def test_a_shard_with_other_systems_than_the_manifest_lists_is_named(folder):
     path.write_text(json.dumps(raw))
     with pytest.raises(DatasetError, match=r"shard-000001\.nc: not as the manifest says \(its systems are not those"):
         DatasetFolder(folder).load()
-
-
-def test_too_little_memory_is_not_told_as_damage(folder, monkeypatch):
-    empty = np.empty
-
-    def full(shape, *rest, **more):
-        if isinstance(shape, tuple) and shape == (7, 1, 48):
-            raise MemoryError("Unable to allocate 1. TiB")
-        return empty(shape, *rest, **more)
-
-    monkeypatch.setattr(np, "empty", full)
-    sentence = (
-        r"not enough memory for 7 systems x 1 channels x 48 samples \(Unable to allocate 1\. TiB\); expected fewer"
-    )
-    with pytest.raises(DatasetError, match=sentence):
-        DatasetFolder(folder).load(["CO2"])
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="no limit of a file's size there")
-def test_a_full_disk_is_an_error_of_the_host_and_leaves_all_as_it_was(tmp_path, system):
-    path = tmp_path / "a.nc"
-    write_shard(path, make_shard(system, [0], count=24), [0])
-    before = path.read_bytes()
-    with small_disk(), pytest.raises(OSError, match=SAID):
-        write_shard(path, make_shard(system, [0], count=8760), [0])
-    assert list(tmp_path.iterdir()) == [path]
-    assert path.read_bytes() == before
 
 
 def test_a_disk_that_is_full_names_the_file_and_keeps_what_was_there(tmp_path, monkeypatch):

@@ -67,12 +67,6 @@ def test_what_cannot_be_taken_is_a_sentence(choice, said):
         chosen(STEPS, WEEKENDS, choice)
 
 
-def test_a_recording_without_gaps_is_whole_however_short_and_may_be_cut():
-    short = Steps(STEPS.path, STEPS.ends[:3], 3600.0)
-    assert chosen(short, {"sun": np.ones(3, dtype=bool)}, None) == (0, 3)
-    assert chosen(STEPS, known(), Stretch(begin="2021-03-02", end="2021-03-02")) == (24, 48)
-
-
 def test_where_there_is_no_day_it_is_said_what_is_in_the_way():
     persons = np.arange(HOURS) % 20 > 2
     with pytest.raises(

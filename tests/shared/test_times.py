@@ -67,21 +67,6 @@ def test_other_times_are_refused_in_a_sentence(tmp_path, units, sentence):
         recorded_times(tmp_path / "r.nc", recording)
 
 
-def test_a_start_that_is_not_one_for_each_system_is_refused(tmp_path):
-    recording = written(tmp_path / "one.nc", [1.0, 2.0], "s", [0.0, 1.0, np.nan])
-    with pytest.raises(RecordingError, match="start has 3 values; expected one number or date for each system"):
-        recorded_begins(tmp_path / "r.nc", recording, 2)
-    with pytest.raises(RecordingError, match="start has values that are not finite"):
-        recorded_begins(tmp_path / "r.nc", recording, 3)
-
-
-def test_a_numeric_start_is_in_seconds(tmp_path):
-    """Hours, as a description gives them, would be read as a morning of January."""
-    recording = written(tmp_path / "one.nc", [60.0, 120.0], "s", [4344.0, 4344.0], "h")
-    with pytest.raises(RecordingError, match="start is in 'h'; expected seconds since time zero, or a date"):
-        recorded_begins(tmp_path / "r.nc", recording, 2)
-
-
 @pytest.mark.parametrize(
     ("start", "units", "found"),
     [
@@ -113,14 +98,6 @@ def test_a_time_that_is_not_the_end_of_its_bounds_is_refused(tmp_path):
         recording = with_bounds(tmp_path, [[begin, begin + 3600.0], [begin + 3600.0, begin + 7200.0]])
         with pytest.raises(RecordingError, match="time is not the end of the steps in time_bnds"):
             recorded_times(tmp_path / "r.nc", recording)
-
-
-def test_dates_and_a_beginning_are_not_added(tmp_path):
-    recording = written(tmp_path / "one.nc", [60.0, 120.0], "seconds since 2022-02-01", [5 * DAY])
-    with pytest.raises(RecordingError, match="has dates in time, and a start beside it"):
-        recorded_begins(tmp_path / "r.nc", recording, 1)
-    old = recording.assign_attrs(zeroshot_schema_version="2.0")
-    assert recorded_begins(tmp_path, old, 1).tolist() == [5 * DAY]
 
 
 @settings(deadline=None)

@@ -5,8 +5,7 @@ import sys
 import pytest
 
 from trainer.cli import main
-from trainer.models import ESTIMATORS, estimator_class, option_defaults
-from trainer.training.optimisers import MUON_RATIO
+from trainer.models import ESTIMATORS
 
 
 def run(capsys, *arguments):
@@ -94,22 +93,3 @@ def test_help_teaches_and_does_not_wait_for_torch(capsys):
     assert all(name in out for name in ESTIMATORS)
     check = "import sys, trainer.cli; sys.exit('torch' in sys.modules or 'matplotlib' in sys.modules)"
     subprocess.run([sys.executable, "-c", check], check=True)
-
-
-def test_help_says_of_which_optimiser_the_learning_rate_is_and_who_has_patches(capsys):
-    said = " ".join(run(capsys, "fit", "--help")[1].replace("│", " ").split())
-    muon = {name for name in ESTIMATORS if estimator_class(name).recipe.optimiser == "muon"}
-    assert muon == {"multiscale-transformer", "regression-transformer"}
-    assert f"For the multiscale and the regression transformer it is AdamW's, and Muon has {MUON_RATIO:g} times" in said
-    patched = {name for name in ESTIMATORS if option_defaults(name).get("patch") == 12}
-    assert patched == {name for name in ESTIMATORS if name.endswith("transformer")}
-    assert "Samples of a patch, for the transformers (the paper's 12 by default)" in said
-
-
-def test_the_functions_of_the_commands_stay_functions():
-    """A module of the same name would take the function's place as soon as it is imported."""
-    import trainer
-
-    for name in ("fit", "evaluate", "predict", "load_run"):
-        assert callable(getattr(trainer, name))
-        assert callable(getattr(trainer, name))

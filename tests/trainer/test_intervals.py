@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.stats import binomtest
 
 from shared.metrics import r2
 from trainer.intervals import r2_interval, share_interval
@@ -74,24 +73,6 @@ def test_a_share_of_all_has_an_interval_with_a_width():
     assert low[0] < 0.8 and high[0] == 1
     low, high = share_interval(np.repeat(np.arange(10), 2), 1 - inside)
     assert low[0] == 0 and high[0] > 0.2
-
-
-def test_a_share_of_one_system_has_no_interval():
-    assert np.isnan(share_interval(np.array([3, 3]), np.array([[1.0], [0.0]]))).all()
-
-
-def test_the_interval_of_many_single_windows_is_wilson_s():
-    """scipy's, but that n - 1 divides, and for Student's t."""
-    inside = np.random.default_rng(1).random((2000, 1)) < 0.9
-    low, high = share_interval(np.arange(2000), inside.astype(float))
-    wanted = binomtest(int(inside.sum()), 2000).proportion_ci(0.9, method="wilson")
-    assert (low[0], high[0]) == (pytest.approx(wanted.low, abs=2e-5), pytest.approx(wanted.high, abs=2e-5))
-
-
-def test_windows_that_repeat_a_system_tell_nothing_more():
-    inside = (np.random.default_rng(2).random((30, 1)) < 0.8).astype(float)
-    where = np.repeat(np.arange(30), 40)
-    np.testing.assert_allclose(share_interval(where, inside[where]), share_interval(np.arange(30), inside))
 
 
 @pytest.mark.parametrize(("count", "alike"), [(6, 0.3), (10, 0.9), (20, 0.3), (50, 0.9)])

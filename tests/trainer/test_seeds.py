@@ -1,6 +1,5 @@
 """Seeds that numpy does not take."""
 
-import numpy as np
 import pytest
 import torch
 
@@ -9,7 +8,7 @@ from shared.errors import EstimatorError
 from trainer.posterior import fit_posterior
 from trainer.posterior.inference import Posterior
 from trainer.reading.noise import Sensors
-from trainer.seeds import check_seed, torch_state
+from trainer.seeds import torch_state
 from trainer.training.tuning import tune
 
 from .test_cli import run
@@ -37,12 +36,6 @@ def test_it_is_told_to_those_who_call_functions(own_ridge, tanks, tmp_path):
     ):
         with pytest.raises(EstimatorError, match=SENTENCE):
             call()
-
-
-def test_other_seeds_are_taken():
-    for seed in (0, 2**70):
-        check_seed(seed)
-        np.random.default_rng(seed)
 
 
 def test_a_fit_and_an_evaluation_with_one_seed_have_noise_of_their_own(tanks, tmp_path, monkeypatch):

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import xarray as xr
+
 from shared.ceiling import FILE_NAME, read_ceilings
 from shared.errors import EstimatorError
 from shared.reading import read_json, shown
@@ -82,7 +84,7 @@ class Plan:
 
 
 def make_plan(
-    dataset_dir: Path | str,
+    dataset_dir: Path | str | xr.Dataset,
     out: Path | str,
     *,
     minutes: float | None = None,
@@ -126,7 +128,7 @@ def make_plan(
     budget = Budget(minutes=3.0 if minutes is None and steps is None else minutes, steps=steps)
     identity = identity_of(dataset, index)
     plan = Plan(
-        dataset=Path(dataset_dir),
+        dataset=dataset.folder,
         out=Path(out),
         parts=make_parts(ground, parts),
         seeds=seeds,

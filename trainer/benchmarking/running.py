@@ -10,6 +10,8 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import xarray as xr
+
 from shared import children
 from shared.errors import EstimatorError, IncompleteError, ZeroshotError
 from shared.interrupts import interrupts_held
@@ -30,7 +32,7 @@ POLL_SECONDS = 0.2
 
 
 def benchmark(
-    dataset_dir: Path | str,
+    dataset_dir: Path | str | xr.Dataset,
     out: Path | str,
     *,
     minutes: float | None = None,

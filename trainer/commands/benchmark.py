@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from trainer.benchmarking.planning import Plan
 
 _log = logger(__name__)
+WIDTH = 80
+"""Columns of the printed plan: it has to fit into a terminal of the usual width."""
 
 
 @resumable()
@@ -121,17 +123,17 @@ def _print_plan(made: Plan, json: bool) -> None:
         facts = {"fits": len(made.fits), "left": len(left), "minutes": expected, "with_overheads": whole}
         sys.stdout.write(json_text.dumps(facts | {"parts": parts_found}, indent=1, allow_nan=False) + "\n")
         return
-    table = Table(title=f"{made.training} training systems, {made.budget.text()} a fit, {made.seeds} seeds")
-    for column in ("part", "line", "estimator", "context [h]", "channels", "noise", "systems", ""):
-        table.add_column(column)
+    table = Table(title=f"{made.training} training systems, {made.budget.text()} a fit, {made.seeds} seeds", box=None)
+    for column in ("part", "line", "context", "noise", ""):
+        table.add_column(column, no_wrap=column != "line")
     for part in made.parts:
         for row in part.rows:
             one = row.condition
-            count = "all" if one.systems is None else str(one.systems)
-            what = (one.model, f"{one.context_hours:g}", str(len(one.channels)), one.noise, count)
-            table.add_row(part.name, " ".join(row.labels), *what, "" if one in waiting else "done")
+            line = list(dict.fromkeys([*([] if one.model in row.labels else [one.model]), *row.labels]))
+            hours = f"{one.context_hours:g} h"
+            table.add_row(part.name, " ".join(line), hours, one.noise, "" if one in waiting else "done")
     console = new_console()
-    console.print(table)
+    console.print(table, width=min(console.width, WIDTH))
     lines = [f"{part.name}: {note}" for part in made.parts for note in part.notes]
     lines.append(f"{len(made.fits)} fits (a condition that several parts share is fitted once), {len(left)} left")
     if expected is None:

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 from rich.table import Table
 
+from shared.assignments import assignments
 from shared.console import new_console
+from shared.errors import SystemDescriptionError
+from shared.shipped import DESCRIPTION, resolved_estimator
 from shared.stretches import LONGEST, Stretch
+from shared.system import load_system
 
 if TYPE_CHECKING:
-    from trainer.predicting.prediction import Estimate, Prediction, Predictions
+    from trainer.predicting.prediction import Prediction, Predictions
 
 
 def predict(
@@ -26,12 +31,14 @@ def predict(
     corner: Path | None = None,
     seed: int = 0,
     stretch: Stretch = LONGEST,
+    known: Annotated[list[str] | None, Parameter(consume_multiple=True, negative="")] = None,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
     """Estimate the parameters behind a recording, from its last context window.
 
-    Where the run has a posterior (`trainer posterior`), the median and the central 90 % interval are shown. The error
-    on validation systems is shown where the run's card has it for windows of this length and these channels.
+    Where the run has a posterior (`trainer posterior`), the estimate is its median, with the central 90 % interval.
+    Without one it is the run's answer, with the error on validation systems for windows of this length and these
+    channels, where the run's card has it.
 
     Parameters
     ----------
@@ -49,49 +56,58 @@ def predict(
         PNG file for the posterior's marginals and pairs, of a recording of one system.
     seed
         Of the samples.
+    known
+        Parameters and given facts that are known, as NAME=VALUE in the description's unit, for a run that was trained
+        with --facts: all others are sharpened by them. The recording's own given facts are read as well.
     json
         Print the estimates as JSON, and nothing else, on stdout.
     """
     from trainer.predicting.prediction import predict as run_predict
 
-    result = run_predict(run, file, samples=samples, seed=seed, stretch=stretch, out=out, corner=corner)
+    result = run_predict(
+        run,
+        file,
+        samples=samples,
+        seed=seed,
+        stretch=stretch,
+        known=assignments(known or [], "known"),
+        out=out,
+        corner=corner,
+    )
     if json:
         sys.stdout.write(result.model_dump_json(indent=1) + "\n")
         return
     console = new_console()
+    words = _words(run)
     for one in result.predictions:
-        console.print(_table(one))
+        console.print(_table(one, words))
         if one.unlike is None:
-            console.print(
-                "The run does not remember what it was trained on: whether this recording is like it is not known."
-            )
+            console.print("The run does not record its training data, so the recording was not compared with it.")
         elif one.unlike:
             console.print(
-                "[bold]Unlike all that the run was trained on[/bold], so that errors are larger than is said:",
+                "[bold]Unlike everything in training[/bold], so errors are larger than stated:",
                 markup=True,
             )
             for note in one.unlike:
                 console.print(f"- {note}", markup=False)
     if result.interval_doubt:
         console.print(f"[bold]Do not rely on the intervals:[/bold] {result.interval_doubt}.", markup=True)
-    elif any(value.median is not None for one in result.predictions for value in one.parameters.values()):
-        console.print(
-            "Take the median and its 90 % interval, which are of this very recording; the estimate is a number alone,"
-            " and its rmse the same for every recording of this kind.",
-            markup=False,
-        )
-    console.print(result.rmse_note, markup=False)
+    posterior = all(value.median is not None for one in result.predictions for value in one.parameters.values())
+    if not posterior:
+        console.print(result.rmse_note, markup=False)
     several = len(result.predictions) > 1
     if result.bridged:
         each = ", ".join(f"{one.bridged} of system {one.system}" for one in result.predictions if one.bridged)
         whose = f" ({each})" if several else ""
-        console.print(f"{result.bridged} missing readings were put in on straight lines{whose}.", markup=False)
+        console.print(f"{result.bridged} missing readings were interpolated{whose}.", markup=False)
     if result.interval_gaps:
         console.print(result.interval_gaps, markup=False)
     for sentence in result.failed:
         console.print(f"A channel was left out{' of all systems' if several else ''}: {sentence}", markup=False)
     if result.passed:
-        console.print(f"No longer window was read{' of any system' if several else ''}: {result.passed}", markup=False)
+        console.print(
+            f"A longer window was not read{' of any system' if several else ''}: {result.passed}", markup=False
+        )
     if result.unfinished:
         console.print(result.unfinished, markup=False)
     if result.interval_note:
@@ -113,36 +129,46 @@ def _on_constants(result: Predictions) -> list[str]:
         if names:
             told.setdefault(", ".join(names), []).append(what)
     said += [
-        f"The systems of {' and '.join(what)} have {names} as declared. Where a building has others, errors are larger"
-        " than is said; `datagen run --uncertain` simulates such systems."
+        f"The systems of {' and '.join(what)} have {names} as declared. A building with others has larger errors;"
+        " `datagen run --uncertain` simulates such systems."
         for names, what in told.items()
     ]
     posterior = any(value.median is not None for one in result.predictions for value in one.parameters.values())
     if posterior and result.interval_held is None:
         said.append(
-            "The posterior does not remember whether its systems had constants of the description as declared: fit it"
-            " again to know."
+            "The posterior does not record whether its systems had constants as declared. Fit it again to know."
         )
     return said
 
 
-def _table(one: Prediction) -> Table:
+def _table(one: Prediction, words: Mapping[str, str]) -> Table:
+    """One estimate of each parameter: the posterior's where there is one, else the answer with its usual error."""
     name = "" if one.system is None else f"system {one.system}, "
-    table = Table(title=f"{name}{one.begin} to {one.end}")
+    table = Table(title=f"{name}{one.begin} to {one.end}", box=None)
     posterior = all(value.median is not None for value in one.parameters.values())
-    rmse = ("+- rmse",) if all(value.rmse is not None for value in one.parameters.values()) else ()
-    middle = (*rmse, *(("median", "90 % interval") if posterior else ()))
+    rmse = not posterior and all(value.rmse is not None for value in one.parameters.values())
+    spread = ("90 % interval",) if posterior else ("+- rmse",) if rmse else ()
     remark = ("remark",) if any(value.at_bound for value in one.parameters.values()) else ()
-    for column in ("parameter", "estimate", *middle, "unit", *remark):
-        numeric = column in ("estimate", *middle)
+    for column in ("parameter", "estimate", *spread, "unit", *remark):
+        numeric = column in ("estimate", *spread)
         table.add_column(column, justify="right" if numeric else "left", no_wrap=numeric)
     for parameter, value in one.parameters.items():
         mark = ("at the end of its range" if value.at_bound else "",) if remark else ()
-        cells = [f"{value.rmse:.2g}"] if rmse else []
-        cells += _interval(value) if posterior else ()
-        table.add_row(parameter, f"{value.value:.4g}", *cells, value.unit, *mark)
+        label = f"{words[parameter]} ({parameter})" if words.get(parameter) else parameter
+        estimate = value.median if posterior else value.value
+        cells = [f"{value.low:.4g} to {value.high:.4g}"] if posterior else [f"{value.rmse:.2g}"] if rmse else []
+        table.add_row(label, f"{estimate:.4g}", *cells, value.unit, *mark)
     return table
 
 
-def _interval(value: Estimate) -> tuple[str, str]:
-    return f"{value.median:.4g}", f"{value.low:.4g} to {value.high:.4g}"
+def _words(run: Path) -> dict[str, str]:
+    """What the parameters are, by name, where the description lies beside the estimator; empty where none does."""
+    from trainer import load_run
+
+    folder = resolved_estimator(run)
+    try:
+        system = load_system(folder.parent / DESCRIPTION)
+    except SystemDescriptionError:  # a run of one's own: its parameters go by their names
+        return {}
+    same = system.hash() == load_run(run).card.system_hash
+    return {one.name: one.description for one in system.parameters} if same else {}

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+import xarray as xr
 
 from shared.errors import EstimatorError
 from shared.metrics import r2, relative_accuracy
@@ -39,7 +40,7 @@ LEVEL = 0.9
 
 def evaluate(
     run: Run | Path | str,
-    dataset_dir: Path | str,
+    dataset_dir: Path | str | xr.Dataset,
     *,
     windows: int = 1000,
     seed: int = 0,

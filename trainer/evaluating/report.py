@@ -8,12 +8,16 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
 from pydantic import BaseModel, ConfigDict
 from rich.table import Table
 
 from shared.errors import EstimatorError
 from shared.reading import MIB, read_text, why
+from shared.results import Result
 from shared.store import write_atomically
+from trainer.figures import draw_r2
 from trainer.reading.kind import Kind
 from trainer.runs.checkpoint import Card
 from trainer.tables import Row, markdown_table
@@ -64,7 +68,7 @@ class CeilingFigures(_Table):
     r2_mean: float
 
 
-class Evaluation(_Table):
+class Evaluation(Result, _Table):
     """``evaluation.json``."""
 
     schema_version: int = 3
@@ -81,6 +85,27 @@ class Evaluation(_Table):
     ceiling: CeilingFigures | None
     ceiling_note: str
 
+    @property
+    def headline(self) -> str:
+        """What this is, in a few words."""
+        scores = ", ".join(f"{name} {_number(one.r2_mean)}" for name, one in self.protocols.items())
+        return f"{self.model}, {self.context_hours:g} h, noise {self.noise}; mean R2: {scores}"
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row for each parameter and protocol: R2, its 90 % interval, the median accuracy, and the ceiling of R2."""
+        rows = []
+        for protocol, one in self.protocols.items():
+            for name, value in one.r2.items():
+                low, high = one.r2_interval[name]
+                limit = None if self.ceiling is None else self.ceiling.r2.get(name)
+                figures = {"r2": value, "low": low, "high": high, "accuracy": one.relative_accuracy[name]}
+                rows.append({"parameter": name, "protocol": protocol, **figures, "ceiling": limit})
+        return pd.DataFrame(rows).set_index(["parameter", "protocol"])
+
+    def plot(self) -> Figure:
+        """R2 of each parameter with its 90 % interval, by protocol; a dash is the ceiling."""
+        return draw_r2(self.to_dataframe())
+
 
 def _number(value: float | None) -> str:
     return "-" if value is None else f"{value:.3f}"
@@ -94,9 +119,16 @@ def _r2(protocol: Protocol, parameter: str | None) -> str:
     return f"{_number(value)} [{span}]"
 
 
+def told(evaluation: Evaluation) -> dict[str, Protocol]:
+    """The protocols that differ: of a dataset none of whose systems the run has seen, both are the last one."""
+    if any(one.systems_trained_on for one in evaluation.protocols.values()):
+        return evaluation.protocols
+    return dict([list(evaluation.protocols.items())[-1]])
+
+
 def table_rows(evaluation: Evaluation) -> tuple[Row, list[Row]]:
-    """Header and rows: R2 of both protocols, the ceiling, median relative accuracy; the last row is the mean."""
-    names = list(evaluation.protocols)
+    """Header and rows: R2 of the protocols, the ceiling, median relative accuracy; the last row is the mean."""
+    names = list(told(evaluation))
     header = ("parameter", *(f"R2 {name}" for name in names), "ceiling", *(f"accuracy {name}" for name in names))
     ceiling = evaluation.ceiling
     rows: list[Row] = []
@@ -114,7 +146,7 @@ def notes(evaluation: Evaluation) -> list[str]:
     lines = [
         f"{name}: {one.windows} disjoint windows of {one.systems} systems, {one.systems_trained_on} of which the run"
         " had trained on or been validated by"
-        for name, one in evaluation.protocols.items()
+        for name, one in told(evaluation).items()
     ]
     meant = (
         "R2 in the parameters' own units, with 90 % intervals by system; accuracy: median of 1 less the relative error"
@@ -132,7 +164,7 @@ def terminal_table(evaluation: Evaluation) -> Table:
     """The table for the terminal."""
     header, rows = table_rows(evaluation)
     title = f"{evaluation.model}, {evaluation.context_hours:g} h, noise {evaluation.noise}{_on(evaluation.dataset)}"
-    return plain_table(title, header, rows, whole=1 + len(evaluation.protocols))
+    return plain_table(title, header, rows, whole=1 + len(told(evaluation)))
 
 
 def markdown(evaluation: Evaluation, card: Card) -> str:

@@ -76,6 +76,8 @@ def build(name: str, shape: Shape, options: dict[str, Any]) -> tuple[Estimator, 
     given = ", ".join(f"{key} {merged[key]:g}" for key in options) or "its defaults"
     try:
         with memory_for(f"a {name} of {given}", kind=OptionsError):
-            return estimator_class(name)(shape, **merged), merged
+            network = estimator_class(name)(shape, **merged)
+            network.static, network.known = shape.static, shape.known
+            return network, merged
     except ValueError as error:  # torch's own, of a dropout that is no share
         raise OptionsError(f"{name}: {error}") from None

@@ -9,6 +9,7 @@ from typing import ClassVar, Literal
 import torch
 from torch import nn
 
+from trainer.reading.facts import known_parameters
 from trainer.reading.windows import Batch
 
 SLOPE = 0.2
@@ -30,6 +31,10 @@ class Shape:
     parameters: int
     step: float
     """[s]"""
+    static: int = 0
+    """columns at the end that are constant over a window: facts, and which of them are known"""
+    known: int = 0
+    """facts that are parameters: all of them, or none"""
 
 
 @dataclass(frozen=True)
@@ -57,6 +62,10 @@ class Estimator(nn.Module):
     """Whether it can be trained coarsely."""
     means: ClassVar[bool] = False
     """Whether its answers are made means; the paper takes them back to units as they are (section 4.1)."""
+    static: int = 0
+    """Static columns of its windows; set when it is built, as :attr:`known` is."""
+    known: int = 0
+    """How many parameters its windows may tell: all of them, or none."""
     coarse: bool = False
     """Whether larger products are rounded to bfloat16 while training, for speed."""
 
@@ -82,6 +91,13 @@ class Estimator(nn.Module):
             float32 (batch, parameters).
         """
         raise NotImplementedError
+
+    def with_known(self, answers: torch.Tensor, windows: torch.Tensor) -> torch.Tensor:
+        """Answers (batch, parameters) in which a parameter that the windows tell has its known value."""
+        if not self.known:
+            return answers
+        known, values = known_parameters(windows, self.static, self.known)
+        return torch.where(known, values, answers)
 
     def answer_and_embed(self, windows: torch.Tensor, time: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Answers, and what else the estimator makes of windows, (batch, any): a posterior is conditioned on both.

@@ -68,6 +68,8 @@ class Summary(nn.Module):
         steps = series.diff(dim=1)
         yield from _moments(series)
         yield from _moments(steps)
+        if self.shape.static:
+            yield windows[:, 0, windows.shape[2] - self.shape.static :]
         yield from self._lagged(series, steps)
         yield from self._by_hour(series, steps, time)
         if self.shape.outputs and series.shape[1] >= 2 * ORDER * self.hop + 2:
@@ -87,7 +89,7 @@ class Summary(nn.Module):
 
     def _middle(self, time: torch.Tensor, length: int) -> torch.Tensor:
         """A moment of each sample (batch, length) [s]: half a step before its stamp, inside the hour it reports on."""
-        return time[:, None] + self.shape.step * (torch.arange(length, dtype=torch.float64) - 0.5)
+        return time[:, None] + self.shape.step * (torch.arange(length, dtype=torch.float64, device=time.device) - 0.5)
 
     def _member(self, middle: torch.Tensor) -> torch.Tensor:
         """Which sample lies in which bin of the day, 0 or 1 (batch, bins, length)."""
@@ -105,11 +107,17 @@ class Summary(nn.Module):
         past = [series[:, (ORDER - k) * hop : (ORDER - k) * hop + length] for k in range(1, ORDER + 1)]
         now = series[:, ORDER * hop :]
         middle = self._middle(time, series.shape[1])[:, ORDER * hop :]
-        angle = torch.remainder(middle, DAY)[:, :, None] * (2 * torch.pi / DAY) * torch.arange(1, HARMONICS + 1)
+        angle = (
+            torch.remainder(middle, DAY)[:, :, None]
+            * (2 * torch.pi / DAY)
+            * torch.arange(1, HARMONICS + 1, device=middle.device)
+        )
         clock = torch.cat([torch.sin(angle), torch.cos(angle)], dim=2)
         rows = torch.cat([*past, now[:, :, outputs:], clock, torch.ones_like(clock[:, :, :1])], dim=2).double()
         change = (now - past[0])[:, :, :outputs].double()
-        gram = rows.transpose(1, 2) @ rows / length + PENALTY * torch.eye(rows.shape[2], dtype=torch.float64)
+        gram = rows.transpose(1, 2) @ rows / length + PENALTY * torch.eye(
+            rows.shape[2], dtype=torch.float64, device=rows.device
+        )
         coefficients = torch.linalg.solve(gram, rows.transpose(1, 2) @ change / length)
         left = (change - rows @ coefficients).to(series.dtype)
         yield coefficients.to(series.dtype).flatten(1)
@@ -139,7 +147,7 @@ def _moments(series: torch.Tensor) -> Iterator[torch.Tensor]:
     """Mean, logarithm of the spread, and quantiles of each channel."""
     yield series.mean(dim=1)
     yield torch.log(series.std(dim=1, correction=0) + SMALL)
-    yield torch.quantile(series, torch.tensor(QUANTILES), dim=1).transpose(0, 1).flatten(1)
+    yield torch.quantile(series, torch.tensor(QUANTILES, device=series.device), dim=1).transpose(0, 1).flatten(1)
 
 
 def _profile(member: torch.Tensor, series: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:

@@ -56,11 +56,14 @@ class MultiscaleTransformer(Estimator):
             raise OptionsError(f"views is {views}; expected no more than the {patch} samples of a patch")
         self.outputs, self.patch, self.tokens = shape.outputs, patch, shape.length // patch
         self.shifts = [patch * k // views for k in range(views)]
-        self.column_count = shape.columns + shape.outputs * (2 + len(LEVEL_SCALES) + len(STEP_SCALES))
+        self.facts_count = shape.static
+        self.column_count = shape.columns - shape.static + shape.outputs * (2 + len(LEVEL_SCALES) + len(STEP_SCALES))
         self.embedding = nn.Sequential(
             nn.Linear(patch * self.column_count, 2 * width), nn.GELU(), nn.Linear(2 * width, width)
         )
         self.position = nn.Parameter(0.02 * torch.randn(self.tokens, width))
+        if shape.static:
+            self.facts = nn.Sequential(nn.Linear(shape.static, width), nn.GELU(), _silent(width, width))
         layer = nn.TransformerEncoderLayer(
             width, heads, feedforward, dropout, activation="gelu", batch_first=True, norm_first=True
         )
@@ -80,7 +83,15 @@ class MultiscaleTransformer(Estimator):
 
     def embed(self, windows: torch.Tensor) -> torch.Tensor:
         """What the encoder makes of a window (batch, 2 width)."""
-        return self.read(self.columns(self.whole_patches(windows)))
+        series, facts = self.apart(windows)
+        return self.read(self.columns(self.whole_patches(series)), facts)
+
+    def apart(self, windows: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """The series of windows, and their facts as they are added to each patch (batch, width), or none."""
+        if not self.facts_count:
+            return windows, windows[:, 0, :0]
+        series, static = windows[:, :, : -self.facts_count], windows[:, 0, -self.facts_count :]
+        return series, self.facts(static)
 
     def whole_patches(self, windows: torch.Tensor) -> torch.Tensor:
         """Windows without the oldest samples that fill no patch.
@@ -96,7 +107,7 @@ class MultiscaleTransformer(Estimator):
             raise EstimatorError(f"a window has {length} samples; expected {self.patch} to {self.tokens * self.patch}")
         return windows[:, -tokens * self.patch :]
 
-    def read(self, columns: torch.Tensor) -> torch.Tensor:
+    def read(self, columns: torch.Tensor, facts: torch.Tensor) -> torch.Tensor:
         """The mean over the views of what the encoder makes of columns of whole patches, (batch, 2 width).
 
         Where the patches happen to begin changes most answers by about half of their error; a view is one alignment.
@@ -105,10 +116,10 @@ class MultiscaleTransformer(Estimator):
         shifts = self.shifts
         if self.training and len(shifts) > 2:
             shifts = [shifts[k] for k in torch.randperm(len(shifts))[:2].tolist()]
-        parts = [self._encode(columns)] if 0 in shifts else []
+        parts = [self._encode(columns, facts)] if 0 in shifts else []
         moved = [self._shifted(columns, shift)[:, -self.tokens * self.patch :] for shift in shifts if shift]
         if moved:
-            parts += self._encode(torch.cat(moved)).split(len(columns))
+            parts += self._encode(torch.cat(moved), facts.repeat(len(moved), 1)).split(len(columns))
         return torch.stack(parts).mean(dim=0)
 
     def _shifted(self, columns: torch.Tensor, shift: int) -> torch.Tensor:
@@ -117,17 +128,22 @@ class MultiscaleTransformer(Estimator):
         nothing[:, :, -self.outputs :] = 1  # missing
         return torch.cat([nothing[:, :shift], columns, nothing[:, shift:]], dim=1)
 
-    def _encode(self, columns: torch.Tensor) -> torch.Tensor:
+    def _encode(self, columns: torch.Tensor, facts: torch.Tensor) -> torch.Tensor:
         """Mean and maximum over the encoded patches (batch, 2 width)."""
         patches = columns.reshape(len(columns), -1, self.patch * self.column_count)
-        encoded = self._transformed(self.embedding(patches) + self.position[-patches.shape[1] :])
+        embedded = self.embedding(patches) + self.position[-patches.shape[1] :]
+        encoded = self._transformed(embedded + facts[:, None] if self.facts_count else embedded)
         return self.norm(torch.cat([encoded.mean(dim=1), encoded.amax(dim=1)], dim=1))
 
     def _transformed(self, embedded: torch.Tensor) -> torch.Tensor:
         if not (self.training and self.coarse):
             exact: torch.Tensor = self.encoder(embedded)
             return exact
-        # what is embedded has digits that count: only the encoder is coarse. Its fused attention is slow in bfloat16
+        # what is embedded has digits that count: only the encoder is coarse
+        if embedded.is_cuda:
+            with torch.autocast("cuda", torch.bfloat16):
+                return torch.as_tensor(self.encoder(embedded)).float()
+        # fused attention is slow in bfloat16 on a processor
         with torch.autocast("cpu", torch.bfloat16), sdpa_kernel(SDPBackend.MATH):
             rounded: torch.Tensor = self.encoder(embedded)
         return rounded.float()
@@ -143,3 +159,11 @@ class MultiscaleTransformer(Estimator):
         parts += [GAIN * torch.asinh(above / scale) for scale in LEVEL_SCALES]
         parts += [GAIN * torch.asinh(steps / scale) for scale in STEP_SCALES]
         return torch.cat([torch.nan_to_num(torch.cat(parts, dim=2)), missing.to(windows.dtype)], dim=2)
+
+
+def _silent(inputs: int, outputs: int) -> nn.Linear:
+    """A layer that answers nothing before it is trained: an earlier estimator's weights keep their sense beside it."""
+    layer = nn.Linear(inputs, outputs)
+    nn.init.zeros_(layer.weight)
+    nn.init.zeros_(layer.bias)
+    return layer

@@ -49,6 +49,12 @@ class RegressionTransformer(MultiscaleTransformer):
         nn.init.zeros_(last.weight)
         nn.init.zeros_(last.bias)
         self.correction = nn.Sequential(nn.Linear(3 * width + shape.parameters, width), nn.GELU(), last)
+        if shape.static:
+            final = nn.Linear(2 * width, shape.parameters)
+            nn.init.zeros_(final.weight)
+            nn.init.zeros_(final.bias)
+            inputs = 3 * width + shape.parameters + shape.static
+            self.refinement = nn.Sequential(nn.Linear(inputs, 2 * width), nn.GELU(), final)
 
     def forward(self, windows: torch.Tensor, time: torch.Tensor) -> torch.Tensor:
         """See :class:`Estimator`."""
@@ -56,10 +62,15 @@ class RegressionTransformer(MultiscaleTransformer):
 
     def answer_and_embed(self, windows: torch.Tensor, time: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """See :class:`Estimator`."""
-        windows = self.whole_patches(windows)
+        static = windows[:, 0, windows.shape[2] - self.facts_count :]
+        series, facts = self.apart(windows)
+        windows = self.whole_patches(series)
         columns = self.columns(windows)
         past = memories(torch.nan_to_num(windows[:, :, : self.recorded]), self.step)
         digest = self.digest(self.regressions(torch.cat([columns, past], dim=2)))
-        embedding = torch.cat([self.read(columns), digest], dim=1)
+        embedding = torch.cat([self.read(columns, facts), digest], dim=1)
         first = self.head(embedding[:, : -digest.shape[1]])
-        return first + self.correction(torch.cat([embedding, first], dim=1)), embedding
+        answers = first + self.correction(torch.cat([embedding, first], dim=1))
+        if self.facts_count:
+            answers = answers + self.refinement(torch.cat([embedding, answers, static], dim=1))
+        return answers, embedding

@@ -82,7 +82,7 @@ class Regressions(nn.Module):
         gram, cross = moments[..., :size, :size], moments[..., :size, size:]
         total = torch.diagonal(moments[..., size:, size:], dim1=-2, dim2=-1)
         spread = (torch.diagonal(gram, dim1=-2, dim2=-1) + FLOOR).sqrt()
-        eye = torch.eye(size, dtype=gram.dtype)
+        eye = torch.eye(size, dtype=gram.dtype, device=gram.device)
         gram = gram / (spread[..., :, None] * spread[..., None, :]) + self.log_penalty.double().exp()[..., None] * eye
         cross = cross / spread[..., None]
         inverse = torch.cholesky_inverse(torch.linalg.cholesky(gram))
@@ -101,11 +101,11 @@ def memories(series: torch.Tensor, step: float) -> torch.Tensor:
     Means of the past with exponentially falling weights, begun at the window's own mean.
     """
     centred = series - series.mean(dim=1, keepdim=True)
-    lag = torch.arange(series.shape[1])
+    lag = torch.arange(series.shape[1], device=series.device)
     lag = lag[:, None] - lag[None, :]
     parts = []
     for hours in MEMORY_HOURS:
         keep = math.exp(-step / (3600 * hours))
-        kernel = torch.where(lag >= 0, (1 - keep) * keep ** lag.clamp(min=0), torch.zeros(()))
+        kernel = torch.where(lag >= 0, (1 - keep) * keep ** lag.clamp(min=0), torch.zeros((), device=series.device))
         parts.append(kernel @ centred - centred)
     return torch.cat(parts, dim=2)

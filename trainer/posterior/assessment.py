@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import torch
+import xarray as xr
 
 from shared.errors import EstimatorError
 from shared.metrics import r2
@@ -33,7 +34,7 @@ from trainer.seeds import check_seed
 
 def calibration(
     run: Run | Path | str,
-    dataset_dir: Path | str,
+    dataset_dir: Path | str | xr.Dataset,
     *,
     windows: int = 2000,
     samples: int = 400,

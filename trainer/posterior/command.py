@@ -30,10 +30,9 @@ def posterior(
 ) -> None:
     """Fit a posterior to an estimator: from then on `trainer predict` gives intervals and samples.
 
-    A normalising flow learns from one half of the validation systems how the truth is spread about the estimator's
-    answers; the other half stops its training and sets how wide its intervals must be to cover, for which it takes nine
-    systems or more: with fewer that is told. Systems of the test split take no part. The run folder gets
-    posterior.safetensors and posterior.json.
+    A normalising flow is fitted to the estimator's errors on one half of the validation systems. The other half stops
+    its training and sets the width of the intervals. This takes nine systems or more; with fewer a warning says so.
+    Test systems take no part. The run folder gets posterior.safetensors and posterior.json.
 
     Parameters
     ----------
@@ -42,15 +41,15 @@ def posterior(
     dataset
         Dataset of the training, or another one of the same system.
     systems
-        Use so many of the validation systems; all by default.
+        Number of validation systems to use; all by default.
     training_systems
-        Fit the flow to so many training systems as well. The estimator knows them, so they make it too sure of itself.
+        Fit the flow to so many training systems as well. The estimator knows them, so intervals become too narrow.
     windows_per_system
         Windows of each fitting system, and half as many of each calibration system.
     epochs
-        At most; training stops early.
+        Largest number of epochs; training stops early.
     seed
-        Of systems, windows, noise and weights.
+        Seed of systems, windows, noise and weights.
     threads
         torch's threads; more than one is slower unless the machine is idle.
     overwrite
@@ -91,7 +90,7 @@ def calibration(
     out: Path | None = None,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
-    """Whether a posterior can be believed: coverage, rank histograms and scores on systems that it has never seen.
+    """Check a posterior: coverage, rank histograms and scores on systems that it has never seen.
 
     Writes calibration.json, calibration.md, calibration.csv, sbc.png (flat if calibrated) and coverage.png. Intervals
     are 90 %, by system.
@@ -112,7 +111,7 @@ def calibration(
     context
         Length of a window [h], one of those of the training; its main one by default.
     without
-        Optional channels that are to be missing.
+        Optional channels to leave out.
     seed
         Of windows, noise and samples.
     out

@@ -15,6 +15,7 @@ from shared.store import DatasetFolder
 from trainer.posterior.context import as_float, context_of
 from trainer.posterior.prior import Prior
 from trainer.reading.data import load_records
+from trainer.reading.facts import known_parameters
 from trainer.reading.missing import Missing
 from trainer.reading.noise import Sensors
 from trainer.reading.windows import WindowSource
@@ -23,6 +24,8 @@ from trainer.runs.checkpoint import Run
 MAIN = 0.4
 """Share of the windows that have the run's main length, where there are others; these share the rest evenly.
 For the estimator's training half have it, and of the others long ones are drawn less often."""
+SPREAD = 0.3
+"""Of the noise that stands for the error of a known parameter [standard deviations of the prior]."""
 CHUNK = 1024
 """Windows gathered at a time."""
 
@@ -54,7 +57,7 @@ def source_of(run: Run, dataset: DatasetFolder, rows: np.ndarray) -> tuple[Windo
     records = load_records(dataset, encoding.recorded, rows)
     gaps = Missing(encoding.recorded, encoding.outputs, encoding.optional) if run.model.reads_missing else None
     sensors = Sensors(dataset.system, encoding.recorded, run.card.noise)
-    return WindowSource(records, encoding, sensors, torch.Generator(), gaps), records.parameters
+    return WindowSource(records, encoding, sensors, torch.Generator(), gaps, "random"), records.parameters
 
 
 def draw_contexts(
@@ -86,17 +89,28 @@ def draw_contexts(
     where = np.repeat(systems, per_system)
     which = rng.choice(len(lengths), size=len(where), p=odds)
     starts = (rng.random(len(where)) * (len(source.time) - np.array(lengths)[which] + 1)).astype(np.int64)
-    parts, order = [], []
+    parts, order, told = [], [], []
     for k, length in enumerate(lengths):
         for chosen in np.array_split(np.flatnonzero(which == k), 1 + np.sum(which == k) // CHUNK):
             if len(chosen):
                 batch = source.gather(torch.from_numpy(where[chosen]), torch.from_numpy(starts[chosen]), length)
                 parts.append(context_of(run, prior, batch.windows, batch.time))
+                told.append(_told(run, batch.windows))
                 order.append(chosen)
     place = np.concatenate(order)
+    context, truth = torch.cat(parts), as_float(prior.to_normal(parameters[where[place]]))
+    # a parameter that is known has no error to learn: noise about its answer, which samples never show
+    free = context[:, : truth.shape[1]] + SPREAD * torch.randn(truth.shape, generator=source.generator)
     return Contexts(
-        torch.cat(parts),
-        as_float(prior.to_normal(parameters[where[place]])),
+        context,
+        torch.where(torch.cat(told), free, truth),
         torch.from_numpy(which[place]),
         torch.from_numpy(where[place]),
     )
+
+
+def _told(run: Run, windows: torch.Tensor) -> torch.Tensor:
+    """Which parameters encoded windows tell, bool (windows, parameters)."""
+    if not run.model.known:
+        return torch.zeros((len(windows), len(run.card.encoding.parameters)), dtype=torch.bool)
+    return known_parameters(windows, run.model.static, run.model.known)[0]

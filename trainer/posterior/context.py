@@ -15,7 +15,7 @@ NEAREST = 0.005
 
 
 def context_of(run: Run, prior: Prior, windows: torch.Tensor, time: torch.Tensor) -> torch.Tensor:
-    """Contexts (windows, context), float32: answer, the same unclipped, embedding, log length, missing shares.
+    """Contexts (windows, context), float32: answer, the same unclipped, embedding, facts, log length, missing shares.
 
     Parameters
     ----------
@@ -32,10 +32,12 @@ def context_of(run: Run, prior: Prior, windows: torch.Tensor, time: torch.Tensor
         with torch.no_grad():
             for some, stamps in zip(windows.split(CHUNK), time.split(CHUNK), strict=True):
                 answers, embedding = run.model.answer_and_embed(some, stamps)
+                answers = run.model.with_known(answers, some)
                 z = prior.to_normal(encoding.estimates(answers), NEAREST)
+                static = some[:, 0, some.shape[2] - run.model.static :]
                 missing = torch.isnan(some[:, :, : encoding.outputs]).float().mean(dim=1)
                 length = torch.full((len(some), 1), math.log(some.shape[1] / encoding.length))
-                parts.append(torch.cat([as_float(z), answers, embedding, length, missing], dim=1))
+                parts.append(torch.cat([as_float(z), answers, embedding, static, length, missing], dim=1))
     finally:
         run.model.train(was_training)
     return torch.cat(parts)

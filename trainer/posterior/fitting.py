@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import torch
+import xarray as xr
 import zuko
 from torch import nn
 
@@ -56,7 +57,7 @@ FEWEST = 4
 
 def fit_posterior(
     run: Run | Path | str,
-    dataset_dir: Path | str,
+    dataset_dir: Path | str | xr.Dataset,
     *,
     systems: int | None = None,
     training_systems: int = 0,
@@ -83,7 +84,7 @@ def fit_posterior(
     systems
         Use so many of the validation systems; all by default.
     training_systems
-        Fit the flow to so many systems of the training split as well.
+        Fit the flow to so many systems of the training split as well, first those that the run has not seen.
     windows_per_system
         Windows of each fitting system, and half as many of each calibration system.
     epochs
@@ -160,7 +161,10 @@ def _fit(
     extra = index.of_split("train")
     if not 0 <= training_systems <= len(extra):
         raise EstimatorError(f"training_systems: is {training_systems}; expected 0 to the dataset's {len(extra)}")
-    extra = np.sort(np.random.default_rng(seeds[0]).choice(extra, training_systems, replace=False))
+    # those that the run has not seen come first: its errors on the others are too small
+    seen = run.card.seen(dataset.manifest.system_hash, index)[extra]
+    mixed = np.random.default_rng(seeds[0]).permutation(len(extra))
+    extra = np.sort(extra[mixed[np.argsort(seen[mixed], kind="stable")][:training_systems]])
     fitting = np.sort(np.concatenate([fitting, extra]))
     few = max(1, windows_per_system // 2)
     rows = np.sort(np.concatenate([fitting, calibration]))
@@ -169,6 +173,8 @@ def _fit(
     asked = memory_for(f"{windows_per_system} windows of each system (windows_per_system)")
     with asked, torch_state(seeds[3], threads):
         fit_to = draw_contexts(run, prior, source, parameters, places[0], windows_per_system, seeds[1])
+        # intervals of what is unknown are to cover: of the windows that calibrate them none tells a parameter
+        source = source.under(source.sensors, source.generator, source.gaps, "given")
         held_out = draw_contexts(run, prior, source, parameters, places[1], few, seeds[2])
         del source
         sizes = (len(run.card.encoding.lengths), run.card.encoding.outputs)

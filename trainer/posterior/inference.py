@@ -13,6 +13,7 @@ from trainer.posterior.card import PosteriorCard
 from trainer.posterior.context import as_float, context_of
 from trainer.posterior.flow import PosteriorFlow
 from trainer.posterior.prior import Prior
+from trainer.reading.facts import known_parameters
 from trainer.runs.checkpoint import Run
 from trainer.seeds import check_seed
 
@@ -45,7 +46,9 @@ class Posterior:
         self.run, self.card, self.prior = run, card, prior
         self.flow = flow.eval()
 
-    def sample(self, values: np.ndarray, time: np.ndarray, n: int, *, seed: int = 0) -> np.ndarray:
+    def sample(
+        self, values: np.ndarray, time: np.ndarray, n: int, *, seed: int = 0, facts: np.ndarray | None = None
+    ) -> np.ndarray:
         """Samples (windows, n, parameters) [own units], float64; equal seeds give equal samples.
 
         Parameters
@@ -54,6 +57,9 @@ class Posterior:
             Recorded channels (windows, length, recorded) [units of the run's encoding], missing readings not a number.
         time
             Time stamp of each window's first sample (windows,) [s since time zero].
+        facts
+            What is known, as for :meth:`trainer.runs.checkpoint.Run.estimate`. Samples of a known parameter have its
+            value; those of the others are conditioned on it.
 
         Raises
         ------
@@ -61,7 +67,7 @@ class Posterior:
             If the windows have a length that the posterior was not fitted to, ``n`` is not positive, or ``seed`` is
             negative.
         """
-        return self.sample_encoded(*self._encode(values, time), n, seed=seed)
+        return self.sample_encoded(*self.run.encoded(values, time, facts), n, seed=seed)
 
     def sample_encoded(self, windows: torch.Tensor, time: torch.Tensor, n: int, *, seed: int = 0) -> np.ndarray:
         """As :meth:`sample`, of encoded windows (windows, length, columns)."""
@@ -74,7 +80,12 @@ class Posterior:
         size = (len(context), n, self.flow.parameters_count)
         with memory_for(f"{n} samples of each of {len(context)} windows"), torch.no_grad():
             base = np.random.default_rng(seed).standard_normal(size, np.float32)
-            return self.prior.from_normal(self.flow.sample(context, torch.from_numpy(base), length).numpy())
+            samples = self.prior.from_normal(self.flow.sample(context, torch.from_numpy(base), length).numpy())
+        if not self.run.model.known:
+            return samples
+        known, values = known_parameters(windows, self.run.model.static, self.run.model.known)
+        exact = self.run.card.encoding.estimates(values)
+        return np.where(known.numpy()[:, None], exact[:, None], samples)
 
     def log_prob(self, values: np.ndarray, time: np.ndarray, parameters: np.ndarray) -> np.ndarray:
         """Log density [nat, per own units] at parameters.
@@ -91,7 +102,7 @@ class Posterior:
         numpy.ndarray
             (windows,) or (windows, n); minus infinity outside the ranges.
         """
-        return self.log_prob_encoded(*self._encode(values, time), parameters)
+        return self.log_prob_encoded(*self.run.encoded(values, time), parameters)
 
     def log_prob_encoded(self, windows: torch.Tensor, time: torch.Tensor, parameters: np.ndarray) -> np.ndarray:
         """As :meth:`log_prob`, of encoded windows (windows, length, columns)."""
@@ -105,10 +116,6 @@ class Posterior:
         safe = np.where(inside[:, None], flat, self.prior.low)
         found = np.where(inside, density.double().numpy().ravel() + self.prior.log_jacobian(safe), -np.inf)
         return found.reshape(parameters.shape[:-1])
-
-    def _encode(self, values: np.ndarray, time: np.ndarray) -> tuple[torch.Tensor, torch.Tensor]:
-        stamps = torch.from_numpy(np.asarray(time, dtype=np.float64))
-        return self.run.card.encoding.encode(as_float(values), stamps), stamps
 
     def _which_length(self, windows: torch.Tensor) -> int:
         if windows.shape[1] not in self.card.lengths:

@@ -39,14 +39,15 @@ class Prior:
     def to_unit(self, parameters: np.ndarray) -> np.ndarray:
         """Unit positions of parameters (..., parameters) [own units]; outside [0, 1] where these leave their ranges."""
         linear = (parameters - self.low) / (self.high - self.low)
-        with np.errstate(invalid="ignore", divide="ignore"):  # of linear ranges that begin at nought or below
-            logarithmic = np.log(np.maximum(parameters, 1e-300) / self.low) / np.log(self.high / self.low)
+        low, width = self._logarithmic()
+        logarithmic = np.log(np.where(self.log, np.maximum(parameters, 1e-300), 1.0) / low) / width
         return np.where(self.log, logarithmic, linear)
 
     def from_unit(self, unit: np.ndarray) -> np.ndarray:
         """Parameters (..., parameters) [own units] at unit positions; never outside their ranges."""
         linear = self.low + (self.high - self.low) * unit
-        logarithmic = self.low * (self.high / self.low) ** unit
+        low, width = self._logarithmic()
+        logarithmic = low * np.exp(width * unit)
         return np.clip(np.where(self.log, logarithmic, linear), self.low, self.high)
 
     def to_normal(self, parameters: np.ndarray, edge: float = EDGE) -> np.ndarray:
@@ -60,8 +61,7 @@ class Prior:
     def log_jacobian(self, parameters: np.ndarray) -> np.ndarray:
         """Log of |d(standard normal numbers)/d(parameters)|, (...), from parameters (..., parameters) [own units]."""
         z = self.to_normal(parameters)
-        slope = np.where(self.log, 1 / (parameters * np.log(self.high / self.low)), 1 / (self.high - self.low))
-        return np.sum(np.log(slope) - norm.logpdf(z), axis=-1)
+        return np.sum(self._log_slope(parameters) - norm.logpdf(z), axis=-1)
 
     def inside(self, parameters: np.ndarray) -> np.ndarray:
         """Whether parameters (..., parameters) lie in their ranges, bool (...)."""
@@ -69,5 +69,15 @@ class Prior:
 
     def log_density(self, parameters: np.ndarray) -> np.ndarray:
         """Log density of the prior, (...), at parameters (..., parameters) [own units]."""
-        slope = np.where(self.log, 1 / (parameters * np.log(self.high / self.low)), 1 / (self.high - self.low))
-        return np.where(self.inside(parameters), np.sum(np.log(slope), axis=-1), -np.inf)
+        return np.where(self.inside(parameters), np.sum(self._log_slope(parameters), axis=-1), -np.inf)
+
+    def _logarithmic(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower ends and widths of the logarithmic ranges; ones in place of linear ones, which may begin below zero."""
+        low, high = np.where(self.log, self.low, 1.0), np.where(self.log, self.high, np.e)
+        return low, np.log(high / low)
+
+    def _log_slope(self, parameters: np.ndarray) -> np.ndarray:
+        """Log of d(unit position)/d(parameter), (..., parameters)."""
+        _, width = self._logarithmic()
+        widths = np.where(self.log, np.where(self.log, parameters, 1.0) * width, self.high - self.low)
+        return np.asarray(-np.log(widths))

@@ -145,7 +145,7 @@ def notes(result: Calibration) -> list[str]:
         result.dataset.sentence(),
         f"{result.windows} disjoint windows of {result.systems} systems that neither estimator nor posterior has seen,"
         f" {result.samples} samples each",
-        "% columns: share of the windows whose central interval holds the truth; for 90 % with its interval by system",
+        "% columns: share of the windows whose central interval covers the truth; for 90 % with its interval by system",
         f"p: of the ranks being uniform, one window of each system{few}",
         "CRPS as a share of the prior's",
         result.gaussian_note,

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
+import xarray as xr
+from matplotlib.figure import Figure
 from pydantic import BaseModel, ConfigDict
 
 from shared.errors import EstimatorError, RecordingError
 from shared.logs import logger
 from shared.places import check_folder
+from shared.results import Result
 from shared.stretches import Stretch
+from trainer.figures import draw_estimates
+from trainer.predicting.known import facts_known, facts_of
 from trainer.predicting.readings import date_of
 from trainer.predicting.recorded import Window, read_window
 from trainer.reading.encoding import Encoding
@@ -71,10 +78,10 @@ class Prediction(_Table):
     """readings of this system that were put in where single ones were missing"""
 
 
-class Predictions(_Table):
+class Predictions(Result, _Table):
     """What ``trainer predict`` prints."""
 
-    schema_version: int = 9
+    schema_version: int = 10
     file: str
     model: str
     unfinished: str | None = None
@@ -85,6 +92,8 @@ class Predictions(_Table):
     """channels that the run can do without, and that the recording lacks, or lacks too much of in one of its systems"""
     failed: list[str] = []
     """why channels that the recording has are absent, a sentence each, which names the system"""
+    facts: dict[str, float] = {}
+    """parameters and given facts that the estimate was told, of the first system [own units]"""
     bridged: int = 0
     """readings that were put in where single ones were missing, in all systems"""
     passed: str | None = None
@@ -106,14 +115,36 @@ class Predictions(_Table):
     """That intervals do not allow for the readings that were put in; None where none were, or there is no posterior."""
     predictions: list[Prediction]
 
+    @property
+    def headline(self) -> str:
+        """What this is, in a few words."""
+        several = "" if len(self.predictions) == 1 else f"{len(self.predictions)} systems, "
+        count = len(self.predictions[0].parameters)
+        return f"{Path(self.file).name}: {several}{count} parameters from {self.context_hours:g} h"
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row for each system and parameter: value, unit, rmse, median, and the ends of the 90 % interval."""
+        rows = [
+            {"system": one.system, "parameter": name, **value.model_dump()}
+            for one in self.predictions
+            for name, value in one.parameters.items()
+        ]
+        frame = pd.DataFrame(rows).set_index(["system", "parameter"])
+        return frame.droplevel("system") if len(self.predictions) == 1 else frame
+
+    def plot(self) -> Figure:
+        """A panel for each parameter: the estimates and their 90 % intervals, system by system."""
+        return draw_estimates(self.to_dataframe())
+
 
 def predict(
     run: Run | Path | str,
-    file: Path | str,
+    file: Path | str | xr.Dataset,
     *,
     samples: int = SAMPLES,
     seed: int = 0,
     stretch: Stretch | None = None,
+    known: Mapping[str, float] | None = None,
     out: Path | str | None = None,
     corner: Path | str | None = None,
 ) -> Predictions:
@@ -126,8 +157,9 @@ def predict(
     run
         A run folder, or a run already loaded.
     file
-        NetCDF with the run's recorded channels as variables over (time) or (system, time), each with ``units``, and a
-        ``time`` coordinate, as the shards of a dataset have it. Each system of it is estimated by itself,
+        NetCDF file, or a Dataset in memory. It has the run's recorded channels as variables over (time) or
+        (system, time), each with ``units``, and a ``time`` coordinate, as the shards of a dataset have it. Each system
+        of it is estimated by itself,
         but all from windows of one length and without the same channels: of what one lacks too much is read of none.
     samples
         Drawn from the posterior of each system, at least 20.
@@ -136,6 +168,9 @@ def predict(
     stretch
         Which stretch without gaps in the inputs that the run reads is taken, of which the last window is read; the
         longest, if not given.
+    known
+        Parameters and given facts that are known, by name [own units], for a run that was trained with ``facts``. They
+        come before the given facts of the recording, which are read as well.
     out
         NetCDF file to write the samples to.
     corner
@@ -157,6 +192,8 @@ def predict(
     check_seed(seed)
     check_samples(samples)
     run = run if isinstance(run, Run) else load_run(run)
+    recording = file if isinstance(file, xr.Dataset) else Path(file)
+    file = recording.encoding.get("source", "the Dataset") if isinstance(recording, xr.Dataset) else recording
     if cut_short := unfinished(run.card, run.folder):
         _log.warning("%s: %s", run.folder, cut_short)  # for callers that use the values alone
     for name, path in (("out", out), ("corner", corner)):
@@ -172,21 +209,25 @@ def predict(
             f"out and corner: both are {out}, and one would be written over the other; expected two files"
         )
     encoding = run.card.encoding
-    window = read_window(Path(file), encoding, run.card.system_name, stretch)
+    window = read_window(recording, encoding, run.card.system_name, stretch)
     familiar = {one.length: one for one in run.card.familiar}
-    known = familiar.get(len(window.stamps))
+    alike = familiar.get(len(window.stamps))
     for values in (*window.longer, window.values):  # a gap long ago does not make a dead sensor live
         if (like := familiar.get(values.shape[1])) is not None:
             _check_moving(Path(file), values, window.systems, like, encoding)
     begins = window.begins + window.stamps[0]
-    answers = run.read(window.values, begins)
+    told = facts_of(recording, encoding, known or {}, window.systems)
+    answers = run.read(window.values, begins, told)
     estimates = run.estimates(answers, len(window.stamps), window.absent)
+    if told is not None and encoding.known:  # what is known needs no mean made of it
+        known_values = told[:, : len(encoding.parameters)]
+        estimates = np.where(np.isfinite(known_values), known_values, estimates)
     posterior = load_posterior(run)
     if posterior is None and (out is not None or corner is not None):
         raise EstimatorError(f"{run.folder}: has no posterior to draw samples from; `trainer posterior` fits one")
     if corner is not None and len(window.systems) > 1:
         raise EstimatorError(f"{file}: has {len(window.systems)} systems; expected one for a corner plot")
-    drawn = None if posterior is None else posterior.sample(window.values, begins, samples, seed=seed)
+    drawn = None if posterior is None else posterior.sample(window.values, begins, samples, seed=seed, facts=told)
     found = None if drawn is None else summarise(drawn)
     names, units = encoding.parameters, encoding.parameter_units
     for path in (out, corner):
@@ -228,7 +269,7 @@ def predict(
                 end=end,
                 parameters=parameters,
                 correlation=correlation,
-                unlike=None if known is None else unlike(window.values[i], known, encoding),
+                unlike=None if alike is None else unlike(window.values[i], alike, encoding),
                 bridged=window.bridged[i],
             )
         )
@@ -240,6 +281,7 @@ def predict(
         noise=run.card.noise,
         absent=window.absent,
         failed=list(window.failed),
+        facts=facts_known(told, encoding),
         bridged=sum(window.bridged),
         passed=window.passed,
         held=run.card.held,

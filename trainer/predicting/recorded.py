@@ -10,11 +10,10 @@ import xarray as xr
 
 from shared.errors import RecordingError
 from shared.gaps import bridge
-from shared.netcdf import read_netcdf
 from shared.reading import shown
-from shared.schema import EPOCH, RECORDING, Method, method_fault, of_another
+from shared.schema import EPOCH, Method, method_fault, of_another
 from shared.stretches import LONGEST, Steps, Stretch, chosen
-from shared.times import recorded_begins, recorded_times
+from shared.times import read_recorded, recorded_begins, recorded_times
 from trainer.predicting.readings import GapError, check_gaps, comparable, date_of
 from trainer.reading.encoding import Encoding
 
@@ -46,7 +45,9 @@ class Window(NamedTuple):
     longer: tuple[np.ndarray, ...] = ()
 
 
-def read_window(path: Path, encoding: Encoding, system: str | None = None, stretch: Stretch | None = None) -> Window:
+def read_window(
+    given: Path | xr.Dataset, encoding: Encoding, system: str | None = None, stretch: Stretch | None = None
+) -> Window:
     """The last context window of a recording: the longest of those that the run was trained on, and can read.
 
     It is of one stretch in which the inputs that the run cannot do without have no gaps. Of several systems it is as
@@ -54,6 +55,8 @@ def read_window(path: Path, encoding: Encoding, system: str | None = None, stret
 
     Parameters
     ----------
+    given
+        The recording: a NetCDF file, or a Dataset in memory.
     system
         The name of the system that the run estimates: said where a recording is of another one, and does not fit.
     stretch
@@ -64,7 +67,7 @@ def read_window(path: Path, encoding: Encoding, system: str | None = None, stret
     RecordingError
         If the recording does not fit the run; the sentence says in what, of the longest window that it has.
     """
-    recording = read_netcdf(path, RecordingError, RECORDING, times=True)
+    path, recording = read_recorded(given)
     try:
         first, after = _taken(path, recording, encoding, stretch)
         return _read(path, recording.isel(time=slice(0, after)), first, encoding)

@@ -19,7 +19,8 @@ def load_records(dataset: DatasetFolder, recorded: list[str], rows: np.ndarray |
     Raises
     ------
     DatasetError
-        If a value is not finite, or a parameter is not positive, or the time stamps are not evenly spaced.
+        If a value is not finite, or a parameter is of another sign than its range, or the time stamps are not evenly
+        spaced.
     """
     records = dataset.load(recorded, rows)
     for k, channel in enumerate(records.channels):
@@ -29,11 +30,12 @@ def load_records(dataset: DatasetFolder, recorded: list[str], rows: np.ndarray |
                 f"{dataset.folder}: {channel} of system {records.systems[bad][0]} is not finite throughout;"
                 f" `datagen verify` names what is damaged"
             )
-    bad = ~(np.isfinite(records.parameters) & (records.parameters > 0)).all(axis=1)
+    lowest = np.array([p.min if p.min <= 0 else np.nextafter(0.0, 1.0) for p in dataset.system.parameters])
+    bad = ~(np.isfinite(records.parameters) & (records.parameters >= lowest)).all(axis=1)
     if bad.any():
         raise DatasetError(
-            f"{dataset.folder}: a parameter of system {records.systems[bad][0]} is not a positive number;"
-            " targets are logarithms"
+            f"{dataset.folder}: a parameter of system {records.systems[bad][0]} is not a number of the sign that its"
+            " range has; `datagen verify` names what is damaged"
         )
     steps = np.diff(records.time)
     if len(steps) and not np.allclose(steps, steps[0], rtol=1e-6):

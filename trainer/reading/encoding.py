@@ -11,6 +11,7 @@ the time of day and the day of the week by a remainder.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -20,13 +21,14 @@ from shared.errors import EstimatorError
 from shared.schema import Method, methods_of
 from shared.store import Records
 from shared.system import System
+from trainer.reading.facts import with_static
 
 DAY = 86400.0
 LONGEST = 10_000_000
 """Samples of a window: a year at steps of three seconds, or a fortnight of every tenth of one."""
 DERIVED = {"time_of_day": DAY, "day_of_week": 7 * DAY}
 """Derived channels: sine and cosine of the time stamp with this period [s]."""
-LATER = {"methods", "constant", "logarithmic"}
+LATER = {"methods", "constant", "logarithmic", "given", "known"}
 """Fields of an encoding that earlier cards lack, and that follow from the system's hash and from mean and sd."""
 
 MEASURED = ("mean", "sd", "target_mean", "target_sd", "constant")
@@ -68,9 +70,20 @@ def units_of(system: System, recorded: list[str]) -> list[str]:
 
 def clock_columns(time: torch.Tensor, length: int, step: float, period: float) -> torch.Tensor:
     """Sine and cosine of the time stamps, float32 (batch, length, 2), from the first ones, float64 (batch,) [s]."""
-    stamps = time[:, None] + step * torch.arange(length, dtype=torch.float64)
+    stamps = time[:, None] + step * torch.arange(length, dtype=torch.float64, device=time.device)
     angle = (2 * math.pi / period) * torch.remainder(stamps, period)
     return torch.stack([torch.sin(angle), torch.cos(angle)], dim=2).float()
+
+
+class Fact(BaseModel):
+    """A given fact as an estimator reads it: standardised, of its log10 where ``log``."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    name: str
+    unit: str
+    log: bool
+    mean: float
+    sd: float = Field(gt=0)
 
 
 class Encoding(BaseModel):
@@ -106,6 +119,10 @@ class Encoding(BaseModel):
     """Of each parameter, whether its prior is uniform in the logarithm; none in earlier cards."""
     target_mean: list[float]
     target_sd: list[float]
+    known: bool = False
+    """Whether windows may tell parameters that are known; not in earlier cards."""
+    given: list[Fact] = []
+    """Given facts that windows may tell; none in earlier cards."""
 
     @model_validator(mode="after")
     def _fits(self) -> Encoding:
@@ -148,7 +165,23 @@ class Encoding(BaseModel):
     @property
     def columns(self) -> int:
         """Columns of an encoded window."""
-        return len(self.recorded) + 2 * len(self.derived)
+        return len(self.recorded) + 2 * len(self.derived) + 2 * len(self.facts)
+
+    @property
+    def facts(self) -> list[str]:
+        """Names of the facts that windows may tell: parameters, then given facts."""
+        return [*(self.parameters if self.known else []), *(one.name for one in self.given)]
+
+    def standardised(self, facts: np.ndarray) -> torch.Tensor:
+        """Facts (windows, facts) [own units], not a number where unknown, standardised; float32."""
+        count = len(self.facts) - len(self.given)
+        parts = [self.targets(facts[:, :count])] if count else []
+        for k, one in enumerate(self.given):
+            values = np.asarray(facts[:, count + k], dtype=np.float64)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                values = np.log10(values) if one.log else values
+            parts.append(torch.from_numpy(((values - one.mean) / one.sd).astype(np.float32))[:, None])
+        return torch.cat(parts, dim=1) if parts else torch.zeros((len(facts), 0))
 
     def absent_from(self, values: np.ndarray) -> list[str]:
         """Optional channels that are missing throughout windows (windows, length, recorded)."""
@@ -159,16 +192,24 @@ class Encoding(BaseModel):
         """Of each parameter, whether its prior is uniform in the logarithm; none is where a card does not say it."""
         return self.logarithmic or [False] * len(self.parameters)
 
-    def encode(self, values: torch.Tensor, time: torch.Tensor) -> torch.Tensor:
-        """Windows (batch, length, recorded) [units] and first stamps (batch,) [s] to (batch, length, columns)."""
-        parts = [(values - torch.tensor(self.mean)) / torch.tensor(self.sd)]
+    def encode(self, values: torch.Tensor, time: torch.Tensor, static: torch.Tensor | None = None) -> torch.Tensor:
+        """Windows (batch, length, recorded) [units] and first stamps (batch,) [s] to (batch, length, columns).
+
+        ``static`` are the columns of facts (batch, 2 facts); without, all of them are unknown.
+        """
+        device = values.device
+        parts = [(values - torch.tensor(self.mean, device=device)) / torch.tensor(self.sd, device=device)]
         parts += [clock_columns(time, values.shape[1], self.step, DERIVED[name]) for name in self.derived]
-        return torch.cat(parts, dim=2)
+        windows = torch.cat(parts, dim=2)
+        if not self.facts:
+            return windows
+        unknown = torch.zeros((len(values), 2 * len(self.facts)), device=device)
+        return with_static(windows, unknown if static is None else static)
 
     def targets(self, parameters: np.ndarray) -> torch.Tensor:
-        """Parameters (windows, parameters) [own units] to standardised log10, float32."""
-        scaled = (np.log10(parameters) - np.array(self.target_mean)) / np.array(self.target_sd)
-        return torch.from_numpy(scaled.astype(np.float32))
+        """Parameters (windows, parameters) [own units] to standardised :func:`scaled` ones, float32."""
+        targets = (scaled(parameters, self.parameter_min) - np.array(self.target_mean)) / np.array(self.target_sd)
+        return torch.from_numpy(targets.astype(np.float32))
 
     def estimates(self, answers: torch.Tensor, factors: np.ndarray | None = None) -> np.ndarray:
         """An estimator's answers (windows, parameters) to parameters [own units], float64.
@@ -176,9 +217,21 @@ class Encoding(BaseModel):
         They are clipped to the ranges of the system description: the prior gives what lies outside no chance.
         ``factors`` (parameters,) make means of them (:mod:`trainer.runs.scatter`); None leaves them as they are.
         """
-        log10 = answers.double().numpy() * np.array(self.target_sd) + np.array(self.target_mean)
-        found = 10.0**log10 if factors is None else factors * 10.0**log10
-        return np.clip(found, self.parameter_min, self.parameter_max)
+        targets = answers.double().cpu().numpy() * np.array(self.target_sd) + np.array(self.target_mean)
+        positive = np.array(self.parameter_min) > 0
+        found = np.where(positive, 10.0 ** np.where(positive, targets, 0.0), targets)
+        return np.clip(found if factors is None else factors * found, self.parameter_min, self.parameter_max)
+
+    def log_ratio(self, found: np.ndarray, truth: np.ndarray) -> np.ndarray:
+        """ln(found / truth) of parameters (windows, parameters); 0 where targets are no logarithms."""
+        positive = np.array(self.parameter_min) > 0
+        return np.asarray(np.log(np.where(positive, found, 1.0) / np.where(positive, truth, 1.0)))
+
+
+def scaled(parameters: np.ndarray, lowest: Sequence[float]) -> np.ndarray:
+    """Parameters (..., parameters) as targets have them: log10 of those whose range has a ``lowest`` value above 0."""
+    positive = np.array(lowest) > 0
+    return np.where(positive, np.log10(np.where(positive, parameters, 1.0)), parameters)
 
 
 def make_encoding(
@@ -191,6 +244,7 @@ def make_encoding(
     shorter: list[int] | None = None,
     optional: list[str] | None = None,
     largest_gap: float = 0.0,
+    facts: bool = False,
 ) -> Encoding:
     """Encoding of a dataset, from the rows ``training`` of its records alone.
 
@@ -206,7 +260,7 @@ def make_encoding(
     mean = np.mean(means, axis=0)
     sd = np.sqrt(np.mean(variances, axis=0) + np.var(means, axis=0))
     varies = sd > 1e-6 * np.abs(mean)
-    targets = np.log10(records.parameters[training])
+    targets = scaled(records.parameters[training], [p.min for p in system.parameters])
     target_mean, target_sd = targets.mean(axis=0), targets.std(axis=0)
     methods = methods_of(system)
     return Encoding(
@@ -230,4 +284,19 @@ def make_encoding(
         logarithmic=[p.scale == "log" for p in system.parameters],
         target_mean=target_mean.tolist(),
         target_sd=np.where(target_sd > 1e-9, target_sd, 1.0).tolist(),
+        known=facts,
+        given=_given(system, records.given[training]) if facts else [],
     )
+
+
+def _given(system: System, values: np.ndarray) -> list[Fact]:
+    """The description's given facts, with means and spreads of training systems (systems, facts)."""
+    made = []
+    for k, one in enumerate(system.told):
+        log = one.scale == "log"
+        numbers = np.log10(values[:, k]) if log else values[:, k]
+        sd = float(numbers.std())
+        made.append(
+            Fact(name=one.name, unit=one.unit, log=log, mean=float(numbers.mean()), sd=sd if sd > 1e-9 else 1.0)
+        )
+    return made

@@ -111,7 +111,7 @@ def familiar(source: WindowSource, rows: np.ndarray, seed: int) -> list[Familiar
             which = torch.from_numpy(rng.choice(rows, size=min(CHUNK, WINDOWS - begin)))
             start = torch.from_numpy(rng.integers(source.values.shape[1] - length + 1, size=len(which)))
             values = source.values[which[:, None], start[:, None] + torch.arange(length)]
-            parts.append(looks(source.sensors(values, generator).numpy()))
+            parts.append(looks(source.sensors(values.cpu(), generator).numpy()))
         lowest, highest, sd, still, level = (np.concatenate(each) for each in zip(*parts, strict=True))
         found.append(
             Familiar(

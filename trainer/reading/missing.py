@@ -43,14 +43,18 @@ class Missing:
     def __call__(self, values: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
         """Windows (batch, length, recorded) with readings missing."""
         batch, length, _ = values.shape
-        draw = torch.rand((batch, 1), generator=generator)
-        each = torch.rand((batch, self.outputs), generator=generator)
-        lacks = self.optional & ((draw < WITHOUT) | ((draw < (1 + WITHOUT) / 2) & (each < 0.5)))
-        begin = torch.rand((batch, 1, self.outputs), generator=generator) * length
-        size = torch.rand((batch, 1, self.outputs), generator=generator) * LONGEST * length
-        place = torch.arange(length)[None, :, None]
+        device = values.device
+
+        def draws(*shape: int) -> torch.Tensor:
+            return torch.rand(shape, generator=generator, device=device)
+
+        draw, each = draws(batch, 1), draws(batch, self.outputs)
+        lacks = self.optional.to(device) & ((draw < WITHOUT) | ((draw < (1 + WITHOUT) / 2) & (each < 0.5)))
+        begin = draws(batch, 1, self.outputs) * length
+        size = draws(batch, 1, self.outputs) * LONGEST * length
+        place = torch.arange(length, device=device)[None, :, None]
         gap = (place >= begin) & (place < begin + size)
-        gap &= torch.rand((batch, 1, self.outputs), generator=generator) < GAPS
+        gap &= draws(batch, 1, self.outputs) < GAPS
         lost = torch.zeros_like(values, dtype=torch.bool)
         lost[:, :, : self.outputs] = gap | lacks[:, None, :]
         return values.masked_fill(lost, torch.nan)

@@ -19,7 +19,7 @@ def hold_last(values: torch.Tensor, lost: torch.Tensor) -> torch.Tensor:
     values, lost
         Shape (batch, length, channels); ``lost`` is boolean.
     """
-    place = torch.arange(values.shape[1])[None, :, None].expand_as(lost)
+    place = torch.arange(values.shape[1], device=values.device)[None, :, None].expand_as(lost)
     arrived = torch.where(lost, torch.zeros_like(place), place)
     return torch.gather(values, 1, torch.cummax(arrived, dim=1).values)
 
@@ -55,12 +55,13 @@ class Sensors:
         """Readings of the windows ``values`` (batch, length, recorded) [units]; the draw comes from ``generator``."""
         if self.silent:
             return values
-        which = torch.zeros(len(values), dtype=torch.int64)
+        device = values.device
+        which = torch.zeros(len(values), dtype=torch.int64, device=device)
         if len(self.sd) > 1:
-            which = torch.randint(len(self.sd), (len(values),), generator=generator)
-        sd, quantum, dropout = (part[which][:, None, :] for part in (self.sd, self.quantum, self.dropout))
-        noisy = values + sd * torch.randn(values.shape, generator=generator)
+            which = torch.randint(len(self.sd), (len(values),), generator=generator, device=device)
+        sd, quantum, dropout = (part.to(device)[which][:, None, :] for part in (self.sd, self.quantum, self.dropout))
+        noisy = values + sd * torch.randn(values.shape, generator=generator, device=device)
         grain = torch.where(quantum > 0, quantum, torch.ones_like(quantum))
         noisy = torch.where(quantum > 0, torch.round(noisy / grain) * grain, noisy)
-        lost = torch.rand(values.shape, generator=generator) < dropout
+        lost = torch.rand(values.shape, generator=generator, device=device) < dropout
         return hold_last(noisy, lost)

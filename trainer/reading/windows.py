@@ -14,6 +14,7 @@ from shared.errors import EstimatorError
 from shared.store import Records
 from trainer.memory import memory_for
 from trainer.reading.encoding import Encoding
+from trainer.reading.facts import Known, Reveal
 from trainer.reading.noise import Sensors
 
 
@@ -56,9 +57,11 @@ class WindowSource:
     Parameters
     ----------
     generator
-        Where sensor noise comes from.
+        Where sensor noise comes from; records are put on its device.
     gaps
         What makes readings go missing, if anything does.
+    known
+        Which facts the windows tell, of an encoding that has some (:class:`trainer.reading.facts.Reveal`).
 
     Raises
     ------
@@ -73,28 +76,36 @@ class WindowSource:
         sensors: Sensors,
         generator: torch.Generator,
         gaps: Callable[[torch.Tensor, torch.Generator], torch.Tensor] | None = None,
+        known: Known = "nothing",
     ) -> None:
+        device = generator.device
         # (systems, time, channels): a window is then one contiguous piece of memory
         with memory_for(f"a copy of the records of {len(records.values)} systems"):
-            self.values = torch.from_numpy(np.ascontiguousarray(records.values.transpose(0, 2, 1), dtype=np.float32))
-        self.time = torch.from_numpy(records.time.astype(np.float64))
-        self.begin = torch.from_numpy(records.starts.astype(np.float64))
-        self.targets = encoding.targets(records.parameters)
+            values = torch.from_numpy(np.ascontiguousarray(records.values.transpose(0, 2, 1), dtype=np.float32))
+            self.values = values.to(device)
+        self.time = torch.from_numpy(records.time.astype(np.float64)).to(device)
+        self.begin = torch.from_numpy(records.starts.astype(np.float64)).to(device)
+        self.targets = encoding.targets(records.parameters).to(device)
+        facts = [records.parameters[:, : len(encoding.facts) - len(encoding.given)], records.given]
+        self.facts = encoding.standardised(np.concatenate(facts, axis=1) if encoding.given else facts[0]).to(device)
+        self.reveal = Reveal(facts[0].shape[1], len(encoding.given), known)
         self.encoding = encoding
         self.sensors = sensors
         self.generator = generator
         self.gaps = gaps
-        self._offsets = torch.arange(encoding.length)
+        self._offsets = torch.arange(encoding.length, device=device)
 
     def under(
         self,
         sensors: Sensors,
         generator: torch.Generator,
         gaps: Callable[[torch.Tensor, torch.Generator], torch.Tensor] | None,
+        known: Known = "nothing",
     ) -> WindowSource:
-        """The same records, not copied, under other conditions."""
+        """The same records, not copied, under other conditions; the generator is of the same device."""
         other = copy.copy(self)
         other.sensors, other.generator, other.gaps = sensors, generator, gaps
+        other.reveal = Reveal(self.reveal.parameters, self.reveal.given, known)
         return other
 
     def gather(self, rows: torch.Tensor, starts: torch.Tensor, length: int | None = None) -> Batch:
@@ -102,12 +113,14 @@ class WindowSource:
 
         They are as long as the encoding says, or ``length`` samples.
         """
+        rows, starts = rows.to(self.values.device), starts.to(self.values.device)
         values = self.values[rows[:, None], starts[:, None] + self._offsets[:length]]
         time = self.begin[rows] + self.time[starts]
         values = self.sensors(values, self.generator)
         if self.gaps is not None:
             values = self.gaps(values, self.generator)
-        return Batch(self.encoding.encode(values, time), time, self.targets[rows])
+        static = self.reveal(self.facts[rows], self.generator) if self.facts.shape[1] else None
+        return Batch(self.encoding.encode(values, time, static), time, self.targets[rows])
 
 
 class Sampler:

@@ -10,16 +10,20 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+import pandas as pd
 import torch
 from pydantic import BaseModel, ConfigDict, model_validator
 
 from shared.errors import EstimatorError
 from shared.reading import read_json, validated
-from shared.shipped import estimators, resolved_estimator, shipped_estimator
+from shared.refused import meant
+from shared.results import Result
+from shared.shipped import estimators, resolved_estimator, shipped_estimator, shipped_systems
 from shared.store import Records
 from trainer.models import build
 from trainer.models.base import Estimator, Shape
 from trainer.reading.encoding import Encoding
+from trainer.reading.facts import static_columns
 from trainer.reading.familiar import Familiar
 from trainer.reading.kind import Kind
 from trainer.runs.pair import digest, write_pair
@@ -27,10 +31,11 @@ from trainer.runs.scatter import Errors, factors_of
 from trainer.runs.systems import Systems
 from trainer.runs.weights import check_card_version, load_weights, weights_data
 
-SCHEMA_VERSION = 6
+SCHEMA_VERSION = 7
 """The first version has no errors by condition; before the third it is not said which channels are means of a step, and
 which never varied, before the fourth not which uncertain constants were as declared, before the fifth not of what
-dataset the errors are, and before the sixth not how far answers scatter, so that these are not made means."""
+dataset the errors are, and before the sixth not how far answers scatter, so that these are not made means; before the
+seventh no estimator reads facts."""
 CARD = "estimator.json"
 WEIGHTS = "weights.safetensors"
 CALIBRATION = ("calibration.json", "calibration.md", "calibration.csv", "sbc.png", "coverage.png")
@@ -94,6 +99,8 @@ def shape_of(encoding: Encoding) -> Shape:
         columns=encoding.columns,
         parameters=len(encoding.parameters),
         step=encoding.step,
+        static=2 * len(encoding.facts),
+        known=len(encoding.parameters) if encoding.known else 0,
     )
 
 
@@ -173,7 +180,7 @@ class Card(_Table):
         return shape_of(self.encoding)
 
 
-class Run:
+class Run(Result):
     """An estimator ready to use."""
 
     def __init__(self, card: Card, model: Estimator, folder: Path | None = None, results: Path | None = None) -> None:
@@ -183,17 +190,39 @@ class Run:
         self.results = results or folder
         """where findings about it go, unless told otherwise: not among the files of an installed package"""
 
+    @property
+    def headline(self) -> str:
+        """What this is, in a few words."""
+        card = self.card
+        lengths = ", ".join(f"{one * card.encoding.step / 3600:g}" for one in card.encoding.lengths)
+        return f"{card.model} of {card.system_name}, {len(card.encoding.parameters)} parameters from {lengths} h"
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row for each parameter that it estimates: its unit and the ends of its range."""
+        known = self.card.encoding
+        rows = {"unit": known.parameter_units, "min": known.parameter_min, "max": known.parameter_max}
+        return pd.DataFrame(rows, index=pd.Index(known.parameters, name="parameter"))
+
     def answers(self, windows: torch.Tensor, time: torch.Tensor) -> torch.Tensor:
         """Standardised log10 answers (windows, parameters) to encoded windows (windows, length, columns)."""
         return forward_in_chunks(self.model, windows, time)
 
-    def read(self, values: np.ndarray, time: np.ndarray) -> torch.Tensor:
+    def read(self, values: np.ndarray, time: np.ndarray, facts: np.ndarray | None = None) -> torch.Tensor:
         """Answers (windows, parameters) to recorded windows; the arguments are those of :meth:`estimate`."""
-        stamps = torch.from_numpy(np.asarray(time, dtype=np.float64))
-        encoded = self.card.encoding.encode(torch.from_numpy(np.asarray(values, dtype=np.float32)), stamps)
-        return self.answers(encoded, stamps)
+        return self.answers(*self.encoded(values, time, facts))
 
-    def estimate(self, values: np.ndarray, time: np.ndarray) -> np.ndarray:
+    def encoded(
+        self, values: np.ndarray, time: np.ndarray, facts: np.ndarray | None = None
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """Encoded windows and their first stamps; the arguments are those of :meth:`estimate`."""
+        encoding = self.card.encoding
+        stamps = torch.from_numpy(np.asarray(time, dtype=np.float64))
+        static = None
+        if facts is not None and encoding.facts:
+            static = static_columns(encoding.standardised(facts), torch.from_numpy(np.isfinite(facts)))
+        return encoding.encode(torch.from_numpy(np.asarray(values, dtype=np.float32)), stamps, static), stamps
+
+    def estimate(self, values: np.ndarray, time: np.ndarray, facts: np.ndarray | None = None) -> np.ndarray:
         """Parameters (windows, parameters) [own units], float64.
 
         Parameters
@@ -202,9 +231,12 @@ class Run:
             Recorded channels, shape (windows, length, recorded) [units of ``card.encoding.units``].
         time
             Time stamp of each window's first sample, shape (windows,) [s since time zero].
+        facts
+            What is known, shape (windows, ``card.encoding.facts``) [own units], not a number where unknown; nothing is
+            by default.
         """
         absent = self.card.encoding.absent_from(values)
-        return self.estimates(self.read(values, time), values.shape[1], absent)
+        return self.estimates(self.read(values, time, facts), values.shape[1], absent)
 
     def estimates(self, answers: torch.Tensor, length: int, absent: Collection[str] = ()) -> np.ndarray:
         """Answers to windows of ``length`` samples that lack the channels ``absent`` throughout, as parameters.
@@ -222,11 +254,12 @@ class Run:
 def forward_in_chunks(model: Estimator, windows: torch.Tensor, time: torch.Tensor) -> torch.Tensor:
     """Answers in evaluation mode, a bounded number of windows at a time."""
     was_training = model.training
+    device = next((one.device for one in model.parameters()), windows.device)
     model.eval()
     try:
         with torch.no_grad():
-            pairs = zip(windows.split(CHUNK), time.split(CHUNK), strict=True)
-            return torch.cat([model(part, stamps) for part, stamps in pairs])
+            pairs = zip(windows.to(device).split(CHUNK), time.to(device).split(CHUNK), strict=True)
+            return torch.cat([model.with_known(model(part, stamps), part) for part, stamps in pairs]).cpu()
     finally:
         model.train(was_training)
 
@@ -263,6 +296,7 @@ def read_card(folder: Path) -> Card:
     """
     path = folder / CARD
     expected = f"a run folder made by `trainer fit`, or a system that comes with an estimator ({estimators()})"
+    expected += meant(folder.name, shipped_systems()) if len(folder.parts) == 1 else ""
     raw = read_json(path, EstimatorError, expected)
     check_card_version(path, raw, SCHEMA_VERSION, "trainer fit")
     return validated(Card, raw, f"{path}: damaged", EstimatorError)

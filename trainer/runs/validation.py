@@ -63,13 +63,13 @@ def measured_errors(
         for preset in presets:
             readings = source.under(
                 Sensors(system, encoding.recorded, preset),
-                torch.Generator().manual_seed(numbers[1]),
+                torch.Generator(source.values.device).manual_seed(numbers[1]),
                 Without(encoding.recorded, absent),
             )
             batch = readings.gather(torch.from_numpy(where), torch.from_numpy(starts), length)
             answers.append(forward_in_chunks(network, batch.windows, batch.time))
             truth = encoding.estimates(batch.targets)  # the same under every preset
-        scatter = np.array([_rms(np.log(encoding.estimates(one) / truth)) for one in answers])
+        scatter = np.array([_rms(encoding.log_ratio(encoding.estimates(one), truth)) for one in answers])
         factors = means_from(scatter) if network.means else None
         rmse = [_rms(encoding.estimates(one, factors) - truth) for one in answers]
         found += [
@@ -100,7 +100,7 @@ class Without:
 
     def __call__(self, values: torch.Tensor, _: torch.Generator) -> torch.Tensor:
         """Windows (batch, length, recorded) without those channels."""
-        return values.masked_fill(self.lost, torch.nan)
+        return values.masked_fill(self.lost.to(values.device), torch.nan)
 
 
 def absences(optional: list[str]) -> list[list[str]]:

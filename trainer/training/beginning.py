@@ -34,6 +34,8 @@ def encoding_of(earlier: Run, own: Encoding) -> Encoding:
     """
     for field in Encoding.model_fields:
         found, expected = getattr(earlier.card.encoding, field), getattr(own, field)
+        if field == "given":  # means and spreads of facts are measured, too
+            found, expected = ([(one.name, one.unit, one.log) for one in facts] for facts in (found, expected))
         if field not in MEASURED and found != expected and (found or field not in LATER):
             raise EstimatorError(
                 f"begin_with: {earlier.folder}: {field} is {found!r}; expected {expected!r}, as in this training:"
@@ -45,7 +47,8 @@ def encoding_of(earlier: Run, own: Encoding) -> Encoding:
             f"begin_with: {earlier.folder}: {', '.join(moving)} never varied in its training; expected a run in whose"
             " training it did, as it does in this one's"
         )
-    return own.model_copy(update={field: getattr(earlier.card.encoding, field) for field in MEASURED})
+    taken = [*MEASURED, *(["given"] if earlier.card.encoding.given else [])]
+    return own.model_copy(update={field: getattr(earlier.card.encoding, field) for field in taken})
 
 
 def check_same_model(earlier: Run, model: str, options: dict[str, Any], system_hash: str, fmu_sha256: str) -> None:

@@ -10,6 +10,7 @@ from typing import Any, get_args
 
 import numpy as np
 import torch
+import xarray as xr
 
 from shared.errors import EstimatorError
 from shared.lock import FolderLock
@@ -40,7 +41,7 @@ from trainer.runs.state import STATE, check_settings
 from trainer.runs.systems import Systems
 from trainer.runs.validation import measured_errors
 from trainer.runs.versions import versions_here
-from trainer.seeds import check_seed, check_threads, noise_seed, torch_state
+from trainer.seeds import check_device, check_seed, check_threads, noise_seed, torch_state
 from trainer.training.beginning import check_same_model, encoding_of, take_memory, take_weights
 from trainer.training.loop import Loop
 from trainer.training.material import material_of, recipe_of
@@ -53,7 +54,7 @@ VALIDATION_WINDOWS = 512
 
 
 def fit(
-    dataset_dir: Path | str,
+    dataset_dir: Path | str | xr.Dataset,
     out: Path | str,
     *,
     model: str = "patch-transformer",
@@ -70,6 +71,8 @@ def fit(
     options: dict[str, Any] | None = None,
     begin_with: Path | str | None = None,
     coarse: bool = False,
+    facts: bool = False,
+    device: str = "cpu",
     systems: int | None = None,
     seed: int = 0,
     keep: Keep = "best",
@@ -114,6 +117,11 @@ def fit(
         A run whose weights to begin with, of the same encoding. What this model has beyond that one begins untrained.
     coarse
         Round larger products to bfloat16 while training, for speed, with a model that can.
+    facts
+        Read the description's given facts, and parameters that are known, as static inputs, of which training reveals a
+        random part. `trainer predict` then takes them (--known).
+    device
+        Where to train: ``cpu``, or ``cuda`` for a graphics card, which holds all records then.
     systems
         Train on the first so many training systems only; all by default.
     seed
@@ -166,6 +174,7 @@ def fit(
         optional=optional,
         noise=noise,
         systems=systems,
+        facts=facts,
     )
     first = None if begin_with is None else load_run(begin_with)
     if first is not None and first.folder is not None and Path(out).exists() and Path(out).samefile(first.folder):
@@ -177,7 +186,9 @@ def fit(
         encoding = encoding_of(first, encoding)
     gaps = Missing(encoding.recorded, encoding.outputs, optional or []) if kind.reads_missing else None
     seeds = [int(s) for s in np.random.SeedSequence(seed).generate_state(6)]
-    source = WindowSource(records, encoding, sensors, torch.Generator().manual_seed(noise_seed(seed)), gaps)
+    place = check_device(device)
+    generator = torch.Generator(place).manual_seed(noise_seed(seed))
+    source = WindowSource(records, encoding, sensors, generator, gaps, "random")
     records = replace(records, values=np.empty((0, 0, 0), np.float32))  # the source has its own copy
     where, starts = disjoint_windows(
         validation, len(records.time), length, VALIDATION_WINDOWS, np.random.default_rng(seeds[1])
@@ -186,11 +197,12 @@ def fit(
     with torch_state(seeds[2], threads):
         network, merged = build(model, shape_of(encoding), chosen)
         network.coarse = coarse
+        network.to(place)
         if encoding.shorter and encoding.shorter[0] < (least := merged.get("patch", 1)):
             raise EstimatorError(
                 f"other_contexts: the shortest has {encoding.shorter[0]} samples; expected at least a patch's {least}"
             )
-        if coarse and (times := slowdown()) > 1:
+        if coarse and place.type == "cpu" and (times := slowdown()) > 1:
             _log.warning(
                 "coarse: products in bfloat16 take %.1f times as long as others on this processor; leave it out", times
             )
@@ -279,6 +291,7 @@ def settings_of(card: Card, steps: int | None) -> dict[str, Any]:
         "minutes": training.minutes,
         "keep": training.keep,
         "coarse": training.coarse or None,  # as in states of trainings that knew nothing of it
+        "facts": encoding.facts or None,
         "seed": training.seed,
         "begun with": card.begun_with,
         "dataset": training.data,  # its systems and its scales, which tell it otherwise, are then mixed with another's

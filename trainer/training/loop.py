@@ -158,7 +158,8 @@ class Loop:
             network.train()
             batch = self.sampler.draw(recipe.batch_size)
             try:
-                loss = torch.nn.functional.mse_loss(network(batch.windows, batch.time), batch.targets)
+                answers = network.with_known(network(batch.windows, batch.time), batch.windows)
+                loss = torch.nn.functional.mse_loss(answers, batch.targets)
             except torch.linalg.LinAlgError:  # equations of numbers that are none have no solution
                 return self.step + 1, "not a number"
             value = loss.item()
@@ -245,8 +246,8 @@ class Loop:
         try:
             answers = forward_in_chunks(self.network, self.held_out.windows, self.held_out.time)
         except torch.linalg.LinAlgError:
-            answers = torch.full_like(self.held_out.targets, math.nan)
-        loss = torch.nn.functional.mse_loss(answers, self.held_out.targets).item()
+            answers = torch.full(self.held_out.targets.shape, math.nan)
+        loss = torch.nn.functional.mse_loss(answers, self.held_out.targets.cpu()).item()
         self.curve.rows.append((step, self.seconds, training_loss, loss))
         figures = fields(step=step, training_loss=training_loss, validation_loss=loss, run=str(self.folder))
         _log.debug("step %d: validation loss %.4f", step, loss, extra=figures)

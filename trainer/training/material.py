@@ -45,6 +45,7 @@ def material_of(
     optional: list[str] | None = None,
     noise: str = "none",
     systems: int | None = None,
+    facts: bool = False,
 ) -> Material:
     """Read what a training needs of a dataset; the arguments are those of ``fit``.
 
@@ -72,6 +73,7 @@ def material_of(
         shorter=lengths[:-1],
         optional=optional,
         largest_gap=LONGEST if kind.reads_missing else 0.0,
+        facts=facts,
     )
     return Material(records, training, validation, encoding, sensors, hours, length)
 

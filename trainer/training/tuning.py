@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 import optuna
+import pandas as pd
+import xarray as xr
 from optuna.trial import FrozenTrial, Trial, TrialState
 from pydantic import BaseModel, ConfigDict, Field
 from sqlalchemy import URL, make_url
@@ -20,6 +22,7 @@ from shared.lock import FolderLock
 from shared.logs import fields, logger
 from shared.progress import progress_bar
 from shared.reading import read_json, validated, why
+from shared.results import Result
 from shared.store import DatasetFolder, write_atomically
 from trainer.reading.data import difference, identity_of, load_records
 from trainer.runs.checkpoint import make_folder
@@ -39,7 +42,7 @@ MEAN = "mean loss"
 """Of a trial: the validation loss of the mean."""
 
 
-class Best(BaseModel):
+class Best(Result, BaseModel):
     """``best.json``: what ``trainer fit --options`` reads."""
 
     model_config = ConfigDict(extra="forbid")
@@ -55,6 +58,18 @@ class Best(BaseModel):
     trials: int = 0
     settings: dict[str, Any] = {}
 
+    @property
+    def headline(self) -> str:
+        """What this is, in a few words."""
+        loss = "" if self.validation_loss is None else f", validation loss {self.validation_loss:.4g}"
+        return f"{self.model}, best of {self.trials} trials{loss}"
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row for each option."""
+        chosen = {**self.options, "batch_size": self.batch_size, "lr": self.lr}
+        rows = [(name, value) for name, value in chosen.items() if value is not None]
+        return pd.DataFrame(rows, columns=["option", "value"]).set_index("option")
+
 
 def read_options(path: Path) -> Best:
     """Read ``best.json``, or a file by hand that has at least ``model``.
@@ -69,7 +84,7 @@ def read_options(path: Path) -> Best:
 
 
 def tune(
-    dataset_dir: Path | str,
+    dataset_dir: Path | str | xr.Dataset,
     out: Path | str,
     *,
     model: str = "patch-transformer",
@@ -147,7 +162,7 @@ def tune(
             ) from None
         batch_size, lr = chosen.pop("batch_size"), chosen.pop("lr")
         run = fit(
-            dataset_dir,
+            dataset.folder,
             folder / "trials" / f"{trial.number:04d}",
             model=model,
             context_hours=context_hours,
@@ -208,7 +223,7 @@ def _storage(path: Path) -> str:
     """
     url = URL.create("sqlite", database=str(path)).render_as_string()
     if make_url(url).database != str(path):
-        raise EstimatorError(f"{path}: its name cannot be told to sqlalchemy; expected one without ? and %")
+        raise EstimatorError(f"{path}: sqlalchemy cannot use this name; expected one without ? and %")
     return url
 
 

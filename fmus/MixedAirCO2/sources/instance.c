@@ -56,7 +56,7 @@ static fmi2Status start(Instance *c)
         return instance_log(c, fmi2Error, "%s", message);
     }
     model_start(&d->coef, d->r);
-    d->modes = (Modes){MODE_FREE, MODE_FREE, MODE_FREE, MODE_FREE};
+    d->modes = (Modes){MODE_FREE, MODE_FREE, MODE_FREE, MODE_FREE, MODE_FREE};
     do {
         model_evaluate(&d->coef, &d->modes, d->r, &d->limits);
     } while (model_update_modes(&d->coef, &d->modes, &d->limits));

@@ -13,11 +13,13 @@ void model_start(const Coef *c, double *r)
     r[V_conCO2_xI] = r[V_conHea_xI] = 0.0;
 }
 
-/* Outdoor CO2 and heating loops: writes yCO2, yHea, mOA, QHea, the integrators' derivatives, the limits. */
+/* Outdoor CO2, heating and cooling loops: writes yCO2, yHea, mOA, QHea, the integrators' derivatives, the limits. */
 static void controls(const Coef *c, const Modes *m, double *r, Limits *lim)
 {
-    double m_request, Q_request;
+    double m_request, Q_request, Q_cooling = 0.0, Q_low = 0.0;
+    lim->coo_low = lim->coo_high = 1.0;
     if (c->replay) {
+        Q_low = 0.0 - c->Q_coo;
         m_request = r[V_mOA_in];
         Q_request = r[V_QHea_in];
         r[V_yCO2] = r[V_yHea] = 0.0;
@@ -41,11 +43,17 @@ static void controls(const Coef *c, const Modes *m, double *r, Limits *lim)
         lim->co2_high = c->con_co2.y_max - u_co2;
         lim->hea_low = u_hea;
         lim->hea_high = c->con_hea.y_max - u_hea;
+        if (c->Q_coo > 0.0) { /* no events of a cooler that is not there */
+            const double u_coo = r[V_conCoo_k] * (r[V_air_T] - r[V_TSet] - r[V_conCoo_dSet]);
+            Q_cooling = c->Q_coo * limited(m->coo, u_coo, 1.0);
+            lim->coo_low = u_coo;
+            lim->coo_high = 1.0 - u_coo;
+        }
     }
     r[V_mOA] = m->flow == MODE_LOW ? 0.0 : effect_fan(r) * m_request;
-    r[V_QHea] = (m->heat == MODE_LOW ? 0.0 : Q_request) + (c->replay ? 0.0 : r[V_effect_valve_Q]);
+    r[V_QHea] = (m->heat == MODE_LOW ? Q_low : Q_request) + (c->replay ? 0.0 : r[V_effect_valve_Q]) - Q_cooling;
     lim->flow_low = m_request * c->inv_m_out;
-    lim->heat_low = Q_request * c->inv_Q_scale;
+    lim->heat_low = (Q_request - Q_low) * c->inv_Q_scale;
 }
 
 void model_evaluate(const Coef *c, const Modes *m, double *r, Limits *lim)
@@ -138,10 +146,12 @@ int model_update_modes(const Coef *c, Modes *m, const Limits *lim)
     if (!c->replay) {
         n.co2 = next_mode(m->co2, lim->co2_low, lim->co2_high);
         n.hea = next_mode(m->hea, lim->hea_low, lim->hea_high);
+        n.coo = next_mode(m->coo, lim->coo_low, lim->coo_high);
     }
     n.flow = next_mode(m->flow, lim->flow_low, 1.0);
     n.heat = next_mode(m->heat, lim->heat_low, 1.0);
-    const int changed = n.co2 != m->co2 || n.hea != m->hea || n.flow != m->flow || n.heat != m->heat;
+    const int changed = n.co2 != m->co2 || n.hea != m->hea || n.flow != m->flow || n.heat != m->heat
+                        || n.coo != m->coo;
     *m = n;
     return changed;
 }
@@ -154,4 +164,6 @@ void model_indicators(const Modes *m, const Limits *lim, double *z)
     z[3] = indicator_high(m->hea, lim->hea_high);
     z[4] = indicator_low(m->flow, lim->flow_low);
     z[5] = indicator_low(m->heat, lim->heat_low);
+    z[6] = indicator_low(m->coo, lim->coo_low);
+    z[7] = indicator_high(m->coo, lim->coo_high);
 }

@@ -30,18 +30,19 @@ typedef struct {
     double d_set, inv_d_set;                  /* CO2 set point above outdoors [ppm] */
     double m_out, inv_m_out;                  /* [kg/s] */
     double Q_max, inv_Q_scale;                /* largest heater power [W]; scale of its clamp's indicator [1/W] */
+    double Q_coo;                             /* largest cooling power [W] */
     EffectFactors effect;
     int replay;
 } Coef;
 
 /* Discrete modes of the two limiters and the two clamps. */
 typedef struct {
-    int co2, hea, flow, heat;
+    int co2, hea, flow, heat, coo;
 } Modes;
 
 /* Distances from the limits, each relative to its scale: what modes and event indicators are made from. */
 typedef struct {
-    double co2_low, co2_high, hea_low, hea_high, flow_low, heat_low;
+    double co2_low, co2_high, hea_low, hea_high, flow_low, heat_low, coo_low, coo_high;
 } Limits;
 
 /* Compute coef from the parameters in r. On failure writes a sentence to message and returns nonzero. */

@@ -139,6 +139,7 @@ static void prepare_controls(Coef *c, const double *r, int replay)
     c->inv_m_out = 1.0 / c->m_out;
     c->Q_max = r[V_QHea_max] * c->effect.heater;
     c->inv_Q_scale = 1.0 / r[V_QHea_max];
+    c->Q_coo = r[V_QCoo_max];
     c->replay = replay;
 }
 

@@ -1,7 +1,5 @@
 """The sun of recorded weather: means and instants, against geometry and the weather's own irradiance."""
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pvlib
@@ -9,7 +7,6 @@ import pytest
 
 from datagen.comparing.recorded_sun import Sun
 from datagen.driving.transposition import irradiance_on_plane
-from datagen.driving.weather import read_weather
 from shared.errors import RecordingError
 from shared.signals import Weather
 from tests.datagen.places import GREENSBORO
@@ -32,16 +29,6 @@ def test_irradiance_at_instants_follows_the_geometry():
 
 def sun_of(place, method):
     return Sun(input="HFac", dni="dni", dhi="dhi", ghi="ghi", method=method, **place)
-
-
-@pytest.mark.parametrize("azimuth", [90.0, 180.0, 270.0])
-def test_columns_of_a_weather_file_give_the_weathers_own_irradiance(file_rows, azimuth):
-    time, columns, place = file_rows
-    plane = Weather(files=[GREENSBORO], surface_azimuth=azimuth)
-    wanted = read_weather(plane, GREENSBORO, Path()).values("poa_global")[1:]
-    found = sun_of(place, "mean").signal(plane, time, *columns)
-    assert np.array_equal(found.times, time)
-    np.testing.assert_allclose(found.values[:-1], wanted[:-1], atol=0.01)  # less the row that the next year follows
 
 
 def test_means_and_instants_are_not_taken_for_each_other(file_rows):

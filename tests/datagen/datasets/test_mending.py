@@ -9,7 +9,6 @@ import pytest
 from datagen import merge, run, verify
 from datagen.datasets import mending
 from shared.errors import SimulationError
-from shared.lock import FolderLock
 from shared.store import read_manifest
 from tests.datagen.faults import failing, faulty_system, shards_in, stay_in_this_process
 
@@ -52,31 +51,6 @@ def test_a_system_that_fails_now_is_told_with_its_cause(damaged, monkeypatch):
     with pytest.raises(SimulationError, match=r"shard-000002\.nc: system 7 could not .* system 7 does not want to; "):
         mending.repair(folder)
     assert len(read_manifest(folder).shards) == 4
-
-
-def test_its_systems_have_the_time_that_is_asked_for(damaged, monkeypatch):
-    folder, _ = damaged
-    asked = []
-    monkeypatch.setattr(
-        "datagen.datasets.mending._Repair.collect", lambda self, *_, **__: asked.append(self.job.timeout)
-    )
-    mending.repair(folder, timeout=1234.0)
-    assert asked == [1234.0]
-
-
-def test_what_another_run_did_before_the_lock_was_had_stays(damaged, system, monkeypatch):
-    folder, _ = damaged
-
-    def late(*arguments):
-        run(system, folder, extend=True, **{**SIZE, "systems": 13})
-        return FolderLock(*arguments)
-
-    monkeypatch.setattr(mending, "FolderLock", late)
-    for path in shards_in(folder)[1:3]:
-        path.unlink()
-    mending.repair(folder)
-    assert read_manifest(folder).systems == 13
-    assert verify(folder) == []
 
 
 class Killed(BaseException):

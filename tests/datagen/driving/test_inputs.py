@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from datagen.driving.inputs import build_inputs, excitation_signal, schedule_signal, system_weather
 from datagen.driving.tables import SNAP, Piecewise
-from shared.errors import SystemDescriptionError, WeatherError
-from shared.signals import Excitation, Schedule, Sinusoid, Weather
+from shared.errors import SystemDescriptionError
+from shared.signals import Excitation, Schedule, Sinusoid
 from shared.system import parse_system
 
 HOUR, DAY = 3600.0, 86400.0
@@ -161,13 +161,6 @@ def test_excitation_off_measured_and_overrides():
     np.testing.assert_array_equal(column["persons"], build().at([0.0, 2 * DAY])[:, 2])
 
 
-def test_an_override_needs_no_weather_file():
-    system = changed('files = ["pvlib:723170TYA.CSV", "pvlib:703165TY.csv"]', 'files = ["gone.epw"]')
-    with pytest.raises(WeatherError, match=r"gone\.epw: no such weather file"):
-        build(system=system)
-    build(system=system, overrides={"out": Piecewise.constant(280), "sun": Piecewise.constant(0)})
-
-
 def test_weather_held_for_each_hour_keeps_its_total():
     held = changed('column = "poa_global"', 'column = "poa_global"\ninterpolation = "previous"')
     edges = np.arange(0, 30 * 24 + 1) * HOUR
@@ -213,19 +206,3 @@ def test_excitation_is_exact_at_its_knots():
 def test_weather_columns_and_units_are_checked(old, new, text):
     with pytest.raises(SystemDescriptionError, match=text):
         build(system=changed(old, new))
-
-
-def test_spellings_of_one_unit():
-    build(system=changed('unit = "W/m2"', 'unit = "W.m-2"'))
-
-
-def test_unknown_override():
-    with pytest.raises(SystemDescriptionError, match=r"'outt' is to be overridden but is not an input; found out, sun"):
-        build(overrides={"outt": Piecewise.constant(1)})
-
-
-def test_weather_without_a_table():
-    bare = SYSTEM.model_copy(update={"weather": None})
-    with pytest.raises(SystemDescriptionError, match=r"has no \[weather\] table"):
-        system_weather(bare, 0, 0)
-    assert isinstance(SYSTEM.weather, Weather)

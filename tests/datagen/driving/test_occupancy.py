@@ -99,16 +99,6 @@ def test_work_past_midnight_reaches_into_the_next_day():
     np.testing.assert_allclose(np.mod(signal.times[1:], DAY) / HOUR, [4, 20, 4, 20])
 
 
-def test_nobody_comes_where_nobody_belongs():
-    assert (year(0, spec=SPEC.model_copy(update={"headcount": (0, 0)})).values == 0).all()
-
-
-def test_absences_never_overlap():
-    spec = SPEC.model_copy(update={"gaps": (6, 6), "gap_duration": (5.0, 9.0), "gap_share": (1.0, 1.0)})
-    for index in range(30):
-        assert year(index, spec=spec).values.min() == 0
-
-
 def test_prior_has_the_distribution_of_the_samples():
     edges = np.arange(0, 7 * 24 + 1) * HOUR
     prior = occupancy_prior(SPEC, edges, 4000, seed=1)
@@ -165,30 +155,3 @@ def test_what_a_system_draws_once_is_uniform_and_independent():
         assert low <= drawn.min() < low + 0.05 * (high - low) and high - 0.05 * (high - low) < drawn.max() <= high
         assert drawn.mean() == pytest.approx((low + high) / 2, abs=0.06 * (high - low))  # standard error 0.014
     assert abs(np.corrcoef(begin, end - begin)[0, 1]) < 0.2  # standard error 0.05
-
-
-def test_how_many_come_and_how_many_of_them_leave_for_a_while():
-    """Of a thousand heads 0.4 to 1.0 on a day, 0.7 in the mean; of those who came 0.3 to 1.0 leave, 0.65."""
-    many = PLAIN.model_copy(update={"headcount": (1000, 1000), "attendance": SPEC.attendance})
-    present = year(0, spec=many).values
-    present = present[present > 0]
-    assert len(present) == 365
-    assert present.mean() == pytest.approx(700.0, abs=30.0)  # standard error 9
-    assert 400 <= present.min() < 420 and 980 < present.max() <= 1000
-    leaving = many.model_copy(update={"gaps": (1, 1), "gap_duration": (1.0, 1.0)})
-    values = year(0, spec=leaving).values[1:].reshape(365, 4)  # they come, some leave, these return, all leave
-    np.testing.assert_array_equal(values[:, 0], values[:, 2])
-    share = 1 - values[:, 1] / values[:, 0]
-    assert share.mean() == pytest.approx(0.65, abs=0.04)  # standard error 0.011
-    assert 0.299 < share.min() < 0.33 and share.max() > 0.97
-
-
-def test_where_nobody_ever_leaves_or_attends_nobody_does():
-    """A share of 0 is 0, for one person, too; with any share above it at least one leaves."""
-    one = PLAIN.model_copy(update={"headcount": (1, 1), "gaps": (1, 1), "gap_duration": (1.0, 1.0)})
-    stays = year(0, 0.0, 10 * DAY, one.model_copy(update={"gap_share": (0.0, 0.0)}))
-    leaves = year(0, 0.0, 10 * DAY, one.model_copy(update={"gap_share": (0.0, 0.1)}))
-    comings = [int((np.diff(signal.values) > 0).sum()) for signal in (stays, leaves)]
-    assert comings == [10, 20]
-    absent = year(0, 0.0, 10 * DAY, SPEC.model_copy(update={"attendance": (0.0, 0.0)}))
-    assert not absent.values.any()

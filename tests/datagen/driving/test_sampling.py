@@ -93,8 +93,3 @@ def test_a_record_begins_at_any_midnight_of_the_span_the_last_one_too(span, days
     system = SimpleNamespace(experiment=SimpleNamespace(start=span))
     starts = [record_start(system, 3, index) for index in range(200)]
     assert set(starts) == {86400.0 * day for day in days}
-
-
-def test_where_the_span_has_no_midnight_a_record_begins_with_it():
-    system = SimpleNamespace(experiment=SimpleNamespace(start=(5.0, 20.0)))
-    assert {record_start(system, 3, index) for index in range(20)} == {5 * 3600.0}

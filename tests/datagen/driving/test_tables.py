@@ -101,34 +101,10 @@ def test_values_by_hand():
     np.testing.assert_allclose(table.means([2, 6]), [[1.4, 6]])
 
 
-def test_points_that_nearly_coincide_are_one_knot():
-    early = Piecewise([0, 3600.0 - 4e-7, 7200], [0, 1, 2], "previous")
-    late = Piecewise([0, 3600.0 + 4e-7, 7200], [0, 1, 2], "previous")
-    table = merge({"line": Piecewise([0, 3600, 7200], [0, 1, 0]), "early": early, "late": late}, 0, 7200)
-    assert len(table.time) == 3
-    np.testing.assert_allclose(table.left, [[0, 0, 0], [1, 1, 1]], atol=1e-9)
-    np.testing.assert_allclose(table.right, [[1, 0, 0], [0, 1, 1]], atol=1e-9)
-
-
-def test_changes_at_the_ends_of_the_span():
-    step = Piecewise([0, 5, 10], [1, 2, 3], "previous")
-    table = merge({"step": step}, 5, 10)
-    # the change at the start has happened; the one at the end has not
-    np.testing.assert_array_equal(table.left, [[2]])
-    np.testing.assert_array_equal(table.at([5, 10]), [[2], [2]])
-    np.testing.assert_array_equal(table.jump, [False, False])
-
-
 def test_constants_stay_exact_in_means_over_a_year():
     steps = Piecewise(np.arange(0, 8760) * 3600.0 + 17.3, np.arange(8760) % 3, "previous")
     table = merge({"c": Piecewise.constant(420.0), "s": steps}, 0, 8760 * 3600)
     assert (table.means(np.arange(0, 8761) * 3600.0)[:, 0] == 420.0).all()
-
-
-def test_no_inputs():
-    table = merge({}, 0, 10)
-    assert table.at([1, 2]).shape == (2, 0)
-    assert table.means([0, 5, 10]).shape == (2, 0)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,6 @@ import pvlib
 import pytest
 
 from datagen.driving.weather import UNITS, instants, read_weather, sky_temperature
-from shared.errors import WeatherError
 from shared.signals import Weather
 
 FILE = "pvlib:723170TYA.CSV"
@@ -177,25 +176,7 @@ def test_signal_repeats_every_year():
     np.testing.assert_array_equal(across.values, [hours[8758], hours[8759], hours[8760], hours[1], hours[2]])
 
 
-def test_signal_covers_spans_between_hours():
-    signal = read().signal("temp_air", 100.0, 4000.0)
-    np.testing.assert_array_equal(signal.times, [0, 3600, 7200])
-    assert signal.kind == "linear"
-
-
 def test_wind_direction_turns_the_short_way():
     signal = read().signal("wind_direction", 0, YEAR)
     assert np.abs(np.diff(signal.values)).max() <= 180
     np.testing.assert_allclose(np.mod(signal.values, 360), np.mod(read().values("wind_direction"), 360), atol=1e-9)
-
-
-def test_read_once_and_not_to_be_changed():
-    assert read() is read()
-    assert read(surface_azimuth=90.0) is not read()
-    with pytest.raises(ValueError, match="read-only"):
-        read().values("temp_air")[0] = 0
-
-
-def test_unknown_column():
-    with pytest.raises(WeatherError, match=r"'humidity' is not a weather column; expected one of temp_air, "):
-        read().values("humidity")

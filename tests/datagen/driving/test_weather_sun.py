@@ -52,15 +52,6 @@ def test_a_clock_or_a_place_that_is_not_the_radiation_s_is_refused(real, change,
         check_sun(Path("w.epw"), change(real))
 
 
-def test_instants_in_place_of_means_are_told(real, caplog):
-    """The sun of the end of each hour: global is made to be the others' there."""
-    ends = sun_over(sunlit_middles(real, 0.5), real).zenith
-    ghi = real.columns["dhi"] + real.columns["dni"] * np.maximum(np.cos(np.radians(ends)), 0)
-    with caplog.at_level("WARNING", logger="zeroshot"):
-        check_sun(Path("w.epw"), replace(real, columns=real.columns | {"ghi": np.minimum(ghi, 1600)}))
-    assert "with the sun half an hour later, as of instants" in caplog.text
-
-
 @pytest.fixture(scope="module")
 def greensboro():
     return read_hourly(DATA / "723170TYA.CSV")
@@ -99,12 +90,6 @@ def test_radiation_that_contradicts_itself_is_refused_whatever_the_clock(greensb
         check_sun(Path("w.epw"), changed(greensboro, hours, **columns))
 
 
-def test_a_small_contradiction_is_told_with_its_size(greensboro, caplog):
-    with caplog.at_level("WARNING", logger="zeroshot"):
-        check_sun(Path("w.epw"), changed(greensboro, ghi=lambda v: v / 0.9))
-    assert "radiation on the horizontal differ by 10% in month" in caplog.text
-
-
 @pytest.mark.parametrize(
     ("column", "value", "length", "outcome"),
     [
@@ -129,16 +114,6 @@ def test_a_column_that_rests_longer_than_the_weather_can(greensboro, caplog, col
     assert outcome in caplog.text
     assert (column in kept.columns) == ("not used" not in outcome)
     assert (column in kept.absent) == ("not used" in outcome)
-
-
-def test_copied_rows_are_found_after_half_a_day(greensboro):
-    hours = slice(1000, 1013)
-    copied = {name: lambda v: v[0] for name in ("temp_air", "temp_dew", "wind_speed", "wind_direction", "pressure")}
-    with pytest.raises(WeatherError, match=r"wind direction, .*are all the same for 13 h from hour 1001"):
-        check_still(Path("w.epw"), changed(greensboro, hours, **copied))
-    check_still(
-        Path("w.epw"), changed(greensboro, slice(1000, 1012), **{k: v for k, v in copied.items() if k != "pressure"})
-    )
 
 
 def test_an_instant_s_sun_is_where_the_record_says(greensboro):

@@ -1,12 +1,10 @@
 """Workers that cannot be had, or are lost: a sentence about the workers, never one about the dataset's folder."""
 
-import errno
-
 import pytest
 from distributed.comm import CommClosedError
 
 from datagen.farming.cluster import connect
-from shared.errors import ClusterError, SimulationError
+from shared.errors import ClusterError
 
 
 class Cluster:
@@ -64,29 +62,6 @@ def test_a_connection_that_is_lost(error):
         connect(workers=1),
     ):
         raise error
-
-
-@pytest.mark.usefixtures("cluster")
-@pytest.mark.parametrize("error", [TimeoutError(errno.ETIMEDOUT, "slow", "a file"), RuntimeError("of ours")])
-def test_what_is_not_dasks_stays_what_it_is(error):
-    with pytest.raises(type(error)) as caught, connect(workers=1):
-        raise error
-    assert caught.value is error
-
-
-def test_workers_that_do_not_end_in_time_hide_no_other_fault(cluster, caplog):
-    cluster.ends = TimeoutError("on the way out")
-    with pytest.raises(SimulationError, match="too many"), connect(workers=1):
-        raise SimulationError("too many")
-    with connect(workers=1):
-        pass
-    assert "had not ended when Dask stopped waiting" in caplog.text
-
-
-@pytest.mark.usefixtures("cluster")
-def test_no_workers_are_not_waited_for():
-    with pytest.raises(ClusterError, match="workers is 0; expected at least 1"), connect(workers=0):
-        pass
 
 
 @pytest.mark.usefixtures("cluster")

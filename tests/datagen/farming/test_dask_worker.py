@@ -13,7 +13,7 @@ from distributed.scheduler import Scheduler
 
 from datagen.farming.collection import Collection
 from datagen.farming.dask_settings import OWN_CLUSTER, SETTINGS
-from datagen.farming.dask_worker import address, named, recycle, worker_of
+from datagen.farming.dask_worker import address, named, recycle
 from datagen.farming.dispatch import Dispatcher
 from datagen.farming.failures import Failures
 from datagen.farming.plan import Piece
@@ -66,14 +66,6 @@ def dispatched(client, source, bad):
     return Dispatcher(client, where_it_was, lambda task: (task,), iter(source), avoided=lambda _: {bad})
 
 
-def test_an_idle_worker_that_is_avoided_takes_nothing_from_a_busy_one():
-    """Dask lets idle workers take tasks from busy ones once it knows how long they are."""
-    local = {"n_workers": 2, "threads_per_worker": 1, "processes": False, "dashboard_address": None}
-    with dask.config.set(SETTINGS), LocalCluster(**local) as cluster, Client(cluster, set_as_default=False) as client:
-        bad, good = sorted(client.scheduler_info(n_workers=-1)["workers"])
-        assert {outcome for _, outcome in dispatched(client, [0.2] * 20, bad)} == {good}
-
-
 @pytest.mark.parametrize("alone", [False, True])
 def test_a_task_whose_other_workers_are_gone_goes_to_the_one_that_it_avoided(alone):
     local = {"n_workers": 2, "threads_per_worker": 1, "processes": False, "dashboard_address": None}
@@ -90,16 +82,6 @@ def test_a_task_whose_other_workers_are_gone_goes_to_the_one_that_it_avoided(alo
         busy.release()
         assert sorted(begun) == [(0.0, bad), (0.1, bad)]
         gone.join()
-
-
-def test_where_an_exception_comes_from_is_known_only_of_a_worker():
-    try:
-        with named():
-            raise OSError("here")
-    except OSError as error:
-        assert worker_of(error) == ""
-        error.add_note("of another kind")
-        assert worker_of(error) == ""
 
 
 def stay(seconds):
@@ -129,10 +111,3 @@ def test_a_heartbeat_while_it_goes_does_not_close_its_nanny(client, monkeypatch)
     (nanny,) = client.cluster.workers.values()
     wait_for(lambda: nanny.status.name != "running" or nanny.pid not in (before, None))
     assert client.submit(stay, 0.0, pure=False).result(timeout=60) != before
-
-
-def test_what_waits_with_it_is_done_by_the_next_one(client):
-    """No worker has died over it, though none may fail."""
-    before = client.submit(leave, pure=False).result()
-    waiting = [client.submit(stay, 2.0, pure=False) for _ in range(2)]
-    assert before not in [one.result(timeout=60) for one in waiting[1:]]

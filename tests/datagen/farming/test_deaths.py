@@ -7,7 +7,6 @@ import pytest
 from dask.distributed import KilledWorker
 
 from datagen.farming.collection import Collection
-from datagen.farming.dispatch import Dispatcher
 from datagen.farming.failures import Failures
 from datagen.farming.plan import Piece
 from datagen.farming.worker import ShardResult
@@ -124,18 +123,6 @@ def test_a_shard_that_only_waited_beside_others_does_not_end_the_run(collected):
     assert client.deaths == 30
 
 
-def test_one_that_waits_behind_those_that_die_under_guard_is_not_blamed(collected):
-    """The worker dies over the first ones whatever is done, twice each; behind them waits an innocent one."""
-    left = {"first": 2, "second": 2}
-
-    def dies(file, _):
-        left[file] = left.get(file, 0) - 1
-        return left[file] >= 0
-
-    client = collected(["first", "good", "second", "fine"], dies)
-    assert {one for one in client.tries if isinstance(one, str)} == {"first", "good", "second", "fine"}
-
-
 def test_a_shard_that_kills_its_worker_under_guard_as_well_ends_the_run(collected):
     tries = []
 
@@ -146,19 +133,6 @@ def test_a_shard_that_kills_its_worker_under_guard_as_well_ends_the_run(collecte
     with pytest.raises(SimulationError, match=r"^bad: 4 workers died over it, the last at tcp://one, though its FMU"):
         collected(["good", "bad", "fine", "other"], dies)
     assert [guarded for file, guarded in tries if file == "bad"] == [False, True, True, True, True]
-
-
-def test_one_that_is_sent_alone_has_no_other_in_flight(monkeypatch):
-    client = Client(monkeypatch, lambda *_: False)
-    flight = Dispatcher(client, None, lambda task: (None, task, None, False), iter("abcdef"))
-    seen = []
-    for task, _ in flight:
-        seen.append(task)
-        if seen == ["a"]:
-            flight.again("a", alone=True)
-    assert sorted(seen) == ["a", "a", "b", "c", "d", "e", "f"]
-    alone = [many for target, _, many in client.tries if target == "a"][1]
-    assert alone == 1
 
 
 def simulated(client):
@@ -175,11 +149,6 @@ def test_what_one_worker_cannot_do_is_tried_again_and_ends_the_run_only_where_no
     assert sorted(simulated(collected(["good", "bad", "fine"], answers=answers))) == ["bad", "fine", "good"]
 
 
-def test_what_no_worker_can_do_ends_the_run(collected):
-    with pytest.raises(OSError, match="No space left"):
-        collected(["good", "bad"], answers=lambda file: OSError(28, "No space left") if file == "bad" else None)
-
-
 def test_a_worker_that_lacks_the_fmu_for_long_is_sent_it_once_more_only(collected):
     """The first sending fails, as if the worker were gone; what it was given before the second does not count."""
     files = [f"s{k}" for k in range(12)]
@@ -189,32 +158,8 @@ def test_a_worker_that_lacks_the_fmu_for_long_is_sent_it_once_more_only(collecte
     assert client.sent < 4
 
 
-def test_a_worker_that_never_has_the_fmu_ends_the_run(collected):
-    with pytest.raises(SimulationError, match="worker tcp://one was sent the FMU and still lacks it"):
-        collected(["a", "b"], answers=lambda _: lacking())
-
-
 def lacking():
     return ShardResult(lacks_package=True, worker="tcp://one")
-
-
-def test_a_result_that_was_lost_is_waited_for_and_not_alone(monkeypatch):
-    """Its worker is gone before it was fetched, and it is worked out anew, while others are handed out."""
-    client = Client(monkeypatch, lambda *_: False)
-    slow = []
-
-    def result(self, timeout):
-        if self.work[0] == "b" and len(slow) < 2:
-            slow.append(len(client.tries))
-            client.line.append(self)
-            raise TimeoutError
-        return self.work[0]
-
-    monkeypatch.setattr(Future, "result", result)
-    flight = Dispatcher(client, None, lambda task: (task, task, None, False), iter("abcdefgh"))
-    seen = [outcome for _, outcome in flight]
-    assert sorted(seen) == [*"abcdefgh"]
-    assert seen.index("b") > seen.index("e")
 
 
 SIZE = {"systems": 40, "seed": 3, "shard_size": 10, "hours": 1.0, "quiet": True}

@@ -1,7 +1,6 @@
 """The farm: the same data whoever computes them, resumed where it stopped, and every fault named."""
 
 import json
-from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +11,9 @@ from rich.console import Console
 from datagen import info, run, simulate, verify
 from datagen.datasets.mending import repair
 from datagen.driving.sampling import is_calm, sample_parameters
-from datagen.farming.collection import Collection
 from datagen.farming.worker import Job, simulate_shard
 from diagnosis.recording import read_recording
-from shared.ceiling import Origin, read_ceilings, write_ceilings
-from shared.errors import ClusterError, DatasetError, SimulationError, SystemDescriptionError
+from shared.errors import DatasetError
 from shared.logs import Reporting, reported
 from shared.store import DatasetFolder, read_manifest, write_manifest
 from shared.system import parse_system
@@ -52,7 +49,7 @@ def test_the_dataset_is_what_was_asked_for(made, default_system):
     for row, index in enumerate(records.systems):
         np.testing.assert_array_equal(records.parameters[row], sample_parameters(default_system, 5, int(index)))
     found = info(made)
-    assert (found["systems_done"], found["complete"], found["root_seed"]) == (6, True, 5)
+    assert (found.systems_done, found.complete, found.root_seed) == (6, True, 5)
     assert verify(made) == []
     assert "Read it with plain xarray" in (made / "README.md").read_text()
     assert (made / "failures.jsonl").read_text() == ""
@@ -130,25 +127,6 @@ def test_an_unfinished_run_is_resumed_to_the_same_data(made, default_system, tmp
     assert (tmp_path / "shards" / kept.file).stat().st_mtime_ns == before
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("fails", [False, True])
-def test_what_a_killed_worker_was_writing_is_gone_when_the_run_ends(made, default_system, tmp_path, monkeypatch, fails):
-    """A worker is killed while it writes, another one does its work, and the run ends well; or badly."""
-    stay_in_this_process(monkeypatch)
-    out, collect = tmp_path / "ds", Collection.collect
-
-    def killed(self, *args, **kwargs):
-        collect(self, *args, **kwargs)
-        (out / "shards" / ".shard-000001.nc.elsewhere.7.tmp").write_bytes(b"half a shard")
-        if fails:
-            raise SimulationError("too many")
-
-    monkeypatch.setattr(Collection, "collect", killed)
-    with pytest.raises(SimulationError, match="too many") if fails else nullcontext():
-        run(default_system, out, workers=1, **SIZE)
-    assert sorted(path.name for path in (out / "shards").iterdir()) == sorted(hashes(made))
-
-
 @pytest.mark.parametrize(
     ("change", "field"),
     [({"seed": 6}, "root_seed"), ({"hours": 48.0}, r"settings\.hours"), ({"systems": 7}, "systems")],
@@ -158,19 +136,6 @@ def test_other_settings_are_refused(made, default_system, change, field):
     with pytest.raises(DatasetError, match=rf"{field} is \S+, this run has \S+; .*own settings"):
         run(default_system, made, workers=1, **{**SIZE, **change})
     assert (made / "manifest.json").read_bytes() == before
-
-
-def test_a_dataset_whose_workers_never_came_binds_nobody(default_system, tmp_path, monkeypatch):
-    """The first command had a wrong address and a wrong length; both may be corrected."""
-    monkeypatch.setattr("datagen.farming.farm.check_live_apart", lambda *_: None)
-    with pytest.raises(ClusterError, match="no Dask scheduler answers"):
-        run(default_system, tmp_path, scheduler="tcp://127.0.0.1:1", **{**SIZE, "hours": 48.0})
-    assert read_manifest(tmp_path).settings["hours"] == 48.0
-    stay_in_this_process(monkeypatch)
-    run(default_system, tmp_path, **{**SIZE, "systems": 2})
-    manifest = read_manifest(tmp_path)
-    assert (manifest.settings["hours"], manifest.systems, manifest.stages) == (96.0, 2, [])
-    assert verify(tmp_path) == []
 
 
 def test_a_folder_with_other_things_is_left_alone(default_system, tmp_path):
@@ -273,17 +238,6 @@ def test_a_share_that_is_none_is_refused(default_system, tmp_path):
     assert not (tmp_path / "ds").exists()
 
 
-@pytest.mark.parametrize("excitation", [True, False])
-def test_ceilings_with_excitation_are_not_put_beside_data_without(
-    default_system, tmp_path, monkeypatch, caplog, excitation
-):
-    nothing_simulated(monkeypatch)
-    run(default_system, tmp_path, excitation=excitation, preset="many-rooms", **{**SIZE, "hours": None})
-    assert (tmp_path / "identifiability.json").exists() == excitation
-    said = f"{default_system.path.parent / 'identifiability.json'}: not copied: its ceilings hold with excitation"
-    assert (said in caplog.text) != excitation
-
-
 @pytest.mark.parametrize(
     ("size", "season"),
     [
@@ -302,23 +256,3 @@ def test_ceilings_of_another_season_are_not_put_beside_data(
     run(default_system, tmp_path, systems=6, quiet=True, **size)
     assert (tmp_path / "identifiability.json").exists() == (season is None)
     assert (f"not copied: it is of the whole year; this dataset is of {season}" in caplog.text) == (season is not None)
-
-
-def test_ceilings_of_other_weather_are_not_put_beside_data(default_system, tmp_path, monkeypatch, caplog):
-    nothing_simulated(monkeypatch)
-    caplog.set_level("INFO", "zeroshot")
-    (file,) = default_system.weather.files
-    beside = default_system.model_copy(update={"path": tmp_path / "system.toml", "fmu": str(default_system.fmu_path)})
-    known = read_ceilings(default_system.path.parent / "identifiability.json")
-    origin = Origin(start=(0.0, 0.0), hours=8760.0, weather={file: "f" * 64})
-    known.system_hash = beside.hash()
-    known.ceilings = [one.model_copy(update={"origin": origin}) for one in known.ceilings]
-    write_ceilings(tmp_path / "identifiability.json", known)
-    run(beside, tmp_path / "ds", systems=6, quiet=True)
-    assert not (tmp_path / "ds" / "identifiability.json").exists()
-    assert f"not copied: it is of weather {file} with sha256 ffffffffffff; this dataset's has " in caplog.text
-
-
-def test_unknown_parameter_is_a_sentence(default_system):
-    with pytest.raises(SystemDescriptionError, match=r"'roo\.W' is not a parameter"):
-        simulate(default_system, parameters={"roo.W": 1.0}, hours=24.0)

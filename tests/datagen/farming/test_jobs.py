@@ -9,7 +9,6 @@ import pytest
 
 from datagen.farming import jobs
 from datagen.farming.cluster import connect
-from shared.errors import ClusterError
 from tests.datagen.faults import wait_for
 
 SUBMIT = """#!/bin/bash
@@ -82,15 +81,6 @@ def test_a_job_that_ends_is_submitted_again_also_where_that_is_refused_once(queu
         wait_for(lambda: queue.count == 3)
         client.wait_for_workers(cores, timeout=60)
     assert queue.count == 3
-
-
-def test_a_queue_that_takes_no_job_is_a_sentence(queue, capfd):
-    queue.refuse(1)
-    expected = r"^the queue took no job: sbatch: error: Invalid account; expected a queue, an account"
-    with pytest.raises(ClusterError, match=expected), queue.connect():
-        pass
-    assert queue.count == 1
-    assert "Traceback" not in "".join(capfd.readouterr())
 
 
 def test_that_no_worker_comes_is_said(queue, monkeypatch, caplog):

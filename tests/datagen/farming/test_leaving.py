@@ -4,8 +4,6 @@ import pytest
 
 from datagen import run
 from shared.ceiling import read_ceilings, write_ceilings
-from shared.store import read_manifest
-from tests.datagen.faults import faulty_system, stay_in_this_process
 
 SIZE = {"shard_size": 3, "hours": 1.0, "quiet": True}
 
@@ -40,23 +38,3 @@ def test_limits_that_were_computed_for_a_dataset_stay(default_system, tmp_path):
     write_ceilings(path, strange)
     run(default_system, tmp_path, **settings)
     assert read_ceilings(path) == strange
-
-
-def test_the_card_of_an_extension_that_was_stopped_is_that_of_its_manifest(tmp_path, monkeypatch):
-    stay_in_this_process(monkeypatch)
-    system = faulty_system(tmp_path)
-    card = tmp_path / "ds" / "README.md"
-    run(system, tmp_path / "ds", systems=3, **SIZE)
-    assert "3 of 3 systems" in card.read_text()
-    from datagen.farming.collection import simulate_shard
-
-    def stopped(*arguments):
-        if 6 in arguments[2]:
-            raise KeyboardInterrupt
-        return simulate_shard(*arguments)
-
-    monkeypatch.setattr("datagen.farming.collection.simulate_shard", stopped)
-    with pytest.raises(KeyboardInterrupt):
-        run(system, tmp_path / "ds", systems=9, extend=True, **SIZE)
-    assert len(read_manifest(tmp_path / "ds").done()) == 6
-    assert "6 of 9 systems" in card.read_text()

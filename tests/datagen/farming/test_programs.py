@@ -9,11 +9,8 @@ import pytest
 from dask.distributed import LocalCluster
 
 from datagen import run
-from datagen.simulating.drawn import simulate_system
-from datagen.simulating.simulator import Simulator
 from shared.children import environment
 from shared.store import DatasetFolder
-from shared.system import load_system
 from tests.datagen.faults import faulty, shards_in, stay_in_this_process
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform == "win32", reason="no fork there")]
@@ -62,22 +59,13 @@ def alone(tanks, tmp_path_factory):
     return found
 
 
-@pytest.mark.parametrize("method", ["spawn", "fork"])
-def test_a_script_without_a_guard_has_its_farm(tanks, alone, tmp_path, method):
+def test_a_script_without_a_guard_has_its_farm(tanks, alone, tmp_path):
     (tmp_path / "script.py").write_text(SCRIPT)
-    env = environment() | {"DASK_DISTRIBUTED__WORKER__MULTIPROCESSING_METHOD": method}
+    env = environment()
     words = [sys.executable, "script.py", str(tanks[0]), "ds"]
     done = subprocess.run(words, env=env, cwd=tmp_path, capture_output=True, text=True, timeout=300)
     assert (done.returncode, done.stdout) == (0, "begun\n"), done.stderr
     np.testing.assert_array_equal(values(tmp_path / "ds"), alone[0])
-
-
-def test_two_fmus_of_one_name_are_two_in_one_process(tanks):
-    simulators = [Simulator(load_system(tank)) for tank in tanks]
-    levels = [simulate_system(one, root_seed=3, index=0).outputs for _ in range(2) for one in simulators]
-    np.testing.assert_array_equal(levels[0], levels[2])
-    np.testing.assert_array_equal(levels[1], levels[3])
-    assert not np.allclose(levels[0], levels[1], rtol=0.1)
 
 
 def test_two_fmus_of_one_name_are_two_in_one_farm(tanks, alone, tmp_path):

@@ -58,36 +58,9 @@ def test_jobs_are_kept_and_options_reach_the_queue(tmp_path):
 
 
 @pytest.mark.usefixtures("queue")
-def test_an_interface_takes_the_place_of_the_host():
-    asked = slurm(1, {"interface": "ib0"}, LISTENING).options
-    assert asked["interface"] == "ib0"
-    assert asked["scheduler_options"] == {"dashboard_address": "127.0.0.1:0"}
-
-
-@pytest.mark.usefixtures("queue")
 def test_an_option_that_is_not_known_is_a_sentence():
     with pytest.raises(ClusterError, match="cluster options: nonsense is not known; expected those of"):
         slurm(1, {"nonsense": "1"}, LISTENING)
-
-
-def test_the_queue_knows_its_options():
-    with pytest.raises(
-        ClusterError, match="cluster options: Got unexpected keyword argument 'waltime'; expected those"
-    ):
-        slurm(1, {"waltime": "1"}, {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"})
-
-
-@pytest.mark.usefixtures("queue")
-def test_jobs_write_into_a_home_or_where_they_are_told(tmp_path, monkeypatch):
-    assert slurm(1, {}, LISTENING).options["log_directory"] == str(tmp_path / ".zeroshot-fmu" / "slurm")
-    assert slurm(1, {"log_directory": "~/logs"}, LISTENING).options["log_directory"] == str(tmp_path / "logs")
-    with dask.config.set({"jobqueue.slurm.log-directory": "/scratch/logs"}):
-        assert slurm(1, {}, LISTENING).options["log_directory"] == "/scratch/logs"
-    (tmp_path / "file").touch()
-    monkeypatch.undo()  # the real class makes the folder
-    monkeypatch.setattr(shutil, "which", lambda name: f"/usr/bin/{name}")
-    with pytest.raises(ClusterError, match=r"log_directory is .*file/logs, which cannot be written: Not a directory"):
-        slurm(1, {"log_directory": str(tmp_path / "file" / "logs")}, LISTENING)
 
 
 @pytest.mark.usefixtures("queue")
@@ -137,13 +110,6 @@ def test_workers_leave_before_their_job_ends(walltime, words):
 
 
 @pytest.mark.usefixtures("queue")
-def test_a_sites_own_lines_stay_in_the_job_script():
-    with dask.config.set({"jobqueue.slurm.job-script-prologue": ["module load python"]}):
-        assert slurm(1, {}, LISTENING).options["job_script_prologue"][-1] == "module load python"
-        assert slurm(1, {"env_extra": "a\nb"}, LISTENING).options["job_script_prologue"][-2:] == ["a", "b"]
-
-
-@pytest.mark.usefixtures("queue")
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -156,21 +122,6 @@ def test_a_sites_own_lines_stay_in_the_job_script():
 def test_a_value_that_cannot_be_used_is_a_sentence(words, said):
     with pytest.raises(ClusterError, match=said):
         slurm(1, _options(words), LISTENING)
-
-
-def test_where_no_job_can_be_submitted_it_is_said(monkeypatch):
-    monkeypatch.setattr(shutil, "which", lambda _: None)
-    with pytest.raises(ClusterError, match="no sbatch on the PATH"):
-        slurm(1, {}, LISTENING)
-
-
-@pytest.mark.usefixtures("queue")
-def test_jobs_that_could_not_reach_the_scheduler_are_not_waited_for():
-    with (
-        pytest.raises(ClusterError, match=r"reach 127\.0\.0\.1; expected .*interface=NAME or --host"),
-        connect(cluster="slurm", options={"queue": "short"}),
-    ):
-        pass
 
 
 def test_without_dask_jobqueue_it_is_said_what_to_install(monkeypatch):

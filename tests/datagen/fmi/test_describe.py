@@ -1,5 +1,6 @@
 """``describe``: a draft that runs, whatever the FMU."""
 
+import sys
 import tomllib
 import zipfile
 
@@ -7,13 +8,20 @@ import numpy as np
 import pytest
 
 import datagen
+from datagen.fmi.checking import check_system
 from datagen.fmi.describe import describe
+from datagen.fmi.fmu import Fmu
 from shared.errors import FmuError, SystemDescriptionError
-from shared.system import load_system
+from shared.system import load_system, parse_system
 
 BOOLEAN = (
     '<ScalarVariable name="oveAct_activate" valueReference="900" causality="input" variability="discrete">'
     '<Boolean start="false"/></ScalarVariable>'
+)
+
+TEXT = (
+    '<ScalarVariable name="file" valueReference="901" causality="input" variability="discrete">'
+    '<String start=""/></ScalarVariable>'
 )
 
 
@@ -66,9 +74,9 @@ def test_the_draft_of_the_default_room_runs(tmp_path):
 
 
 def test_traits_of_foreign_fmus_end_in_the_draft(small_fmu, tmp_path):
-    """A Boolean that overrides, a unit that only the words tell, names that TOML has to quote."""
+    """A Boolean that overrides, a text, a unit that only the words tell, names that TOML has to quote."""
     traits = (
-        ("</ModelVariables>", f"{BOOLEAN}</ModelVariables>"),
+        ("</ModelVariables>", f"{BOOLEAN}{TEXT}</ModelVariables>"),
         (
             'name="P" valueReference="9" causality="input"',
             'name="P[1]" valueReference="9" description="Heat [kW]" causality="input"',
@@ -82,6 +90,41 @@ def test_traits_of_foreign_fmus_end_in_the_draft(small_fmu, tmp_path):
     heat = next(one for one in made["inputs"] if one["name"] == "P[1]")
     assert (heat["unit"], heat["fmu_unit"]) == ("kW", "kW")
     assert 'q "x"' in [one["name"] for one in made["parameters"]]
+    check_system(parse_system(found.toml, found.path.parent / "draft.toml"), Fmu(found.path))
+
+
+@pytest.mark.parametrize(("fmi", "kind"), [(2, "me"), (3, "me"), (2, "cs")])
+def test_an_fmu_without_units_or_nominals_that_wants_no_time_before_zero(small_fmu, tmp_path, fmi, kind):
+    """And an offset whose range goes through zero; held to the exact solution, 48 h after its start."""
+    fmu = small_fmu("odd", fmi, (kind,), attributes='canHandleVariableCommunicationStepSize="true"')
+    found = describe(fmu)
+    assert found.without_unit == ("y",)
+    offset = '[[parameters]]\nname = "offset"\nunit = "1"\nmin = -1.0\nmax = 2.0\n\n'
+    toml = found.toml.replace("# what drives the FMU", offset).replace("warm_up_hours = 0.0", "warm_up_hours = 48.0")
+    system = parse_system(toml, fmu.parent / "odd.toml").with_experiment(hours=24.0)
+    for offset in (-0.7, 0.0, 1.5):
+        one = datagen.simulate(system, parameters={"offset": offset})
+        exact = np.exp(-float(one["k"]) * (one["time"].values + 48 * 3600)) + offset
+        np.testing.assert_allclose(one["y"].values, exact, atol=1e-5 if kind == "me" else 1e-3)
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="ldd tells what a binary needs")
+def test_a_missing_library_is_named_before_and_after_it_is_needed(small_fmu):
+    fmu = small_fmu("odd", 2, ("me",), absent=True)
+    found = describe(fmu)
+    assert found.missing == ("libabsent.so",)
+    said = "its binary needs libabsent.so, which this machine lacks; install what brings it"
+    assert said in found.sentences()
+    with pytest.raises(FmuError, match=said):
+        Fmu(fmu)
+
+
+def test_a_draft_that_does_not_run_says_so(small_fmu, tmp_path, capsys):
+    from datagen.cli import app
+
+    bare = rewritten(small_fmu("odd"), tmp_path / "bare.fmu", ('causality="parameter"', 'causality="local"'))
+    assert app(["describe", str(bare), "--out", str(tmp_path / "bare.toml")]) == 0
+    assert "the draft does not run yet, for the FMU offers no parameter" in " ".join(capsys.readouterr().out.split())
 
 
 def test_all_mistakes_are_said_at_once_with_what_to_write(small_fmu, tmp_path):

@@ -6,7 +6,6 @@ from types import SimpleNamespace
 
 import pytest
 
-from datagen.cli import app as datagen_app
 from datagen.fmi.checking import check_system
 from datagen.fmi.fmu import Fmu, value_fault
 from datagen.simulating.liveness import HARDLY, _judged, check_live, check_live_apart, responses
@@ -126,45 +125,6 @@ def test_a_parameter_that_the_fmu_ignores_is_refused(toml):
             check()
 
 
-def test_an_end_that_fails_hides_neither_others_nor_itself(toml):
-    """With so much absorbed the window takes more than all the sun, which the FMU refuses; the middle still works."""
-    text = toml.replace("min = 0.3\nmax = 0.7", "min = 0.3\nmax = 0.99")
-    found = responses(Simulator(parse_system(text, Path("mine.toml"))), ["glaSys.absSolFra", "roo.V"])
-    assert found["glaSys.absSolFra"] > 1
-    assert found["roo.V"] > 1
-    system = parse_system(text.replace("[[parameters]]\n", f"{IGNORED}[[parameters]]\n", 1), Path("mine.toml"))
-    with pytest.raises(SystemDescriptionError, match=r"accepts 'effect\.adjacent\.T' and ignores it"):
-        check_live(Simulator(system))
-
-
-def test_what_cannot_be_judged_is_told_and_not_refused(toml, caplog):
-    text = toml.replace("min = 0.3\nmax = 0.7", "min = 0.7\nmax = 1.2")
-    with caplog.at_level("WARNING", "zeroshot"):
-        found = check_live(Simulator(parse_system(text, Path("mine.toml"))))
-    assert found == {}  # the middle itself is refused, from which all are looked at
-    assert "could not check that parameter 'roo.V' is alive" in caplog.text
-    assert "absSolFra" in caplog.text
-
-
-def test_an_fmu_that_dies_at_an_end_hides_no_dead_parameter(tmp_path, caplog):
-    faulty.build(tmp_path)
-    text = faulty.describe(tmp_path, fault=1, above=2e-4).read_text().replace("leak = 0.0\n", "")
-    assert text.count("[[parameters]]") == 1
-    ranges = (("k", "1/s", 1e-5, 3e-4), ("leak", "1", 1.0, 8.0))
-    both = "".join(
-        f'[[parameters]]\nname = "{name}"\nunit = "{unit}"\nmin = {low}\nmax = {high}\n\n'
-        for name, unit, low, high in ranges
-    )
-    start, end = text.index("[[parameters]]"), text.index("[[inputs]]")
-    system = parse_system(text[:start] + both + text[end:], tmp_path / "mine.toml")
-    with (
-        caplog.at_level("WARNING", "zeroshot"),
-        pytest.raises(SystemDescriptionError, match=r"accepts 'leak' and ignores"),
-    ):
-        check_live_apart(system, 60.0)
-    assert "could not check that parameter 'k' is alive: the FMU took its process down (SIGSEGV)" in caplog.text
-
-
 def test_what_acts_in_summer_alone_is_not_ignored(toml, monkeypatch):
     """A look at winter days finds nothing of a parameter that the summer's outputs follow."""
     simulator = Simulator(parse_system(toml, Path("mine.toml")))
@@ -177,33 +137,9 @@ def test_what_acts_in_summer_alone_is_not_ignored(toml, monkeypatch):
     assert responses(simulator, ["roo.V"])["roo.V"] > 1
 
 
-def test_what_acts_at_weekends_alone_is_not_ignored(toml, monkeypatch):
-    """Looks of four days that begin on Mondays end before the weekend."""
-    simulator = Simulator(parse_system(toml, Path("mine.toml")))
-    real = simulator.run
-
-    def run(parameters, inputs, *, start, stop, **words):
-        weekend = any(day % 7 >= 5 for day in range(int(start // 86400), int(stop // 86400)))
-        held = parameters if weekend else {**parameters, "roo.V": 200.0}
-        return real(held, inputs, start=start, stop=stop, **words)
-
-    monkeypatch.setattr(simulator, "run", run)
-    assert responses(simulator, ["roo.V"])["roo.V"] > 1
-
-
 def test_what_is_weak_is_refused_for_a_dataset_and_not_for_its_limit(default_system):
     assert _judged(default_system, {"roo.V": 0.5}, HARDLY) == {"roo.V": 0.5}
     with pytest.raises(SystemDescriptionError, match=r"moves by its accuracy for 'roo\.V' \(0\.5 of it\)"):
         _judged(default_system, {"roo.V": 0.5, "roo.hRoo": 2.0})
     with pytest.raises(SystemDescriptionError, match=r"accepts 'roo\.V' and ignores it"):
         _judged(default_system, {"roo.V": 0.0}, HARDLY)
-
-
-def test_the_limit_is_refused_for_what_the_fmu_ignores(toml, tmp_path):
-    path = tmp_path / "mine.toml"
-    path.write_text(toml.replace("[[parameters]]\n", f"{IGNORED}[[parameters]]\n", 1))
-    out = tmp_path / "out"
-    words = ["identifiability", path, "--context", 6, "--systems", 1, "--workers", 1, "--out", out]
-    with pytest.raises(SystemDescriptionError, match=r"accepts 'effect\.adjacent\.T' and ignores it"):
-        datagen_app([str(word) for word in words])
-    assert not out.exists()

@@ -1,7 +1,6 @@
 """What is not an FMU's fault: a temporary folder that is full or runs no programs, and how the archive was packed."""
 
 import os
-import subprocess
 import sys
 import zipfile
 from types import SimpleNamespace
@@ -11,9 +10,7 @@ import pytest
 
 from datagen.fmi import interface
 from datagen.fmi.fmu import Fmu, unpack
-from datagen.fmi.guard import guarded
-from shared.children import environment
-from shared.errors import FmuError, SimulationError
+from shared.errors import FmuError
 from tests.small_disk import SAID, small_disk
 
 unix = pytest.mark.skipif(sys.platform == "win32", reason="no limit of a file's size there")
@@ -31,12 +28,6 @@ def test_a_full_temporary_folder_is_named(small_fmu, tmp_path, monkeypatch):
     with small_disk(2048), pytest.raises(FmuError, match=f"{said} .* set TMPDIR to one"):
         unpack.__wrapped__(fmu, "")
     assert not list(tmp_path.iterdir())
-
-
-@unix
-def test_a_child_without_room_for_its_results_does_not_blame_the_fmu():
-    with small_disk(), pytest.raises(SimulationError, match=r"the temporary folder .* cannot be written to"):
-        guarded(large, [0], timeout=60.0)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="Linux alone tells")
@@ -69,20 +60,3 @@ def test_how_an_archive_becomes_an_fmu_is_said(tmp_path, names, said):
     before = r"a\.fmu: not a readable FMU: it holds no modelDescription\.xml at its top"
     with pytest.raises(FmuError, match=f"{before}.*{said}"):
         Fmu(tmp_path / "a.fmu")
-
-
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork there")
-def test_a_child_that_was_forked_off_leaves_the_files_to_its_parent(small_fmu):
-    code = """
-import os, sys
-from pathlib import Path
-from datagen.fmi.fmu import Fmu, unpack
-fmu = Fmu(Path(sys.argv[1]))
-folder, _ = unpack(fmu.path, fmu.sha256)
-if os.fork() == 0:
-    sys.exit(0)
-os.wait()
-print((folder / "modelDescription.xml").exists())
-"""
-    words = [sys.executable, "-c", code, str(small_fmu("dahlquist"))]
-    assert subprocess.run(words, env=environment(), capture_output=True, text=True).stdout == "True\n"

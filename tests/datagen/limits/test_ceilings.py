@@ -7,10 +7,8 @@ import pytest
 
 import datagen.limits.sensitivities as sensitivities
 from datagen.cli import app
-from datagen.driving.sampling import record_start
-from datagen.farming.package import weather_hashes
 from datagen.limits.ceilings import ceilings_of, identifiability, posterior_variance
-from datagen.limits.sensitivities import HOUR, SPIN_UP_HOURS, Window, random_window
+from datagen.limits.sensitivities import Window, random_window
 from shared.ceiling import Ceilings, read_ceilings
 from shared.errors import SimulationError, SystemDescriptionError
 from tests.datagen.faults import faulty
@@ -126,17 +124,6 @@ def test_sensitivities_predict_a_finite_change(window, default_system):
 
 
 @pytest.mark.slow
-def test_a_window_in_which_nobody_ever_comes_has_a_limit_as_well(default_system):
-    nobody = default_system.occupancy.model_copy(update={"weekend": 0.0})
-    saturdays = default_system.with_experiment(hours=24.0, start=(120.0, 120.0))
-    window = random_window(saturdays.model_copy(update={"occupancy": nobody}), 24.0, 3, 0)
-    assert window.occupancy.shape == (4, 24, 0) and not len(window.occupancy_steps)
-    for channels in (["TRoo", "CO2"], ["TRoo", "CO2", "nPer"]):
-        found = posterior_variance(saturdays, window, np.eye(window.states.shape[2]), "sensor", channels)
-        assert ((found > 0) & (found <= 1)).all()
-
-
-@pytest.mark.slow
 def test_less_noise_and_more_channels_tell_more(window, default_system):
     sd = np.cov(window.visited, rowvar=False)
     two = ["TRoo", "CO2"]
@@ -148,11 +135,6 @@ def test_less_noise_and_more_channels_tell_more(window, default_system):
     assert np.all(richer <= noisy + 1e-9)
     assert noisy.mean() - free.mean() > 0.05
     assert noisy.mean() - richer.mean() > 0.02
-
-
-def test_channels_without_an_output_are_refused(default_system):
-    with pytest.raises(SystemDescriptionError, match="hold no output"):
-        ceilings_of(default_system, contexts=[24.0], conditions=[("none", ["TDryBul"])], systems=1)
 
 
 def test_a_channel_that_is_not_there_is_refused_by_name(default_system):
@@ -194,36 +176,6 @@ def test_one_system_has_no_interval_and_two_have_one(default_system, monkeypatch
     ).ceilings == [alone]
 
 
-def test_windows_lie_in_the_records_that_the_farm_makes(default_system, monkeypatch):
-    july = default_system.with_experiment(hours=720.0, start=(4344.0, 4700.0))
-    spans = []
-
-    def stopped(*_, start, stop, **__):
-        spans.append((start + SPIN_UP_HOURS * HOUR, stop))
-        raise InterruptedError
-
-    monkeypatch.setattr("datagen.limits.sensitivities.build_inputs", stopped)
-    for index in range(30):
-        with pytest.raises(InterruptedError):
-            random_window(july, 24.0, 3, index)
-    first = np.array([record_start(july, 3, index) for index in range(30)])
-    begin, end = np.array(spans).T
-    assert first.min() >= 4344 * HOUR
-    assert (end - begin == 24 * HOUR).all()
-    assert (begin >= first).all() and (end <= first + 720 * HOUR).all()
-    assert (begin - first).max() > 480 * HOUR > 240 * HOUR > (begin - first).min()
-
-
-def test_it_is_written_down_what_the_windows_were_of(house, default_system, monkeypatch):
-    found = identifiability(house("N").with_experiment(start=(4344.0, 4700.0)), **{**SHORT, "systems": 1}).origin
-    assert (found.start, found.hours, found.weather) == ((4344.0, 4700.0), 48.0, {})
-    longer = identifiability(house("N"), **{**SHORT, "context": 72.0, "systems": 1}).origin
-    assert longer.hours == 72.0
-    window = made_up_window(default_system, np.random.default_rng(0))
-    monkeypatch.setattr("datagen.limits.ceilings._windows", lambda *_: iter([window]))
-    assert identifiability(default_system).origin.weather == weather_hashes(default_system)
-
-
 def test_a_preset_says_of_which_records_the_limit_is(house, tmp_path, monkeypatch):
     described = house("N")
     folder = tmp_path / "house"
@@ -238,16 +190,6 @@ def test_a_preset_says_of_which_records_the_limit_is(house, tmp_path, monkeypatc
     assert (found.origin.start, found.origin.hours, found.step) == ((4344.0, 4700.0), 72.0, 1800.0)
     with pytest.raises(SystemDescriptionError, match="no preset 'june'; found july"):
         app([*command, "--preset", "june", *out])
-
-
-def test_one_crowd_however_many_inputs_read_it(house):
-    """Persons come into all of the inputs at once: the order of the inputs says nothing, and neither does one alone."""
-    both, swapped = (identifiability(house(*names), **SHORT) for names in (("N", "P"), ("P", "N")))
-    np.testing.assert_allclose(limits(both), limits(swapped), rtol=1e-9)
-    window = random_window(house("N", "P"), 24.0, 1, 0)
-    alone = random_window(house("N"), 24.0, 1, 0)
-    # q = 0.1 kW a person by way of N, and 1 kW by way of P; the house is linear in them
-    np.testing.assert_allclose(window.occupancy, 11 * alone.occupancy, rtol=1e-3, atol=1e-6)
 
 
 def test_counted_persons_are_known_as_means_of_steps(house, monkeypatch):
@@ -275,26 +217,6 @@ def test_counted_persons_are_known_as_means_of_steps(house, monkeypatch):
     condition = {"context_hours": 24.0, "step": 3600.0, "noise": "sensor", "constants": {}}
     assert kept.find(**condition, channels=["N", "room"]) == [found[2]]
     assert kept.find(**condition, channels=["room"]) == [found[3]]
-
-
-def test_another_fmu_of_the_same_description_is_loaded_anew(default_system, monkeypatch):
-    """One that was built again in its place, within the same program."""
-
-    class Enough(Exception):
-        pass
-
-    def stop(*_):
-        raise Enough
-
-    loaded = []
-    monkeypatch.setattr(sensitivities, "_SIMULATORS", {})
-    monkeypatch.setattr(sensitivities, "Simulator", lambda system: loaded.append(system) or system)
-    monkeypatch.setattr(sensitivities, "record_start", stop)
-    for build, count in (("a", 1), ("a", 1), ("b", 2)):
-        monkeypatch.setattr(sensitivities, "sha256_of", lambda _, build=build: build)
-        with pytest.raises(Enough):
-            random_window(default_system, 24.0, 1, 0)
-        assert len(loaded) == count
 
 
 @pytest.mark.slow

@@ -10,17 +10,15 @@ import numpy as np
 import pytest
 
 import datagen.limits.sensitivities as sensitivities
-from datagen import identifiability, simulate
+from datagen import identifiability
 from datagen.cli import app
 from datagen.driving.sampling import sample_parameters
 from datagen.farming.farm import _copy_ceilings
 from datagen.fmi.fmu import fmu_sha256
 from datagen.limits.ceilings import posterior_variance
-from datagen.limits.sensitivities import Window, random_window
+from datagen.limits.sensitivities import random_window
 from datagen.simulating.constants import sample_factors
-from datagen.simulating.simulator import Simulator
-from shared.ceiling import FILE_NAME, Ceilings, Origin, Unknown, read_ceilings, unknown_constants, write_ceilings
-from shared.errors import SystemDescriptionError
+from shared.ceiling import FILE_NAME, Ceilings, Origin, read_ceilings, unknown_constants, write_ceilings
 from shared.system import parse_system
 
 HOUSE = """
@@ -138,76 +136,6 @@ def test_a_constant_that_does_what_a_parameter_does_takes_its_share(house):
         )
         assert found > alone + 0.05
         assert found > 0.99 * ratio**2 / (1 + ratio**2)
-
-
-def test_a_column_like_another_parameters_leaves_the_first_alone(house):
-    """Closed form, of a window that is made up; without any states, too."""
-    two = (
-        HOUSE.format(fmu="none.fmu").replace("ro = 8.0\n", "")
-        + '[[parameters]]\nname = "ro"\nunit = "K/kW"\nmin = 1.0\nmax = 2.0\n'
-        + INPUTS
-    )
-    system = parse_system(two, house().path)
-    sd = system.noise_sd("none")[0]
-    parameters = np.zeros((1, 4, 2))
-    parameters[0, :2, 0], parameters[0, 2:, 1] = (3 * sd, 4 * sd), (sd, sd)
-    empty = np.empty((1, 4, 0))
-    window = Window(
-        parameters=parameters,
-        **dict.fromkeys(("states", "constants", "occupancy"), empty),
-        occupancy_covariance=np.empty((0, 0)),
-        occupancy_steps=np.empty(0, dtype=int),
-        visited=np.empty((5, 0)),
-    )
-
-    def variance(constants):
-        return posterior_variance(
-            system, replace(window, constants=constants), np.empty((0, 0)), "none", ["room"]
-        ).tolist()
-
-    assert variance(empty) == pytest.approx([1 / 26, 1 / 3])
-    assert variance(parameters[:, :, :1]) == pytest.approx([26 / 51, 1 / 3])  # 25 of 1 + 25 + 25 are the area's
-    assert variance(2 * parameters[:, :, 1:]) == pytest.approx([1 / 26, 9 / 11])
-
-
-def test_systems_are_the_farms(house, monkeypatch):
-    system, runs = house(HEAT, MASS), []
-    simulated = Simulator.run
-
-    def spy(self, parameters, *args, **options):
-        runs.append(dict(parameters))
-        return simulated(self, parameters, *args, **options)
-
-    monkeypatch.setattr(Simulator, "run", spy)
-    for uncertain in (True, False):
-        runs.clear()
-        simulate(system, seed=1, index=2, uncertain=uncertain)
-        random_window(system, 24.0, 1, 2, uncertain)
-        farm, warm, *moved = runs
-        assert set(farm) == ({"a", "q", "c"} if uncertain else {"a"})
-        assert warm == farm
-        # up and down each, one at a time; the state at the end of all
-        changed = [{name for name in farm if one[name] != farm[name]} for one in moved]
-        assert changed == [{name} for name in farm for _ in range(2)] + [set(), set()]
-
-
-def test_it_is_written_down_which_constants_were_unknown(house):
-    known, drawn = (
-        identifiability(house(HEAT, MASS), context=24.0, systems=1, uncertain=uncertain) for uncertain in (False, True)
-    )
-    assert known.constants == {}
-    assert drawn.constants == {
-        "heat": Unknown(parameters=["q"], relative=0.3),
-        "mass": Unknown(parameters=["c"], relative=0.2),
-    }
-    assert drawn.r2_mean < known.r2_mean - 0.1
-
-
-def test_a_description_without_uncertain_constants_is_refused(house):
-    with pytest.raises(
-        SystemDescriptionError, match=r"uncertain is set; expected an \[\[uncertain\]\] table in .*house"
-    ):
-        identifiability(house(), uncertain=True)
 
 
 def test_the_command_keeps_both_limits(house, tmp_path, capsys, monkeypatch):

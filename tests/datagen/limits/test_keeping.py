@@ -4,7 +4,7 @@ import pytest
 
 from datagen.cli import app
 from datagen.limits.keeping import ceilings_at
-from shared.ceiling import Ceiling, Origin, read_ceilings, write_ceilings
+from shared.ceiling import Ceiling, read_ceilings, write_ceilings
 from shared.console import FAULT, OK, start
 
 LIMIT = Ceiling(
@@ -82,33 +82,3 @@ def test_limits_of_the_same_system_are_added_to(asked, default_system, tmp_path)
     assert code == OK
     assert "mean 0.500 of one system there is no interval kept in" in text
     assert [one.context_hours for one in read_ceilings(path).ceilings] == [48.0, 24.0]
-
-
-def test_a_limit_of_more_systems_is_replaced_only_where_that_is_asked_for(asked, default_system, tmp_path):
-    path = tmp_path / "limit.json"
-    own = ceilings_at(path, default_system)
-    origin = Origin(start=default_system.experiment.start, hours=default_system.experiment.hours)
-    many = LIMIT.model_copy(update={"systems": 20, "origin": origin})
-    write_ceilings(path, own.model_copy(update={"ceilings": [many]}))
-    words = ["--out", path, "--context", 24, "--channels", "TRoo"]
-    code, text, work = asked(*words)
-    assert (code, work) == (FAULT, 0)
-    assert "holds a limit for 24 h of TRoo with noise none over 20 systems, and this one is over 1; expected" in text
-    assert read_ceilings(path).ceilings == [many]
-    assert asked("--out", path, "--context", 48, "--channels", "TRoo")[0] == OK  # another condition
-    assert asked(*words, "--overwrite")[0] == OK
-    assert [one.systems for one in read_ceilings(path).ceilings if one.context_hours == 24] == [1]
-
-
-def test_limits_that_come_with_the_package_are_not_written_over(monkeypatch, tmp_path, capsys):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("datagen.limits.ceilings.ceilings_of", lambda *_, **__: pytest.fail("computed"))
-    assert start(app, ["identifiability", "MixedAirCO2", "--systems", "1"]) == FAULT
-    assert "MixedAirCO2: comes with the package, and so do its limits" in capsys.readouterr().err
-
-
-def test_sets_of_one_channel_each_are_told(asked, tmp_path):
-    out = ("--out", tmp_path / "limit.json")
-    _, text, _ = asked(*out, "--channels", "TRoo", "CO2")
-    assert "2 sets of one channel each; TRoo,CO2 would be one set of all" in text
-    assert "one channel each" not in asked(*out, "--channels", "TRoo,CO2", "CO2")[1]

@@ -1,6 +1,6 @@
 import numpy as np
 
-from datagen.limits.pulses import APART, responses
+from datagen.limits.pulses import responses
 
 HOUR = 3600.0
 
@@ -22,12 +22,3 @@ def test_pulses_that_share_a_simulation_are_told_apart():
     assert asked == [3] * 240  # thirty days, ten between two
     exact = np.stack([one(begin) for begin, _ in pulses], axis=-1)
     np.testing.assert_allclose(found, np.stack([exact, exact]), atol=2 * np.exp(-10))
-
-
-def test_within_ten_days_each_pulse_has_its_own():
-    time = HOUR * np.arange(1, 11)
-    pulses = [(HOUR * k, HOUR * (k + 1)) for k in range(10)]
-    found = responses(lambda some: np.full((1, 10), some[0][0]), pulses, time)
-    for k, (begin, _) in enumerate(pulses):
-        np.testing.assert_array_equal(found[0, :, k], np.where(time > begin, begin, 0.0))
-    assert pulses[-1][0] < APART

@@ -41,15 +41,14 @@ def test_a_parameter_over_decades_stays_in_its_range_where_it_is_small(house, mo
     assert wide.min <= min(given) < value < max(given) < 1.1 * value
 
 
-def test_steps_that_do_not_divide_the_spin_up_have_a_limit(house):
-    """Ten days are not a whole number of steps of 7 h."""
-    system = house().with_experiment(hours=70.0, step=7 * 3600.0)
-    window = random_window(system, 70.0, 1, 0)
-    assert window.visited.shape[0] == 35  # 34 steps are the most that ten days hold
-    assert np.isfinite(window.parameters).all()
-    window = random_window(system, 7.0, 1, 0)  # later in its record
-    assert window.visited.shape[0] == 36  # 35 steps are the least that hold ten days
-    assert np.isfinite(window.parameters).all()
+def test_both_kinds_of_one_fmu_have_one_limit(small_fmu, house):
+    """Model Exchange moves the states themselves; Co-Simulation sees what other pasts do to the window."""
+    fmu = small_fmu("house", 2, ("me", "cs"), attributes='canHandleVariableCommunicationStepSize="true"')
+    kinds = [house("N").model_copy(update={"fmu": fmu.name, "kind": one}) for one in ("ModelExchange", "CoSimulation")]
+    limits = [identifiability(one, context=24.0, noise="sensor", systems=2) for one in kinds]
+    exchange, cosimulation = ([*one.r2.values()] for one in limits)
+    assert 0.1 < min(exchange) < max(exchange) < 0.99
+    assert cosimulation == pytest.approx(exchange, abs=0.01)
 
 
 def first_order(small_system, **experiment):
@@ -73,9 +72,3 @@ def test_a_record_that_is_not_warmed_up_tells_how_it_settles(small_system):
     assert not window.states.any() and window.visited.shape == (0, 1)
     found = identifiability(system, context=5 / 3600, noise="none", systems=3)
     assert found.r2["tau"] > 0.99
-
-
-def test_a_record_that_is_warmed_up_tells_nothing_of_it(small_system):
-    system = first_order(small_system, warm_up_hours=0.05)
-    window = random_window(system, 5 / 3600, 1, 0)
-    assert np.abs(window.parameters).max() < 1e-6

@@ -99,17 +99,6 @@ def test_an_fmu_that_keeps_a_history_is_told_of_every_step(small_system, fmi, st
     np.testing.assert_allclose(run.outputs[0], echo(run.time), atol=0.01)
 
 
-def test_bounce_times_are_found_by_state_events(small_system, fmi):
-    """Between two outputs 0.5e-6 s before and after a bounce of the exact solution, the count goes up."""
-    system = small_system("ball", fmi, outputs={"bounces": "point"}, parameters=("g", "e"))
-    simulator = Simulator(system)
-    for k, when in enumerate(bounces(1.0, 9.81, 0.7, 5)):
-        around = simulator.run(
-            {"g": 9.81, "e": 0.7}, no_inputs(10.0), start=0.0, record_from=when - 2.5e-6, stop=when + 1.5e-6, step=1e-6
-        )
-        np.testing.assert_array_equal(around.outputs[0], [k, k, k + 1, k + 1])
-
-
 def test_a_stair_counts_at_each_second(small_system, flavour):
     """A count at the very time of its event is the one just before it; between events it is exact."""
     version, kind = flavour
@@ -121,12 +110,6 @@ def test_a_stair_counts_at_each_second(small_system, flavour):
         np.testing.assert_array_equal(run.outputs[0][on_event], run.time[on_event])
 
 
-def test_the_mean_of_a_stair(small_system, fmi):
-    system = small_system("stair", fmi, outputs={"count": "mean"}, parameters=("period",), step=1.5)
-    run = Simulator(system).run({"period": 1.0}, no_inputs(6.0), start=0.0, stop=6.0)
-    np.testing.assert_allclose(run.outputs[0], [4 / 3, 8 / 3, 13 / 3, 17 / 3], rtol=1e-6)
-
-
 def test_van_der_pol_against_a_tight_reference(small_system, fmi):
     system = small_system("vanderpol", fmi, outputs={"x": "point", "y": "point"}, parameters=("mu",), step=0.5)
     run = Simulator(system).run({"mu": 1.5}, no_inputs(10.0), start=0.0, stop=10.0, tolerance=1e-12)
@@ -136,14 +119,6 @@ def test_van_der_pol_against_a_tight_reference(small_system, fmi):
 
     exact = solve_ivp(rates, (0, 10), [2.0, 0.0], "DOP853", run.time, rtol=1e-13, atol=1e-13).y
     np.testing.assert_allclose(run.outputs, exact, atol=1e-8)
-
-
-def test_dahlquist_decays(small_system, flavour):
-    version, kind = flavour
-    system = small_system("dahlquist", version, (kind,), outputs={"x": "point"}, parameters=("k",), step=0.5)
-    run = Simulator(system).run({"k": 0.7}, no_inputs(5.0), start=0.0, stop=5.0)
-    own = (1 - 0.07) ** np.round(run.time / 0.1)  # the FMU's own Euler steps of 0.1 s
-    np.testing.assert_allclose(run.outputs[0], np.exp(-0.7 * run.time) if kind == "me" else own, rtol=2e-7)
 
 
 def test_means_of_all_kinds(small_system, flavour):
@@ -187,35 +162,6 @@ def test_an_input_acts_within_the_step(small_system, version, kind, attributes):
     assert np.abs(run.outputs[0][-1] - exact[-1]) < 0.2 * 0.5  # frozen: half a step
 
 
-def test_a_jump_is_met_exactly(small_system, flavour):
-    version, kind = flavour
-    system = small_system(
-        "lag",
-        version,
-        (kind,),
-        outputs={"x": "point", "y": "mean"},
-        parameters=("tau",),
-        inputs={"u": "previous"},
-        step=0.5,
-        **STEPWISE,
-    )
-    when = 1.2345
-    table = inputs(3.0, u=steps([0.0, when], [0.0, 2.0]))
-    run = Simulator(system).run({"tau": 0.8}, table, start=0.0, stop=3.0)
-    exact = np.where(run.time < when, 0.0, 2.0 * (1 - np.exp(-(run.time - when) / 0.8)))
-    assert np.abs(run.outputs[0] - exact).max() < (1e-7 if kind == "me" else 1e-3)
-    np.testing.assert_allclose(run.outputs[1], [0, 0, 2 * (1.5 - when) / 0.5, 2, 2, 2], atol=1e-6)
-
-
-def test_equal_steps_conserve_what_a_jump_brings(small_system, fmi):
-    """An FMU that wants equal communication steps gets the mean of each step in place of a jump within it."""
-    system = small_system(
-        "lag", fmi, ("cs",), outputs={"x": "point"}, parameters=("tau",), inputs={"u": "previous"}, step=0.5
-    )
-    run = Simulator(system).run({"tau": 1e3}, inputs(2.0, u=steps([0.0, 0.9], [0.0, 100.0])), start=0.0, stop=2.0)
-    assert run.outputs[0][-1] == pytest.approx(0.11, rel=2e-3)
-
-
 def test_inputs_pass_through(small_system, flavour):
     """Continuous and discrete inputs, declared the other way round than the FMU has them."""
     version, kind = flavour
@@ -235,52 +181,6 @@ def test_inputs_pass_through(small_system, flavour):
     np.testing.assert_allclose(run.outputs[0], expected)
     np.testing.assert_allclose(run.outputs[1], run.time)
     np.testing.assert_allclose(run.inputs[1], 0.5 * run.time)
-
-
-def test_a_discrete_input_that_is_led_on_a_line_is_refused(small_system, flavour):
-    """It is set at events alone: between them it would stay what it was, without a word."""
-    version, kind = flavour
-    shape = {"outputs": {"stepped": "point"}, "parameters": ("gain",), "inputs": {"switch": "previous", "u": "linear"}}
-    simulator = Simulator(small_system("feedthrough", version, (kind,), **shape, **STEPWISE))
-    for drawn in (ramp(4.0), steps([0.0, 2.0], [1.0, 3.0])):
-        table = inputs(4.0, switch=drawn, u=ramp(4.0))
-        if drawn.kind == "previous":
-            simulator.run({"gain": 1.0}, table, start=0.0, stop=4.0)
-            continue
-        with pytest.raises(SystemDescriptionError, match=r"'switch' is discrete in .*expected interpolation"):
-            simulator.run({"gain": 1.0}, table, start=0.0, stop=4.0)
-
-
-def test_an_input_may_be_held_at_a_value(small_system, flavour):
-    """As a switch that is on throughout, of whatever type: it needs no signal."""
-    version, kind = flavour
-    shape = {"outputs": {"y": "point", "stepped": "point"}, "parameters": ("gain",), "inputs": {"u": "linear"}}
-    simulator = Simulator(small_system("feedthrough", version, (kind,), **shape, fixed={"switch": 3.0}, **STEPWISE))
-    run = simulator.run({"gain": 2.0}, inputs(4.0, u=ramp(4.0)), start=0.0, stop=4.0)
-    np.testing.assert_allclose(run.outputs[1], 6.0)
-
-
-def test_means_of_what_follows_an_input_directly(small_system, flavour):
-    """Without states nothing holds the solver back from long steps; the kinks of the input must still count."""
-    version, kind = flavour
-    system = small_system(
-        "feedthrough",
-        version,
-        (kind,),
-        outputs={"y": "mean", "stepped": "mean"},
-        parameters=("gain",),
-        inputs={"u": "linear", "switch": "previous"},
-        step=50.0,
-        **STEPWISE,
-    )
-    u = Piecewise(np.array([0.0, 30.0, 45.0, 120.0, 200.0]), np.array([0.0, 5.0, 1.0, 4.0, -2.0]))
-    table = inputs(200.0, u=u, switch=steps([0.0, 70.0], [1.0, 3.0]))
-    run = Simulator(system).run({"gain": 1.0}, table, start=0.0, stop=200.0)
-    edges = np.arange(0.0, 201.0, 50.0)
-    exact = table.means(edges)
-    # trapezoids over communication points cut corners
-    np.testing.assert_allclose(run.outputs[0], exact[:, 0], atol=1e-4 if kind == "me" else 0.02)
-    np.testing.assert_allclose(run.outputs[1], exact[:, 1], atol=1e-6 if kind == "me" else 0.1)
 
 
 def test_a_resource_is_read(small_system, flavour):

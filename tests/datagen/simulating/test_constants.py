@@ -6,13 +6,12 @@ import xarray as xr
 from scipy import stats
 
 from datagen import run, simulate, verify
-from datagen.cli import app
 from datagen.datasets.mending import repair
 from datagen.driving.sampling import sample_parameters
 from datagen.fmi.fmu import Fmu
 from datagen.simulating.constants import constants, sample_factors, values_of
 from datagen.simulating.simulator import Simulator
-from shared.errors import DatasetError, SystemDescriptionError
+from shared.errors import DatasetError
 from shared.store import read_manifest
 from shared.uncertain import Uncertain
 from tests.datagen.faults import stay_in_this_process
@@ -91,14 +90,6 @@ def test_a_dataset_tells_the_factors_that_its_systems_have(drawn, default_system
     assert not (drawn / "identifiability.json").exists()
 
 
-def test_nothing_else_is_drawn_otherwise(default_system):
-    both = [simulate(default_system, hours=48, seed=5, index=2, uncertain=one) for one in (True, False)]
-    for name in (*default_system.parameter_names, *default_system.input_names):
-        assert np.array_equal(both[0][name], both[1][name])
-    assert not np.allclose(both[0]["TRoo"], both[1]["TRoo"], atol=0.05)
-    assert all(one.name not in both[1] for one in default_system.uncertain)
-
-
 def test_a_drawn_dataset_is_mended_and_resumed_as_it_was(drawn, default_system, monkeypatch):
     stay_in_this_process(monkeypatch)
     manifest = read_manifest(drawn)
@@ -112,23 +103,6 @@ def test_a_drawn_dataset_is_mended_and_resumed_as_it_was(drawn, default_system, 
         run(default_system, drawn, **SIZE)
     with pytest.raises(DatasetError, match=r"settings\.uncertain is"):
         run(default_system.model_copy(update={"uncertain": wider}), drawn, uncertain=True, **SIZE)
-
-
-def test_a_description_without_uncertain_constants_is_refused(default_system, tmp_path):
-    none = default_system.model_copy(update={"uncertain": []})
-    with pytest.raises(DatasetError, match=r"expected an \[\[uncertain\]\] table in .*system.toml, which has none"):
-        run(none, tmp_path / "ds", uncertain=True, **SIZE)
-    assert not (tmp_path / "ds").exists()
-
-
-def test_one_system_by_the_command_is_the_farms(drawn, default_system, tmp_path, capsys):
-    out = tmp_path / "one.nc"
-    words = f"simulate {default_system.path} --out {out} --hours 48 --seed 5 --index 1 --uncertain".split()
-    assert app(words, result_action="return_value") == 0
-    assert "floor.capacity" in capsys.readouterr().out
-    one, shard = xr.load_dataset(out), shards(drawn)[0]
-    assert float(one["floor.capacity"]) == float(shard["floor.capacity"][1])
-    assert np.array_equal(one["TRoo"], shard["TRoo"][1])
 
 
 def test_a_constant_that_is_set_is_not_drawn_and_the_others_are_drawn_as_before(default_system):
@@ -145,13 +119,3 @@ def test_a_constant_that_is_set_is_not_drawn_and_the_others_are_drawn_as_before(
     factors = np.array([1.0 if one is ceiling else float(drawn[one.name]) for one in default_system.uncertain])
     by_hand = simulate(default_system, parameters=values_of(known, factors) | given, hours=24)
     assert np.array_equal(by_hand["TRoo"], found["TRoo"])
-
-
-def test_what_is_fixed_at_zero_stays_zero(default_system):
-    """A layer without resistance is fixed at 0, where the FMU has a value: 0 times any factor is 0."""
-    flat = default_system.model_copy(update={"fixed": {"floor.layer[1].R": 0.0}})
-    known = constants(flat, Simulator(flat).fmu)
-    assert values_of(known, np.full(len(known), 2.0))["floor.layer[1].R"] == 0.0
-    negative = default_system.model_copy(update={"fixed": {"floor.layer[1].R": -0.1}})
-    with pytest.raises(SystemDescriptionError, match=r"value -0.1 in .*; expected a positive .* under \[fixed\]"):
-        Simulator(negative)

@@ -29,23 +29,6 @@ def test_a_full_disk_is_a_sentence_and_no_file(default_system, tmp_path, monkeyp
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_that_cannot_be_made_is_a_sentence(default_system, tmp_path):
-    (tmp_path / "file").write_text("no folder")
-    with pytest.raises(DatasetError, match=r"file: nothing can be written there, because .*file is a file; expec"):
-        simulate(default_system, hours=24, out=tmp_path / "file" / "a.nc")
-
-
-def test_an_estimated_parameter_that_is_an_input_of_the_fmu_can_be_set(small_system):
-    system = small_system(
-        "feedthrough", outputs={"y": "point"}, parameters=("gain", "u"), inputs={"switch": "previous"}, hours=0.01
-    )
-    record = simulate(system, parameters={"gain": 2.0, "u": 1.5})
-    assert float(record["u"]) == 1.5
-    assert record["y"].values.tolist() == [3.0] * record.sizes["time"]
-    with pytest.raises(SystemDescriptionError, match=r"'switch' is not a parameter .* estimated ones are gain, u"):
-        simulate(system, parameters={"switch": 1.0})
-
-
 def test_a_parameter_beyond_its_range_and_a_slip_in_a_name_are_told(default_system, caplog):
     with caplog.at_level("WARNING", logger="zeroshot"):
         simulate(default_system, parameters={"roo.V": 150.0, "roo.hRoo": 4.0}, hours=2)
@@ -55,20 +38,6 @@ def test_a_parameter_beyond_its_range_and_a_slip_in_a_name_are_told(default_syst
     assert record.getMessage().startswith("roo.V is set to 10000 m3, beyond its range of 40 to 300: no estimator")
     with pytest.raises(SystemDescriptionError, match=r"'roo\.v' is not a parameter .*; did you mean roo\.V\?$"):
         simulate(default_system, parameters={"roo.v": 100.0})
-
-
-def test_an_effect_whose_shape_nothing_drives_is_told_to_do_nothing(default_system, caplog):
-    plain = simulate(default_system, hours=24)
-    with caplog.at_level("WARNING", logger="zeroshot"):
-        found = simulate(default_system, hours=24, parameters={"effect.timetable.Q": 700.0})
-        assert all((found[one].values == plain[one].values).all() for one in default_system.output_names)
-        (record,) = caplog.records
-        assert record.getMessage().startswith(
-            "effect.timetable.Q is set to 700, and does nothing: it acts while input 'yP"
-        )
-        other = simulate(default_system, hours=24, parameters={"effect.plug.Q": 700.0})
-    assert any((other[one].values != plain[one].values).any() for one in default_system.output_names)
-    assert len(caplog.records) == 1
 
 
 @pytest.mark.parametrize(

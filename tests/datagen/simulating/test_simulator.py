@@ -1,7 +1,5 @@
 """The integrator against exact solutions, against fmpy where that is right, and against itself."""
 
-from pathlib import Path
-
 import fmpy
 import numpy as np
 import pytest
@@ -49,19 +47,6 @@ def test_a_ramp_is_integrated_not_held(simulator):
     tau = DENSITY * VOLUME / flow
     rise = parameters["gaiCO2.k"] * rate * tau / (DENSITY * VOLUME) * (stop - tau * (1 - np.exp(-stop / tau)))
     assert found - 420.0 == pytest.approx(rise * PPM_PER_SHARE, rel=1e-5)
-
-
-def test_a_wind_direction_is_recorded_as_a_vane_shows_it(default_system):
-    """The FMU's turns on beyond 360 degree, so that no hour sweeps over the compass: what is recorded must not."""
-    inputs = [
-        one.model_copy(update={"column": "wind_direction"}) if one.name == "winSpe" else one
-        for one in default_system.inputs
-    ]
-    vane = Simulator(default_system.model_copy(update={"inputs": inputs}))
-    turning = Piecewise(np.array([0.0, 4 * 3600.0]), np.array([330.0, 370.0]))
-    found = vane.run(middle(default_system), constant_inputs(vane, 4 * 3600.0, winSpe=turning), start=0.0, stop=14400.0)
-    recorded = found.inputs[default_system.input_names.index("winSpe")]
-    np.testing.assert_allclose(recorded, [340.0, 350.0, 0.0, 10.0], atol=1e-9)
 
 
 def test_a_step_within_the_hour_is_exact(simulator):
@@ -193,21 +178,6 @@ def test_a_description_that_was_copied_without_its_fmu_says_which_field_leads_no
         Simulator(load_system(copied))
 
 
-def test_loading_leaves_the_working_directory(default_system):
-    before = Path.cwd()
-    Simulator(default_system)
-    assert Path.cwd() == before
-
-
-def test_an_instance_complains_after_another_one_is_gone(default_system):
-    """The FMU's messages once went to the logger of whichever instance was made last, alive or not."""
-    old = Simulator(default_system)
-    Simulator(default_system)  # made and dropped
-    for _ in range(3):
-        with pytest.raises(SimulationError, match="absSolFra"):
-            old.run({"glaSys.absSolFra": 0.99}, constant_inputs(old, 3600.0), start=0.0, stop=3600.0)
-
-
 def test_inputs_that_bend_cost_no_accuracy(simulator, default_system):
     values = dict(zip(default_system.parameter_names, sample_parameters(default_system, 7, 0).tolist(), strict=True))
     span = {"start": 0.0, "stop": 40 * 86400.0}
@@ -215,14 +185,3 @@ def test_inputs_that_bend_cost_no_accuracy(simulator, default_system):
     coarse, fine = (simulator.run(values, inputs, **span, tolerance=t).outputs for t in (1e-6, 1e-10))
     room = default_system.output_names.index("TRoo")
     assert np.sqrt(np.mean((coarse - fine)[room] ** 2)) < 3e-4  # 7e-4 where steps cross the knots of the weather
-
-
-def test_warnings_of_the_solver_are_logged_and_not_printed(simulator, capfd, caplog):
-    """Far from zero a first step is lost in the time's own rounding, of which CVODE warns on standard error."""
-    far = 1e15
-    inputs = {n: Piecewise(np.array([far]), np.array([BASE.get(n, 0.0)])) for n in simulator.system.input_names}
-    table = merge(inputs, far, far + 3600.0)
-    with caplog.at_level("DEBUG", logger="zeroshot"):
-        simulator.run(middle(simulator.system), table, start=far, stop=far + 3600.0, tolerance=1e-9)
-    assert "t + h = t" in caplog.text
-    assert capfd.readouterr().err == ""

@@ -20,14 +20,12 @@ def test_hours_that_are_refused_leave_nothing_behind(default_system, tmp_path, h
 
 @pytest.mark.slow
 def test_command(default_system, tmp_path, capsys):
-    """With the real lengths, which are the same when they are made again."""
+    """With the real lengths."""
     app = App(result_action="return_value")
     app.command(blind_app)
     words = ["--system", str(default_system.path), "--recordings", "1", "--seed", "4", "--hours", "48", "--json"]
-    for name in ("set", "again"):
-        assert app(["blind", "make", str(tmp_path / name), *words]) == 0
-        said = json.loads(capsys.readouterr().out)
-        assert said["answers_sha256"] == read_manifest(tmp_path / name)["answers_sha256"]
+    assert app(["blind", "make", str(tmp_path / "set"), *words]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["answers_sha256"] == read_manifest(tmp_path / "set")["answers_sha256"]
     (answer,) = open_answers(tmp_path / "set", tmp_path / "set.answers.json")["recordings"]
     assert answer["detectability"]["length"] > 0.0
-    assert (tmp_path / "set.answers.json").read_bytes() == (tmp_path / "again.answers.json").read_bytes()

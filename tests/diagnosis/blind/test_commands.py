@@ -14,7 +14,7 @@ from diagnosis.cli import app
 from shared.console import OK, start
 from shared.store import sha256_of
 from shared.system import load_system
-from tests.diagnosis.blind.blind_cases import QUIET, Case, length_at_once, write_results, write_set
+from tests.diagnosis.blind.blind_cases import QUIET, Case, length_at_once, write_results
 
 
 @pytest.fixture
@@ -63,12 +63,3 @@ def test_a_system_of_its_own_is_named_by_its_file(default_system, tmp_path):
     (tmp_path / "truth").mkdir()
     (tmp_path / "truth" / "truth.toml").write_text("")  # the one beside the system's folder
     assert made_of(mine, tmp_path / "truth.toml")["truth"] == ""
-
-
-@pytest.mark.parametrize(("name", "said"), [("MixedAirCO2", "MixedAirCO2"), ("Hand", "Hand/system.toml")])
-def test_of_earlier_sets_the_system_is_what_it_calls_itself(tmp_path, name, said):
-    ones = [Case("none", truth="no_gap", verdict=QUIET)]
-    folder, answers = write_set(tmp_path / "set", ones, system_name=name)
-    printed = score(folder, answers, write_results(tmp_path / "results", folder, ones)).commands
-    assert f"diagnosis blind make set --system {said} --recordings 1" in printed[0]
-    assert f"diagnosis blind run {said} set" in printed[1]

@@ -3,8 +3,6 @@
 import hashlib
 import json
 import shutil
-from concurrent.futures import Future
-from concurrent.futures.process import BrokenProcessPool
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,7 +14,7 @@ from diagnosis.blind.make import make
 from diagnosis.blind.sealed import open_answers, read_manifest
 from diagnosis.effects import library
 from diagnosis.recording import read_recording
-from shared.errors import RecordingError, SimulationError, SystemDescriptionError
+from shared.errors import RecordingError, SimulationError
 from shared.system import system_from_canonical
 from tests.diagnosis.blind.blind_cases import length_at_once, prepare_quickly
 
@@ -175,41 +173,6 @@ def changed(system, **fields):
     return system_from_canonical(json.dumps(raw), system.path)
 
 
-def stop_after(monkeypatch, count):
-    """Let `make` be interrupted after so many recordings, whose answers and files say nothing."""
-    import diagnosis.blind.make as module
-
-    written = []
-
-    def stopped(generator, seed, index, part):
-        if len(written) == count:
-            raise KeyboardInterrupt
-        written.append(index)
-        (part / f"{index}.nc").write_bytes(b"")
-        (part / f"{index}.json").write_text("{}")
-
-    monkeypatch.setattr(module, "write_one", stopped)
-
-
-@pytest.mark.parametrize("what", ["uncertain", "tolerance", "warm-up", "program"])
-def test_a_set_does_not_go_on_under_other_constants_tolerance_or_program(system, tmp_path, monkeypatch, what):
-    stop_after(monkeypatch, 1)
-    with pytest.raises(KeyboardInterrupt):
-        make(system, tmp_path / "set", recordings=2, seed=SEED, hours=HOURS)
-    uncertain = [one.model_dump(mode="json") | {"relative": 0.1} for one in system.uncertain]
-    other = {
-        "uncertain": lambda: changed(system, uncertain=uncertain),
-        "tolerance": lambda: changed(system, experiment={"tolerance": 1e-5}),
-        "warm-up": lambda: changed(system, experiment={"warm_up_hours": 120.0}),
-        "program": lambda: system,
-    }[what]()
-    assert other.hash() == system.hash()
-    if what == "program":
-        monkeypatch.setattr("diagnosis.blind.make.program_sha256", lambda: "another")
-    with pytest.raises(RecordingError, match=r"set\.answers\.json\.part: was begun with other settings"):
-        make(other, tmp_path / "set", recordings=2, seed=SEED, hours=HOURS)
-
-
 @pytest.fixture(scope="module")
 def two(system, tmp_path_factory):
     """A set of two recordings that nothing disturbed: its sealed answers."""
@@ -297,40 +260,6 @@ def test_a_recording_that_no_draw_can_make_is_told(system, tmp_path, monkeypatch
         SimulationError, match=r"truth\.toml: recording 0 of this seed .* none of its 5 draws; .* draw: stiff at 4"
     ):
         make(system, tmp_path / "set", recordings=1, seed=SEED, hours=48.0)
-
-
-def test_a_process_that_died_is_a_sentence(system, tmp_path, monkeypatch):
-    class Dead:
-        def __init__(self, *_):
-            pass
-
-        def __enter__(self):
-            return self
-
-        def __exit__(self, *_):
-            return None
-
-        def submit(self, *_):
-            future = Future()
-            future.set_exception(BrokenProcessPool("terminated abruptly"))
-            return future
-
-    monkeypatch.setattr("diagnosis.blind.make.ProcessPoolExecutor", Dead)
-    with pytest.raises(SimulationError, match=r"took a process down that made recordings of 48 h, .* fewer workers"):
-        make(system, tmp_path / "set", recordings=2, seed=SEED, hours=48.0, workers=2)
-
-
-def test_where_nothing_was_made_another_set_may_be_begun(system, tmp_path, monkeypatch):
-    """A system that the generator cannot use had left settings behind, and the mended one was refused for them."""
-    import diagnosis.blind.make as module
-
-    def refused(*_, **__):
-        raise SystemDescriptionError("no")
-
-    monkeypatch.setattr(module, "Generator", refused)
-    for hours in (HOURS, 2 * HOURS):
-        with pytest.raises(SystemDescriptionError, match=r"^no$"):
-            make(system, tmp_path / "set", recordings=1, seed=SEED, hours=hours)
 
 
 @pytest.mark.slow

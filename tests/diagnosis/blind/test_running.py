@@ -1,6 +1,5 @@
 """Running a blind set: it reads the recordings only, goes on where it stopped, and loses no recording that fails."""
 
-import hashlib
 import json
 import os
 import shlex
@@ -16,14 +15,13 @@ import pytest
 import diagnosis.blind.judging as judging
 import diagnosis.blind.running as running
 import diagnosis.blind.source as source_of_programs
-from diagnosis.blind.begun import uncertain_sha256
 from diagnosis.blind.make import make
 from diagnosis.blind.running import run
 from diagnosis.blind.scoring import score
 from diagnosis.blind.verdicts import read_outcome, read_run, read_withheld
 from diagnosis.cli import app
 from shared.console import FAULT, OK, PARTLY, STOPPED, start
-from shared.errors import EstimatorError, RecordingError, SystemDescriptionError
+from shared.errors import RecordingError, SystemDescriptionError
 from shared.store import sha256_of
 from tests.diagnosis.blind.blind_cases import HandJudge, files, hand_set, one_after_another
 
@@ -103,24 +101,6 @@ def test_another_run_of_the_same_folder_is_refused(blind_set, default_system, tm
         run(default_system, blind_set, out, workers=0, judge=HandJudge())
 
 
-def test_a_run_goes_on_with_the_limit_of_its_beginning(blind_set, default_system, tmp_path):
-    """One that is older than the note of it goes on with any, and stays as it was noted."""
-    out = tmp_path / "out"
-    run(default_system, blind_set, out, workers=0, judge=HandJudge(), limit=60)
-    with pytest.raises(RecordingError, match=r"settings was \{'limit': 60.0\}; expected \{'limit': 3600.0\}, or a new"):
-        run(default_system, blind_set, out, workers=0, judge=HandJudge())
-    done = score(blind_set, tmp_path / "set.answers.json", out)
-    assert "--seed 0 --limit 60" in done.commands[1]
-    noted = json.loads((out / "run.json").read_text())
-    del noted["settings"]["limit"]
-    (out / "run.json").write_text(json.dumps(noted))
-    run(default_system, blind_set, out, workers=0, judge=HandJudge())
-    assert "limit" not in read_run(out).settings
-    assert "--limit" not in score(blind_set, tmp_path / "set.answers.json", out).commands[1]
-    with pytest.raises(RecordingError, match=r"settings was \{'seed': 0\}; expected \{'seed': 1\}, or a new folder"):
-        run(default_system, blind_set, out, workers=0, judge=HandJudge(), seed=1)
-
-
 @pytest.mark.parametrize("limit", [0.0, -1.0, float("nan")])
 def test_a_run_without_time_is_refused(blind_set, default_system, tmp_path, limit):
     with pytest.raises(RecordingError, match=r"limit is \S+ s; expected more than 0"):
@@ -139,20 +119,6 @@ def test_sets_of_another_system_and_changed_recordings_are_refused(blind_set, de
     assert not (tmp_path / "out").exists()
 
 
-def test_a_set_of_rooms_whose_constants_vary_otherwise_is_refused(blind_set, default_system, tmp_path):
-    """A diagnosis would believe in other rooms than those of the truth."""
-    path = blind_set / "manifest.json"
-    about = json.loads(path.read_text())
-    path.write_text(json.dumps(about | {"uncertain_sha256": uncertain_sha256(default_system)}))
-    run(default_system, blind_set, tmp_path / "same", workers=0, judge=HandJudge())
-    narrower = [one.model_copy(update={"relative": 0.5 * one.relative}) for one in default_system.uncertain]
-    other = default_system.model_copy(update={"uncertain": narrower})
-    assert other.hash() == default_system.hash()
-    with pytest.raises(RecordingError, match=r"uncertain_sha256 is not that of .*expected the same \[\[uncertain\]\]"):
-        run(other, blind_set, tmp_path / "out", workers=0, judge=HandJudge())
-    assert not (tmp_path / "out").exists()
-
-
 def test_an_estimator_that_is_none_is_told_before_a_folder_is_begun(blind_set, default_system, tmp_path, capsys):
     """Every recording had failed for it, and the folder could not be used again without it."""
     out = tmp_path / "out"
@@ -160,25 +126,6 @@ def test_an_estimator_that_is_none_is_told_before_a_folder_is_begun(blind_set, d
     assert start(app, [*words, "--run", str(tmp_path / "nowhere")]) == FAULT
     assert "nowhere" in capsys.readouterr().err
     assert not out.exists()
-
-
-def test_nor_is_one_begun_with_an_estimator_of_other_parameters(blind_set, default_system, tmp_path):
-    fewer = default_system.model_copy(update={"parameters": default_system.parameters[1:]})
-    folder, _ = hand_set(tmp_path / "fewer", fewer, [3.0])
-    with pytest.raises(EstimatorError, match=rf"MixedAirCO2: estimates .*{default_system.parameter_names[0]}.*has"):
-        run(fewer, folder, tmp_path / "out", workers=0, judge=HandJudge(), estimator="MixedAirCO2")
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_run_knows_the_files_of_an_estimator_that_is_named(blind_set, default_system, tmp_path):
-    folder = default_system.path.parent / "estimator"
-    made = [
-        run(default_system, blind_set, tmp_path / f"{k}", workers=0, judge=HandJudge(), estimator=one)
-        for k, one in enumerate(["MixedAirCO2", default_system.path.parent, folder])
-    ]
-    hashes = "".join(sha256_of(path) for path in sorted(folder.rglob("*")) if path.is_file())
-    expected = hashlib.sha256(hashes.encode()).hexdigest()
-    assert [one.settings["estimator_files"] for one in made] == [expected] * 3
 
 
 def test_its_own_log_does_not_bar_the_folder_of_a_run(blind_set, default_system, tmp_path, capsys, monkeypatch):

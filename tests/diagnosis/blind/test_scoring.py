@@ -211,35 +211,6 @@ def test_leave_one_out_counts_both_ways(tmp_path):
     assert "<li>recordings/0003.nc: x</li>" in page.read_text()
 
 
-def test_verdicts_without_an_effect_are_on_the_recording_that_they_stand_for(tmp_path):
-    ones = [Case("library", ("a",), room=room, verdict=said("a")) for room in (3.0, 4.0)]
-    folder, answers = write_set(tmp_path / "set", ones)
-    results = write_results(tmp_path / "results", folder, ones)
-    other = read_outcome(results, "recordings/0001.nc")
-    write_withheld(results, Withheld(file="recordings/0000.nc", outcomes={"a": other}))
-    with pytest.raises(RecordingError, match=r"found a verdict on recordings/0001\.nc .* those on recordings/0000\.nc"):
-        score(folder, answers, results)
-
-
-@pytest.mark.parametrize(
-    ("out", "why"),
-    [
-        ("score.json", r"ending is '.json'; expected .html"),
-        ("score.md", r"ending is '.md'; expected .html"),
-        ("set.answers.html", r"its JSON would be written over .*set\.answers\.json"),
-        ("results/run.html", r"its JSON would be written over .*run\.json"),
-        ("set/../set/manifest", r"its JSON would be written over .*manifest\.json"),
-    ],
-)
-def test_a_page_takes_the_place_of_nothing_that_is_read(tmp_path, out, why):
-    folder, answers = write_set(tmp_path / "set", cases()[:1])
-    results = write_results(tmp_path / "results", folder, cases()[:1])
-    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
-    with pytest.raises(RecordingError, match=why):
-        score(folder, answers, results, out=tmp_path / out)
-    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
-
-
 @pytest.mark.parametrize("where", ["taken/score.html", "taken/deep/score.html", "folder"])
 def test_a_place_where_no_page_can_be_is_told_before_anything_is_opened(tmp_path, monkeypatch, where):
     (tmp_path / "taken").write_text("a file")

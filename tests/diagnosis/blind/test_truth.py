@@ -12,7 +12,7 @@ from datagen.driving.tables import Piecewise, merge
 from datagen.simulating.simulator import Simulator
 from diagnosis.blind.faults import erring
 from diagnosis.blind.processes import Window, autoregressive, drive, process_signal, wandering
-from diagnosis.blind.room import coarse, live
+from diagnosis.blind.room import live
 from diagnosis.blind.truth import (
     Daily,
     Damped,
@@ -62,16 +62,6 @@ def test_shipped_file_belongs_to_its_sources(truth):
     assert sum(name.startswith("binaries/") for name in names) == 4
     assert (truth.path.parent / truth.fmu).stat().st_size < 300_000
     assert validate_fmu(str(truth.path.parent / truth.fmu)) == []
-
-
-def test_a_change_whose_place_has_moved_stops_the_build(monkeypatch, tmp_path):
-    for name in ("variables.toml", "changes.toml"):
-        (tmp_path / name).write_text((truth_build.HERE / name).read_text().replace("m_ven = c->", "m_ven = d->"))
-    (tmp_path / "sources").mkdir()
-    (tmp_path / "sources" / "truth.h").write_text("")
-    monkeypatch.setattr(truth_build, "HERE", tmp_path)
-    with pytest.raises(ValueError, match=r"model\.c: .* is there 0 times; expected once"):
-        truth_build.truth_sources(truth_build.truth_table())
 
 
 @pytest.mark.parametrize("day", [15, 105, 195, 285])
@@ -311,11 +301,6 @@ def test_wanders_of_one_key_have_one_length(truth):
     raw["faults"][0]["hours"] = 24.0
     with pytest.raises(ValueError, match=r"wanders of key 'error' have hours of 24 and 72; expected one length"):
         Form.model_validate(raw)
-
-
-def test_coarse_steps_are_the_last_instant_or_the_mean():
-    fine = np.array([[1.0, 2.0, 3.0, 4.0], [1.0, 2.0, 3.0, 4.0]])
-    np.testing.assert_array_equal(coarse(fine, ["point", "mean"], 2), [[2.0, 4.0], [1.5, 3.5]])
 
 
 def test_every_candidate_has_another_form_and_there_are_strangers(truth, default_system):

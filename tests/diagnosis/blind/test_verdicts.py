@@ -16,12 +16,6 @@ def test_what_every_candidate_has_alike_is_no_reason_to_diagnose_again():
     assert contenders(one.model_copy(update=rejected)) == ["a", "b"]  # its fit is what was rejected
 
 
-def test_a_verdict_of_earlier_programs_points_where_its_probabilities_do():
-    said = {"a": 0.6, "b": 0.25}
-    one = Verdict(verdict="ambiguous", probabilities=said, none=0.15, nothing=0.0, named=["a", "b"])
-    assert one.pointed == said
-
-
 def test_where_there_is_no_gap_nothing_is_diagnosed_again():
     said = {"a": 0.3, "b": 0.1}
     assert contenders(Verdict(verdict="no_gap", probabilities=said, none=0.2, nothing=0.4, mistaken=0.0)) == []

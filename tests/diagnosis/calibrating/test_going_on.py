@@ -73,7 +73,7 @@ def test_what_is_stopped_goes_on_to_the_same_report_with_fewer_simulations(
     words = ["calibrate", str(house("me").path), str(path), "--starts", "1", "--out", str(out)]
     counted(at=2 * count // 3)
     assert start(app, words) == STOPPED
-    assert "this goes on from there" in capsys.readouterr().err
+    assert "this command continues it" in capsys.readouterr().err
     assert not (out / "calibration.json").exists() and (out / FOLDER).is_dir()
     counted()
     assert start(app, words) == 0
@@ -96,7 +96,7 @@ def test_when_the_time_is_up_the_last_round_is_the_answer_and_the_same_command_g
     assert start(app, [*words, str(count * SECOND / 2)]) == 0
     first = told(out)
     assert first["stopped"] and not first["converged"]
-    sentence = "The time was up before the fit had come to rest"
+    sentence = "The time was up before the fit converged"
     assert sentence in capsys.readouterr().out and sentence in (out / "calibration.html").read_text()
     counted()
     assert start(app, [*words, "60"]) == 0

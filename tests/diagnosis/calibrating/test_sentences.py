@@ -16,19 +16,17 @@ def test_what_lies_at_an_end_of_its_range_is_not_said_to_be_the_prior(calibrated
     names = [one.name for one in ranges]
     report = calibrated.report.model_copy(update={"parameters": ranges, "z": z, "converged": True})
     said = sentences(report)
-    assert (
-        f"It pushes {names[1]} to an end of the range, as far as it tells: the interval ends where the range does."
-        in said
-    )
+    assert f"It pushes {names[1]} to an end of the range: the interval ends where the range does." in said
     others = ", ".join(name for name, place in zip(names[2:], z[2:], strict=False) if abs(place) < 1.28)
-    assert f"It hardly tells {others}: what is given for them is mostly the prior." in said
+    assert f"It hardly identifies {others}: what is given for them is mostly the prior." in said
     assert any(one.startswith(f"{names[0]} lies on a bound") for one in said)
     alone = [one.model_copy(update={"identified": "well"}) for one in ranges]
     alone[2] = ranges[2].model_copy(update={"description": "Heat capacity"})
     one_of_them = sentences(report.model_copy(update={"parameters": alone}))
-    assert "It hardly tells heat capacity (c): what is given for it is mostly the prior." in one_of_them
+    assert "It hardly identifies heat capacity (c): what is given for it is mostly the prior." in one_of_them
     said = sentences(report.model_copy(update={"converged": False}))
-    assert f"It hardly tells {others}, and the fit did not settle on them: values are not the prior's either." in said
+    hardly = f"It hardly identifies {others}, and the fit did not settle on them: values are not the prior's either."
+    assert hardly in said
 
 
 def test_uncertain_constants_far_outside_of_the_description_come_first(calibrated):
@@ -45,7 +43,7 @@ def test_uncertain_constants_far_outside_of_the_description_come_first(calibrate
         return sentences(report.model_copy(update={"constants": ones, "z": z}))
 
     within = told(1.9, 0.0)
-    assert any(one.startswith("The recording tells ro") and one.endswith(" well.") for one in within)
+    assert any(one.startswith("The recording identifies ro") and one.endswith(" well.") for one in within)
     assert not any("far outside" in one for one in within)
     for places, far in (
         ((11 / 3, -1.9), "floor x3 (expected: x0.55 to x1.8)"),
@@ -53,7 +51,7 @@ def test_uncertain_constants_far_outside_of_the_description_come_first(calibrate
     ):
         first, second, *_ = told(*places)
         assert first.startswith(far) and "is far outside of what the description expects" in first
-        assert second.startswith("Only with such constants does the recording tell ro") and "well" not in second
+        assert second.startswith("Only with such constants does the recording identify ro") and "well" not in second
 
 
 def test_what_is_left_is_held_against_the_declared_noise(calibrated):
@@ -69,10 +67,10 @@ def test_what_is_left_is_held_against_the_declared_noise(calibrated):
             )
         )
 
-    slow, rough = f"What is left of {name} is slow", f"What is left of {name} (0.3"
+    slow, rough = f"The residual of {name} is slow", f"The residual of {name} (0.3"
     assert slow not in told(noise=0.1, slow_noise=0.09) and rough not in told(noise=0.12, slow_noise=0.0)
     assert f"{rough}, declared 0.1) scatters" in told(noise=0.3, slow_noise=0.2, unit="1")
-    assert f"What is left of {name} (1230 W, declared 100)" in told(
+    assert f"The residual of {name} (1230 W, declared 100)" in told(
         noise=1234.0, declared=100.0, slow_noise=0, unit="W"
     )
     both = told(noise=0.3, slow_noise=0.2)

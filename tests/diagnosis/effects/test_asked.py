@@ -98,11 +98,6 @@ def test_what_goes_wrong_in_a_strangers_effect_is_told_with_its_name(warm, what,
         simulated(warm, [acting(what, value)], [1.0])
 
 
-def test_what_an_effect_says_itself_stays_as_it_is(warm):
-    with pytest.raises(SimulationError, match=r"^too warm$"):
-        simulated(warm, [acting("outputs", SimulationError("too warm"))], [1.0])
-
-
 @pytest.mark.parametrize(
     ("name", "said"),
     [

@@ -5,7 +5,6 @@ import pytest
 from datagen.simulating.simulator import Simulator
 from diagnosis.effects import Nothing, build, library
 from diagnosis.effects.baselines import check_baselines
-from diagnosis.gap import diagnose
 from shared.effects import ParameterEffect, ShapedEffect
 from shared.errors import SystemDescriptionError
 
@@ -58,21 +57,3 @@ def test_an_effect_that_jumps_at_zero_is_refused(room, spec, said):
         return
     with pytest.raises(SystemDescriptionError, match=said):
         check_baselines(effects, room.system, room.fmu, replay=False)
-
-
-def test_what_the_description_fixes_counts_before_the_start_value(room):
-    """A parameter set to zero under [fixed] is one that a shape may act on; what acts in control only may differ."""
-    system = room.system.model_copy(update={"fixed": {"conHea.k": 0.0}, "replay": {"conHea.k": 1.0}})
-    shaped = ShapedEffect(kind="shaped", parameters={"conHea.k": 0.05}, input="yWin", shape=SHAPE, **COMMON)
-    check_baselines([build(shaped, system)], system, room.fmu, replay=False)
-    with pytest.raises(SystemDescriptionError, match=r"but is 1 under \[replay\]"):
-        check_baselines([build(shaped, system)], system, room.fmu, replay=True)
-    control = shaped.model_copy(update={"modes": ["control"]})
-    check_baselines([build(control, system)], system, room.fmu, replay=True)
-
-
-def test_a_diagnosis_refuses_it_before_it_fits(house, house_recording):
-    system, path = house("me"), house_recording(hours=48)
-    effect = build(ParameterEffect(kind="parameter", parameters={"q": 0.05}, **COMMON), system)
-    with pytest.raises(SystemDescriptionError, match=r"effects 'mine': 'q' begins at 0 but is 0\.1 under \[fixed\]"):
-        diagnose(system, path, effects=[effect])

@@ -1,15 +1,12 @@
 """Readings that a clock would have to invent count for no candidate."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from diagnosis.effects import build, library
 from diagnosis.effects.edges import foreseen
-from diagnosis.gap import diagnosed
-from diagnosis.recording import DAY, HOUR, Recording, read_recording
-from shared.effects import InputEffect, SensorEffect
+from diagnosis.recording import DAY, HOUR, Recording
+from shared.effects import SensorEffect
 
 STEP, NOISE = 1800.0, 0.1
 
@@ -45,16 +42,6 @@ def test_what_counts_is_what_a_clock_shows_of_a_longer_recording(default_system,
     assert (~counts).sum(axis=1).tolist() == [12, 12, 0, 0]
 
 
-def test_a_set_point_that_may_come_early_was_not_recorded_to_the_end(default_system):
-    spec = InputEffect(
-        name="early", kind="input", unit="h", input="TSet", operation="shift", factor=HOUR, scale=1, lower=-2, upper=3
-    )
-    week = recording(0.0, 7 * DAY)
-    kept = foreseen([build(spec, default_system)], week)
-    assert kept[:, :-4].all() and not kept[:, -4:].any()
-    assert foreseen([build(spec.model_copy(update={"operation": "add"}), default_system)], week).all()
-
-
 def test_every_candidate_is_weighed_by_the_same_readings(default_system):
     week = recording(0.0, 7 * DAY)
     others = [one for one in library(default_system) if one.spec.kind != "sensor" and "shift" not in one.name]
@@ -68,28 +55,3 @@ def test_a_clock_that_may_invent_more_than_a_quarter_is_not_tried(default_system
     day = recording(0.0, DAY)
     assert clock(default_system).obstacle(day, replay=False) == ""
     assert "more than a quarter of the readings" in clock(default_system, -4.0, 4.0).obstacle(day, replay=False)
-
-
-@pytest.mark.slow
-def test_a_diagnosis_leaves_them_out_before_it_fits(house, house_recording, monkeypatch):
-    class Seen(Exception):
-        pass
-
-    def look(whole, estimated):
-        raise Seen(whole.observed)
-
-    system = house("me")
-    path = house_recording(hours=72, seed=3)
-    common = {"name": "clock", "kind": "sensor", "unit": "h", "scale": 0.5, "operation": "shift", "factor": HOUR}
-    late = build(SensorEffect(outputs=["room"], lower=0.0, upper=3.0, **common), system)
-    monkeypatch.setattr(diagnosed, "begun", look)
-    with pytest.raises(Seen) as told:
-        diagnosed.diagnose(system, path, effects=[late])
-    observed, record = told.value.args[0], read_recording(path, system)
-    lost = np.isfinite(record.outputs) & ~observed
-    assert lost.any() and (record.time[lost.any(axis=0)] > record.stop - 3 * HOUR).all()
-    with pytest.raises(Seen) as told:
-        diagnosed.diagnose(
-            system, path, effects=[replace(late, spec=late.spec.model_copy(update={"operation": "lag"}))]
-        )
-    np.testing.assert_array_equal(told.value.args[0], np.isfinite(record.outputs))

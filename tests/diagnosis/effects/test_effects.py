@@ -7,10 +7,10 @@ import pytest
 
 from datagen.driving.tables import Piecewise, merge
 from diagnosis.effects import Effect, Nothing, build, clash, library
-from diagnosis.effects.kinds import _gained, lagged
-from diagnosis.effects.shapes import followed, joined, ramped, shape_signal, timetable
+from diagnosis.effects.kinds import lagged
+from diagnosis.effects.shapes import followed, shape_signal, timetable
 from diagnosis.recording import DAY, HOUR, Recording
-from shared.effects import PresenceShape, SensorEffect, ShapedEffect, ThresholdShape, TimetableShape
+from shared.effects import PresenceShape, ShapedEffect, ThresholdShape, TimetableShape
 from shared.errors import RecordingError
 from shared.system import parse_system
 
@@ -141,14 +141,6 @@ def test_replay_leaves_control_effects_no_way_to_act(default_system, recording):
     assert not [e.name for e in library(default_system) if e.obstacle(recording, replay=False)]
 
 
-def test_gap_in_a_followed_series_is_bridged(default_system, recording, inputs):
-    outputs = recording.outputs.copy()
-    outputs[0, 30:33] = np.nan
-    holey = Recording(path="room.nc", step=HOUR, time=recording.time, outputs=outputs, inputs={})
-    made = effects(default_system)["window.warm"].inputs(0.1, inputs, holey)["yWin"]
-    assert np.isfinite(made.values).all()
-
-
 def test_a_mean_that_is_followed_holds_over_its_own_step(default_system, recording, inputs):
     """Hourly means of a power: 1000 W from eight to sixteen have their middle at noon."""
     hour = (recording.time - recording.step) / HOUR % 24
@@ -229,47 +221,10 @@ def test_meters_are_corrected_where_their_readings_are_replayed(default_system, 
     np.testing.assert_allclose(shown[2], 500.0)
 
 
-@pytest.mark.parametrize(("operation", "size", "true"), [("bias", 50.0, 450.0), ("gain", 0.25, 484.0)])
-def test_what_a_replayed_meter_shows_of_what_was_there_is_what_was_recorded(
-    default_system, recording, inputs, operation, size, true
-):
-    """It showed 500: 450 and 50 more, or 484 and a quarter of what that is above 420."""
-    spec = SensorEffect(
-        name="own",
-        kind="sensor",
-        unit="W",
-        outputs=["QHea"],
-        operation=operation,
-        about=420.0,
-        replayed={"QHea": "QHea_in"},
-        scale=0.1,
-        lower=-0.5,
-        upper=100.0,
-    )
-    meter = build(spec, default_system)
-    read = {**inputs, "QHea_in": Piecewise(recording.time - HOUR, 500.0 + 0 * recording.time, "previous")}
-    there = meter.inputs(size, read, recording)["QHea_in"]
-    np.testing.assert_allclose(there.values, true)
-    shown = meter.outputs(size, np.tile(there.values, (4, 1)), recording.time)
-    np.testing.assert_allclose(shown[2], 500.0)
-
-
 def test_thermostat_moves_the_set_point_against_its_error(default_system, recording, inputs):
     thermostat = effects(default_system)["thermostat.bias"]
     np.testing.assert_allclose(thermostat.inputs(0.5, inputs, recording)["TSet"].values, inputs["TSet"].values - 0.5)
     assert thermostat.outputs(0.5, recording.outputs, recording.time)[0, 0] == recording.outputs[0, 0] + 0.5
-
-
-def test_joined_keeps_the_first_kind():
-    line = Piecewise(np.array([0.0, 7200.0]), np.array([0.0, 2.0]))
-    steps = Piecewise(np.array([0.0, 3600.0]), np.array([1.0, 3.0]), "previous")
-    both = joined(line, steps, np.add)
-    assert both.kind == "linear"
-    np.testing.assert_allclose(both.at([1800.0, 3600.0, 3660.0, 7200.0]), [1.5, 2.0, 3.0 + 3660 / 3600, 5.0])
-    turned = joined(steps, line, np.add)
-    assert turned.kind == "previous"
-    assert turned.at(1800.0) == pytest.approx(2.0)
-    assert ramped(Piecewise.constant(4.0)).at(9.0) == 4.0
 
 
 def test_two_that_set_the_same_clash(default_system, recording):
@@ -277,7 +232,3 @@ def test_two_that_set_the_same_clash(default_system, recording):
     assert clash([found["window.warm"], found["window.night"]]).startswith("window.warm and window.night both set ")
     assert not clash([found["outdoor.CO2.offset"], found["outdoor.CO2.swing"], found["plug"]])
     assert Nothing("placebo").outputs(3.0, recording.outputs, recording.time) is recording.outputs
-
-
-def test_of_an_input_no_more_than_all_is_taken():
-    np.testing.assert_allclose(_gained(np.array([10.0, 10.0, 10.0]), np.array([0.5, -0.5, -1.6])), [15.0, 5.0, 0.0])

@@ -1,7 +1,5 @@
 """Effects that a description or a package adds: what is refused, and with which sentence."""
 
-import re
-from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import EntryPoint
 
@@ -107,28 +105,4 @@ def test_a_package_gives_no_effect_without_a_scale_and_a_range_about_zero(defaul
     entry = EntryPoint("mine", "package:effects", "zeroshot_fmu.effects")
     monkeypatch.setattr(import_module("diagnosis.effects.library"), "entry_points", lambda group: [entry])
     with pytest.raises(SystemDescriptionError, match="'mine'.*package:effects.*'mine' .*" + expected):
-        library(default_system)
-
-
-@dataclass(frozen=True)
-class Setting(Nothing):
-    """Sets a parameter, as soon as its amplitude is not zero."""
-
-    sets: str = ""
-
-    def parameters(self, amplitude):
-        return {self.sets: 1.0} if amplitude else {}
-
-
-@pytest.mark.parametrize("bounds", [{"lower": 0.0, "upper": 0.1}, {"lower": -0.1, "upper": 0.0}, {}])
-@pytest.mark.parametrize(
-    ("kind", "said"), [("parameters", "which is estimated"), ("uncertain", "an uncertain constant")]
-)
-def test_a_package_sets_nothing_that_is_unknown_otherwise(default_system, monkeypatch, bounds, kind, said):
-    """At zero it would be the unknown, and beside zero the effect's own: a jump."""
-    name = default_system.parameter_names[0] if kind == "parameters" else default_system.uncertain[0].parameters[0]
-    monkeypatch.setattr(EntryPoint, "load", lambda self: lambda system: [Setting("mine", sets=name, **bounds)])
-    entry = EntryPoint("mine", "package:effects", "zeroshot_fmu.effects")
-    monkeypatch.setattr(import_module("diagnosis.effects.library"), "entry_points", lambda group: [entry])
-    with pytest.raises(SystemDescriptionError, match=rf"effect 'mine' .*: parameters sets '{re.escape(name)}', {said}"):
         library(default_system)

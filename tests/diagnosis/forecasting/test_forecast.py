@@ -2,7 +2,6 @@
 
 import shutil
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,16 +9,14 @@ import pytest
 
 from datagen import simulate
 from diagnosis.calibrating.calibration import calibrate
-from diagnosis.calibrating.given import check_constants, noise_of
+from diagnosis.calibrating.given import check_constants
 from diagnosis.calibrating.schema import read_calibration
 from diagnosis.cli import app
 from diagnosis.fitting.problem import Problem
 from diagnosis.forecasting import forecast as forecasting
-from diagnosis.forecasting.forecast import band, check_driven, forecast
+from diagnosis.forecasting.forecast import band, forecast
 from diagnosis.forecasting.forecasted import about_failed
-from diagnosis.forecasting.report import _days
-from diagnosis.pages import page_environment
-from diagnosis.recording import Recording, read_recording
+from diagnosis.recording import read_recording
 from shared.console import FAULT, OK, start
 from shared.errors import RecordingError, SimulationError
 
@@ -66,27 +63,6 @@ def test_draws_that_fail_are_not_counted_among_those_of_the_band(house, house_re
     said = about_failed(5, 3)
     assert said.startswith("3 of 8 simulations behind the bands failed")
     assert said in caplog.text and said in (tmp_path / "ahead" / "forecast.html").read_text()
-
-
-def test_when_the_time_is_up_half_of_the_draws_make_the_band(house, house_recording, tmp_path):
-    path, out = house_recording(hours=48), tmp_path / "ahead"
-    record = read_recording(path, house("me"))
-    context = replace(
-        record,
-        time=record.time[:24],
-        outputs=record.outputs[:, :24],
-        inputs={name: values[:24] for name, values in record.inputs.items()},
-    )
-    known = calibrate(house("me"), context, starts=1).report
-    done = forecast(house("me"), path, context=24, ahead=24, calibration=known, draws=8, out=out, minutes=1e-9)
-    assert (done.report.draws, done.report.failed, done.report.stopped) == (4, 0, True)
-    assert "The time was up: the bands are those of 4 simulations" in (out / "forecast.html").read_text()
-
-
-def test_a_forecast_is_drawn_from_the_begin_of_its_first_step():
-    """Which is what the axis counts from; times are the ends of steps."""
-    np.testing.assert_allclose(_days(86400.0 * np.array([4.0, 5.0, 6.0])), [1.0, 2.0, 3.0])
-    np.testing.assert_allclose(_days(3600.0 * np.arange(1, 49))[[0, -1]], [1 / 24, 2.0])
 
 
 def test_a_recording_that_ends_too_early_is_told(house, house_recording):
@@ -171,17 +147,6 @@ def test_a_calibration_is_not_given_with_what_only_another_one_takes(tmp_path, c
     assert not (tmp_path / "out").exists()
 
 
-def test_a_forecast_takes_the_noise_that_a_calibration_took(default_system):
-    """Also of what it replayed, whose meter is then cleared of as much."""
-    fitted = SimpleNamespace(used=True, declared=0.1, noise=0.2, slow_noise=0.3, slow_hours=5.0)
-    replayed = SimpleNamespace(used=False, declared=7.0, noise=7.0, slow_noise=0.0, slow_hours=0.0)
-    found = noise_of(SimpleNamespace(outputs={"TRoo": fitted, "QHea": replayed}), default_system)
-    by_name = dict(zip(default_system.output_names, zip(found.white, found.slow, found.time, strict=True), strict=True))
-    assert by_name["TRoo"] == (0.2, 0.3, 5 * 3600.0)
-    assert by_name["QHea"][:2] == (7.0, 0.0)
-    assert by_name["CO2"][:2] == (default_system.noise_sd("sensor")[1], 0.0)
-
-
 def test_a_replayed_actuator_that_was_not_read_ahead_is_refused(default_system, tmp_path, monkeypatch):
     """It would be bridged by a straight line from its last reading, and drive the model."""
     simulate(default_system, hours=72.0, seed=1, out=tmp_path / "room.nc")
@@ -210,20 +175,6 @@ def test_a_house_is_forecast_in_replay_by_what_was_logged_under_its_own_name(hou
     assert done.report.outputs["room"].rmse < 0.5
 
 
-def test_actuators_that_were_logged_under_their_own_names_need_no_output(default_system):
-    """Where these were not read."""
-    time = 3600.0 * np.arange(1, 73)
-    outputs = np.full((len(default_system.outputs), 72), np.nan)
-    moving = 1.0 + np.sin(time)
-    record = Recording(
-        Path("room.nc"), 3600.0, time, outputs, {"QHea_in": moving, "mOA_in": moving}, np.datetime64("2001-01-01")
-    )
-    check_driven(default_system, record, 48)
-    resting = replace(record, inputs={"QHea_in": moving, "mOA_in": np.zeros(72)})  # as an import makes it
-    with pytest.raises(RecordingError, match=r"'mOA' was read in 0% of the hours ahead; expected at least 95%"):
-        check_driven(default_system, resting, 48)
-
-
 @pytest.mark.slow
 def test_the_command_goes_on_from_a_calibration(house, house_recording, tmp_path):
     """It calls no fit a forecast, and its page says why not to believe it."""
@@ -243,29 +194,6 @@ def test_the_command_goes_on_from_a_calibration(house, house_recording, tmp_path
     assert f"Parameters from a calibration on 96 h of {path}" in page
     assert "Intervals are up to 1.5 times as wide as the fit makes them" in page
     assert page.index("Over the 24 h ahead the forecast was off in room by") < page.index("Intervals are up to")
-
-
-@pytest.mark.parametrize(
-    ("steps", "begin", "given", "said"),
-    [
-        (13, "00:00:00", False, "Parameters from the context."),
-        (13, "00:10:00", False, "Parameters from the context."),  # no reading of its first step
-        (14, "00:00:00", True, "from a calibration on 2.33333 h of room.nc"),
-        (13, "00:00:00", True, "from a calibration on 2.16667 h of room.nc"),  # of the file as it was before
-    ],
-)
-def test_parameters_are_said_to_be_of_the_context_where_no_calibration_was_given(steps, begin, given, said):
-    hours = 13 * 600.0 / 3600.0
-    days = [SimpleNamespace(begin=f"2001-01-01T{begin}")]
-    used = SimpleNamespace(recording="room.nc", days=days, steps=steps, step=600.0, parameters=[])
-    report = SimpleNamespace(
-        system="room", recording="room.nc", begin="2001-01-01 00:00", calibration=used, context_hours=hours,
-        ahead_hours=1.0, occupancy="measured", outputs={}, replayed=[], level=0.9,
-    )  # fmt: skip
-    template = page_environment().get_template("forecast.html.j2")
-    page = template.render(report=report, given=given, warnings=[], summary=[], outputs={}, picture="")
-    assert said in " ".join(page.split())
-    assert "Times are of standard time, also in summer." in " ".join(page.split())
 
 
 @pytest.mark.parametrize(

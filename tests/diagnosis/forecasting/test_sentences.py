@@ -17,10 +17,10 @@ def test_a_forecast_says_how_far_off_it_was_and_what_its_band_held():
     off, held = answer(report({"TRoo": ahead(0.3126, 0.874), "CO2": ahead(12.0, 1.0, "ppm"), "Q": None}), names)
     said = "air of the room (TRoo) by 0.313 K, CO2 by 12 ppm (root mean square)."
     assert off == f"Over the 336 h ahead the forecast was off in {said}"
-    assert held.startswith("Its 90% band held 87% of TRoo, 100% of CO2: it allows for")
+    assert held.startswith("Its 90% band covered 87% of TRoo, 100% of CO2. It allows for")
 
 
 def test_where_nothing_was_measured_ahead_none_of_it_is_claimed():
     first, failed = answer(report({"TRoo": None}, failed=3), {})
-    assert "how far off the forecast is cannot be told" in first
+    assert "the error of the forecast is unknown" in first
     assert failed.startswith("3 of 43 simulations")

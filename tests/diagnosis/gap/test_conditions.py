@@ -185,22 +185,6 @@ def test_replayed_actuators_cost_what_the_report_says(folder):
 
 
 @pytest.mark.slow
-def test_an_effect_is_named_beside_one_that_a_parameter_imitates(folder):
-    """A heater that lacks two fifths of its power, and a CO2 sensor that reads too high, as if persons breathed so."""
-
-    def readings(outputs, time):
-        outputs[1] += 0.3 * (outputs[1] - 420.0)
-        return outputs
-
-    record = recorded(folder / "two.nc", room(), hours=HOURS, fmu={"effect.heater.derate": 0.4}, readings=readings)
-    causes = some(room(), "heater.derated", "sensor.CO2.gain")
-    report = diagnose(room(), record, effects=causes, warm_up=WARM_UP).report
-    assert "heater.derated" in held_together(report)
-    assert report.occupancy == "measured"
-    assert report.otherwise == []
-
-
-@pytest.mark.slow
 def test_the_command_begins_with_the_shipped_estimator(folder, capsys):
     path = folder / "command.nc"
     recorded(path, room(), hours=0.5 * HOURS, fmu={"effect.heater.derate": 0.7})

@@ -50,7 +50,7 @@ def test_uncertain_constants_far_outside_of_the_description_are_a_limit():
     before, after = strained(given, relative)
     assert before == (
         "In the base model floor x3 (expected: x0.55 to x1.8), wall x0.5 (expected: x0.55 to x1.8) are far outside of"
-        " what the description expects: parameters that lean on them are not to be believed."
+        " what the description expects: do not trust parameters that depend on them."
     )
     assert after.startswith("With the effects found wall x1.8 (expected: x0.55 to x1.8) is far outside")
     assert strained(report(constants=[constant("floor", 1.7, None)]), relative) == []
@@ -137,5 +137,5 @@ def test_without_time_no_candidate_is_named_but_what_straight_lines_say():
         unfinished={"the search for the cause": NO_TIME},
         stages=[stage(0.001, 0.001)],
     )
-    assert summary(cut)[1].endswith("By straight lines alone the foremost are a (40%).")
+    assert summary(cut)[1].endswith("In the linearised model the foremost are a (40%).")
     assert cut.untried == pytest.approx(1 - 0.4 - 0.01 - 0.31 - 0.07)

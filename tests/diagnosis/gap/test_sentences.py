@@ -11,13 +11,13 @@ def test_where_there_is_no_gap_what_seemed_to_be_one_is_said():
         summary(report(verdict="no_gap", no_gap=0.3, stages=[stage(*ps)], where=[place("room")]))[0]
         for ps in ((0.4, 0.3), (0.4, 0.015), (0.01, 0.3), (0.4, 0.005))
     )
-    assert "of its own making (p = 0.4 over all candidates, 0.3 over all places)" in quiet
-    assert "of its own making (p = 0.4 over all candidates, 0.015 over all places)" in near  # not below its own level
+    assert "simulated itself (p = 0.4 over all candidates, 0.3 over all places)" in quiet
+    assert "simulated itself (p = 0.4 over all candidates, 0.015 over all places)" in near  # not below its own level
     assert "a candidate stands out" in line and "none is strong evidence" in line
     assert "a place" not in line and "fan" not in line
     assert "(room: measured higher) stands out" in spot and "candidate stands out" not in spot
     given_up = summary(report(verdict="no_gap", no_gap=0.3, stages=[stage(0.4, 0.3)], dropped=["clock"]))[0]
-    assert "from noise for sure" in given_up and "clock explains the recording much better" in given_up
+    assert "certain beyond noise" in given_up and "clock fits the recording much better" in given_up
 
 
 def test_the_answer_says_what_where_and_how_far_in_words():
@@ -49,21 +49,21 @@ def test_the_answer_says_what_where_and_how_far_in_words():
     assert which == "Which: the valve leaks (valve), by 2 W (1 to 3), with probability 90%."
     # more than all of a gap cannot be removed
     assert "removes 100% in room (90 % interval 70% to 100%) of the gap above noise" in far
-    assert far.startswith("How far: on days that took no part in the fit, this removes")
+    assert far.startswith("How far: on held-out days, this removes")
     # an interval of no width says nothing, what is left does
     for low in (1.2, 0.996):
         far = summary(done.model_copy(update={"shrinkage": [gone.model_copy(update={"low": low})]}))[2]
-        left = "(what is left is 100% of what noise is taken for, 0.1 K)"
+        left = "(the rest is 100% of the assumed noise, 0.1 K)"
         assert f"this removes all in room {left} of the gap above noise;" in far and "interval" not in far
     for after, left in ((3.04, "3%"), (0.304, "less than 1%")):
         quiet = gone.model_copy(update={"low": 1.1, "unit": "W", "after": after, "floor": 99.9})
         said = summary(done.model_copy(update={"shrinkage": [quiet]}))[2]
-        assert f"(what is left is {left} of what noise is taken for, 99.9 W)" in said
+        assert f"(the rest is {left} of the assumed noise, 99.9 W)" in said
     # a source may have the name of an output
     alike = done.model_copy(update={"sources": [source("flow", "none", 1.0)]})
     assert summary(alike)[0].startswith("Where: room: measured higher; 2 more findings, also in flow.")
     chosen = summary(done.model_copy(update={"chosen_apart": False}))[2]
-    assert "(but in the choice: the other days alone put another candidate first)" in chosen
+    assert "(which took part in the choice: the other days alone put another candidate first)" in chosen
 
 
 def test_the_place_does_not_contradict_the_cause_that_is_named():
@@ -103,9 +103,9 @@ def test_what_no_candidate_explains_is_said_of_the_nearest_only():
         "effects": [named(name, 0.01, answer=False) for name in ("most", "valve")],
     }
     _, which, far = summary(report(**other, shrinkage=[gone], stages=fitted))
-    assert "none of the 2 candidates explains it; the nearest is valve, which is rejected on its own twins. " in which
+    assert "none of the 2 candidates explains it; the nearest is valve, which is rejected on its own bootstrap" in which
     assert "That the cause is none of them is 61% sure" in which
-    assert "days that took no part in the fit, even the nearest (valve) removes 10% in room" in far
+    assert "held-out days, even the nearest (valve) removes 10% in room" in far
     far = summary(report(**other, stages=fitted[:1]))[2]
     assert far == (
         "How far: no candidate explains enough of the gap to be fitted, so nothing is known that would shrink it."
@@ -125,9 +125,9 @@ def test_too_few_readings_to_tell_how_far_are_not_called_a_gap_that_does_not_sta
     far = summary(report(effects=[named("valve")], shrinkage=[few], stages=fitted))[2]
     assert "fewer than 12 readings of any channel, too few to say" in far and "stands out" not in far
     far = summary(report(effects=[named("valve")], shrinkage=[], stages=fitted))[2]
-    assert "one of the two has no readings" in far and "stands out" not in far
+    assert "they or the other days have no readings" in far and "stands out" not in far
     far = summary(report(effects=[named("valve")], shrinkage=[few, quiet], stages=fitted))[2]
-    untold = "Of room there are too few readings on these days to tell."
+    untold = "There are too few readings of room on these days."
     assert "no channel's gap stands out" in far and far.endswith(untold)
     for one in (quiet, shown):  # a channel without any reading there may be the one that carries the gap
         far = summary(report(effects=[named("valve")], shrinkage=[silent, one], stages=fitted))[2]

@@ -41,17 +41,6 @@ def test_the_estimator_beside_the_description_is_asked_and_the_better_fit_is_kep
     assert found.log_evidence > plain.fit.log_evidence - 1.0
 
 
-def test_an_estimate_that_leads_nowhere_gives_way_to_the_prior(problem, monkeypatch):
-    far = dict(zip(problem.names, problem.values(3.5 * np.ones(problem.size)), strict=True))
-    monkeypatch.setattr("diagnosis.gap.starting.estimate", lambda *_: far)
-    monkeypatch.setattr("diagnosis.gap.starting.ROUNDS", 1)
-    monkeypatch.setattr("diagnosis.gap.starting.RESTLESS", 0)
-    both = begun(problem, asked(problem))
-    monkeypatch.setattr("diagnosis.gap.starting.estimator_beside", lambda _: None)
-    alone = begun(problem, asked(problem))
-    assert both.fit.log_evidence >= alone.fit.log_evidence
-
-
 def test_an_estimator_that_cannot_read_the_recording_is_told_or_refused(problem, monkeypatch):
     def refuse(*_):
         raise RecordingError("room.nc: has no channel 'TSet'")

@@ -66,19 +66,6 @@ def test_the_repeated_hour_by_hand():
     assert "4 stamps" in notes[0] and "2 of them" in notes[0]
 
 
-def test_hourly_stamps_repeat_once():
-    utc, _ = stamps(["2022-10-30 01:00", "2022-10-30 02:00", "2022-10-30 02:00", "2022-10-30 03:00"])
-    np.testing.assert_array_equal(np.diff(utc), 3600.0)
-
-
-def test_a_logger_that_writes_the_repeated_hour_once_leaves_two_hours_out():
-    """Of which pass the one row is, nothing tells."""
-    utc, notes = stamps(["2022-10-30 01:00", "2022-10-30 02:00", "2022-10-30 03:00"])
-    np.testing.assert_array_equal(np.isnan(utc), [False, True, False])
-    assert utc[2] - utc[0] == 3 * 3600.0
-    assert "0 of them, from where the clock goes back, are taken for its second pass; 1 of them are left" in notes[-1]
-
-
 def test_the_skipped_hour_is_no_gap_and_cannot_be_written():
     utc, _ = stamps(["2022-03-27 01:45", "2022-03-27 03:00", "2022-03-27 03:15"])
     np.testing.assert_array_equal(np.diff(utc), 900.0)
@@ -159,19 +146,6 @@ def test_the_end_of_a_day_is_the_next_ones_beginning(form, texts):
     assert notes == ["1 time stamps of 24:00 are taken as 00:00 of the next day"]
 
 
-@pytest.mark.parametrize("text", ["2022-03-01 24:10", "2022-03-01 25:00", "2022-13-01 24:00"])
-def test_what_is_no_end_of_a_day_is_no_time(text):
-    with pytest.raises(RecordingError, match="is not a time of format"):
-        stamps(["2022-03-01 23:00", text, "2022-03-02 01:00"])
-
-
-def test_an_unknown_zone_gets_suggestions():
-    with pytest.raises(RecordingError, match=r"zone is 'Europe/Amsterdm'.*did you mean Europe/Amsterdam"):
-        find_zone("Europe/Amsterdm", "file")
-    with pytest.raises(RecordingError, match="expected an IANA name"):
-        find_zone("+99:99", "file")
-
-
 @pytest.mark.parametrize(
     ("zone", "hours"),
     [
@@ -191,13 +165,6 @@ def test_standard_time_knows_no_daylight_saving(zone, hours):
         assert standard_offset(find_zone(zone, "file"), moment) == hours * 3600
 
 
-@pytest.mark.parametrize(("month", "hours"), [(1, 2), (11, 3)])
-def test_a_country_that_left_its_standard_time_has_the_new_one_from_then_on(month, hours):
-    """Turkey kept the summer time of 2016."""
-    moment = datetime(2016, month, 3, tzinfo=UTC).timestamp()
-    assert standard_offset(find_zone("Europe/Istanbul", "file"), moment) == hours * 3600
-
-
 @settings(deadline=None)
 @given(
     moment=st.datetimes(datetime(1995, 1, 1), datetime(2080, 1, 1)).map(lambda t: t.replace(microsecond=0)),
@@ -213,14 +180,6 @@ def test_a_remainder_gives_time_of_day_and_weekday(moment, later, zone):
     assert seconds // 86400 % 7 == local.weekday()
     assert clock.dates(np.array([seconds]))[0] == np.datetime64(local, "s")
     assert float(clock.utc(np.array([seconds]))[0]) == first + later
-
-
-def test_days_of_excel_are_of_the_wall_clock():
-    """Of 1 January 2022, 44562 by Excel's own count, at a quarter past and each hour on in Amsterdam's winter."""
-    for time in (AMSTERDAM, Time(column="t", zone="Europe/Amsterdam", format="excel")):
-        utc, notes = stamps([f"{44562 + (15 + 60 * k) / 1440:.10f}" for k in range(30)], time)
-        np.testing.assert_allclose(utc, 1640991600 + 900 + 3600.0 * np.arange(30), atol=1e-3)
-        assert any("days since 1899-12-30" in note for note in notes)
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,6 @@ from shared.errors import RecordingError
 from tests.diagnosis.measurements.house_cases import HOUSE, measured
 
 EXAMPLE = Path(__file__).resolve().parents[3] / "docs" / "example"
-HUMID = "weather.relative_humidity"
 ZONE = "America/New_York"
 TRUTH = {
     "room_degC": "variables.TRoo",
@@ -169,32 +168,6 @@ def test_a_filled_in_draft_imports_to_what_the_mapping_by_hand_does(log, by_hand
             np.testing.assert_allclose(drafted[name], by_hand[name], rtol=2e-6, atol=1e-6, err_msg=str(name))
 
 
-def test_an_excel_file_with_serial_dates_and_columns_of_other_kinds(log, tmp_path):
-    pytest.importorskip("openpyxl")
-    time = pd.to_datetime(log["time"])
-    busy = time.dt.hour.between(8, 17) & (time.dt.day_of_week < 5)
-    frame = log.assign(
-        time=(time - pd.Timestamp("1899-12-30")) / pd.Timedelta(days=1),
-        occupied=busy.astype(int),
-        set_point=np.where(busy, 21.0, 17.0),
-        **{
-            "heat meter kWh": log["heater_kW"].fillna(0.0).cumsum() + 41_000,
-            "RH out [%]": 60.0 + 5 * np.sin(log.index),
-        },
-    )
-    with pd.ExcelWriter(tmp_path / "log.xlsx") as book:
-        pd.DataFrame({"about": ["made for a test"]}).to_excel(book, sheet_name="about", index=False)
-        frame.to_excel(book, sheet_name="readings", index=False)
-    draft = draft_mapping(tmp_path / "log.xlsx", out=tmp_path / "mapping.toml")
-    assert placed(draft) == {**TRUTH, "occupied": "variables.nPer", "set_point": "variables.TSet", "RH out [%]": HUMID}
-    why = {one.column: one.why for one in draft.guesses}
-    assert "a meter's register" in why["heat meter kWh"]
-    assert draft.to_fill_in[-1] == "variables.nPer.persons"
-    report = import_recording(filled_in(tmp_path / "mapping.toml"), tmp_path / "log.xlsx", out=tmp_path / "log.nc")
-    people = xr.load_dataset(tmp_path / "log.nc")["nPer"].to_numpy()
-    assert report.steps > 500 and set(np.unique(people)) == {0.0, 3.0}
-
-
 def test_what_a_name_does_not_tell_is_left_open(log, tmp_path):
     """A wrong column would be used without a word."""
     traps = {
@@ -263,18 +236,3 @@ def test_the_command(log, tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["to_fill_in"][0] == "time.zone"
     assert start(app, ["import", str(tmp_path / "mapping.toml")]) == FAULT
     assert "expected import mapping.toml log.csv --out recording.nc" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("content", "said"),
-    [
-        ("", "lines have no fields"),
-        ("a,b\n1,2\n3,4\n", "holds a date and time; expected a column of time stamps"),
-        ("2022-01-01 00:00,2\n2022-01-01 01:00,4\n", "has no line of column names above its first readings, in line 1"),
-    ],
-)
-def test_what_is_no_log_is_a_sentence(tmp_path, content, said):
-    (tmp_path / "log.csv").write_text(content)
-    with pytest.raises(RecordingError, match=said):
-        draft_mapping(tmp_path / "log.csv", out=tmp_path / "mapping.toml")
-    assert not (tmp_path / "mapping.toml").exists()

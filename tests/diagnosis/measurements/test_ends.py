@@ -32,13 +32,6 @@ def test_what_ends_a_recording_is_named_with_its_spacing(house):
     np.testing.assert_allclose(found.sel(time=same["time"][: 4 * 48 - 2]), same[: 4 * 48 - 2])
 
 
-def test_a_file_that_ends_for_all_is_not_told(house):
-    frame, hours = measured(days=6)
-    outputs = ["room", "room 2", "kilowatts"]
-    assert not ends(house(frame, ahead=True))
-    assert not ends(house(frame.assign(**{one: frame[one].where(hours < 96) for one in outputs}), ahead=True))
-
-
 def test_an_input_without_a_forecast_is_named(house):
     frame, hours = measured(days=6)
     known = hours <= 96

@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from diagnosis.measurements import formats
 from diagnosis.measurements.mapping import Mapping
 from diagnosis.measurements.table import read_measurements
 from shared.errors import RecordingError
@@ -125,22 +124,3 @@ def test_what_cannot_be_read_says_what_could(tmp_path, content, said):
     (tmp_path / "log.csv").write_bytes(content)
     with pytest.raises(RecordingError, match=said):
         read_measurements(tmp_path / "log.csv", mapping())
-
-
-@pytest.mark.parametrize("name", ["PAR1", "CDF1"])
-def test_a_column_may_be_called_as_other_files_begin(tmp_path, name):
-    FRAME.assign(on=1)[["room", "when", "heat", "on"]].rename(columns={"room": name}).to_csv(
-        tmp_path / "log.csv", index=False
-    )
-    raw = {**mapping().model_dump(exclude={"variables"}), "variables": {"room": {"column": name, "unit": "degC"}}}
-    assert read_measurements(tmp_path / "log.csv", Mapping.model_validate(raw)).numbers(name, "")[0] == 20.0
-
-
-def test_a_missing_package_says_what_to_install(tmp_path, monkeypatch):
-    def gone(name):
-        raise ImportError(name)
-
-    monkeypatch.setattr(formats, "import_module", gone)
-    (tmp_path / "log.parquet").write_bytes(b"PAR1" + bytes(99) + b"PAR1")
-    with pytest.raises(RecordingError, match=r"pyarrow is not installed.*pip install 'zeroshot-fmu\[tables\]'"):
-        read_measurements(tmp_path / "log.parquet", mapping())

@@ -1,6 +1,5 @@
 """A CSV with all that goes wrong in measurements becomes a recording."""
 
-import io
 import re
 from datetime import UTC, datetime
 from pathlib import Path
@@ -10,15 +9,10 @@ import pandas as pd
 import pytest
 import xarray as xr
 from matplotlib.image import imread
-from rich.console import Console
 
 from diagnosis.measurements import import_recording
-from diagnosis.measurements.output import print_report
-from diagnosis.recording import read_recording
-from shared.errors import RecordingError
 from shared.flags import ASSUMED, COMPUTED, IMPOSSIBLE, INTERPOLATED, MISSING, PARTLY, STUCK
 from shared.schema import EPOCH
-from shared.system import load_system
 from tests.diagnosis.measurements.house_cases import MAPPING, measured, warmth
 
 
@@ -50,21 +44,6 @@ def test_values_are_those_of_their_time(house, jitter):
     assert report.comparisons[0].mean_difference == pytest.approx(0.5, abs=1e-3)
     assert report.comparisons[0].sd_difference < 1e-3
     assert report.unused_columns == ["not mapped"]
-
-
-def test_a_constant_is_compared_with_a_meter_too(house):
-    """A flow that is taken to be constant, and a meter beside it that stands still elsewhere."""
-    frame, _ = measured()
-    frame["other"] = 80.0
-    valve = 'column = "valve"\nunit = "m3/h"\nscale = 2.4\nreading = "mean"\nfill = 0.0\n'
-    given = 'constant = 120.0\nunit = "m3/h"\nreading = "mean"\ncompare = { column = "other", unit = "m3/h" }\n'
-    assert valve in MAPPING
-    report = house(frame, MAPPING.replace(valve, given))
-    (pair,) = [one for one in report.comparisons if one.name == "air"]
-    assert (pair.second, pair.steps) == ("other", report.steps)
-    assert pair.mean_difference == pytest.approx(40 / 3600 * 1.2) and pair.sd_difference == pytest.approx(0, abs=1e-12)
-    assert pair.correlation is None and "other" not in report.unused_columns
-    assert set(xr.load_dataset(report.recording)["air_flag"].values) == {ASSUMED}
 
 
 def test_the_calendar_is_kept_and_the_week_is_right(house):
@@ -149,20 +128,6 @@ def test_the_line_that_is_named_keeps_what_was_lost(house, lose, line, key):
     assert not any("stretches" in note or "are left out" in note for note in kept.notes)
 
 
-def test_persons_who_were_counted_now_and_then_cost_no_day(house, tmp_path):
-    """Six hours of each day: there is no day with a count, and all days without one."""
-    frame, hours = measured()
-    frame["presence"] = frame["presence"].where(hours % 24 > 18)
-    report = house(frame)
-    assert [one.hours for one in report.stretches] == [144.0]
-    assert any("0 stretches of a day" in one for one in report.notes)
-    assert any("with --occupancy unknown, 144 h" in one for one in report.notes)
-    described = load_system(tmp_path / "house.toml")
-    with pytest.raises(RecordingError, match=r"without people \(--occupancy unknown\) there would be one"):
-        read_recording(report.recording, described)
-    assert read_recording(report.recording, described, occupancy="unknown").time.size == report.steps
-
-
 def test_what_comes_after_the_last_reading_is_kept_for_a_forecast_or_told(house):
     frame, hours = measured()
     outputs = [one for one in ("room", "room 2", "kilowatts") if one in frame]
@@ -185,20 +150,11 @@ def test_what_is_not_mapped_is_said(house):
         measured()[0], mapping.replace('[variables.air]\ncolumn = "valve"', "[variables.air]\nconstant = 50.0")
     )
     assert report.not_recorded == ["people"]
-    assert report.lacking == ["nobody counted persons (people): fits take them for unknown"]
+    assert report.lacking == ["occupants were not counted (people): fits treat them as unknown"]
     assert any("measured cloud cover" in note for note in report.notes)
     data, _ = steps_of(report)
     np.testing.assert_allclose(data["air"], 0.04, rtol=1e-6)
     assert "people" not in data
-
-
-def test_tenths_of_the_sky_are_no_shares(house):
-    mapping = MAPPING.replace("[variables.people]", "[weather.opaque_cover]").replace("persons = 2.0\n", "")
-    mapping = mapping.replace('unit = "presence"\n', 'unit = "fraction"\nscale = 8.0\n')
-    with pytest.raises(RecordingError, match=r"weather\.opaque_cover: is 8; expected shares from 0 to 1: for tenths"):
-        house(measured()[0], mapping)
-    report = house(measured()[0], mapping.replace("scale = 8.0\n", "scale = 8.0\nvalid = [0.0, 1.0]\n"))
-    assert any("measured cloud cover" in note for note in report.notes)
 
 
 def test_a_wrong_zone_shows_in_the_sun(house):
@@ -254,43 +210,6 @@ def test_the_picture_shows_what_was_left_out(house):
     assert clean.shape[0] > 900 and red[0] == 0 and red[1] > 50
 
 
-def test_the_picture_takes_dollars_in_names_as_they_stand(house):
-    """As of a building management system that writes odd characters as $ and their code."""
-    frame, _ = measured()
-    column, meter = "Room$20Air_$2dTemp", "Room$20Air$2dTemp_{2}"
-    mapping = MAPPING.replace('"room"', f'"{column}"').replace('"room 2"', f'"{meter}"')
-    report = house(frame.rename(columns={"room": column, "room 2": meter}), mapping, out="out/a$b_$.nc")
-    assert imread(report.picture).shape[1] > 1000
-
-
-@pytest.mark.parametrize("write", [True, False])
-def test_neither_a_recording_nor_anything_beside_it_is_touched_where_it_cannot_be_written(
-    house, tmp_path, write, monkeypatch
-):
-    frame, _ = measured()
-    (tmp_path / "out" / "dir.nc").mkdir(parents=True)
-    (tmp_path / "out" / "dir.png").write_bytes(b"of another import")
-    if write:  # a folder that came after the look at it
-        monkeypatch.setattr("diagnosis.measurements.importer.check_free", lambda *_: None)
-    with pytest.raises(RecordingError, match=r"dir\.nc: (cannot be written|is a folder; expected a file)"):
-        house(frame, out="out/dir.nc")
-    assert (tmp_path / "out" / "dir.png").read_bytes() == b"of another import"
-    assert sorted(one.name for one in (tmp_path / "out").iterdir()) == ["dir.nc", "dir.png"]
-
-
-def test_text_in_brackets_is_printed_as_it_stands(house):
-    frame, _ = measured()
-    names = {"room": "room_degC [degC]", "kilowatts": "gas [/min]"}
-    mapping = MAPPING
-    for old, new in names.items():
-        mapping = mapping.replace(f'"{old}"', f'"{new}"')
-    report = house(frame.rename(columns=names), mapping)
-    report.lacking.append("wish [/h]")
-    console = Console(file=io.StringIO(), width=200)
-    print_report(report, console)
-    assert all(text in console.file.getvalue() for text in (*names.values(), "wish [/h]"))
-
-
 @pytest.mark.parametrize(("step", "hours"), [(1800.0, 3.0), (7200.0, 2.0)])
 def test_no_gap_is_filled_that_is_longer_than_the_mapping_allows(house, step, hours):
     """Of steps of two hours one is bridged in three hours, not two."""
@@ -301,22 +220,6 @@ def test_no_gap_is_filled_that_is_longer_than_the_mapping_allows(house, step, ho
     report = house(frame, mapping.replace("fill = 0.0", 'fill = "interpolate"\nfill_up_to = 3.0'))
     assert next(one for one in report.variables if one.name == "air").interpolated == round(hours * 3600 / step)
     assert report.stretches[0].end == "2022-11-01 00:00"  # the second gap, a step longer, parts the recording
-
-
-def test_a_schedule_that_stands_in_says_where_clocks_show_another_hour(house):
-    report = house(measured()[0])  # 27 October to 2 November 2022: three days of it are summer time
-    said = [note for note in report.notes if "daylight saving" in note and "stands in" in note]
-    assert len(said) == 1 and said[0].startswith("wish: not measured")
-    uncounted = MAPPING[: MAPPING.index("[variables.people]")] + MAPPING[MAPPING.index("[variables.air]") :]
-    habits = [note for note in house(measured()[0], uncounted, out="uncounted.nc").notes if "habits stand in" in note]
-    assert habits == [
-        "people: not counted; the description's habits stand in for it, in standard time, an hour late by the clocks of"
-        " 3 of 7 days with daylight saving"
-    ]
-    assert "an hour late by the clocks of 3 of 7 days with daylight saving" in said[0]
-    frame, hours = measured()
-    frame.loc[hours < 80, ["outside", "room"]] = np.nan  # of these days nothing is kept
-    assert not [note for note in house(frame).notes if "daylight saving" in note and "stands in" in note]
 
 
 def test_a_logger_that_writes_a_row_for_each_sensor_loses_none(house):

@@ -39,25 +39,12 @@ def test_who_says_how_they_were_read_is_believed(house):
     assert not any(told(one, "gas") for one in (mean, point, default))
 
 
-def test_an_input_is_refused_as_an_output_is(house):
-    frame, hours = measured(minutes=30)
-    mapping = MAPPING.replace('scale = 2.4\nreading = "mean"', "scale = 2.4")
-    with pytest.raises(RecordingError, match=r"variables.air: column 'valve': nothing says whether its readings"):
-        house(frame.assign(valve=50.0 + np.sin(hours)), mapping)
-    house(frame, mapping)  # the valve never moves: its mean is its value
-
-
-def test_an_instant_needs_no_word(house):
-    """The room's temperature is wanted at instants, and read so."""
-    house(measured(minutes=30)[0])
-
-
 @pytest.mark.parametrize(("minutes", "said"), [(10, True), (7.5, True), (5, False)])
 def test_closer_readings_are_told_while_it_matters(house, minutes, said):
     report = house(measured(minutes=minutes)[0], SILENT)
     assert bool(told(report, "gas")) == said
     if said:
         assert told(report, "gas") == [
-            f"gas: instants {60 * minutes:g} s apart are joined by straight lines to means over 1800 s; if the logger"
+            f"gas: instants {60 * minutes:g} s apart are interpolated to means over 1800 s; if the logger"
             " wrote means, write reading = 'mean' under variables.gas"
         ]

@@ -6,8 +6,8 @@ import xarray as xr
 
 from diagnosis.measurements.grid import as_read
 from diagnosis.measurements.signal import Signal
-from shared.flags import FLAGS, INTERPOLATED, PARTLY
-from tests.diagnosis.measurements.house_cases import HOURLY, MAPPING, measured, warmth
+from shared.flags import FLAGS
+from tests.diagnosis.measurements.house_cases import HOURLY, measured, warmth
 
 
 def variables(report):
@@ -32,25 +32,6 @@ def test_no_more_readings_come_out_than_went_in(house, tmp_path):
     assert variables(report)["warmth"].missing == lost.sum()
 
 
-def test_means_that_were_lost_are_not_instants_either(house):
-    frame, _ = measured(minutes=30)
-    lost = np.arange(len(frame)) % 4 == 3
-    means = MAPPING.replace('column = "room"\n', 'column = "room"\nreading = "mean"\n', 1)
-    about = variables(house(frame.assign(room=frame["room"].where(~lost)), means))["warmth"]
-    assert 0 < 289 - about.missing <= (~lost).sum()
-
-
-def test_lines_that_the_mapping_asks_for_are_counted_as_such(house, tmp_path):
-    frame, _ = measured(minutes=30)
-    lost = np.arange(len(frame)) % 4 == 3
-    asked = MAPPING.replace('column = "room"\n', 'column = "room"\nmax_gap = 1.0\n', 1)
-    report = house(frame.assign(room=frame["room"].where(~lost)), asked)
-    with xr.open_dataset(tmp_path / "out" / "house.nc") as found:
-        assert np.isfinite(found["warmth"].values).all()
-        np.testing.assert_array_equal(found["warmth_flag"].values == INTERPOLATED, lost)
-    assert variables(report)["warmth"].interpolated == lost.sum()
-
-
 def test_a_mean_over_a_lost_reading_is_partly_covered(house):
     """Ten-minute instants to hourly means: one lost of six leaves lines over two thirds of the hour."""
     frame, hours = measured()
@@ -73,12 +54,3 @@ def test_other_cadences_than_the_steps_lose_nothing(apart, late, method):
         expected = 0.01 * (edges[1:] if method == "point" else edges[1:] - 450.0)
         np.testing.assert_allclose(values, expected, atol=1e-9)
         assert not flags.any()
-
-
-def test_late_stamps_do_not_cost_a_second_reading():
-    edges = 900.0 * np.arange(9)
-    times = 900.0 * np.array([0, 1, 2, 4, 5, 6, 7, 8, 9]) + 3.0
-    values, _ = as_read(instants(times, 2250.0), edges, "point", 0.5, bridges=False)
-    assert np.flatnonzero(np.isnan(values)).tolist() == [2]  # the step that ends at the third quarter
-    means, flags = as_read(instants(times, 2250.0), edges, "mean", 0.9, bridges=False)
-    assert np.flatnonzero(np.isnan(means)).tolist() == [2, 3] and not (flags & PARTLY)[[2, 3]].any()

@@ -9,7 +9,7 @@ from diagnosis.measurements.mapping import Place
 from diagnosis.measurements.offset import find_offset
 from diagnosis.measurements.signal import Signal
 from diagnosis.measurements.weather import Daylight
-from tests.diagnosis.measurements.house_cases import MAPPING, ZONE, measured
+from tests.diagnosis.measurements.house_cases import ZONE, measured
 
 MARCH = 1_646_089_200.0
 """1 March 2022, 00:00 in Amsterdam [s since 1970]."""
@@ -55,33 +55,6 @@ def test_the_offset_may_be_another_every_night_and_coarse():
     assert abs(left.mean()) < 1.0
 
 
-def test_the_offset_may_leap_between_nights():
-    """It stands all night, and moves by day."""
-    time, sun, daylight = sky()
-    night = np.floor((time - time[0]) / 86400.0 + 0.5).astype(int)
-    levels = np.random.default_rng(4).uniform(6.0, 62.0, night[-1] + 1)
-    found = find_offset(read(time, sun + levels[night]), daylight)
-    np.testing.assert_allclose(found.values, levels)
-    left = found.taken_off(read(time, sun + levels[night])).values
-    np.testing.assert_allclose(left[daylight.is_dark(time)], 0.0, atol=1e-9)
-
-
-def test_a_log_of_changes_has_one_reading_a_night():
-    time, sun, daylight = sky()
-    values = np.round(sun) + 12.0
-    changed = np.concatenate([[True], np.diff(values) != 0])
-    log = read(time[changed], values[changed], "hold")
-    log = Signal(log.begin, np.append(log.begin[1:], time[-1]), *(log.values, log.flags, "hold", 86400.0, "W/m2"))
-    np.testing.assert_allclose(find_offset(log, daylight).values, 12.0)
-
-
-def test_no_offset_is_no_offset():
-    time, sun, daylight = sky()
-    assert find_offset(read(time, sun), daylight) is None
-    by_day = sun > 0
-    assert find_offset(read(time[by_day], sun[by_day] + 20.0), daylight) is None  # nobody read it in the dark
-
-
 @pytest.mark.parametrize("share", [1.0, 0.1])  # the latter as in an overcast winter
 @pytest.mark.parametrize("late", [-12, -8, -6, -4, 4, 6, 8, 12])
 def test_a_wrong_clock_is_no_offset(late, share):
@@ -105,25 +78,3 @@ def test_nights_with_an_offset_cost_no_hour_and_the_facade_is_as_without(house):
     assert doubts[0] == doubts[1] and not any("stuck" in one for one in report.notes)
     facades = [xr.load_dataset(one.recording)["sunshine"].values for one in (plain, report)]
     np.testing.assert_allclose(*facades, atol=1.0)
-
-
-def test_direct_and_diffuse_have_offsets_of_their_own(house):
-    frame, hours = measured()
-    up = frame["sun"] > 0
-    frame = frame.assign(beam=np.where(up, 200.0 + np.sin(hours), 0.0), diffuse=0.4 * frame["sun"])
-    parts = '[weather.dni]\ncolumn = "beam"\nunit = "W/m2"\n[weather.dhi]\ncolumn = "diffuse"\nunit = "W/m2"\n'
-    mapping = MAPPING.replace('[weather.ghi]\ncolumn = "sun"\nunit = "W/m2"\n', parts)
-    plain = house(frame, mapping, out="plain.nc")
-    report = house(frame.assign(beam=frame["beam"] + 9.0, diffuse=frame["diffuse"] - 3.0), mapping, out="offset.nc")
-    told = [one.split(" while")[0] for one in report.notes if "offset" in one]
-    assert told == ["column diffuse: stands at -3 W/m2", "column beam: stands at 9 W/m2"]
-    facades = [xr.load_dataset(one.recording)["sunshine"].values for one in (plain, report)]
-    np.testing.assert_allclose(*facades, atol=1e-3)
-
-
-def test_without_a_place_it_is_said_what_was_not_checked(house):
-    mapping = MAPPING.replace("[place]\nlatitude = 52.0\nlongitude = 5.0\n", "")
-    mapping = mapping.replace("[weather.ghi]", "[weather.poa_global]")
-    notes = house(with_offset(measured()[0], "sun", 41.0), mapping).notes
-    assert any("place is missing, so that neither an offset of the irradiance nor its clock" in one for one in notes)
-    assert not any("stuck" in one for one in notes)  # a night of one value is none

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from shared.errors import RecordingError
-from tests.diagnosis.measurements.house_cases import HOURLY, HOUSE, MAPPING, measured
+from tests.diagnosis.measurements.house_cases import HOUSE, MAPPING, measured
 
 GHI = '[weather.ghi]\ncolumn = "sun"\nunit = "W/m2"\n'
 AIR = '[weather.temp_air]\ncolumn = "outside"\nunit = "degC"\n'
@@ -58,20 +57,6 @@ def test_relative_humidity_makes_the_sky_as_its_dew_point_does(house):
     assert any("dew point of the relative humidity (Magnus)" in one for one in wet.notes) and not unused(wet)
     dew = house(frame, MAPPING + cover + constant("temp_dew", 2.0, "degC"), out="dew.nc")
     np.testing.assert_allclose(sky, xr.load_dataset(dew.recording)["sky"], atol=0.02)
-
-
-def test_the_sky_over_a_constant_air_is_assumed(house):
-    report = house(
-        measured()[0], MAPPING.replace(AIR, constant("temp_air", 8.0, "degC")) + constant("temp_dew", 2.0, "degC")
-    )
-    (sky,) = [one for one in report.variables if one.name == "sky"]
-    assert sky.assumed == report.steps and sky.computed
-    assert not unused(report)
-
-
-def test_a_constant_cover_in_tenths_is_refused(house):
-    with pytest.raises(RecordingError, match=r"weather\.opaque_cover: is 7; expected shares from 0 to 1: for tenths"):
-        house(measured()[0], MAPPING + constant("opaque_cover", 7.0, "1"))
 
 
 def test_measured_parts_of_the_sun_are_used(house):
@@ -128,30 +113,9 @@ def test_what_could_not_be_used_is_said(house, mapping, said):
     assert all(words in found[name] for name, words in said.items())
 
 
-def test_parts_that_were_never_read_at_the_same_time_are_refused(house):
-    frame, hours = with_parts(), measured()[1]
-    frame["beam"], frame["diffuse"] = frame["beam"].where(hours < 60), frame["diffuse"].where(hours > 80)
-    with pytest.raises(
-        RecordingError, match="weather: dni has no reading where dhi has one; expected both at the same"
-    ):
-        house(frame, MAPPING.replace(GHI, "") + PARTS)
-
-
 def steps_of(report, name):
     (found,) = [one for one in report.variables if one.name == name]
     return found.stuck, found.missing
-
-
-def test_a_dead_sensor_outdoors_is_stuck_whichever_way_it_is_mapped(house):
-    frame, hours = measured()
-    frame.loc[(hours >= 60) & (hours <= 75), "outside"] = 8.25
-    fill = "fill = 8.0\n"
-    as_weather = house(frame, MAPPING.replace(AIR, AIR + fill), out="weather.nc")
-    mapping = MAPPING.replace("[weather.temp_air]", "[variables.outdoors]").replace('"outside"\n', f'"outside"\n{fill}')
-    as_variable = house(frame, mapping, out="variable.nc")
-    assert steps_of(as_weather, "outdoors") == steps_of(as_variable, "outdoors") == (91, 0)
-    with pytest.raises(RecordingError, match=r"variables\.outdoors: column 'outside': every reading is 281.15 K"):
-        house(frame.assign(outside=8.0), mapping)
 
 
 @pytest.mark.parametrize(("quantity", "stuck"), [("dni", 0), ("poa_global", 433)])
@@ -190,49 +154,3 @@ def test_wind_may_be_zero_for_days_and_nothing_else(house, tmp_path, hours, valu
     assert (steps_of(report, "breeze")[0] > 0) == stuck
     if not stuck:
         assert xr.load_dataset(report.recording)["breeze"].values.min() == 0.0
-
-
-@pytest.mark.parametrize(("days", "refused"), [(4, False), (6, True)])
-def test_a_whole_recording_may_be_calm_if_it_is_short(house, tmp_path, days, refused):
-    wind = '{ name = "breeze", unit = "m/s", source = "weather", column = "wind_speed" },\n  { name = "people"'
-    (tmp_path / "windy.toml").write_text(HOUSE.replace('{ name = "people"', wind))
-    mapping = MAPPING + '[weather.wind_speed]\ncolumn = "cups"\nunit = "m/s"\n'
-    frame = measured(days=days)[0].assign(cups=0.0)
-    if refused:
-        with pytest.raises(RecordingError, match="column 'cups': every reading is 0 m/s; expected one that varies"):
-            house(frame, mapping, system=tmp_path / "windy.toml")
-    else:
-        assert "column cups: every reading is 0 m/s" in house(frame, mapping, system=tmp_path / "windy.toml").notes
-
-
-def test_sun_on_a_facade_that_cannot_be_is_left_out(house):
-    """A log of the American east coast, read as of another zone: a low sun, and much light on the horizontal."""
-    frame, hours = measured()
-    frame["sun"] = np.where((hours % 24 > 4) & (hours % 24 < 20), 600.0 + hours % 24, 0.0)
-    report = house(frame)
-    (sunshine,) = [one for one in report.variables if one.name == "sunshine"]
-    (note,) = [one for one in report.notes if one.startswith("sunshine: ") and "left out" in one]
-    assert note.startswith(f"sunshine: {sunshine.impossible} of 865 computed values, up to ")
-    assert note.endswith(
-        "not -20 to 1500 W/m2; the irradiance does not go with the sun's height: check time.zone, stamps and place"
-    )
-    assert sunshine.impossible > 0
-    assert float(xr.load_dataset(report.recording)["sunshine"].max()) <= 1500.0
-
-
-@pytest.mark.parametrize(
-    ("minutes", "reading", "said"),
-    [(30, "", True), (60, "", True), (20, "", False), (30, 'reading = "point"\n', False)],
-)
-def test_means_of_facade_sun_that_may_be_taken_for_instants_are_told(house, minutes, reading, said):
-    """By half their interval they come late, and on a facade the sun's height does not tell it."""
-    frame, _ = measured(minutes=minutes)
-    grid = HOURLY if minutes == 60 else MAPPING
-    mapping = grid.replace("weather.ghi", "weather.poa_global") + reading
-    notes = [note for note in house(frame, mapping).notes if "irradiance read" in note]
-    expected = (
-        f"weather.poa_global: irradiance read {60 * minutes} s apart is taken for instants; if the logger wrote"
-        f" means, write reading = 'mean' there: as instants they come {minutes / 2:g} min late"
-    )
-    assert notes == [expected] * said
-    assert not [note for note in house(frame, grid, out="ghi.nc").notes if "irradiance read" in note]

@@ -34,17 +34,3 @@ def test_a_column_s_unit_is_not_that_of_the_axis(drawn):
     one, other = drawn("heater_kW [kW]", "computed from sun").axes
     assert (one.get_title(loc="left"), one.get_ylabel()) == ("from heater_kW (kW)", "QHea\n[W]")
     assert other.get_title(loc="left") == "computed from sun"
-
-
-def test_all_panels_have_one_legend(drawn):
-    figure = drawn("a [W]", "b [W]", "c [W]")
-    assert [axes.get_legend() for axes in figure.axes] == [None] * 3
-    (legend,) = figure.legends
-    assert [text.get_text() for text in legend.get_texts()] == ["recording", "missing"]
-
-
-@pytest.mark.parametrize(("scale", "unit", "taken"), [(1e-5, "K", 0.0), (0.003, "°C", 273.15)])
-def test_a_difference_of_temperature_stays_in_kelvin(drawn, scale, unit, taken):
-    (axes,) = drawn("excitation", unit="K", scale=scale).axes
-    assert axes.get_ylabel() == f"QHea\n[{unit}]"
-    assert axes.lines[0].get_ydata()[0] == pytest.approx(scale * 3600.0 - taken)

@@ -1,7 +1,5 @@
 """Files as loggers, spreadsheets and power cuts leave them: read as they were meant, or refused with their name."""
 
-import warnings
-
 import numpy as np
 import pytest
 
@@ -82,25 +80,6 @@ def test_what_is_no_such_text_is_refused(read, content, file, said):
         read(content, **file)
 
 
-def test_a_remark_of_several_lines_is_told(read):
-    found = read(TEXT.replace("a, b", "opened,\nand closed").encode())
-    assert found.notes == ["column note: 1 cells hold line breaks"]
-    assert len(found.utc) == 3
-
-
-def test_a_separator_beyond_ascii_is_used_without_a_warning(read):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        found = read(TEXT.replace('"a, b"', "a").replace(",", "¦").encode(), separator="¦")
-    np.testing.assert_array_equal(found.numbers("room", "here"), [20.5, -21.25, 22.0])
-
-
-def test_a_minus_of_typography_is_one(read):
-    """Taken as missing, all negative readings of a column would be."""
-    found = read(TEXT.replace("-21.25", "\u221221.25").encode())
-    np.testing.assert_array_equal(found.numbers("room", "here"), [20.5, -21.25, 22.0])
-
-
 @pytest.mark.parametrize(
     "content",
     [
@@ -116,21 +95,6 @@ def test_what_programs_add_to_a_table_is_no_part_of_it(read, content):
     """Rows without a cell, blanks before quotation marks, blanks that do not break, numbers of rows without a name."""
     found = read(content.encode())
     np.testing.assert_array_equal(found.numbers("room", "here"), [20.5, -21.25, 22.0])
-
-
-@pytest.mark.parametrize(
-    ("name", "other"), [("A\u00fc\u00dfen", "Au\u0308\u00dfen"), ("ra\u00fcm", "rau\u0308m"), ("b  c", "B C")]
-)
-def test_a_name_is_the_same_whichever_way_its_letters_are_written(tmp_path, name, other):
-    (tmp_path / "log.csv").write_text(TEXT.replace("room", other), encoding="utf-8")
-    raw = {"schema_version": 1, "time": {"column": "when", "zone": "UTC"}}
-    raw["variables"] = {"warmth": {"column": name, "unit": "degC"}}
-    found = read_measurements(tmp_path / "log.csv", Mapping.model_validate(raw))
-    assert found.numbers(name, "here")[0] == 20.5
-    (tmp_path / "log.csv").write_text(TEXT.replace("room", other).replace("note", "b C"), encoding="utf-8")
-    if name == "b  c":  # either may be meant
-        with pytest.raises(RecordingError, match=r"variables\.warmth: no column 'b  c'; did you mean"):
-            read_measurements(tmp_path / "log.csv", Mapping.model_validate(raw))
 
 
 def test_all_columns_that_are_not_there_are_named(tmp_path):

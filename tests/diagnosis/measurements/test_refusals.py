@@ -126,39 +126,6 @@ def test_a_full_disk(house, tmp_path, monkeypatch):
     assert list((tmp_path / "out").iterdir()) == []
 
 
-def test_what_no_number_of_a_recording_can_hold_is_refused_or_missing(house):
-    """The largest number of single precision is what some loggers write for a missing reading."""
-    frame, _ = measured(days=2)
-    whole = house(frame, out="whole.nc")
-    frame["kilowatts"] = frame["kilowatts"].astype(str)
-    frame.loc[[50, 51], "kilowatts"] = ["3.4028235e+38", "-1e400"]
-    report = house(frame)
-    assert any("column kilowatts: 2 texts such as '3.4028235e+38' are taken as missing" in one for one in report.notes)
-    gas, before = (next(one for one in made.variables if one.name == "gas") for made in (report, whole))
-    assert gas.readings == before.readings - 2 and gas.maximum == pytest.approx(before.maximum)
-    with pytest.raises(RecordingError, match=r"variables.air: column 'valve': 50 becomes inf kg/s with scale 1e\+308"):
-        house(frame, MAPPING.replace("scale = 2.4", "scale = 1e308"))
-
-
-def test_a_single_step_is_no_recording(house, tmp_path):
-    with pytest.raises(RecordingError, match=r"data.csv: makes one step of 86400 s; expected two at least \(grid.step"):
-        house(measured(days=2)[0], MAPPING.replace("[place]", "[grid]\nstep = 86400.0\n[place]"))
-    assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize("step", ["172800.1", "1e12", "1e300"])
-def test_steps_longer_than_the_measurements_are_refused(house, step):
-    with pytest.raises(RecordingError, match=r"data\.csv: spans 48 h, and a step is .* s; expected two steps at least"):
-        house(measured(days=2)[0], MAPPING.replace("[place]", f"[grid]\nstep = {step}\n[place]"))
-
-
-def test_a_place_is_on_the_ground(house):
-    with pytest.raises(
-        RecordingError, match=r"mapping\.toml: place\.altitude: is 86400\.0; expected a number up to 9000"
-    ):
-        house(measured(days=2)[0], MAPPING.replace("[place]", "[place]\naltitude = 86400.0"))
-
-
 def test_all_mistakes_of_a_mapping_are_said_at_once(house, tmp_path):
     wrong = (
         MAPPING.replace("zone =", "zoen =").replace("latitude = 52.0", "latitude = 520").replace("scale =", "skale =")

@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from diagnosis.measurements.grid import (
-    around,
     fill_constant,
     instants_of,
     interpolate_short,
@@ -19,7 +18,6 @@ from diagnosis.measurements.grid import (
 from diagnosis.measurements.mapping import Source
 from diagnosis.measurements.signal import Signal, make_signal
 from shared.flags import ASSUMED, IMPOSSIBLE, INTERPOLATED, PARTLY
-from shared.stretches import runs
 
 FINITE = st.floats(-1e3, 1e3)
 
@@ -103,11 +101,6 @@ def test_a_straight_line_keeps_its_instants(readings, slope, level):
     assert np.isnan(found[~inside]).all()
 
 
-def test_at_the_edge_of_two_intervals_is_the_mean_of_the_two():
-    found = instants_of(bins(np.array([0.0, 900.0, 1800.0]), [10.0, 30.0]), np.array([900.0]))
-    np.testing.assert_allclose(found, [20.0])
-
-
 def test_gaps_stay_gaps():
     signal = points([0, 100, 200, 700, 800, 900], [1, 1, 1, 5, 5, 5], max_gap=250.0)
     edges = np.array([0.0, 200.0, 400.0, 600.0, 750.0, 900.0])
@@ -148,12 +141,6 @@ def test_what_is_left_out_has_no_influence(readings, data):
     np.testing.assert_array_equal((first[1] & IMPOSSIBLE) > 0, touched)
 
 
-def test_an_instant_that_is_left_out_marks_the_step_that_ends_there():
-    flags = np.array([0, IMPOSSIBLE, 0, 0], dtype=np.int8)
-    signal = Signal(*(np.array([0.0, 100.0, 150.0, 200.0]),) * 2, np.ones(4), flags, "point", 1e9, "1")
-    np.testing.assert_array_equal(resample(signal, np.array([0.0, 100.0, 200.0]), "point", 0.5)[1], [IMPOSSIBLE, 0])
-
-
 def test_filling():
     values = np.array([np.nan, 1.0, np.nan, np.nan, 4.0, np.nan, np.nan, np.nan, 8.0, np.nan])
     found, flags = interpolate_short(values, np.zeros(10, np.int8), 2)
@@ -161,17 +148,6 @@ def test_filling():
     np.testing.assert_array_equal(np.flatnonzero(flags == INTERPOLATED), [2, 3])
     found, flags = fill_constant(found, flags, 7.0)
     assert np.isfinite(found).all() and (found[flags == ASSUMED] == 7.0).all() and (flags == ASSUMED).sum() == 5
-
-
-@settings(deadline=None, max_examples=25)
-@given(st.lists(st.booleans(), max_size=40))
-def test_runs_are_all_there_is(mask):
-    mask = np.array(mask, dtype=bool)
-    again = np.zeros(len(mask), dtype=bool)
-    for a, b in runs(mask):
-        assert a < b and (a == 0 or not mask[a - 1]) and (b == len(mask) or not mask[b])
-        again[a:b] = True
-    np.testing.assert_array_equal(again, mask)
 
 
 @pytest.mark.parametrize(("interval", "bridged"), [(600.0, True), (1800.0, True), (3600.0, False), (7200.0, False)])
@@ -183,25 +159,3 @@ def test_a_line_over_more_than_an_hour_invents_no_reading(interval, bridged):
     found = instants_of(signal, times)
     assert np.isfinite(found[np.arange(50) != 20]).all()
     assert np.isfinite(found[20]) == bridged
-
-
-@pytest.mark.parametrize("minutes", [1, 5, 15])
-def test_the_sun_between_clouds_is_averaged_around_the_instant(minutes):
-    """Square waves of half an hour: at the instant all or nothing, around it half."""
-    time = np.arange(0.0, 86400.0 + 1, 60.0 * minutes)
-    signal = points(time, 400.0 * (np.floor(time / 1800) % 2))
-    made = around(signal, np.arange(0.0, 86401.0, 3600.0))
-    np.testing.assert_allclose(made[:-1], 200.0, atol=400.0 * minutes / 60)
-    np.testing.assert_allclose(made[:-1].mean(), 200.0, atol=15.0)
-
-
-def test_what_is_read_as_often_as_the_step_is_left_alone():
-    time = np.arange(0.0, 86401.0, 3600.0)
-    signal = points(time, np.sin(time))
-    np.testing.assert_array_equal(around(signal, time), np.sin(time)[1:])
-
-
-def test_around_an_instant_a_straight_line_has_its_value():
-    time = np.arange(0.0, 86401.0, 600.0)
-    made = around(points(time, 5.0 + time / 1000.0), np.arange(0.0, 86401.0, 3600.0))
-    np.testing.assert_allclose(made, 5.0 + 3.6 * np.arange(1, 25))

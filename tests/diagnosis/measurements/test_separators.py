@@ -48,10 +48,3 @@ def test_what_can_only_be_one_thing_is_read_as_it(texts, decimal, numbers):
 def test_what_can_be_either_is_refused(texts, decimal):
     with pytest.raises(RecordingError, match="may be of thousands or of decimals"):
         read(texts, decimal)
-
-
-@pytest.mark.parametrize("large", ["1,523.5", "1 523", "1'523.5", "1,523"])
-def test_large_numbers_are_not_lost_for_their_separator(large):
-    """Taken as missing, only the large readings of a column would be."""
-    with pytest.raises(RecordingError, match=r"log.csv holds .* in row 3, a number with a separator"):
-        read(["412.5", "640", large, "980.25"], ".")

@@ -1,9 +1,7 @@
 """Slips in the file, the mapping and the call: the sentence names what was meant."""
 
-import numpy as np
 import pandas as pd
 import pytest
-import xarray as xr
 
 from diagnosis.measurements import import_recording
 from shared.errors import RecordingError
@@ -37,12 +35,6 @@ def test_semicolons_and_decimal_commas(text):
         text(commas, MAPPING.replace("[time]", '[file]\nseparator = ";"\n[time]'))
 
 
-def test_a_semicolon_in_a_name_is_no_separator(text):
-    content = measured(days=2)[0].rename(columns={"when": "at; local"}).to_csv(index=False)
-    with pytest.raises(RecordingError, match=r"no column 'when'.*separator ','\)$"):
-        text(content)
-
-
 @pytest.mark.parametrize(("written", "read"), [("%d/%m/%Y %H:%M", "%m/%d/%Y %H:%M"), ("%m.%d.%y %H", "%d.%m.%y %H")])
 def test_days_that_are_read_as_months(house, written, read):
     frame, _ = measured(days=8, minutes=60)
@@ -55,26 +47,6 @@ def test_days_that_are_read_as_months(house, written, read):
     ):
         house(frame.assign(when=days.strftime(written)), mapping)
     assert house(frame.assign(when=days.strftime(written)), mapping.replace(read, written)).steps > 150
-
-
-def test_days_that_are_read_as_months_may_hit_an_hour_that_there_is_not(house):
-    """The third of August, read as the eighth of March, when clocks in New York skip an hour."""
-    frame, _ = measured(days=8, minutes=60)
-    days = pd.date_range("2026-08-01 00:00", periods=len(frame), freq="h")
-    mapping = HOURLY.replace("[time]", '[time]\nformat = "%m/%d/%Y %H:%M"').replace(
-        "Europe/Amsterdam", "America/New_York"
-    )
-    with pytest.raises(RecordingError, match=r"jumps by about a month after each day, .* the other way round"):
-        house(frame.assign(when=days.strftime("%d/%m/%Y %H:%M")), mapping)
-
-
-def test_months_that_nobody_logged_are_no_slip(house):
-    """A logger that was out for a month, twice, between weeks of readings."""
-    frame, _ = measured(days=8, minutes=60)
-    days = pd.date_range("2022-03-01 00:00", periods=len(frame), freq="h")
-    late = days + pd.to_timedelta(np.array([0, 35, 70])[np.arange(len(frame)) // 72], unit="D")
-    mapping = HOURLY.replace("[time]", '[time]\nformat = "%Y-%m-%d %H:%M"')
-    assert house(frame.assign(when=late.strftime("%Y-%m-%d %H:%M")), mapping).steps > 50
 
 
 def test_readings_that_cannot_be_are_named_where_they_shorten_the_recording(house, tmp_path):
@@ -107,67 +79,6 @@ def test_rows_twice_with_other_readings_say_how_unlike_they_are(house):
     assert report.rows == 865
 
 
-def test_of_changes_in_one_stamp_what_the_last_one_made_holds(house, tmp_path):
-    """The last two persons leave within a minute: nobody is there, not one of them all night."""
-    frame, hours = measured()
-    by_day = hours % 24
-    frame["presence"] = np.where(np.isclose(by_day, 8.0), "2", "")
-    frame.loc[np.isclose(by_day, 17.0), "presence"] = "1"
-    leaving = frame[np.isclose(by_day, 17.0)].assign(presence="0")
-    both = pd.concat([frame, leaving]).sort_index(kind="stable")
-    held = 'unit = "1"\nreading = "hold"\nmax_gap = 24.0'
-    report = house(both, MAPPING.replace('unit = "presence"\npersons = 2.0\nreading = "mean"', held))
-    (note,) = [one for one in report.notes if "repeat the time stamp" in one]
-    assert "the first reading of each column is used (the last of presence, which holds); " in note
-    with xr.open_dataset(tmp_path / "out" / "house.nc", decode_times=False) as data:
-        persons = data["people"].values
-    assert {0.0, 2.0} <= set(np.unique(persons)) and not ((persons > 0.9) & (persons < 1.1)).any()
-
-
-@pytest.mark.parametrize("field", ["stamp = 'start'", "interval = 3600.0"])
-def test_what_only_a_mean_has_is_refused_of_an_instant(house, field):
-    """It would be passed over, and hourly means stamped at their start would be half an hour early."""
-    frame, _ = measured()
-    mapping = MAPPING.replace('column = "room"\n', f'column = "room"\n{field}\n')
-    with pytest.raises(RecordingError, match=r"column 'room': .*which only a mean has; expected reading = 'mean'"):
-        house(frame, mapping)
-
-
-def test_two_meters_that_read_the_same_do_not_differ(house):
-    """Of an input's instants as of means, and not where a constant stands in the first one's gaps."""
-    frame, hours = measured()
-    frame["set"] = frame["set 2"] = 20.0 + np.arange(len(frame)) % 7
-    frame["valve 2"] = frame["valve"]
-    frame.loc[(hours > 48) & (hours < 60), "valve"] = np.nan
-    second = 'compare = { column = "valve 2", unit = "m3/h", scale = 2.4 }'
-    mapping = HOURLY.replace("fill = 0.0\n", f"fill = 0.0\n{second}\n")
-    mapping += '[variables.wish]\ncolumn = "set"\nunit = "degC"\nreading = "point"\n'
-    mapping += 'compare = { column = "set 2", unit = "degC" }\n'
-    found = {one.name: one for one in house(frame, mapping).comparisons}
-    for name in ("air", "wish"):
-        assert (found[name].mean_difference, found[name].largest_difference) == pytest.approx((0.0, 0.0), abs=1e-9)
-
-
-def test_a_constant_in_the_gaps_of_the_air_s_temperature_is_none_of_the_sky_s(house, tmp_path):
-    frame, hours = measured()
-    frame.loc[(hours > 96) & (hours < 116), "outside"] = np.nan
-    report = house(
-        frame, MAPPING.replace('column = "outside"\nunit = "degC"\n', 'column = "outside"\nunit = "degC"\nfill = 8.0\n')
-    )
-    assert "sky: the fill of temp_air is not one of it; its gaps are left" in report.notes
-    with xr.open_dataset(tmp_path / "out" / "house.nc", decode_times=False) as data:
-        assert (data["outdoors"] - data["sky"]).min() > 5.0
-
-
-def test_rows_that_are_the_same_twice_differ_in_nothing(house):
-    frame, _ = measured(days=2)
-    frame["outside"] = [f"{one:.2f}" for one in frame["outside"]]
-    again = frame.assign(outside=[f" {one}0" for one in frame["outside"]])
-    report = house(pd.concat([frame, again]).sort_index(kind="stable"))
-    (note,) = [one for one in report.notes if "repeat the time stamp" in one]
-    assert note.endswith("the first reading of each column is used")
-
-
 @pytest.mark.parametrize(
     ("mapping", "said"),
     [
@@ -190,15 +101,6 @@ def test_rows_that_are_the_same_twice_differ_in_nothing(house):
 def test_unknown_fields_name_what_was_expected(house, mapping, said):
     with pytest.raises(RecordingError, match=said):
         house(measured(days=2)[0], mapping)
-
-
-@pytest.mark.parametrize("parts", [1, 1000, 10**9])
-def test_parts_of_a_second_since_1970(house, parts):
-    frame, _ = measured(days=2)
-    unix = pd.date_range("2022-10-27", periods=len(frame), freq="10min").as_unit("s").asi8
-    mapping = MAPPING.replace("[time]", '[time]\nformat = "unix"')
-    report = house(frame.assign(when=unix * parts), mapping)
-    assert report.begin == "2022-10-27 01:00" and report.interval == 600.0
 
 
 def test_mapping_and_measurements_in_the_wrong_order(tmp_path):

@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from diagnosis.measurements.spacing import DAY, usual_hold
-from shared.flags import ASSUMED
 from tests.diagnosis.measurements.house_cases import MAPPING, measured
 
 MINUTE, DAYS = 60.0, 8
@@ -56,23 +54,6 @@ def test_what_is_logged_when_it_changes_holds_until_it_does(seed, table, starts,
     assert usual_hold(time[keep], readings) == DAY
 
 
-@settings(max_examples=20, deadline=None)
-@given(seed=SEEDS)
-def test_what_is_written_each_hour_though_nothing_changes_holds_for_little_longer(seed):
-    time, number = persons(seed)
-    written = np.concatenate([[True], np.diff(number) != 0]) | (time % 3600 == 0)
-    holds = usual_hold(time[written], number[written])
-    assert np.diff(time[written]).max() <= holds <= 2 * 3600
-
-
-def test_readings_that_are_all_different_are_judged_by_their_spacing():
-    rng = np.random.default_rng(7)
-    at = np.arange(0, 3 * DAY, 600.0)
-    assert usual_hold(at, rng.normal(size=len(at))) == 1500.0
-    at = np.cumsum(rng.exponential(600.0, len(at)))
-    assert usual_hold(at, rng.normal(size=len(at))) == DAY
-
-
 @pytest.mark.parametrize(("jitter", "blank"), [(0.0, 0.0), (1.0, 0.0), (0.0, 0.5), (1.0, 0.3)])
 def test_a_dropout_of_a_state_that_is_always_read_is_a_gap(house, jitter, blank):
     """Persons of a day are not those of the night after, because the counter fell silent."""
@@ -87,31 +68,3 @@ def test_a_dropout_of_a_state_that_is_always_read_is_a_gap(house, jitter, blank)
     # present from 9 to 17 but for the five hours of the third day that nobody saw
     assert people.mean == pytest.approx(2 * (6 * 8 - 5) / 144, rel=0.12)
     assert any("column presence: taken for read all the time" in one for one in report.notes)
-
-
-def test_a_state_that_is_logged_when_it_changes_says_so(house):
-    frame, _ = measured()
-    mapping = MAPPING.replace('persons = 2.0\nreading = "mean"', 'persons = 2.0\nreading = "hold"')
-    every = xr.load_dataset(house(frame, mapping, out="every.nc").recording)
-    changed = frame["presence"].diff().fillna(1.0) != 0
-    frame["presence"] = frame["presence"].where(changed).astype("Int64").astype("string").fillna("")
-    report = house(frame, mapping, out="changes.nc")
-    xr.testing.assert_equal(xr.load_dataset(report.recording), every)
-    assert any(
-        "column presence: taken for logged when it changes: readings hold for up to 16 h" in n for n in report.notes
-    )
-
-
-@pytest.mark.parametrize(("told", "unknown"), [("", 0.0), ("max_gap = 24.0\n", 0.0), ("max_gap = 5.0\n", 3.0)])
-def test_a_log_of_changes_holds_its_last_one_while_the_rows_of_others_go_on(house, told, unknown):
-    """Somebody comes and goes each hour until 16 h, and the last eight hours of the file have no reading."""
-    frame, hours = measured(days=4)
-    frame["presence"] = ((hours % 24 > 9) & (hours % 24 <= 16) & (np.ceil(hours) % 2 == 0)).astype(int)
-    mapping = MAPPING.replace('persons = 2.0\nreading = "mean"', f'persons = 2.0\nreading = "hold"\n{told}fill = 0.0')
-    every = xr.load_dataset(house(frame, mapping, out="every.nc").recording)
-    changed = frame["presence"].diff().fillna(1.0) != 0
-    frame["presence"] = frame["presence"].where(changed).astype("Int64").astype("string").fillna("")
-    made = xr.load_dataset(house(frame, mapping, out="changes.nc").recording)
-    # from somebody's coming on the last day to the end of the file, half-hours
-    np.testing.assert_allclose(made["people"][-28:], every["people"][-28:], atol=1e-9)
-    assert 0.5 * np.count_nonzero(made["people_flag"].values[-16:] & ASSUMED) == unknown

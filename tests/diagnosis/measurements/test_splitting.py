@@ -6,9 +6,7 @@ import numpy as np
 import pvlib
 import pytest
 
-from diagnosis.measurements.grid import values_at
 from diagnosis.measurements.weather import global_of, on_the_plane
-from shared.flags import IMPOSSIBLE
 from tests.diagnosis.measurements.test_weather import CLOCK, HORIZONTAL, PLACE, SOUTH, clear_days, means
 
 # Tuples, not sets: the tests are named after them, and workers that collect tests must agree on the names.
@@ -60,21 +58,3 @@ def test_a_facade_gets_what_was_measured_of_the_sun(names, step):
 def test_a_horizontal_plane_keeps_the_energy(names):
     parts, _ = broken_clouds(3600)
     assert carried(parts, names, HORIZONTAL, 3600).mean() == pytest.approx(parts["ghi"].mean(), rel=0.01)
-
-
-def test_where_a_part_has_no_reading_erbs_stands_in():
-    parts, _ = broken_clouds(3600)
-    some = parts["dhi"].copy()
-    some[10:14] = np.nan
-    mixed = carried({**parts, "dhi": some}, {"ghi", "dhi"}, SOUTH, 3600)
-    np.testing.assert_array_equal(mixed[10:14], carried(parts, {"ghi"}, SOUTH, 3600)[10:14])
-    rest = np.delete(np.arange(len(mixed)), np.s_[10:14])
-    np.testing.assert_array_equal(mixed[rest], carried(parts, {"ghi", "dhi"}, SOUTH, 3600)[rest])
-
-
-def test_a_finer_signal_over_the_readings_of_another():
-    parts, _ = broken_clouds(300)
-    fine, coarse = means(parts["dhi"], 300), means(np.zeros(72), 3600)
-    np.testing.assert_allclose(values_at(fine, coarse), parts["dhi"].reshape(-1, 12).mean(axis=1))
-    fine.flags[24:36] = IMPOSSIBLE
-    assert np.flatnonzero(np.isnan(values_at(fine, coarse))).tolist() == [2]

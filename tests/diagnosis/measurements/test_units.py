@@ -53,13 +53,6 @@ def test_there_and_back(value, pair, density):
     assert one(there, *pair[::-1], density) == pytest.approx(value, rel=1e-9, abs=1e-7)
 
 
-@settings(deadline=None, max_examples=25)
-@given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=20), st.sampled_from(PAIRS))
-def test_an_array_is_its_elements(values, pair):
-    together = convert(np.array(values), *pair, density=1.2, where="column")
-    np.testing.assert_array_equal(together, [one(value, *pair) for value in values])
-
-
 @pytest.mark.parametrize(
     ("unit", "target", "said"),
     [
@@ -78,11 +71,6 @@ def test_units_that_do_not_fit(unit, target, said):
         one(1.0, unit, target)
 
 
-def test_a_temperature_has_the_same_limits_in_either_unit():
-    low, high, below = limits("K", "K")
-    assert limits("degC", "degC") == (pytest.approx(low - 273.15), pytest.approx(high - 273.15), below)
-
-
 def test_what_a_column_may_be_in():
     low, high, _ = limits("K", "K")
     assert "degC" in alternatives(21.0, "K", low, high, density=1.2)
@@ -98,14 +86,3 @@ def test_every_unit_of_flow_has_the_limit_of_mass_flows():
     assert limits("", "kg/h") == (pytest.approx(-3.6), np.inf, "noise")
     assert limits("", "kg/s") == (-1e-3, np.inf, "noise")
     assert limits("", "no such unit") == limits("", "W") == (-np.inf, np.inf, "impossible")
-
-
-@pytest.mark.parametrize("unit", ["W/m^2", "W.m-2", "W m-2", "W/m2"])
-def test_irradiance_has_its_limits_in_every_spelling(unit):
-    assert limits("", unit) == (-20.0, 1500.0, "zero")
-    assert limits("", unit, sun=False) == (-np.inf, np.inf, "impossible")
-
-
-@pytest.mark.parametrize("unit", ["°C", "Celsius", "C", "degC"])
-def test_temperatures_have_their_limits_in_every_spelling(unit):
-    assert limits("", unit) == (-50.0, 60.0, "impossible")

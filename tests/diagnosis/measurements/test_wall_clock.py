@@ -6,14 +6,11 @@ from zoneinfo import ZoneInfo
 import numpy as np
 import pandas as pd
 import pytest
-import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from diagnosis.measurements.clock import read_stamps
 from diagnosis.measurements.mapping import Time
-from shared.errors import RecordingError
-from tests.diagnosis.measurements.house_cases import HOURLY, measured
 
 ZONE = ZoneInfo("Europe/Amsterdam")
 BACK = datetime(2022, 10, 30, 1, 0, tzinfo=UTC)
@@ -70,27 +67,6 @@ def test_which_pass_a_row_of_a_closer_log_is_of(rows, minutes):
     assert by_hand(rows, every=30)[0] == minutes
 
 
-@pytest.mark.parametrize(
-    "rows",
-    [
-        ["02:00 A", "02:00 A", "02:00 B", "02:00 B"],
-        ["02:00 AB", "02:00 AB", "02:30 AB", "02:30 AB"],
-        ["02:00 A", "02:00 B", "02:00 A", "02:00 B", "02:00 A"],
-    ],
-)
-def test_rows_whose_order_does_not_tell_are_refused(rows):
-    said = r"row \d+ \(2022-10-30 02:.0:00\) has a reading of what row \d+ has one of, .* expected rows in the order"
-    with pytest.raises(RecordingError, match=said):
-        by_hand(rows)
-
-
-def test_an_hour_that_is_there_once_is_said_to_be():
-    minutes, notes = by_hand(["02:00 A", "02:00 B"])
-    assert "there once only" in notes[0] and "2 stamps" in notes[1] and "0 of them" in notes[1]
-    assert np.isnan(minutes).all() and "2 of them are left out, because nothing tells" in notes[1]
-    assert np.isnan(by_hand(["02:00 A", "02:00 B", "02:30 A", "02:30 B"], every=30)[0]).all()
-
-
 @settings(max_examples=200, deadline=None)
 @given(
     every=st.sampled_from([1, 5, 15, 20, 30, 60, 120, 180]),
@@ -111,28 +87,6 @@ def test_one_outage_over_the_change_puts_no_row_an_hour_wrong(every, after, begi
     assert (~known).sum() * every <= 60
 
 
-@pytest.mark.parametrize("pass_", [0, 1])
-def test_an_hourly_log_that_lost_one_pass_has_no_reading_in_the_other(house, pass_):
-    """Held against the same log with offsets in its stamps."""
-    frame, hours = measured(minutes=60)
-    whole = HOURLY.replace("persons = 2.0\n", "persons = 2.0\nfill = 0.0\n")
-    kept = frame[hours != 50 + pass_].copy()  # the log begins at midnight of the 28th, by the clock
-    told = pd.to_datetime(kept["when"]).dt.tz_localize(ZONE, ambiguous=np.full(len(kept), pass_ == 1)).astype(str)
-    aware = xr.load_dataset(house(kept.assign(when=told), whole, out="aware.nc").recording)["warmth"].values
-    naive = xr.load_dataset(house(kept, whole, out="naive.nc").recording)["warmth"].values
-    both = np.isfinite(naive)
-    np.testing.assert_array_equal(naive[both], aware[both])
-    assert np.isfinite(aware).sum() - both.sum() == 1
-
-
-def test_changes_are_not_lost_for_the_hour_that_they_may_be_off():
-    """A valve that closes in that night stays closed."""
-    times = [BACK + timedelta(minutes=m) for m in (-1700, -1250, -1100, -630, -320, -45, 400, 700, 1300)]
-    utc, notes = understood(on_the_wall(times), ["A"] * len(times))
-    np.testing.assert_array_equal(utc, [one.timestamp() for one in times])
-    assert "0 of them, from where the clock goes back, are taken for its second pass" in notes[-1]
-
-
 @settings(max_examples=60, deadline=None)
 @given(
     every=st.lists(st.sampled_from([10, 15, 30, 45, 60, 90]), min_size=1, max_size=3),
@@ -148,21 +102,3 @@ def test_a_row_for_each_sensor_comes_back_as_it_was(every, late, before):
     rows.sort()
     utc, _ = understood(on_the_wall([time for time, _ in rows]), [sensor for _, sensor in rows])
     np.testing.assert_array_equal(utc, [time.timestamp() for time, _ in rows])
-
-
-@pytest.mark.parametrize("pass_", [0, 1])
-def test_a_log_that_begins_in_the_hour(pass_):
-    """In either pass: what follows without a gap tells."""
-    times = [BACK + timedelta(minutes=m) for m in range(30 - 60 * (1 - pass_), 300, 15)]
-    utc, _ = understood(on_the_wall(times), ["A"] * len(times))
-    np.testing.assert_array_equal(utc, [one.timestamp() for one in times])
-
-
-def test_an_hourly_log_with_a_row_for_each_sensor_is_that_of_whole_rows(house):
-    frame, _ = measured(minutes=60)
-    whole = xr.load_dataset(house(frame, HOURLY, out="whole.nc").recording)
-    half = [name for name in frame.columns if name != "when"][::2]
-    apart = pd.concat([frame.drop(columns=half), frame[["when", *half]]]).sort_index(kind="stable")
-    xr.testing.assert_equal(xr.load_dataset(house(apart, HOURLY, out="apart.nc").recording), whole)
-    with pytest.raises(RecordingError, match="does not tell its two passes apart"):
-        house(apart.sort_values(["when", "room"], kind="stable"), out="sorted.nc")

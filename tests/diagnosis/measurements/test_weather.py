@@ -5,12 +5,11 @@ import pandas as pd
 import pvlib
 import pytest
 
-from diagnosis.measurements import weather
 from diagnosis.measurements.clock import find_zone, make_clock
 from diagnosis.measurements.mapping import Place
 from diagnosis.measurements.signal import Signal
-from diagnosis.measurements.weather import Daylight, cloud_cover, global_of, on_the_plane, sky, sun_clock, sun_position
-from shared.flags import COMPUTED, IMPOSSIBLE
+from diagnosis.measurements.weather import Daylight, cloud_cover, on_the_plane, sky, sun_clock
+from shared.flags import COMPUTED
 from shared.signals import Weather
 
 PLACE = Place(latitude=52.5, longitude=6.1, altitude=5.0)
@@ -73,49 +72,6 @@ def test_light_at_dusk_comes_from_the_sky_and_from_the_ground_before_it():
     assert made.values == pytest.approx([5.0 / 2 + 0.2 * 8.0 / 2])
 
 
-def test_each_reading_has_parts_of_its_own_length(monkeypatch):
-    """Two thousand of a minute and one of a night: the former are not split as the latter is."""
-    begin = (
-        means(np.zeros(1), 60).begin[0] + 8 * 3600.0 + np.concatenate([60.0 * np.arange(2001), [2000 * 60.0 + 50400]])
-    )
-    values = 300 + 200 * np.sin(np.arange(2001) / 300)
-    held = Signal(begin[:-1], begin[1:], values, np.zeros(2001, dtype=np.int8), "hold", 60.0, "W/m2")
-    asked = []
-
-    def counted(utc, place):
-        asked.append(np.size(utc))
-        return sun_position(utc, place)
-
-    monkeypatch.setattr(weather, "sun_position", counted)
-    made = on_the_plane(held, CLOCK, PLACE, SOUTH).values
-    closed = global_of(held, 0.6 * values, 0.3 * values, CLOCK, PLACE).values
-    assert sum(asked) == 2 * (2000 + 168)
-    monkeypatch.setattr(weather, "_alike", lambda signal: [(np.arange(2001), 168)])  # those of the longest for all
-    former = on_the_plane(held, CLOCK, PLACE, SOUTH).values
-    assert (
-        np.isclose(made, former, rtol=1e-3).mean() > 0.99
-    )  # the rest are at the edges of the model's classes of skies
-    assert made[-1] == former[-1] and made.mean() == pytest.approx(former.mean(), rel=1e-3)
-    np.testing.assert_allclose(closed, global_of(held, 0.6 * values, 0.3 * values, CLOCK, PLACE).values, rtol=1e-3)
-
-
-def test_an_impossible_irradiance_stays_marked():
-    clear, _ = clear_days(days=1, step=900)
-    ghi = means(clear["ghi"], 900)
-    ghi.flags[40] = IMPOSSIBLE
-    assert on_the_plane(ghi, CLOCK, PLACE, SOUTH).flags[40] == IMPOSSIBLE | COMPUTED
-
-
-@pytest.mark.parametrize("cover", [0.0, 0.6, 1.0])
-def test_cloud_cover_comes_back(cover):
-    _, sun = clear_days()
-    sine = np.sin(np.radians(sun["apparent_elevation"].to_numpy()))
-    ghi = np.maximum(910 * sine - 30, 0) * (1 - 0.75 * cover**3.4)
-    noons, found = cloud_cover(means(ghi, 300), CLOCK, PLACE)
-    assert len(noons) == 3 and (noons % 86400 == 43200).all()
-    np.testing.assert_allclose(found, cover, atol=0.03)
-
-
 def air_of(kelvin, n=288):
     signal = means(np.full(n, kelvin), 300)
     return Signal(signal.begin, signal.end, signal.values, signal.flags, "mean", 750.0, "K")
@@ -141,12 +97,6 @@ def test_a_sky_with_dew_point_and_clouds_by_hand():
     assert "Clark and Allen" in how and "measured cloud cover" in how
 
 
-def test_a_sky_of_which_nothing_is_known():
-    made, how = sky(air_of(283.0), {}, CLOCK, None)
-    np.testing.assert_allclose(made.values, 272.0)
-    assert "EN ISO 13790" in how
-
-
 @pytest.mark.parametrize("late", [-60, 0, 60, 120])
 def test_the_sun_tells_a_wrong_clock(late):
     clear, _ = clear_days(shift=late * 60)
@@ -155,3 +105,13 @@ def test_the_sun_tells_a_wrong_clock(late):
     assert abs(found - late) <= 5
     assert correlation > 0.98
     assert (down > 0.005) == (abs(late) >= 120)
+
+
+@pytest.mark.parametrize("cover", [0.0, 0.6, 1.0])
+def test_cloud_cover_comes_back(cover):
+    _, sun = clear_days()
+    sine = np.sin(np.radians(sun["apparent_elevation"].to_numpy()))
+    ghi = np.maximum(910 * sine - 30, 0) * (1 - 0.75 * cover**3.4)
+    noons, found = cloud_cover(means(ghi, 300), CLOCK, PLACE)
+    assert len(noons) == 3 and (noons % 86400 == 43200).all()
+    np.testing.assert_allclose(found, cover, atol=0.03)

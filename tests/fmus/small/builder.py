@@ -82,6 +82,15 @@ MODELS = {
         internal=1e-3,
     ),
     "echo": Model((Variable("x", "output", 1.0, rate=True), _parameter("k", 1.0)), history=True),
+    "odd": Model(
+        (
+            Variable("x", "local", 1.0, rate=True),
+            _parameter("k", 1e-5),
+            _parameter("offset", 0.0),
+            Variable("y", "output", 1.0),
+        ),
+        internal=60.0,
+    ),
     "house": Model(
         (
             Variable("T", "local", 18.0, rate=True, unit="degC"),
@@ -130,6 +139,7 @@ def build(
     attributes: str = "",
     slow: float = 0.0,
     number: str = "42.5",
+    absent: bool = False,
 ) -> Path:
     """Write one FMU.
 
@@ -143,9 +153,12 @@ def build(
         Seconds that an instantiation takes (``faulty`` only).
     number
         Content of the resource file.
+    absent
+        Whether the library needs another one, libabsent.so, that is not there.
     """
-    library = _library(name, fmi, folder / f"{name}{fmi}{f'-{slow:g}' if slow else ''}", slow)
-    variant = f"-{zlib.crc32(f'{attributes}|{slow}|{number}'.encode()):08x}"
+    place = folder / f"{name}{fmi}{f'-{slow:g}' if slow else ''}{'-absent' if absent else ''}"
+    library = _library(name, fmi, place, slow, absent)
+    variant = f"-{zlib.crc32(f'{attributes}|{slow}|{number}'.encode()):08x}{'-absent' if absent else ''}"
     path = folder / f"{name}-{fmi}-{'-'.join(kinds)}{variant}.fmu"
     place = fmpy.platform if fmi == 2 else fmpy.platform_tuple
     with zipfile.ZipFile(path, "w") as archive:
@@ -155,7 +168,7 @@ def build(
     return path
 
 
-def _library(name: str, fmi: int, folder: Path, slow: float) -> Path:
+def _library(name: str, fmi: int, folder: Path, slow: float, absent: bool) -> Path:
     out = folder / f"{name}{fmpy.sharedLibraryExtension}"
     if out.exists():
         return out
@@ -165,6 +178,11 @@ def _library(name: str, fmi: int, folder: Path, slow: float) -> Path:
     command = [*compiler, "-std=gnu99", "-O1", "-shared", "-fPIC", "-fvisibility=hidden", f"-DFMI={fmi}"]
     command += [f'-DMODEL_FILE="{(HERE / name).as_posix()}.c"', f"-DSLOW_INSTANTIATION={slow:g}", f"-I{folder}"]
     command += ["-o", str(out), str(HERE / "runtime.c")] + ([] if os.name == "nt" else ["-lm"])
+    if absent:
+        other = folder / "elsewhere/libabsent.so"
+        other.parent.mkdir()
+        subprocess.run([*compiler, "-shared", "-fPIC", "-x", "c", os.devnull, "-o", str(other)], check=True)
+        command += ["-Wl,--no-as-needed", f"-L{other.parent}", "-labsent"]
     run = subprocess.run(command, capture_output=True, text=True)
     if run.returncode != 0:
         raise RuntimeError(f"{' '.join(command)} failed:\n{run.stderr[:4000]}")

@@ -1,5 +1,5 @@
 /* Decay at rate k until a moment, from when on it misbehaves; the parameter "fault" says how. */
-enum { NONE, ENDS, FAILS, HANGS, NOT_A_NUMBER, DISCARDS, RETURNS_EARLY, NEVER_SETTLES, DIRTY, SLOW, CRASHES, LEAKS, MUTTERS };
+enum { NONE, ENDS, FAILS, HANGS, NOT_A_NUMBER, DISCARDS, RETURNS_EARLY, NEVER_SETTLES, DIRTY, SLOW, CRASHES, LEAKS, MUTTERS, CHATTERS };
 static int load(Model *m) {
   if (SLOW_INSTANTIATION && !m->living) wait_seconds(SLOW_INSTANTIATION);
   return OK;
@@ -21,7 +21,13 @@ static int rates(Model *m, double *dx) {
     say_as(m, NULL, FAILED, "from nobody", NULL);
     say_as(m, "B\xfcro", FAILED, "\xff", "T\xfcr klemmt,\n\x1b[31m50 K too hot");
   }
-  return is(m, FAILS) || is(m, MUTTERS) ? FAILED : OK;
+  if (is(m, CHATTERS)) { /* what matters, among what does not */
+    say(m, 1, "a licence ends in 30 days");
+    say_as(m, m->name, 1, "WARNING", "<AssertionError><value>\"k &gt; 1\"</value></AssertionError>");
+    say(m, FAILED, "the valve is stuck");
+    for (int i = 0; i < 30; i++) say(m, 1, "step size reduced");
+  }
+  return is(m, FAILS) || is(m, MUTTERS) || is(m, CHATTERS) ? FAILED : OK;
 }
 static void indicators(Model *m, double *z) { (void)m; (void)z; }
 static int event(Model *m) {

@@ -57,7 +57,7 @@ EXPORT int fmi2GetDerivatives(Model *m, double *dx, size_t n) { (void)n; return 
 EXPORT int fmi2GetEventIndicators(Model *m, double *z, size_t n) { (void)n; indicators(m, z); return OK; }
 EXPORT int fmi2GetNominalsOfContinuousStates(Model *m, double *x, size_t n) {
   (void)m;
-  for (size_t i = 0; i < n; i++) x[i] = 1;
+  for (size_t i = 0; i < n; i++) x[i] = NOMINAL;
   return OK;
 }
 EXPORT int fmi2SetRealInputDerivatives(Model *m, const unsigned *vr, size_t n, const int *order, const double *value) {

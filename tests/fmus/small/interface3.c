@@ -65,7 +65,7 @@ EXPORT int fmi3GetContinuousStateDerivatives(Model *m, double *dx, size_t n) { (
 EXPORT int fmi3GetEventIndicators(Model *m, double *z, size_t n) { (void)n; indicators(m, z); return OK; }
 EXPORT int fmi3GetNominalsOfContinuousStates(Model *m, double *x, size_t n) {
   (void)m;
-  for (size_t i = 0; i < n; i++) x[i] = 1;
+  for (size_t i = 0; i < n; i++) x[i] = NOMINAL;
   return OK;
 }
 EXPORT int fmi3DoStep(Model *m, double time, double size, bool no, bool *events, bool *terminate, bool *early, double *last) {

@@ -48,6 +48,9 @@ static void outputs(Model *m);                    /* computes outputs from state
 static int stepped(Model *m);                     /* flags, after a completed step */
 
 #include MODEL_FILE
+#ifndef NOMINAL
+#define NOMINAL 1.0
+#endif
 
 static Model *create(const char *name, const char *resources, void *log, void *environment) {
   Model *m = calloc(1, sizeof(Model));

@@ -5,7 +5,7 @@ import json
 import pytest
 
 import trainer
-from shared.errors import EstimatorError, ZeroshotError
+from shared.errors import EstimatorError
 from trainer.benchmarking.parts import PARTS, channel_sets
 from trainer.benchmarking.planning import make_plan
 from trainer.runs.checkpoint import read_card
@@ -80,17 +80,6 @@ def test_wrong_arguments_are_named(tanks, tmp_path, arguments, words):
         make_plan(tanks, tmp_path / "out", **arguments)
 
 
-@pytest.mark.parametrize("named", [True, False])
-def test_a_file_of_ceilings_that_is_none_is_told_before_anything_is_fitted(tmp_path, named):
-    dataset = make_dataset(tmp_path / "ds", systems=20)
-    path = tmp_path / "typo.json" if named else dataset / "identifiability.json"
-    if not named:
-        path.write_text("{")
-    with pytest.raises(ZeroshotError, match=f"{path.name}: {'no such file' if named else ''}"):
-        trainer.benchmark(dataset, tmp_path / "out", parts=["channels"], steps=1, ceiling=path if named else None)
-    assert not (tmp_path / "out").exists()
-
-
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -106,18 +95,6 @@ def test_data_made_again_in_another_way_is_another_dataset(tmp_path, changes, wo
     again = make_dataset(tmp_path / "again", systems=20, **changes)
     with pytest.raises(EstimatorError, match=f"benchmark of this very dataset: {words}.* now; choose another folder"):
         make_plan(again, tmp_path, parts=["channels"])
-
-
-def test_results_of_an_earlier_version_are_told(tmp_path):
-    dataset = make_dataset(tmp_path / "ds", systems=20)
-    identity = make_plan(dataset, tmp_path, parts=["channels"]).identity
-    kept = {name: value for name, value in identity.items() if name not in ("fmu_sha256", "settings_sha256")}
-    (tmp_path / "benchmark.json").write_text(json.dumps(kept))
-    sentence = (
-        "an earlier version began it and did not note fmu_sha256, settings_sha256: it may be of other data; choose"
-    )
-    with pytest.raises(EstimatorError, match=sentence):
-        make_plan(dataset, tmp_path, parts=["channels"])
 
 
 def test_fewer_systems_make_a_smaller_full_dataset(short, tmp_path):

@@ -13,10 +13,7 @@ import trainer
 from shared.ceiling import Ceiling, Ceilings, Origin, write_ceilings
 from shared.errors import EstimatorError
 from shared.metrics import r2
-from trainer.benchmarking import drawing
 from trainer.benchmarking.gathering import gather, read_evaluation, scores_of
-from trainer.benchmarking.page import readings
-from trainer.benchmarking.parts import Part, Row
 from trainer.benchmarking.planning import make_plan
 from trainer.benchmarking.published import read_published
 from trainer.evaluating.report import Answers
@@ -59,14 +56,6 @@ def test_the_tables_hold_the_scores_of_the_fits(results, short):
     wanted = ("lstm", "level", "unseen", "mean")
     line = next(r for r in rows if (r["estimator"], r["channels"], r["protocol"], r["parameter"]) == wanted)
     assert (line["training_systems"], line["steps"], line["batch_size"]) == ("80", "2", "16")
-
-
-def test_the_page_says_of_the_paper_s_iterations_what_this_run_took_them_for(results, short, tmp_path):
-    said = "This run takes the words literally: a fit has 2 steps."
-    assert said in " ".join((results / "results.md").read_text().split())
-    given = {name: value for name, value in QUICK.items() if name != "steps"}
-    page = " ".join(readings(make_plan(short, tmp_path, **given, minutes=3)).split())
-    assert "This run takes neither, but a time: a fit has 3 min." in page and said not in page
 
 
 def test_the_ceiling_is_that_of_the_file_named_now(finished, short, tmp_path):
@@ -150,11 +139,6 @@ def test_published_figures_stand_beside_ours(finished, short, tmp_path):
         read_published(tmp_path / "none.json")
 
 
-def test_a_condition_that_nobody_fitted_is_a_dash(short, tmp_path):
-    plan = make_plan(short, tmp_path, parts=["table3"])
-    assert gather(plan, plan.parts[0].rows[0].condition) is None
-
-
 def test_pictures_of_the_paper(short, tmp_path):
     parts = ["figure4", "figure5", "systems"]
     trainer.benchmark(short, tmp_path, parts=parts, ours=["lstm"], steps=1, seeds=1, windows=40)
@@ -163,15 +147,3 @@ def test_pictures_of_the_paper(short, tmp_path):
     header = rows_of(tmp_path / "figure5.csv")[0]
     assert 0 < float(header["relative_accuracy"]) <= 1
     assert "accuracy unseen" in (tmp_path / "figure5.md").read_text()
-
-
-def test_boxes_of_relative_accuracy_are_of_all_seeds_as_is_the_table(results, short, tmp_path, monkeypatch):
-    plan = make_plan(short, results, **QUICK)
-    condition = plan.parts[0].rows[0].condition
-    found, drawn = gather(plan, condition), {}
-    monkeypatch.setattr(drawing, "draw_accuracy", lambda boxes, *_: drawn.update(boxes))
-    drawing.draw(Part("a", "A", "", ("b", "c"), "accuracy", [Row(("lstm", "48"), condition)]), [found], tmp_path)
-    for name, scores in found.protocols.items():
-        (label, values), *others = drawn[name]
-        assert (label, len(values), others) == ("48", 2 * scores.windows, [])
-        np.testing.assert_allclose(np.median(values, axis=0), scores.accuracy[:-1])

@@ -42,14 +42,6 @@ def test_statistics_are_standardised_by_what_was_seen():
     assert answer[:, varying].std(dim=0).median().item() == pytest.approx(1, abs=0.05)
 
 
-def test_columns_from_the_clock_are_left_out():
-    summary = Summary(Shape(72, 2, 2, 4, 3, HOUR))
-    x, time = windows(columns=4)
-    changed = x.clone()
-    changed[:, :, 2:] += 5
-    assert torch.equal(summary(x, time), summary(changed, time))
-
-
 def test_profiles_are_means_and_spreads_of_the_bins():
     x, _ = windows(batch=1, length=48, columns=1)
     member = torch.nn.functional.one_hot(torch.arange(48) % 24, 24).float().T[None]
@@ -71,23 +63,3 @@ def test_the_linear_model_recovers_a_system_that_is_linear():
     # regressors: y, u an hour ago; y, u two hours ago; u now; clock and constant
     np.testing.assert_allclose(coefficients[0, :5], [0.9 - 1, -0.2, 0, 0, 0.3], atol=0.03)
     np.testing.assert_allclose(left.exp(), [[0.1]], rtol=0.05)
-
-
-def test_the_linear_model_steps_by_the_hour_when_samples_are_denser():
-    decay = np.exp(-np.arange(0, 40, 1 / 12) / 10)
-    x = torch.tensor(decay[None, :, None], dtype=torch.float32)
-    summary = Summary(Shape(480, 1, 1, 1, 1, 300.0))
-    coefficients, _, _ = summary._dynamics(x, torch.zeros(1, dtype=torch.float64))
-    now, hour, two = decay[24:], decay[12:-12], decay[:-24]
-    predicted = coefficients[0, 0].item() * hour + coefficients[0, 1].item() * two
-    np.testing.assert_allclose(np.corrcoef(predicted, now - hour)[0, 1], 1, atol=0.01)
-
-
-def test_samples_are_sorted_by_the_hour_that_they_report_on():
-    """A pulse in the step from 13:00 to 14:00, stamped 14:00, lands in bin 13 wherever the window starts."""
-    summary = Summary(Shape(48, 1, 1, 1, 1, HOUR))
-    for start in (1, 7, 20):
-        stamps = start + np.arange(48)
-        x = torch.tensor((stamps % 24 == 14).astype(np.float32))[None, :, None]
-        level = next(iter(summary._by_hour(x, x.diff(dim=1), torch.tensor([start * HOUR], dtype=torch.float64))))
-        assert level[0].argmax().item() == 13

@@ -6,7 +6,7 @@ import torch
 from torch import nn
 
 from shared.errors import EstimatorError
-from trainer.models import ESTIMATORS, build, estimator_class, option_defaults
+from trainer.models import ESTIMATORS, build, option_defaults
 from trainer.models.base import Shape
 from trainer.models.patch_transformer import sinusoidal_encoding
 from trainer.models.ridge import solve_ridge
@@ -92,21 +92,6 @@ def test_rivals_have_about_the_same_number_of_weights(name):
     assert weights(build(name, PAPER, {})[0]) == pytest.approx(218_760, rel=0.15)
 
 
-@pytest.mark.parametrize("name", ["patch-transformer", "lstm", "tcn"])
-def test_the_first_used_sample_matters(name):
-    torch.manual_seed(1)
-    model, _ = build(name, PAPER, {})
-    model.eval()
-    x = torch.randn(1, 168, 2, requires_grad=True)
-    model(x, torch.zeros(1)).sum().backward()
-    assert x.grad[0, 0].abs().sum() > 0
-
-
-def test_the_number_of_days_is_no_limit_for_a_tcn():
-    model, _ = build("tcn", Shape(720, 2, 2, 2, 8, 3600.0), {})
-    assert len(model.blocks) == 8  # sees 1 + 4 * (2**8 - 1) = 1021 samples
-
-
 def test_ridge_agrees_with_least_squares_on_augmented_rows():
     rng = np.random.default_rng(0)
     x, y = rng.normal(1.0, 2.0, (60, 5)), rng.normal(size=(60, 3))
@@ -156,8 +141,3 @@ def test_options_are_listed_and_checked():
         build("patch-transformer", Shape(6, 2, 2, 2, 8, 3600.0), {})
     with pytest.raises(EstimatorError, match="expected a multiple of the 8 attention heads"):
         build("patch-transformer", PAPER, {"width": 60})
-
-
-def test_an_unknown_model_is_refused():
-    with pytest.raises(EstimatorError, match="'forest' is not an estimator; found patch-transformer"):
-        estimator_class("forest")

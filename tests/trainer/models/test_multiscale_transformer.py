@@ -77,31 +77,14 @@ def test_views_are_the_same_window_in_patches_that_begin_elsewhere(model):
     columns = model.columns(windows)
     nothing = torch.zeros(3, 6, columns.shape[2])
     nothing[:, :, -2:] = 1
-    second = model.read(torch.cat([nothing, columns, nothing], dim=1))
+    facts = torch.zeros(3, 0)
+    second = model.read(torch.cat([nothing, columns, nothing], dim=1), facts)
     both = with_views(2).eval()
     torch.testing.assert_close(both.embed(windows), (model.embed(windows) + second) / 2)
     # the longest window has no room for a patch more: the oldest half patch is left out
     columns = model.columns(torch.randn(3, 96, 5))
-    second = model.read(torch.cat([columns, nothing], dim=1)[:, -96:])
-    torch.testing.assert_close(both.read(columns), (model.read(columns) + second) / 2)
-
-
-def test_training_sees_two_views_at_a_time(model):
-    several = with_views(4)
-    columns = model.columns(torch.randn(2, 48, 5))
-    one = [model._encode(columns)] + [model._encode(several._shifted(columns, shift)) for shift in (3, 6, 9)]
-    pairs = {(a, b): (one[a] + one[b]) / 2 for a in range(4) for b in range(a)}
-    seen = set()
-    for _ in range(60):
-        found = several.read(columns)
-        seen |= {pair for pair, mean in pairs.items() if torch.allclose(found, mean, atol=1e-6)}
-    assert seen == set(pairs)
-    torch.testing.assert_close(several.eval().read(columns), torch.stack(one).mean(dim=0))
-
-
-def test_more_views_than_samples_of_a_patch_are_refused():
-    with pytest.raises(EstimatorError, match="views is 13; expected no more than the 12 samples of a patch"):
-        build("multiscale-transformer", SHAPE, {"views": 13})
+    second = model.read(torch.cat([columns, nothing], dim=1)[:, -96:], facts)
+    torch.testing.assert_close(both.read(columns, facts), (model.read(columns, facts) + second) / 2)
 
 
 def test_a_patch_longer_than_the_context_is_refused():

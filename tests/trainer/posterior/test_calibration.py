@@ -6,19 +6,16 @@ from types import SimpleNamespace
 import matplotlib.image
 import numpy as np
 import pytest
-import torch
 from cyclopts import App
 from scipy import stats
 
-from shared.errors import EstimatorError
 from shared.store import DatasetFolder
-from trainer.posterior import calibration, figures, fit_posterior, load_posterior
+from trainer.posterior import calibration, fit_posterior, load_posterior
 from trainer.posterior.command import calibration as calibration_command
 from trainer.posterior.command import posterior as posterior_command
 from trainer.posterior.inference import summarise
 from trainer.posterior.report import notes
-from trainer.posterior.scores import bins_for, covered, crps, positions, truncated_normal, uniformity
-from trainer.posterior.tempering import SAMPLES, _needed
+from trainer.posterior.scores import covered, crps, positions, truncated_normal, uniformity
 from trainer.reading.windows import WindowSource
 from trainer.runs.checkpoint import load_run
 from trainer.training.fitting import fit
@@ -68,78 +65,6 @@ def test_an_interval_of_few_samples_holds_what_it_says(n):
     assert found.high == pytest.approx(high)
 
 
-def test_temperatures_are_set_by_ends_of_the_same_kind():
-    rng = np.random.default_rng(0)
-    samples, z = rng.normal(size=(40, SAMPLES, 2)).astype(np.float32), rng.normal(size=(40, 2)).astype(np.float32)
-    flow = SimpleNamespace(sample=lambda *_: torch.from_numpy(samples), centre=lambda _: torch.zeros(40, 2))
-    found = _needed(flow, torch.zeros(40, 1), torch.from_numpy(z), torch.Generator())
-    ends = summarise(samples)
-    assert found.numpy() == pytest.approx(np.where(z > 0, z / ends.high, z / ends.low), rel=1e-5)
-
-
-def test_the_lines_of_a_corner_plot_are_those_of_the_table(tmp_path, monkeypatch):
-    seen, samples = [], np.random.default_rng(0).uniform(1, 3, (40, 2))
-    monkeypatch.setattr(figures, "save_png", lambda figure, _: seen.append(figure))
-    figures.draw_corner(samples, ["a", "b"], ["1", "1"], [(1, 3), (1, 3)], tmp_path / "c.png")
-    found = summarise(samples[None])
-    for k, axes in enumerate((seen[0].axes[0], seen[0].axes[3])):
-        dashed = sorted(line.get_xdata()[0] for line in axes.lines if line.get_linestyle() == "--")
-        assert dashed == pytest.approx([found.low[0, k], found.median[0, k], found.high[0, k]])
-
-
-def test_a_narrow_posterior_is_drawn_over_what_its_samples_reach(tmp_path, monkeypatch):
-    """A thousandth of the prior's range: in thirty bins over all of that it would fill one."""
-    rng, seen = np.random.default_rng(0), []
-    samples = np.stack([rng.normal(5.0, 0.002, 4000), rng.uniform(0, 1, 4000)], axis=1)
-    monkeypatch.setattr(figures, "save_png", lambda figure, _: seen.append(figure))
-    figures.draw_corner(samples, ["a", "b"], ["1", "1"], [(0, 10), (0, 1)], tmp_path / "c.png")
-    narrow, wide = seen[0].axes[0], seen[0].axes[3]
-    low, high = narrow.get_xlim()
-    assert low < samples[:, 0].min() and samples[:, 0].max() < high and high - low < 1.5 * np.ptp(samples[:, 0])
-    solid = [[line.get_xdata()[0] for line in axes.lines if line.get_linestyle() == "-"] for axes in (narrow, wide)]
-    assert solid == [[], [0, 1]]
-    assert (narrow.get_title(), "50 and 90 %" in seen[0].get_suptitle().replace("\n", " ")) == ("prior 0 to 10", True)
-
-
-def test_no_two_lines_of_coverage_look_alike(tmp_path, monkeypatch):
-    seen, names = [], [f"p{k}" for k in range(12)]
-    monkeypatch.setattr(figures, "save_png", lambda figure, _: seen.append(figure))
-    figures.draw_coverage(np.random.default_rng(0).uniform(size=(40, 12)), 40, names, "toy", tmp_path / "c.png")
-    lines = [line for line in seen[0].axes[0].lines if line.get_label() in names]
-    assert len({(line.get_color(), line.get_linestyle()) for line in lines}) == 12
-
-
-def test_bins_hold_enough_systems():
-    assert [bins_for(n) for n in (5, 39, 40, 60, 10_000)] == [0, 0, 4, 6, 20]
-
-
-def test_few_systems_have_no_histogram_that_looks_flat(tmp_path, monkeypatch):
-    """Truths all in the middle: a posterior far too wide, which two bars would show as a perfect one."""
-    seen, position = [], 0.5 + np.random.default_rng(0).uniform(-0.01, 0.01, (28, 2))
-    monkeypatch.setattr(figures, "save_png", lambda figure, _: seen.append(figure))
-    figures.draw_ranks(position, ["a", "b"], "toy", tmp_path / "sbc.png")
-    chi2, kolmogorov = uniformity(position)
-    assert np.isnan(chi2).all() and (kolmogorov < 1e-3).all()
-    assert [axes.get_title() for axes in seen[0].axes[:2]] == ["a: p 0.00 (KS)", "b: p 0.00 (KS)"]
-    assert "too few systems for a histogram, which takes 40" in seen[0].get_suptitle().replace("\n", " ")
-    assert seen[0].axes[0].lines[0].get_xdata() == pytest.approx(position[:, 0])
-
-
-def test_bars_are_held_against_whole_systems_and_a_band_that_is_seen(tmp_path, monkeypatch):
-    seen, position = [], 0.5 + np.random.default_rng(0).uniform(-0.01, 0.01, (40, 1))
-    monkeypatch.setattr(figures, "save_png", lambda figure, _: seen.append(figure))
-    figures.draw_ranks(position, ["a"], "toy", tmp_path / "sbc.png")
-    (axes,) = seen[0].axes
-    assert [bar.get_height() for bar in axes.patches if bar.get_width() == pytest.approx(0.25)] == pytest.approx(
-        np.histogram(position, [0, 0.25, 0.5, 0.75, 1])[0]
-    )
-    assert all(tick == round(tick) for tick in axes.get_yticks())
-    bars = max(one.get_zorder() for one in axes.patches)
-    edges = {line.get_ydata()[0] for line in axes.lines if line.get_zorder() > bars}
-    assert edges >= set(stats.binom.interval(0.99, 40, 0.25))
-    assert uniformity(position)[0][0] < 1e-3
-
-
 def test_crps_of_a_normal_distribution():
     """The closed form of Gneiting and Raftery (2007, equation 21)."""
     rng = np.random.default_rng(1)
@@ -148,18 +73,6 @@ def test_crps_of_a_normal_distribution():
     w = (truth - 1) / 2
     expected = 2 * (w * (2 * stats.norm.cdf(w) - 1) + 2 * stats.norm.pdf(w) - 1 / np.sqrt(np.pi))
     assert crps(truth, samples) == pytest.approx(expected, abs=0.03)
-
-
-@pytest.mark.parametrize("n", [2, 20])
-def test_few_samples_score_like_many_of_the_same_distribution(n):
-    """A normal distribution whose truths are drawn from it scores 1 / sqrt(pi) on average."""
-    rng = np.random.default_rng(n)
-    truth, samples = rng.normal(size=(40_000, 1)), rng.normal(size=(40_000, n, 1))
-    drawn = crps(truth, samples)
-    assert drawn.mean() == pytest.approx(1 / np.sqrt(np.pi), abs=4 * drawn.std() / 200)
-    levels = stats.norm.ppf((np.arange(200) + 0.5) / 200)[None, :, None]
-    whole = crps(truth, np.broadcast_to(levels, (40_000, 200, 1)), quantiles=True)
-    assert whole.mean() == pytest.approx(1 / np.sqrt(np.pi), abs=4 * whole.std() / 200)
 
 
 def test_the_gaussian_to_beat_is_cut_off_at_the_ranges():
@@ -229,11 +142,6 @@ def test_windows_come_from_systems_that_nothing_was_made_with(folder, many_tanks
     calibration(folder, many_tanks, windows=60, samples=20, out=tmp_path)
     test = set(DatasetFolder(many_tanks).load([]).of_split("test").tolist())
     assert {loaded[row] for row in looked} <= test
-
-
-def test_a_run_without_a_posterior_is_told(ridge_run, tanks):
-    with pytest.raises(EstimatorError, match="has no posterior; `trainer posterior` fits one"):
-        calibration(ridge_run, tanks)
 
 
 def test_systems_that_the_posterior_was_made_with_do_not_count(folder, others, tmp_path):

@@ -7,13 +7,13 @@ import pytest
 import torch
 
 from trainer.posterior.conditions import Contexts
-from trainer.posterior.fitting import DECAY, _average, train_flow
+from trainer.posterior.fitting import train_flow
 from trainer.posterior.flow import PosteriorFlow
 from trainer.posterior.inference import summarise
 from trainer.posterior.prior import Prior
 from trainer.posterior.tempering import temper
 
-from ..conftest import tank_system
+from ..conftest import TANK, tank_system
 
 MIXING = torch.tensor([[1.0, 0.5], [0.2, 1.0]])
 NOISE = 0.4
@@ -64,20 +64,6 @@ def test_the_flow_finds_a_known_posterior(gaussian_flow):
         assert flow.log_prob(windows.context, windows.z[:, None]).mean() == pytest.approx(exact.mean().item(), abs=0.08)
 
 
-def test_the_kept_weights_are_a_running_mean_that_soon_forgets_where_it_began():
-    mean, ones, zeros = (torch.nn.Linear(2, 1, bias=False) for _ in range(3))
-    torch.nn.init.ones_(ones.weight)
-    torch.nn.init.zeros_(zeros.weight)
-    _average(mean, zeros, 0)  # the first step leaves nothing of the initial weights
-    for step in range(1, 11):
-        _average(mean, ones, step)
-    # what is left of the first is the product of (1 + n) / (10 + n) for n from 1 to 10: 11! 10! / 20!
-    left = math.factorial(11) * math.factorial(10) / math.factorial(20)
-    assert mean.weight.detach().numpy() == pytest.approx(1 - left)
-    _average(mean, zeros, 10**6)
-    assert mean.weight.detach().numpy() == pytest.approx(DECAY * (1 - left))
-
-
 @pytest.mark.slow
 def test_temperatures_widen_a_flow_that_is_too_sure(gaussian_flow):
     """Truths twice as far from the centre as the flow thinks need twice the width."""
@@ -111,11 +97,13 @@ def test_windows_that_lack_an_output_have_temperatures_of_their_own():
     assert flow.log_temperature.exp().numpy() == pytest.approx(np.array([[[1.0, 1.0], [2.0, 2.0]]]), rel=0.12)
 
 
-def test_temperatures_of_the_first_version_hold_for_windows_that_lack_an_output_and_for_others():
-    flow = PosteriorFlow(2, 5, lengths=3, outputs=1)
-    one = torch.arange(6.0).view(3, 2)
-    flow.load_state_dict(flow.state_dict() | {"log_temperature": one})
-    assert torch.equal(flow.log_temperature, torch.stack([one, one], dim=1))
+def test_a_range_through_zero_is_linear_beside_a_logarithmic_one():
+    system = tank_system(TANK.replace("min = 2.0\nmax = 20.0", "min = -3.0\nmax = 1.0"))
+    prior = Prior.of(system)
+    at = np.array([[-1.0, 2.0], [0.0, 1.0], [0.5, 4.0]])
+    assert prior.to_unit(at) == pytest.approx(np.array([[0.5, 0.5], [0.75, 0.0], [0.875, 1.0]]))
+    assert prior.from_normal(prior.to_normal(at)) == pytest.approx(at, abs=1e-6)
+    assert prior.log_density(at) == pytest.approx(-math.log(4) - np.log(at[:, 1] * math.log(4)))
 
 
 def test_the_prior_is_standard_normal():

@@ -13,14 +13,12 @@ from scipy import integrate
 from shared.errors import EstimatorError
 from shared.lock import FolderLock
 from shared.store import DatasetFolder
-from shared.system import parse_system
 from trainer.posterior import calibration, fit_posterior, load_posterior
-from trainer.posterior.prior import Prior
 from trainer.predicting.prediction import predict
 from trainer.runs.checkpoint import load_run
 from trainer.training.fitting import fit
 
-from ..conftest import TANK, make_dataset, tank_system
+from ..conftest import TANK, make_dataset
 
 
 @pytest.fixture(scope="module")
@@ -75,15 +73,6 @@ def test_samples_follow_from_the_seed_alone(fitted, many_tanks):
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(first, posterior.sample(values, time, 50, seed=4))
     np.testing.assert_allclose(posterior.sample(values[:2], time[:2], 50, seed=3), first[:2], rtol=1e-4)
-
-
-def test_equal_seeds_fit_equal_posteriors(own, many_tanks):
-    hashes = []
-    for seed in (5, 5, 6):
-        torch.manual_seed(len(hashes))
-        found = fit_posterior(own, many_tanks, systems=12, windows_per_system=2, epochs=1, seed=seed, overwrite=True)
-        hashes.append(found.card.weights_sha256)
-    assert hashes[0] == hashes[1] != hashes[2]
 
 
 def test_the_density_is_one_over_the_ranges(fitted, many_tanks):
@@ -172,19 +161,6 @@ def test_one_run_at_a_time_is_at_work_in_a_folder(own, many_tanks, monkeypatch):
     assert load_posterior(load_run(own)).card == found.card
 
 
-def test_a_posterior_of_a_replaced_estimator_is_not_begun(own, many_tanks):
-    run = load_run(own)
-    fit(many_tanks, own, model="mean", overwrite=True)
-    with pytest.raises(EstimatorError, match="run: its estimator was replaced"):
-        fit_posterior(run, many_tanks, epochs=1)
-    assert not (own / "posterior.json").exists()
-
-
-def test_no_posterior_is_written_among_the_files_of_the_package(many_tanks):
-    with pytest.raises(EstimatorError, match="estimator: comes with the package; copy it, and fit the posterior to"):
-        fit_posterior("MixedAirCO2", many_tanks, overwrite=True)
-
-
 def spoil(folder, name, **fields):
     path = folder / name
     path.write_text(json.dumps(json.loads(path.read_text()) | fields))
@@ -261,13 +237,6 @@ def test_predictions_carry_intervals_samples_and_a_corner_plot(fitted, many_tank
         predict(fitted, recording, out=tmp_path / "new" / "here" / "all.nc" / "more" / "s.nc")
 
 
-def test_samples_under_a_seed_that_a_file_has_no_number_for(fitted, many_tanks, tmp_path):
-    for seed, written in ((2**63 - 1, 2**63 - 1), (2**70, str(2**70))):
-        predict(fitted, many_tanks / "shards" / "000.nc", samples=20, seed=seed, out=tmp_path / "s.nc")
-        with xr.open_dataset(tmp_path / "s.nc") as opened:
-            assert opened.attrs["seed"] == written
-
-
 @pytest.mark.parametrize("samples", [-1, 0, 1, 19])
 def test_an_interval_of_too_few_samples_is_refused_before_anything_is_written(fitted, many_tanks, tmp_path, samples):
     words = rf"samples: is {samples}; expected at least 20, so that one lies beyond each end of the 90 % interval"
@@ -279,13 +248,6 @@ def test_an_interval_of_too_few_samples_is_refused_before_anything_is_written(fi
     assert not (tmp_path / "new").exists()
     fewest = predict(fitted, many_tanks / "shards" / "000.nc", samples=20).predictions[0].parameters.values()
     assert all(one.low < one.median < one.high for one in fewest)
-
-
-def test_samples_that_memory_does_not_hold_are_told(fitted, many_tanks):
-    with pytest.raises(
-        EstimatorError, match=r"not enough memory for \d+ samples of each of 150 windows .*; expected less"
-    ):
-        predict(fitted, many_tanks / "shards" / "000.nc", samples=10**13)
 
 
 @pytest.mark.parametrize("name", ["out", "corner"])
@@ -307,20 +269,8 @@ def test_without_a_posterior_there_are_no_samples(ridge_run, tanks, tmp_path):
         predict(ridge_run, shard, out=tmp_path / "s.nc")
 
 
-def test_the_scale_of_a_parameter_comes_from_the_description():
-    both = Prior.of(parse_system(TANK.replace('scale = "log"', ""), tank_system().path))
-    assert both.log.tolist() == [False, False]
-
-
 def test_records_of_another_step_or_too_short_are_refused(own, tmp_path):
     """Lengths of windows are samples to a run: a day of it would be read off twelve hours."""
     fine = make_dataset(tmp_path / "fine", systems=20, text=TANK.replace("step = 1800.0", "step = 900.0"))
     with pytest.raises(EstimatorError, match="its step is 900 s; the run was trained on 1800 s"):
         fit_posterior(load_run(own), fine, overwrite=True)
-
-
-def test_what_was_said_of_a_posterior_goes_with_it(own, many_tanks):
-    (own / "calibration.json").write_text("{}")
-    (own / "sbc.png").write_bytes(b"of another one")
-    fit_posterior(load_run(own), many_tanks, windows_per_system=2, epochs=1, overwrite=True)
-    assert not (own / "calibration.json").exists() and not (own / "sbc.png").exists()

@@ -42,7 +42,3 @@ def test_coverage_of_ten_covered_systems_has_a_width_and_of_one_there_is_no_inte
         assert cover.share == 1
         assert (cover.low, cover.high) == (None, None) if not known else 0.7 < cover.low < 0.9 and cover.high == 1
         assert _share(cover).endswith(", 100.0]" if known else "[-]")
-
-
-def test_a_range_that_begins_at_nought_has_places():
-    assert Prior(np.zeros(1), np.ones(1), np.array([False])).to_unit(np.array([0.25])) == pytest.approx([0.25])

@@ -1,14 +1,11 @@
 """What lies at the end of a range is told in the scale of the prior, as diagnosis does."""
 
-import json
-import shutil
-
 import numpy as np
 import pytest
 
 from shared.store import DatasetFolder
 from trainer.predicting.prediction import predict
-from trainer.runs.checkpoint import Run, load_run
+from trainer.runs.checkpoint import Run
 
 # [h] from 2 to 20, linear; [m] from 1 to 4, in the logarithm: a thousandth of it ends at 1.00139, and begins at 3.99446
 PLACES = [
@@ -22,7 +19,7 @@ PLACES = [
 def answering(estimate, monkeypatch):
     """Let runs answer parameters to whatever they read."""
     monkeypatch.setattr(
-        Run, "read", lambda run, values, _: run.card.encoding.targets(np.tile(estimate, (len(values), 1)))
+        Run, "read", lambda run, values, *_: run.card.encoding.targets(np.tile(estimate, (len(values), 1)))
     )
 
 
@@ -32,13 +29,3 @@ def test_a_bound_is_near_in_the_scale_of_the_prior(ridge_run, tanks, monkeypatch
     answering(estimate, monkeypatch)
     found = predict(ridge_run, tanks / "shards" / "000.nc").predictions[0].parameters
     assert [one.at_bound for one in found.values()] == at_bound
-
-
-def test_a_card_of_before_has_linear_ranges(ridge_run, tanks, tmp_path, monkeypatch):
-    own = shutil.copytree(ridge_run.folder, tmp_path / "own")
-    card = json.loads((own / "estimator.json").read_text())
-    del card["encoding"]["logarithmic"]
-    (own / "estimator.json").write_text(json.dumps(card | {"schema_version": 4}))
-    answering([2.1, 1.002], monkeypatch)
-    found = predict(load_run(own), tanks / "shards" / "000.nc").predictions[0].parameters
-    assert [one.at_bound for one in found.values()] == [False, True]

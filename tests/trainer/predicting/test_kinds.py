@@ -61,28 +61,6 @@ def test_a_posterior_of_constants_as_declared_is_told(datasets, recording, tmp_p
     assert (said in told(run.folder, recording, capsys)) == bool(held)
 
 
-def test_a_posterior_of_before_does_not_remember_of_what_it_is(datasets, recording, tmp_path, capsys):
-    run = fit(datasets["drawn"], tmp_path / "run", model="ridge")
-    fit_posterior(run, datasets["declared"], windows_per_system=2, epochs=1)
-    path = tmp_path / "run" / "posterior.json"
-    card = json.loads(path.read_text()) | {"schema_version": 2}
-    del card["dataset"]
-    path.write_text(json.dumps(card))
-    assert predict(run, recording).interval_held is None
-    assert "The posterior does not remember whether" in told(run.folder, recording, capsys)
-
-
-def test_a_posterior_of_another_kind_of_systems_is_told(datasets, recording, tmp_path, capsys, caplog):
-    run = fit(datasets["drawn"], tmp_path / "run", model="ridge")
-    with caplog.at_level(logging.WARNING):
-        fit_posterior(run, datasets["calm"], windows_per_system=2, epochs=1)
-    difference = "a share of 0.5 without excitation, not excited where the system can be"
-    assert caplog.messages[0].endswith(f"is unlike the dataset of the estimator's training: {difference}")
-    sentence = f"the posterior was fitted to systems unlike those of the estimator's training: {difference}"
-    assert predict(run, recording).interval_note == sentence
-    assert sentence in told(run.folder, recording, capsys)
-
-
 def test_errors_are_of_the_constants_of_the_last_training(datasets, recording, tmp_path, capsys):
     """The first training had them drawn, and the errors are of systems that have them as declared all the same."""
     options = {"width": 16, "layers": 1, "heads": 2, "feedforward": 16, "patch": 12}

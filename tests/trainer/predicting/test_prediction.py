@@ -3,16 +3,15 @@ import shutil
 
 import numpy as np
 import pytest
+import xarray as xr
 
-from shared.errors import EstimatorError, RecordingError
+from shared.errors import RecordingError
 from shared.store import DatasetFolder
 from trainer.cli import app
 from trainer.predicting.prediction import Estimate, Prediction, Predictions, predict
 from trainer.predicting.recorded import read_window
-from trainer.reading.encoding import make_encoding
 from trainer.training.fitting import fit
 
-from ..conftest import TANK, tank_system
 from .conftest import write
 
 
@@ -170,15 +169,6 @@ def test_a_file_that_is_missing_or_no_netcdf_is_told(ridge_run, tmp_path):
         predict(ridge_run, tmp_path / "cut.nc")
 
 
-def test_a_shards_records_have_their_own_beginning(ridge_run, shard, tmp_path):
-    moved = shard.assign(start=("system", 86400.0 * np.arange(shard.sizes["system"]), {"units": "s"}))
-    with pytest.raises(RecordingError, match="has dates in time, and a start beside it"):
-        predict(ridge_run, write(moved, tmp_path / "new.nc"))
-    moved = moved.assign_attrs(zeroshot_schema_version="2.0")
-    found = predict(ridge_run, write(moved, tmp_path / "r.nc")).predictions
-    assert [one.end for one in found[:2]] == ["2001-01-11T00:00:00", "2001-01-12T00:00:00"]
-
-
 def test_a_beginning_that_was_never_written_is_a_sentence(ridge_run, shard, tmp_path):
     seconds = 1800.0 * np.arange(1, shard.sizes["time"] + 1)
     apart = shard.drop_vars("time_bnds", errors="ignore").assign_coords(time=("time", seconds, {"units": "s"}))
@@ -194,28 +184,6 @@ def test_only_a_cell_method_that_is_stated_and_known_is_held_against_the_run(rid
     recording["level"].attrs["cell_methods"] = "time: mean"
     earlier = ridge_run.card.encoding.model_copy(update={"methods": []})
     assert read_window(write(recording, tmp_path / "mean.nc"), earlier).values.shape == (1, 48, 1)
-
-
-def test_an_input_that_holds_over_a_step_is_a_mean(tanks, recording, tmp_path):
-    text = TANK.replace("value = 1.0", 'value = 1.0\ninterpolation = "previous"')
-    encoding = make_encoding(tank_system(text), DatasetFolder(tanks).load(["level", "valve"]), [], 48, np.arange(5))
-    assert encoding.methods == ["point", "mean"]
-    valve = ("time", np.ones(100), {"units": "1", "cell_methods": "time: point"})
-    with pytest.raises(
-        RecordingError, match=r"valve is an instant at each step's end .* for the run it is a mean over"
-    ):
-        read_window(write(recording.assign(valve=valve), tmp_path / "r.nc"), encoding)
-
-
-def test_the_first_impossible_reading_is_named_with_its_system(ridge_run, shard, tmp_path):
-    level = shard["level"].values
-    mean, sd = ridge_run.card.encoding.mean[0], ridge_run.card.encoding.sd[0]
-    level[3, -2:] = mean + 29.9 * sd  # unheard of, but neither a code nor another unit
-    assert predict(ridge_run, write(shard, tmp_path / "high.nc")).predictions
-    level[7, -40], level[7, -1], level[9, -48] = mean + 30.1 * sd, 999.0, 999.0
-    told = rf"level of system 7 is {mean + 30.1 * sd:g} m at 2001-01-10T04:30:00, 30 standard deviations"
-    with pytest.raises(RecordingError, match=told):
-        predict(ridge_run, write(shard, tmp_path / "higher.nc"))
 
 
 def test_a_channel_that_never_varied_in_training_must_stay_as_it_was(tanks, recording, tmp_path):
@@ -238,21 +206,7 @@ def test_a_channel_that_never_varied_in_training_must_stay_as_it_was(tanks, reco
     assert read_window(read(0.5), earlier).values[0, -1, 1] == 0.5
 
 
-def test_a_folder_where_samples_shall_be_written_is_named(ridge_run, tanks, tmp_path):
-    for name, kind in (("out", "NetCDF"), ("corner", "PNG")):
-        with pytest.raises(EstimatorError, match=rf"^{name}: .* is a folder; expected a {kind} file to write$"):
-            predict(ridge_run, tanks / "shards" / "000.nc", **{name: tmp_path})
-
-
-def test_samples_and_their_picture_are_not_written_over_each_other(ridge_run, tanks, tmp_path, monkeypatch):
-    """The picture was, over the samples, and both were said to be written."""
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(EstimatorError, match=r"^out and corner: both are x\.nc, .*; expected two files$"):
-        predict(ridge_run, tanks / "shards" / "000.nc", out="x.nc", corner=tmp_path / "x.nc")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_the_table_says_which_of_two_answers_to_take(monkeypatch, capsys):
+def test_the_table_has_one_answer_the_posteriors_where_there_is_one(monkeypatch, capsys):
     value = Estimate(value=2.0, unit="m2", rmse=0.5, at_bound=False, median=2.1, low=1.5, high=2.7)
 
     def answer(one):
@@ -265,18 +219,19 @@ def test_the_table_says_which_of_two_answers_to_take(monkeypatch, capsys):
         return capsys.readouterr().out
 
     both = answer(value)
-    assert "Take the median and its 90 % interval" in both
+    assert "2.1" in both and "1.5 to 2.7" in both and "rmse" not in both
     assert "remark" not in both
-    assert "Take the median" not in answer(value.model_copy(update={"median": None, "low": None, "high": None}))
+    alone = answer(value.model_copy(update={"median": None, "low": None, "high": None}))
+    assert "+- rmse" in alone and "0.5" in alone and "rmse: of rooms" in alone and "interval" not in alone
     bound = answer(value.model_copy(update={"at_bound": True}))
     assert "remark" in bound and "at the end of its range" in bound
 
 
-def test_what_does_not_fit_of_another_system_is_said_to_be_of_it(ridge_run, recording, tmp_path):
-    recording["level"].attrs["cell_methods"] = "time: mean"
-    mine = write(recording.assign_attrs(system_name=ridge_run.card.system_name), tmp_path / "mine.nc")
-    with pytest.raises(RecordingError, match=r"level is a mean .*; for the run it is an instant at each step's end$"):
-        predict(ridge_run, mine)
-    other = write(recording.assign_attrs(system_name="Barrel"), tmp_path / "other.nc")
-    with pytest.raises(RecordingError, match=r"; the recording is of the system 'Barrel', and the run of '\w+'$"):
-        predict(ridge_run, other)
+def test_a_recording_in_memory_is_estimated_as_the_one_in_the_file(ridge_run, recording, tmp_path):
+    path = write(recording, tmp_path / "r.nc")
+    with xr.open_dataset(path) as opened:
+        found = predict(ridge_run, opened)
+    assert found == predict(ridge_run, path)
+    assert predict(ridge_run, recording).predictions == found.predictions
+    with pytest.raises(RecordingError, match=r"^dataset-\w+: has no channel 'level', which the run reads"):
+        predict(ridge_run, recording.drop_vars("level").drop_encoding())

@@ -10,11 +10,8 @@ from hypothesis import strategies as st
 
 from shared.codes import CODES
 from shared.errors import RecordingError
-from shared.store import Records
 from trainer.predicting.readings import check_gaps, comparable
-from trainer.reading.encoding import Encoding, make_encoding
-
-from ..conftest import tank_system
+from trainer.reading.encoding import Encoding
 
 
 def encoding(mean, sd, unit="W", constant=()):
@@ -41,14 +38,6 @@ def test_a_reading_that_is_common_is_no_code(code, away):
     assert checked(code, told)[0, 1, 0] == np.float32(code)
 
 
-def test_a_rare_reading_is_no_code():
-    assert checked(9990.0, encoding(700.0, 900.0))[0, 1, 0] == 9990.0
-
-
-def test_a_missing_reading_is_left_missing():
-    assert np.isnan(checked(np.nan, encoding(700.0, 900.0))[0, 1, 0])
-
-
 @pytest.mark.parametrize(
     ("holes", "largest", "sentence"),
     [
@@ -70,30 +59,6 @@ def test_missing_readings_are_counted_in_the_window_that_has_most(holes, largest
         return
     with pytest.raises(RecordingError, match=sentence):
         check_gaps(Path("r.nc"), "power", values, [4, 8], largest)
-
-
-def test_infinite_readings_are_told_apart_from_missing_ones():
-    values = np.ones((1, 10))
-    values[0, :5] = np.nan
-    values[0, 5] = -np.inf
-    sentence = r"r\.nc: power has 1 infinite value in its last 10 samples; expected numbers: check the unit"
-    with pytest.raises(RecordingError, match=sentence):
-        check_gaps(Path("r.nc"), "power", values, [None], 0.9)
-
-
-def test_a_constant_channel_at_zero_stays_there_and_may_have_gaps():
-    system = tank_system()
-    values = np.zeros((3, 1, 20), np.float32)
-    records = Records(["level"], values, np.full((3, 2), 3.0), np.arange(3), np.zeros(3, np.int8), np.arange(1, 21.0))
-    encoding = make_encoding(system, records, [], 4, np.arange(3))
-    window = np.array([[0.0, np.nan, 0.0, 0.0]], np.float32)[..., None]
-    times = 1800.0 * np.arange(1, 5)[None]
-    read = comparable(Path("r.nc"), window, times, [None], encoding)
-    np.testing.assert_array_equal(read, window)
-    with pytest.raises(
-        RecordingError, match="level is 1e-06 m at 2001-01-01T02:00:00; in the run's training it was 0 m"
-    ):
-        comparable(Path("r.nc"), window + np.float32([0, 0, 0, 1e-6])[:, None], times, [None], encoding)
 
 
 @pytest.mark.parametrize("unit", ["K", "m"])

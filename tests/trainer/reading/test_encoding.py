@@ -1,5 +1,3 @@
-import json
-
 import numpy as np
 import pytest
 import torch
@@ -10,7 +8,7 @@ from shared.errors import EstimatorError
 from shared.schema import methods_of
 from shared.store import Records
 from shared.system import load_system
-from trainer.reading.encoding import LATER, Encoding, clock_columns, make_encoding, split_channels
+from trainer.reading.encoding import clock_columns, make_encoding, split_channels
 from trainer.runs.checkpoint import load_run
 from trainer.training.beginning import encoding_of
 from trainer.training.fitting import fit
@@ -61,12 +59,6 @@ def test_a_channel_that_does_not_vary_is_encoded_as_zero(data):
     assert torch.equal(windows, torch.zeros(2, 10, 1))
 
 
-def test_one_training_system_leaves_its_parameters_unscaled(data):
-    values, parameters = data
-    encoding = make_encoding(tank_system(), records(values, parameters), [], 10, np.array([0]))
-    assert encoding.target_sd == [1.0, 1.0]
-
-
 @given(drain=st.floats(2.0, 20.0), fill=st.floats(1.0, 4.0))
 def test_targets_and_estimates_are_inverse(drain, fill):
     rng = np.random.default_rng(0)
@@ -113,45 +105,6 @@ def test_channels_are_sorted_into_recorded_and_derived():
 def test_wrong_channels_are_refused(channels, sentence):
     with pytest.raises(EstimatorError, match=sentence):
         split_channels(tank_system(), channels)
-
-
-@pytest.mark.parametrize(
-    ("change", "sentence"),
-    [
-        ({"methods": ["point", "mean"]}, "methods: has 2 values; expected 1, or none"),
-        ({"logarithmic": [True]}, "logarithmic: has 1 values; expected 2, or none"),
-        ({"methods": ["maximum"]}, "'point' or 'mean'"),
-        ({"constant": ["glow"]}, "constant: 'glow' is not known; expected one of level"),
-    ],
-)
-def test_what_a_card_says_of_its_channels_goes_together(data, change, sentence):
-    encoding = make_encoding(tank_system(), records(*data), [], 10, np.arange(5))
-    assert encoding.methods == ["point"]
-    earlier = encoding.model_dump(exclude=LATER)
-    assert Encoding.model_validate(earlier).methods == Encoding.model_validate(earlier).constant == []
-    with pytest.raises(ValueError, match=sentence):
-        Encoding.model_validate(earlier | change)
-
-
-def test_a_run_of_an_earlier_version_is_begun_with_and_resumed(tanks, tmp_path):
-    """It says nothing of methods and constant channels: so nothing of them differs."""
-    options = {"width": 16, "layers": 1, "heads": 2, "feedforward": 32}
-    settings = {"options": options, "channels": ["level", "valve"], "steps": 2}
-    run = fit(tanks, tmp_path / "run", **settings)
-    path = tmp_path / "run" / "estimator.json"
-    card = json.loads(path.read_text())
-    assert (card["encoding"]["methods"], card["encoding"]["constant"]) == (["point", "point"], ["valve"])
-    for name in LATER:
-        del card["encoding"][name]
-    path.write_text(json.dumps(card))
-    assert fit(tanks, tmp_path / "run", resume=True, **settings).card.weights_sha256 == run.card.weights_sha256
-    assert "methods" not in json.loads(path.read_text())["encoding"]  # it was left as it is
-    again = fit(tanks, tmp_path / "again", begin_with=tmp_path / "run", **settings)
-    assert again.card.begun_with == run.card.weights_sha256
-    card["encoding"]["methods"] = ["mean", "point"]
-    path.write_text(json.dumps(card))
-    with pytest.raises(EstimatorError, match=r"run: methods is \['mean', 'point'\]; expected \['point', 'point'\]"):
-        fit(tanks, tmp_path / "other", begin_with=tmp_path / "run", **settings)
 
 
 def test_a_run_in_whose_training_a_channel_never_varied_is_not_begun_with_where_it_does(tanks, tmp_path):

@@ -1,11 +1,9 @@
 """In what a recording is unlike a training: against windows that are made to be so."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
@@ -14,14 +12,8 @@ from shared.errors import EstimatorError, RecordingError
 from shared.store import DatasetFolder
 from trainer.predicting.prediction import predict
 from trainer.reading.data import load_records
-from trainer.reading.encoding import make_encoding
-from trainer.reading.familiar import Familiar, Rest, familiar, looks, of_both, stuck, unlike
-from trainer.reading.noise import Sensors
-from trainer.reading.windows import WindowSource
+from trainer.reading.familiar import Familiar, Rest, looks, of_both, stuck, unlike
 from trainer.runs.checkpoint import load_run
-from trainer.training.fitting import fit
-
-from ..conftest import tank_system
 
 NAN = float("nan")
 
@@ -86,27 +78,6 @@ def test_a_sensor_that_stands_still_throughout_is_refused(ridge_run, tanks, tmp_
         predict(ridge_run, tmp_path / "dead.nc")
 
 
-def test_the_level_of_a_dead_sensor_is_told_whose_first_reading_is_lost(tanks, tmp_path):
-    settings = {"model": "multiscale-transformer", "options": {"width": 16, "layers": 1, "heads": 2}, "steps": 1}
-    run = fit(tanks, tmp_path / "run", **settings)
-    with xr.open_dataset(tanks / "shards" / "000.nc") as opened:
-        recording = opened.load()[["level"]].isel(system=[0], time=slice(0, 48))
-    recording["level"].values[:] = [NAN] + 47 * [2.0]
-    recording.to_netcdf(tmp_path / "dead.nc")
-    with pytest.raises(RecordingError, match=r"level of system \d+ is 2 m throughout the window"):
-        predict(run, tmp_path / "dead.nc")
-
-
-def test_a_lost_reading_now_and_then_does_not_make_a_dead_sensor_move(ridge_run):
-    (one,) = ridge_run.card.familiar
-    dead = np.full((1, 48, 1), 2.0)
-    dead[0, [0, 24, 25], 0] = np.nan
-    assert stuck(dead, one, ridge_run.card.encoding) == (0, 0)
-    dead[0, 30, 0] = 2.1
-    assert stuck(dead, one, ridge_run.card.encoding) is None
-    assert stuck(np.full((1, 48, 1), np.nan), one, ridge_run.card.encoding) is None
-
-
 def test_an_output_that_may_be_off_for_long_may_be_off(tanks, ridge_run):
     """A heater in summer."""
     (one,) = ridge_run.card.familiar
@@ -116,23 +87,6 @@ def test_an_output_that_may_be_off_for_long_may_be_off(tanks, ridge_run):
     assert stuck(dead, patient, ridge_run.card.encoding) is None
     without = ridge_run.card.encoding.model_copy(update={"optional": ["level"]})
     assert stuck(dead, one, without) is None
-
-
-def test_what_is_familiar_has_the_sensors_noise(tanks):
-    """Quantised readings repeat themselves, noisy ones go farther: both are like the training."""
-    system = tank_system()
-    run = DatasetFolder(tanks)
-    records = load_records(run, ["level"])
-    encoding = make_encoding(system, records, [], 48, records.of_split("train"))
-
-    def seen(preset):
-        source = WindowSource(records, encoding, Sensors(system, ["level"], preset), torch.Generator())
-        return familiar(source, records.of_split("train"), 3)[0]
-
-    clean, noisy = seen("none"), seen("gauge")
-    assert noisy.lowest[0] < clean.lowest[0]
-    assert noisy.highest[0] > clean.highest[0]
-    assert seen("gauge") == noisy
 
 
 def test_a_card_without_it_is_read_and_one_with_too_little_is_refused(own_ridge):
@@ -150,40 +104,6 @@ def test_a_card_without_it_is_read_and_one_with_too_little_is_refused(own_ridge)
     with pytest.raises(EstimatorError, match="familiar: is of 0 channels; expected 1"):
         load_run(own_ridge)
     assert Familiar(**known[0]).length == 48
-
-
-def test_a_standstill_is_told_by_where_the_channel_rests(ridge_run):
-    """An empty room may be at outdoor CO2 for days; a sensor that died is anywhere, for as long."""
-    encoding = ridge_run.card.encoding
-    rest = Rest(hours=12.0, lowest=[1.0], highest=[1.1])  # half of a window
-    known = Familiar(
-        length=48, windows=9, lowest=[1.0], highest=[9.0], least_sd=[0.0], longest_still=[48], rests=[rest]
-    )
-    window = np.full((1, 48, 1), 1.05)
-    assert stuck(window, known, encoding) is None
-    assert unlike(window[0], known, encoding) == []
-    window[:] = 7.0
-    assert stuck(window, known, encoding) == (0, 0)
-    (note,) = unlike(window[0], known, encoding)
-    assert note == "level stands still at 7 m for 24 h; in training it did so for 12 h and more at 1 to 1.1 m only"
-    assert unlike(window[0], known.model_copy(update={"rests": []}), encoding) == []  # a run of before
-    window[0, :30, 0] = np.linspace(2.0, 7.0, 30)
-    assert stuck(window, known, encoding) is None
-    assert unlike(window[0], known, encoding) == []
-
-
-def test_where_a_training_rests_is_remembered(tanks):
-    """Every other tank's level stands still."""
-    dataset = DatasetFolder(tanks)
-    records = load_records(dataset, ["level"])
-    values = records.values.copy()
-    values[::2] = 1.5
-    train = records.of_split("train")
-    encoding = make_encoding(dataset.system, records, [], 48, train)
-    still = replace(records, values=values)
-    source = WindowSource(still, encoding, Sensors(dataset.system, ["level"], "none"), torch.Generator())
-    (found,) = familiar(source, train, 1)
-    assert [(one.hours, one.lowest, one.highest) for one in found.rests] == [(24.0, [1.5], [1.5])]
 
 
 def test_of_two_trainings_the_farther_extreme_counts():

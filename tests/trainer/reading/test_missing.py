@@ -1,7 +1,6 @@
 import pytest
 import torch
 
-from shared.errors import EstimatorError
 from trainer.reading.missing import GAPS, LONGEST, WITHOUT, Missing
 
 
@@ -35,10 +34,3 @@ def test_readings_that_stay_are_untouched():
     made = Missing(["a", "b"], 2, ["b"])(values, torch.Generator().manual_seed(1))
     kept = ~torch.isnan(made)
     assert torch.equal(made[kept], values[kept])
-
-
-def test_options_that_make_no_sense_are_refused():
-    with pytest.raises(EstimatorError, match="optional: 'valve' is not an output that is read; found a, b"):
-        Missing(["a", "b", "valve"], 2, ["valve"])
-    with pytest.raises(EstimatorError, match="all outputs are optional; expected at least one"):
-        Missing(["a", "b"], 2, ["a", "b"])

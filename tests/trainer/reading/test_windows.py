@@ -37,16 +37,6 @@ def test_gathered_windows_are_slices_of_the_records(source, records):
     np.testing.assert_allclose(source.encoding.estimates(batch.targets), records.parameters[[3, 17]], rtol=1e-5)
 
 
-def test_records_that_memory_does_not_hold_twice_are_told(source, records, monkeypatch):
-    def full(*_, **__):
-        raise MemoryError("Unable to allocate 1. TiB")
-
-    monkeypatch.setattr(np, "ascontiguousarray", full)
-    sentence = r"not enough memory for a copy of the records of 100 systems \(Unable .*\); expected less"
-    with pytest.raises(EstimatorError, match=sentence):
-        WindowSource(records, source.encoding, source.sensors, torch.Generator())
-
-
 def test_systems_and_starts_are_drawn_uniformly(source):
     rows = np.array([5, 7, 11, 13])
     which, starts = Sampler(source, rows, seed=3).indices(20_000)
@@ -105,23 +95,3 @@ def test_a_record_has_its_own_beginning(tanks, records):
     source = WindowSource(moved, encoding, Sensors(system, moved.channels, "none"), torch.Generator())
     batch = source.gather(torch.tensor([0, 3]), torch.tensor([0, 10]))
     assert batch.time.tolist() == [1800.0, 3 * 86400 + 11 * 1800.0]
-
-
-def test_lengths_take_turns(tanks, records):
-    system = DatasetFolder(tanks).system
-    encoding = make_encoding(system, records, [], 192, records.of_split("train"), shorter=[24, 48])
-    source = WindowSource(records, encoding, Sensors(system, records.channels, "none"), torch.Generator())
-    sampler = Sampler(source, np.arange(50), seed=0, main=48)
-    seen = np.array([sampler.draw(1).windows.shape[1] for _ in range(2000)])
-    share = {length: np.mean(seen == length) for length in (24, 48, 192)}
-    assert set(seen) == set(share)
-    assert share[48] == pytest.approx(0.5, abs=0.04)
-    assert share[24] / share[192] == pytest.approx(8, rel=0.3)  # each costs the same
-
-
-def test_a_short_window_may_begin_later(tanks, records):
-    system = DatasetFolder(tanks).system
-    encoding = make_encoding(system, records, [], 480, records.of_split("train"), shorter=[10])
-    source = WindowSource(records, encoding, Sensors(system, records.channels, "none"), torch.Generator())
-    _, starts = Sampler(source, np.arange(50), seed=0, main=10).indices(5000, 10)
-    assert (int(starts.min()), int(starts.max())) == (0, 470)

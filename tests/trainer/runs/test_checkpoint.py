@@ -2,11 +2,9 @@ import json
 
 import numpy as np
 import pytest
-from safetensors.torch import load_file, save_file
 
 from shared.errors import EstimatorError
-from shared.store import sha256_of
-from trainer.runs.checkpoint import load_run
+from trainer.runs.checkpoint import SCHEMA_VERSION, load_run
 
 
 def change_card(folder, **fields):
@@ -29,7 +27,7 @@ def test_the_estimate_does_not_depend_on_its_neighbours(ridge_run):
 
 
 def test_a_folder_without_a_run_is_told(tmp_path):
-    with pytest.raises(EstimatorError, match=r"no such file; expected a run folder made by .* \(MixedAirCO2\)"):
+    with pytest.raises(EstimatorError, match=r"no such file; expected a run folder made by .* \(MixedAirCO2, Room\)"):
         load_run(tmp_path / "nowhere")
 
 
@@ -40,10 +38,10 @@ def test_a_damaged_card_is_told(own_ridge, text):
         load_run(own_ridge)
 
 
-@pytest.mark.parametrize("version", [7, "7.1", True])
+@pytest.mark.parametrize("version", [SCHEMA_VERSION + 1, f"{SCHEMA_VERSION + 1}.1", True])
 def test_a_newer_version_is_told(own_ridge, version):
     change_card(own_ridge, schema_version=version, tricks="new")
-    said = rf"schema version is {version!r}; this version of zeroshot-fmu reads up to 6: update it"
+    said = rf"schema version is {version!r}; this version of zeroshot-fmu reads up to {SCHEMA_VERSION}: update it"
     with pytest.raises(EstimatorError, match=said):
         load_run(own_ridge)
 
@@ -57,23 +55,9 @@ def test_errors_of_other_parameters_are_named(own_ridge):
         load_run(own_ridge)
 
 
-def test_a_card_without_the_errors_of_its_training_is_damaged(own_ridge):
-    change_card(own_ridge, validation_rmse={"tank.drain": 1.0})  # `trainer info` showed a traceback
-    with pytest.raises(
-        EstimatorError, match=r"validation_rmse: has errors of tank\.drain; expected tank\.drain, tank\.fill"
-    ):
-        load_run(own_ridge)
-
-
 def test_a_missing_or_wrong_field_is_named(own_ridge):
     change_card(own_ridge, context_hours="long")
     with pytest.raises(EstimatorError, match="damaged: context_hours"):
-        load_run(own_ridge)
-
-
-def test_an_estimator_that_this_version_lacks_is_told(own_ridge):
-    change_card(own_ridge, model="oracle")
-    with pytest.raises(EstimatorError, match="'oracle' is not an estimator"):
         load_run(own_ridge)
 
 
@@ -86,18 +70,4 @@ def test_damaged_weights_are_told(own_ridge):
         load_run(own_ridge)
     path.unlink()
     with pytest.raises(EstimatorError, match=r"weights.safetensors: no such file; expected weights"):
-        load_run(own_ridge)
-
-
-def test_weights_of_another_shape_are_told(own_ridge):
-    path = own_ridge / "weights.safetensors"
-    tensors = load_file(path)
-    tensors["offset"] = tensors["offset"][:1].clone()
-    save_file(tensors, path)
-    change_card(own_ridge, weights_sha256=sha256_of(path))
-    with pytest.raises(EstimatorError, match=r"does not fit estimator.json"):
-        load_run(own_ridge)
-    path.write_bytes(b"\x80\x04K\x01.")  # a pickle is no safetensors file
-    change_card(own_ridge, weights_sha256=sha256_of(path))
-    with pytest.raises(EstimatorError, match=r"does not fit estimator.json"):
         load_run(own_ridge)

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shared.errors import EstimatorError, ZeroshotError
+from shared.errors import EstimatorError
 from trainer.posterior import fit_posterior, load_posterior
-from trainer.runs import checkpoint, pair
+from trainer.runs import pair
 from trainer.runs.checkpoint import load_run
 from trainer.training.fitting import fit
 
@@ -79,29 +79,6 @@ def full(monkeypatch, name):
     monkeypatch.setattr(pair, "write_atomically", cut)
 
 
-def test_what_was_found_stays_where_a_disk_is_too_full_for_what_would_replace_it(own_ridge, tanks, monkeypatch):
-    """The estimator stayed, and its posterior, evaluation and calibration were gone."""
-    fit_posterior(own_ridge, tanks, **QUICK)
-    findings = ("evaluation.json", "calibration.json")
-    for name in findings:
-        (own_ridge / name).write_text("{}")
-    expected = answers(own_ridge)
-    for name, replace in (
-        ("weights-", lambda: fit(tanks, own_ridge, model="mean", overwrite=True)),
-        ("posterior-", lambda: fit_posterior(own_ridge, tanks, **QUICK, seed=7, overwrite=True)),
-    ):
-        with monkeypatch.context() as patch, pytest.raises((OSError, ZeroshotError), match="No space left"):
-            full(patch, name)
-            replace()
-        assert answers(own_ridge) == expected
-        assert load_posterior(load_run(own_ridge)).card.seed == 0
-        assert {*findings} <= names(own_ridge)
-    fit_posterior(own_ridge, tanks, **QUICK, seed=7, overwrite=True)
-    assert names(own_ridge) & {*findings} == {"evaluation.json"}
-    fit(tanks, own_ridge, model="mean", overwrite=True)
-    assert not names(own_ridge) & {*findings, "posterior.json"}
-
-
 def test_a_training_that_takes_the_place_removes_a_posterior_that_was_cut_off(own_ridge, tanks, monkeypatch):
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
         killed(patch, "posterior.safetensors")
@@ -109,34 +86,6 @@ def test_a_training_that_takes_the_place_removes_a_posterior_that_was_cut_off(ow
     assert load_posterior(load_run(own_ridge)) is not None
     fit(tanks, own_ridge, model="mean", overwrite=True)
     assert {name for name in names(own_ridge) if name.startswith("posterior")} == set()
-
-
-def test_a_reader_that_finds_the_card_of_one_and_the_weights_of_the_next_reads_again(own_ridge, tanks, monkeypatch):
-    read = checkpoint.read_card
-
-    def slow(folder):
-        card = read(folder)
-        monkeypatch.setattr(checkpoint, "read_card", read)
-        fit(tanks, own_ridge, model="mean", overwrite=True)
-        return card
-
-    monkeypatch.setattr(checkpoint, "read_card", slow)
-    assert load_run(own_ridge).card.model == "mean"
-
-
-def test_weights_that_take_their_usual_name_while_they_are_looked_for_are_found(tmp_path, monkeypatch):
-    weights, card = tmp_path / "weights.safetensors", tmp_path / "estimator.json"
-    new, read = pair.digest(b"new"), pair.read_bytes
-    weights.write_bytes(b"old")
-
-    def renamed(path, *more):
-        found = read(path, *more)
-        if path == weights:
-            weights.write_bytes(b"new")
-        return found
-
-    monkeypatch.setattr(pair, "read_bytes", renamed)
-    assert pair.read_pair(weights, new, card.name, "again") == b"new"
 
 
 def test_a_card_cannot_name_weights_elsewhere(own_ridge, tmp_path):

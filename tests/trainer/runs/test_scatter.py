@@ -5,15 +5,13 @@ import shutil
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from shared.store import DatasetFolder
 from trainer.evaluating.evaluation import evaluate
 from trainer.models.mean import Mean
 from trainer.predicting.prediction import predict
 from trainer.runs.checkpoint import load_run
-from trainer.runs.scatter import Errors, factors_of, means_from
+from trainer.runs.scatter import Errors, means_from
 from trainer.training.fitting import fit
 
 
@@ -27,23 +25,6 @@ def errors(length, absent, noise, scatter):
 def test_the_mean_of_lognormal_draws(sd):
     drawn = np.exp(sd * np.random.default_rng(0).standard_normal(400_000))
     assert means_from(np.array([[sd]]))[0] == pytest.approx(drawn.mean(), rel=0.005)
-
-
-@given(st.floats(0.0, 1.0), st.floats(0.0, 1.0))
-def test_presets_count_alike(quiet, loud):
-    known = [errors(48, [], "none", quiet), errors(48, [], "gauge", loud)]
-    (found,) = factors_of(known, ["a"], 48, [])
-    assert np.log(found) == pytest.approx(0.5 * (quiet**2 + loud**2) / 2)
-    assert found >= 1.0
-
-
-def test_a_factor_is_of_its_own_condition():
-    known = [errors(48, [], "none", 0.1), errors(48, ["b"], "none", 0.2), errors(48, ["b", "c", "d"], "none", 0.4)]
-    known += [errors(96, [], "none", 0.3)]
-    for length, absent, scatter in ((48, [], 0.1), (48, ["b"], 0.2), (96, [], 0.3), (48, ["c", "d"], 0.4)):
-        assert factors_of(known, ["a"], length, absent) == pytest.approx([np.exp(scatter**2 / 2)])
-    assert factors_of(known, ["a"], 24, []) is None
-    assert factors_of([one.model_copy(update={"scatter": None}) for one in known], ["a"], 48, []) is None
 
 
 @pytest.fixture(scope="module")

@@ -10,10 +10,9 @@ import xarray as xr
 
 from shared.store import DatasetFolder
 from trainer.posterior import calibration, fit_posterior
-from trainer.posterior.report import markdown
 from trainer.predicting.prediction import predict
 from trainer.runs.checkpoint import load_run
-from trainer.runs.validation import absences, typical_errors
+from trainer.runs.validation import typical_errors
 from trainer.training.fitting import fit
 
 from ..test_cli import run as command
@@ -86,12 +85,6 @@ def test_a_fit_measures_every_length_preset_and_missing_channel(folder, tanks):
         assert list(found.rmse.values()) == pytest.approx(expected.tolist(), rel=1e-3)
 
 
-def test_equal_seeds_measure_equal_errors(tanks, tmp_path):
-    first, again = (fit(tanks, tmp_path / name, model="mean", noise="gauge").card for name in ("a", "b"))
-    assert first.validation_errors == again.validation_errors
-    assert len(first.validation_errors) == 1
-
-
 def test_a_prediction_has_the_errors_of_its_own_length_and_channels(folder, record):
     run = load_run(folder)
     for hours, channels, absent in (
@@ -133,44 +126,6 @@ def test_readings_that_were_put_in_are_told_of_intervals_and_without_an_rmse_too
     assert sentence in " ".join(out.split())
 
 
-def test_one_figure_over_everything_is_not_given_for_a_recording(earlier, record, capsys):
-    """Neither at another length nor at its own, where it mixes presets and missing channels."""
-    for hours in (24, 48):
-        found = json.loads(predict(earlier, record(hours)).model_dump_json())
-        assert {one["rmse"] for one in found["predictions"][0]["parameters"].values()} == {None}
-        assert found["rmse_note"] == (
-            "no rmse: the run's card has one figure only (24 h, noise none and gauge, with and without glow), and none"
-            f" for {hours} h, noise none or gauge; the 90 % interval is the posterior's own, for this very recording"
-        )
-    code, out, _ = command(capsys, "predict", earlier, record(48))
-    assert code == 0
-    assert "+- rmse" not in out
-    assert "90 % interval" in out
-    assert "no rmse: the run's card has one figure only" in " ".join(out.split())
-    code, out, _ = command(capsys, "info", earlier)
-    assert "24 h, noise none and gauge, with and without glow" in out
-
-
-def test_one_figure_is_given_where_it_has_one_condition(own_ridge, record, capsys):
-    card = json.loads((own_ridge / "estimator.json").read_text())
-    del card["validation_errors"]
-    (own_ridge / "estimator.json").write_text(json.dumps(card | {"schema_version": 1}))
-    found = predict(own_ridge, record(48, ("level",)))
-    assert {name: one.rmse for name, one in found.predictions[0].parameters.items()} == card["validation_rmse"]
-    assert found.rmse_note == "rmse: root mean square error on the run's validation windows, 24 h, noise none"
-    code, out, _ = command(capsys, "predict", own_ridge, record(48, ("level",)))
-    assert code == 0
-    assert "+- rmse" in out
-    run = load_run(own_ridge)
-    assert typical_errors(run.card, 48, [], "gauge").rmse is None
-
-
-def test_missing_channels_are_measured_alone_and_together():
-    assert absences([]) == [[]]
-    assert absences(["a"]) == [[], ["a"]]
-    assert absences(["a", "b", "c"]) == [[], ["a"], ["b"], ["c"], ["a", "b", "c"]]
-
-
 def test_a_condition_that_was_not_measured_has_no_errors(folder):
     card = load_run(folder).card.model_copy(deep=True)
     card.validation_errors = [one for one in card.validation_errors if not one.absent]
@@ -179,24 +134,6 @@ def test_a_condition_that_was_not_measured_has_no_errors(folder):
     assert found.note == (
         "the run's card has errors of validation systems, but none for 24 h without glow, noise none or gauge"
     )
-
-
-def test_mixed_presets_are_mixed_evenly(folder):
-    run = load_run(folder)
-    figures = [errors_of(run, length=48, absent=[], noise=noise).rmse["tank.fill"] for noise in ("none", "gauge")]
-    mixed = typical_errors(run.card, 48, [], "none gauge").rmse["tank.fill"]
-    assert mixed == pytest.approx(np.sqrt(np.mean(np.square(figures))))
-    assert typical_errors(run.card, 48, [], "gauge").rmse["tank.fill"] == pytest.approx(figures[1])
-
-
-def test_what_is_mixed_and_what_is_the_larger_are_told_apart(folder):
-    """They are two figures: of noise that is mixed, and of a recording whose noise nobody knows."""
-    card = load_run(folder).card
-    mixed, larger, one = (typical_errors(card, 48, [], noise) for noise in ("none gauge", None, "gauge"))
-    assert all(mixed.rmse[name] < larger.rmse[name] for name in card.encoding.parameters)
-    assert mixed.note.endswith("24 h, noise none and gauge, mixed")
-    assert larger.note.endswith("24 h, noise none or gauge, whichever is larger")
-    assert one.note.endswith("24 h, noise gauge")
 
 
 def test_the_gaussian_of_a_calibration_has_the_errors_of_the_same_condition(folder, other_tanks, tmp_path, monkeypatch):
@@ -224,16 +161,3 @@ def test_the_gaussian_of_a_calibration_has_the_errors_of_the_same_condition(fold
         assert f"validation systems, {hours:g} h" in found.gaussian_note
     expected = [errors_of(run, length=round(2 * hours), absent=a, noise=noise).rmse for hours, noise, a in conditions]
     assert used == [pytest.approx(list(one.values())) for one in expected]
-
-
-def test_without_such_errors_there_is_no_gaussian(earlier, other_tanks, tmp_path):
-    found = calibration(earlier, other_tanks, windows=20, samples=20, context_hours=48.0, noise="gauge", out=tmp_path)
-    assert found.log_score.gaussian is None
-    assert {one.crps_gaussian for one in found.parameters.values()} == {None}
-    assert found.gaussian_note.startswith("no Gaussian to compare with: the run's card has one figure only (24 h,")
-    text = (tmp_path / "calibration.md").read_text()
-    assert text == markdown(found)
-    assert found.gaussian_note in text
-    assert "Gaussian -" not in text
-    assert "Gaussian nan" not in text
-    assert ",None," not in (tmp_path / "calibration.csv").read_text()

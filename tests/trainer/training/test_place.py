@@ -11,10 +11,8 @@ import pytest
 from shared.errors import EstimatorError
 from trainer.evaluating.evaluation import evaluate
 from trainer.reading.windows import Sampler
-from trainer.runs.checkpoint import load_run
 from trainer.runs.state import STATE, read_state
 from trainer.training.fitting import fit
-from trainer.training.loop import Loop
 
 SMALL = {"width": 16, "layers": 1, "heads": 2, "feedforward": 32}
 SETTINGS = {"options": SMALL, "context_hours": 12.0}
@@ -90,30 +88,6 @@ def test_a_second_training_in_a_folder_is_refused_and_a_killed_one_is_in_nobodys
     assert fit(tanks, folder, **SETTINGS, steps=2).card.training.steps == 2
 
 
-def test_a_training_that_ended_while_another_read_its_dataset_is_kept(tanks, tmp_path, monkeypatch):
-    from trainer.training import fitting
-
-    folder, material = tmp_path / "run", fitting.material_of
-
-    def slow(*arguments, **settings):
-        monkeypatch.setattr(fitting, "material_of", material)
-        fit(tanks, folder, model="mean")
-        return material(*arguments, **settings)
-
-    monkeypatch.setattr(fitting, "material_of", slow)
-    with pytest.raises(EstimatorError, match="run: holds an estimator by now"):
-        fit(tanks, folder, model="ridge")
-    assert load_run(folder).card.model == "mean"
-
-
-def test_an_estimator_outlives_a_training_that_leaves_none(tanks, old, monkeypatch):
-    before = contents(old)
-    failing(monkeypatch, 0)
-    with pytest.raises(EstimatorError, match=r"at step 1; none is kept, and .*run still holds the one that was there"):
-        fit(tanks, old, overwrite=True, steps=40, **SETTINGS)
-    assert contents(old) == before
-
-
 def test_an_estimator_outlives_a_training_that_is_stopped_early_and_can_be_gone_on_with(tanks, old, monkeypatch):
     before = contents(old)
     failing(monkeypatch, 0, KeyboardInterrupt())
@@ -131,19 +105,6 @@ def test_an_estimator_outlives_a_training_that_is_stopped_early_and_can_be_gone_
     assert run.card.weights_sha256 == whole.card.weights_sha256
 
 
-def test_what_was_said_of_an_estimator_goes_before_the_first_one_of_another_training(tanks, old, monkeypatch):
-    monkeypatch.setattr("trainer.training.loop.SAVE_SECONDS", -1.0)
-    failing(monkeypatch, 2, KeyboardInterrupt())
-
-    def stands(self, stopped):
-        assert set(contents(old)) == {"estimator.json", "weights.safetensors", STATE}
-
-    monkeypatch.setattr("trainer.training.loop.Loop._finish", stands)
-    with pytest.raises(KeyboardInterrupt):
-        fit(tanks, old, overwrite=True, steps=40, **SETTINGS)
-    assert load_run(old).card.model == "patch-transformer"
-
-
 def test_a_resumption_that_is_refused_takes_nothing_away(tanks, old, monkeypatch):
     failing(monkeypatch, 0, KeyboardInterrupt())
     with pytest.raises(KeyboardInterrupt):
@@ -154,23 +115,3 @@ def test_a_resumption_that_is_refused_takes_nothing_away(tanks, old, monkeypatch
     with pytest.raises(EstimatorError, match="seed was 0 and is 1 now"):
         fit(tanks, old, resume=True, steps=4, seed=1, **SETTINGS)
     assert contents(old) == before
-
-
-@pytest.mark.parametrize("stay", [False, True])
-def test_scores_of_a_training_under_way_stay_beside_the_very_weights_only(tanks, tmp_path, monkeypatch, stay):
-    monkeypatch.setattr("trainer.training.loop.SAVE_SECONDS", -1.0)
-    save, finish, ends, saved = Loop._save, Loop._finish, [], []
-
-    def evaluated(self):
-        save(self)
-        if bool(ends) == stay and not saved:
-            evaluate(self.folder, tanks, windows=20)
-            saved.append(self.card.weights_sha256)
-
-    monkeypatch.setattr(Loop, "_save", evaluated)
-    monkeypatch.setattr(Loop, "_finish", lambda self, stopped: ends.append(stopped) or finish(self, stopped))
-    run = fit(tanks, tmp_path / "run", steps=40, **SETTINGS)
-    found = {"evaluation.json", "evaluation.md", "evaluation.csv", "answers.csv", "scatter.png"}
-    rest = {"estimator.json", "weights.safetensors", "curve.csv", "curve.png"}
-    assert (saved == [run.card.weights_sha256]) == stay
-    assert set(contents(run.folder)) == (found | rest if stay else rest)

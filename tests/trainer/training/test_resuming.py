@@ -123,24 +123,6 @@ def test_an_interrupted_training_goes_on(tanks, tmp_path, stopping, monkeypatch,
     assert [line.split(",")[::2] for line in curves[0]] == [line.split(",")[::2] for line in curves[1]]
 
 
-@pytest.mark.parametrize("model", ["patch-transformer", "ridge"])
-def test_a_training_stopped_while_its_errors_are_measured_gets_them_when_resumed(tanks, tmp_path, monkeypatch, model):
-    settings = SETTINGS | {"model": model, "options": SMALL, "steps": 8} if model != "ridge" else {"model": model}
-
-    def stop(*arguments):
-        raise KeyboardInterrupt
-
-    whole = fit(tanks, tmp_path / "whole", **settings)
-    monkeypatch.setattr("trainer.training.fitting.measured_errors", stop)
-    with pytest.raises(KeyboardInterrupt):
-        fit(tanks, tmp_path / "cut", **settings)
-    monkeypatch.undo()
-    assert read_card(tmp_path / "cut").training.stopped == "running"
-    resumed = fit(tanks, tmp_path / "cut", resume=True, **settings)
-    assert resumed.card.validation_errors == whole.card.validation_errors != []
-    assert (resumed.card.training.stopped, resumed.card.weights_sha256) == ("steps", whole.card.weights_sha256)
-
-
 def test_a_finished_training_is_left_as_it_is(tanks, tmp_path):
     settings = SETTINGS | {"steps": 4}
     fit(tanks, tmp_path / "run", resume=True, **settings)
@@ -174,24 +156,6 @@ def test_another_training_is_not_resumed_and_can_be_overwritten(tanks, tmp_path,
     assert not (tmp_path / "run" / STATE).exists()
 
 
-def test_another_training_does_not_take_the_place_of_one_whose_state_is_gone(tanks, tmp_path, cut_short):
-    run = tmp_path / "run"
-    (run / STATE).unlink()
-    (run / "posterior.json").write_text("{}")
-    before = {path.name: path.read_bytes() for path in run.iterdir() if path.name != ".lock"}
-    for name, other, words in (
-        ("noise", "none", "noise was 'gauge' and is 'none' now"),
-        ("steps", 41, "steps was 40 and is 41 now"),
-    ):
-        with pytest.raises(EstimatorError, match=rf"estimator\.json: {words}; resume with the same, or overwrite"):
-            fit(tanks, run, resume=True, **cut_short | {name: other})
-    assert {path.name: path.read_bytes() for path in run.iterdir() if path.name != ".lock"} == before
-    path = run / "estimator.json"  # of an earlier version, which did not write what was planned
-    card = json.loads(path.read_text())
-    path.write_text(json.dumps(card | {"training": card["training"] | {"planned": None}}))
-    assert fit(tanks, run, resume=True, **cut_short).card.training.steps == 40
-
-
 @pytest.mark.parametrize("theirs", ["1.0", None])
 def test_a_state_of_another_version_is_told_and_gone_on_with(tanks, tmp_path, cut_short, caplog, theirs):
     settings = cut_short
@@ -215,6 +179,17 @@ def test_a_damaged_state_is_named(tanks, tmp_path, cut_short):
         fit(tanks, tmp_path / "run", resume=True, **settings)
     state.unlink()
     assert fit(tanks, tmp_path / "run", resume=True, **settings).card.training.steps == 40
+
+
+def test_fewer_training_systems_are_the_first_ones(tanks, tmp_path):
+    run = fit(tanks, tmp_path / "few", model="mean", systems=7)
+    whole = fit(tanks, tmp_path / "all", model="mean")
+    assert run.card.training_systems.indices == whole.card.training_systems.indices[:7]
+    assert run.card.validation_systems == whole.card.validation_systems
+    assert load_run(tmp_path / "few").card.encoding.target_mean != whole.card.encoding.target_mean
+    for wrong in (0, 1, 81):  # one alone had losses in log10, told as shares of the spread
+        with pytest.raises(EstimatorError, match=f"systems: is {wrong}; expected 2 to the 80 training systems"):
+            fit(tanks, tmp_path / "none", model="mean", systems=wrong)
 
 
 @pytest.mark.parametrize("optimiser", ["adamax", "adamw", "muon"])
@@ -249,33 +224,3 @@ def test_every_optimiser_goes_on_as_if_nothing_had_happened(tmp_path, optimiser)
     train(other, others, batches[3:])
     for name, weight in network.state_dict().items():
         assert torch.equal(weight, other.state_dict()[name]), name
-
-
-def test_a_budget_that_preparing_used_up_leaves_what_was_prepared(tanks, tmp_path):
-    run = fit(tanks, tmp_path / "run", model="summary-mlp", minutes=1e-6)
-    assert (run.card.training.steps, run.card.training.best_step, run.card.training.minutes) == (0, 0, 1e-6)
-    assert run.card.training.validation_loss < 1
-
-
-def test_fewer_training_systems_are_the_first_ones(tanks, tmp_path):
-    run = fit(tanks, tmp_path / "few", model="mean", systems=7)
-    whole = fit(tanks, tmp_path / "all", model="mean")
-    assert run.card.training_systems.indices == whole.card.training_systems.indices[:7]
-    assert run.card.validation_systems == whole.card.validation_systems
-    assert load_run(tmp_path / "few").card.encoding.target_mean != whole.card.encoding.target_mean
-    for wrong in (0, 1, 81):  # one alone had losses in log10, told as shares of the spread
-        with pytest.raises(EstimatorError, match=f"systems: is {wrong}; expected 2 to the 80 training systems"):
-            fit(tanks, tmp_path / "none", model="mean", systems=wrong)
-
-
-def test_a_training_that_is_stopped_again_before_it_validates_says_what_is_done(tanks, tmp_path, stopping, monkeypatch):
-    settings, steps = SETTINGS | {"steps": 200}, []
-    for draws in (150, 1):
-        stopping(draws)
-        with pytest.raises(KeyboardInterrupt):
-            fit(tanks, tmp_path / "run", resume=draws == 1, **settings)
-        monkeypatch.undo()
-        training = read_card(tmp_path / "run").training
-        assert training.seconds > 0
-        steps.append(training.steps)
-    assert steps[0] == steps[1] > 0

@@ -1,7 +1,6 @@
 """The search for an estimator's options."""
 
 import json
-import logging
 import os
 import signal
 import subprocess
@@ -10,15 +9,12 @@ from types import SimpleNamespace
 
 import optuna
 import pytest
-import torch
 
 from shared.errors import DatasetError, EstimatorError, OptionsError
-from shared.interrupts import Terminated
 from shared.store import DatasetFolder
 from trainer.models import estimator_class
 from trainer.reading.windows import WindowSource
 from trainer.runs.checkpoint import load_run, read_card
-from trainer.training.fitting import fit
 from trainer.training.tuning import BEST, read_options, tune
 
 from ..conftest import make_dataset
@@ -119,31 +115,6 @@ def test_a_search_that_was_killed_tries_the_cut_trial_again(tanks, tmp_path, sma
     assert [one.params == cut.params for one in study.trials] == [False, True, True, False]
 
 
-@pytest.mark.parametrize("cut", ["0000", "0001"])
-def test_a_search_that_was_interrupted_tries_the_cut_trial_again(tanks, tmp_path, no_training, monkeypatch, cut):
-    """Optuna itself notes the failure then; what the defaults reach is said of the defaults only."""
-    from trainer.training import tuning
-
-    fit = tuning.fit
-
-    def interrupted(*arguments, **settings):
-        if arguments[1].name == cut:
-            raise KeyboardInterrupt
-        return fit(*arguments, **settings)
-
-    monkeypatch.setattr(tuning, "fit", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        tune(tanks, tmp_path, trials=3, **SETTINGS)
-    monkeypatch.setattr(tuning, "fit", fit)
-    best = tune(tanks, tmp_path, trials=3, **SETTINGS)
-    assert best.trials == 3
-    assert best.default_loss == 1e-3  # the loss is the learning rate
-    study = optuna.load_study(study_name="tune", storage=f"sqlite:///{tmp_path / 'study.db'}")
-    failed, again = (study.trials[int(cut)], study.trials[int(cut) + 1])
-    assert failed.state.name == "FAIL" and again.params == failed.params
-    assert tune(tanks, tmp_path, trials=3, **SETTINGS) == best and len(study.trials) == 4
-
-
 @pytest.fixture
 def no_training(monkeypatch):
     """Trials take no time: the loss is the learning rate."""
@@ -182,13 +153,6 @@ def test_an_error_that_is_not_of_the_options_ends_the_search(tanks, tmp_path, no
     assert [trial.state.name for trial in study.trials] == ["COMPLETE", "FAIL", "COMPLETE", "COMPLETE"]
 
 
-def test_a_wrong_argument_is_named_however_often(tanks, tmp_path):
-    """The second time the defaults are tried again, under another number."""
-    for _ in range(2):
-        with pytest.raises(EstimatorError, match="noise: 'hail' is not a preset of Tank"):
-            tune(tanks, tmp_path, trials=3, **SETTINGS | {"noise": "hail"})
-
-
 def test_options_without_a_result_end_their_trial_only(tanks, tmp_path, no_training, monkeypatch):
     failing(monkeypatch, OptionsError("patch is 24 samples"), "0000", "0002")
     best = tune(tanks, tmp_path, trials=4, **SETTINGS)
@@ -198,22 +162,6 @@ def test_options_without_a_result_end_their_trial_only(tanks, tmp_path, no_train
         EstimatorError, match=r"no trial came to an end.* The last one: the loss is not a finite number"
     ):
         tune(tanks, tmp_path / "none", trials=2, **SETTINGS)
-
-
-@pytest.mark.parametrize(
-    ("model", "options"),
-    [
-        ("patch-transformer", {"patch": 13}),
-        ("patch-transformer", {"width": 30, "heads": 4}),
-        ("multiscale-transformer", {"patch": 13}),
-        ("multiscale-transformer", {"width": 30, "heads": 4}),
-        ("regression-transformer", {"patch": 4, "views": 6}),
-        ("tcn", {"dropout": 1.5}),
-    ],
-)
-def test_options_that_do_not_go_together_are_told_from_other_errors(tanks, tmp_path, model, options):
-    with pytest.raises(OptionsError):
-        fit(tanks, tmp_path / "run", model=model, context_hours=6.0, options=options, steps=1)
 
 
 def test_a_search_that_goes_on_tries_something_new(tanks, tmp_path, no_training):
@@ -255,26 +203,6 @@ def test_a_search_lies_in_its_folder_whatever_its_name(tanks, tmp_path, no_train
         tune(other, tmp_path / name, trials=2, **SETTINGS)
 
 
-def test_a_search_of_an_earlier_version_is_told(tanks, tmp_path, no_training):
-    tune(tanks, tmp_path, trials=1, **SETTINGS)
-    study = optuna.load_study(study_name="tune", storage=f"sqlite:///{tmp_path / 'study.db'}")
-    settings = json.loads(study.user_attrs["settings"])
-    del settings["systems_sha256"]
-    study.set_user_attr("settings", json.dumps(settings))
-    with pytest.raises(EstimatorError, match=r"an earlier version began it and did not note systems_sha256: it may be"):
-        tune(tanks, tmp_path, trials=2, **SETTINGS)
-
-
-def test_a_search_that_other_versions_began_is_told_and_goes_on(tanks, tmp_path, no_training, caplog):
-    tune(tanks, tmp_path, trials=1, **SETTINGS)
-    tune(tanks, tmp_path, trials=2, **SETTINGS)
-    assert "begun with" not in caplog.text
-    study = optuna.load_study(study_name="tune", storage=f"sqlite:///{tmp_path / 'study.db'}")
-    study.set_user_attr("versions", study.user_attrs["versions"] | {"torch": "1.0"})
-    assert tune(tanks, tmp_path, trials=3, **SETTINGS).trials == 3
-    assert f"study.db: begun with torch 1.0, and this is {torch.__version__}: its trials may differ" in caplog.text
-
-
 def test_what_cannot_be_searched_is_told(tanks, tmp_path):
     with pytest.raises(EstimatorError, match="ridge is solved, not trained"):
         tune(tanks, tmp_path, model="ridge")
@@ -285,57 +213,6 @@ def test_what_cannot_be_searched_is_told(tanks, tmp_path):
     (tmp_path / "bad.json").write_text('{"options": {}}')
     with pytest.raises(EstimatorError, match=r"bad\.json: model: Field required; expected a file of `trainer tune`"):
         read_options(tmp_path / "bad.json")
-
-
-@pytest.mark.parametrize(
-    ("option", "value"), [("batch_size", "0"), ("batch_size", "-1"), ("lr", "0"), ("lr", "-1"), ("lr", "nan")]
-)
-def test_what_is_given_beside_a_file_of_options_is_not_passed_over(tanks, tmp_path, capsys, option, value):
-    path, out = tmp_path / "best.json", tmp_path / "run"
-    path.write_text('{"model": "lstm", "batch_size": 16, "lr": 1e-3}')
-    flag = "--" + option.replace("_", "-")
-    code, _, err = command(capsys, "fit", tanks, "--options", path, "--out", out, "--steps", "1", flag, value)
-    assert (code, err) == (1, f"error: {option}: is {value}; expected a positive number\n")
-    assert not out.exists()
-    path.write_text(json.dumps({"model": "lstm", option: float(value) if option == "lr" else int(value)}))
-    code, _, err = command(capsys, "fit", tanks, "--options", path, "--out", out, "--steps", "1")
-    assert code == 1 and err.startswith(f"error: {path}: ") and err.count("\n") == 1
-    assert not out.exists()
-
-
-@pytest.mark.parametrize("ends", [KeyboardInterrupt(), Terminated(), DatasetError("001.nc: damaged")])
-def test_what_ends_a_search_is_no_traceback_of_optunas(tanks, tmp_path, no_training, monkeypatch, ends):
-    records = []
-    handler = logging.Handler()
-    handler.emit = records.append
-    logging.getLogger("optuna").addHandler(handler)
-    failing(monkeypatch, ends, "0001")
-    try:
-        with pytest.raises(type(ends)):
-            tune(tanks, tmp_path, trials=3, **SETTINGS)
-    finally:
-        logging.getLogger("optuna").removeHandler(handler)
-    assert [record.getMessage() for record in records] == []
-    study = optuna.load_study(study_name="tune", storage=f"sqlite:///{tmp_path / 'study.db'}")
-    assert [trial.state.name for trial in study.trials] == ["COMPLETE", "FAIL"]
-
-
-@pytest.mark.parametrize(
-    ("slip", "words"),
-    [
-        ({"noise": "hail"}, "noise: 'hail' is not a preset of Tank"),
-        ({"channels": ["depth"]}, "depth"),
-        ({"context_hours": 1000.0}, "context"),
-        ({"systems": 1000}, "systems: is 1000"),
-        ({"steps": 0}, "steps: is 0; expected a positive number"),
-        ({"minutes": 1.0}, "steps and minutes: both are given"),
-    ],
-)
-def test_a_slip_leaves_nothing_in_the_way_of_the_search_that_was_meant(tanks, tmp_path, no_training, slip, words):
-    with pytest.raises(EstimatorError, match=words):
-        tune(tanks, tmp_path / "search", trials=1, **SETTINGS | slip)
-    assert not (tmp_path / "search").exists()
-    assert tune(tanks, tmp_path / "search", trials=1, **SETTINGS).trials == 1
 
 
 def test_a_second_search_in_a_folder_is_refused_and_does_not_fail_the_trial_under_way(
@@ -354,10 +231,3 @@ def test_a_second_search_in_a_folder_is_refused_and_does_not_fail_the_trial_unde
     assert tune(tanks, tmp_path, trials=2, **SETTINGS).trials == 2
     study = optuna.load_study(study_name="tune", storage=f"sqlite:///{tmp_path / 'study.db'}")
     assert [trial.state.name for trial in study.trials] == ["COMPLETE", "COMPLETE"]
-
-
-def test_a_search_that_was_begun_in_another_space_is_told(tanks, tmp_path, small, monkeypatch):
-    tune(tanks, tmp_path, trials=1, **SETTINGS)
-    monkeypatch.setattr(estimator_class("lstm").__init__, "__defaults__", (10, 1, 0.0))
-    with pytest.raises(EstimatorError, match=r"study\.db: was begun by a version that searched lstm elsewhere; choose"):
-        tune(tanks, tmp_path, trials=2, **SETTINGS)

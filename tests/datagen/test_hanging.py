@@ -1,0 +1,122 @@
+"""An FMU that never returns from one of its functions: a signal or the time limit ends the command, with a sentence."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from tests.datagen.faults import alive, family_of, finish, wait_for
+
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(os.name == "nt", reason="signals are sent as POSIX has them")]
+HANGS = 3
+MOST = 6.0
+"""Seconds from a signal to the end: one and a little on a machine that is free."""
+SYSTEM = """schema_version = 1
+name = "hanging"
+fmu = "{fmu}"
+[experiment]
+step = 3600.0
+hours = 24.0
+[estimator]
+channels = ["x"]
+context_hours = 24.0
+[fixed]
+fault = {fault}.0
+when = {when}
+[[parameters]]
+name = "k"
+unit = "1"
+min = 1e-5
+max = 1e-4
+[[outputs]]
+name = "x"
+unit = "1"
+accuracy = 1e-6
+"""
+
+
+def described(small_fmu, folder, kind, *, when=10.0, fault=HANGS, **options):
+    fmu = small_fmu("faulty", 2, (kind,), **options)
+    path = folder / "system.toml"
+    path.write_text(SYSTEM.format(fmu=fmu.as_posix(), fault=fault, when=when))
+    return path
+
+
+def started(program, *words):
+    return subprocess.Popen(
+        [sys.executable, "-m", f"{program}.cli", *map(str, words)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+
+
+def is_unpacked(process):
+    """Whether some process of a command has an FMU's library loaded, and so runs it or is about to."""
+    for one in family_of(process.pid):
+        try:
+            if "zeroshot-fmu-" in " ".join(m.path for m in one.memory_maps()):
+                return True
+        except Exception:  # it ended meanwhile
+            continue
+    return False
+
+
+@pytest.mark.parametrize(("kind", "number", "code"), [("me", signal.SIGINT, 130), ("cs", signal.SIGTERM, 143)])
+def test_a_signal_ends_a_simulation_that_never_returns(small_fmu, tmp_path, kind, number, code):
+    system = described(small_fmu, tmp_path, kind)
+    process = started("datagen", "simulate", system, "--out", tmp_path / "one.nc")
+    wait_for(lambda: is_unpacked(process))
+    time.sleep(1.0)
+    began = time.monotonic()
+    os.killpg(process.pid, number)
+    found, said = finish(process, 30)
+    assert time.monotonic() - began < MOST
+    assert found == code
+    assert re.fullmatch("warning: stopped before its end; .*\n", said)
+    assert not (tmp_path / "one.nc").exists()
+
+
+def test_the_limit_ends_one_that_never_returns_and_leaves_no_folder(small_fmu, tmp_path):
+    system = described(small_fmu, tmp_path, "cs")
+    (tmp_path / "tmp").mkdir()
+    words = [sys.executable, "-m", "datagen.cli", "simulate", system, "--out", tmp_path / "one.nc", "--timeout", "1"]
+    done = subprocess.run(
+        words, capture_output=True, text=True, timeout=60, env={**os.environ, "TMPDIR": f"{tmp_path / 'tmp'}"}
+    )
+    assert done.returncode == 1
+    assert re.fullmatch(r"error: .*\.fmu: one of its functions had not returned after 1 s, .*\n", done.stderr)
+    assert list((tmp_path / "tmp").iterdir()) == []
+
+
+def test_identifiability_ends_and_so_do_its_processes(small_fmu, tmp_path):
+    """The looks at parameters end in a process apart, then windows in workers."""
+    system = described(small_fmu, tmp_path, "me")
+    words = ["identifiability", system, "--systems", "2", "--timeout", "1", "--quiet"]
+    process = started("datagen", *words)
+    family = wait_for(lambda: family_of(process.pid))
+    code, said = finish(process, 60)
+    assert code == 1
+    assert "had not returned after 1 s" in said.splitlines()[-1]
+    assert alive(family) == []
+
+
+def test_ctrl_c_ends_workers_that_never_return(small_fmu, tmp_path):
+    system = described(small_fmu, tmp_path, "me")
+    process = started("datagen", "identifiability", system, "--systems", "2", "--timeout", "60", "--quiet")
+    wait_for(lambda: is_unpacked(process))
+    time.sleep(1.0)
+    family = family_of(process.pid)
+    began = time.monotonic()
+    os.kill(process.pid, signal.SIGINT)
+    code, said = finish(process, 30)
+    assert time.monotonic() - began < MOST
+    assert code == 130
+    assert said.count("\n") == 1
+    assert alive(family) == []
