@@ -25,6 +25,7 @@ from diagnosis.fitting.drive import crowd, drive
 from diagnosis.fitting.failures import FAILURES, reason
 from diagnosis.fitting.linearisation import Linearisation, Marginal
 from diagnosis.fitting.noise import NoiseModel, errors_under, undeclared
+from diagnosis.fitting.nuisance import Nuisance
 from diagnosis.fitting.run import Run
 from diagnosis.fitting.runs import Runs
 from diagnosis.fitting.side_by_side import InProcess, Outcome, Runner
@@ -168,6 +169,10 @@ class Problem:
     def with_noise(self, noise: NoiseModel) -> Problem:
         """The same problem with another noise."""
         return self._copy(noise=noise)
+
+    def with_nuisance(self, nuisance: Nuisance) -> Problem:
+        """The same problem with another nuisance."""
+        return self._copy(nuisance=nuisance)
 
     def simulate(self, z: np.ndarray, heights: np.ndarray | None = None) -> np.ndarray:
         """Outputs (outputs, steps) [unit of each]; nuisance heights (pulses,) are their prior means if not given.

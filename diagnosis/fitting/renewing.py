@@ -18,8 +18,7 @@ def pruned(problem: Problem, around: Linearisation) -> tuple[Problem, Linearisat
     nuisance = problem.nuisance
     moved = np.abs(around.response) * nuisance.sd / problem.noise.sd[:, None, None]
     keep = nuisance.guessed | (moved.max(axis=(0, 1), initial=0.0) > UNFELT)
-    other = problem.with_effects(problem.effects)
-    other.nuisance = nuisance.only(keep)
+    other = problem.with_nuisance(nuisance.only(keep))
     used = np.abs(nuisance.factor[keep]).any(axis=0)
     response = around.response[:, :, keep]
     return other, Linearisation(

@@ -88,13 +88,13 @@ def _counted(lin: Linearised) -> Linearised:
     """
     nuisance, around = lin.problem.nuisance, lin.around
     keep = ~np.isin(nuisance.column, [level.column for level in nuisance.levels])
-    problem = lin.problem.with_effects(lin.problem.effects)
-    problem.nuisance, response = nuisance.only(keep), around.response[..., keep]
+    problem, response = lin.problem.with_nuisance(nuisance.only(keep)), around.response[..., keep]
     for level, factor in zip(nuisance.levels, lin.problem.unknown.level_values(lin.z).tolist(), strict=True):
         pulses = _within_steps(lin, level.column, factor)
         if pulses.size:
             answers = felt(lin.problem, lin.z, around.heights, pulses)
-            problem.nuisance, response = both(problem.nuisance, pulses), np.concatenate([response, answers], axis=2)
+            problem = problem.with_nuisance(both(problem.nuisance, pulses))
+            response = np.concatenate([response, answers], axis=2)
     by_nuisance, turn = felt_nuisance(problem, replace(around, response=response))
     count = len(lin.z) - len(nuisance.levels)
     return replace(lin, by_nuisance=by_nuisance, turn=turn, by_unknown=lin.by_unknown[..., :count], z=lin.z[:count])

@@ -29,10 +29,9 @@ WITHIN = 2.0
 
 def widened(problem: Problem, around: Linearisation) -> tuple[Problem, Linearisation]:
     """A problem and its linearisation with nuisances as wide as they are."""
-    problem = problem.with_effects(problem.effects)
     nuisance = problem.nuisance
     wider = np.where(nuisance.turns, WITHIN, 1.0)[:, None]
-    problem.nuisance = replace(nuisance, factor=nuisance.factor * wider)
+    problem = problem.with_nuisance(replace(nuisance, factor=nuisance.factor * wider))
     columns = np.abs(nuisance.factor[nuisance.turns]).any(axis=0)  # they share none with other pulses
     around = replace(around, nuisance=np.where(columns, around.nuisance / WITHIN, around.nuisance))
     for place, one in enumerate(problem.system.inputs):
@@ -99,8 +98,7 @@ def both(old: Nuisance, pulses: Nuisance) -> Nuisance:
 
 def felt(problem: Problem, z: np.ndarray, heights: np.ndarray, pulses: Nuisance) -> np.ndarray:
     """Response of the outputs to further pulses, shape (outputs, steps, pulses)."""
-    other = problem.with_effects(problem.effects)
-    other.nuisance = both(problem.nuisance, pulses)
+    other = problem.with_nuisance(both(problem.nuisance, pulses))
     base = other.simulate(z, np.concatenate([heights, pulses.mean]))
     return responses(
         pulses,
@@ -113,10 +111,9 @@ def felt(problem: Problem, z: np.ndarray, heights: np.ndarray, pulses: Nuisance)
 def _joined(problem: Problem, around: Linearisation, pulses: Nuisance) -> tuple[Problem, Linearisation]:
     """A problem with further pulses, and what they do to the outputs around a linearisation."""
     response = felt(problem, around.z, around.heights, pulses)
-    other = problem.with_effects(problem.effects)
     # where the line is drawn again a day is enough: a hundredth of the square of what they do comes later
     pulses = replace(pulses, followed=np.minimum(pulses.followed, SPACING))
-    other.nuisance = both(problem.nuisance, pulses)
+    other = problem.with_nuisance(both(problem.nuisance, pulses))
     return other, replace(
         around,
         heights=np.concatenate([around.heights, pulses.mean]),

@@ -140,7 +140,7 @@ def relinearised(grams: Grams, colours: dict[int, Colour], z: np.ndarray, every:
     A straight line that is drawn at the usual persons of a day is wrong for the day that was; and who was there on a
     day is told by that day's readings alone, also where they are kept from all else.
     """
-    problem = grams.lin.problem.with_effects(grams.lin.problem.effects)
+    problem = grams.lin.problem
     around = problem.linearise(z, likely(Grams(grams.lin, every), colours, z))
     return linearised(problem, z, around)
 

@@ -34,7 +34,7 @@ from diagnosis.gap.grams import AMPLITUDE, Colour, Grams, projected
 from diagnosis.gap.linear import Linearised, linearised
 from diagnosis.gap.nuisances import widened
 from diagnosis.gap.refit import Refit, inner, misfit, refit, step_from
-from diagnosis.gap.renewal import relinearised
+from diagnosis.gap.renewal import relinearised, settled
 from shared.errors import SimulationError
 
 GRID = (-4.0, -2.0, -0.5, 0.5, 2.0, 4.0)
@@ -56,17 +56,57 @@ class Rivals:
     failed: dict[str, str] = field(default_factory=dict)
 
 
+def line_at(plain: Problem, start: np.ndarray) -> Linearised:
+    """A problem without effects, linearised at a start and at the nuisance that is likely there.
+
+    Parameters
+    ----------
+    plain
+        Before its nuisances were widened.
+    start
+        Unknowns, shape (unknowns,).
+
+    Raises
+    ------
+    SimulationError
+        If it cannot be simulated there.
+    """
+    around = plain.linearise(start)
+    if plain.nuisance.guessed.any():  # at the usual persons of a day the line is wrong for the days that were
+        around, _ = most_likely(plain, start, rounds=2)
+    problem, around = widened(plain, around)
+    return linearised(problem, start, around)
+
+
+def base_from(line: Linearised, observed: np.ndarray, colours: dict[int, Colour]) -> Refit:
+    """The base model's optimum, led to from a start and settled there.
+
+    Parameters
+    ----------
+    line
+        At the start, without effects.
+    observed, colours
+        As of :func:`from_one_start`.
+
+    Raises
+    ------
+    SimulationError
+        If it cannot be simulated where the line leads.
+    """
+    led = refit(Grams(line, observed), colours, line.z, (), redrawn=False)
+    problem = line.problem
+    return settled(problem, led.lin.z, led.lin.around, observed, problem.floor, colours)
+
+
 def from_one_start(
-    plain: Problem, start: np.ndarray, effects: Sequence[Effect], observed: np.ndarray, colours: dict[int, Colour]
+    line: Linearised, effects: Sequence[Effect], observed: np.ndarray, colours: dict[int, Colour]
 ) -> Rivals:
     """Refit the base model and all candidates from one start, on one line by the nuisance.
 
     Parameters
     ----------
-    plain
-        The problem before its nuisances were widened, without effects.
-    start
-        Unknowns without effects, shape (unknowns,).
+    line
+        At the start, without effects.
     observed
         Readings that count, shape (outputs, steps).
     colours
@@ -77,15 +117,11 @@ def from_one_start(
     SimulationError
         If the base model cannot be simulated there.
     """
-    around = plain.linearise(start)
-    if plain.nuisance.guessed.any():  # at the usual persons of a day the line is wrong for the days that were
-        around, _ = most_likely(plain, start, rounds=2)
-    problem, around = widened(plain, around)
-    lin = linearised(problem, start, around)
-    amplitudes, secants, failed = begun(lin, effects, observed, colours)
-    grams = Grams(replace(lin, by_effect=secants, effects=tuple(effects)), observed)
+    start = line.z
+    amplitudes, secants, failed = begun(line, effects, observed, colours)
+    grams = Grams(replace(line, by_effect=secants, effects=tuple(effects)), observed)
     base = refit(grams, colours, start, (), redrawn=False)
-    first, made = len(problem.system.parameters), []
+    first, made = len(line.problem.system.parameters), []
     for effect, amplitude in zip(effects, amplitudes.tolist(), strict=True):
         if effect.name in failed:
             continue

@@ -27,15 +27,17 @@ from diagnosis.fitting.fit import Fit
 from diagnosis.gap.linear import Linearised, applicable, fewer, linearised
 from diagnosis.gap.nuisances import widened
 from diagnosis.gap.refit import Refit, linear_start, refit, rested
-from diagnosis.gap.renewal import RENEWALS, settled
-from diagnosis.gap.rivals import Rivals, from_one_start, on_the_best_line
+from diagnosis.gap.renewal import RENEWALS, WORTH, settled
+from diagnosis.gap.rivals import Rivals, base_from, from_one_start, line_at, on_the_best_line
 from diagnosis.gap.scan import NEGLIGIBLE
 from diagnosis.gap.searched import Ranked, Search, evidence_before
 from diagnosis.gap.stages import CLEAR, STRONG, Stage, examine
 from diagnosis.gap.weighing import named, weighed
 from shared.errors import TimeUp
+from shared.logs import logger
 from shared.numbers import counted
 
+_log = logger(__name__)
 FITTED = 4
 """Candidates that are refitted where the best is: the foremost where the base model's fit began."""
 BY_LINE = 1
@@ -144,7 +146,7 @@ def _first_effect(found: Search, tell: Tell) -> list[Refit]:
         If the time was up before the candidates were looked at where the fit began.
     """
     stage = found.last
-    if not (stage.candidate_found or stage.misfits or stage.discrepancy):
+    if not stage.differs:
         return []
     usable = [one.name for one in stage.lin.effects if one.name not in found.failed]
     start = _at_start(found, stage, usable, tell)
@@ -184,11 +186,17 @@ def _at_start(found: Search, stage: Stage, names: Sequence[str], tell: Tell) -> 
     if known is not None and known[0] >= set(names):
         return known[1]
     tell("looking at all effects from where the fit began")
-    start = np.zeros(found.plain.size) if found.begin is None else found.begin
     effects = [one for one in stage.lin.effects if one.name in names]
-    made = from_one_start(found.plain, start, effects, stage.grams.observed, stage.colours.best)
+    made = from_one_start(_line_at_start(found), effects, stage.grams.observed, stage.colours.best)
     found.made.rivals[found.path] = set(names), made
     return made
+
+
+def _line_at_start(found: Search) -> Linearised:
+    """The line where the base model's fit began, drawn once."""
+    if found.made.line is None:
+        found.made.line = line_at(found.plain, np.zeros(found.plain.size) if found.begin is None else found.begin)
+    return found.made.line
 
 
 def _on_the_best_line(found: Search, rivals: Rivals, stage: Stage, tell: Tell) -> Rivals:
@@ -225,8 +233,30 @@ def _begun(
     if lacking:
         found.unfinished.why["the candidates"] = lacking
         found.excluded |= {effect.name: lacking for effect in usable}
+    elif stage.differs:
+        tell("fitting the base model once more from where its fit began")
+        try:
+            one, lin = _more_plausible(found, one, usable) or (one, lin)
+        except (TimeUp, *FAILURES) as error:
+            _log.info("the base model is where its fit ended: %s", error)
+        if one is not found.base:
+            found.base, found.stages = one, [examine(lin, observed, seed=seed)]
     found.made.base = one, lin
     return found
+
+
+def _more_plausible(found: Search, one: Refit, usable: Sequence[Effect]) -> tuple[Refit, Linearised] | None:
+    """The base model led to anew from where its fit began, and by all candidates; None where that is no better.
+
+    A candidate is compared with the base model from that start. So it is to be asked where it is most plausible whether
+    there is a gap at all: a fit that has not come to its optimum leaves one that no candidate explains.
+    """
+    stage = found.last
+    colours = stage.colours.best
+    other = base_from(_line_at_start(found), stage.grams.observed, colours)
+    if other.grams.evidence(colours) < one.grams.evidence(colours) + WORTH:
+        return None
+    return other, among(other, usable)
 
 
 def _first_stage(

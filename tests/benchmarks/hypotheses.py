@@ -64,7 +64,7 @@ from diagnosis.gap.linear import applicable, linearised
 from diagnosis.gap.missing import operators
 from diagnosis.gap.nuisances import felt, widened
 from diagnosis.gap.refit import Refit
-from diagnosis.gap.rivals import Rivals, from_one_start, on_the_best_line
+from diagnosis.gap.rivals import Rivals, from_one_start, line_at, on_the_best_line
 from diagnosis.gap.scan import mass
 from diagnosis.gap.search import FITTED
 from diagnosis.gap.starting import ZeroShot, zero_shot
@@ -352,7 +352,7 @@ def evaluated(room: Room) -> Iterator[tuple[str, dict[str, Any]]]:
     yield "line", {"hypotheses": table, "ports": sources, **room.spent}
 
     # one start, one line by the nuisance, each at its own optimum
-    own = from_one_start(problem_, room.begin, usable, whole.observed, colours)
+    own = from_one_start(line_at(problem_, room.begin), usable, whole.observed, colours)
     yield "start", {"hypotheses": shown(own, colours), **room.spent}
     yield (
         BEST,

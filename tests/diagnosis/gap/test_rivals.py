@@ -12,7 +12,7 @@ from diagnosis.effects import build, library
 from diagnosis.effects.base import Nothing
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.linear import Linearised, applicable
-from diagnosis.gap.rivals import GRID, begun, from_one_start, on_the_best_line
+from diagnosis.gap.rivals import GRID, begun, from_one_start, line_at, on_the_best_line
 from diagnosis.recording import HOUR, read_recording
 from shared.effects import InputEffect
 from shared.errors import SimulationError
@@ -27,7 +27,7 @@ def compared(problem, effects):
     usable, _ = applicable(problem, effects)
     colours = {k: (float(sd), 0.0, HOUR) for k, sd in enumerate(problem.floor)}
     start = np.zeros(problem.size)
-    first = from_one_start(problem, start, usable, problem.observed, colours)
+    first = from_one_start(line_at(problem, start), usable, problem.observed, colours)
     return first, on_the_best_line(first, start, problem.observed, colours)
 
 
