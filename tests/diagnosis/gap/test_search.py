@@ -50,6 +50,7 @@ def test_the_best_has_to_be_strong_evidence_where_the_fit_began_and_where_it_is(
         best = a_refit("one", -40.0 + at_best)
         return Rivals(a_refit("", -40.0), (best, a_refit("two", -60.0), a_refit("none", -70.0, 0.01)))
 
+    monkeypatch.setattr(searching, "line_at", lambda *_: "line")
     monkeypatch.setattr(searching, "from_one_start", at_the_start)
     monkeypatch.setattr(searching, "on_the_best_line", at_the_best)
     effects = [SimpleNamespace(name=name) for name in ("one", "two", "three", "none", "far")]
@@ -57,7 +58,7 @@ def test_the_best_has_to_be_strong_evidence_where_the_fit_began_and_where_it_is(
     lin = SimpleNamespace(effects=effects, z=None, chosen=())
     grams = SimpleNamespace(observed=None)
     stage = SimpleNamespace(lin=lin, scan=scan, grams=grams, colours=COLOURS, discrepancy=False)
-    stage.candidate_found, stage.misfits = candidate, misfits
+    stage.candidate_found, stage.misfits, stage.differs = candidate, misfits, candidate or misfits
     found = Search([stage], base=None, plain=SimpleNamespace(size=2))
     monkeypatch.setattr(Search, "path", "here")
     assert [one.names[0] for one in searching._first_effect(found, lambda _: None)] == named
