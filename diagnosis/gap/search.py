@@ -234,13 +234,14 @@ def _begun(
         found.unfinished.why["the candidates"] = lacking
         found.excluded |= {effect.name: lacking for effect in usable}
     elif stage.differs:
-        tell("fitting the base model once more from where its fit began")
+        tell("renewing the base model's fit from where it began")
         try:
             one, lin = _more_plausible(found, one, usable) or (one, lin)
         except (TimeUp, *FAILURES) as error:
             _log.info("the base model is where its fit ended: %s", error)
         if one is not found.base:
             found.base, found.stages = one, [examine(lin, observed, seed=seed)]
+            found.excluded = why | lin.failed
     found.made.base = one, lin
     return found
 

@@ -156,6 +156,44 @@ def test_a_first_stage_is_made_some_way_and_at_the_last_without_candidates(monke
     assert bool(lifted) == (why == NO_TIME)
 
 
+@pytest.mark.parametrize(
+    ("differs", "gain", "led"),
+    [
+        (True, 2.0, ["start"]),
+        (True, 0.5, ["start"]),
+        (True, SimulationError("it is stiff"), ["start"]),
+        (False, 9.0, []),
+    ],
+)
+def test_a_gap_is_asked_for_where_the_base_model_is_most_plausible(monkeypatch, differs, gain, led):
+    """Led to from where its fit began, once something seems to differ; by less than one log evidence it stays."""
+
+    def at(evidence):
+        return SimpleNamespace(grams=SimpleNamespace(evidence=lambda _: evidence))
+
+    asked, first, lin = [], at(-100.0), SimpleNamespace(failed={}, z=None, effects=())
+
+    def base_from(line, *_):
+        asked.append(line)
+        if isinstance(gain, Exception):
+            raise gain
+        return at(-100.0 + gain)
+
+    stage = SimpleNamespace(differs=differs, colours=COLOURS, grams=SimpleNamespace(observed=None))
+    monkeypatch.setattr(searching, "applicable", lambda *_: ((), {}))
+    monkeypatch.setattr(searching, "_first_stage", lambda *_: (first, lin, stage, ""))
+    monkeypatch.setattr(searching, "line_at", lambda *_: "start")
+    monkeypatch.setattr(searching, "base_from", base_from)
+    monkeypatch.setattr(searching, "among", lambda *_: lin)
+    monkeypatch.setattr(searching, "examine", lambda *_, **__: "anew")
+    base = SimpleNamespace(problem=SimpleNamespace(size=2))
+    found = searching._begun(base, (), np.ones((1, 2), dtype=bool), None, 0, lambda _: None, None)
+    assert asked == led
+    better = differs and gain == 2.0
+    assert (found.base is not first, found.stages) == (better, ["anew"] if better else [stage])
+    assert found.made.base == (found.base, lin)
+
+
 def test_nothing_is_said_where_nobody_is_told(capsys):
     signature(search).parameters["tell"].default("looking")
     assert capsys.readouterr() == ("", "")
