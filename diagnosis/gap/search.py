@@ -130,7 +130,7 @@ def _extended(found: Search, effects: Sequence[Effect], observed: np.ndarray, se
     found.refits.append(refits)
     found.settled.append(best)
     if not first:
-        found.tried.append(refits)
+        found.tried.append(())
     return True
 
 

@@ -54,8 +54,7 @@ class Search:
     """All stages, the base model's fit, the refits made at each stage (best first), and why candidates were not tried.
 
     ``settled``: the best refit of each stage as the next stage has it.
-    ``tried``: at each stage what all candidates were worth that were looked at, as they were then: at the first where
-    the base model's fit began.
+    ``tried``: at the first stage what all candidates were worth where the base model's fit began; none at a later one.
     ``compared``: the foremost where the best of them is, and the base model there, whether or not a gap is there.
     ``confirmed``: whether what the straight line found at first is there in a refit, or in the residual itself.
     ``plain``: the base model's problem before its nuisances were widened, ``begin`` (unknowns,) where its fit began:

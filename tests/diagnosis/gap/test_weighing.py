@@ -42,8 +42,8 @@ def test_what_was_not_refitted_gains_what_refits_gained_and_is_no_better_than_th
     assert capped["2"] == pytest.approx(capped["1"])
 
 
-def test_what_was_refitted_and_not_fitted_afresh_is_as_far_behind_as_its_refit_was():
-    """The straight line had put it first: what was fitted since counts, and that only one was."""
+def test_what_was_looked_at_and_not_refitted_is_as_far_behind_as_it_was():
+    """The straight line had put it first."""
     found = weighed(stage(9.0, 30.0), refits(_0=100.0), stage(), tried=refits(_0=-3.0, _1=-63.0))
     weight = np.exp(np.array([100.0, 40.0]) / TEMPER)
     assert list(found.values()) == pytest.approx(weight / weight.sum())
