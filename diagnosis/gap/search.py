@@ -30,7 +30,7 @@ from diagnosis.gap.refit import Refit, linear_start, refit, rested
 from diagnosis.gap.renewal import RENEWALS, WORTH, settled
 from diagnosis.gap.rivals import Rivals, base_from, from_one_start, line_at, on_the_best_line
 from diagnosis.gap.scan import NEGLIGIBLE
-from diagnosis.gap.searched import Ranked, Search, evidence_before
+from diagnosis.gap.searched import Made, Ranked, Search, evidence_before
 from diagnosis.gap.stages import CLEAR, STRONG, Stage, examine
 from diagnosis.gap.weighing import named, weighed
 from shared.errors import TimeUp
@@ -218,46 +218,48 @@ def _begun(
     known: Search | None,
 ) -> Search:
     """A search at its first stage."""
+    usable, why = applicable(base.problem, effects)
     if known is not None:
         if known.made.base is None:
             raise ValueError("a search that is known has a base; expected one that search() made")
         one, lin = known.made.base
-        _, why = applicable(one.lin.problem, effects)
         lin = fewer(lin, effects, {*why, *lin.failed})
-        stage = examine(lin, observed, seed=seed)
-        return Search([stage], one, base.problem, begin, excluded=why | lin.failed, made=known.made)
-    usable, why = applicable(base.problem, effects)
-    tell(f"sensitivities of {len(usable)} effects")
-    one, lin, stage, lacking = _first_stage(base, usable, observed, seed)
-    found = Search([stage], one, base.problem, begin, excluded=why | lin.failed)
+        stage, lacking, made = examine(lin, observed, seed=seed), "", known.made
+    else:
+        tell(f"sensitivities of {len(usable)} effects")
+        one, lin, stage, lacking = _first_stage(base, usable, observed, seed)
+        made = Made(base=(one, lin))
+    found = Search([stage], one, base.problem, begin, excluded=why | lin.failed, made=made)
     if lacking:
         found.unfinished.why["the candidates"] = lacking
         found.excluded |= {effect.name: lacking for effect in usable}
     elif stage.differs:
         tell("renewing the base model's fit from where it began")
         try:
-            one, lin = _more_plausible(found, one, usable) or (one, lin)
+            better = _more_plausible(found, effects)
         except (TimeUp, *FAILURES) as error:
             _log.info("the base model is where its fit ended: %s", error)
-        if one is not found.base:
-            found.base, found.stages = one, [examine(lin, observed, seed=seed)]
-            found.excluded = why | lin.failed
-    found.made.base = one, lin
+            better = None
+        if better is not None:
+            found.base, lin = better
+            found.stages, found.excluded = [examine(lin, observed, seed=seed)], why | lin.failed
     return found
 
 
-def _more_plausible(found: Search, one: Refit, usable: Sequence[Effect]) -> tuple[Refit, Linearised] | None:
+def _more_plausible(found: Search, effects: Sequence[Effect]) -> tuple[Refit, Linearised] | None:
     """The base model led to anew from where its fit began, and by all candidates; None where that is no better.
 
     A candidate is compared with the base model from that start. So it is to be asked where it is most plausible whether
     there is a gap at all: a fit that has not come to its optimum leaves one that no candidate explains.
     """
-    stage = found.last
+    stage, led = found.last, found.made.led
     colours = stage.colours.best
-    other = base_from(_line_at_start(found), stage.grams.observed, colours)
-    if other.grams.evidence(colours) < one.grams.evidence(colours) + WORTH:
+    if found.path not in led:
+        led[found.path] = base_from(_line_at_start(found), stage.grams.observed, colours)
+    other = led[found.path]
+    if other.grams.evidence(colours) < found.base.grams.evidence(colours) + WORTH:
         return None
-    return other, among(other, usable)
+    return other, renewed_among(other, effects, found)
 
 
 def _first_stage(

@@ -37,11 +37,13 @@ class Made:
     ``refits``: of a second effect, by its name. ``renewed``: a refit linearised by the candidates that remain, by its
     effects' names and its unknowns' bytes. ``apart``: both lines of a fit to a part, by the bytes of what was fitted;
     its path is that of these stages alone. None is what cannot be simulated. ``base``: the base model's fit, and
-    linearised by all candidates. ``line``: where that fit began.
+    linearised by all candidates. ``line``: where that fit began;
+    ``led``: the base model's optimum as it is led to from there.
     """
 
     base: tuple[Refit, Linearised] | None = None
     line: Linearised | None = None
+    led: dict[Hashable, Refit] = field(default_factory=dict)
     rivals: dict[Hashable, tuple[set[str], Rivals]] = field(default_factory=dict)
     alike: dict[tuple[Hashable, Names], Rivals] = field(default_factory=dict)
     refits: dict[tuple[Hashable, str], Refit] = field(default_factory=dict)

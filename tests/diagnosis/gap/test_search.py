@@ -184,14 +184,15 @@ def test_a_gap_is_asked_for_where_the_base_model_is_most_plausible(monkeypatch, 
     monkeypatch.setattr(searching, "_first_stage", lambda *_: (first, lin, stage, ""))
     monkeypatch.setattr(searching, "line_at", lambda *_: "start")
     monkeypatch.setattr(searching, "base_from", base_from)
-    monkeypatch.setattr(searching, "among", lambda *_: lin)
+    monkeypatch.setattr(searching, "renewed_among", lambda *_: lin)
     monkeypatch.setattr(searching, "examine", lambda *_, **__: "anew")
+    monkeypatch.setattr(Search, "path", "here")
     base = SimpleNamespace(problem=SimpleNamespace(size=2))
     found = searching._begun(base, (), np.ones((1, 2), dtype=bool), None, 0, lambda _: None, None)
     assert asked == led
     better = differs and gain == 2.0
     assert (found.base is not first, found.stages) == (better, ["anew"] if better else [stage])
-    assert found.made.base == (found.base, lin)
+    assert found.made.base == (first, lin)
 
 
 def test_nothing_is_said_where_nobody_is_told(capsys):
