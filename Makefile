@@ -9,7 +9,7 @@ export OMP_NUM_THREADS ?= 1
 # fast tests of the documents, which are checks
 CHECKED := tests/test_readme.py tests/docs/test_plain_english.py
 
-.PHONY: demo test check docs reference wheels clean
+.PHONY: demo paper test check docs reference wheels clean
 .DEFAULT_GOAL := test
 
 $(READY): pyproject.toml constraints.txt
@@ -19,6 +19,17 @@ $(READY): pyproject.toml constraints.txt
 
 demo: $(READY)
 	$(BIN)/python docs/making/demo.py --out demo
+
+# the paper's tables and figures, hours on two cores; both trainings go on where they were stopped
+STEPS ?= 2000
+paper: $(READY)
+	$(BIN)/datagen run MixedAirCO2 --preset many-rooms --systems 4000 --seed 60601 --shard-size 250 --out paper/rooms
+	$(BIN)/trainer benchmark paper/rooms --out paper/benchmark --steps $(STEPS) --windows 400 --seeds 3 --ours ridge \
+	    --parts table3 table4 figure4 figure5 systems channels noise --workers 2 \
+	    --published fmus/MixedAirCO2/published.json
+	$(BIN)/datagen run MixedAirCO2 --preset paper-year --seed 515151 --out paper/year
+	$(BIN)/trainer fit paper/year --out paper/by-heart --steps 49800 --keep last --resume
+	$(BIN)/trainer evaluate paper/by-heart paper/year --windows 1000 --seed 5
 
 check: $(READY)
 	$(BIN)/ruff check .
@@ -45,4 +56,4 @@ test: check
 	$(BIN)/python -m pytest -n 3 --dist loadgroup --no-loadscope-reorder $(CHECKED:%=--ignore=%)
 
 clean:
-	rm -rf demo .mypy_cache .ruff_cache .pytest_cache build dist *.egg-info
+	rm -rf demo paper .mypy_cache .ruff_cache .pytest_cache build dist *.egg-info

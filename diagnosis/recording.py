@@ -148,7 +148,7 @@ def read_recording(
         found = data[name].attrs.get("units", "")
         if not isinstance(found, str) or found != unit:
             raise RecordingError(f"{path}: {name!r} is in {shown(found)}; the system description has {unit!r}{other}")
-        if fault := method_fault(data[name].attrs, methods[name], "by the system description"):
+        if fault := method_fault(data[name], methods[name], "by the system description"):
             raise RecordingError(f"{path}: {name!r} {fault}{other}")
         if data[name].dims != ("time",):
             raise RecordingError(f"{path}: {name!r} has dimensions {data[name].dims}; expected ('time',)")

@@ -54,13 +54,14 @@ def methods_of(system: System) -> dict[str, Method]:
     return methods | {one.name: "mean" if one.interpolation == "previous" else "point" for one in system.inputs}
 
 
-def method_fault(attributes: Mapping[Any, Any], method: Method, whose: str) -> str:
-    """What is wrong with the cell method in a variable's attributes, to follow its name; empty if it states no other.
+def method_fault(series: xr.DataArray, method: Method, whose: str) -> str:
+    """What is wrong with a series' cell method, to follow its name; empty if it states no other.
 
-    ``whose`` method it should be is how the sentence goes on, for example ``by the system description``.
+    Nothing is wrong with a series that never changes: its instants are its means. ``whose`` method it should be is how
+    the sentence goes on, for example ``by the system description``.
     """
-    said = re.search(r"\btime:\s*(\w+)", str(attributes.get("cell_methods", "")))
-    if said is None or said[1] == method:
+    said = re.search(r"\btime:\s*(\w+)", str(series.attrs.get("cell_methods", "")))
+    if said is None or said[1] == method or len(np.unique(series.values)) <= 1:
         return ""
     found = _METHODS.get(said[1], f"the {said[1]} of each step")
     return f"is {found} (its cell_methods); {whose} it is {_METHODS[method]}"

@@ -81,6 +81,11 @@ class System(Table):
     name: str = Field(description="in datasets and reports")
     description: str = Field("", description="what it is, for reports")
     fmu: str = Field(description="the FMU's file, as seen from this one's folder")
+    wider: str = Field(
+        "",
+        description="name or path of a system description with wider ranges of the same parameters: commands name it"
+        " where a recording does not fit into the ranges of this one",
+    )
     kind: Literal["ModelExchange", "CoSimulation"] | None = Field(
         None, description="of an FMU that is both, which one is simulated; Model Exchange if not given"
     )
@@ -109,9 +114,9 @@ class System(Table):
 
     @model_serializer(mode="wrap")
     def _without_nothing(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """A description without a ``kind``, given facts or ratios has the hash that it had before there were any."""
+        """What is empty is left out: descriptions keep the hash that they had before such a field was there."""
         made: dict[str, Any] = handler(self)
-        for name in ("kind", "given", "ratios"):
+        for name in ("kind", "wider", "given", "ratios"):
             if not getattr(self, name):
                 made.pop(name, None)
         return made
@@ -268,11 +273,12 @@ class System(Table):
         """sha256 of what is simulated: equal for equal systems, however long and for whom they are simulated.
 
         ``experiment``, ``presets`` and ``estimator`` are defaults of commands, ``effects`` and ``sources`` are what
-        diagnosis tries, and ``uncertain`` is what is not trusted: none of them changes a system that is simulated as
-        described, and they are left out. So systems whose constants were drawn count as the same to an estimator that
-        must not have seen them: that errs on the safe side, and datasets of both kinds differ in their settings.
+        diagnosis tries, ``wider`` is advice, and ``uncertain`` is what is not trusted: none of them changes a system
+        that is simulated as described, and they are left out. So systems whose constants were drawn count as the same
+        to an estimator that must not have seen them: that errs on the safe side, and datasets of both kinds differ in
+        their settings.
         """
-        without = {"path", "experiment", "presets", "estimator", "sources", "uncertain"}
+        without = {"path", "experiment", "presets", "estimator", "sources", "uncertain", "wider"}
         content = self.model_dump(mode="json", exclude=without) | {"effects": []}
         return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 

@@ -122,6 +122,7 @@ class Calibration(_Table):
     covariance: list[list[float]]
     widened: float
     physics: list[Finding] = []
+    wider: str = Field("", description="the description with wider ranges, if the system names one")
     log_likelihood: float
     log_evidence: float
     converged: bool

@@ -115,6 +115,8 @@ def _told(report: Calibration) -> list[str]:
             f"{_listed(bound)} {'lies' if len(bound) == 1 else 'lie'} on a bound of the range: either the range is"
             " too narrow, or the model lacks something that the parameter compensates for."
         )
+        if report.wider:
+            said.append(f"{report.wider} has wider ranges: diagnosis calibrate {report.wider} {report.recording}")
     return said
 
 

@@ -67,6 +67,7 @@ def summarise(found: Fit, zero_shot: dict[str, float], started_from: str) -> Cal
     return Calibration(
         system=system.name,
         system_hash=system.hash(),
+        wider=system.wider,
         fmu_sha256=problem.simulator.fmu.sha256,
         recording=str(problem.recording.path),
         steps=len(problem.time),

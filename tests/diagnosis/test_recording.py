@@ -94,6 +94,19 @@ def test_a_mean_is_not_taken_for_an_instant(default_system, tmp_path, name, said
         read_recording(tmp_path / "other.nc", default_system)
 
 
+def test_a_series_that_never_changes_is_both_its_instants_and_its_means(default_system, tmp_path):
+    """A room's switch that stayed off, as another description of the same FMU records it."""
+    simulate(default_system, hours=3.0, seed=1, out=tmp_path / "one.nc")
+    data = xr.load_dataset(tmp_path / "one.nc", decode_times=False)
+    data["yOff"].attrs["cell_methods"] = "time: mean"
+    data.to_netcdf(tmp_path / "off.nc")
+    np.testing.assert_array_equal(read_recording(tmp_path / "off.nc", default_system).inputs["yOff"], 0.0)
+    data["yOff"].values[-1] = 1.0
+    data.to_netcdf(tmp_path / "on.nc")
+    with pytest.raises(RecordingError, match="'yOff' is a mean over each step"):
+        read_recording(tmp_path / "on.nc", default_system)
+
+
 @pytest.mark.parametrize(
     ("steps", "lead", "before"), [(48, 1, 24), (48, 24, 24), (48, 25, 48), (48, 0, 0), (5, 12, 15)]
 )

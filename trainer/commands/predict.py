@@ -15,7 +15,7 @@ from shared.console import new_console
 from shared.errors import SystemDescriptionError
 from shared.shipped import DESCRIPTION, resolved_estimator
 from shared.stretches import LONGEST, Stretch
-from shared.system import load_system
+from shared.system import System, load_system
 
 if TYPE_CHECKING:
     from trainer.predicting.prediction import Prediction, Predictions
@@ -78,7 +78,8 @@ def predict(
         sys.stdout.write(result.model_dump_json(indent=1) + "\n")
         return
     console = new_console()
-    words = _words(run)
+    described = _described(run)
+    words = {one.name: one.description for one in described.parameters} if described else {}
     for one in result.predictions:
         console.print(_table(one, words))
         if one.unlike is None:
@@ -90,6 +91,10 @@ def predict(
             )
             for note in one.unlike:
                 console.print(f"- {note}", markup=False)
+            if described and described.wider:
+                console.print(
+                    f"{described.wider} has wider ranges: trainer predict {described.wider} {file}", markup=False
+                )
     if result.interval_doubt:
         console.print(f"[bold]Do not rely on the intervals:[/bold] {result.interval_doubt}.", markup=True)
     posterior = all(value.median is not None for one in result.predictions for value in one.parameters.values())
@@ -161,14 +166,13 @@ def _table(one: Prediction, words: Mapping[str, str]) -> Table:
     return table
 
 
-def _words(run: Path) -> dict[str, str]:
-    """What the parameters are, by name, where the description lies beside the estimator; empty where none does."""
+def _described(run: Path) -> System | None:
+    """The description beside the estimator; None where none of its system lies there."""
     from trainer import load_run
 
     folder = resolved_estimator(run)
     try:
         system = load_system(folder.parent / DESCRIPTION)
     except SystemDescriptionError:  # a run of one's own: its parameters go by their names
-        return {}
-    same = system.hash() == load_run(run).card.system_hash
-    return {one.name: one.description for one in system.parameters} if same else {}
+        return None
+    return system if system.hash() == load_run(run).card.system_hash else None

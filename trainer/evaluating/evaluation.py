@@ -24,6 +24,7 @@ from shared.places import check_folder
 from shared.store import DatasetFolder, Records
 from trainer.evaluating.limit import find_ceiling
 from trainer.evaluating.report import Answers, Evaluation, Protocol, write_answers, write_report
+from trainer.evaluating.strata import strata
 from trainer.figures import draw_scatter
 from trainer.intervals import r2_interval
 from trainer.reading.data import load_records
@@ -152,7 +153,7 @@ def evaluate(
         if is_of(run, folder):
             check_not_replaced(run)
         make_folder(folder)
-        write_report(result, card, folder)
+        write_report(result, card, folder, strata(answers["unseen"], card.encoding))
         write_answers(answers, card.encoding.parameters, folder)
         title = f"{card.model}, {hours:g} h, noise {preset}"
         clouds = {name: (one.truth, one.estimate, r2(one.truth, one.estimate)) for name, one in answers.items()}

@@ -246,8 +246,8 @@ def _parsed(rows: list[list[str]]) -> dict[str, Answers]:
     return found
 
 
-def write_report(evaluation: Evaluation, card: Card, folder: Path) -> None:
-    """Write evaluation.json, evaluation.md and evaluation.csv."""
+def write_report(evaluation: Evaluation, card: Card, folder: Path, further: str = "") -> None:
+    """Write evaluation.json, evaluation.md, which ends with ``further`` tables, and evaluation.csv."""
     write_atomically(folder / EVALUATION, (evaluation.model_dump_json(indent=1) + "\n").encode())
-    write_atomically(folder / "evaluation.md", markdown(evaluation, card).encode())
+    write_atomically(folder / "evaluation.md", (markdown(evaluation, card) + further).encode())
     write_atomically(folder / "evaluation.csv", as_csv(evaluation).encode())

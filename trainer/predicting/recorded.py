@@ -213,7 +213,7 @@ def _channel(path: Path, recording: xr.Dataset, name: str, unit: str, method: Me
         raise RecordingError(f"{path}: {name} has no units; the run expects {unit!r}")
     if not isinstance(units, str) or units != unit:
         raise RecordingError(f"{path}: {name} is in {shown(units)}; the run expects {unit!r}: convert it first")
-    if method is not None and (fault := method_fault(variable.attrs, method, "for the run")):
+    if method is not None and (fault := method_fault(variable, method, "for the run")):
         raise RecordingError(f"{path}: {name} {fault}")
     if variable.dims not in (("time",), ("system", "time")):
         raise RecordingError(

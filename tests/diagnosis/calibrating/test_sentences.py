@@ -20,6 +20,8 @@ def test_what_lies_at_an_end_of_its_range_is_not_said_to_be_the_prior(calibrated
     others = ", ".join(name for name, place in zip(names[2:], z[2:], strict=False) if abs(place) < 1.28)
     assert f"It hardly identifies {others}: what is given for them is mostly the prior." in said
     assert any(one.startswith(f"{names[0]} lies on a bound") for one in said)
+    wider = sentences(report.model_copy(update={"wider": "Room", "recording": "week.nc"}))
+    assert [one for one in wider if one not in said] == ["Room has wider ranges: diagnosis calibrate Room week.nc"]
     alone = [one.model_copy(update={"identified": "well"}) for one in ranges]
     alone[2] = ranges[2].model_copy(update={"description": "Heat capacity"})
     one_of_them = sentences(report.model_copy(update={"parameters": alone}))
