@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal
 from zipfile import is_zipfile
@@ -123,65 +123,80 @@ class System(Table):
 
     @model_validator(mode="after")
     def _consistent(self) -> System:
+        if wrong := [*dict.fromkeys(self._faults())]:
+            raise ValueError("; ".join(wrong))
+        return self
+
+    def _faults(self) -> Iterator[str]:
+        """What tables say of each other that cannot be, a sentence each."""
+        yield from self._name_faults()
+        yield from self._input_faults()
+        yield from self._effect_faults()
+        for where, name in self._reads():
+            if name not in self.parameter_names:
+                yield f"{where}: {name!r} is not an estimated parameter"
+        if self.weather is None and any(one.weather for one in self.given):
+            yield "given: a fact sets the weather, but there is no [weather] table"
+        signals = [*self.output_names, *self.input_names]
+        for channel in self.estimator.channels:
+            if channel not in signals:
+                near = meant(channel, signals)
+                yield f"estimator.channels: {channel!r} is neither an output nor an input{near}"
+        yield from self._time_faults()
+
+    def _name_faults(self) -> Iterator[str]:
         for kind in ("parameters", "inputs", "outputs", "uncertain", "given"):
             if wrong := names_fault(kind, [item.name for item in getattr(self, kind)]):
-                raise ValueError(wrong)
+                yield wrong
         for name in sorted({*self.parameter_names, *self.input_names}):
             if (name in self.output_names) + (name in self.input_names) + (name in self.parameter_names) > 1:
-                raise ValueError(f"{name!r} is the name of two things; expected one")
+                yield f"{name!r} is the name of two things; expected one"
         for parameter in self.parameters:
-            if parameter.name in self.fixed:
-                raise ValueError(f"fixed: {parameter.name!r} is also an estimated parameter")
-            if parameter.name in self.replay:
-                raise ValueError(f"replay: {parameter.name!r} is also an estimated parameter")
+            for table in ("fixed", "replay"):
+                if parameter.name in getattr(self, table):
+                    yield f"{table}: {parameter.name!r} is also an estimated parameter"
+
+    def _input_faults(self) -> Iterator[str]:
         for one in self.inputs:
             if isinstance(one, ScheduleInput) and one.schedule not in self.schedules:
-                raise ValueError(f"inputs: {one.name!r} names schedule {one.schedule!r}, which is not declared")
+                yield f"inputs: {one.name!r} names schedule {one.schedule!r}, which is not declared"
             if isinstance(one, ExcitationInput) and one.excitation not in self.excitations:
-                raise ValueError(f"inputs: {one.name!r} names excitation {one.excitation!r}, which is not declared")
+                yield f"inputs: {one.name!r} names excitation {one.excitation!r}, which is not declared"
             if isinstance(one, WeatherInput) and self.weather is None:
-                raise ValueError(f"inputs: {one.name!r} comes from the weather, but there is no [weather] table")
+                yield f"inputs: {one.name!r} comes from the weather, but there is no [weather] table"
             if isinstance(one, OccupancyInput) and self.occupancy is None:
-                raise ValueError(f"inputs: {one.name!r} comes from the occupancy, but there is no [occupancy] table")
+                yield f"inputs: {one.name!r} comes from the occupancy, but there is no [occupancy] table"
             if isinstance(one, MeasuredInput) and (wrong := one.fault(self.outputs)):
-                raise ValueError(f"inputs: {wrong}")
-        known = {*self.output_names, *self.input_names}
+                yield f"inputs: {wrong}"
+
+    def _effect_faults(self) -> Iterator[str]:
+        """Of sources, uncertain constants and given facts: names that are taken, and FMU parameters set twice."""
         for k, source in enumerate(self.sources):
             before = [earlier.name for earlier in self.sources[:k]]
             if wrong := source.fault(self.input_names, self.parameter_names, before):
-                raise ValueError(wrong)
-        effects = {one.name for one in self.effects}
+                yield wrong
+        names = {*self.parameter_names, *self.output_names, *self.input_names, *(one.name for one in self.effects)}
         by_others = [(getattr(one, "parameters", {}), getattr(one, "constants", {})) for one in self.effects]
         by_others += [(one.parameters, {}) for one in self.sources] + [(self.replay, {})]
         taken = {name for tables in by_others for table in tables for name in table}
-        if wrong := fault(
-            "uncertain", self.uncertain, {*self.parameter_names, *known, *effects}, self.parameter_names, taken
-        ):
-            raise ValueError(wrong)
-        names = {*self.parameter_names, *known, *effects, *(one.name for one in self.uncertain)}
+        if wrong := fault("uncertain", self.uncertain, names, self.parameter_names, taken):
+            yield wrong
+        names |= {one.name for one in self.uncertain}
         taken = taken - {*self.replay} | {name for one in self.uncertain for name in one.parameters} | {*self.fixed}
         if wrong := fault("given", self.given, names, self.parameter_names, taken):
-            raise ValueError(wrong)
-        for where, name in self._reads():
-            if name not in self.parameter_names:
-                raise ValueError(f"{where}: {name!r} is not an estimated parameter")
-        if self.weather is None and any(one.weather for one in self.given):
-            raise ValueError("given: a fact sets the weather, but there is no [weather] table")
-        for channel in self.estimator.channels:
-            if channel not in known:
-                near = meant(channel, [*self.output_names, *self.input_names])
-                raise ValueError(f"estimator.channels: {channel!r} is neither an output nor an input{near}")
-        for where, span in [("experiment", self.experiment.start)] + [
-            (f"presets.{name}", one.start) for name, one in self.presets.items() if one.start is not None
-        ]:
+            yield wrong
+
+    def _time_faults(self) -> Iterator[str]:
+        spans = {"experiment": self.experiment.start}
+        spans |= {f"presets.{name}": one.start for name, one in self.presets.items() if one.start is not None}
+        for where, span in spans.items():
             if not 0 <= span[0] <= span[1]:
-                raise ValueError(f"{where}: start is {span[0]:g} to {span[1]:g} h; expected 0 <= first <= last")
+                yield f"{where}: start is {span[0]:g} to {span[1]:g} h; expected 0 <= first <= last"
         steps = self.experiment.hours * 3600 / self.experiment.step  # hours of whole steps are rounded: 385 / 12
         if not steps <= MOST_STEPS:
-            raise ValueError(f"experiment: hours over step are {steps:.3g} steps; expected at most {MOST_STEPS:.0e}")
-        if round(steps) < 1 or abs(steps - round(steps)) > WHOLE:
-            raise ValueError(f"experiment: step {self.experiment.step:g} s does not divide {self.experiment.hours:g} h")
-        return self
+            yield f"experiment: hours over step are {steps:.3g} steps; expected at most {MOST_STEPS:.0e}"
+        elif round(steps) < 1 or abs(steps - round(steps)) > WHOLE:
+            yield f"experiment: step {self.experiment.step:g} s does not divide {self.experiment.hours:g} h"
 
     def _reads(self) -> list[tuple[str, str]]:
         """Where other tables name estimated parameters, and which."""

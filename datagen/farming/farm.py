@@ -120,24 +120,8 @@ def run(
         described = described.with_experiment(start=chosen.start)
     if systems is None:
         raise DatasetError("systems is missing; expected a number of systems, or a preset")
-    if not 0 <= calm < 1 or (calm and not excitation):
-        raise DatasetError(
-            f"calm is {calm:g}{'' if excitation else ' and excitation is off'}; expected a share from 0 to less than 1"
-            " of the systems, of which the others are excited"
-        )
-    if calm and not any(one.source == "excitation" for one in described.inputs):
-        raise DatasetError(f"calm is {calm:g}; expected 0: {described.path} has no input of source 'excitation'")
-    if uncertain and not described.uncertain:
-        raise DatasetError(f"uncertain is set; expected an [[uncertain]] table in {described.path}, which has none")
-    if not 0 <= disturbed <= 1 or (disturbed and not described.effects):
-        raise DatasetError(
-            f"disturbed is {disturbed:g}; expected a share from 0 to 1 of the systems"
-            + ("" if described.effects else f", or 0: {described.path} has no [[effects]]")
-        )
-    if seed < 0:
-        raise DatasetError(f"seed is {seed}; expected at least 0")
-    if not 0 <= failure_budget <= 1:  # of a NaN no comparison holds
-        raise DatasetError(f"failure_budget is {failure_budget:g}; expected a share from 0 to 1 of the systems")
+    _check_shares(described, excitation=excitation, calm=calm, uncertain=uncertain, disturbed=disturbed)
+    _check_numbers(seed, failure_budget)
     check_timeout(timeout)
     places: dict[str, Any] = {"workers": workers, "scheduler": scheduler, "cluster": cluster, "host": host}
     places["options"] = cluster_options
@@ -147,13 +131,7 @@ def run(
     fmu_hash = Simulator(described).fmu.sha256
     weather = weather_hashes(described)
     settings = {**described.experiment.model_dump(mode="json"), "excitation": excitation, "weather": weather}
-    if calm:  # earlier datasets do not know it
-        settings["calm"] = calm
-    if uncertain:
-        settings["uncertain"] = [one.model_dump(mode="json") for one in described.uncertain]
-    if disturbed:
-        settings["disturbed"] = disturbed
-        settings["effects"] = [one.model_dump(mode="json") for one in described.effects]
+    settings |= _settings(described, calm=calm, uncertain=uncertain, disturbed=disturbed)
     wanted = Manifest(
         system_name=described.name,
         system_hash=described.hash(),
@@ -223,6 +201,41 @@ def run(
             "what was finished is kept, the same command goes on from there"
         ) from None
     return manifest
+
+
+def _check_shares(described: System, *, excitation: bool, calm: float, uncertain: bool, disturbed: float) -> None:
+    """Refuse what is to be drawn and is not in the description, and shares that are none."""
+    if not 0 <= calm < 1 or (calm and not excitation):
+        raise DatasetError(
+            f"calm is {calm:g}{'' if excitation else ' and excitation is off'}; expected a share from 0 to less than 1"
+            " of the systems, of which the others are excited"
+        )
+    if calm and not any(one.source == "excitation" for one in described.inputs):
+        raise DatasetError(f"calm is {calm:g}; expected 0: {described.path} has no input of source 'excitation'")
+    if uncertain and not described.uncertain:
+        raise DatasetError(f"uncertain is set; expected an [[uncertain]] table in {described.path}, which has none")
+    if not 0 <= disturbed <= 1 or (disturbed and not described.effects):
+        raise DatasetError(
+            f"disturbed is {disturbed:g}; expected a share from 0 to 1 of the systems"
+            + ("" if described.effects else f", or 0: {described.path} has no [[effects]]")
+        )
+
+
+def _check_numbers(seed: int, failure_budget: float) -> None:
+    if seed < 0:
+        raise DatasetError(f"seed is {seed}; expected at least 0")
+    if not 0 <= failure_budget <= 1:  # of a NaN no comparison holds
+        raise DatasetError(f"failure_budget is {failure_budget:g}; expected a share from 0 to 1 of the systems")
+
+
+def _settings(described: System, *, calm: float, uncertain: bool, disturbed: float) -> dict[str, Any]:
+    """What is drawn besides parameters, for the manifest. What is not is left out: earlier datasets do not know it."""
+    found: dict[str, Any] = {"calm": calm} if calm else {}
+    if uncertain:
+        found["uncertain"] = [one.model_dump(mode="json") for one in described.uncertain]
+    if disturbed:
+        found |= {"disturbed": disturbed, "effects": [one.model_dump(mode="json") for one in described.effects]}
+    return found
 
 
 def _check_folder(folder: Path) -> None:

@@ -25,7 +25,7 @@ def property_of(cases: ModuleType) -> Callable[..., None]:
 
 def _holds(reader: Reader) -> None:
     # the same examples everywhere: new ones are for tests/benchmarks/fuzz.py, whose output somebody looks at
-    @settings(max_examples=reader.examples, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+    @settings(max_examples=reader.examples, derandomize=True, suppress_health_check=list(HealthCheck))
     @given(seed=st.integers(0, 2**63))
     def holds(seed):
         said = outcome_of(reader, reader.damage(reader.whole, Random(seed)))

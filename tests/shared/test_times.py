@@ -5,7 +5,7 @@ from datetime import date, timedelta
 import numpy as np
 import pytest
 import xarray as xr
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from shared.errors import RecordingError
@@ -100,7 +100,6 @@ def test_a_time_that_is_not_the_end_of_its_bounds_is_refused(tmp_path):
             recorded_times(tmp_path / "r.nc", recording)
 
 
-@settings(deadline=None)
 @given(st.dates(date(1990, 1, 1), date(2090, 12, 31)))
 def test_time_zero_is_a_monday_near_new_year(day):
     zero = time_zero(day)

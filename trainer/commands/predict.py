@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
+from rich.console import Console
 from rich.table import Table
 
 from shared.assignments import assignments
@@ -82,19 +83,7 @@ def predict(
     words = {one.name: one.description for one in described.parameters} if described else {}
     for one in result.predictions:
         console.print(_table(one, words))
-        if one.unlike is None:
-            console.print("The run does not record its training data, so the recording was not compared with it.")
-        elif one.unlike:
-            console.print(
-                "[bold]Unlike everything in training[/bold], so errors are larger than stated:",
-                markup=True,
-            )
-            for note in one.unlike:
-                console.print(f"- {note}", markup=False)
-            if described and described.wider:
-                console.print(
-                    f"{described.wider} has wider ranges: trainer predict {described.wider} {file}", markup=False
-                )
+        _print_unlike(console, one, described.wider if described else "", file)
     if result.interval_doubt:
         console.print(f"[bold]Do not rely on the intervals:[/bold] {result.interval_doubt}.", markup=True)
     posterior = all(value.median is not None for one in result.predictions for value in one.parameters.values())
@@ -122,6 +111,19 @@ def predict(
     for path in (out, corner):
         if path is not None:
             console.print(f"written to {path}", markup=False)
+
+
+def _print_unlike(console: Console, one: Prediction, wider: str, file: Path) -> None:
+    """In what a recording is unlike the training, and the description with ``wider`` ranges, if there is one."""
+    if one.unlike is None:
+        console.print("The run does not record its training data, so the recording was not compared with it.")
+    if not one.unlike:
+        return
+    console.print("[bold]Unlike everything in training[/bold], so errors are larger than stated:", markup=True)
+    for note in one.unlike:
+        console.print(f"- {note}", markup=False)
+    if wider:
+        console.print(f"{wider} has wider ranges: trainer predict {wider} {file}", markup=False)
 
 
 def _on_constants(result: Predictions) -> list[str]:

@@ -27,8 +27,7 @@ def strata(answers: Answers, encoding: Encoding) -> str:
     return (
         f"\n## R2 of unseen systems by season\n\n{seasons}\n"
         f"\n## Errors of unseen systems by the true value\n\n{bands}\n\n"
-        "- bias: mean of estimate less truth; error: root mean square of it; spread: standard deviation of the"
-        " estimates as a share of that of the truth in the band\n"
+        "- bias: mean of estimate less truth; error: root mean square of it\n"
     )
 
 
@@ -70,22 +69,21 @@ def by_season(answers: Answers, parameters: Sequence[str]) -> tuple[Row, list[Ro
 def by_band(answers: Answers, parameters: Sequence[str], units: Sequence[str]) -> tuple[Row, list[Row]]:
     """Header and rows: a third of the windows each, by the true value of a parameter.
 
-    ``bias`` is the mean of estimate less truth, ``error`` the root mean square of it, and ``spread`` the standard
-    deviation of the estimates as a share of that of the truth: far below 1, an estimator tells the middle of the band
-    whatever the room. Errors within a band are not those of R2, which is of the whole range.
+    ``bias`` is the mean of estimate less truth, ``error`` the root mean square of it. An estimate that is the mean of
+    what may be lies towards the middle of the range where the recording says little: too high in the first band, too
+    low in the last.
     """
-    header = ("parameter", "true values", "windows", "bias", "error", "spread")
+    header = ("parameter", "true values", "windows", "bias", "error")
     rows: list[Row] = []
     for k, name in enumerate(parameters):
         truth, estimate = answers.truth[:, k], answers.estimate[:, k]
         for chosen in np.array_split(np.argsort(truth, kind="stable"), THIRDS):
             if len(chosen) < 2:
                 continue
-            error, width = estimate[chosen] - truth[chosen], truth[chosen].std()
-            spread = _two(estimate[chosen].std() / width) if width > 0 else "-"
+            error = estimate[chosen] - truth[chosen]
             span = f"{truth[chosen[0]]:.3g} to {truth[chosen[-1]]:.3g} {units[k]}"
             rms = np.sqrt(np.mean(error**2))
-            rows.append((name, span, f"{len(chosen)}", f"{error.mean():+.2g}", f"{rms:.2g}", spread))
+            rows.append((name, span, f"{len(chosen)}", f"{error.mean():+.2g}", f"{rms:.2g}"))
     return header, rows
 
 

@@ -196,18 +196,7 @@ def predict(
     file = recording.encoding.get("source", "the Dataset") if isinstance(recording, xr.Dataset) else recording
     if cut_short := unfinished(run.card, run.folder):
         _log.warning("%s: %s", run.folder, cut_short)  # for callers that use the values alone
-    for name, path in (("out", out), ("corner", corner)):
-        if path is not None:
-            if Path(path).exists() and Path(file).exists() and Path(path).samefile(file):
-                raise EstimatorError(f"{name}: is {path}, the recording itself; expected another file")
-            if Path(path).is_dir():
-                kind = {"out": "NetCDF", "corner": "PNG"}[name]
-                raise EstimatorError(f"{name}: {path} is a folder; expected a {kind} file to write")
-            check_folder(Path(path).parent, EstimatorError)
-    if out is not None and corner is not None and Path(out).resolve() == Path(corner).resolve():
-        raise EstimatorError(
-            f"out and corner: both are {out}, and one would be written over the other; expected two files"
-        )
+    _check_files(Path(file), out, corner)
     encoding = run.card.encoding
     window = read_window(recording, encoding, run.card.system_name, stretch)
     familiar = {one.length: one for one in run.card.familiar}
@@ -230,15 +219,14 @@ def predict(
     drawn = None if posterior is None else posterior.sample(window.values, begins, samples, seed=seed, facts=told)
     found = None if drawn is None else summarise(drawn)
     names, units = encoding.parameters, encoding.parameter_units
-    for path in (out, corner):
-        if path is not None:
-            make_folder(Path(path).parent)
     if drawn is not None and out is not None:
+        make_folder(Path(out).parent)
         facts: dict[str, str | int] = {"recording": str(file), "estimator": run.card.weights_sha256, "seed": seed}
         write_samples(Path(out), drawn, window.systems, names, units, facts)
     if drawn is not None and corner is not None:
         from trainer.posterior.figures import draw_corner
 
+        make_folder(Path(corner).parent)
         ranges = list(zip(encoding.parameter_min, encoding.parameter_max, strict=True))
         draw_corner(drawn[0], names, units, ranges, Path(corner))
     fitted_to = None if posterior is None else posterior.card.dataset
@@ -293,6 +281,22 @@ def predict(
         interval_gaps=BRIDGED_NOTE if any(window.bridged) and posterior is not None else None,
         predictions=predictions,
     )
+
+
+def _check_files(recording: Path, out: Path | str | None, corner: Path | str | None) -> None:
+    """Refuse files to write that are the recording, folders, or one and the same."""
+    for name, path, kind in (("out", out, "NetCDF"), ("corner", corner, "PNG")):
+        if path is None:
+            continue
+        if Path(path).exists() and recording.exists() and Path(path).samefile(recording):
+            raise EstimatorError(f"{name}: is {path}, the recording itself; expected another file")
+        if Path(path).is_dir():
+            raise EstimatorError(f"{name}: {path} is a folder; expected a {kind} file to write")
+        check_folder(Path(path).parent, EstimatorError)
+    if out is not None and corner is not None and Path(out).resolve() == Path(corner).resolve():
+        raise EstimatorError(
+            f"out and corner: both are {out}, and one would be written over the other; expected two files"
+        )
 
 
 def _check_moving(

@@ -18,7 +18,7 @@ from shared.logs import logger
 from shared.store import DatasetFolder
 from trainer.memory import memory_for
 from trainer.models import build, estimator_class, option_defaults
-from trainer.models.base import Estimator
+from trainer.models.base import Estimator, Recipe
 from trainer.reading.data import load_records
 from trainer.reading.encoding import LATER
 from trainer.reading.familiar import familiar
@@ -145,26 +145,16 @@ def fit(
     DatasetError
         If the dataset cannot be used, or has no training or validation systems.
     """
-    if keep not in get_args(Keep):
-        raise EstimatorError(f"keep: is {keep!r}; expected best or last")
+    kind = _estimator_that_can(model, keep, coarse=coarse, patch=patch)
     check_threads(threads)
     check_seed(seed)
     dataset = DatasetFolder(dataset_dir)
     recipe = recipe_of(model, steps, minutes, batch_size, lr)
-    chosen = dict(options or {})
-    if patch is not None:
-        if "patch" not in option_defaults(model):
-            raise EstimatorError(f"patch: {model} has no patches; leave it out")
-        chosen["patch"] = patch
+    chosen = dict(options or {}) | ({} if patch is None else {"patch": patch})
     folder = Path(out)
     if resume and overwrite:
         raise EstimatorError("resume and overwrite: both are given; expected one of them")
     check_place(folder, replacing=overwrite or resume)
-    kind = estimator_class(model)
-    if keep == "last" and not kind.iterates:
-        raise EstimatorError(f"keep: {model} is solved, not trained by steps: there are no last weights; leave it out")
-    if coarse and not kind.rounds:
-        raise EstimatorError(f"coarse: {model} is trained with all digits only; leave it out")
     records, training, validation, encoding, sensors, hours, length = material_of(
         dataset,
         model,
@@ -256,21 +246,51 @@ def fit(
             return measured_errors(kept, card, source, dataset.system, validation, seeds[4], progress)
 
         with FolderLock(folder, kind=EstimatorError):
-            if not overwrite and not resume and (folder / CARD).exists():  # another training has ended in between
-                raise EstimatorError(f"{folder}: holds an estimator by now; choose another folder, or overwrite it")
-            if resume and not (folder / STATE).exists() and (folder / CARD).exists():
-                done = read_card(folder)
-                finished = done.training.stopped in ("steps", "minutes")
-                told = done.training.steps if finished else done.training.planned or recipe.steps
-                check_settings(folder / CARD, settings_of(done, None if minutes else told), settings)
-                if finished:
-                    return load_run(folder)
-            if not resume:
-                (folder / STATE).unlink(missing_ok=True)
+            if _earlier_ending(folder, card, recipe, minutes, overwrite=overwrite, resume=resume):
+                return load_run(folder)
             sampler = Sampler(source, training, seeds[3], length)
             with memory_for(f"steps of {recipe.batch_size} windows (batch_size)"):
                 Loop(folder, card, network, sampler, held_out, recipe, minutes, settings, measure).run(progress)
     return load_run(folder)
+
+
+def _estimator_that_can(model: str, keep: str, *, coarse: bool, patch: int | None) -> type[Estimator]:
+    """The model's class, where it has what the options ask of it."""
+    if keep not in get_args(Keep):
+        raise EstimatorError(f"keep: is {keep!r}; expected best or last")
+    if patch is not None and "patch" not in option_defaults(model):
+        raise EstimatorError(f"patch: {model} has no patches; leave it out")
+    kind = estimator_class(model)
+    if keep == "last" and not kind.iterates:
+        raise EstimatorError(f"keep: {model} is solved, not trained by steps: there are no last weights; leave it out")
+    if coarse and not kind.rounds:
+        raise EstimatorError(f"coarse: {model} is trained with all digits only; leave it out")
+    return kind
+
+
+def _earlier_ending(
+    folder: Path, card: Card, recipe: Recipe, minutes: float | None, *, overwrite: bool, resume: bool
+) -> bool:
+    """Whether the folder, which is locked, holds this very training, ended. What is not to go on is removed.
+
+    Raises
+    ------
+    EstimatorError
+        If another training has ended there, or what is to be resumed has other settings.
+    """
+    if not overwrite and not resume and (folder / CARD).exists():  # another training has ended in between
+        raise EstimatorError(f"{folder}: holds an estimator by now; choose another folder, or overwrite it")
+    if not resume:
+        (folder / STATE).unlink(missing_ok=True)
+        return False
+    if (folder / STATE).exists() or not (folder / CARD).exists():
+        return False
+    done = read_card(folder)
+    finished = done.training.stopped in ("steps", "minutes")
+    steps = done.training.steps if finished else done.training.planned or recipe.steps
+    wanted = settings_of(card, None if minutes else recipe.steps)
+    check_settings(folder / CARD, settings_of(done, None if minutes else steps), wanted)
+    return finished
 
 
 def settings_of(card: Card, steps: int | None) -> dict[str, Any]:

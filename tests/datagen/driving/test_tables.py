@@ -27,7 +27,7 @@ def tables(draw):
 
 
 @given(tables())
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_table_reproduces_each_signal(made):
     table = merge(made, START, STOP)
     t = np.concatenate([np.arange(START, STOP, CELL), np.random.default_rng(0).uniform(START, STOP, 200)])
@@ -38,7 +38,7 @@ def test_table_reproduces_each_signal(made):
 
 
 @given(tables())
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_means_are_integrals(made):
     table = merge(made, START, STOP)
     edges = np.array([START, START + 0.25, 0.0, 0.5, 3.0, 9.75, STOP])
@@ -51,7 +51,7 @@ def test_means_are_integrals(made):
 
 
 @given(tables())
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_grid_and_jumps(made):
     table = merge(made, START, STOP)
     assert table.time[0] == START
@@ -73,7 +73,7 @@ def test_grid_and_jumps(made):
 
 
 @given(tables(), st.integers(-16, 46), st.integers(1, 40))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_restricted_and_refined_keep_the_signal(made, first, length):
     table = merge(made, START, STOP)
     begin, end = first / 4 + 0.1, min(first / 4 + length / 4, STOP)

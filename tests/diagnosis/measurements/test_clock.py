@@ -38,7 +38,7 @@ def changes(zone, year):
     return [jumps(one, 25, hour)[0] + hour for one in days]
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     zone=st.sampled_from(ZONES),
     year=st.integers(2008, 2030),
@@ -165,7 +165,6 @@ def test_standard_time_knows_no_daylight_saving(zone, hours):
         assert standard_offset(find_zone(zone, "file"), moment) == hours * 3600
 
 
-@settings(deadline=None)
 @given(
     moment=st.datetimes(datetime(1995, 1, 1), datetime(2080, 1, 1)).map(lambda t: t.replace(microsecond=0)),
     later=st.integers(0, 400 * 86400),

@@ -20,7 +20,7 @@ def judged(readings, unit="kg/s", **more):
     return mark_impossible(signal, source, density=1.2, where="x")
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(seed=SEEDS, flow=st.floats(0, 0.03), noise=st.floats(0.002, 0.02), step=st.sampled_from([0.0, 0.002]))
 def test_the_mean_of_a_noisy_meter_is_that_of_the_flow(seed, flow, noise, step):
     """Within what noise alone makes it: its standard deviation over the root of how many readings there are."""
@@ -31,7 +31,7 @@ def test_the_mean_of_a_noisy_meter_is_that_of_the_flow(seed, flow, noise, step):
     assert np.isfinite(means).all()
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(seed=SEEDS, noise=st.floats(0.001, 0.01), swing=st.floats(0.0, 0.1), fault=st.floats(0.15, 5.0))
 def test_what_is_far_below_zero_stays_impossible(seed, noise, swing, fault):
     """A ventilation by day, whose meter also reads noise by night, and a fault or a wrong sign now and then."""

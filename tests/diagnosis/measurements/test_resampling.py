@@ -41,7 +41,7 @@ def irregular(draw):
     return times, np.array(values)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(irregular(), st.sampled_from([10.0, 40.0, 125.0, 500.0, 1000.0]))
 def test_means_conserve_the_total_of_intervals(readings, step):
     times, values = readings
@@ -51,7 +51,7 @@ def test_means_conserve_the_total_of_intervals(readings, step):
     assert means.min() >= values[1:].min() and means.max() <= values[1:].max()
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(irregular(), st.sampled_from([10.0, 40.0, 125.0, 500.0, 1000.0]))
 def test_means_conserve_the_area_under_lines(readings, step):
     times, values = readings
@@ -60,7 +60,7 @@ def test_means_conserve_the_area_under_lines(readings, step):
     assert means.sum() * step == pytest.approx(float(np.trapezoid(values, times)), abs=1e-6)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(irregular())
 def test_a_mean_of_lines_is_the_mean_of_many_points_on_them(readings):
     times, values = readings
@@ -70,7 +70,7 @@ def test_a_mean_of_lines_is_the_mean_of_many_points_on_them(readings):
 
 
 @given(st.lists(st.sampled_from([0.0, 1.7]), min_size=40, max_size=200))
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 def test_steps_of_equal_readings_have_exactly_their_value(values):
     """Nobody is zero persons, not 1e-17: what is occupied is asked with a comparison."""
     edges = 900.0 * np.arange(len(values) + 1) + 2.5e7
@@ -87,7 +87,7 @@ def test_regular_readings_as_pandas_does():
     np.testing.assert_allclose(means, hourly.to_numpy(), atol=1e-12)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(irregular(), st.floats(-5, 5), st.floats(-100, 100))
 def test_a_straight_line_keeps_its_instants(readings, slope, level):
     """Of instants and of means alike: a line's mean is its value in the middle of the interval."""
@@ -127,7 +127,7 @@ def test_a_state_holds_until_the_next():
     np.testing.assert_allclose([means[0], share[0]], [(25 * 1 + 50 * 3) / 75, 0.75])
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(irregular(), st.data())
 def test_what_is_left_out_has_no_influence(readings, data):
     times, values = readings

@@ -26,7 +26,7 @@ def persons(seed):
     return time, number
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(seed=SEEDS, minutes=st.sampled_from([5, 10, 15, 30]), jitter=st.floats(0, 0.45), blank=st.floats(0, 0.6))
 def test_what_is_read_all_the_time_does_not_hold_over_an_outage(seed, minutes, jitter, blank):
     """Whatever stamps are late by, and however many cells are blank."""
@@ -40,7 +40,7 @@ def test_what_is_read_all_the_time_does_not_hold_over_an_outage(seed, minutes, j
     assert 1.5 * usual <= usual_hold(at, readings) <= 10 * usual
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(seed=SEEDS, table=st.sampled_from([None, 5, 10]), starts=st.integers(0, 2), beside=st.booleans())
 def test_what_is_logged_when_it_changes_holds_until_it_does(seed, table, starts, beside):
     """In rows of its own, in a regular table, or among the rows of others; and written anew when the logger starts."""

@@ -42,7 +42,7 @@ def test_known_conversions(value, unit, target, expected):
 PAIRS = [("degC", "K"), ("degF", "K"), ("percent", "1"), ("ppm", "1"), ("m3/h", "kg/s"), ("km/h", "m/s"), ("kW", "W")]
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(
     value=st.floats(-1e4, 1e4),
     pair=st.sampled_from(PAIRS),

@@ -67,7 +67,7 @@ def test_which_pass_a_row_of_a_closer_log_is_of(rows, minutes):
     assert by_hand(rows, every=30)[0] == minutes
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(
     every=st.sampled_from([1, 5, 15, 20, 30, 60, 120, 180]),
     after=st.integers(0, 179),
@@ -87,7 +87,7 @@ def test_one_outage_over_the_change_puts_no_row_an_hour_wrong(every, after, begi
     assert (~known).sum() * every <= 60
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     every=st.lists(st.sampled_from([10, 15, 30, 45, 60, 90]), min_size=1, max_size=3),
     late=st.lists(st.sampled_from([0, 0, 20, 300]), min_size=3, max_size=3),

@@ -179,7 +179,7 @@ def test_where_an_offset_of_the_rest_does_not_hold_nothing_is_measured_higher(se
     assert "y: measured higher than elsewhere by 0." in higher[0].text
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(seed=st.integers(0, 100), scales=st.tuples(st.floats(1e-6, 1e3), st.floats(1e-2, 1e6)), swap=st.booleans())
 def test_units_and_order_of_channels_do_not_matter(seed, scales, swap):
     plain = injected(twins(seed, steps=336, twins=39), 1.0)
