@@ -93,7 +93,7 @@ class Calibration(_Table):
     """``calibration.json``.
 
     ``covariance`` (unknowns, unknowns) is that of the posterior in which the recording counts for 1 / ``widened``^2 of
-    what it is worth to the model: see :mod:`diagnosis.fitting.doubt`. ``undeclared``: of outputs whose sensor has no
+    what it is worth to the model: see :mod:`diagnosis.fitting.spread`. ``undeclared``: of outputs whose sensor has no
     declared noise, as how exact they were taken. ``physics``: what in the recording cannot be, or contradicts the
     description. What each schema added is in CHANGELOG.md.
     """

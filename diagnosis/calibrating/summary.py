@@ -8,8 +8,8 @@ import numpy as np
 
 from diagnosis.calibrating.schema import Calibration, Channel, Constant, Pair, Parameter
 from diagnosis.calibrating.seen import days_of
-from diagnosis.fitting.doubt import DOUBT, doubted
 from diagnosis.fitting.fit import Fit
+from diagnosis.fitting.spread import DOUBT, doubted
 from diagnosis.intervals import HALF_WIDTH
 from diagnosis.recording import HOUR
 from diagnosis.scores import score

@@ -24,11 +24,9 @@ from diagnosis.fitting.failures import FAILURES
 from diagnosis.fitting.gaussian import factor, root
 from diagnosis.fitting.noise import NoiseModel, estimated
 from diagnosis.fitting.problem import Linearisation, Problem
-from diagnosis.fitting.pruning import pruned
-from diagnosis.fitting.renewing import renewed
-from diagnosis.fitting.settling import between, swung
+from diagnosis.fitting.renewing import pruned, renewed
 from diagnosis.fitting.solving import solved
-from diagnosis.fitting.stretching import stretched
+from diagnosis.fitting.spread import between, stretched, swung
 from shared.errors import SimulationError, TimeUp
 from shared.logs import logger
 
@@ -53,8 +51,7 @@ class Fit:
     z
         Unknowns at the optimum, shape (unknowns,).
     covariance
-        Of the posterior there, shape (unknowns, unknowns): see :mod:`diagnosis.fitting.stretching` and
-        :mod:`diagnosis.fitting.settling`.
+        Of the posterior there, shape (unknowns, unknowns): see :mod:`diagnosis.fitting.spread`.
     cost
         Half the sum of squares of the marginal standardised residual and of ``z``.
     log_likelihood
@@ -172,7 +169,7 @@ def fit(
                 noise = _noise(problem, z, around)
                 same = _same(noise, problem.noise)
                 stays, bent = stays and same, bent if same else None
-                problem = _go_on(problem, noise)
+                problem = problem.with_noise(noise)
                 around = replace(around, marginal=problem.marginal(around.response))
             if stays:
                 converged, path = True, []
@@ -186,12 +183,6 @@ def fit(
     with problem.runner.lifted():
         found = _finish(problem, z, around, slope, converged, history, began, counted)
     return replace(found, covariance=found.covariance + swing)
-
-
-def _go_on(problem: Problem, noise: NoiseModel) -> Problem:
-    other = problem.with_noise(noise)
-    other.simulations = problem.simulations
-    return other
 
 
 def _first(problem: Problem, starts: list[np.ndarray]) -> Linearisation:

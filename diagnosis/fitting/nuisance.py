@@ -4,7 +4,7 @@ Both enter as pulses on inputs with a Gaussian prior, around which the simulatio
 
     outputs(z, o) = outputs(z, o*) + H(z) (o - o*),   o ~ N(mean, C),
 
-so that they can be integrated out of a likelihood (:class:`.marginal.Marginal`), and estimated where they are
+so that they can be integrated out of a likelihood (:class:`.linearisation.Marginal`), and estimated where they are
 wanted.
 
 - **Unknown occupancy** is the mean number of persons in each half hour, with mean and covariance of the description's

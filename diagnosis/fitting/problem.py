@@ -23,9 +23,9 @@ from diagnosis.fitting.answers import lasting, responses
 from diagnosis.fitting.differences import one_sided
 from diagnosis.fitting.drive import crowd, drive
 from diagnosis.fitting.failures import FAILURES, reason
-from diagnosis.fitting.linearisation import Linearisation
-from diagnosis.fitting.marginal import Marginal
+from diagnosis.fitting.linearisation import Linearisation, Marginal
 from diagnosis.fitting.noise import NoiseModel, errors_under, undeclared
+from diagnosis.fitting.nuisance import Nuisance
 from diagnosis.fitting.run import Run
 from diagnosis.fitting.runs import Runs
 from diagnosis.fitting.side_by_side import InProcess, Outcome, Runner
@@ -95,7 +95,6 @@ class Problem:
         self.effects = tuple(effects)
         self.constants = constants(system, simulator.fmu) if uncertain else ()
         self.runner = runner if isinstance(runner, Simulations) else Simulations(runner or InProcess(simulator))
-        self.simulations = 0
         self.occupancy = crowd(system, recording, occupancy)
         self.undeclared = undeclared(system, noise, recording.outputs) if isinstance(noise, str) else {}
         if isinstance(noise, str):
@@ -121,6 +120,11 @@ class Problem:
     def unknown(self) -> Unknowns:
         """The unknowns and the values that they stand for."""
         return Unknowns(self.system, self.effects, self.constants, self.nuisance.levels)
+
+    @property
+    def simulations(self) -> int:
+        """How many simulations all copies of this problem have asked for so far."""
+        return self.runner.asked
 
     @property
     def names(self) -> list[str]:
@@ -151,7 +155,7 @@ class Problem:
         return self.recording.time
 
     def with_effects(self, effects: Sequence[Effect]) -> Problem:
-        """The same problem with other effects; it counts its own simulations."""
+        """The same problem with other effects."""
         return self._copy(effects=tuple(effects))
 
     def with_measured(self, outputs: np.ndarray) -> Problem:
@@ -165,6 +169,10 @@ class Problem:
     def with_noise(self, noise: NoiseModel) -> Problem:
         """The same problem with another noise."""
         return self._copy(noise=noise)
+
+    def with_nuisance(self, nuisance: Nuisance) -> Problem:
+        """The same problem with another nuisance."""
+        return self._copy(nuisance=nuisance)
 
     def simulate(self, z: np.ndarray, heights: np.ndarray | None = None) -> np.ndarray:
         """Outputs (outputs, steps) [unit of each]; nuisance heights (pulses,) are their prior means if not given.
@@ -202,9 +210,7 @@ class Problem:
             return outcome if isinstance(outcome, SimulationError) else _tried(lambda: self._shown(z, outcome))
 
         runs = [asked(z, heights) for z, heights in cases]
-        outcomes, simulated = self.runner.map([one for one in runs if isinstance(one, Run)])
-        self.simulations += simulated
-        rest = iter(outcomes)
+        rest = iter(self.runner.map([one for one in runs if isinstance(one, Run)]))
         made = [next(rest) if isinstance(one, Run) else one for one in runs]
         return [shown(z, one) for (z, _), one in zip(cases, made, strict=True)]
 
@@ -319,7 +325,7 @@ class Problem:
 
     def _copy(self, **changed: object) -> Problem:
         other = copy(self)
-        vars(other).update(simulations=0, **changed)
+        vars(other).update(changed)
         return other
 
 

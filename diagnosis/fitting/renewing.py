@@ -1,4 +1,4 @@
-"""Linearising anew: at other unknowns, and at the nuisance that is most likely there."""
+"""Linearising anew: at other unknowns, at the likeliest nuisance there, and without what no reading feels."""
 
 from __future__ import annotations
 
@@ -8,6 +8,29 @@ from diagnosis.fitting.failures import FAILURES
 from diagnosis.fitting.leaps import joint_cost, leapt
 from diagnosis.fitting.linearisation import Linearisation
 from diagnosis.fitting.problem import Problem
+
+UNFELT = 0.1
+"""What moves no reading by more than this share of its noise, with its whole prior spread, is no longer followed."""
+
+
+def pruned(problem: Problem, around: Linearisation) -> tuple[Problem, Linearisation]:
+    """The same problem without history and changes within steps that no reading feels, and its linearisation."""
+    nuisance = problem.nuisance
+    moved = np.abs(around.response) * nuisance.sd / problem.noise.sd[:, None, None]
+    keep = nuisance.guessed | (moved.max(axis=(0, 1), initial=0.0) > UNFELT)
+    other = problem.with_nuisance(nuisance.only(keep))
+    used = np.abs(nuisance.factor[keep]).any(axis=0)
+    response = around.response[:, :, keep]
+    return other, Linearisation(
+        around.z,
+        around.nuisance[used],
+        around.heights[keep],
+        around.outputs,
+        response,
+        other.marginal(response),
+        around.lasting,
+    )
+
 
 SHARES = (1.0, 0.5, 0.2)
 STAYS = 0.03

@@ -136,6 +136,9 @@ class Simulations:
     A simulation depends on its run alone, so what is remembered is the same to the last bit. In memory those are that
     were asked for singly: runs of a batch are the steps of differences, to which nobody comes back.
 
+    ``made`` counts those that were simulated; ``asked`` also those that a try before has saved, so that a command that
+    goes on comes to the same count.
+
     Parameters
     ----------
     kept
@@ -155,7 +158,7 @@ class Simulations:
         tell: Tell = lambda _: None,
     ) -> None:
         self.runner, self.kept = runner, kept
-        self.made = 0
+        self.made = self.asked = 0
         self.time_up = False
         self._latest: OrderedDict[str, np.ndarray] = OrderedDict()
         self._began = self._told = time.monotonic()
@@ -164,8 +167,8 @@ class Simulations:
         self._tell, self._stage = tell, ""
         self._span, self._done = (0.0, 0.0), 0.0
 
-    def map(self, runs: Sequence[Run]) -> tuple[list[Outcome], int]:
-        """Outcome of each run, in order, and of how many nothing was remembered in this command.
+    def map(self, runs: Sequence[Run]) -> list[Outcome]:
+        """Outcome of each run, in order.
 
         Raises
         ------
@@ -193,7 +196,8 @@ class Simulations:
             self._latest.move_to_end(keys[0])
             if len(self._latest) > KEPT:
                 self._latest.popitem(last=False)
-        return outcomes, len(left)
+        self.asked += len(left)
+        return outcomes
 
     @contextmanager
     def lifted(self) -> Iterator[None]:

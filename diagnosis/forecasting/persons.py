@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from diagnosis.fitting.marginal import Marginal
+from diagnosis.fitting.linearisation import Marginal
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.unmeasured import courses
 

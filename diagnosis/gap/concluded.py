@@ -19,14 +19,13 @@ from diagnosis.fitting.problem import Problem
 from diagnosis.gap.apart import Apart, fitted_apart
 from diagnosis.gap.conditions import Otherwise, otherwise
 from diagnosis.gap.decision import Decision, decide, gap_found
-from diagnosis.gap.exchange import exchanged
-from diagnosis.gap.limits import ended_early, ends_left_out, noiseless
+from diagnosis.gap.limits import ends_left_out, noiseless
 from diagnosis.gap.missing import operators
 from diagnosis.gap.places import place
 from diagnosis.gap.reporting import reported
 from diagnosis.gap.schema import HOW_FAR, Report
 from diagnosis.gap.search import at_its_optimum, search
-from diagnosis.gap.searched import Search, outdone
+from diagnosis.gap.searched import Search
 from diagnosis.gap.shrinkage import Shrinkage, left_by, shrinkages
 from diagnosis.gap.starting import Begun
 from diagnosis.recording import HOUR
@@ -34,6 +33,20 @@ from diagnosis.where import Operator, Where
 from shared.results import Result
 
 SOURCES = "what the balances may lack"
+
+
+@dataclass(frozen=True)
+class Began:
+    """When a diagnosis began: wall and processor time [s], and the simulations that had been asked for until then."""
+
+    seconds: float
+    cpu_seconds: float
+    simulations: int
+
+    @classmethod
+    def now(cls, simulations: int) -> Began:
+        """At this moment."""
+        return cls(time.perf_counter(), time.process_time(), simulations)
 
 
 @dataclass(frozen=True, repr=False)
@@ -69,8 +82,9 @@ class Diagnosis(Result):
         were not made yet.
         """
         left = [one for one in self.candidates if one.name not in names]
-        clock = time.perf_counter(), time.process_time()
-        return concluded(self.whole, self.origin, left, self.scored, self.seed, clock, tell, self)
+        return concluded(
+            self.whole, self.origin, left, self.scored, self.seed, Began.now(self.whole.simulations), tell, self
+        )
 
     @property
     def base(self) -> Fit:
@@ -113,7 +127,7 @@ def concluded(
     candidates: list[Effect],
     scored: np.ndarray,
     seed: int,
-    clock: tuple[float, float],
+    began: Began,
     tell: Callable[[str], None],
     known: Diagnosis | None = None,
 ) -> Diagnosis:
@@ -123,8 +137,8 @@ def concluded(
     ----------
     scored
         The part that is kept from the fits that say how far the gap shrinks, shape (steps,).
-    clock
-        When the diagnosis began: wall and processor time [s].
+    began
+        When the diagnosis began.
     known
         A diagnosis from the same fit among these candidates and others; what does not depend on the others is kept.
     """
@@ -142,16 +156,10 @@ def concluded(
     if cut:
         found.unfinished.why = {"the base model's fit to its end": NO_TIME, **found.unfinished.why}
     attempt = found.unfinished.attempt
-    found = attempt(
-        "each of two effects asked beside the other",
-        lambda: exchanged(found, candidates, whole.observed, seed=seed, tell=tell),
-        found,
-    )
     found = attempt("the optimum with the chosen effects", lambda: at_its_optimum(found), found)
     first = found.stages[0]
     tell("finding where the gap lies")
     problem = first.lin.problem
-    counted, spent = problem.simulations, -whole.simulations
     sources: list[Operator] = []
     unknown: dict[str, str] = {}
     better: list[Otherwise] = []
@@ -162,7 +170,6 @@ def concluded(
         better = attempt("what could be seen otherwise", lambda: otherwise(first, whole, candidates), better)
     else:
         sources, unknown, better = known.sources, known.unknown, known.otherwise
-    spent += whole.simulations
     where = attempt(SOURCES, lambda: place(first, whole.observed, sources), None) or place(first, whole.observed, [])
     if found.chosen and not gap_found(first, where.p_value, found.confirmed):
         dropped = tuple(one.name for one in found.chosen)
@@ -178,7 +185,6 @@ def concluded(
         apart = attempt(HOW_FAR, lambda: fitted_apart(found, whole.observed & ~scored), None)
     if apart is not None:
         done, colours = apart, found.last.colours
-        spent += done.simulations
         shrinkage = attempt(
             HOW_FAR, lambda: shrinkages(done, first, colours, scored, whole.observed, seed=seed), shrinkage
         )
@@ -195,17 +201,12 @@ def concluded(
         unknown=unknown,
         scored=scored,
         seed=seed,
-        simulations=(base.simulations if known is None else 0)
-        + found.simulations
-        + problem.simulations
-        - counted
-        + spent,
-        seconds=time.perf_counter() - clock[0],
-        cpu_seconds=time.process_time() - clock[1],
+        simulations=whole.simulations - began.simulations,
+        seconds=time.perf_counter() - began.seconds,
+        cpu_seconds=time.process_time() - began.cpu_seconds,
     )
-    better_fit = outdone(found) if found.chosen else None
     ends = ends_left_out(whole.observed, np.isfinite(whole.measured), whole.recording.step / HOUR)
-    more = [*ended_early(better_fit[1] if better_fit else None), *ends, *noiseless(whole.undeclared)]
+    more = [*ends, *noiseless(whole.undeclared)]
     report = report.model_copy(update={"limits": [*report.limits, *more]})
     return Diagnosis(
         report,

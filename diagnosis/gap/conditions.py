@@ -21,7 +21,7 @@ from diagnosis.fitting.failures import FAILURES
 from diagnosis.fitting.noise import HOUR
 from diagnosis.fitting.nuisance import Nuisance
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.pruning import pruned
+from diagnosis.fitting.renewing import pruned
 from diagnosis.fitting.within_steps import counted
 from diagnosis.gap.grams import Colour, Grams, projected
 from diagnosis.gap.linear import Linearised, applicable, felt_nuisance, linearised
@@ -54,9 +54,7 @@ def otherwise(stage: Stage, whole: Problem, candidates: Sequence[Effect]) -> lis
     """
     found = []
     if whole.occupancy == "unknown":
-        lin, count = _counted(stage.lin)
-        whole.simulations += count
-        found.append(Otherwise("counted", lin, stage.grams.observed))
+        found.append(Otherwise("counted", _counted(stage.lin), stage.grams.observed))
     if whole.replay:
         # what the control loops need may not have been recorded, or they cannot follow: nothing to compare with
         with suppress(RecordingError, *FAILURES):
@@ -82,25 +80,24 @@ def expected(one: Otherwise, colours: dict[int, Colour], size: np.ndarray) -> di
     return dict(zip([effect.name for effect in one.lin.effects], values.tolist(), strict=True))
 
 
-def _counted(lin: Linearised) -> tuple[Linearised, int]:
-    """The same with the most likely persons taken for counted, without their level, and the simulations that took.
+def _counted(lin: Linearised) -> Linearised:
+    """The same with the most likely persons taken for counted, without their level.
 
     Derivatives by effects stay as they are: they were simulated with the persons who are most likely, which an effect
     that follows or changes persons sees (:mod:`diagnosis.fitting.runs`).
     """
     nuisance, around = lin.problem.nuisance, lin.around
     keep = ~np.isin(nuisance.column, [level.column for level in nuisance.levels])
-    problem, other = lin.problem.with_effects(lin.problem.effects), lin.problem.with_effects(lin.problem.effects)
-    problem.nuisance, response = nuisance.only(keep), around.response[..., keep]
+    problem, response = lin.problem.with_nuisance(nuisance.only(keep)), around.response[..., keep]
     for level, factor in zip(nuisance.levels, lin.problem.unknown.level_values(lin.z).tolist(), strict=True):
         pulses = _within_steps(lin, level.column, factor)
         if pulses.size:
-            answers = felt(other, lin.z, around.heights, pulses)
-            problem.nuisance, response = both(problem.nuisance, pulses), np.concatenate([response, answers], axis=2)
+            answers = felt(lin.problem, lin.z, around.heights, pulses)
+            problem = problem.with_nuisance(both(problem.nuisance, pulses))
+            response = np.concatenate([response, answers], axis=2)
     by_nuisance, turn = felt_nuisance(problem, replace(around, response=response))
     count = len(lin.z) - len(nuisance.levels)
-    there = replace(lin, by_nuisance=by_nuisance, turn=turn, by_unknown=lin.by_unknown[..., :count], z=lin.z[:count])
-    return there, other.simulations
+    return replace(lin, by_nuisance=by_nuisance, turn=turn, by_unknown=lin.by_unknown[..., :count], z=lin.z[:count])
 
 
 def _within_steps(lin: Linearised, column: int, factor: float) -> Nuisance:
@@ -132,7 +129,5 @@ def _controlled(whole: Problem, z: np.ndarray, candidates: Sequence[Effect]) -> 
     usable, _ = applicable(problem, candidates)
     problem = problem.with_observed(foreseen(usable, whole.recording))  # as the recording's own readings count
     plain, around = pruned(problem, problem.linearise(z))
-    problem, around, count = widened(plain, around)  # as wide as the recording's own
-    lin = linearised(problem, z, around, usable)
-    whole.simulations += plain.simulations + count + lin.simulations
-    return problem, lin
+    problem, around = widened(plain, around)  # as wide as the recording's own
+    return problem, linearised(problem, z, around, usable)

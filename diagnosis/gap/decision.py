@@ -119,18 +119,14 @@ def decide(search: Search, where_p: float, where_left_p: float) -> Decision:
     sets = []
     for k, refits in enumerate(search.refits):
         later = [ones[0].names[-1] for ones in search.refits[k + 1 :]]
-        if k in search.beside:
-            stage, ones = search.beside[k]
-            chance = weighed(stage, ones, last, later=later, excluded=untried)
-        else:
-            chance = weighed(
-                search.stages[k],
-                refits,
-                search.stages[k + 1],
-                tried=search.tried[k],
-                later=later,
-                excluded=untried,
-            )
+        chance = weighed(
+            search.stages[k],
+            refits,
+            search.stages[k + 1],
+            tried=search.tried[k],
+            later=later,
+            excluded=untried,
+        )
         sets.append(named(chance, refits[0].names[-1]))
         for name, p in chance.items():  # as the one or as the other: it is not both
             causes[name] = min(causes.get(name, 0.0) + one_is * p, 1 - mistaken)

@@ -5,15 +5,14 @@ All later steps work on these series; the simulator is asked again only to refit
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from diagnosis.effects import Effect, clash, moved_in_time
 from diagnosis.fitting.differences import one_sided
-from diagnosis.fitting.linearisation import Linearisation
-from diagnosis.fitting.principal import principal
+from diagnosis.fitting.linearisation import Linearisation, principal
 from diagnosis.fitting.problem import STEP, Problem
 from diagnosis.fitting.side_by_side import Outcome
 from shared.errors import SimulationError
@@ -50,7 +49,6 @@ class Linearised:
     by_effect: np.ndarray
     effects: tuple[Effect, ...]
     failed: dict[str, str]
-    simulations: int
 
     @property
     def chosen(self) -> tuple[Effect, ...]:
@@ -165,7 +163,6 @@ def linearised(
         by_effect=stacked[..., count:],
         effects=tuple(effects),
         failed=failed,
-        simulations=library.simulations,
     )
 
 
@@ -211,3 +208,33 @@ def _simulated(problem: Problem, cases: list[np.ndarray], heights: np.ndarray) -
     made = problem.simulate_each([(case, heights) for case in [first, *different]])
     rest = iter(made[1:])
     return [made[0], *(made[0] if np.array_equal(case, first) else next(rest) for case in cases[1:])]
+
+
+def fewer(lin: Linearised, effects: Sequence[Effect], excluded: Collection[str] = ()) -> Linearised:
+    """A linearisation with some of its candidates, in the order of ``effects``.
+
+    Every candidate's derivative is that of simulations with this candidate alone, so that the result is what
+    :func:`diagnosis.gap.linear.linearised` would have made of fewer.
+
+    Parameters
+    ----------
+    excluded
+        Names of candidates that could not be tried, and are not missed.
+
+    Raises
+    ------
+    ValueError
+        If a candidate is neither excluded nor in the linearisation.
+    """
+    place = {one.name: j for j, one in enumerate(lin.effects)}
+    gone = {*excluded, *(one.name for one in lin.chosen)}
+    for one in effects:
+        if one.name not in place and one.name not in gone:
+            raise ValueError(f"effects: {one.name!r} took no part in the linearisation; expected one of {[*place]}")
+    kept = [place[one.name] for one in effects if one.name in place]
+    return replace(
+        lin,
+        by_effect=lin.by_effect[..., kept],
+        effects=tuple(lin.effects[j] for j in kept),
+        failed={name: why for name, why in lin.failed.items() if name in {lin.effects[j].name for j in kept}},
+    )

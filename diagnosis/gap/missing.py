@@ -93,8 +93,6 @@ def _pulses(problem: Problem, z: np.ndarray, heights: np.ndarray, source: Source
         first = len(problem.system.parameters) + len(problem.effects)
         there = np.concatenate([z[:first], [1.0], z[first:]])
     response = felt(where, there, heights, pulses)
-    if where is not problem:
-        problem.simulations += where.simulations
     # a level multiplies all persons, those of the pulses too
     levels = problem.unknown.level_values(z)
     for level, factor in zip(problem.nuisance.levels, levels, strict=True):

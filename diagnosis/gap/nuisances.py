@@ -27,19 +27,17 @@ WITHIN = 2.0
 """By how much the prior of changes within a step is widened."""
 
 
-def widened(problem: Problem, around: Linearisation) -> tuple[Problem, Linearisation, int]:
-    """A problem and its linearisation with nuisances as wide as they are, and the simulations that took."""
-    problem = problem.with_effects(problem.effects)
+def widened(problem: Problem, around: Linearisation) -> tuple[Problem, Linearisation]:
+    """A problem and its linearisation with nuisances as wide as they are."""
     nuisance = problem.nuisance
     wider = np.where(nuisance.turns, WITHIN, 1.0)[:, None]
-    problem.nuisance = replace(nuisance, factor=nuisance.factor * wider)
+    problem = problem.with_nuisance(replace(nuisance, factor=nuisance.factor * wider))
     columns = np.abs(nuisance.factor[nuisance.turns]).any(axis=0)  # they share none with other pulses
     around = replace(around, nuisance=np.where(columns, around.nuisance / WITHIN, around.nuisance))
     for place, one in enumerate(problem.system.inputs):
         if one.source == "occupancy" and (problem.nuisance.turns & (problem.nuisance.column == place)).any():
             problem, around = _joined(problem, around, late(problem.nuisance, place))
-    problem, around = metered(problem, around)
-    return problem, around, problem.simulations
+    return metered(problem, around)
 
 
 def metered(problem: Problem, around: Linearisation) -> tuple[Problem, Linearisation]:
@@ -99,27 +97,23 @@ def both(old: Nuisance, pulses: Nuisance) -> Nuisance:
 
 
 def felt(problem: Problem, z: np.ndarray, heights: np.ndarray, pulses: Nuisance) -> np.ndarray:
-    """Response of the outputs to further pulses, shape (outputs, steps, pulses); its simulations are the problem's."""
-    other = problem.with_effects(problem.effects)
-    other.nuisance = both(problem.nuisance, pulses)
+    """Response of the outputs to further pulses, shape (outputs, steps, pulses)."""
+    other = problem.with_nuisance(both(problem.nuisance, pulses))
     base = other.simulate(z, np.concatenate([heights, pulses.mean]))
-    response = responses(
+    return responses(
         pulses,
         lambda runs: other.simulate_all([(z, np.concatenate([heights, run])) for run in runs]),
         base,
         problem.time,
     )
-    problem.simulations += other.simulations
-    return response
 
 
 def _joined(problem: Problem, around: Linearisation, pulses: Nuisance) -> tuple[Problem, Linearisation]:
     """A problem with further pulses, and what they do to the outputs around a linearisation."""
     response = felt(problem, around.z, around.heights, pulses)
-    other = problem.with_effects(problem.effects)
     # where the line is drawn again a day is enough: a hundredth of the square of what they do comes later
     pulses = replace(pulses, followed=np.minimum(pulses.followed, SPACING))
-    other.nuisance, other.simulations = both(problem.nuisance, pulses), problem.simulations
+    other = problem.with_nuisance(both(problem.nuisance, pulses))
     return other, replace(
         around,
         heights=np.concatenate([around.heights, pulses.mean]),

@@ -47,7 +47,6 @@ class Refit:
     evidence: float
     sd: np.ndarray
     settled: bool
-    simulations: int
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -83,9 +82,17 @@ class Refit:
 
 
 def refit(
-    before: Grams, colours: dict[int, Colour], start: np.ndarray, new: Sequence[Effect], *, steps: int = STEPS
+    before: Grams,
+    colours: dict[int, Colour],
+    start: np.ndarray,
+    new: Sequence[Effect],
+    *,
+    steps: int = STEPS,
+    redrawn: bool = True,
 ) -> Refit:
     """Fit further effects from a start (unknowns with the new amplitudes after the old ones,), in ``steps`` at most.
+
+    Without ``redrawn`` derivatives are corrected and never simulated anew: for a ranking.
 
     Raises
     ------
@@ -95,7 +102,7 @@ def refit(
     problem = before.lin.problem.with_effects([*before.lin.chosen, *new])
     z = np.clip(start, *inner(problem))
     here, exact = _begun(problem, z, before.lin, new)
-    count, cost = here.simulations, _cost(here, before, colours)
+    cost = _cost(here, before, colours)
     settled = False
     for _ in range(steps):
         step, promised = step_from(here, before, colours)
@@ -108,26 +115,23 @@ def refit(
                 there = _at(problem, here.z + share * step, here)
             except FAILURES:
                 continue
-            count += there.simulations
             value = _cost(there, before, colours)
             if value < cost - 1e-3:
                 moved = (there, value)
                 break
         if moved is not None:
             here, exact, cost = moved[0], False, moved[1]
-        elif exact:
+        elif exact or not redrawn:
             break
         else:
             here, exact = _at(problem, here.z, here, derivatives=True), True
-            count += here.simulations
-    if not exact:
+    if not exact and redrawn:
         here = _at(problem, here.z, here, derivatives=True)
-        count += here.simulations
     settled = settled or step_from(here, before, colours)[1] < 20 * SETTLED
     grams = Grams(here, before.observed, before)
     left = grams.without_nuisance(colours)
     covariance = cho_solve((factor(left.information), True), np.eye(grams.n_unknown))
-    found = Refit(here, grams, 0.0, np.sqrt(np.diag(covariance)) * grams.spread, settled, count)
+    found = Refit(here, grams, 0.0, np.sqrt(np.diag(covariance)) * grams.spread, settled)
     return replace(found, evidence=found.evidence_with(colours))
 
 
@@ -139,7 +143,7 @@ def at_rest(one: Refit, colours: dict[int, Colour], *, steps: int = STEPS) -> Re
 
     ``evidence`` and ``sd`` are those of where it began.
     """
-    here, exact, count, cost = one.lin, True, 0, _cost(one.lin, one.grams, colours)
+    here, exact, cost = one.lin, True, _cost(one.lin, one.grams, colours)
     for _ in range(steps):
         step, promised = step_from(here, one.grams, colours)
         moved = None
@@ -148,7 +152,6 @@ def at_rest(one: Refit, colours: dict[int, Colour], *, steps: int = STEPS) -> Re
                 there = _at(here.problem, here.z + share * step, here)
             except FAILURES:
                 continue
-            count += there.simulations
             value = _cost(there, one.grams, colours)
             if value < cost:
                 moved = (there, value)
@@ -159,9 +162,8 @@ def at_rest(one: Refit, colours: dict[int, Colour], *, steps: int = STEPS) -> Re
         if exact:
             break
         here, exact = _at(here.problem, here.z, here, derivatives=True), True
-        count += here.simulations
     grams = one.grams if here is one.lin else Grams(here, one.grams.observed, one.grams)
-    return replace(one, lin=here, grams=grams, simulations=one.simulations + count)
+    return replace(one, lin=here, grams=grams)
 
 
 def rested(one: Refit, colours: dict[int, Colour]) -> Refit:
@@ -180,7 +182,7 @@ def rested(one: Refit, colours: dict[int, Colour]) -> Refit:
     if there.lin is one.lin:
         return one
     done = refit(there.grams, colours, there.lin.z, (), steps=0)
-    return replace(done, evidence=one.evidence, simulations=there.simulations + done.simulations)
+    return replace(done, evidence=one.evidence)
 
 
 def misfit(grams: Grams, colours: dict[int, Colour]) -> float:
@@ -198,7 +200,7 @@ def inner(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
 def _begun(problem: Problem, z: np.ndarray, before: Linearised, new: Sequence[Effect]) -> tuple[Linearised, bool]:
     """The start, with derivatives that are exact where nothing has moved, and else those from before, corrected."""
     if not new and np.array_equal(z, before.z):
-        return replace(before, by_effect=before.by_effect[..., :0], effects=(), simulations=0), True
+        return replace(before, by_effect=before.by_effect[..., :0], effects=()), True
     names = [one.name for one in before.effects]
     if any(one.name not in names for one in new):
         return _at(problem, z, before, derivatives=True), True

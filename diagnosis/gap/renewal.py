@@ -62,12 +62,11 @@ def settled(
         lin = relinearised(grams, colours or estimated_colours(grams, size).best, z, every)
     except FAILURES:  # what is likely on the straight line may be nothing that the model can be run with
         lin = first
-    grams, count = Grams(lin, observed), first.simulations + (lin.simulations if lin is not first else 0)
+    grams = Grams(lin, observed)
     used = colours or estimated_colours(grams, size).best
     value = grams.evidence(used)
     for _ in range(renewals):
         moved = refit(grams, used, grams.lin.z, ())
-        count += moved.simulations
         found = None
         for share in SHARES:
             there = grams.lin.z + share * (moved.lin.z - grams.lin.z)
@@ -75,7 +74,6 @@ def settled(
                 lin = relinearised(moved.grams if share == 1.0 else grams, used, there, every)
             except FAILURES:
                 continue
-            count += lin.simulations
             found = Grams(lin, observed)
             gain = found.evidence(used) - value
             if gain > 0:
@@ -86,8 +84,7 @@ def settled(
         grams, value = found, value + gain
         if gain < WORTH:
             break
-    done = refit(grams, used, grams.lin.z, (), steps=0)
-    return replace(done, simulations=count + done.simulations)
+    return refit(grams, used, grams.lin.z, (), steps=0)
 
 
 def fitted_anew(drawn: Linearised, observed: np.ndarray, colours: dict[int, Colour], renewals: int = RENEWALS) -> Refit:
@@ -114,9 +111,8 @@ def fitted_anew(drawn: Linearised, observed: np.ndarray, colours: dict[int, Colo
     SimulationError
         If the simulation fails where the fit to all readings is.
     """
-    here = Grams(replace(drawn, by_effect=drawn.by_effect[..., :0], effects=(), simulations=0), observed)
+    here = Grams(replace(drawn, by_effect=drawn.by_effect[..., :0], effects=()), observed)
     moved = refit(here, colours, here.lin.z, ())
-    count = moved.simulations
     for k in range(renewals):
         way, before = moved.lin.z - here.lin.z, misfit(here, colours)
         if k > 0 and np.all(np.abs(way) < NEAR * moved.sd):
@@ -127,7 +123,6 @@ def fitted_anew(drawn: Linearised, observed: np.ndarray, colours: dict[int, Colo
                 lin = relinearised(moved.grams if share == 1.0 else here, colours, here.lin.z + share * way, observed)
             except FAILURES:
                 continue
-            count += lin.simulations
             found = Grams(lin, observed)
             if k == 0 or misfit(found, colours) < before:  # the first line was drawn for other readings: no measure
                 break
@@ -136,9 +131,7 @@ def fitted_anew(drawn: Linearised, observed: np.ndarray, colours: dict[int, Colo
             break
         here = found
         moved = refit(here, colours, here.lin.z, ())
-        count += moved.simulations
-    done = at_rest(moved, colours)
-    return replace(done, simulations=count - moved.simulations + done.simulations)
+    return at_rest(moved, colours)
 
 
 def relinearised(grams: Grams, colours: dict[int, Colour], z: np.ndarray, every: np.ndarray) -> Linearised:
@@ -147,10 +140,9 @@ def relinearised(grams: Grams, colours: dict[int, Colour], z: np.ndarray, every:
     A straight line that is drawn at the usual persons of a day is wrong for the day that was; and who was there on a
     day is told by that day's readings alone, also where they are kept from all else.
     """
-    problem = grams.lin.problem.with_effects(grams.lin.problem.effects)
+    problem = grams.lin.problem
     around = problem.linearise(z, likely(Grams(grams.lin, every), colours, z))
-    made = linearised(problem, z, around)
-    return replace(made, simulations=made.simulations + problem.simulations)
+    return linearised(problem, z, around)
 
 
 def likely(grams: Grams, colours: dict[int, Colour], z: np.ndarray) -> np.ndarray:

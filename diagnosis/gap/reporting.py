@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from diagnosis.fitting.doubt import doubted_sd
 from diagnosis.fitting.fit import Fit
+from diagnosis.fitting.spread import doubted_sd
+from diagnosis.gap.colours import discrepancy
 from diagnosis.gap.conditions import Otherwise
 from diagnosis.gap.decision import Decision
 from diagnosis.gap.limits import limits, strained
 from diagnosis.gap.places import stretch
 from diagnosis.gap.refit import Refit
+from diagnosis.gap.rivals import Rivals
 from diagnosis.gap.schema import (
+    HypothesisOf,
     NamedEffect,
     NoiseOf,
     ParameterOf,
@@ -60,6 +65,7 @@ def reported(
         verdict=decision.verdict,
         summary=[],
         effects=_effects(search, decision),
+        hypotheses=_hypotheses(search),
         sets=[list(one) for one in decision.sets],
         none_of_these=decision.none,
         no_gap=decision.nothing,
@@ -117,12 +123,47 @@ def sensors_among(first: Stage) -> set[str]:
     return {one.name for one in first.lin.effects if any(what.startswith("output:") for what in one.changes)}
 
 
+def _by_name(rivals: Rivals | None) -> dict[str | None, Refit]:
+    """Refits by their candidate, the base model's by None."""
+    if rivals is None:
+        return {}
+    found: dict[str | None, Refit] = {one.names[0]: one for one in rivals.refits}
+    return found | {None: rivals.base}
+
+
+def _hypotheses(search: Search) -> list[HypothesisOf]:
+    """The base model first, then candidates in the order of their evidence where they were asked last."""
+    stage = search.stages[0]
+    colours, floor = stage.colours, stage.lin.problem.floor
+    known = search.made.rivals.get(replace(search, stages=[stage]).path)
+    start = _by_name(None if known is None else known[1])
+    best = _by_name(search.compared)
+
+    def of(name: str | None, on_line: float) -> HypothesisOf:
+        first, last = start.get(name), best.get(name)
+        beside = None if last is None else last.evidence + max(discrepancy(last.grams, colours, floor)[0], 0.0)
+        return HypothesisOf(
+            name=name,
+            on_line=on_line,
+            at_start=None if first is None else first.evidence,
+            at_best=None if last is None else last.evidence,
+            beside_discrepancy=beside,
+            amplitude=None if last is None or name is None else float(last.lin.amplitudes[0]),
+        )
+
+    def rank(one: HypothesisOf) -> list[float]:
+        return [-np.inf if value is None else value for value in (one.at_best, one.at_start, one.on_line)]
+
+    evidence = zip(stage.lin.effects, stage.scan.evidence.tolist(), strict=True)
+    return [of(None, 0.0), *sorted((of(effect.name, value) for effect, value in evidence), key=rank, reverse=True)]
+
+
 def _effects(search: Search, decision: Decision) -> list[NamedEffect]:
     """Candidates, the most probable first."""
     fitted: dict[str, tuple[float, float, bool]] = {}
     for k, refits in enumerate(search.refits):
         told = decision.sets[k] if k < len(decision.sets) else ()
-        for one in reversed(search.beside[k][1] if k in search.beside else refits):
+        for one in reversed(refits):
             name = one.names[-1]
             if name in told or name not in fitted:  # a candidate of an earlier set is told as what it was there
                 fitted[name] = _amplitude(one, name)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-SCHEMA_VERSION = 12
+SCHEMA_VERSION = 13
 HOW_FAR = "how far the gap shrinks"
 """Of the steps that a report may lack."""
 VERDICTS = {
@@ -50,6 +50,17 @@ class NamedEffect(_Table):
     high: float | None = None
     unit: str
     at_bound: bool = False
+
+
+class HypothesisOf(_Table):
+    """The base model or a candidate: log evidences, which compare within a column; null where it was not asked."""
+
+    name: str | None = Field(description="of the candidate; null is the base model")
+    on_line: float = Field(description="over the base model's, on the straight line at its fit")
+    at_start: float | None = Field(None, description="refitted where the base model's fit began, on one line for all")
+    at_best: float | None = Field(None, description="refitted on one line that is drawn where the best of them is")
+    beside_discrepancy: float | None = Field(None, description="there, with the most plausible slow errors beside it")
+    amplitude: float | None = Field(None, description="there [scale of the effect]")
 
 
 class Place(_Table):
@@ -216,6 +227,9 @@ class Report(Result, _Table):
     verdict: Verdict
     summary: list[str] = Field(description="the answer in three sentences: where, which, how far and how sure")
     effects: list[NamedEffect] = Field(description="the most probable first")
+    hypotheses: list[HypothesisOf] = Field(
+        [], description="the base model and all candidates that were tried, by one definition of evidence"
+    )
     sets: list[list[str]] = Field(description="for each effect found, the candidates that the data cannot tell apart")
     none_of_these: float = Field(description="probability that the cause is not among the candidates")
     no_gap: float = Field(description="probability that there is no gap")

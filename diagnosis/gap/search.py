@@ -1,12 +1,14 @@
-"""The search for the cause: the best candidates refitted with the parameters, then, if more is left, a second effect.
+"""The search for the cause: base model and candidates as rivals, then, if more is left, a second effect.
 
 Forward selection with the family's own null at each stage (Bacher and Madsen 2011 select grey-box models by
-likelihood ratios; the null here is that of twins, Johansson 2014, and holds for all candidates together).
+likelihood ratios; the null here is that of twins, Johansson 2014, and holds for all candidates together). Whether there
+is a gap at all is asked at the base model's fit; which candidate explains it, of fits from the same starts
+(:mod:`.rivals`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 
@@ -17,45 +19,40 @@ from diagnosis.fitting.failures import (
     FAILURES,
     NO_TIME,
     CandidateError,
-    Unfinished,
     blamed,
     reason,
     said_by,
 )
-from diagnosis.fitting.fit import Fit, fit
-from diagnosis.gap.contending import (
-    UNEXPLAINED,
-    Tell,
-    best_of,
-    contended,
-    evidence_before,
-    fitted_abroad,
-    stands,
-)
-from diagnosis.gap.elsewhere import elsewhere
-from diagnosis.gap.fewer import fewer
-from diagnosis.gap.linear import Linearised, applicable, linearised
-from diagnosis.gap.made import Made
+from diagnosis.fitting.fit import Fit
+from diagnosis.gap.linear import Linearised, applicable, fewer, linearised
 from diagnosis.gap.nuisances import widened
 from diagnosis.gap.refit import Refit, linear_start, refit, rested
-from diagnosis.gap.renewal import RENEWALS, settled
+from diagnosis.gap.renewal import RENEWALS, WORTH, settled
+from diagnosis.gap.rivals import Rivals, base_from, from_one_start, line_at, on_the_best_line
 from diagnosis.gap.scan import NEGLIGIBLE
-from diagnosis.gap.searched import Search, outdone
-from diagnosis.gap.stages import CLEAR, PLAIN, STRONG, Stage, examine
-from diagnosis.gap.weighing import Judged, named, weighed
+from diagnosis.gap.searched import Made, Ranked, Search, evidence_before
+from diagnosis.gap.stages import CLEAR, STRONG, Stage, examine
+from diagnosis.gap.weighing import named, weighed
 from shared.errors import TimeUp
+from shared.logs import logger
+from shared.numbers import counted
 
-FURTHER = 5
-"""Rounds that the base model's fit gets more where it had not come to rest and a gap seems to be there."""
-MOST_REFITS = 6
-LEAST_REFITS = 3
-NEAR = 8.0
-"""Log Bayes factor within which a candidate is as good as the best, as far as a straight line can tell."""
-SHARE = 0.5
-"""Of the best one's log Bayes factor: a large gap is far along a line, and what is known that far of it is coarse."""
+_log = logger(__name__)
+FITTED = 4
+"""Candidates that are refitted where the best is: the foremost where the base model's fit began."""
+BY_LINE = 1
+"""And of those that the straight line at the base model's fit puts first."""
+NEAR = 50.0
+"""Log evidence below the foremost from which a candidate is not refitted again. A large gap is far along a line: beside
+causes that explain it another nuisance is likely, and that alone moves evidences by some tens."""
+SECOND = 3
+"""Candidates that are refitted as a second effect: the foremost on the straight line at the first."""
+MOST_NAMES = 6
+"""Candidates that a second effect's set may hold: a larger one names what nobody has fitted."""
 MOST_EFFECTS = 2
 PARSIMONY = 0.6
 """A further effect must leave less than this share of what was left without a cause before it."""
+Tell = Callable[[str], None]
 
 
 def search(
@@ -82,24 +79,7 @@ def search(
         A search from the same fit among these candidates and others; what does not depend on the others is taken
         from it.
     """
-    found = _followed(_begun(base, effects, observed, begin, seed, tell, known), effects, observed, seed, tell)
-
-    def from_a_better_base() -> Search:
-        better = better_base(found)
-        if better is None:
-            return found
-        tell("going on from a better fit of the base model")
-        lin = renewed_among(better, effects, found)
-        anew = replace(found, stages=[examine(lin, observed, seed=seed)], base=better, confirmed=True)
-        anew = replace(anew, refits=[], settled=[], tried=[], bare=[], failed=dict(found.failed))
-        anew.excluded = {**found.excluded, **lin.failed}
-        return _followed(anew, effects, observed, seed, tell)
-
-    return found.unfinished.attempt("a better fit of the base model", from_a_better_base, found)
-
-
-def _followed(found: Search, effects: Sequence[Effect], observed: np.ndarray, seed: int, tell: Tell) -> Search:
-    """A search gone on with until no effect more is found, without the candidates that fail on the way."""
+    found = _begun(base, effects, observed, begin, seed, tell, known)
     why = ""
     while len(found.chosen) < MOST_EFFECTS:
         try:
@@ -126,90 +106,106 @@ def _extended(found: Search, effects: Sequence[Effect], observed: np.ndarray, se
     CandidateError
         If it fails with the foremost candidate: without it, another is the foremost.
     TimeUp
-        If the time was up before there was an effect more. Of a first one that is before all that stand out were
-        refitted: after that, the best of them is taken as it is.
+        If the time was up before there was an effect more.
     """
-    stage, first = found.last, not found.chosen
-    gap = first and (stage.misfits or stage.discrepancy)
-    refits: list[Refit] = []
-    if stage.candidate_found:
-        refits = refitted(stage, tell, found)
-        gain = refits[0].evidence - evidence_before(found) if refits else -np.inf
-        if first:
-            found.confirmed = gain >= STRONG or gap
-        if not refits or not found.confirmed or (not first and gain < CLEAR):
-            return False
-    try:
-        made = _contended(found, refits, gap, effects, observed, seed, tell)
-    except TimeUp:
-        if not first or not refits:
-            raise
-        found.unfinished.why["the refits from elsewhere, and the search for a second cause"] = NO_TIME
-        best = refits[0]
-        with best.lin.problem.runner.lifted():
-            made = refits, best, refits, examine(among(best, ()), observed, seed=seed + 1)
-    if made is None:
+    first = not found.chosen
+    if first:
+        refits = _first_effect(found, tell)
+    else:
+        refits = refitted(found.last, tell, found) if found.last.candidate_found else []
+        if refits and refits[0].evidence - evidence_before(found) < CLEAR:
+            refits = []
+    if not refits:
         return False
-    refits, best, tried, after = made
+    stage, best = found.last, refits[0]
+    late = best.lin.problem.runner.lifted() if found.unfinished.why else nullcontext()
+    with blamed(best.names), late:
+        lin = best.lin
+        best = settled(lin.problem, lin.z, lin.around, observed, lin.problem.floor, stage.colours.best, renewals=1)
+        lin = renewed_among(best, effects, found)
+        after = examine(lin, observed, seed=seed + len(found.stages))
+    if not first and not (worth_more(stage, after) and told(stage, refits, after)):
+        return False
     found.stages.append(after)
     found.refits.append(refits)
     found.settled.append(best)
-    found.tried.append(tried)
+    if not first:
+        found.tried.append(())
     return True
 
 
-def _contended(
-    found: Search,
-    refits: list[Refit],
-    gap: bool,
-    effects: Sequence[Effect],
-    observed: np.ndarray,
-    seed: int,
-    tell: Tell,
-) -> tuple[list[Refit], Refit, Sequence[Judged], Stage] | None:
-    """Refits, the best of them, all that was tried, and the stage with the best; None if none of them stands.
+def _first_effect(found: Search, tell: Tell) -> list[Refit]:
+    """Candidates that explain a gap, the best first; none where no gap is confirmed.
 
-    Parameters
-    ----------
-    refits
-        Of the candidates that stand out, best first.
-    gap
-        Whether there is a gap whatever the candidates are.
+    It is confirmed where the best is strong evidence over the base model on both lines: where the fit began, and where
+    that candidate is.
+
+    Raises
+    ------
+    TimeUp
+        If the time was up before the candidates were looked at where the fit began.
     """
-    stage, first = found.last, not found.chosen
-    anew: list[Refit] = []
-    tried: Sequence[Judged] = refits
-    if refits:
-        refits, best = contended(refits, stage, found, tell)
-        anew = refits if refits is not tried else []  # others that were simulated anew, too
-        refits, best = moved(refits, best, stage, found)
-        if first and not stands(refits, best, stage, found):
-            found.confirmed, refits = gap, []
-    looked = first and not refits
-    if looked:  # what straight lines point to, if anything, is not the cause; but a gap may be there
-        refits, tried = fitted_abroad(stage, found, tell) if gap else ([], [])
-        if not refits or refits[0].evidence - evidence_before(found) < PLAIN:
-            return None
-        refits, best = moved(refits, refits[0], stage, found)
-    elif not refits:
-        return None
-    after = _after(best, effects, found, observed, seed)
-    rest = first and not looked and after.left_over > UNEXPLAINED
-    again, ranked = fitted_abroad(stage, found, tell) if rest else ([], [])
-    if again:
-        tried, refits = ranked, best_of([*again, best, *anew])
-        if refits[0].lin is not best.lin:
-            best = refits[0]
-            after = _after(best, effects, found, observed, seed)
-    if not first and not (worth_more(stage, after) and told(stage, refits, after, tried)):
-        return None
-    return refits, best, tried, after
+    stage = found.last
+    if not stage.differs:
+        return []
+    usable = [one.name for one in stage.lin.effects if one.name not in found.failed]
+    start = _at_start(found, stage, usable, tell)
+    ones = [one for one in start.refits if one.names[0] in usable]
+    found.tried = [[Ranked(one.names, one.evidence) for one in ones]]
+    found.failed |= {name: why for name, why in start.failed.items() if name in usable}
+    ones = _foremost(ones, stage)
+    if not ones:
+        found.confirmed = stage.misfits or stage.discrepancy
+        return []
+    rivals = replace(start, refits=tuple(ones), failed={})
+    try:
+        rivals = _on_the_best_line(found, rivals, stage, tell)
+    except (TimeUp, *FAILURES) as error:
+        why = NO_TIME if isinstance(error, TimeUp) else reason(error)
+        found.unfinished.why["the candidates where the best of them is"] = why
+    found.failed |= rivals.failed
+    refits = [one for one in rivals.refits if abs(one.lin.amplitudes[0]) >= NEGLIGIBLE]
+    found.compared = Rivals(rivals.base, tuple(refits))
+    before = {one.names: one.evidence - start.base.evidence for one in ones}
+    gain = min(refits[0].evidence - rivals.base.evidence, before[refits[0].names]) if refits else -np.inf
+    found.confirmed = stage.misfits or stage.discrepancy or (stage.candidate_found and gain >= STRONG)
+    return refits if found.confirmed and gain >= STRONG else []
 
 
-def _after(best: Refit, effects: Sequence[Effect], found: Search, observed: np.ndarray, seed: int) -> Stage:
-    """The next stage, with a refit."""
-    with blamed(best.names):
-        return examine(renewed_among(best, effects, found), observed, seed=seed + len(found.stages))
+def _foremost(ones: Sequence[Refit], stage: Stage) -> list[Refit]:
+    """The best where the fit began, and on the straight line at the base model's fit; the best first."""
+    near = [one for one in ones if one.evidence > ones[0].evidence - NEAR][:FITTED]
+    others = {one.names[0]: one for one in ones[len(near) :]}
+    on_line = [stage.lin.effects[j].name for j in stage.scan.order if stage.scan.ratio[j] > 0]
+    return [*near, *[others[name] for name in on_line if name in others][:BY_LINE]]
+
+
+def _at_start(found: Search, stage: Stage, names: Sequence[str], tell: Tell) -> Rivals:
+    """All candidates and the base model where its fit began; candidates that nobody asked for may be among them."""
+    known = found.made.rivals.get(found.path)
+    if known is not None and known[0] >= set(names):
+        return known[1]
+    tell("looking at all effects from where the fit began")
+    effects = [one for one in stage.lin.effects if one.name in names]
+    made = from_one_start(_line_at_start(found), effects, stage.grams.observed, stage.colours.best)
+    found.made.rivals[found.path] = set(names), made
+    return made
+
+
+def _line_at_start(found: Search) -> Linearised:
+    """The line where the base model's fit began, drawn once."""
+    if found.made.line is None:
+        found.made.line = line_at(found.plain, np.zeros(found.plain.size) if found.begin is None else found.begin)
+    return found.made.line
+
+
+def _on_the_best_line(found: Search, rivals: Rivals, stage: Stage, tell: Tell) -> Rivals:
+    """The foremost candidates and the base model on one line, made once."""
+    key = (found.path, tuple(one.names[0] for one in rivals.refits))
+    if key not in found.made.alike:
+        tell(f"refitting {counted(len(rivals.refits), 'effect')} where the best is")
+        found.made.alike[key] = on_the_best_line(rivals, stage.lin.z, stage.grams.observed, stage.colours.best)
+    return found.made.alike[key]
 
 
 def _begun(
@@ -221,51 +217,49 @@ def _begun(
     tell: Tell,
     known: Search | None,
 ) -> Search:
-    """A search at its first stage; where what looks like a gap may be a fit that stopped early, after going on with it.
-
-    Whether to go on is asked anew among fewer candidates: some of them may see no gap.
-    """
-    unfinished = Unfinished()
+    """A search at its first stage."""
+    usable, why = applicable(base.problem, effects)
     if known is not None:
-        made, count = known.made, 0
-        if made.base is None:
+        if known.made.base is None:
             raise ValueError("a search that is known has a base; expected one that search() made")
-        one, lin = made.base
-        _, why = applicable(one.lin.problem, effects)
+        one, lin = known.made.base
         lin = fewer(lin, effects, {*why, *lin.failed})
-        usable: Sequence[Effect] = lin.effects
-        stage = examine(lin, observed, seed=seed)
+        stage, lacking, made = examine(lin, observed, seed=seed), "", known.made
     else:
-        made = Made()
-        usable, why = applicable(base.problem, effects)
         tell(f"sensitivities of {len(usable)} effects")
         one, lin, stage, lacking = _first_stage(base, usable, observed, seed)
-        if lacking:
-            unfinished.why["the candidates"] = lacking
-            why |= {effect.name: lacking for effect in usable}
-        made.base, count = (one, lin), one.simulations + lin.simulations
-
-    def further() -> tuple[Refit, Linearised, Stage]:
-        nonlocal count
-        if base.converged or not (stage.candidate_found or stage.misfits or stage.episodic):
-            return one, lin, stage
-        tell("going on with the fit of the base model")
-        if made.further is None or known is None:
-            more = fit(base.problem, [base.z], rounds=FURTHER, around=base.around)
-            other = settled_base(more, observed)
-            there = among(other, usable) if other.evidence > one.evidence else None
-            count += more.simulations + other.simulations + (there.simulations if there is not None else 0)
-            if known is None:
-                made.further = other, there
-        else:
-            other, there = made.further
-            there = fewer(there, effects, {*why, *there.failed}) if there is not None else None
-        return (one, lin, stage) if there is None else (other, there, examine(there, observed, seed=seed))
-
-    one, lin, stage = unfinished.attempt("going on with the fit of the base model", further, (one, lin, stage))
-    found = Search([stage], one, base.problem, begin, excluded=why, simulations=count, made=made, unfinished=unfinished)
-    found.excluded |= lin.failed
+        made = Made(base=(one, lin))
+    found = Search([stage], one, base.problem, begin, excluded=why | lin.failed, made=made)
+    if lacking:
+        found.unfinished.why["the candidates"] = lacking
+        found.excluded |= {effect.name: lacking for effect in usable}
+    elif stage.differs:
+        tell("renewing the base model's fit from where it began")
+        try:
+            better = _more_plausible(found, effects)
+        except (TimeUp, *FAILURES) as error:
+            _log.info("the base model is where its fit ended: %s", error)
+            better = None
+        if better is not None:
+            found.base, lin = better
+            found.stages, found.excluded = [examine(lin, observed, seed=seed)], why | lin.failed
     return found
+
+
+def _more_plausible(found: Search, effects: Sequence[Effect]) -> tuple[Refit, Linearised] | None:
+    """The base model led to anew from where its fit began, and by all candidates; None where that is no better.
+
+    A candidate is compared with the base model from that start. So it is to be asked where it is most plausible whether
+    there is a gap at all: a fit that has not come to its optimum leaves one that no candidate explains.
+    """
+    stage, led = found.last, found.made.led
+    colours = stage.colours.best
+    if found.path not in led:
+        led[found.path] = base_from(_line_at_start(found), stage.grams.observed, colours)
+    other = led[found.path]
+    if other.grams.evidence(colours) < found.base.grams.evidence(colours) + WORTH:
+        return None
+    return other, renewed_among(other, effects, found)
 
 
 def _first_stage(
@@ -298,40 +292,6 @@ def _first_stage(
             plans = plans[-1:] if why == NO_TIME else plans
 
 
-def better_base(found: Search) -> Refit | None:
-    """A fit of the base model that is more plausible than the one a search began with, where no effect is plain.
-
-    Effects that were fitted elsewhere have shown it: there the model without them may do as well as with them, and
-    better than where its own fit had ended. What then looks like a gap is a fit that ended too early.
-    """
-    if (other := outdone(found)) is None:
-        return None
-    best, _ = other
-    if len(found.refits) > 1 or any(ones[0].evidence - best.evidence >= PLAIN for ones in found.refits):
-        return None
-    lin = best.lin
-    try:
-        there = settled(lin.problem, lin.z, lin.around, best.grams.observed, lin.problem.floor)
-    except FAILURES:
-        return None
-    found.simulations += there.simulations
-    return there if there.evidence > found.base.evidence + CLEAR else None
-
-
-def moved(refits: list[Refit], best: Refit, stage: Stage, found: Search) -> tuple[list[Refit], Refit]:
-    """Refits and the best of them, where another size of the chosen effects fits better.
-
-    Among the refits it takes its place only if it is more plausible there as well: the others have not come to rest,
-    and may promise more than there is.
-    """
-    with blamed(best.names):
-        one = elsewhere(best, stage.colours.best)
-    found.simulations += one.simulations - best.simulations
-    if one.lin is best.lin:
-        return refits, best
-    return ([one, *refits[1:]] if one.evidence > refits[0].evidence else refits), one
-
-
 def at_its_optimum(found: Search) -> Search:
     """The search with the fit of the chosen effects where it comes to rest: what is told of their sizes."""
     if not found.settled:
@@ -341,8 +301,7 @@ def at_its_optimum(found: Search) -> Search:
         one = rested(last, found.last.colours.best)
     except FAILURES:
         return found
-    more = one.simulations - last.simulations
-    return replace(found, settled=[*found.settled[:-1], one], simulations=found.simulations + more)
+    return replace(found, settled=[*found.settled[:-1], one])
 
 
 def worth_more(before: Stage, after: Stage) -> bool:
@@ -350,16 +309,15 @@ def worth_more(before: Stage, after: Stage) -> bool:
     return after.left_over <= PARSIMONY * before.left_over
 
 
-def told(before: Stage, refits: list[Refit], after: Stage, tried: Sequence[Judged]) -> bool:
+def told(before: Stage, refits: list[Refit], after: Stage) -> bool:
     """Whether a further effect is one of few: a set that goes beyond the refits names what nobody has fitted."""
-    return len(named(weighed(before, refits, after, tried=tried), refits[0].names[-1])) <= MOST_REFITS
+    return len(named(weighed(before, refits, after), refits[0].names[-1])) <= MOST_NAMES
 
 
 def settled_base(base: Fit, observed: np.ndarray, *, renewals: int = RENEWALS) -> Refit:
     """A fit with its nuisances as wide as they are, linearised where it then is: see :func:`.renewal.settled`."""
-    problem, around, count = widened(base.problem, base.around)
-    one = settled(problem, base.z, around, observed, problem.floor, renewals=renewals)
-    return replace(one, simulations=one.simulations + count)
+    problem, around = widened(base.problem, base.around)
+    return settled(problem, base.z, around, observed, problem.floor, renewals=renewals)
 
 
 def among(one: Refit, effects: Sequence[Effect]) -> Linearised:
@@ -372,16 +330,14 @@ def refitted(stage: Stage, tell: Tell, found: Search) -> list[Refit]:
 
     What stands out most from its own twins is always among them, unless nothing is left of it.
     """
-    best, foremost = stage.scan.evidence.max(initial=-np.inf), stage.scan.foremost
-    made = []
-    order = [j for j in stage.scan.order if stage.lin.effects[j].name not in found.failed][:MOST_REFITS]
+    foremost, made = stage.scan.foremost, []
+    order = [j for j in stage.scan.order if stage.lin.effects[j].name not in found.failed][:SECOND]
     if foremost is not None and stage.lin.effects[foremost].name in found.failed:
         foremost = None
     if foremost is not None and foremost not in order:
-        order[-1] = foremost
-    for rank, j in enumerate(order):
-        close = rank < LEAST_REFITS or stage.scan.evidence[j] > min(best - NEAR, SHARE * best) or j == foremost
-        if not close or stage.scan.ratio[j] <= 0:
+        order.append(foremost)
+    for j in order:
+        if stage.scan.ratio[j] <= 0:
             continue
         effect = stage.lin.effects[j]
         key = (found.path, effect.name)
@@ -396,7 +352,6 @@ def refitted(stage: Stage, tell: Tell, found: Search) -> list[Refit]:
         except FAILURES as error:
             found.failed[effect.name] = reason(error)
             continue
-        found.simulations += one.simulations
         found.made.refits[key] = one
         made.append(one)
     made = [one for one in made if abs(one.lin.amplitudes[-1]) >= NEGLIGIBLE]
@@ -410,6 +365,5 @@ def renewed_among(best: Refit, effects: Sequence[Effect], found: Search) -> Line
     if key in made and {one.name for one in usable} <= {one.name for one in made[key].effects}:
         return fewer(made[key], usable)
     lin = among(best, usable)
-    found.simulations += lin.simulations
     made[key] = lin
     return lin

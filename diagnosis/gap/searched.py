@@ -10,29 +10,61 @@ import numpy as np
 from diagnosis.effects import Effect
 from diagnosis.fitting.failures import Unfinished
 from diagnosis.fitting.problem import Problem
-from diagnosis.gap.made import Made
+from diagnosis.gap.linear import Linearised
 from diagnosis.gap.refit import Refit
-from diagnosis.gap.stages import CLEAR, Stage
+from diagnosis.gap.rivals import Rivals
+from diagnosis.gap.stages import Stage
 from diagnosis.gap.weighing import Judged
+
+Names = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """What a candidate (the last of the names) is worth where the base model's fit began: its log evidence there."""
+
+    names: Names
+    evidence: float
+
+
+@dataclass
+class Made:
+    """What a search has made, by what led to it: nothing is made twice, and a search among fewer candidates shares it.
+
+    The first part of every key is the path of stages (:attr:`Search.path`) that led there. ``rivals``: all candidates
+    where the base model's fit began, and the names of those that were asked. ``alike``: the foremost where the best of
+    them is, by their names.
+    ``refits``: of a second effect, by its name. ``renewed``: a refit linearised by the candidates that remain, by its
+    effects' names and its unknowns' bytes. ``apart``: both lines of a fit to a part, by the bytes of what was fitted;
+    its path is that of these stages alone. None is what cannot be simulated. ``base``: the base model's fit, and
+    linearised by all candidates. ``line``: where that fit began;
+    ``led``: the base model's optimum as it is led to from there.
+    """
+
+    base: tuple[Refit, Linearised] | None = None
+    line: Linearised | None = None
+    led: dict[Hashable, Refit] = field(default_factory=dict)
+    rivals: dict[Hashable, tuple[set[str], Rivals]] = field(default_factory=dict)
+    alike: dict[tuple[Hashable, Names], Rivals] = field(default_factory=dict)
+    refits: dict[tuple[Hashable, str], Refit] = field(default_factory=dict)
+    renewed: dict[tuple[Hashable, Names, bytes], Linearised] = field(default_factory=dict)
+    apart: dict[tuple[Hashable, bytes], tuple[Linearised, Linearised]] = field(default_factory=dict)
 
 
 @dataclass
 class Search:
     """All stages, the base model's fit, the refits made at each stage (best first), and why candidates were not tried.
 
-    ``settled``: the best refit of each stage as the next stage has it, simulated anew where it came to.
-    ``tried``: at each stage what all candidates that were refitted were worth before some were fitted afresh, or all
-    candidates where the base model's fit began.
+    ``settled``: the best refit of each stage as the next stage has it.
+    ``tried``: at the first stage what all candidates were worth where the base model's fit began; none at a later one.
+    ``compared``: the foremost where the best of them is, and the base model there, whether or not a gap is there.
     ``confirmed``: whether what the straight line found at first is there in a refit, or in the residual itself.
     ``plain``: the base model's problem before its nuisances were widened, ``begin`` (unknowns,) where its fit began:
     the middle of the prior if None.
-    ``beside``: the stage and refits by which the candidates of a stage are weighed, by its place, where the effect that
-    was found with them was chosen later (:mod:`diagnosis.gap.exchange`); its own if it is not there.
-    ``bare``: the base model fitted on the straight lines of refits that have lines of their own.
     ``failed``: candidates whose simulation or algebra failed, at whatever step, and why. ``unfinished``: steps of the
     search that are lacking, and why; ``searched``: whether all candidates that stood out were refitted.
     ``dropped``: effects that were chosen and given up, because nothing shows that there is a gap.
-    ``simulations`` in all of the search; ``made``: what need not be made again.
+    ``made``: what need not be made again.
     """
 
     stages: list[Stage]
@@ -42,22 +74,20 @@ class Search:
     refits: list[list[Refit]] = field(default_factory=list)
     settled: list[Refit] = field(default_factory=list)
     tried: list[Sequence[Judged]] = field(default_factory=list)
+    compared: Rivals | None = None
     excluded: dict[str, str] = field(default_factory=dict)
     failed: dict[str, str] = field(default_factory=dict)
     unfinished: Unfinished = field(default_factory=Unfinished)
     searched: bool = True
-    beside: dict[int, tuple[Stage, list[Refit]]] = field(default_factory=dict)
-    bare: list[Refit] = field(default_factory=list)
     confirmed: bool = True
     dropped: tuple[str, ...] = ()
-    simulations: int = 0
     made: Made = field(default_factory=Made)
 
     @property
     def path(self) -> Hashable:
         """What a refit depends on beside its own effect: of every stage, what was chosen, where it is, and the colours.
 
-        The same effects come to another optimum where they were fitted afresh.
+        The same effects come to another optimum where the colours are others.
         """
         return tuple(
             (tuple(e.name for e in one.lin.chosen), one.lin.z.tobytes(), tuple(sorted(one.colours.best.items())))
@@ -81,14 +111,9 @@ class Search:
         return float(np.clip(self.last.left_over / first, 0.0, 1.0)) if self.stages[0].left_over > 1.0 else 0.0
 
 
-def outdone(found: Search) -> tuple[Refit, float] | None:
-    """The most plausible of ``bare``, and what it has in log evidence over the first stage; None if it gains little.
-
-    As far as the straight lines tell on which it was fitted.
-    """
-    best = max(found.bare, key=lambda one: one.evidence, default=None)
-    if best is None:
-        return None
-    first = found.stages[0]
-    gain = best.evidence - first.grams.evidence(first.colours.best)
-    return (best, gain) if gain >= CLEAR else None
+def evidence_before(found: Search) -> float:
+    """Log evidence of what was chosen so far, its amplitudes within their bounds as those of refits are."""
+    stage = found.last
+    if not found.settled:
+        return stage.grams.evidence(stage.colours.best)
+    return found.settled[-1].evidence_with(stage.colours.best)

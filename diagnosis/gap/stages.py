@@ -67,6 +67,11 @@ class Stage:
         return self.slow > STRONG or self.episodic
 
     @property
+    def differs(self) -> bool:
+        """Whether anything seems to differ between model and recording."""
+        return self.candidate_found or self.misfits or self.discrepancy
+
+    @property
     def left_over(self) -> float:
         """Gain in log evidence of a discrepancy without a cause, slow or for a while."""
         return max(self.slow, self.episode.gain if self.episode is not None else 0.0)

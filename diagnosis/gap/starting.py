@@ -8,7 +8,7 @@ recording that has one may fit better from elsewhere.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,6 @@ import numpy as np
 from diagnosis.fitting.failures import FAILURES, reason
 from diagnosis.fitting.fit import Fit, fit
 from diagnosis.fitting.problem import Problem
-from diagnosis.gap.afresh import RESTLESS, ROUNDS
 from diagnosis.recording import Recording
 from diagnosis.zero_shot import estimate
 from shared.errors import EstimatorError, RecordingError, SimulationError, TimeUp
@@ -26,6 +25,10 @@ from shared.system import System
 QUIET = 1.25
 """Mean square of the standardised residual up to which a fit has nothing to gain from another start."""
 PRIOR = "prior"
+ROUNDS = 2
+"""Of the fits of a diagnosis: refits go on from there."""
+RESTLESS = 4
+"""Rounds more of the fits of a diagnosis, while the unknowns still move far: then a fit says nothing yet."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +99,6 @@ def begun(problem: Problem, estimated: ZeroShot | None) -> Begun:
         starts.insert(0, (estimated.folder, problem.unknowns(estimated.values)))
     best: Begun | None = None
     why: dict[str, str] = {}
-    spent = 0
     for name, start in starts:
         try:
             found = fit(problem.with_effects(()), [start], rounds=ROUNDS, restless=RESTLESS)
@@ -107,7 +109,6 @@ def begun(problem: Problem, estimated: ZeroShot | None) -> Begun:
             if best is None:
                 raise
             break
-        spent += found.simulations
         if best is None or found.log_evidence > best.fit.log_evidence:
             best = Begun(found, name, start)
         if 2 * best.fit.cost < QUIET * len(best.fit.residual):
@@ -118,4 +119,4 @@ def begun(problem: Problem, estimated: ZeroShot | None) -> Begun:
             f"{problem.recording.path}: the base model cannot be fitted to it ({said}); expected a start at which it"
             " can be simulated. `diagnosis residuals` with --set tells which parameters can"
         )
-    return replace(best, fit=replace(best.fit, simulations=spent))
+    return best

@@ -59,7 +59,7 @@ def weighed(
     after
         The stage with the best of them.
     tried
-        All that were refitted, if only some of them were fitted afresh, or all where the base model's fit began.
+        All that were looked at, as they were worth where the base model's fit began; without, the straight line counts.
     later
         Effects that were found beside it: they are no alternatives to it.
     excluded
@@ -67,11 +67,11 @@ def weighed(
     """
     value = {one.names[-1]: one.evidence_with(after.discrepant) for one in refits}
     linear = dict(zip((one.name for one in stage.lin.effects), stage.scan.evidence.tolist(), strict=True))
-    for known in ({one.names[-1]: one.evidence for one in tried}, linear):
-        gains = [one - known[name] for name, one in value.items() if name in known]
-        if gains:
-            gain, last = float(np.median(gains)), min(value.values())
-            value = {name: min(one + gain, last) for name, one in known.items()} | value
+    known = {one.names[-1]: one.evidence for one in tried} or linear
+    gains = [one - known[name] for name, one in value.items() if name in known]
+    if gains:
+        gain, last = float(np.median(gains)), min(value.values())
+        value = {name: min(one + gain, last) for name, one in known.items()} | value
     unknown = {*excluded, *stage.lin.failed} - {one.names[-1] for one in refits}
     return softmax({name: one for name, one in value.items() if name not in {*later, *unknown}})
 

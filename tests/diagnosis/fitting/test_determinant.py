@@ -13,7 +13,7 @@ def test_slope_is_the_difference_of_determinants(house, house_recording):
     system = house("me")
     record = read_recording(house_recording(hours=48, count=False), system)
     problem = Problem(Simulator(system), record, occupancy="unknown", history=False)
-    problem.nuisance = problem.nuisance.only(~problem.nuisance.turns)
+    problem = problem.with_nuisance(problem.nuisance.only(~problem.nuisance.turns))
     z = problem.unknowns({"ro": 7.0, "ri": 0.6, "c": 4.0, "a": 2.5})
     around = problem.linearise(z)
     found = determinant(problem, around)
@@ -39,7 +39,7 @@ def test_persons_that_were_counted_count_too(house, house_recording, every):
     system = house("me")
     record = read_recording(house_recording(hours=48), system)
     problem = Problem(Simulator(system), record, history=False)
-    problem.nuisance = problem.nuisance.only(np.arange(problem.nuisance.size) % every == 0)
+    problem = problem.with_nuisance(problem.nuisance.only(np.arange(problem.nuisance.size) % every == 0))
     around = problem.linearise(np.zeros(problem.size))
     rows, unknowns = around.marginal.by_unknown.shape
     assert (rows < unknowns) == (every == 1)
@@ -55,7 +55,7 @@ def test_without_a_nuisance_nothing_is_simulated(house, house_recording):
     system = house("me")
     record = read_recording(house_recording(hours=48), system)
     problem = Problem(Simulator(system), record, history=False)
-    problem.nuisance = problem.nuisance.only(np.zeros(problem.nuisance.size, dtype=bool))
+    problem = problem.with_nuisance(problem.nuisance.only(np.zeros(problem.nuisance.size, dtype=bool)))
     around = problem.linearise(np.zeros(problem.size))
     before = problem.simulations
     assert not determinant(problem, around).slope.any()

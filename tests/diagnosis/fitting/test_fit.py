@@ -41,7 +41,7 @@ def test_the_posterior_is_that_of_a_grid(house, house_recording):
         update={"parameters": [free], "fixed": {**system.fixed, **{one.name: TRUTH[one.name] for one in others}}}
     )
     problem = Problem(Simulator(alone), record, noise=np.array([0.3]), history=False)
-    problem.nuisance = problem.nuisance.only(np.zeros(problem.nuisance.size, dtype=bool))
+    problem = problem.with_nuisance(problem.nuisance.only(np.zeros(problem.nuisance.size, dtype=bool)))
     found = fit(problem)
     grid = np.linspace(-3, 3, 301)
     loss = np.array([np.sum(problem.residuals(np.array([z])) ** 2) for z in grid])

@@ -97,7 +97,7 @@ def test_pulses_of_persons_answer_with_the_effect_that_follows_them(warm):
     problem = Problem(simulator, recording, occupancy="unknown", uncertain=False, warm_up=HALF_HOUR, effects=[effect])
     z, heights = as_counted(problem.with_effects([]), recording, 7.0)
     z = np.insert(z, len(problem.system.parameters), 2.0)
-    problem.nuisance = problem.nuisance.only(problem.nuisance.begin < recording.start + 86400.0)
+    problem = problem.with_nuisance(problem.nuisance.only(problem.nuisance.begin < recording.start + 86400.0))
     heights = heights[: problem.nuisance.size]
     standard = np.linalg.lstsq(problem.nuisance.factor, heights - problem.nuisance.mean, rcond=None)[0]
     around = problem.linearise(z, standard)

@@ -11,11 +11,11 @@ from scipy.stats import multivariate_normal, norm
 
 from diagnosis.effects.base import Nothing
 from diagnosis.gap.colours import Colours
-from diagnosis.gap.contending import evidence_before
 from diagnosis.gap.grams import AMPLITUDE, Grams
 from diagnosis.gap.pictures import draw_angles, draw_candidates
 from diagnosis.gap.refit import Refit
 from diagnosis.gap.scan import LEVEL, PRIORS, mass, scan
+from diagnosis.gap.searched import evidence_before
 from diagnosis.gap.seen import smallest
 from diagnosis.gap.stages import PLAIN
 from diagnosis.gap.twins import draw_twins
@@ -110,7 +110,7 @@ def test_the_evidence_of_a_refit_is_over_the_amplitudes_that_it_may_have(bounds,
     observed = seen(lin)
     grams = Grams(lin, observed)
     colours = {0: (1.0, 0.5, 5 * HOUR), 1: WHITE}
-    found = Refit(lin, grams, 0.0, np.ones(3), True, 0).evidence_with(colours)
+    found = Refit(lin, grams, 0.0, np.ones(3), True).evidence_with(colours)
     # the amplitude by brute force, all others integrated out
     inner = np.concatenate([lin.by_nuisance, lin.by_unknown[..., :2]], axis=2)
     reach = np.linspace(*np.clip([-8.0, 8.0], *bounds), 4001)
@@ -139,12 +139,12 @@ def test_a_second_effect_is_not_credited_with_what_the_first_gains_by_its_bounds
     both.chosen = (*lin.chosen, Nothing("still"))
     both.z = np.append(lin.z, 0.0)
     both.by_unknown = np.concatenate([lin.by_unknown, np.zeros_like(lin.by_unknown[..., :1])], axis=2)
-    first, second = (Refit(one, Grams(one, seen(lin)), 0.0, np.ones(len(one.z)), True, 0) for one in (lin, both))
+    first, second = (Refit(one, Grams(one, seen(lin)), 0.0, np.ones(len(one.z)), True) for one in (lin, both))
     stage = SimpleNamespace(grams=first.grams, colours=SURE)
     before = evidence_before(SimpleNamespace(last=stage, settled=[first]))
     assert second.evidence_with(SURE.best) == pytest.approx(before, abs=1e-9)
     assert before - first.grams.evidence(SURE.best) == pytest.approx(np.log(2), abs=0.1)  # half of its prior is left
-    assert evidence_before(SimpleNamespace(last=stage, settled=[], bare=[])) == first.grams.evidence(SURE.best)
+    assert evidence_before(SimpleNamespace(last=stage, settled=[])) == first.grams.evidence(SURE.best)
 
 
 def opposed(first, second, cosine=-0.99):

@@ -12,7 +12,7 @@ from jsonschema import validate
 from datagen.simulating.simulator import Simulator
 from diagnosis.cli import app
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.pruning import pruned
+from diagnosis.fitting.renewing import pruned
 from diagnosis.gap import Report, conditions, diagnose
 from diagnosis.gap.conditions import Otherwise, _counted, expected, otherwise
 from diagnosis.gap.linear import applicable, linearised
@@ -79,8 +79,10 @@ def test_had_persons_been_counted_they_would_open_the_window(warm):
     nuisance = unknown.nuisance
     standard = np.linalg.lstsq(nuisance.factor, heights - nuisance.mean, rcond=None)[0]
     around = replace(unknown.linearise(z, standard), heights=heights)
-    found, simulations = _counted(linearised(unknown, z, around, window))
-    assert simulations == 0  # within half an hour nothing is asked
+    linear = linearised(unknown, z, around, window)
+    before = unknown.simulations
+    found = _counted(linear)
+    assert unknown.simulations == before  # within half an hour nothing is asked
     late = recording.time > recording.start + 48 * 3600.0
     for output in range(2):
         series, other = wanted.by_effect[output, late, 0], found.by_effect[output, late, 0]
@@ -97,15 +99,17 @@ def test_had_persons_been_counted_by_the_hour_nobody_would_know_when_within_it_t
     settings = {"uncertain": False, "warm_up": WARM_UP * 3600.0}
     known = Problem(simulator, record, occupancy="measured", **settings)
     z = np.zeros(known.size)
-    counted, around, _ = widened(*pruned(known, known.linearise(z)))
+    counted, around = widened(*pruned(known, known.linearise(z)))
     wanted = Otherwise("counted", linearised(counted, z, around, causes), counted.observed)
     unknown = Problem(simulator, record, occupancy="unknown", **settings)
     z, heights = as_counted(unknown, record, 7.0)
     nuisance = unknown.nuisance
     standard = np.linalg.lstsq(nuisance.factor, heights - nuisance.mean, rcond=None)[0]
     around = replace(unknown.linearise(z, standard), heights=heights)
-    lin, simulations = _counted(linearised(unknown, z, around, causes))
-    assert simulations > 0
+    linear = linearised(unknown, z, around, causes)
+    before = unknown.simulations
+    lin = _counted(linear)
+    assert unknown.simulations > before
     found = Otherwise("counted", lin, unknown.observed)
     sizes = [expected(one, {}, unknown.floor) for one in (found, wanted)]
     for cause in causes:
@@ -154,8 +158,8 @@ def test_had_control_been_simulated_the_same_readings_would_count(folder, monkey
     (clock,) = some(room(), "clock")
     monkeypatch.setattr(Problem, "linearise", lambda self, z: None)  # only what counts is asked for
     monkeypatch.setattr(conditions, "pruned", lambda problem, around: (problem, around))
-    monkeypatch.setattr(conditions, "widened", lambda problem, around: (problem, around, 0))
-    monkeypatch.setattr(conditions, "linearised", lambda *_: SimpleNamespace(simulations=0))
+    monkeypatch.setattr(conditions, "widened", lambda problem, around: (problem, around))
+    monkeypatch.setattr(conditions, "linearised", lambda *_: None)
     stage = SimpleNamespace(lin=SimpleNamespace(z=np.zeros(problem.size)))
     (found,) = otherwise(stage, problem, [clock])
     assert found.condition == "controlled"

@@ -58,7 +58,7 @@ def refits(**evidence):
     ]
 
 
-def searched(stages, made, confirmed=True, beside=None, to_the_end=True):
+def searched(stages, made, confirmed=True, to_the_end=True):
     share = stages[-1].left_over / max(stages[0].left_over, 1.0)
     chosen = stages[-1].lin.chosen
     return SimpleNamespace(
@@ -68,7 +68,6 @@ def searched(stages, made, confirmed=True, beside=None, to_the_end=True):
         last=stages[-1],
         chosen=chosen,
         share_left=share,
-        beside=beside or {},
         confirmed=confirmed,
         excluded={},
         failed={},
@@ -286,16 +285,3 @@ def test_with_replayed_actuators_an_answer_is_less_sure():
     assert done.mistaken == pytest.approx(LEAST[True])
     assert LEAST[True] > LEAST[False]
     whole(done)
-
-
-@pytest.mark.parametrize(("known", "named"), [(False, {"one", "two", "three"}), (True, {"one", "two"})])
-def test_what_was_found_with_another_effect_is_weighed_beside_that(known, named):
-    """Alone "three" is as good as "one", but beside "two" it is not."""
-    first = stage(evidence=(50.0, 10.0, 50.0))
-    second = stage(chosen=("one",), left_over=40.0)
-    last = stage(found=False, misfits=False, left_over=0.0, chosen=("one", "two"))
-    other = (stage(chosen=("two",), evidence=(50.0, 10.0)), refits(one=50.0, three=10.0))
-    made = [refits(one=50.0, three=50.0), refits(two=90.0, three=60.0)]
-    done = decide(searched([first, second, last], made, beside={0: other} if known else None), 0.001, 0.5)
-    assert set(done.named) == named
-    assert done.verdict == ("effect" if known else "ambiguous")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from diagnosis.gap import diagnose
-from diagnosis.gap.fewer import fewer
+from diagnosis.gap.linear import fewer
 from tests.diagnosis.gap.gap_cases import candidates, drifting
 
 SPENT = {"simulations", "seconds", "cpu_seconds"}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from diagnosis.fitting.failures import NO_TIME
-from diagnosis.gap.limits import ended_early, ends_left_out, limits, noiseless, strained
+from diagnosis.gap.limits import ends_left_out, limits, noiseless, strained
 from diagnosis.gap.schema import ConditionOf
 from diagnosis.gap.sentences import summary
 from tests.diagnosis.gap.report_cases import constant, named, report, seen, stage
@@ -139,9 +139,3 @@ def test_without_time_no_candidate_is_named_but_what_straight_lines_say():
     )
     assert summary(cut)[1].endswith("In the linearised model the foremost are a (40%).")
     assert cut.untried == pytest.approx(1 - 0.4 - 0.01 - 0.31 - 0.07)
-
-
-def test_a_better_fit_of_the_base_model_is_told():
-    assert ended_early(None) == []
-    (said,) = ended_early(42768.9)
-    assert "more plausible, by 4.28e+04 in log evidence" in said

@@ -65,7 +65,6 @@ def straight(seed=4):
         by_effect=toy.by_effect,
         effects=toy.effects,
         failed={},
-        simulations=0,
     )
     return lin, Grams(lin, np.ones(lin.residual.shape, dtype=bool))
 

@@ -24,13 +24,11 @@ def fitted(**amplitudes):
     return SimpleNamespace(names=tuple(amplitudes), lin=SimpleNamespace(problem=problem, z=z), sd=np.full(len(z), 0.1))
 
 
-def told(refits, sets, named, settled=None, beside=None):
+def told(refits, sets, named, settled=None):
     stage = SimpleNamespace(lin=SimpleNamespace(effects=tuple(EFFECTS.values())))
     decision = SimpleNamespace(probabilities={"one": 0.9, "two": 0.8}, named=named, sets=sets)
     found = _effects(
-        SimpleNamespace(
-            refits=refits, settled=settled or [one[0] for one in refits], stages=[stage], beside=beside or {}
-        ),
+        SimpleNamespace(refits=refits, settled=settled or [one[0] for one in refits], stages=[stage]),
         decision,
     )
     return {one.name: one for one in found}
@@ -63,12 +61,6 @@ def test_a_candidate_of_the_first_set_is_as_large_as_it_would_be_in_place_of_the
     refits = [[fitted(one=5.0), fitted(three=4.0)], [fitted(one=2.0, two=0.7), fitted(one=2.5, three=1.0)]]
     assert told(refits, (("one", "three"), ("two",)), NAMES)["three"].amplitude == 4.0
     assert told(refits, (("one",), ("two", "three")), NAMES)["three"].amplitude == 1.0
-
-
-def test_where_the_first_was_asked_again_beside_the_second_a_candidate_is_as_large_as_it_was_there():
-    refits = [[fitted(one=5.0)], [fitted(one=2.0, two=0.7), fitted(one=2.5, three=-3.0)]]
-    beside = {0: (None, [fitted(two=0.7, one=2.0), fitted(two=0.6, three=1.5)])}
-    assert told(refits, (("one", "three"), ("two",)), NAMES, beside=beside)["three"].amplitude == 1.5
 
 
 @pytest.mark.parametrize(

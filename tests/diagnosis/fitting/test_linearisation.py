@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from diagnosis.fitting.principal import principal
+from diagnosis.fitting.linearisation import principal
 
 
 @pytest.mark.parametrize("shape", [(30, 8), (8, 30), (9, 9)])
