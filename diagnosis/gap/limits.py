@@ -114,6 +114,8 @@ def limits(report: Report) -> list[str]:
     bound = [one.name for one in report.parameters if one.at_bound]
     if bound:
         found.append(f"On the bounds of their ranges in the base model: {', '.join(bound)}.")
+        if report.wider:
+            found.append(f"{report.wider} has wider ranges: diagnosis run {report.wider} {report.recording}")
     if not report.converged:
         found.append("The fit of the base model had not come to rest when it stopped.")
     if report.converged_after is False:

@@ -92,6 +92,7 @@ def reported(
         limits=[],
         guideline14=[one.to_dict() for one in where.guideline],
         system=problem.system.name,
+        wider=problem.system.wider,
         system_hash=problem.system.hash(),
         fmu_sha256=problem.simulator.fmu.sha256,
         recording=str(problem.recording.path),

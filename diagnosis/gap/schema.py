@@ -237,7 +237,7 @@ class Report(Result, _Table):
         description="probability that what the candidates' evidence points to holds no true cause, as of none of these"
         " and of no gap, and of another candidate about which the evidence says nothing (in equal shares)"
     )
-    rejected: bool = Field(description="whether the chosen effects are rejected on their own twins")
+    rejected: bool = Field(description="whether the chosen effects are rejected on their own bootstrap replicates")
     where: list[Place]
     balance: str = Field(description="whether a balance or a sensor is off: balance, sensor, undecided, none")
     sources: list[SourceOf] = Field(description="what the balances may lack")
@@ -266,6 +266,7 @@ class Report(Result, _Table):
     )
     system: str
     system_hash: str
+    wider: str = Field("", description="the description with wider ranges, if the system names one")
     fmu_sha256: str
     recording: str
     zero: str = Field(

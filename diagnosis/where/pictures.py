@@ -18,7 +18,7 @@ from diagnosis.where.series import HOUR, Residuals
 
 _UNTESTED = "#dddddd"
 MOST = 10.0
-"""The colours of scatter end at so many times that of twins, and at that part of it."""
+"""The colours of scatter end at so many times that of replicates, and at that part of it."""
 
 
 def draw_cells(
@@ -41,8 +41,8 @@ def draw_cells(
         _draw_scatter(figure, panels[row, 1], cells, c, rows, alpha)
     figure.suptitle(
         "Where measurement and calibrated model differ\n"
-        "Left: red measured higher, blue lower.  Right: red more scatter than in twins without a gap, blue less.\n"
-        f"Black frame: beyond what {len(residuals.replicates)} twins show, whatever is looked at; right only more.  "
+        "Left: red measured higher, blue lower.  Right: red more scatter than replicates without a gap, blue less.\n"
+        f"Black frame: beyond what {len(residuals.replicates)} replicates show, whatever is looked at; right only more. "
         "Grey: too few readings.",
         fontsize=10,
     )
@@ -125,7 +125,7 @@ def _draw_scatter(
     axes.set_yticks([])
     axes.set_xticks(range(len(cells.bands)), [BRIEF[b] for b in cells.bands], fontsize=8)
     axes.set_xlabel("periods in the residual", fontsize=8)
-    axes.set_title("scatter, times that of twins", fontsize=10, loc="left")
+    axes.set_title("scatter, times that of replicates", fontsize=10, loc="left")
     bar = figure.colorbar(shown, ax=axes, pad=0.02, fraction=0.06)
     bar.ax.tick_params(labelsize=7)
     bar.set_ticks([1 / bound, bound**-0.5, 1.0, bound**0.5, bound])
@@ -175,8 +175,8 @@ def draw_correlations(residuals: Residuals, found: CorrelationTest, *, alpha: fl
         panels[c, 0].set_ylabel("correlation", fontsize=8)
     figure.suptitle(
         "Which inputs the residual follows\n"
-        "Dashed: what 19 of 20 twins without a gap cross nowhere.  Red stems: significant, whatever is looked at.  "
-        "Grey: 95 % of twins at that lag alone.",
+        "Dashed: what 19 of 20 replicates without a gap cross nowhere.  Red stems: significant, whatever is looked at. "
+        "Grey: 95 % of replicates at that lag alone.",
         fontsize=10,
     )
     return figure

@@ -49,7 +49,7 @@ class Residuals:
                 f"replicates: shape is {self.replicates.shape}; expected (B, {outputs}, {steps}), as the residuals have"
             )
         if len(self.replicates) < 19:
-            raise RecordingError(f"replicates: found {len(self.replicates)} twins; expected at least 19 (p below 0.05)")
+            raise RecordingError(f"replicates: found {len(self.replicates)}; expected at least 19 (p below 0.05)")
         if not (len(self.names) == len(self.units) == outputs) or self.time.shape != (steps,):
             raise RecordingError(
                 f"residuals: {len(self.names)} names, {len(self.units)} units and {self.time.size} times "

@@ -97,7 +97,7 @@ class SourceTest:
         were fitted with the parameters and are not contradicted; "none" where the answer is that there is no gap.
         """
         if one.verdict == "none":
-            return "explains no more than in twins without a gap"
+            return "explains no more than in replicates without a gap"
         # a page that finds no place must not name a sensor or a balance
         suspected = self.stands and self.verdict == "sensor" and self.suspect == one.rival
         suspect = OTHERWISE if "balance" in answered else SUSPECT
@@ -106,9 +106,9 @@ class SourceTest:
             suspect = off = FAINT
         if not one.needed(alpha):
             instead = f"; an error of {rival} alone explains more: {suspect}" if suspected else ""
-            return f"explains no more than in twins without a gap: none of it is needed{instead}"
+            return f"explains no more than in replicates without a gap: none of it is needed{instead}"
         if not self.stands:
-            return "explains more than in twins without a gap, but not once all places are tested together"
+            return "explains more than in replicates without a gap, but not once all places are tested together"
         if one.verdict == "balance":
             better = f"explains the residual better than an error of {rival} alone"
             return f"{better}: {off}" if self.verdict == "balance" else better

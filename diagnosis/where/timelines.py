@@ -27,7 +27,7 @@ _SPAN = "#ee9944"
 def draw_episodes(
     residuals: Residuals, found: EpisodeTest, *, alpha: float = 0.05, zero: np.datetime64 | None = None
 ) -> Figure:
-    """The residual of each channel against time, what twins show, and the stretches that stand out.
+    """The residual of each channel against time, what replicates show, and the stretches that stand out.
 
     ``zero`` is the date from which time runs, for dates below the days.
     """
@@ -38,7 +38,9 @@ def draw_episodes(
     days = (residuals.middle - begin) / DAY
     for axes, k in zip(panels, found.channels, strict=True):
         low, high = _band(residuals.replicates[:, k])
-        axes.fill_between(days, low, high, color=TWINS, alpha=0.7, linewidth=0, label="95 % of twins without a gap")
+        axes.fill_between(
+            days, low, high, color=TWINS, alpha=0.7, linewidth=0, label="95 % of replicates without a gap"
+        )
         axes.axhline(0, color="black", linewidth=0.6)
         axes.plot(days, residuals.observed[k], color=QUIET, linewidth=0.9, label="this recording")
         _weekends(axes, residuals, begin)
@@ -89,7 +91,7 @@ def draw_sources(
     answered: Collection[Verdict] = (),
     zero: np.datetime64 | None = None,
 ) -> Figure:
-    """Each source that would close the residual, its uncertainty, and what twins without a gap would ask for.
+    """Each source that would close the residual, its uncertainty, and what replicates without a gap would ask for.
 
     ``answered``: see :meth:`~diagnosis.where.source.SourceTest.words`. ``zero`` is the date from which time runs.
     """
@@ -104,7 +106,7 @@ def draw_sources(
         centres = (edges[1:] + edges[:-1]) / 2
         axes.fill_between(
             centres, factor * one.low, factor * one.high, step="mid", color=TWINS, alpha=0.8, linewidth=0,
-            label="95 % of twins without a gap",
+            label="95 % of replicates without a gap",
         )  # fmt: skip
         for sign in (-2, 2):
             edge = factor * (one.estimate + sign * one.uncertainty)
@@ -124,7 +126,7 @@ def draw_sources(
                 ".",
                 color=MEASURED,
                 markersize=4,
-                label=f"beyond what twins show anywhere (p <= {alpha:g})",
+                label=f"beyond what replicates show anywhere (p <= {alpha:g})",
             )
         axes.axhline(0, color="black", linewidth=0.6)
         _weekends(axes, residuals, begin)

@@ -32,8 +32,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "gallery"))
 from house import Heat, build_fmu, measure
 
 OUT = Path(__file__).resolve().parents[1] / "samples"
-ROOM, HOURS, PLUG = 99, 672, 400.0
-"""Seed and length [h] of the default room of the quick start, and the heat of its equipment [W]."""
+ROOM, HOURS, PLUG = 99, 168, 400.0
+"""Seed and length [h] of the default room, and the heat of its equipment [W]."""
 GUESTS, GUESTS_HEAT = 7, 900.0
 """Seed of the evenings on which the house has guests, and their heat [W]."""
 CONTEXT = AHEAD = 168.0

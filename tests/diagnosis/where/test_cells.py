@@ -203,7 +203,7 @@ def test_units_and_order_of_channels_do_not_matter(seed, scales, swap):
 
 
 def test_too_few_twins_are_refused(quiet):
-    with pytest.raises(RecordingError, match="found 10 twins; expected at least 19"):
+    with pytest.raises(RecordingError, match="found 10; expected at least 19"):
         Residuals(quiet.time, quiet.observed, quiet.replicates[:10], quiet.names, quiet.units)
 
 

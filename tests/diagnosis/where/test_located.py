@@ -325,7 +325,7 @@ def test_no_sensor_is_suspected_where_no_place_stands_out(quiet, inputs):
     one = replace(found.sources.sources[0], p_value=0.04, verdict="sensor", rival="y0", gain=9.0)
     for verdict in ("sensor", "balance", "undecided"):
         odd = replace(found.sources, sources=[replace(one, verdict=verdict)], suspect="y0")
-        said = "explains more than in twins without a gap, but not once all places are tested together"
+        said = "explains more than in replicates without a gap, but not once all places are tested together"
         assert odd.words(odd.sources[0], "the thermometer") == said
         assert said in " ".join(draw_sources(quiet, odd).axes[0].get_title(loc="left").split())
 

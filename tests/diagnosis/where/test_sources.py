@@ -138,7 +138,7 @@ def test_no_sensor_is_suspected_where_another_source_explains_what_its_error_wou
     assert found.words(one, "the thermometer").endswith("than an error of the thermometer alone: this balance is off")
     assert found.words(one, "the thermometer", answered={"sensor"}).endswith(f"alone: {OTHERWISE}")
     assert found.words(other, "the thermometer") == (
-        "explains no more than in twins without a gap: none of it is needed"
+        "explains no more than in replicates without a gap: none of it is needed"
     )
     (said,) = [one.direction for one in found.findings if one.kind == "sensor"]
     assert said == (
@@ -178,12 +178,12 @@ def test_what_is_said_of_a_source_is_not_cut_by_the_pictures_edge(quiet, plant):
     ("p_value", "verdict", "suspect", "said"),
     [
         (0.5, "sensor", "y0", "is needed; an error of y0 alone explains more: suspect that sensor"),
-        (0.5, "sensor", "y1", "twins without a gap: none of it is needed"),  # another's error explains most
-        (0.5, "sensor", None, "twins without a gap: none of it is needed"),
+        (0.5, "sensor", "y1", "replicates without a gap: none of it is needed"),  # another's error explains most
+        (0.5, "sensor", None, "replicates without a gap: none of it is needed"),
         (0.01, "sensor", "y0", "worse than an error of y0 alone: suspect that sensor"),
         (0.01, "sensor", None, "worse than an error of y0 alone"),
         (0.01, "undecided", "y0", "about equally well"),
-        (0.5, "none", None, "explains no more than in twins without a gap"),
+        (0.5, "none", None, "explains no more than in replicates without a gap"),
     ],
 )
 def test_a_sensor_is_suspected_by_its_own_test_alone(quiet, plant, p_value, verdict, suspect, said):
