@@ -42,7 +42,7 @@ def draw_cells(
     figure.suptitle(
         "Where measurement and calibrated model differ\n"
         "Left: red measured higher, blue lower.  Right: red more scatter than replicates without a gap, blue less.\n"
-        f"Black frame: beyond what {len(residuals.replicates)} replicates show, whatever is looked at; right only more. "
+        f"Black frame: beyond what {len(residuals.replicates)} replicates show anywhere; right only more.  "
         "Grey: too few readings.",
         fontsize=10,
     )

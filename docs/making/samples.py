@@ -2,9 +2,9 @@
 
     python docs/making/samples.py [NAME ...]
 
-``effect`` is the diagnosis of the quick start, which takes ten minutes of processor time; ``forecast`` that of the
-README. The other two are of the gallery's house and take half a minute. Every random number comes from the seeds below.
-The picture needs chromium.
+``effect`` is a week of the default room with equipment, which takes two minutes of processor time; ``forecast`` is that
+of the README. The other two are of the gallery's house and take half a minute. Every random number comes from the seeds
+below. The picture needs chromium.
 """
 
 from __future__ import annotations
