@@ -156,10 +156,11 @@ class InputTable:
         self._inside(start, stop)
         first = max(int(np.searchsorted(self.time, start + SNAP, side="right")), 1)
         last = max(int(np.searchsorted(self.time, stop - SNAP, side="left")), first)
-        time = np.concatenate([[start], self.time[first:last], [stop]])
-        left, right = self.left[first - 1 : last].copy(), self.right[first - 1 : last].copy()
-        left[0] = self._value(np.array([first - 1]), np.array([start]))[0]
-        right[-1] = self._value(np.array([last - 1]), np.array([stop]))[0]
+        time, left, right = self.time[first - 1 : last + 1], self.left[first - 1 : last], self.right[first - 1 : last]
+        if time[0] != start or time[-1] != stop:  # else the rows are those of this table
+            time, left, right = np.concatenate([[start], time[1:-1], [stop]]), left.copy(), right.copy()
+            left[0] = self._value(np.array([first - 1]), np.array([start]))[0]
+            right[-1] = self._value(np.array([last - 1]), np.array([stop]))[0]
         jump = np.concatenate([[False], self.jump[first:last], [False]])
         return InputTable(self.names, time, left, right, jump)
 

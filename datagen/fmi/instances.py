@@ -61,8 +61,12 @@ def initialise(
         fmu.instantiate(reuse=reuse)
         interface = fmu.interface
         interface.set_up(start, stop, tolerance)
+        floats = {name: value for name, value in values.items() if fmu.is_float(name)}
+        if floats:  # in one call: an FMU may have hundreds
+            interface.set_floats([fmu.variables[name].valueReference for name in floats], list(floats.values()))
         for name, value in values.items():
-            fmu.set_value(name, value)
+            if name not in floats:
+                fmu.set_value(name, value)
         if inputs[0]:
             interface.set_floats(*inputs)
         interface.enter_initialisation()

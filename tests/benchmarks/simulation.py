@@ -2,10 +2,11 @@
 
 fmpy freezes its inputs over each output step, so both get inputs that are constant over each hour, given to fmpy as
 double knots: then it is exact, and the two must agree. Then the farm's own inputs: time and accuracy, and how much of
-the time the FMU's own functions take, called as often, one after another, with nothing around them. Times are of the
-processor, not of the clock, so that others on the machine disturb them less.
+the time the FMU's own functions take, called as often, one after another, with nothing around them. Last, where the
+time of the simulations of a fit goes. Times are of the processor, not of the clock, so that others on the machine
+disturb them less.
 
-Run: ``python tests/benchmarks/simulation.py [--days 365]``.
+Run: ``python tests/benchmarks/simulation.py [--days 365]``, or with ``--fit`` for the last part alone.
 """
 
 from __future__ import annotations
@@ -13,18 +14,29 @@ from __future__ import annotations
 import argparse
 import os
 import statistics
+import tempfile
 import time
+from contextlib import ExitStack
 from pathlib import Path
+from unittest import mock
 
 import fmpy
 import numpy as np
 from numba import njit
 
+from datagen import simulate
 from datagen.driving.inputs import build_inputs
 from datagen.driving.sampling import sample_parameters
 from datagen.driving.tables import Piecewise, merge
+from datagen.fmi import instances
 from datagen.fmi.foreign import foreign
+from datagen.simulating import native
 from datagen.simulating.simulator import Simulator
+from datagen.simulating.solver import Cvode
+from diagnosis import calibrate
+from diagnosis.fitting import simulations
+from diagnosis.fitting.runs import Runs
+from diagnosis.fitting.warmed import Warmed
 from shared.system import load_system
 
 HERE = Path(__file__).resolve().parents[2]
@@ -72,11 +84,54 @@ def seconds_inside(simulator, values, table, stop, counts):
     return found
 
 
+def fit() -> None:
+    """Where the time of the simulations of a calibration goes: a week by the hour, one start."""
+    times: dict[str, list[float]] = {}
+
+    def timed(owner, name, label):
+        function = getattr(owner, name)
+
+        def wrapped(*arguments, **settings):
+            began = time.process_time()
+            try:
+                return function(*arguments, **settings)
+            finally:
+                times.setdefault(label, []).append(time.process_time() - began)
+
+        return mock.patch.object(owner, name, wrapped)
+
+    parts = (
+        (Runs, "run", "its inputs and parameters"),
+        (simulations, "key_of", "its key"),
+        (Warmed, "outputs", "the simulation, with its warm-up where that is new"),
+        (Simulator, "run", "in that: the warm-up and the recording"),
+        (instances, "initialise", "in that: making and initialising an instance"),
+        (Cvode, "__init__", "in that: setting up CVODE"),
+        (native, "drive", "in that: integrating"),
+    )
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as patches:
+        path = Path(folder) / "week.nc"
+        simulate("MixedAirCO2", out=path, hours=168, seed=99)
+        for part in parts:
+            patches.enter_context(timed(*part))
+        began = time.process_time()
+        calibrate("MixedAirCO2", path, starts=1)
+        whole = time.process_time() - began
+    count = len(times[parts[2][2]])
+    print(f"\nA calibration of a week takes {whole:.1f} s for {count} simulations. Of each [ms]:\n")
+    for _, _, label in parts:
+        print(f"{label}: {1e3 * sum(times[label]) / count:.2f} ({len(times[label]) / count:.2f} calls)")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--days", type=int, default=365)
     parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--fit", action="store_true", help="only where the time of the simulations of a fit goes")
     options = parser.parse_args()
+    if options.fit:
+        fit()
+        return
     system = load_system(HERE / "fmus" / "MixedAirCO2" / "system.toml")
     simulator = Simulator(system)
     stop = options.days * 86400.0
@@ -142,6 +197,7 @@ def main() -> None:
     cells = cells_of(np.concatenate(errors["farm"], axis=1))
     farm_seconds, inside = statistics.median(seconds["farm"]), statistics.median(seconds["inside"])
     print(f"| {farm_seconds:.3f} | {inside:.3f} | {share:.2f} | {cells} |\n\n{counts}")
+    fit()
     print(f"load average {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
 
 
