@@ -15,8 +15,8 @@ from shared.numbers import counted, number
 from shared.variables import spaced
 
 CHECKED = (
-    "Probabilities come from blind checks with one-week recordings of the default room. For another system they are a"
-    " rough guide."
+    "Probabilities come from blind checks of earlier versions, with one-week recordings of the default room. For"
+    " another system they are a rough guide."
 )
 UNEXPLAINED = (
     "A gap that is not explained sits in the parameters as well, and their intervals do not allow for it. Do not take"

@@ -124,7 +124,8 @@ def main() -> None:
                     raise SystemExit(f"{name}: the verdict is {verdict}; nothing is written: choose another recording")
             shutil.copy(answer / f"{kind}.html", OUT / f"{name}.html")
             if name == "effect":  # which a notebook reads
-                shutil.copy(answer / "report.json", OUT / "effect.json")
+                report = (answer / "report.json").read_text(encoding="utf-8").replace(f"{OUT.parents[1]}/", "")
+                (OUT / "effect.json").write_text(report, encoding="utf-8")  # without where this checkout lies
                 annotated(OUT / "effect.html", OUT / "effect.png")
         print(f"{name}: {time.process_time() - began:.0f} s of processor time, {OUT / f'{name}.html'}")  # noqa: T201
 
