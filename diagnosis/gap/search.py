@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from diagnosis.fitting.failures import (
     reason,
     said_by,
 )
-from diagnosis.fitting.fit import Fit
+from diagnosis.fitting.fit import Fit, fit
 from diagnosis.gap.linear import Linearised, applicable, fewer, linearised
 from diagnosis.gap.nuisances import widened
 from diagnosis.gap.refit import Refit, linear_start, refit, rested
@@ -217,7 +218,11 @@ def _begun(
     tell: Tell,
     known: Search | None,
 ) -> Search:
-    """A search at its first stage."""
+    """A search at its first stage.
+
+    Where something differs, the base model's most plausible optimum is looked for, and it is asked again there: a fit
+    that has not come to it leaves a gap of its own.
+    """
     usable, why = applicable(base.problem, effects)
     if known is not None:
         if known.made.base is None:
@@ -233,33 +238,31 @@ def _begun(
     if lacking:
         found.unfinished.why["the candidates"] = lacking
         found.excluded |= {effect.name: lacking for effect in usable}
-    elif stage.differs:
-        tell("renewing the base model's fit from where it began")
-        try:
-            better = _more_plausible(found, effects)
-        except (TimeUp, *FAILURES) as error:
-            _log.info("the base model is where its fit ended: %s", error)
-            better = None
-        if better is not None:
-            found.base, lin = better
-            found.stages, found.excluded = [examine(lin, observed, seed=seed)], why | lin.failed
+    elif stage.differs and not made.rested:
+        tell("fitting the base model to its rest")
+        made.rested = True
+        colours = stage.colours.best
+        _improved(found, effects, seed, lambda: base_from(_line_at_start(found), observed, colours))
+        if found.last.differs and not base.converged:
+            rest = partial(fit, base.problem, [base.z], around=base.around)
+            _improved(found, effects, seed, lambda: settled_base(rest(), observed))
     return found
 
 
-def _more_plausible(found: Search, effects: Sequence[Effect]) -> tuple[Refit, Linearised] | None:
-    """The base model led to anew from where its fit began, and by all candidates; None where that is no better.
-
-    A candidate is compared with the base model from that start. So it is to be asked where it is most plausible whether
-    there is a gap at all: a fit that has not come to its optimum leaves one that no candidate explains.
-    """
-    stage, led = found.last, found.made.led
-    colours = stage.colours.best
-    if found.path not in led:
-        led[found.path] = base_from(_line_at_start(found), stage.grams.observed, colours)
-    other = led[found.path]
-    if other.grams.evidence(colours) < found.base.grams.evidence(colours) + WORTH:
-        return None
-    return other, renewed_among(other, effects, found)
+def _improved(found: Search, effects: Sequence[Effect], seed: int, other: Callable[[], Refit]) -> None:
+    """Begin with another optimum of the base model if that is more plausible."""
+    stage = found.last
+    try:
+        one = other()
+        if one.grams.evidence(stage.colours.best) < found.base.grams.evidence(stage.colours.best) + WORTH:
+            return
+        lin = renewed_among(one, effects, found)
+        after = examine(lin, stage.grams.observed, seed=seed)
+    except (TimeUp, *FAILURES) as error:
+        _log.info("the base model is where its fit ended: %s", error)
+        return
+    found.base, found.made.base, found.stages = one, (one, lin), [after]
+    found.excluded = {name: why for name, why in found.excluded.items() if name not in stage.lin.failed} | lin.failed
 
 
 def _first_stage(

@@ -37,13 +37,12 @@ class Made:
     ``refits``: of a second effect, by its name. ``renewed``: a refit linearised by the candidates that remain, by its
     effects' names and its unknowns' bytes. ``apart``: both lines of a fit to a part, by the bytes of what was fitted;
     its path is that of these stages alone. None is what cannot be simulated. ``base``: the base model's fit, and
-    linearised by all candidates. ``line``: where that fit began;
-    ``led``: the base model's optimum as it is led to from there.
+    linearised by all candidates; ``rested``: whether other optima of it were looked for. ``line``: where that fit began.
     """
 
     base: tuple[Refit, Linearised] | None = None
+    rested: bool = False
     line: Linearised | None = None
-    led: dict[Hashable, Refit] = field(default_factory=dict)
     rivals: dict[Hashable, tuple[set[str], Rivals]] = field(default_factory=dict)
     alike: dict[tuple[Hashable, Names], Rivals] = field(default_factory=dict)
     refits: dict[tuple[Hashable, str], Refit] = field(default_factory=dict)

@@ -157,42 +157,42 @@ def test_a_first_stage_is_made_some_way_and_at_the_last_without_candidates(monke
 
 
 @pytest.mark.parametrize(
-    ("differs", "gain", "led"),
+    ("differs", "converged", "led", "rests", "evidence"),
     [
-        (True, 2.0, ["start"]),
-        (True, 0.5, ["start"]),
-        (True, SimulationError("it is stiff"), ["start"]),
-        (False, 9.0, []),
+        (False, False, 9.0, 9.0, -100.0),  # nothing to ask again
+        (True, True, 2.0, 9.0, -98.0),
+        (True, True, 0.5, 9.0, -100.0),  # no more plausible by a log evidence of 1
+        (True, False, 2.0, 9.0, -91.0),
+        (True, False, SimulationError("it is stiff"), 9.0, -91.0),
+        (True, False, 9.0, SimulationError("it is stiff"), -91.0),
     ],
 )
-def test_a_gap_is_asked_for_where_the_base_model_is_most_plausible(monkeypatch, differs, gain, led):
-    """Led to from where its fit began, once something seems to differ; by less than one log evidence it stays."""
+def test_a_gap_is_asked_for_where_the_base_model_is_most_plausible(
+    monkeypatch, differs, converged, led, rests, evidence
+):
+    """It is led to from where its fit began, and from a fit that had not come to rest, once something differs."""
 
-    def at(evidence):
-        return SimpleNamespace(grams=SimpleNamespace(evidence=lambda _: evidence))
-
-    asked, first, lin = [], at(-100.0), SimpleNamespace(failed={}, z=None, effects=())
-
-    def base_from(line, *_):
-        asked.append(line)
+    def at(gain):
         if isinstance(gain, Exception):
             raise gain
-        return at(-100.0 + gain)
+        return SimpleNamespace(grams=SimpleNamespace(evidence=lambda _: -100.0 + gain))
 
-    stage = SimpleNamespace(differs=differs, colours=COLOURS, grams=SimpleNamespace(observed=None))
+    first, lin = at(0.0), SimpleNamespace(failed={}, z=None, effects=())
+    stage = SimpleNamespace(differs=differs, colours=COLOURS, grams=SimpleNamespace(observed=None), lin=lin)
+    base = SimpleNamespace(problem=SimpleNamespace(size=2), z=np.zeros(2), around="there", converged=converged)
     monkeypatch.setattr(searching, "applicable", lambda *_: ((), {}))
     monkeypatch.setattr(searching, "_first_stage", lambda *_: (first, lin, stage, ""))
     monkeypatch.setattr(searching, "line_at", lambda *_: "start")
-    monkeypatch.setattr(searching, "base_from", base_from)
+    monkeypatch.setattr(searching, "base_from", lambda *_: at(led))
+    monkeypatch.setattr(searching, "fit", lambda *_, **__: "rest")
+    monkeypatch.setattr(searching, "settled_base", lambda fitted, *_: at(rests if fitted == "rest" else 0.0))
     monkeypatch.setattr(searching, "renewed_among", lambda *_: lin)
-    monkeypatch.setattr(searching, "examine", lambda *_, **__: "anew")
+    monkeypatch.setattr(searching, "examine", lambda *_, **__: stage)
     monkeypatch.setattr(Search, "path", "here")
-    base = SimpleNamespace(problem=SimpleNamespace(size=2))
     found = searching._begun(base, (), np.ones((1, 2), dtype=bool), None, 0, lambda _: None, None)
-    assert asked == led
-    better = differs and gain == 2.0
-    assert (found.base is not first, found.stages) == (better, ["anew"] if better else [stage])
-    assert found.made.base == (first, lin)
+    assert found.base.grams.evidence(None) == evidence
+    assert found.made.base == (found.base, lin)
+    assert found.stages == [stage]
 
 
 def test_nothing_is_said_where_nobody_is_told(capsys):
