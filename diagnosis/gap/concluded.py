@@ -19,6 +19,7 @@ from diagnosis.fitting.problem import Problem
 from diagnosis.gap.apart import Apart, fitted_apart
 from diagnosis.gap.conditions import Otherwise, otherwise
 from diagnosis.gap.decision import Decision, decide, gap_found
+from diagnosis.gap.evidence import Evidence, evidence_of
 from diagnosis.gap.limits import ends_left_out, noiseless
 from diagnosis.gap.missing import operators
 from diagnosis.gap.places import place
@@ -64,6 +65,7 @@ class Diagnosis(Result):
     candidates: list[Effect]
     search: Search
     decision: Decision
+    evidence: Evidence
     sources: list[Operator]
     unknown: dict[str, str]
     otherwise: list[Otherwise]
@@ -178,6 +180,8 @@ def concluded(
     if found.chosen:
         where_left = attempt("what is left, and where", lambda: place(found.last, whole.observed, []), None)
     decision = decide(found, where.p_value, where_left.p_value if where_left is not None else where.p_value)
+    gap = gap_found(first, where.p_value, found.confirmed)
+    evidence = evidence_of(found, gap, decision.rejected, where.p_value)
     apart: Apart | None = None
     shrinkage: list[Shrinkage] = []
     if found.chosen and (whole.observed & ~scored).any():
@@ -215,6 +219,7 @@ def concluded(
         candidates,
         found,
         decision,
+        evidence,
         sources,
         unknown,
         better,

@@ -58,6 +58,7 @@ def diagnose(
     workers: int | None = None,
     scheduler: str | None = None,
     minutes: float | None = None,
+    how_far: bool = True,
     tell: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
     """Diagnose the gap between a recording and its system's model.
@@ -88,6 +89,8 @@ def diagnose(
         Processes on this machine (1), or the address of a Dask scheduler, for the simulations.
     minutes
         Time that there is. When it is up, the answer is what is known then, and says what it lacks.
+    how_far
+        Whether the chosen effects are fitted again without some days, to say how far the gap shrinks on these.
     tell
         Is told what is being done when that changes and every half minute, and roughly how long it will still take.
 
@@ -129,7 +132,7 @@ def diagnose(
         )
         whole = whole.with_observed(foreseen(applicable(whole, candidates)[0], record))
         check_places(record, whole.observed)
-        scored = kept_for_scoring(record)
+        scored = kept_for_scoring(record) | (not how_far)
 
         def told(stage: str) -> None:
             made.tell(stage, *next((span for words, span in SPANS.items() if stage.startswith(words)), ()))

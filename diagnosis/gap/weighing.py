@@ -7,7 +7,7 @@ that acts by a somewhat other law than its candidate must not make one candidate
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -38,16 +38,17 @@ class Judged(Protocol):
         """Up to a constant that all have alike."""
 
 
-def weighed(
+def worth(
     stage: Stage,
     refits: list[Refit],
     after: Stage,
     *,
+    base: Refit | None = None,
     tried: Sequence[Judged] = (),
     later: Collection[str] = (),
     excluded: Collection[str] = (),
 ) -> dict[str, float]:
-    """Probabilities of a stage's candidates, given that one of them is the cause.
+    """Log evidence of a stage's candidates over the model without them, with the error that the best leaves.
 
     What was not fitted as others were is judged as before, moved by what these gained by it (the median), and is no
     better than the last of them.
@@ -58,6 +59,8 @@ def weighed(
         Of the stage, the best first.
     after
         The stage with the best of them.
+    base
+        The model without them, fitted as they were; without, evidences are up to a constant.
     tried
         All that were looked at, as they were worth where the base model's fit began; without, the straight line counts.
     later
@@ -73,7 +76,13 @@ def weighed(
         gain, last = float(np.median(gains)), min(value.values())
         value = {name: min(one + gain, last) for name, one in known.items()} | value
     unknown = {*excluded, *stage.lin.failed} - {one.names[-1] for one in refits}
-    return softmax({name: one for name, one in value.items() if name not in {*later, *unknown}})
+    without = 0.0 if base is None else base.evidence_with(after.discrepant)
+    return {name: one - without for name, one in value.items() if name not in {*later, *unknown}}
+
+
+def weighed(stage: Stage, refits: list[Refit], after: Stage, **others: Any) -> dict[str, float]:
+    """Probabilities of a stage's candidates, given that one of them is the cause; see :func:`worth`."""
+    return softmax(worth(stage, refits, after, **others))
 
 
 def softmax(values: dict[str, float]) -> dict[str, float]:

@@ -1,0 +1,187 @@
+"""Recordings whose cause is known, made and diagnosed on Dask workers: what a system's verdict is calibrated by."""
+
+from __future__ import annotations
+
+import json
+import secrets
+from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from datagen.farming.cluster import connect
+from datagen.fmi.fmu import fmu_sha256
+from diagnosis.blind.begun import uncertain_sha256
+from diagnosis.blind.generator import Generator
+from diagnosis.farming.rows import Row, generator, read_row, work
+from diagnosis.recording import DAY, HOUR
+from shared import __version__
+from shared.errors import RecordingError
+from shared.lock import FolderLock
+from shared.logs import logger
+from shared.reading import read_json
+from shared.store import write_atomically
+from shared.system import System, load_system, system_from_canonical
+
+ROWS = "rows"
+ABOUT = "about.json"
+HOURS = 168.0
+_log = logger(__name__)
+Progress = Callable[[int, int], object]
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Rows that a farm made, in the order of their numbers, and what they are of (``about``)."""
+
+    about: dict[str, Any]
+    rows: tuple[Row, ...]
+    failed: dict[int, str]
+
+
+def farm(
+    system: System | Path | str,
+    out: Path | str,
+    *,
+    recordings: int = 400,
+    seed: int | None = None,
+    hours: float = HOURS,
+    noise: str = "sensor",
+    workers: int | None = 1,
+    scheduler: str | None = None,
+    progress: Progress | None = None,
+) -> Rows:
+    """Make recordings of a system and diagnose each; what is there is not made again.
+
+    A recording depends on the seed and its number alone, so that more may be asked for later, and one that failed is
+    tried again by the same call.
+
+    Parameters
+    ----------
+    out
+        Folder of the rows.
+    seed
+        Decides all; drawn if not given, and that of the folder if there is one.
+    hours
+        Length of each recording [h], at least a day.
+    noise
+        A noise preset of the description.
+    workers, scheduler
+        Processes on this machine, or the address of a Dask scheduler, whose workers have the FMU under the same path.
+
+    Raises
+    ------
+    RecordingError
+        If the folder holds rows of another system, version, seed or length, or the recordings would be too short.
+    SystemDescriptionError, FmuError, ClusterError
+        If the system or the workers cannot be used.
+    """
+    described = system if isinstance(system, System) else load_system(system)
+    if recordings < 1:
+        raise RecordingError(f"recordings is {recordings}; expected at least 1, for example 400")
+    if hours * HOUR < DAY:
+        raise RecordingError(f"hours is {hours:g}; expected at least 24: a diagnosis reads no shorter recording")
+    generator(described, hours, noise)  # what cannot be used is refused before anything is begun
+    folder = Path(out)
+    folder.mkdir(parents=True, exist_ok=True)
+    with FolderLock(folder, str(described.path.resolve()), kind=RecordingError):
+        about = _begun(folder, described, seed, hours, noise)
+        left = [index for index in range(recordings) if not _path(folder, index).exists()]
+        done, failed = recordings - len(left), {}
+        if progress is not None:
+            progress(done, recordings)
+        with connect(workers=workers, scheduler=scheduler) if left else nullcontext() as client:
+            if client is not None:
+                what = (described.canonical(), str(described.path), hours, noise, about["seed"])
+                for index, made in _worked_off(client, what, left):
+                    if isinstance(made, str):
+                        failed[index] = made
+                        _log.warning("recording %d failed: %s", index, made)
+                    else:
+                        write_atomically(_path(folder, index), json.dumps(made, allow_nan=False).encode())
+                    done += 1
+                    if progress is not None:
+                        progress(done, recordings)
+    rows = [read_row(read_json(path, RecordingError, "a row of a farm")) for path in _paths(folder)]
+    return Rows(about, tuple(sorted(rows, key=lambda one: one.index)), failed)
+
+
+def _worked_off(client: Any, what: tuple[Any, ...], left: list[int]) -> Any:
+    """Numbers and their rows as they are made, or why there is none; few wait at the workers at a time."""
+    from dask.distributed import as_completed
+
+    waiting = iter(left)
+    ahead = 2 * max(len(client.scheduler_info(n_workers=-1)["workers"]), 1)
+    places: dict[str, int] = {}
+
+    def submit() -> Any:
+        for index in waiting:
+            future = client.submit(_row, what, index, pure=False)
+            places[future.key] = index
+            return future
+        return None
+
+    running = as_completed([one for one in (submit() for _ in range(ahead)) if one is not None])
+    for future in running:
+        index = places.pop(future.key)
+        error = future.exception()
+        yield index, future.result() if error is None else f"{type(error).__name__}: {error}"
+        if (more := submit()) is not None:
+            running.add(more)
+
+
+def _row(what: tuple[str, str, float, str, int], index: int) -> dict[str, Any] | str:
+    """A row, made on a worker, or why there is none: whatever goes wrong with one recording, the others are made."""
+    canonical, path, hours, noise, seed = what
+    try:
+        return work(_generator(canonical, path, hours, noise), seed, index)
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
+
+
+@lru_cache(maxsize=1)
+def _generator(canonical: str, path: str, hours: float, noise: str) -> Generator:
+    return generator(system_from_canonical(canonical, Path(path)), hours, noise)
+
+
+def _begun(folder: Path, system: System, seed: int | None, hours: float, noise: str) -> dict[str, Any]:
+    """What the rows of a folder are of: noted, or held against what was noted before."""
+    about = {
+        "system": system.name,
+        "system_hash": system.hash(),
+        "fmu_sha256": fmu_sha256(system.fmu_path),
+        "uncertain_sha256": uncertain_sha256(system),
+        "effects": [one.name for one in system.effects],
+        "version": __version__,
+        "hours": hours,
+        "noise": noise,
+    }
+    path = folder / ABOUT
+    if path.exists():
+        begun = read_json(path, RecordingError, "what a farm's rows are of")
+        asked = about | {"seed": begun.get("seed") if seed is None else seed}
+        for name, value in asked.items():
+            if begun.get(name) != value:
+                raise RecordingError(
+                    f"{path}: {name} is {begun.get(name)!r}; expected {value!r}: rows of two kinds are not mixed. Give"
+                    " another --out, or what the folder was begun with"
+                )
+        return dict(begun)
+    if any(path.exists() for path in (folder / ROWS,)):
+        raise RecordingError(f"{folder}: has rows and no {ABOUT}; expected both, or an empty folder")
+    about["seed"] = secrets.randbelow(2**31) if seed is None else seed
+    (folder / ROWS).mkdir()
+    write_atomically(path, json.dumps(about, indent=1).encode())
+    return about
+
+
+def _path(folder: Path, index: int) -> Path:
+    return folder / ROWS / f"{index}.json"
+
+
+def _paths(folder: Path) -> list[Path]:
+    return sorted((folder / ROWS).glob("*.json"))
+
+
