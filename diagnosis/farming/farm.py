@@ -123,7 +123,8 @@ def _worked_off(client: Any, what: tuple[Any, ...], left: list[int]) -> Any:
             return future
         return None
 
-    running = as_completed([one for one in (submit() for _ in range(ahead)) if one is not None])
+    first = [one for one in (submit() for _ in range(ahead)) if one is not None]
+    running = as_completed(first, loop=client.loop)
     for future in running:
         index = places.pop(future.key)
         error = future.exception()
