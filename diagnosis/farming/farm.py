@@ -184,5 +184,3 @@ def _path(folder: Path, index: int) -> Path:
 
 def _paths(folder: Path) -> list[Path]:
     return sorted((folder / ROWS).glob("*.json"))
-
-

@@ -15,15 +15,16 @@ from diagnosis.blind.draw import Case, Cause
 from diagnosis.blind.generator import Generator, Made
 from diagnosis.blind.measuring import measured, published, write
 from diagnosis.blind.truth import Measuring, Strata, Truth
-from diagnosis.effects import Effect, library
+from diagnosis.effects import Effect, clash, library
 from diagnosis.farming.laws import EXACT, Warped, course, outside
 from diagnosis.gap.evidence import Evidence
 from diagnosis.recording import HOUR
 from shared.errors import SimulationError
 from shared.system import System
 
-STRATA = {"none": 0.4, "listed": 0.4, "withheld": 0.1, "outside": 0.1}
-"""How often a recording has no cause, a candidate's, one of a candidate that the diagnosis is not given, or another."""
+STRATA = {"none": 0.4, "listed": 0.34, "two": 0.08, "withheld": 0.08, "outside": 0.1}
+"""How often a recording has no cause, a candidate's, two candidates', one of a candidate that the diagnosis is not
+given, or another."""
 AMPLITUDES = (0.25, 4.0)
 """Of a candidate's cause, log-uniform [its scales]."""
 GAPS = (0.5, 6.0)
@@ -43,14 +44,14 @@ class Row:
     """What a recording of the farm was, and what the diagnosis found.
 
     ``stratum`` is one of :data:`STRATA`; ``true``: candidates that are right answers, ``withheld`` the one that the
-    diagnosis was not given; ``gap`` the root mean square of the cause at the most touched output [its noise].
+    diagnosis was not given; ``amplitudes`` of the causes; ``gap`` the root mean square of the cause at the most touched output [its noise].
     """
 
     index: int
     stratum: str
     true: tuple[str, ...]
     withheld: str
-    amplitude: float
+    amplitudes: tuple[float, ...]
     gap: float
     evidence: Evidence
     cpu_seconds: float
@@ -103,16 +104,24 @@ def draw(made_by: Generator, seed: int, index: int, attempt: int) -> Drawn:
         size = float(np.exp(rng.uniform(*np.log(GAPS))))
         return Drawn(_with(case, Cause(acts, size)), stratum, true, scaled=True)
     effect = effects[int(rng.integers(len(effects)))]
+    causes = [_cause(effect, rng, begin, stop)]
+    partners = [one for one in effects if one is not effect and not clash([effect, one])]
+    if stratum == "two" and partners:
+        causes.append(_cause(partners[int(rng.integers(len(partners)))], rng, begin, stop))
+    case = _with(case, *causes)
+    if stratum == "withheld":
+        return Drawn(case, stratum, withheld=effect.name)
+    return Drawn(case, stratum, tuple(one.label for one in causes))
+
+
+def _cause(effect: Effect, rng: np.random.Generator, begin: float, stop: float) -> Cause:
+    """A candidate's cause of random size, by a law of its own or by the candidate's."""
     low, high = np.log(AMPLITUDES)
     size = float(np.exp(rng.uniform(low, high))) * effect.scale
     negative = effect.lower < 0 and (effect.upper <= 0 or rng.random() < 0.5)
     amplitude = max(-size, effect.lower) if negative else min(size, effect.upper)
     warped = rng.random() >= EXACT
-    acts = Warped(effect, course(rng, begin, stop)) if warped else effect
-    case = _with(case, Cause(acts, amplitude))
-    if stratum == "withheld":
-        return Drawn(case, stratum, withheld=effect.name)
-    return Drawn(case, stratum, (effect.name,))
+    return Cause(Warped(effect, course(rng, begin, stop)) if warped else effect, amplitude)
 
 
 def live(made_by: Generator, drawn: Drawn) -> Made:
@@ -188,7 +197,7 @@ def diagnosed(system: System, noise: str, path: Path, drawn: Drawn, made: Made, 
         stratum=drawn.stratum,
         true=drawn.true,
         withheld=drawn.withheld,
-        amplitude=causes[0].amplitude if causes else 0.0,
+        amplitudes=tuple(one.amplitude for one in causes),
         gap=gap_of(system, noise, made.clean - made.base) if causes else 0.0,
         evidence=done.evidence,
         cpu_seconds=time.process_time() - began,
@@ -199,7 +208,7 @@ def diagnosed(system: System, noise: str, path: Path, drawn: Drawn, made: Made, 
 def read_row(raw: dict[str, Any]) -> Row:
     """A row as it was written."""
     evidence = Evidence(**{**raw["evidence"], "chosen": tuple(raw["evidence"]["chosen"])})
-    return Row(**{**raw, "true": tuple(raw["true"]), "evidence": evidence})
+    return Row(**{**raw, "true": tuple(raw["true"]), "amplitudes": tuple(raw["amplitudes"]), "evidence": evidence})
 
 
 def _one_of(shares: dict[str, float], place: float) -> str:
