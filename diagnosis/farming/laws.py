@@ -123,19 +123,17 @@ def outside(system: System, rng: np.random.Generator, begin: float, stop: float,
     noise
         The preset whose noise is a sensor's scale.
     """
-    weather = [one for one in system.inputs if one.source == "weather"]
-    kinds = [*system.sources, *weather, *system.outputs]
-    port = kinds[int(rng.integers(len(kinds)))]
     made = process(rng, begin, stop)
-    if port in system.outputs:
-        row = [*system.outputs].index(port)
-        sensor = port.noise.get(noise)
-        scale = max(sensor.sd if sensor is not None else 0.0, port.accuracy)
-        return Process(port.name, port.unit, scale, course=made, port=f"output:{port.name}", output=row)
-    if port in weather:
-        return Process(port.name, port.unit, 1.0, course=made, port=port.name)
-    settings = tuple(port.parameters.items())
-    return Process(port.name, "1", 1.0, course=made, port=port.input, settings=settings)
+    ports = [
+        Process(one.name, course=made, port=one.input, settings=tuple(one.parameters.items())) for one in system.sources
+    ]
+    ports += [
+        Process(one.name, one.unit, course=made, port=one.name) for one in system.inputs if one.source == "weather"
+    ]
+    for row, one in enumerate(system.outputs):
+        scale = max(one.noise[noise].sd if noise in one.noise else 0.0, one.accuracy)
+        ports.append(Process(one.name, one.unit, scale, course=made, port=f"output:{one.name}", output=row))
+    return ports[int(rng.integers(len(ports)))]
 
 
 def _memory(rng: np.random.Generator) -> float:

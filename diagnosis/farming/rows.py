@@ -44,7 +44,8 @@ class Row:
     """What a recording of the farm was, and what the diagnosis found.
 
     ``stratum`` is one of :data:`STRATA`; ``true``: candidates that are right answers, ``withheld`` the one that the
-    diagnosis was not given; ``amplitudes`` of the causes; ``gap`` the root mean square of the cause at the most touched output [its noise].
+    diagnosis was not given; ``amplitudes`` of the causes; ``gap`` the root mean square of what they do at the most
+    touched output [its noise].
     """
 
     index: int

@@ -18,8 +18,7 @@ from diagnosis.fitting.fit import Fit
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.apart import Apart, fitted_apart
 from diagnosis.gap.conditions import Otherwise, otherwise
-from diagnosis.gap.decision import Decision, decide, gap_found
-from diagnosis.gap.evidence import Evidence, evidence_of
+from diagnosis.gap.evidence import Evidence, evidence_of, gap_found
 from diagnosis.gap.limits import ends_left_out, noiseless
 from diagnosis.gap.missing import operators
 from diagnosis.gap.places import place
@@ -29,6 +28,7 @@ from diagnosis.gap.search import at_its_optimum, search
 from diagnosis.gap.searched import Search
 from diagnosis.gap.shrinkage import Shrinkage, left_by, shrinkages
 from diagnosis.gap.starting import Begun
+from diagnosis.gap.verdict import Decision, decide, verdicts_of
 from diagnosis.recording import HOUR
 from diagnosis.where import Operator, Where
 from shared.results import Result
@@ -173,15 +173,16 @@ def concluded(
     else:
         sources, unknown, better = known.sources, known.unknown, known.otherwise
     where = attempt(SOURCES, lambda: place(first, whole.observed, sources), None) or place(first, whole.observed, [])
-    if found.chosen and not gap_found(first, where.p_value, found.confirmed):
-        dropped = tuple(one.name for one in found.chosen)
-        found = replace(found, stages=[first], refits=[], settled=[], dropped=dropped)
     where_left = None
     if found.chosen:
         where_left = attempt("what is left, and where", lambda: place(found.last, whole.observed, []), None)
-    decision = decide(found, where.p_value, where_left.p_value if where_left is not None else where.p_value)
-    gap = gap_found(first, where.p_value, found.confirmed)
-    evidence = evidence_of(found, gap, decision.rejected, where.p_value)
+    left = gap_found(found.last, (where_left or where).p_value)
+    evidence = evidence_of(found, gap_found(first, where.p_value, found.confirmed), left, where.p_value)
+    by, uncalibrated = verdicts_of(whole.system)
+    decision = decide(evidence, by, searched=found.searched)
+    if found.chosen and decision.verdict == "no_gap":
+        dropped = tuple(one.name for one in found.chosen)
+        found, where_left = replace(found, stages=[first], refits=[], settled=[], dropped=dropped), None
     apart: Apart | None = None
     shrinkage: list[Shrinkage] = []
     if found.chosen and (whole.observed & ~scored).any():
@@ -208,6 +209,8 @@ def concluded(
         simulations=whole.simulations - began.simulations,
         seconds=time.perf_counter() - began.seconds,
         cpu_seconds=time.process_time() - began.cpu_seconds,
+        by=by,
+        uncalibrated=uncalibrated,
     )
     ends = ends_left_out(whole.observed, np.isfinite(whole.measured), whole.recording.step / HOUR)
     more = [*ends, *noiseless(whole.undeclared)]

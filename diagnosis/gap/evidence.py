@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from diagnosis.gap.searched import Search
-from diagnosis.gap.weighing import worth
+import numpy as np
+
+from diagnosis.gap.refit import Refit
+from diagnosis.gap.searched import Judged, Search
+from diagnosis.gap.stages import LEVEL, Stage
 
 
 @dataclass(frozen=True)
@@ -99,3 +103,56 @@ def evidence_of(search: Search, gap: bool, rejected: bool, where_p: float) -> Ev
             "where": float(where_p),
         },
     )
+
+
+def gap_found(stage: Stage, where_p: float, confirmed: bool = True) -> bool:
+    """Whether model and recording differ in any of four ways, each against the same twins.
+
+    A candidate that the straight line finds is a gap if a refit confirmed it (:attr:`.search.Search.confirmed`).
+    A place alone is a gap only if a discrepancy without a cause is strong evidence, too: people who come and go within
+    a step scatter more widely than the twins' do.
+    """
+    placed = where_p <= LEVEL / 2 and stage.discrepancy
+    return (stage.candidate_found and confirmed) or stage.misfits or stage.episodic or placed
+
+
+def worth(
+    stage: Stage,
+    refits: list[Refit],
+    after: Stage,
+    *,
+    base: Refit | None = None,
+    tried: Sequence[Judged] = (),
+    later: Collection[str] = (),
+    excluded: Collection[str] = (),
+) -> dict[str, float]:
+    """Log evidence of a stage's candidates over the model without them, with the error that the best leaves.
+
+    What was not fitted as others were is judged as before, moved by what these gained by it (the median), and is no
+    better than the last of them.
+
+    Parameters
+    ----------
+    refits
+        Of the stage, the best first.
+    after
+        The stage with the best of them.
+    base
+        The model without them, fitted as they were; without, evidences are up to a constant.
+    tried
+        All that were looked at, as they were worth where the base model's fit began; without, the straight line counts.
+    later
+        Effects that were found beside it: they are no alternatives to it.
+    excluded
+        What could not be tried, beside what failed at this stage: only if it was refitted is it an alternative.
+    """
+    value = {one.names[-1]: one.evidence_with(after.discrepant) for one in refits}
+    linear = dict(zip((one.name for one in stage.lin.effects), stage.scan.evidence.tolist(), strict=True))
+    known = {one.names[-1]: one.evidence for one in tried} or linear
+    gains = [one - known[name] for name, one in value.items() if name in known]
+    if gains:
+        gain, last = float(np.median(gains)), min(value.values())
+        value = {name: min(one + gain, last) for name, one in known.items()} | value
+    unknown = {*excluded, *stage.lin.failed} - {one.names[-1] for one in refits}
+    without = 0.0 if base is None else base.evidence_with(after.discrepant)
+    return {name: one - without for name, one in value.items() if name not in {*later, *unknown}}

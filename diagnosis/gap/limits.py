@@ -9,15 +9,11 @@ import numpy as np
 
 from diagnosis.calibrating.sentences import far_outside
 from diagnosis.fitting.failures import NO_TIME
-from diagnosis.gap.decision import Verdict
 from diagnosis.gap.schema import Report
+from diagnosis.gap.verdict import Verdict
 from shared.numbers import counted, number
 from shared.variables import spaced
 
-CHECKED = (
-    "Probabilities come from blind checks of earlier versions, with one-week recordings of the default room. For"
-    " another system they are a rough guide."
-)
 UNEXPLAINED = (
     "A gap that is not explained sits in the parameters as well, and their intervals do not allow for it. Do not take"
     " the parameters from this answer."
@@ -32,6 +28,24 @@ WITHHELD = (
 def added(verdict: Verdict) -> str:
     """What the fit "after" has that the base model has not, goes on in a sentence."""
     return "with the nearest candidate (rejected)" if verdict == "none_of_these" else "with the effects found"
+
+
+def calibration(report: Report) -> str:
+    """What the probabilities come from, and what answers to such recordings held."""
+    by = report.calibrated
+    alarms, named = by.answers["false alarms"], by.answers["named"]
+    said = (
+        f"Probabilities come from {counted(sum(by.strata.values()), 'recording')} of {by.hours:g} h that were made with"
+        f" {by.system} ({by.made}, seed {by.seed}). There a gap was answered in {round(alarms.true * alarms.count)} of"
+        f" {alarms.count} without a cause, and of {counted(named.count, 'answer')} with a name"
+        f" {round(named.true * named.count)} held a true cause."
+    )
+    if report.uncalibrated:
+        said += (
+            f" They are not calibrated for this system ({report.uncalibrated}): run `diagnosis farm` for it, and until"
+            " then take them as a rough guide."
+        )
+    return said
 
 
 def _cost(report: Report, condition: str, begin: str) -> str:
@@ -63,7 +77,7 @@ def _cost(report: Report, condition: str, begin: str) -> str:
 
 def limits(report: Report) -> list[str]:
     """What was not known and how that limits the answer."""
-    found = [CHECKED]
+    found = [calibration(report)]
     if report.unfinished:
         lacking = "; ".join(f"{step} ({why})" for step, why in report.unfinished.items())
         found.insert(0, f"The answer lacks: {lacking}.{GOING_ON if NO_TIME in report.unfinished.values() else ''}")

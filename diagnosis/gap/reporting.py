@@ -10,12 +10,12 @@ from diagnosis.fitting.fit import Fit
 from diagnosis.fitting.spread import doubted_sd
 from diagnosis.gap.colours import discrepancy
 from diagnosis.gap.conditions import Otherwise
-from diagnosis.gap.decision import Decision
 from diagnosis.gap.limits import limits, strained
 from diagnosis.gap.places import stretch
 from diagnosis.gap.refit import Refit
 from diagnosis.gap.rivals import Rivals
 from diagnosis.gap.schema import (
+    CalibratedBy,
     HypothesisOf,
     NamedEffect,
     NoiseOf,
@@ -32,6 +32,7 @@ from diagnosis.gap.sentences import summary
 from diagnosis.gap.shrinkage import Shrinkage
 from diagnosis.gap.stages import Stage
 from diagnosis.gap.twins import TWINS
+from diagnosis.gap.verdict import Decision, Verdicts
 from diagnosis.intervals import HALF_WIDTH
 from diagnosis.recording import HOUR
 from diagnosis.where import Where
@@ -58,6 +59,8 @@ def reported(
     simulations: int,
     seconds: float,
     cpu_seconds: float,
+    by: Verdicts,
+    uncalibrated: str,
 ) -> Report:
     """All tables of ``report.json``."""
     problem, first = base.problem, search.stages[0]
@@ -113,6 +116,8 @@ def reported(
         simulations=simulations,
         seconds=seconds,
         cpu_seconds=cpu_seconds,
+        calibrated=CalibratedBy.model_validate({name: getattr(by, name) for name in CalibratedBy.model_fields}),
+        uncalibrated=uncalibrated,
     )
     limited = limits(report) + strained(report, {one.name: one.relative for one in problem.constants})
     long = {one.name: one.long_name for one in problem.system.outputs}

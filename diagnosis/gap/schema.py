@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from diagnosis.gap.decision import Verdict
+from diagnosis.gap.verdict import Count, Verdict
 from diagnosis.physics import Finding
 from shared.errors import RecordingError
 from shared.reading import newer, read_json, shown, validated
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-SCHEMA_VERSION = 13
+SCHEMA_VERSION = 14
 HOW_FAR = "how far the gap shrinks"
 """Of the steps that a report may lack."""
 VERDICTS = {
@@ -61,6 +61,17 @@ class HypothesisOf(_Table):
     at_best: float | None = Field(None, description="refitted on one line that is drawn where the best of them is")
     beside_discrepancy: float | None = Field(None, description="there, with the most plausible slow errors beside it")
     amplitude: float | None = Field(None, description="there [scale of the effect]")
+
+
+class CalibratedBy(_Table):
+    """Recordings whose cause was known, by which the probabilities were calibrated, and what answers to them held."""
+
+    system: str
+    made: str = Field(description="when [date]")
+    seed: int
+    hours: float
+    strata: dict[str, int] = Field(description="recordings by what they were")
+    answers: dict[str, Count]
 
 
 class Place(_Table):
@@ -291,6 +302,8 @@ class Report(Result, _Table):
     simulations: int
     seconds: float
     cpu_seconds: float
+    calibrated: CalibratedBy
+    uncalibrated: str = Field("", description="why the probabilities are of another system; empty if they are not")
 
     @property
     def foremost(self) -> list[NamedEffect]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
@@ -14,9 +15,20 @@ from diagnosis.gap.linear import Linearised
 from diagnosis.gap.refit import Refit
 from diagnosis.gap.rivals import Rivals
 from diagnosis.gap.stages import Stage
-from diagnosis.gap.weighing import Judged
 
 Names = tuple[str, ...]
+
+
+class Judged(Protocol):
+    """A candidate (the last of the names) and its log evidence, as a refit has them."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the effects."""
+
+    @property
+    def evidence(self) -> float:
+        """Up to a constant that all have alike."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +49,7 @@ class Made:
     ``refits``: of a second effect, by its name. ``renewed``: a refit linearised by the candidates that remain, by its
     effects' names and its unknowns' bytes. ``apart``: both lines of a fit to a part, by the bytes of what was fitted;
     its path is that of these stages alone. None is what cannot be simulated. ``base``: the base model's fit, and
-    linearised by all candidates; ``rested``: whether other optima of it were looked for. ``line``: where that fit began.
+    linearised by all candidates; ``rested``: whether other optima were looked for. ``line``: where that fit began.
     """
 
     base: tuple[Refit, Linearised] | None = None
