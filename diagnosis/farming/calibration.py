@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
+from scipy.special import logsumexp
 
-from diagnosis.farming.farm import Rows
-from diagnosis.farming.rows import Row
-from diagnosis.gap.verdict import NONE, NOTHING, Count, Probabilities, Verdicts, decide, probabilities
+from diagnosis.farming.rows import Row, Rows
+from diagnosis.gap.verdict import NONE, NOTHING, Count, Probabilities, Verdicts, decide, features, probabilities
 from shared.errors import RecordingError
 
 FOLDS = 10
@@ -32,6 +32,8 @@ COVER = 0.9
 """Share of alarms in which the answer's set holds what is true."""
 FEWEST = 25
 """Recordings without a cause from which :data:`ALARMS` can be held: one of so many is that share."""
+OUTSIDE = ("outside", "withheld")
+"""Strata whose cause is no candidate."""
 BINS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 
 
@@ -74,15 +76,44 @@ def calibrated(found: Rows) -> Verdicts:
 
 def fitted(rows: Sequence[Row]) -> np.ndarray:
     """The most plausible weights: logarithm of the power, those of no gap, those of none of these."""
+    nothing, none, behind, true = _tables(rows)
+    known = np.isfinite(behind)
+    lost = np.where(known, behind, 0.0)
+    spread = np.concatenate([[POWER[1]], np.full(len(NOTHING) + len(NONE), WIDE)])
+    middle = np.concatenate([[np.log(POWER[0])], np.zeros(len(NOTHING) + len(NONE))])
 
-    def cost(weights: np.ndarray) -> float:
-        power, rest = weights[0], weights[1:]
-        prior = 0.5 * float(np.sum((rest / WIDE) ** 2) + ((power - np.log(POWER[0])) / POWER[1]) ** 2)
-        return prior - sum(float(np.log(max(_of_true(_by(weights, row), row), 1e-12))) for row in rows)
+    def cost(weights: np.ndarray) -> tuple[float, np.ndarray]:
+        power = np.exp(weights[0])
+        own = weights[1 : 1 + len(NOTHING)], weights[1 + len(NOTHING) :]
+        odds = np.column_stack([nothing @ own[0], none @ own[1], np.where(known, power * lost, -np.inf)])
+        right = np.where(true, odds, -np.inf)
+        all_, of_true = logsumexp(odds, axis=1), logsumexp(right, axis=1)
+        less = np.exp(odds - all_[:, None]) - np.exp(right - of_true[:, None])
+        slope = np.concatenate([[power * np.sum(less[:, 2:] * lost)], less[:, 0] @ nothing, less[:, 1] @ none])
+        off = (weights - middle) / spread
+        return float(np.sum(all_ - of_true) + 0.5 * off @ off), slope + off / spread
 
-    start = np.zeros(1 + len(NOTHING) + len(NONE))
-    start[0] = np.log(POWER[0])
-    return np.asarray(minimize(cost, start, method="L-BFGS-B").x)
+    return np.asarray(minimize(cost, middle, jac=True, method="L-BFGS-B").x)
+
+
+def _tables(rows: Sequence[Row]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Features of no gap and of none of these (rows, features), how far candidates are behind, and what is true.
+
+    The third (rows, candidates) is -inf where there is no candidate; the fourth (rows, 2 + candidates) has no gap and
+    none of these first.
+    """
+    most = max(len(row.evidence.candidates) for row in rows)
+    behind, true = np.full((len(rows), most), -np.inf), np.zeros((len(rows), 2 + most), dtype=bool)
+    for k, row in enumerate(rows):
+        names = [*row.evidence.candidates]
+        values = np.array([*row.evidence.candidates.values()])
+        behind[k, : len(names)] = values - values.max(initial=-np.inf)
+        right = [name in row.true for name in names]
+        outside = row.stratum in OUTSIDE or (row.stratum != "none" and not any(right))
+        true[k, : 2 + len(names)] = [row.stratum == "none", outside, *right]
+    known = [features(row.evidence) for row in rows]
+    nothing, none = (np.array([[one[name] for name in names] for one in known]) for names in (NOTHING, NONE))
+    return nothing, none, behind, true
 
 
 def _named(weights: np.ndarray) -> dict[str, Any]:
@@ -107,8 +138,9 @@ def _of_true(chance: Probabilities, row: Row) -> float:
     """Probability of what is true; of a process where candidates act, these are right answers, too."""
     if row.stratum == "none":
         return chance.nothing
-    outside = chance.none if row.stratum in ("outside", "withheld") else 0.0
-    return outside + sum(chance.causes.get(name, 0.0) for name in row.true)
+    tried = [name for name in row.true if name in chance.causes]
+    outside = chance.none if row.stratum in OUTSIDE or not tried else 0.0  # a candidate that was not tried is none
+    return outside + sum(chance.causes[name] for name in tried)
 
 
 def _lowest(values: Sequence[float], share: float) -> float:
@@ -128,7 +160,7 @@ def _reliability(apart: Sequence[Probabilities], rows: Sequence[Row]) -> list[Co
     said: dict[str, list[tuple[float, bool]]] = {"no gap": [], "none of these": [], "the foremost candidate": []}
     for chance, row in zip(apart, rows, strict=True):
         said["no gap"].append((chance.nothing, row.stratum == "none"))
-        said["none of these"].append((chance.none, row.stratum in ("outside", "withheld")))
+        said["none of these"].append((chance.none, row.stratum in OUTSIDE))
         if chance.causes:
             name = max(chance.causes, key=lambda one: chance.causes[one])
             said["the foremost candidate"].append((chance.causes[name], name in row.true))
@@ -151,7 +183,7 @@ def _answers(by: Verdicts, folds: Sequence[np.ndarray], rows: Sequence[Row]) -> 
             alarms.append(done.verdict != "no_gap")
         elif done.verdict in ("effect", "ambiguous"):
             named.append((1 - done.mistaken, any(name in row.true for name in done.named)))
-        if row.stratum in ("outside", "withheld") and done.verdict != "no_gap":
+        if row.stratum in OUTSIDE and done.verdict != "no_gap":
             outside.append(done.verdict == "none_of_these" or any(name in row.true for name in done.named))
     return {
         "false alarms": _count("recordings without a cause in which a gap is answered", 0, 1, [by.alarms], alarms),

@@ -4,24 +4,32 @@ from __future__ import annotations
 
 import json
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import islice
 from pathlib import Path
 from typing import Any
+
+import pandas as pd
 
 from datagen.farming.cluster import connect
 from datagen.fmi.fmu import fmu_sha256
 from diagnosis.blind.begun import uncertain_sha256
 from diagnosis.blind.generator import Generator
-from diagnosis.farming.rows import Row, generator, read_row, work
+from diagnosis.farming.calibration import calibrated
+from diagnosis.farming.rows import Rows, generator, read_row, work
+from diagnosis.gap.verdict import FILE_NAME, Verdicts, decide
 from diagnosis.recording import DAY, HOUR
 from shared import __version__
 from shared.errors import RecordingError
 from shared.lock import FolderLock
 from shared.logs import logger
+from shared.numbers import counted
 from shared.reading import read_json
+from shared.results import Result
 from shared.store import write_atomically
 from shared.system import System, load_system, system_from_canonical
 
@@ -33,12 +41,36 @@ Progress = Callable[[int, int], object]
 
 
 @dataclass(frozen=True)
-class Rows:
-    """Rows that a farm made, in the order of their numbers, and what they are of (``about``)."""
+class Farmed(Result):
+    """What a farm made: its rows, the verdict that they calibrate, or why there is none, and why recordings failed."""
 
-    about: dict[str, Any]
-    rows: tuple[Row, ...]
+    made: Rows
+    verdicts: Verdicts | None
+    lacking: str
     failed: dict[int, str]
+
+    @property
+    def headline(self) -> str:
+        """What this is, in a few words."""
+        told = self.lacking if self.verdicts is None else f"verdict of {self.verdicts.made}"
+        return f"{counted(len(self.made.rows), 'recording')} of {self.made.about['system']}: {told}"
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row for each recording: what it was, and what was answered."""
+        rows = [
+            {
+                "recording": row.index,
+                "stratum": row.stratum,
+                "true": ", ".join(row.true),
+                "gap": row.gap,
+                "named": ", ".join(row.evidence.chosen if done is None else done.named),
+                "verdict": None if done is None else done.verdict,
+                "cpu_seconds": row.cpu_seconds,
+            }
+            for row in self.made.rows
+            for done in [None if self.verdicts is None else decide(row.evidence, self.verdicts)]
+        ]
+        return pd.DataFrame(rows).set_index("recording")
 
 
 def farm(
@@ -52,11 +84,13 @@ def farm(
     workers: int | None = 1,
     scheduler: str | None = None,
     progress: Progress | None = None,
-) -> Rows:
-    """Make recordings of a system and diagnose each; what is there is not made again.
+) -> Farmed:
+    """Make recordings of a system whose cause is known, diagnose each, and calibrate the system's verdict by them.
 
-    A recording depends on the seed and its number alone, so that more may be asked for later, and one that failed is
-    tried again by the same call.
+    ``verdict.json`` in the folder is what ``diagnosis run`` reads where it lies beside the system's description.
+
+    A recording depends on the seed and its number alone: more may be asked for later, what is there is not made again,
+    and one that failed is tried again by the same call.
 
     Parameters
     ----------
@@ -83,6 +117,9 @@ def farm(
         raise RecordingError(f"recordings is {recordings}; expected at least 1, for example 400")
     if hours * HOUR < DAY:
         raise RecordingError(f"hours is {hours:g}; expected at least 24: a diagnosis reads no shorter recording")
+    if noise not in described.noise_presets:
+        presets = ", ".join(described.noise_presets)
+        raise RecordingError(f"noise is {noise!r}; expected a preset of {described.path}: {presets or 'it has none'}")
     generator(described, hours, noise)  # what cannot be used is refused before anything is begun
     folder = Path(out)
     folder.mkdir(parents=True, exist_ok=True)
@@ -104,33 +141,31 @@ def farm(
                     done += 1
                     if progress is not None:
                         progress(done, recordings)
-    rows = [read_row(read_json(path, RecordingError, "a row of a farm")) for path in _paths(folder)]
-    return Rows(about, tuple(sorted(rows, key=lambda one: one.index)), failed)
+        paths = (folder / ROWS).glob("*.json")
+        rows = [read_row(read_json(path, RecordingError, "a row of a farm")) for path in paths]
+        found = Rows(about, tuple(sorted(rows, key=lambda one: one.index)))
+        try:
+            verdicts, lacking = calibrated(found), ""
+        except RecordingError as error:
+            return Farmed(found, None, str(error), failed)
+        write_atomically(folder / FILE_NAME, verdicts.model_dump_json(indent=1).encode() + b"\n")
+    return Farmed(found, verdicts, lacking, failed)
 
 
-def _worked_off(client: Any, what: tuple[Any, ...], left: list[int]) -> Any:
+def _worked_off(client: Any, what: tuple[Any, ...], left: list[int]) -> Iterator[tuple[int, dict[str, Any] | str]]:
     """Numbers and their rows as they are made, or why there is none; few wait at the workers at a time."""
-    from dask.distributed import as_completed
-
-    waiting = iter(left)
+    executor = client.get_executor(pure=False)
     ahead = 2 * max(len(client.scheduler_info(n_workers=-1)["workers"]), 1)
-    places: dict[str, int] = {}
-
-    def submit() -> Any:
-        for index in waiting:
-            future = client.submit(_row, what, index, pure=False)
-            places[future.key] = index
-            return future
-        return None
-
-    first = [one for one in (submit() for _ in range(ahead)) if one is not None]
-    running = as_completed(first, loop=client.loop)
-    for future in running:
-        index = places.pop(future.key)
-        error = future.exception()
-        yield index, future.result() if error is None else f"{type(error).__name__}: {error}"
-        if (more := submit()) is not None:
-            running.add(more)
+    waiting = iter(left)
+    running: dict[Future[Any], int] = {}
+    while True:
+        for index in islice(waiting, ahead - len(running)):
+            running[executor.submit(_row, what, index)] = index
+        if not running:
+            return
+        for future in wait(running, return_when=FIRST_COMPLETED).done:
+            error = future.exception()
+            yield running.pop(future), future.result() if error is None else f"{type(error).__name__}: {error}"
 
 
 def _row(what: tuple[str, str, float, str, int], index: int) -> dict[str, Any] | str:
@@ -170,7 +205,7 @@ def _begun(folder: Path, system: System, seed: int | None, hours: float, noise: 
                     " another --out, or what the folder was begun with"
                 )
         return dict(begun)
-    if any(path.exists() for path in (folder / ROWS,)):
+    if (folder / ROWS).exists():
         raise RecordingError(f"{folder}: has rows and no {ABOUT}; expected both, or an empty folder")
     about["seed"] = secrets.randbelow(2**31) if seed is None else seed
     (folder / ROWS).mkdir()
@@ -180,7 +215,3 @@ def _begun(folder: Path, system: System, seed: int | None, hours: float, noise: 
 
 def _path(folder: Path, index: int) -> Path:
     return folder / ROWS / f"{index}.json"
-
-
-def _paths(folder: Path) -> list[Path]:
-    return sorted((folder / ROWS).glob("*.json"))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -16,7 +16,7 @@ from diagnosis.blind.generator import Generator, Made
 from diagnosis.blind.measuring import measured, published, write
 from diagnosis.blind.truth import Measuring, Strata, Truth
 from diagnosis.effects import Effect, clash, library
-from diagnosis.farming.laws import EXACT, Warped, course, outside
+from diagnosis.farming.laws import EXACT, Process, Warped, course, outside
 from diagnosis.gap.evidence import Evidence
 from diagnosis.recording import HOUR
 from shared.errors import SimulationError
@@ -29,6 +29,8 @@ AMPLITUDES = (0.25, 4.0)
 """Of a candidate's cause, log-uniform [its scales]."""
 GAPS = (0.5, 6.0)
 """Root mean square that a cause outside the library makes at the most touched output, log-uniform [its noise]."""
+BACKGROUND = (0.05, 0.5)
+"""The same of a process that every room has beside its cause: no building is as its model, and that is no gap."""
 UNKNOWN, REPLAY = 0.5, 0.35
 """How often persons are not counted, and actuators replayed."""
 MEASURING = {"slow": 0.3, "hours": (2.0, 12.0)}
@@ -60,14 +62,25 @@ class Row:
 
 
 @dataclass(frozen=True)
+class Rows:
+    """Rows in the order of their numbers, and what they are of (``about``): system, seed, length, and the like."""
+
+    about: dict[str, Any]
+    rows: tuple[Row, ...]
+
+
+@dataclass(frozen=True)
 class Drawn:
-    """A recording before it is lived: its case, and what :class:`Row` says of it."""
+    """A recording before it is lived: its case, and what :class:`Row` says of it.
+
+    ``processes`` act beside the case's causes, each so that it alone makes a gap of that size.
+    """
 
     case: Case
     stratum: str
+    processes: tuple[tuple[Process, float], ...]
     true: tuple[str, ...] = ()
     withheld: str = ""
-    scaled: bool = field(default=False)
 
 
 def generator(system: System, hours: float, noise: str) -> Generator:
@@ -97,13 +110,14 @@ def draw(made_by: Generator, seed: int, index: int, attempt: int) -> Drawn:
     start = record_start(made_by.system, case.root, index)
     begin, stop = start - system.experiment.warm_up_hours * HOUR, start + made_by.hours * HOUR
     effects = [one for one in made_by.effects if _acts(one, replay)]
+    background = (outside(system, rng, begin, stop, noise), float(np.exp(rng.uniform(*np.log(BACKGROUND)))))
     if stratum == "none" or not (effects or stratum == "outside"):
-        return Drawn(case, "none")
+        return Drawn(case, "none", (background,))
     if stratum == "outside":
         acts = outside(system, rng, begin, stop, noise)
         true = tuple(one.name for one in made_by.effects if one.changes & acts.changes)
         size = float(np.exp(rng.uniform(*np.log(GAPS))))
-        return Drawn(_with(case, Cause(acts, size)), stratum, true, scaled=True)
+        return Drawn(case, stratum, (background, (acts, size)), true)
     effect = effects[int(rng.integers(len(effects)))]
     causes = [_cause(effect, rng, begin, stop)]
     partners = [one for one in effects if one is not effect and not clash([effect, one])]
@@ -111,8 +125,8 @@ def draw(made_by: Generator, seed: int, index: int, attempt: int) -> Drawn:
         causes.append(_cause(partners[int(rng.integers(len(partners)))], rng, begin, stop))
     case = _with(case, *causes)
     if stratum == "withheld":
-        return Drawn(case, stratum, withheld=effect.name)
-    return Drawn(case, stratum, tuple(one.label for one in causes))
+        return Drawn(case, stratum, (background,), withheld=effect.name)
+    return Drawn(case, stratum, (background,), tuple(one.label for one in causes))
 
 
 def _cause(effect: Effect, rng: np.random.Generator, begin: float, stop: float) -> Cause:
@@ -126,24 +140,21 @@ def _cause(effect: Effect, rng: np.random.Generator, begin: float, stop: float) 
 
 
 def live(made_by: Generator, drawn: Drawn) -> Made:
-    """The recording before it is measured; of a cause outside the library its amplitude makes the gap that was drawn.
+    """The recording before it is measured, with processes as large as their gaps make them.
 
     Raises
     ------
     SimulationError
         If it cannot be simulated.
     """
-    case = drawn.case
-    if drawn.scaled:
-        cause = case.causes[0]
-        nothing = made_by.make_case(_with(case))
-        trial = 1.0 if cause.acts.scale == 1.0 else cause.acts.scale
-        unit = made_by.make_case(_with(case, Cause(cause.acts, trial)))
+    case, causes = drawn.case, [*drawn.case.causes]
+    nothing = made_by.make_case(_with(case))
+    for acts, gap in drawn.processes:
+        unit = made_by.make_case(_with(case, Cause(acts, acts.scale)))
         size = gap_of(made_by.system, made_by.truth.measuring.noise, unit.clean - nothing.clean)
-        if not size > 0:
-            raise SimulationError(f"{cause.label}: moves no output; another draw may")
-        case = _with(case, Cause(cause.acts, trial * cause.amplitude / size))
-    return made_by.make_case(case)
+        if size > 0:  # one that moves no output, such as the sun on a room without windows, is none
+            causes.append(Cause(acts, acts.scale * gap / size))
+    return made_by.make_case(_with(case, *causes))
 
 
 def gap_of(system: System, noise: str, moved: np.ndarray) -> float:
@@ -192,14 +203,13 @@ def diagnosed(system: System, noise: str, path: Path, drawn: Drawn, made: Made, 
         how_far=False,
         seed=seed,
     )
-    causes = made.case.causes
     return Row(
         index=drawn.case.index,
         stratum=drawn.stratum,
         true=drawn.true,
         withheld=drawn.withheld,
-        amplitudes=tuple(one.amplitude for one in causes),
-        gap=gap_of(system, noise, made.clean - made.base) if causes else 0.0,
+        amplitudes=tuple(one.amplitude for one in made.case.causes),
+        gap=gap_of(system, noise, made.clean - made.base),
         evidence=done.evidence,
         cpu_seconds=time.process_time() - began,
         simulations=done.report.simulations,

@@ -1,6 +1,7 @@
 """Reports that hold as much as a sentence needs."""
 
-from diagnosis.gap.schema import Detectability, NamedEffect, ParameterOf, Place, Report, SourceOf, StageOf
+from diagnosis.gap.schema import CalibratedBy, Detectability, NamedEffect, ParameterOf, Place, Report, SourceOf, StageOf
+from diagnosis.gap.verdict import Count
 
 
 def seen(**smallest):
@@ -43,6 +44,16 @@ def place(channel, kind="cell", text="room: measured higher"):
     return Place(channel=channel, cell={}, p_value=0.005, kind=kind, text=text, size=1.0, unit="K")
 
 
+WORTH = Count(what="answers", low=0, high=1, count=50, said=0.9, true=0.8)
+CALIBRATED = CalibratedBy(
+    system="room",
+    made="2026-01-01",
+    seed=7,
+    hours=168.0,
+    strata={"none": 40, "listed": 60},
+    answers={"false alarms": WORTH.model_copy(update={"true": 0.04}), "named": WORTH, "outside": WORTH},
+)
+
 BARE = {
     "verdict": "effect",
     "occupancy": "measured",
@@ -67,6 +78,8 @@ BARE = {
     "chosen_apart": True,
     "where": [],
     "stages": [None],
+    "calibrated": CALIBRATED,
+    "uncalibrated": "",
 }
 
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from diagnosis.gap import concluded, decision, pictures
+from diagnosis.gap import concluded, pictures
 from diagnosis.gap.page import answered_by, dated, render
 from diagnosis.gap.schema import Report
 from diagnosis.physics import Finding
@@ -58,8 +58,7 @@ def test_what_cannot_be_stands_before_the_answer_and_hints_after_it(drifted):
 
 def test_where_there_is_no_gap_no_place_is_called_one(drifted, monkeypatch):
     """Places are listed at one in twenty, a gap takes one in a hundred; and what was fitted and given up is said."""
-    for module in (concluded, decision):
-        monkeypatch.setattr(module, "gap_found", lambda *_: False)
+    monkeypatch.setattr(concluded, "gap_found", lambda *_: False)
     done = drifted.done.without([])
     assert (done.report.verdict, done.report.dropped, done.report.balance) == ("no_gap", ["drift"], "none")
     assert done.report.where and not any(one.named for one in done.report.effects)

@@ -1,0 +1,112 @@
+"""A verdict calibrated by rows that are made up by known weights."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.farming.calibration import ALARMS, COVER, calibrated, fitted
+from diagnosis.farming.rows import Row, Rows
+from diagnosis.gap.evidence import Evidence
+from diagnosis.gap.verdict import NONE, NOTHING, decide, probabilities
+from shared.errors import RecordingError
+
+NAMES = tuple(f"candidate.{k}" for k in range(6))
+ABOUT = {
+    "system": "room",
+    "system_hash": "-",
+    "fmu_sha256": "-",
+    "uncertain_sha256": "-",
+    "effects": [*NAMES],
+    "version": "0",
+    "hours": 168.0,
+    "noise": "sensor",
+    "seed": 3,
+}
+TRUE = {
+    "nothing": {"one": 1.0, "best": -0.5, "gap": -1.5},
+    "none": {"one": -1.0, "left": 0.6},
+    "power": 0.4,
+}
+
+
+def rows(count, seed):
+    """Evidence at random, and what was true drawn by the probabilities that the weights give it."""
+    rng = np.random.default_rng(seed)
+    made = []
+    for index in range(count):
+        gap = rng.random() < 0.6
+        values = np.sort(rng.normal(10.0 if gap else -2.0, 6.0, len(NAMES)))[::-1]
+        evidence = Evidence(
+            replay=bool(rng.random() < 0.3),
+            counted=bool(rng.random() < 0.5),
+            converged=True,
+            gap=gap,
+            confirmed=True,
+            candidates=dict(zip(rng.permutation(NAMES).tolist(), values.tolist(), strict=True)),
+            beside={},
+            chosen=(),
+            rejected=False,
+            before=float(rng.exponential(20.0)),
+            left=float(rng.exponential(5.0)),
+            p_values={},
+        )
+        evidence = replace(evidence, chosen=(next(iter(evidence.candidates)),) if gap else ())
+        chance = probabilities(evidence, **TRUE)
+        what = rng.choice(["none", "outside", *chance.causes], p=[chance.nothing, chance.none, *chance.causes.values()])
+        stratum = str(what) if what in ("none", "outside") else "listed"
+        true = () if what in ("none", "outside") else (str(what),)
+        made.append(Row(index, stratum, true, "", (), 1.0, evidence, 1.0, 1))
+    return tuple(made)
+
+
+def test_weights_that_made_the_rows_are_found_again():
+    weights = fitted(rows(3000, seed=1))
+    assert np.exp(weights[0]) == pytest.approx(TRUE["power"], rel=0.15)
+    nothing = dict(zip(NOTHING, weights[1 : 1 + len(NOTHING)].tolist(), strict=True))
+    none = dict(zip(NONE, weights[1 + len(NOTHING) :].tolist(), strict=True))
+    off = []
+    for row in rows(300, seed=7):
+        found = probabilities(row.evidence, nothing, none, float(np.exp(weights[0])))
+        made = probabilities(row.evidence, **TRUE)
+        off.append((abs(found.nothing - made.nothing), abs(found.none - made.none)))
+    assert np.mean(off, axis=0).max() < 0.03
+
+
+def test_limits_hold_on_rows_that_took_no_part():
+    """By the binomial spread of 3,000: alarms in 4 % of the recordings without a cause, sets that hold in 90 %."""
+    by = calibrated(Rows(ABOUT, rows(1500, seed=2)))
+    others = rows(3000, seed=4)
+    done = [decide(row.evidence, by) for row in others]
+    alarms = [one.verdict != "no_gap" for one, row in zip(done, others, strict=True) if row.stratum == "none"]
+    assert np.mean(alarms) <= ALARMS + 3 * np.sqrt(ALARMS / len(alarms)) + 0.015  # and that of the limit itself
+    held = [
+        row.stratum == "outside" or row.true[0] in one.named
+        for one, row in zip(done, others, strict=True)
+        if one.verdict in ("effect", "ambiguous") and row.stratum != "none"
+    ]
+    assert np.mean(held) > COVER - 0.05
+    assert by.answers["named"].true == pytest.approx(
+        np.mean(
+            [
+                bool(row.true) and row.true[0] in one.named
+                for one, row in zip(done, others, strict=True)
+                if one.verdict in ("effect", "ambiguous") and row.stratum != "none"
+            ]
+        ),
+        abs=0.08,
+    )
+
+
+def test_what_is_said_is_what_is_true_bin_by_bin():
+    by = calibrated(Rows(ABOUT, rows(1500, seed=5)))
+    for one in by.reliability:
+        spread = np.sqrt(one.said * (1 - one.said) / one.count)
+        assert abs(one.said - one.true) < 4 * spread + 0.02
+
+
+@pytest.mark.parametrize("strata", [("none",) * 24 + ("listed",) * 60, ("none",) * 60])
+def test_too_few_recordings_are_not_calibrated_by(strata):
+    some = tuple(replace(row, stratum=one) for row, one in zip(rows(len(strata), seed=6), strata, strict=True))
+    with pytest.raises(RecordingError, match="expected at least 25 of these and some with one"):
+        calibrated(Rows(ABOUT, some))
