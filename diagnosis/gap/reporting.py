@@ -182,6 +182,7 @@ def _effects(search: Search, decision: Decision) -> list[NamedEffect]:
             NamedEffect(
                 name=effect.name,
                 description=effect.description,
+                kind=effect.kind,
                 probability=decision.probabilities.get(effect.name, 0.0),
                 named=effect.name in decision.named,
                 amplitude=None if known is None else known[0] * effect.scale,

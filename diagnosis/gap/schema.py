@@ -43,6 +43,7 @@ class NamedEffect(_Table):
 
     name: str
     description: str
+    kind: str = Field(description="parameter, shaped, input, sensor, or that of a package's own effect")
     probability: float
     named: bool = Field(description="whether it is part of the answer")
     amplitude: float | None = None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
@@ -16,7 +17,16 @@ from shared.variables import spaced
 NEEDED = 0.05
 """Up to this p-value a source is reported as missing."""
 LISTED = 6
-"""So many names of a set are said."""
+"""So many names of a set are said; a larger one is told as groups."""
+FOREMOST = 3
+"""And so many names of a larger one."""
+GROUPS = {
+    "parameter": ("thing in the room", "things in the room"),
+    "shaped": ("thing in the room", "things in the room"),
+    "input": ("input that was not as recorded", "inputs that were not as recorded"),
+    "sensor": ("error of a sensor", "errors of sensors"),
+}
+"""What kinds of candidates are, one and several of them."""
 
 
 def headline(report: Report) -> str:
@@ -24,6 +34,10 @@ def headline(report: Report) -> str:
     named = [one for one in report.effects if one.named]
     if report.verdict not in ("effect", "ambiguous") or not named:
         return f"{VERDICTS[report.verdict]}."
+    if len(named) > LISTED:
+        foremost = sorted(named, key=lambda one: -one.probability)[:FOREMOST]
+        said = ", ".join(f"{one.name} ({one.probability:.0%})" for one in foremost)
+        return f"One of {len(named)} causes that cannot be told apart: {_groups(named)}. Foremost: {said}."
     causes = []
     for one in named:
         size = "" if one.amplitude is None else f", {number(one.amplitude, 3)}{spaced(one.unit)}"
@@ -167,9 +181,18 @@ def _named(one: NamedEffect) -> str:
 
 
 def _one_of(report: Report, names: list[str]) -> str:
-    """A set that cannot be told apart; of many the foremost."""
-    said = [_sure(report, name) for name in names[:LISTED]]
-    return f"one of {len(names)}, foremost {', '.join(said)}" if len(names) > LISTED else f"one of {', '.join(said)}"
+    """A set that cannot be told apart; a large one by its groups and the foremost."""
+    if len(names) <= LISTED:
+        return f"one of {', '.join(_sure(report, name) for name in names)}"
+    some = [one for one in report.effects if one.name in names]
+    said = ", ".join(_sure(report, name) for name in names[:FOREMOST])
+    return f"one of {len(names)} ({_groups(some)}), foremost {said}"
+
+
+def _groups(some: Collection[NamedEffect]) -> str:
+    """How many candidates are of which sort, the largest group first."""
+    words = Counter(GROUPS.get(one.kind, ("other", "others")) for one in some)
+    return ", ".join(f"{count} {one if count == 1 else several}" for (one, several), count in words.most_common())
 
 
 def _sure(report: Report, name: str) -> str:

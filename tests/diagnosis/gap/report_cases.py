@@ -11,10 +11,11 @@ def seen(**smallest):
     ]
 
 
-def named(name, probability=0.9, *, answer=True, amplitude=2.0):
+def named(name, probability=0.9, *, answer=True, amplitude=2.0, kind="parameter"):
     return NamedEffect(
         name=name,
         description=f"The {name} leaks",
+        kind=kind,
         probability=probability,
         named=answer,
         amplitude=amplitude,

@@ -24,6 +24,16 @@ def test_what_it_costs_that_persons_were_not_counted_is_said_in_numbers():
     assert said.endswith("seen only then: d.")
 
 
+def test_what_probabilities_come_from_is_said_with_what_such_answers_held():
+    first = limits(report())[0]
+    assert first == (
+        "Probabilities come from 100 recordings of 168 h that were made with room (2026-01-01, seed 7). There a gap was"
+        " answered in 2 of 50 without a cause, and of 50 answers with a name 40 held a true cause."
+    )
+    other = limits(report(uncalibrated="verdict.json is missing beside system.toml"))[0]
+    assert other.startswith(first) and "run `diagnosis farm` for it" in other
+
+
 def test_nothing_is_said_of_conditions_that_were_as_good_as_they_get():
     assert not any(one.startswith(("Persons", "The recorded")) for one in limits(report()))
     alone = limits(report(replay=True, replayed=["Q"]))

@@ -1,7 +1,7 @@
 """Sentences of the answer, from reports that hold as much as each needs."""
 
 from diagnosis.gap.schema import ShrinkageOf
-from diagnosis.gap.sentences import summary
+from diagnosis.gap.sentences import headline, summary
 from diagnosis.gap.stages import PLAIN
 from tests.diagnosis.gap.report_cases import named, place, report, source, stage
 
@@ -136,14 +136,20 @@ def test_too_few_readings_to_tell_how_far_are_not_called_a_gap_that_does_not_sta
     assert "no channel's gap stands out" in far and "too few" not in far
 
 
-def test_of_a_set_of_many_the_foremost_are_said():
-    effects = [named(name, 0.1) for name in "abcdefgh"]
+def test_a_set_of_many_is_told_as_groups_and_by_the_foremost():
+    kinds = {"a": "sensor", "b": "sensor", "c": "input", "h": "own"}
+    effects = [named(name, 0.1, kind=kinds.get(name, "shaped")) for name in "abcdefgh"]
+    groups = "4 things in the room, 2 errors of sensors, 1 input that was not as recorded, 1 other"
     stages = [stage(0.01, 0.01), stage(0.5, 0.5, ["a"])]
     sets = [list("abcdefgh"), list("de")]
     which = summary(report(verdict="ambiguous", effects=effects, sets=sets, stages=stages))[1]
-    few = ", ".join(f"{name} (10%)" for name in "abcdef")
+    few = ", ".join(f"{name} (10%)" for name in "abc")
+    assert headline(report(verdict="ambiguous", effects=effects, sets=sets)) == (
+        f"One of 8 causes that cannot be told apart: {groups}. Foremost: {few}."
+    )
     assert which == (
-        f"Which: one of 8, foremost {few} and one of d (10%), e (10%); the recording cannot tell these apart."
+        f"Which: one of 8 ({groups}), foremost {few} and one of d (10%), e (10%); the recording cannot tell these"
+        " apart."
         " That one of these causes at least is among them is 90% sure."
     )
     left = report(verdict="ambiguous", effects=effects, sets=sets, stages=stages, rejected=True)
