@@ -1,8 +1,9 @@
 """A verdict calibrated by a farm's rows: the weights of its probabilities, and the limits of its answers.
 
-Weights are the most plausible of a conditional logit with a wide normal prior. What is told of them, and the limits,
-come of probabilities that weights without the recording's own tenth gave it (cross-fitting). The limits are split
-conformal (Vovk 2012, ACML 25:475): by label for no gap, and among the alarms for what a set holds.
+Weights are the most plausible of a conditional logit with a wide normal prior. Limits are conformal (Vovk 2012, ACML
+25:475), of probabilities that weights without the recording's own tenth gave (cross-conformal: their level is held
+about, not exactly): by label for no gap, and among answers to gaps that have a cause for what a set holds. What is told
+of answers is of weights and limits that are of the other nine tenths.
 """
 
 from __future__ import annotations
@@ -18,7 +19,21 @@ from scipy.optimize import minimize
 from scipy.special import logsumexp
 
 from diagnosis.farming.rows import Row, Rows
-from diagnosis.gap.verdict import NONE, NOTHING, Count, Probabilities, Verdicts, decide, features, probabilities
+from diagnosis.gap.verdict import (
+    NONE,
+    NOTHING,
+    POOLED,
+    Answers,
+    Count,
+    Decision,
+    Probabilities,
+    Verdicts,
+    condition,
+    decide,
+    features,
+    limit,
+    probabilities,
+)
 from shared.errors import RecordingError
 
 FOLDS = 10
@@ -46,32 +61,60 @@ def calibrated(found: Rows) -> Verdicts:
         If there are too few.
     """
     rows = found.rows
-    nulls = [row for row in rows if row.stratum == "none"]
-    if len(nulls) < FEWEST or len(nulls) == len(rows):
+    nulls = sum(row.stratum == "none" for row in rows)
+    if nulls < FEWEST or nulls == len(rows):
         raise RecordingError(
-            f"{len(rows)} recordings, {len(nulls)} of them without a cause; expected at least {FEWEST} of these and"
+            f"{len(rows)} recordings, {nulls} of them without a cause; expected at least {FEWEST} of these and"
             " some with one. The rows are kept: ask for more --recordings"
         )
-    weights, folds = fitted(rows), _without_folds(rows)
-    apart = [_by(other, row) for other, row in zip(folds, rows, strict=True)]
-    alarm = _lowest([apart[k].nothing for k, row in enumerate(rows) if row.stratum == "none"], ALARMS)
-    alarmed = [k for k, row in enumerate(rows) if row.evidence.gap and apart[k].nothing < alarm and row.evidence.chosen]
-    of_true = [_of_true(apart[k], rows[k]) for k in alarmed if rows[k].stratum != "none"]
+    places = np.arange(len(rows)) % FOLDS
+    of_others = [
+        fitted([row for row, place in zip(rows, places, strict=True) if place != fold]) for fold in range(FOLDS)
+    ]
+    apart = [_by(of_others[place], row) for place, row in zip(places, rows, strict=True)]
     about = {name: found.about[name] for name in Verdicts.model_fields if name in found.about}
-    made = Verdicts(
+    nothing = Count(what="", low=0, high=1, count=0, said=0, true=0)
+    whole = Verdicts(
         **about,
         made=datetime.now(UTC).strftime("%Y-%m-%d"),
         strata=dict(Counter(row.stratum for row in rows)),
-        **_named(weights),
-        second=_second(rows),
-        alarm=alarm,
-        alarms=max(ALARMS, 1 / (len(nulls) + 1)),
-        held=_lowest(of_true, 1 - COVER),
+        **_named(fitted(rows)),
+        **_limits(rows, apart),
+        alarms=ALARMS,
         cover=COVER,
         reliability=_reliability(apart, rows),
-        answers={},
+        answers=Answers(alarms=nothing, named=nothing, outside=nothing),
     )
-    return made.model_copy(update={"answers": _answers(made, folds, rows)})
+    done = []
+    for fold in range(FOLDS):
+        rest = [k for k, place in enumerate(places) if place != fold]
+        limits = _limits([rows[k] for k in rest], [apart[k] for k in rest])
+        by = whole.model_copy(update=_named(of_others[fold]) | limits)
+        done += [(row, decide(row.evidence, by)) for row, place in zip(rows, places, strict=True) if place == fold]
+    return whole.model_copy(update={"answers": _answers(done)})
+
+
+def _limits(rows: Sequence[Row], apart: Sequence[Probabilities]) -> dict[str, Any]:
+    """Limits of an answer: of all, and of a condition where there are enough recordings of it."""
+    pairs = list(zip(rows, apart, strict=True))
+    conditions = {condition(row.evidence) for row in rows}
+    alarm, held = {}, {}
+    for name in [POOLED, *sorted(conditions)]:
+        some = [pair for pair in pairs if name in (POOLED, condition(pair[0].evidence))]
+        nulls = [chance.nothing for row, chance in some if row.stratum == "none"]
+        if name == POOLED or len(nulls) >= FEWEST:
+            alarm[name] = _lowest(nulls, ALARMS)
+    for name in [POOLED, *sorted(conditions)]:
+        some = [
+            (row, chance)
+            for row, chance in pairs
+            if name in (POOLED, condition(row.evidence)) and row.stratum != "none"
+            if row.evidence.gap and row.evidence.chosen and chance.nothing < limit(alarm, row.evidence)
+        ]
+        right = [_in_set(chance, row) for row, chance in some]
+        if name == POOLED or len(right) >= FEWEST:
+            held[name] = _lowest(right, 1 - COVER)
+    return {"alarm": alarm, "held": held, "second": _second(rows)}
 
 
 def fitted(rows: Sequence[Row]) -> np.ndarray:
@@ -109,7 +152,7 @@ def _tables(rows: Sequence[Row]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np
         values = np.array([*row.evidence.candidates.values()])
         behind[k, : len(names)] = values - values.max(initial=-np.inf)
         right = [name in row.true for name in names]
-        outside = row.stratum in OUTSIDE or (row.stratum != "none" and not any(right))
+        outside = row.stratum != "none" and not any(right)  # a candidate that was not tried is none
         true[k, : 2 + len(names)] = [row.stratum == "none", outside, *right]
     known = [features(row.evidence) for row in rows]
     nothing, none = (np.array([[one[name] for name in names] for one in known]) for names in (NOTHING, NONE))
@@ -134,13 +177,10 @@ def _without_folds(rows: Sequence[Row]) -> list[np.ndarray]:
     return [made[place] for place in places]
 
 
-def _of_true(chance: Probabilities, row: Row) -> float:
-    """Probability of what is true; of a process where candidates act, these are right answers, too."""
-    if row.stratum == "none":
-        return chance.nothing
-    tried = [name for name in row.true if name in chance.causes]
-    outside = chance.none if row.stratum in OUTSIDE or not tried else 0.0  # a candidate that was not tried is none
-    return outside + sum(chance.causes[name] for name in tried)
+def _in_set(chance: Probabilities, row: Row) -> float:
+    """The limit up to which what is true is in the set: where two causes are, one of them."""
+    tried = [chance.causes[name] for name in row.true if name in chance.causes]
+    return max(tried) if tried else chance.none  # a candidate that was not tried is none
 
 
 def _lowest(values: Sequence[float], share: float) -> float:
@@ -170,31 +210,28 @@ def _reliability(apart: Sequence[Probabilities], rows: Sequence[Row]) -> list[Co
         for low, high in pairwise(BINS):
             some = (p >= low) & ((p < high) | (high == BINS[-1]))
             if some.any():
-                found.append(_count(what, low, high, p[some].tolist(), true[some].tolist()))
+                found.append(_count(what, p[some].tolist(), true[some].tolist(), low, high))
     return found
 
 
-def _answers(by: Verdicts, folds: Sequence[np.ndarray], rows: Sequence[Row]) -> dict[str, Count]:
-    """What answers with this verdict's limits were worth, each by the weights of the other folds."""
+def _answers(done: Sequence[tuple[Row, Decision]]) -> Answers:
+    """What answers were worth."""
     alarms, named, outside = [], [], []
-    for row, weights in zip(rows, folds, strict=True):
-        done = decide(row.evidence, by.model_copy(update=_named(weights)))
+    for row, decision in done:
         if row.stratum == "none":
-            alarms.append(done.verdict != "no_gap")
-        elif done.verdict in ("effect", "ambiguous"):
-            named.append((1 - done.mistaken, any(name in row.true for name in done.named)))
-        if row.stratum in OUTSIDE and done.verdict != "no_gap":
-            outside.append(done.verdict == "none_of_these" or any(name in row.true for name in done.named))
-    return {
-        "false alarms": _count("recordings without a cause in which a gap is answered", 0, 1, [by.alarms], alarms),
-        "named": _count(
-            "answers with a name that hold a true one", 0, 1, [one for one, _ in named], [one for _, one in named]
-        ),
-        "outside": _count("causes that are no candidate and are called so", 0, 1, [], outside),
-    }
+            alarms.append(decision.verdict != "no_gap")
+        if decision.verdict in ("effect", "ambiguous"):
+            named.append((1 - decision.mistaken, any(name in row.true for name in decision.named)))
+        if row.stratum in OUTSIDE and decision.verdict != "no_gap":
+            outside.append(decision.verdict == "none_of_these" or decision.or_none)
+    return Answers(
+        alarms=_count("recordings without a cause in which a gap is answered", [ALARMS], alarms),
+        named=_count("answers with a name that hold a true one", [one for one, _ in named], [one for _, one in named]),
+        outside=_count("gaps of no candidate of which that is in the answer", [], outside),
+    )
 
 
-def _count(what: str, low: float, high: float, said: Sequence[float], true: Sequence[bool]) -> Count:
+def _count(what: str, said: Sequence[float], true: Sequence[bool], low: float = 0.0, high: float = 1.0) -> Count:
     return Count(
         what=what,
         low=low,

@@ -88,7 +88,8 @@ def farm(
     if done.verdicts is None:
         return code
     table = Table("answers", "number", "said", "true", box=None)
-    for one in [*done.verdicts.answers.values(), *done.verdicts.reliability]:
+    answers = done.verdicts.answers
+    for one in [answers.alarms, answers.named, answers.outside, *done.verdicts.reliability]:
         what = one.what if one.high - one.low == 1 else f"{one.what}, said to be {one.low:.0%} to {one.high:.0%} sure"
         table.add_row(what, str(one.count), f"{one.said:.0%}", f"{one.true:.0%}")
     console.print(table)

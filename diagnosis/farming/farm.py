@@ -19,9 +19,10 @@ from datagen.farming.cluster import connect
 from datagen.fmi.fmu import fmu_sha256
 from diagnosis.blind.begun import uncertain_sha256
 from diagnosis.blind.generator import Generator
+from diagnosis.effects import library
 from diagnosis.farming.calibration import calibrated
 from diagnosis.farming.rows import Rows, generator, read_row, work
-from diagnosis.gap.verdict import FILE_NAME, Verdicts, decide
+from diagnosis.gap.verdict import FILE_NAME, Verdicts, candidates_sha256, decide
 from diagnosis.recording import DAY, HOUR
 from shared import __version__
 from shared.errors import RecordingError
@@ -172,7 +173,9 @@ def _row(what: tuple[str, str, float, str, int], index: int) -> dict[str, Any] |
     """A row, made on a worker, or why there is none: whatever goes wrong with one recording, the others are made."""
     canonical, path, hours, noise, seed = what
     try:
-        return work(_generator(canonical, path, hours, noise), seed, index)
+        made = work(_generator(canonical, path, hours, noise), seed, index)
+        json.dumps(made, allow_nan=False)
+        return made
     except Exception as error:
         return f"{type(error).__name__}: {error}"
 
@@ -189,7 +192,7 @@ def _begun(folder: Path, system: System, seed: int | None, hours: float, noise: 
         "system_hash": system.hash(),
         "fmu_sha256": fmu_sha256(system.fmu_path),
         "uncertain_sha256": uncertain_sha256(system),
-        "effects": [one.name for one in system.effects],
+        "candidates_sha256": candidates_sha256(library(system)),
         "version": __version__,
         "hours": hours,
         "noise": noise,

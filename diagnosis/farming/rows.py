@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -16,7 +16,7 @@ from diagnosis.blind.generator import Generator, Made
 from diagnosis.blind.measuring import measured, published, write
 from diagnosis.blind.truth import Measuring, Strata, Truth
 from diagnosis.effects import Effect, clash, library
-from diagnosis.farming.laws import EXACT, Process, Warped, course, outside
+from diagnosis.farming.laws import EXACT, Process, Span, Warped, course, outside, warped
 from diagnosis.gap.evidence import Evidence
 from diagnosis.recording import HOUR
 from shared.errors import SimulationError
@@ -24,13 +24,16 @@ from shared.system import System
 
 STRATA = {"none": 0.4, "listed": 0.34, "two": 0.08, "withheld": 0.08, "outside": 0.1}
 """How often a recording has no cause, a candidate's, two candidates', one of a candidate that the diagnosis is not
-given, or another."""
+given, or one that no candidate describes."""
 AMPLITUDES = (0.25, 4.0)
 """Of a candidate's cause, log-uniform [its scales]."""
 GAPS = (0.5, 6.0)
 """Root mean square that a cause outside the library makes at the most touched output, log-uniform [its noise]."""
 BACKGROUND = (0.05, 0.5)
-"""The same of a process that every room has beside its cause: no building is as its model, and that is no gap."""
+"""The same of a process that every room has beside its cause: no building is as its model, and that is no gap. A cause
+that does less than the least of it is none."""
+MOST = 5.0
+"""Greatest amplitude of a process [spreads of what it is added to]."""
 UNKNOWN, REPLAY = 0.5, 0.35
 """How often persons are not counted, and actuators replayed."""
 MEASURING = {"slow": 0.3, "hours": (2.0, 12.0)}
@@ -45,16 +48,14 @@ ATTEMPTS = 5
 class Row:
     """What a recording of the farm was, and what the diagnosis found.
 
-    ``stratum`` is one of :data:`STRATA`; ``true``: candidates that are right answers, ``withheld`` the one that the
-    diagnosis was not given; ``amplitudes`` of the causes; ``gap`` the root mean square of what they do at the most
-    touched output [its noise].
+    ``stratum`` is one of :data:`STRATA`; ``true``: candidates that are causes; ``withheld``: the one that the diagnosis
+    was not given; ``gap``: root mean square of what the causes do at the most touched output [its noise].
     """
 
     index: int
     stratum: str
     true: tuple[str, ...]
     withheld: str
-    amplitudes: tuple[float, ...]
     gap: float
     evidence: Evidence
     cpu_seconds: float
@@ -71,14 +72,16 @@ class Rows:
 
 @dataclass(frozen=True)
 class Drawn:
-    """A recording before it is lived: its case, and what :class:`Row` says of it.
+    """A recording before it is simulated: its case, and what :class:`Row` says of it.
 
-    ``processes`` act beside the case's causes, each so that it alone makes a gap of that size.
+    ``background`` acts beside the case's causes, and ``outside``, if there is one, is a cause itself: each process so
+    that it alone makes a gap of that size.
     """
 
     case: Case
     stratum: str
-    processes: tuple[tuple[Process, float], ...]
+    background: tuple[Process, float]
+    outside: tuple[Process, float] | None = None
     true: tuple[str, ...] = ()
     withheld: str = ""
 
@@ -102,65 +105,80 @@ def generator(system: System, hours: float, noise: str) -> Generator:
 def draw(made_by: Generator, seed: int, index: int, attempt: int) -> Drawn:
     """Which recording a number stands for: it depends on (seed, index, attempt) alone."""
     system, noise = made_by.system, made_by.truth.measuring.noise
-    rng = stream(seed, index, f"farm.{attempt}")
-    stratum = _one_of(STRATA, stream(seed, index, "farm.stratum").random())
-    replay = bool(rng.random() < REPLAY) and any(one.source == "measured" for one in system.inputs)
-    unknown = bool(rng.random() < UNKNOWN)
+    rng, fixed = stream(seed, index, f"farm.{attempt}"), stream(seed, index, "farm.conditions").random(3)
+    stratum = _one_of(STRATA, fixed[0])
+    replay = bool(fixed[1] < REPLAY) and any(one.source == "measured" for one in system.inputs)
+    unknown = bool(fixed[2] < UNKNOWN)
     case = Case(seed, index, stratum, (), unknown, replay, attempt)
-    start = record_start(made_by.system, case.root, index)
-    begin, stop = start - system.experiment.warm_up_hours * HOUR, start + made_by.hours * HOUR
-    effects = [one for one in made_by.effects if _acts(one, replay)]
-    background = (outside(system, rng, begin, stop, noise), float(np.exp(rng.uniform(*np.log(BACKGROUND)))))
-    if stratum == "none" or not (effects or stratum == "outside"):
-        return Drawn(case, "none", (background,))
+    start = record_start(system, case.root, index)
+    span = Span(start - system.experiment.warm_up_hours * HOUR, start, start + made_by.hours * HOUR)
+
+    def sized(sizes: tuple[float, float]) -> tuple[Process, float]:
+        return outside(system, rng, span, noise, unknown=unknown), float(np.exp(rng.uniform(*np.log(sizes))))
+
+    background = sized(BACKGROUND)
     if stratum == "outside":
-        acts = outside(system, rng, begin, stop, noise)
-        true = tuple(one.name for one in made_by.effects if one.changes & acts.changes)
-        size = float(np.exp(rng.uniform(*np.log(GAPS))))
-        return Drawn(case, stratum, (background, (acts, size)), true)
+        return Drawn(case, stratum, background, sized(GAPS))
+    effects = [one for one in made_by.effects if _acts(one, replay)]
+    if stratum == "none" or not effects:
+        return Drawn(case, "none", background)
     effect = effects[int(rng.integers(len(effects)))]
-    causes = [_cause(effect, rng, begin, stop)]
+    causes = [_cause(effect, system, rng, span)]
     partners = [one for one in effects if one is not effect and not clash([effect, one])]
     if stratum == "two" and partners:
-        causes.append(_cause(partners[int(rng.integers(len(partners)))], rng, begin, stop))
+        causes.append(_cause(partners[int(rng.integers(len(partners)))], system, rng, span))
     case = _with(case, *causes)
     if stratum == "withheld":
-        return Drawn(case, stratum, (background,), withheld=effect.name)
-    return Drawn(case, stratum, (background,), tuple(one.label for one in causes))
+        return Drawn(case, stratum, background, withheld=effect.name)
+    return Drawn(case, stratum, background, true=tuple(one.label for one in causes))
 
 
-def _cause(effect: Effect, rng: np.random.Generator, begin: float, stop: float) -> Cause:
+def _cause(effect: Effect, system: System, rng: np.random.Generator, span: Span) -> Cause:
     """A candidate's cause of random size, by a law of its own or by the candidate's."""
     low, high = np.log(AMPLITUDES)
     size = float(np.exp(rng.uniform(low, high))) * effect.scale
     negative = effect.lower < 0 and (effect.upper <= 0 or rng.random() < 0.5)
     amplitude = max(-size, effect.lower) if negative else min(size, effect.upper)
-    warped = rng.random() >= EXACT
-    return Cause(Warped(effect, course(rng, begin, stop)) if warped else effect, amplitude)
+    exact, other = rng.random() < EXACT, course(rng, span)
+    return Cause(effect if exact else warped(effect, system, other), amplitude)
 
 
-def live(made_by: Generator, drawn: Drawn) -> Made:
-    """The recording before it is measured, with processes as large as their gaps make them.
+def live(made_by: Generator, drawn: Drawn) -> tuple[Made, float]:
+    """The recording before it is measured, and the gap that its causes make [noise of the most touched output].
 
     Raises
     ------
     SimulationError
         If it cannot be simulated.
     """
-    case, causes = drawn.case, [*drawn.case.causes]
+    case, noise = drawn.case, made_by.truth.measuring.noise
     nothing = made_by.make_case(_with(case))
-    for acts, gap in drawn.processes:
+
+    def of_size(acts: Process, gap: float) -> list[Cause]:
+        """The process so that it makes a gap, or none where it moves nothing."""
+        acts = acts.of_spread(nothing.driven)
         unit = made_by.make_case(_with(case, Cause(acts, acts.scale)))
-        size = gap_of(made_by.system, made_by.truth.measuring.noise, unit.clean - nothing.clean)
-        if size > 0:  # one that moves no output, such as the sun on a room without windows, is none
-            causes.append(Cause(acts, acts.scale * gap / size))
-    return made_by.make_case(_with(case, *causes))
+        size = gap_of(made_by.system, noise, unit.clean - nothing.clean)
+        return [Cause(acts, acts.scale * min(gap / size, MOST))] if size > gap / (10 * MOST) else []
+
+    background = of_size(*drawn.background)
+    causes = [*case.causes, *(of_size(*drawn.outside) if drawn.outside is not None else [])]
+    if not causes:
+        return made_by.make_case(_with(case, *background)), 0.0
+    without = made_by.make_case(_with(case, *background))
+    made = made_by.make_case(_with(case, *background, *causes))
+    for cause in case.causes:
+        if isinstance(cause.acts, Warped) and cause.acts.by_parameters:
+            rest = [one for one in causes if one is not cause]
+            other = made_by.make_case(_with(case, *background, *rest)) if rest else without
+            moved = (cause.acts.course.at(made.time) - 1.0) * (made.clean - other.clean)
+            made = replace(made, clean=made.clean + moved)
+    return made, gap_of(made_by.system, noise, made.clean - without.clean)
 
 
 def gap_of(system: System, noise: str, moved: np.ndarray) -> float:
     """Root mean square of what moved (outputs, steps) at the most touched output [its noise]."""
-    sds = [np.hypot(one.noise[noise].sd if noise in one.noise else 0.0, one.accuracy) for one in system.outputs]
-    return float(np.max(np.sqrt(np.mean(moved**2, axis=1)) / np.asarray(sds)))
+    return float(np.max(np.sqrt(np.mean(moved**2, axis=1)) / system.noise_sd(noise)))
 
 
 def work(made_by: Generator, seed: int, index: int) -> dict[str, Any]:
@@ -174,21 +192,23 @@ def work(made_by: Generator, seed: int, index: int) -> dict[str, Any]:
     for attempt in range(ATTEMPTS):
         drawn = draw(made_by, seed, index, attempt)
         try:
-            made = live(made_by, drawn)
+            made, gap = live(made_by, drawn)
             break
         except SimulationError as error:
             last = error
     else:
         raise SimulationError(f"recording {index} of seed {seed}: none of {ATTEMPTS} draws could be simulated: {last}")
+    if gap < BACKGROUND[0]:
+        drawn = replace(drawn, stratum="none", true=(), withheld="")
     system, truth = made_by.system, made_by.truth
     outputs, _ = measured(made, system, truth)
     with TemporaryDirectory(prefix="farm") as folder:
         path = Path(folder) / f"{index}.nc"
         write(path, published(made, outputs, system, truth))
-        return asdict(diagnosed(system, truth.measuring.noise, path, drawn, made, seed + index))
+        return asdict(diagnosed(system, truth.measuring.noise, path, drawn, gap, seed + index))
 
 
-def diagnosed(system: System, noise: str, path: Path, drawn: Drawn, made: Made, seed: int) -> Row:
+def diagnosed(system: System, noise: str, path: Path, drawn: Drawn, gap: float, seed: int) -> Row:
     """What the diagnosis makes of a recording without what is withheld."""
     from diagnosis.gap.diagnosed import diagnose
 
@@ -208,8 +228,7 @@ def diagnosed(system: System, noise: str, path: Path, drawn: Drawn, made: Made, 
         stratum=drawn.stratum,
         true=drawn.true,
         withheld=drawn.withheld,
-        amplitudes=tuple(one.amplitude for one in made.case.causes),
-        gap=gap_of(system, noise, made.clean - made.base),
+        gap=gap,
         evidence=done.evidence,
         cpu_seconds=time.process_time() - began,
         simulations=done.report.simulations,
@@ -219,7 +238,7 @@ def diagnosed(system: System, noise: str, path: Path, drawn: Drawn, made: Made, 
 def read_row(raw: dict[str, Any]) -> Row:
     """A row as it was written."""
     evidence = Evidence(**{**raw["evidence"], "chosen": tuple(raw["evidence"]["chosen"])})
-    return Row(**{**raw, "true": tuple(raw["true"]), "amplitudes": tuple(raw["amplitudes"]), "evidence": evidence})
+    return Row(**{**raw, "true": tuple(raw["true"]), "evidence": evidence})
 
 
 def _one_of(shares: dict[str, float], place: float) -> str:

@@ -28,7 +28,7 @@ from diagnosis.gap.search import at_its_optimum, search
 from diagnosis.gap.searched import Search
 from diagnosis.gap.shrinkage import Shrinkage, left_by, shrinkages
 from diagnosis.gap.starting import Begun
-from diagnosis.gap.verdict import Decision, decide, verdicts_of
+from diagnosis.gap.verdict import Decision, Verdicts, decide
 from diagnosis.recording import HOUR
 from diagnosis.where import Operator, Where
 from shared.results import Result
@@ -66,6 +66,7 @@ class Diagnosis(Result):
     search: Search
     decision: Decision
     evidence: Evidence
+    by: tuple[Verdicts, str]
     sources: list[Operator]
     unknown: dict[str, str]
     otherwise: list[Otherwise]
@@ -84,9 +85,8 @@ class Diagnosis(Result):
         were not made yet.
         """
         left = [one for one in self.candidates if one.name not in names]
-        return concluded(
-            self.whole, self.origin, left, self.scored, self.seed, Began.now(self.whole.simulations), tell, self
-        )
+        began = Began.now(self.whole.simulations)
+        return concluded(self.whole, self.origin, left, self.scored, self.seed, began, self.by, tell, self)
 
     @property
     def base(self) -> Fit:
@@ -130,6 +130,7 @@ def concluded(
     scored: np.ndarray,
     seed: int,
     began: Began,
+    by: tuple[Verdicts, str],
     tell: Callable[[str], None],
     known: Diagnosis | None = None,
 ) -> Diagnosis:
@@ -141,6 +142,8 @@ def concluded(
         The part that is kept from the fits that say how far the gap shrinks, shape (steps,).
     began
         When the diagnosis began.
+    by
+        How evidence becomes an answer, from :func:`diagnosis.gap.verdict.verdicts_of`.
     known
         A diagnosis from the same fit among these candidates and others; what does not depend on the others is kept.
     """
@@ -178,8 +181,7 @@ def concluded(
         where_left = attempt("what is left, and where", lambda: place(found.last, whole.observed, []), None)
     left = gap_found(found.last, (where_left or where).p_value)
     evidence = evidence_of(found, gap_found(first, where.p_value, found.confirmed), left, where.p_value)
-    by, uncalibrated = verdicts_of(whole.system)
-    decision = decide(evidence, by, searched=found.searched)
+    decision = decide(evidence, by[0])
     if found.chosen and decision.verdict == "no_gap":
         dropped = tuple(one.name for one in found.chosen)
         found, where_left = replace(found, stages=[first], refits=[], settled=[], dropped=dropped), None
@@ -209,8 +211,8 @@ def concluded(
         simulations=whole.simulations - began.simulations,
         seconds=time.perf_counter() - began.seconds,
         cpu_seconds=time.process_time() - began.cpu_seconds,
-        by=by,
-        uncalibrated=uncalibrated,
+        by=by[0],
+        uncalibrated=by[1],
     )
     ends = ends_left_out(whole.observed, np.isfinite(whole.measured), whole.recording.step / HOUR)
     more = [*ends, *noiseless(whole.undeclared)]
@@ -223,6 +225,7 @@ def concluded(
         found,
         decision,
         evidence,
+        by,
         sources,
         unknown,
         better,

@@ -21,6 +21,7 @@ from diagnosis.gap.linear import applicable
 from diagnosis.gap.parts import kept_for_scoring
 from diagnosis.gap.places import check_places
 from diagnosis.gap.starting import begun, zero_shot
+from diagnosis.gap.verdict import verdicts_of
 from diagnosis.physics import check_physics
 from diagnosis.recording import HOUR, Recording
 from diagnosis.usual import WARM_UP
@@ -116,6 +117,7 @@ def diagnose(
     estimated = zero_shot(described, record, run, tell)
     simulator = Simulator(described)
     check_baselines(candidates, described, simulator.fmu, replay=replay)
+    by = verdicts_of(described, library(described), simulator.fmu.sha256, noise)
     place = None if out is None else Path(out)
     with (
         side_by_side(simulator, workers=workers, scheduler=scheduler) as runner,
@@ -139,7 +141,7 @@ def diagnose(
 
         told("fitting the base model")
         origin = begun(whole, estimated)
-        done = concluded(whole, origin, candidates, scored, seed, began, told)
+        done = concluded(whole, origin, candidates, scored, seed, began, by, told)
         done = replace(done, report=done.report.model_copy(update={"physics": physics}))
         if place is not None:
             from diagnosis.gap.page import write_report

@@ -23,7 +23,9 @@ class Evidence:
     converged
         Whether the base model's fit came to rest.
     gap
-        Whether bootstrap replicates tell of a gap at the base model's fit; ``confirmed``: whether a refit does, too.
+        Whether bootstrap replicates tell of a gap at the base model's fit, and a refit where a candidate told of it.
+    searched
+        Whether all candidates that stood out were fitted.
     candidates
         Log evidence of each candidate over the base model, by name: as it was fitted last, by straight lines where
         nothing was to be fitted.
@@ -43,7 +45,7 @@ class Evidence:
     counted: bool
     converged: bool
     gap: bool
-    confirmed: bool
+    searched: bool
     candidates: dict[str, float]
     beside: dict[str, float]
     chosen: tuple[str, ...]
@@ -74,7 +76,7 @@ def evidence_of(search: Search, gap: bool, rejected: bool, where_p: float) -> Ev
                 search.stages[k],
                 refits,
                 search.stages[k + 1],
-                base=search.compared.base if k == 0 and search.compared is not None else search.settled[k - 1],
+                base=search.settled[k - 1] if k or search.compared is None else search.compared.base,
                 tried=search.tried[k],
                 later=later,
                 excluded=untried,
@@ -89,9 +91,9 @@ def evidence_of(search: Search, gap: bool, rejected: bool, where_p: float) -> Ev
         counted=not problem.nuisance.levels,
         converged=bool(search.base.settled),
         gap=bool(gap),
-        confirmed=bool(search.confirmed),
-        candidates={name: float(one) for name, one in values[0].items()},
-        beside={name: float(one) for name, one in values[1].items()} if len(values) > 1 else {},
+        searched=bool(search.searched),
+        candidates=_finite(values[0]),
+        beside=_finite(values[1]) if len(values) > 1 else {},
         chosen=tuple(one.name for one in last.lin.chosen),
         rejected=bool(rejected),
         before=float(first.left_over),
@@ -103,6 +105,11 @@ def evidence_of(search: Search, gap: bool, rejected: bool, where_p: float) -> Ev
             "where": float(where_p),
         },
     )
+
+
+def _finite(values: dict[str, float]) -> dict[str, float]:
+    """Candidates whose evidence is a number."""
+    return {name: float(one) for name, one in values.items() if np.isfinite(one)}
 
 
 def gap_found(stage: Stage, where_p: float, confirmed: bool = True) -> bool:

@@ -27,18 +27,18 @@ WITHHELD = (
 
 def added(verdict: Verdict) -> str:
     """What the fit "after" has that the base model has not, goes on in a sentence."""
-    return "with the nearest candidate (rejected)" if verdict == "none_of_these" else "with the effects found"
+    return "with the nearest candidate" if verdict == "none_of_these" else "with the effects found"
 
 
 def calibration(report: Report) -> str:
     """What the probabilities come from, and what answers to such recordings held."""
     by = report.calibrated
-    alarms, named = by.answers["false alarms"], by.answers["named"]
+    alarms, named = by.answers.alarms, by.answers.named
     said = (
         f"Probabilities come from {counted(sum(by.strata.values()), 'recording')} of {by.hours:g} h that were made with"
-        f" {by.system} ({by.made}, seed {by.seed}). There a gap was answered in {round(alarms.true * alarms.count)} of"
-        f" {alarms.count} without a cause, and of {counted(named.count, 'answer')} with a name"
-        f" {round(named.true * named.count)} held a true cause."
+        f" {by.system} ({by.made}, seed {by.seed}), {by.strata.get('none', 0)} of them without a cause. There a gap was"
+        f" answered in {round(alarms.true * alarms.count)} of {alarms.count} without a cause, and of"
+        f" {counted(named.count, 'answer')} with a name {round(named.true * named.count)} held a true cause."
     )
     if report.uncalibrated:
         said += (

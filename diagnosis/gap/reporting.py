@@ -73,6 +73,8 @@ def reported(
         none_of_these=decision.none,
         no_gap=decision.nothing,
         mistaken=decision.mistaken,
+        or_none=decision.or_none,
+        gap=decision.gap,
         rejected=decision.rejected,
         where=_places(where, first, dict(zip(problem.system.output_names, problem.floor.tolist(), strict=True))),
         balance=where.verdict if decision.verdict != "no_gap" else "none",

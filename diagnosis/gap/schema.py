@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from diagnosis.gap.verdict import Count, Verdict
+from diagnosis.gap.verdict import Answers, Verdict
 from diagnosis.physics import Finding
 from shared.errors import RecordingError
 from shared.reading import newer, read_json, shown, validated
@@ -72,7 +72,9 @@ class CalibratedBy(_Table):
     seed: int
     hours: float
     strata: dict[str, int] = Field(description="recordings by what they were")
-    answers: dict[str, Count]
+    noise: str
+    alarms: float = Field(description="share of recordings without a cause in which a gap is answered, about")
+    answers: Answers
 
 
 class Place(_Table):
@@ -246,9 +248,11 @@ class Report(Result, _Table):
     none_of_these: float = Field(description="probability that the cause is not among the candidates")
     no_gap: float = Field(description="probability that there is no gap")
     mistaken: float = Field(
-        description="probability that what the candidates' evidence points to holds no true cause, as of none of these"
-        " and of no gap, and of another candidate about which the evidence says nothing (in equal shares)"
+        description="probability that no cause is among the candidates of the first set: that of none of these, of no"
+        " gap, and of the other candidates"
     )
+    or_none: bool = Field(description="whether none of the candidates belongs to the set, too")
+    gap: bool = Field(description="whether tests find a gap, whatever its cause")
     rejected: bool = Field(description="whether the chosen effects are rejected on their own bootstrap replicates")
     where: list[Place]
     balance: str = Field(description="whether a balance or a sensor is off: balance, sensor, undecided, none")

@@ -115,12 +115,6 @@ class Search:
         """Effects that were chosen, in the order in which they were found."""
         return self.last.lin.chosen
 
-    @property
-    def share_left(self) -> float:
-        """Share of what was left without a cause at first that the chosen effects do not explain."""
-        first = max(self.stages[0].left_over, 1e-9)
-        return float(np.clip(self.last.left_over / first, 0.0, 1.0)) if self.stages[0].left_over > 1.0 else 0.0
-
 
 def evidence_before(found: Search) -> float:
     """Log evidence of what was chosen so far, its amplitudes within their bounds as those of refits are."""

@@ -77,6 +77,11 @@ def _where(report: Report, sensors: Collection[str], names: Mapping[str, str]) -
 
 def _nowhere(report: Report) -> str:
     """That there is no gap, and what seemed to be one."""
+    if report.gap:
+        return (
+            "Where: tests find a difference beyond noise, but rooms without a cause look like this too often to call it"
+            " a gap."
+        )
     first = report.stages[0]
     where_p = 1.0 if first.where_p is None else first.where_p
     chances = f"(p = {first.p_value:.2g} over all candidates, {where_p:.2g} over all places)"
@@ -123,6 +128,8 @@ def _kind(report: Report, sensors: Collection[str]) -> str:
 
 def _which(report: Report) -> str:
     named = [one for one in report.effects if one.named]
+    if report.verdict == "no_gap" and report.gap:
+        return f"Which: no effect is named. That none acts is {report.no_gap:.0%} sure."
     if report.verdict == "no_gap":
         return (
             f"Which: no effect is needed. That none acts is {report.no_gap:.0%} sure, because small ones go unseen"
@@ -132,7 +139,8 @@ def _which(report: Report) -> str:
         chosen = " with ".join(report.stages[-1].effects)
         tried = sum(one.name not in {*report.excluded, *report.failed} for one in report.effects)
         otherwise = ": one of them may act by another law than described" if tried else ""
-        nearest = f"; the nearest is {chosen}, which is rejected on its own bootstrap replicates" if chosen else ""
+        rejected = ", which is rejected on its own bootstrap replicates" if report.rejected else ""
+        nearest = f"; the nearest is {chosen}{rejected}" if chosen else ""
         return (
             f"Which: none of the {tried} candidates explains it{nearest}. That the cause is none of them"
             f" is {report.none_of_these:.0%} sure{otherwise}."
@@ -142,6 +150,8 @@ def _which(report: Report) -> str:
         by_lines = f" In the linearised model the foremost are {', '.join(foremost)}." if foremost else ""
         return f"Which: the search was not finished ({_why(report)}), so no candidate is named.{by_lines}"
     rest = _left(report) if report.rejected else ""
+    if report.or_none:
+        rest = f" The cause may also be none of the candidates ({report.none_of_these:.0%}).{rest}"
     at_least = (
         "of these causes at least is among them" if report.verdict == "ambiguous" else "of them at least is a cause"
     )

@@ -9,16 +9,18 @@ knows: no number of them stands here.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from scipy.special import logsumexp
 
+from diagnosis.effects import Effect
 from diagnosis.gap.evidence import Evidence
 from shared.errors import RecordingError
 from shared.reading import read_json, validated
@@ -28,12 +30,12 @@ from shared.system import System
 Verdict = Literal["effect", "ambiguous", "none_of_these", "no_gap", "unfinished"]
 SCHEMA_VERSION = 1
 FILE_NAME = "verdict.json"
-NOTHING = ("one", "best", "gap", "before", "uncounted", "replay")
+NOTHING = ("one", "best", "gap", "p", "before", "unsettled", "uncounted", "replay")
 """What the odds of no gap depend on, by the names of :func:`features`."""
 NONE = ("one", "best", "left", "rejected", "unexplained", "replay")
 """What those of a cause that is no candidate depend on."""
-COVER = 0.9
-"""What a set that is named beside another cause holds of its probability."""
+POOLED = "all"
+"""The condition that stands for all, where one has too few recordings for limits of its own."""
 
 
 class _Table(BaseModel):
@@ -51,15 +53,33 @@ class Count(_Table):
     true: float
 
 
+class Answers(_Table):
+    """What answers were worth: ``alarms`` to recordings without a cause, what was ``named``, causes ``outside``."""
+
+    alarms: Count
+    named: Count
+    outside: Count
+
+
+def _known(weights: dict[str, float]) -> dict[str, float]:
+    if unknown := weights.keys() - {*NOTHING, *NONE}:
+        raise ValueError(f"{', '.join(sorted(unknown))} is no feature; expected some of {', '.join((*NOTHING, *NONE))}")
+    return weights
+
+
+Weights = Annotated[dict[str, float], AfterValidator(_known)]
+
+
 class Verdicts(_Table):
     """``verdict.json``: how a system's evidence becomes an answer, and what that was worked out on.
 
     ``nothing`` and ``none``: weights of :data:`NOTHING` and :data:`NONE`; ``power`` of the candidates' evidence.
-    ``alarm``: a gap is answered where no gap is less probable than this; ``alarms``: the share of recordings without a
-    cause in which that may happen. ``held``: candidates and none of these are in the answer's set from this
-    probability on, which then holds what is true in a share ``cover`` of the alarms. ``second``: how often a second
-    effect that is named is a cause. ``strata``: recordings by what they were; ``reliability`` and ``answers`` are of
-    recordings that took no part in the weights.
+    ``alarm``, by :func:`condition`: a gap is answered where no gap is less probable than this; ``alarms``: about the
+    share of recordings without a cause in which that happens. ``held``, by condition: a candidate, and none of these,
+    is in the answer's set from this probability on; of the answers to a gap that has a cause, the set then holds what
+    is true in a share ``cover``, about. ``second``: how often a second effect that is named is a cause. ``strata``:
+    recordings by what they were. ``reliability`` and ``answers`` are of recordings that took no part in weights and
+    limits. ``candidates_sha256`` is of all that candidates are.
     """
 
     schema_version: int = SCHEMA_VERSION
@@ -67,23 +87,23 @@ class Verdicts(_Table):
     system_hash: str
     fmu_sha256: str
     uncertain_sha256: str
-    effects: list[str]
+    candidates_sha256: str
     version: str
     made: str
     hours: float
     noise: str
     seed: int
     strata: dict[str, int]
-    nothing: dict[str, float]
-    none: dict[str, float]
+    nothing: Weights
+    none: Weights
     power: float = Field(gt=0)
     second: float = Field(ge=0, le=1)
-    alarm: float = Field(ge=0, le=1)
+    alarm: dict[str, float]
     alarms: float = Field(ge=0, le=1)
-    held: float = Field(ge=0, le=1)
+    held: dict[str, float]
     cover: float = Field(ge=0, le=1)
     reliability: list[Count]
-    answers: dict[str, Count]
+    answers: Answers
 
     @property
     def recordings(self) -> int:
@@ -105,9 +125,9 @@ class Decision:
     """The answer.
 
     ``probabilities`` by candidate that it is a cause, ``none`` that the cause is none of them and ``nothing`` that
-    there is no gap; for a single cause they sum to 1. ``mistaken``: probability that no cause is among what is named.
-    ``named`` are the effects of the answer, ``sets`` one for each effect found. ``rejected``: whether a gap is left
-    beside them.
+    there is no gap; for a single cause they sum to 1. ``mistaken``: probability that no cause is among what is named
+    first. ``named`` are the effects of the answer, ``sets`` one for each effect found; ``or_none``: whether none of
+    these is in the set, too. ``gap``: whether tests find a gap; ``rejected``: whether one is left beside the effects.
     """
 
     verdict: Verdict
@@ -117,13 +137,32 @@ class Decision:
     mistaken: float
     named: tuple[str, ...]
     sets: tuple[tuple[str, ...], ...]
+    or_none: bool
+    gap: bool
     rejected: bool
 
 
-def verdicts_of(system: System) -> tuple[Verdicts, str]:
-    """How a system's evidence becomes an answer, and, where it is another's, why ("" if not).
+def candidates_sha256(effects: Sequence[Effect]) -> str:
+    """The sha256 of what candidates are: of declared ones the declaration, of others what they say of themselves."""
+    said = []
+    for one in effects:
+        spec = getattr(one, "spec", None)
+        declared = spec.model_dump(mode="json") if isinstance(spec, BaseModel) else {}
+        said.append([one.name, one.kind, one.unit, one.scale, one.lower, one.upper, declared])
+    return hashlib.sha256(json.dumps(said, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def verdicts_of(system: System, effects: Sequence[Effect], fmu_sha256: str, noise: str) -> tuple[Verdicts, str]:
+    """How a system's evidence becomes an answer, and, where that was worked out on something else, what ("" if not).
 
     It is the file beside the system's description, if that is of this system; otherwise that of the default system.
+
+    Parameters
+    ----------
+    effects
+        All candidates of the system.
+    noise
+        The preset that a recording is diagnosed with.
 
     Raises
     ------
@@ -134,13 +173,19 @@ def verdicts_of(system: System) -> tuple[Verdicts, str]:
     why = f"{FILE_NAME} is missing beside {system.path.name}"
     if path.is_file():
         found = read_verdicts(path)
-        if found.system_hash == system.hash():
-            return found, ""
-        why = f"{FILE_NAME} is of another version of {found.system}"
+        others = {
+            "version of the description": (found.system_hash, system.hash()),
+            "version of the FMU": (found.fmu_sha256, fmu_sha256),
+            "choice of candidates": (found.candidates_sha256, candidates_sha256(effects)),
+            "noise preset": (found.noise, noise),
+        }
+        differing = [what for what, (of_file, here) in others.items() if of_file != here]
+        if differing != ["version of the description"] or found.system == system.name:
+            return found, f"{FILE_NAME} is of another {', '.join(differing)}" if differing else ""
+        why = f"{FILE_NAME} is of {found.system}"
     return read_verdicts(shipped_systems()[USUAL] / FILE_NAME), why
 
 
-@lru_cache(maxsize=8)
 def read_verdicts(path: Path) -> Verdicts:
     """Read ``verdict.json``.
 
@@ -153,6 +198,16 @@ def read_verdicts(path: Path) -> Verdicts:
     return validated(Verdicts, read_json(path, RecordingError, expected), f"{path}", RecordingError, expected)
 
 
+def condition(evidence: Evidence) -> str:
+    """What could be measured: whether actuators were replayed and persons counted."""
+    return f"{'replay' if evidence.replay else 'control'}, {'counted' if evidence.counted else 'not counted'}"
+
+
+def limit(limits: Mapping[str, float], evidence: Evidence) -> float:
+    """The limit of a recording's condition, or that of all."""
+    return limits.get(condition(evidence), limits[POOLED])
+
+
 def features(evidence: Evidence) -> dict[str, float]:
     """What the odds of no gap and of no candidate depend on, each of order one."""
     best = max(evidence.candidates.values(), default=0.0)
@@ -160,10 +215,12 @@ def features(evidence: Evidence) -> dict[str, float]:
         "one": 1.0,
         "best": float(np.log1p(max(best, 0.0))),
         "gap": float(evidence.gap),
+        "p": float(-np.log10(max(min(evidence.p_values.values(), default=1.0), 1e-4))),
+        "unsettled": float(not evidence.converged),
         "before": float(np.log1p(max(evidence.before, 0.0))),
         "left": float(np.log1p(max(evidence.left, 0.0))),
         "rejected": float(evidence.rejected),
-        "unexplained": float(evidence.gap and not evidence.chosen),
+        "unexplained": float(evidence.gap and evidence.searched and not evidence.chosen),
         "replay": float(evidence.replay),
         "uncounted": float(not evidence.counted),
     }
@@ -185,42 +242,48 @@ def probabilities(
     return Probabilities(chance[0], chance[1], dict(zip(evidence.candidates, chance[2:], strict=True)))
 
 
-def decide(evidence: Evidence, by: Verdicts, *, searched: bool = True) -> Decision:
-    """The answer that evidence gives.
-
-    Parameters
-    ----------
-    searched
-        Whether all candidates that stood out were fitted; otherwise none is named.
-    """
+def decide(evidence: Evidence, by: Verdicts) -> Decision:
+    """The answer that evidence gives."""
     chance = probabilities(evidence, by.nothing, by.none, by.power)
-    causes, beside = dict(chance.causes), second_of(evidence, by)
-    alarm = evidence.gap and chance.nothing < by.alarm
-    for name, p in beside.items():  # as the one or as the other: it is not both
-        causes[name] = min(causes.get(name, 0.0) + by.second * p, 1 - chance.none - chance.nothing)
+    held, beside = limit(by.held, evidence), second_of(evidence, by)
 
     def answer(verdict: Verdict, *sets: tuple[str, ...]) -> Decision:
         named = tuple(dict.fromkeys(name for one in sets for name in one))
-        held = sum(chance.causes[name] for name in sets[0]) if sets else 0.0
-        return Decision(verdict, causes, chance.none, chance.nothing, 1 - held, named, sets, evidence.rejected)
+        causes = dict(chance.causes)
+        for name, p in beside.items() if sets else ():  # as the one or as the other: it is not both
+            causes[name] = min(causes.get(name, 0.0) + by.second * p, 1 - chance.none - chance.nothing)
+        first = sum(chance.causes.get(name, 0.0) for name in sets[0]) if sets else 0.0
+        return Decision(
+            verdict,
+            causes,
+            chance.none,
+            chance.nothing,
+            1 - first,
+            named,
+            sets,
+            or_none=bool(sets) and chance.none >= held,
+            gap=evidence.gap,
+            rejected=evidence.rejected,
+        )
 
-    if not evidence.gap or (searched and not alarm):
+    if not evidence.gap:
         return answer("no_gap")
-    if not searched:
+    if not evidence.searched:
         return answer("unfinished")
-    first = held_by(chance, evidence.chosen[:1], by.held)
-    if not evidence.chosen or chance.none > max(chance.causes.values(), default=0.0):
+    if chance.nothing >= limit(by.alarm, evidence):
+        return answer("no_gap")
+    if not evidence.chosen or chance.none > sum(chance.causes.values()):
         return answer("none_of_these")
-    sets = [first]
+    sets = [held_by(chance.causes, evidence.chosen[:1], held)]
     if len(evidence.chosen) > 1:
-        sets.append(smallest(beside, evidence.chosen[1]))
+        sets.append(held_by(beside, evidence.chosen[1:2], held))
     return answer("effect" if all(len(one) == 1 for one in sets) else "ambiguous", *sets)
 
 
-def held_by(chance: Probabilities, chosen: tuple[str, ...], least: float) -> tuple[str, ...]:
+def held_by(chance: Mapping[str, float], chosen: tuple[str, ...], least: float) -> tuple[str, ...]:
     """Candidates from a probability on, the most probable first; what was chosen is always among them."""
-    order = sorted(chance.causes, key=lambda name: -chance.causes[name])
-    names = tuple(name for name in order if chance.causes[name] >= least)
+    order = sorted(chance, key=lambda name: -chance[name])
+    names = tuple(name for name in order if chance[name] >= least)
     return (*names, *(name for name in chosen if name not in names))
 
 
@@ -230,10 +293,3 @@ def second_of(evidence: Evidence, by: Verdicts) -> dict[str, float]:
         return {}
     values = np.array([*evidence.beside.values()]) * by.power
     return dict(zip(evidence.beside, np.exp(values - logsumexp(values)).tolist(), strict=True))
-
-
-def smallest(chance: Mapping[str, float], chosen: str) -> tuple[str, ...]:
-    """The smallest set that holds :data:`COVER` of what is probable, and what was chosen."""
-    order = sorted(chance, key=lambda name: -chance[name])
-    names = tuple(order[: 1 + int(np.searchsorted(np.cumsum([chance[name] for name in order]), COVER))])
-    return names if chosen in names else (*names, chosen)

@@ -1,7 +1,7 @@
 """Reports that hold as much as a sentence needs."""
 
 from diagnosis.gap.schema import CalibratedBy, Detectability, NamedEffect, ParameterOf, Place, Report, SourceOf, StageOf
-from diagnosis.gap.verdict import Count
+from diagnosis.gap.verdict import Answers, Count
 
 
 def seen(**smallest):
@@ -51,8 +51,10 @@ CALIBRATED = CalibratedBy(
     made="2026-01-01",
     seed=7,
     hours=168.0,
-    strata={"none": 40, "listed": 60},
-    answers={"false alarms": WORTH.model_copy(update={"true": 0.04}), "named": WORTH, "outside": WORTH},
+    noise="sensor",
+    alarms=0.04,
+    strata={"none": 50, "listed": 50},
+    answers=Answers(alarms=WORTH.model_copy(update={"true": 0.04}), named=WORTH, outside=WORTH),
 )
 
 BARE = {
@@ -74,6 +76,8 @@ BARE = {
     "mistaken": 0.1,
     "assumed": {},
     "rejected": False,
+    "or_none": False,
+    "gap": True,
     "balance": "none",
     "shrinkage": [],
     "chosen_apart": True,

@@ -27,8 +27,9 @@ def test_what_it_costs_that_persons_were_not_counted_is_said_in_numbers():
 def test_what_probabilities_come_from_is_said_with_what_such_answers_held():
     first = limits(report())[0]
     assert first == (
-        "Probabilities come from 100 recordings of 168 h that were made with room (2026-01-01, seed 7). There a gap was"
-        " answered in 2 of 50 without a cause, and of 50 answers with a name 40 held a true cause."
+        "Probabilities come from 100 recordings of 168 h that were made with room (2026-01-01, seed 7), 50 of them"
+        " without a cause. There a gap was answered in 2 of 50 without a cause, and of 50 answers with a name 40 held a"
+        " true cause."
     )
     other = limits(report(uncalibrated="verdict.json is missing beside system.toml"))[0]
     assert other.startswith(first) and "run `diagnosis farm` for it" in other

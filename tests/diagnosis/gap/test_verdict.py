@@ -6,8 +6,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from diagnosis.effects import library
 from diagnosis.gap.evidence import Evidence
-from diagnosis.gap.verdict import FILE_NAME, Count, Verdicts, decide, probabilities, read_verdicts, verdicts_of
+from diagnosis.gap.verdict import (
+    FILE_NAME,
+    Answers,
+    Count,
+    Verdicts,
+    candidates_sha256,
+    decide,
+    probabilities,
+    read_verdicts,
+    verdicts_of,
+)
 from shared.errors import RecordingError
 from shared.shipped import shipped_systems
 
@@ -16,7 +27,7 @@ QUIET = Evidence(
     counted=True,
     converged=True,
     gap=False,
-    confirmed=True,
+    searched=True,
     candidates={"one": -1.0, "two": -2.0},
     beside={},
     chosen=(),
@@ -32,7 +43,7 @@ BY = Verdicts(
     system_hash="-",
     fmu_sha256="-",
     uncertain_sha256="-",
-    effects=["one", "two", "three"],
+    candidates_sha256="-",
     version="0",
     made="2026-01-01",
     hours=168.0,
@@ -43,12 +54,12 @@ BY = Verdicts(
     none={"one": -1.0, "left": 1.0, "rejected": 1.0},
     power=0.5,
     second=0.6,
-    alarm=0.3,
+    alarm={"all": 0.3, "replay, counted": 0.9},
     alarms=0.04,
-    held=0.2,
+    held={"all": 0.2},
     cover=0.9,
     reliability=[WORTH],
-    answers={"false alarms": WORTH, "named": WORTH, "outside": WORTH},
+    answers=Answers(alarms=WORTH, named=WORTH, outside=WORTH),
 )
 
 
@@ -91,9 +102,26 @@ def test_the_answer_follows_the_probabilities_and_the_limits(evidence, verdict, 
 
 
 def test_a_gap_whose_cause_nobody_looked_for_is_of_no_candidate():
-    done = decide(LOUD, BY, searched=False)
+    done = decide(replace(LOUD, searched=False), BY)
     assert (done.verdict, done.named, done.sets) == ("unfinished", (), ())
     whole(done)
+
+
+def test_none_of_these_is_answered_where_it_is_more_probable_than_all_candidates_together():
+    """Candidates that look alike share what is theirs."""
+    alike = replace(LOUD, candidates={f"{k}": 50.0 for k in range(4)}, chosen=("0",), left=6.0)
+    done = decide(alike, BY)
+    assert max(done.probabilities.values()) < done.none < sum(done.probabilities.values())
+    assert (done.verdict, done.or_none) == ("ambiguous", True)
+    assert decide(replace(alike, left=60.0), BY).verdict == "none_of_these"
+
+
+def test_a_condition_with_limits_of_its_own_is_held_to_them():
+    assert decide(LOUD, BY.model_copy(update={"alarm": {"all": 0.3, "control, counted": 0.0}})).verdict == "no_gap"
+    others = BY.model_copy(update={"alarm": {"all": 0.3, "replay, counted": 0.0}})
+    assert decide(LOUD, others).verdict == "ambiguous"
+    assert decide(replace(LOUD, replay=True), others).verdict == "no_gap"
+    assert decide(replace(LOUD, replay=True, counted=False), others).verdict == "ambiguous"
 
 
 def test_of_two_effects_the_second_is_as_sure_as_such_seconds_were():
@@ -105,23 +133,28 @@ def test_of_two_effects_the_second_is_as_sure_as_such_seconds_were():
     assert done.probabilities["two"] == pytest.approx(BY.second, abs=0.001)
     alike = replace(both, beside={"two": 30.0, "three": 30.0})
     assert decide(alike, BY).sets == (("one",), ("two", "three"))
+    whole(decide(replace(both, candidates={"one": 0.1}), BY))  # no gap: nothing of a second
 
 
 def test_a_system_without_a_file_of_its_own_is_told_whose_probabilities_it_gets(default_system, tmp_path):
     folder = tmp_path / "house"
     folder.mkdir()
     moved = default_system.model_copy(update={"path": folder / "system.toml"})
+    effects = library(default_system)
     shipped = read_verdicts(shipped_systems()["MixedAirCO2"] / FILE_NAME)
-    assert verdicts_of(default_system) == (shipped, "")
-    found, why = verdicts_of(moved)
+    assert verdicts_of(default_system, effects, shipped.fmu_sha256, "sensor") == (shipped, "")
+    found, why = verdicts_of(moved, effects, "-", "sensor")
     assert found == shipped
     assert "verdict.json is missing" in why
     (folder / FILE_NAME).write_text(BY.model_dump_json(), encoding="utf-8")
-    assert "another version" in verdicts_of(moved)[1]
-    other = BY.model_copy(update={"system_hash": moved.hash()})
+    assert verdicts_of(moved, effects, "-", "sensor") == (
+        BY,
+        "verdict.json is of another version of the description, choice of candidates",
+    )
+    other = BY.model_copy(update={"system_hash": moved.hash(), "candidates_sha256": candidates_sha256(effects)})
     (folder / FILE_NAME).write_text(other.model_dump_json(), encoding="utf-8")
-    read_verdicts.cache_clear()
-    assert verdicts_of(moved) == (other, "")
+    assert verdicts_of(moved, effects, "-", "sensor") == (other, "")
+    assert "FMU, noise preset" in verdicts_of(moved, effects, "+", "clean")[1]
 
 
 def test_a_file_of_something_else_is_refused_by_its_name(tmp_path):
@@ -136,4 +169,4 @@ def test_the_shipped_verdict_is_of_the_shipped_system_and_says_what_it_was_worke
     assert found.system_hash == default_system.hash()
     assert found.strata["none"] >= 25
     assert found.recordings > found.strata["none"]
-    assert found.answers["false alarms"].count == found.strata["none"]
+    assert found.answers.alarms.count == found.strata["none"]
