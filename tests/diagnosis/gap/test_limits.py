@@ -66,14 +66,14 @@ def test_uncertain_constants_far_outside_of_the_description_are_a_limit():
     assert after.startswith("With the effects found wall x1.8 (expected: x0.55 to x1.8) is far outside")
     assert strained(report(constants=[constant("floor", 1.7, None)]), relative) == []
     _, rejected = strained(given.model_copy(update={"verdict": "none_of_these"}), relative)
-    assert rejected.startswith("With the nearest candidate (rejected) wall x1.8 (expected: x0.55 to x1.8) is")
+    assert rejected.startswith("With the nearest candidate wall x1.8 (expected: x0.55 to x1.8) is")
 
 
 @pytest.mark.parametrize(
     ("verdict", "rested", "words"),
     [
         ("effect", False, "The fit with the effects found had not come to rest when it stopped"),
-        ("none_of_these", False, "The fit with the nearest candidate (rejected) had not come to rest when it stopped"),
+        ("none_of_these", False, "The fit with the nearest candidate had not come to rest when it stopped"),
         ("effect", True, None),
         ("no_gap", None, None),
     ],

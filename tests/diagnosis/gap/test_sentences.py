@@ -8,7 +8,7 @@ from tests.diagnosis.gap.report_cases import named, place, report, source, stage
 
 def test_where_there_is_no_gap_what_seemed_to_be_one_is_said():
     quiet, near, line, spot = (
-        summary(report(verdict="no_gap", no_gap=0.3, stages=[stage(*ps)], where=[place("room")]))[0]
+        summary(report(verdict="no_gap", no_gap=0.3, gap=False, stages=[stage(*ps)], where=[place("room")]))[0]
         for ps in ((0.4, 0.3), (0.4, 0.015), (0.01, 0.3), (0.4, 0.005))
     )
     assert "simulated itself (p = 0.4 over all candidates, 0.3 over all places)" in quiet
@@ -16,8 +16,11 @@ def test_where_there_is_no_gap_what_seemed_to_be_one_is_said():
     assert "a candidate stands out" in line and "none is strong evidence" in line
     assert "a place" not in line and "fan" not in line
     assert "(room: measured higher) stands out" in spot and "candidate stands out" not in spot
-    given_up = summary(report(verdict="no_gap", no_gap=0.3, stages=[stage(0.4, 0.3)], dropped=["clock"]))[0]
+    quiet = {"verdict": "no_gap", "no_gap": 0.3, "stages": [stage(0.4, 0.3)]}
+    given_up = summary(report(**quiet, gap=False, dropped=["clock"]))[0]
     assert "certain beyond noise" in given_up and "clock fits the recording much better" in given_up
+    usual = summary(report(**quiet))
+    assert "rooms without a cause look like this too often" in usual[0] and "That none acts is 30% sure" in usual[1]
 
 
 def test_the_answer_says_what_where_and_how_far_in_words():
@@ -102,7 +105,7 @@ def test_what_no_candidate_explains_is_said_of_the_nearest_only():
         "none_of_these": 0.61,
         "effects": [named(name, 0.01, answer=False) for name in ("most", "valve")],
     }
-    _, which, far = summary(report(**other, shrinkage=[gone], stages=fitted))
+    _, which, far = summary(report(**other, shrinkage=[gone], stages=fitted, rejected=True))
     assert "none of the 2 candidates explains it; the nearest is valve, which is rejected on its own bootstrap" in which
     assert "That the cause is none of them is 61% sure" in which
     assert "held-out days, even the nearest (valve) removes 10% in room" in far

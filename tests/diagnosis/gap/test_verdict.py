@@ -110,7 +110,7 @@ def test_a_gap_whose_cause_nobody_looked_for_is_of_no_candidate():
 def test_none_of_these_is_answered_where_it_is_more_probable_than_all_candidates_together():
     """Candidates that look alike share what is theirs."""
     alike = replace(LOUD, candidates={f"{k}": 50.0 for k in range(4)}, chosen=("0",), left=6.0)
-    done = decide(alike, BY)
+    done = decide(alike, BY.model_copy(update={"held": {"all": 0.05}}))
     assert max(done.probabilities.values()) < done.none < sum(done.probabilities.values())
     assert (done.verdict, done.or_none) == ("ambiguous", True)
     assert decide(replace(alike, left=60.0), BY).verdict == "none_of_these"
