@@ -239,7 +239,7 @@ def _begun(
         found.unfinished.why["the candidates"] = lacking
         found.excluded |= {effect.name: lacking for effect in usable}
     elif stage.differs and not made.rested:
-        tell("fitting the base model to its rest")
+        tell("going on with the base model's fit")
         made.rested = True
         colours = stage.colours.best
         _improved(found, effects, seed, lambda: base_from(_line_at_start(found), observed, colours))
