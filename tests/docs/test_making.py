@@ -17,9 +17,7 @@ ROOT = Path(__file__).resolve().parents[2]
         ("0.011 ± 0.006 [-0.01, 0.02]", True),
         ("0.07 / 0.09 / 0.99 / 0.995", True),
         ("<code>--calm SHARE</code>", True),
-        ("3200", True),
         ("-", False),
-        ("x3 and resistance x0.38", False),
         ("12 of 40 recordings", False),
     ],
 )

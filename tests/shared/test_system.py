@@ -42,8 +42,6 @@ def test_default_system_is_table_1():
         ('source = "occupancy"', 'source = "crystal ball"', ["inputs[6]", "crystal ball"]),
         ('schedule = "set_point"', 'schedule = "nights"', ["inputs", "'TSet'", "'nights'"]),
         ("step = 3600.0", "stpe = 3600.0", ["experiment.stpe", "unknown field", "; did you mean step?"]),
-        ("[experiment]", "[experimnt]", ["experimnt: unknown field", "; did you mean experiment?"]),
-        ('schedule = "set_point"', 'shedule = "set_point"', ["shedule: unknown field", "; did you mean schedule?"]),
         ("[replay]", '[replay]\n"roo.V" = 100.0', ["replay: 'roo.V' is also an estimated parameter"]),
         ("step = 3600.0", "step = 3601.0", ["step 3601 s does not divide"]),
         ("[experiment]", "[experiment", ["not valid TOML"]),
@@ -109,7 +107,7 @@ KINDS = {
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("name", ["time", "system", "start", "split", "time_bnds", "bnds", "room/V"])
+@pytest.mark.parametrize("name", ["time", "room/V"])
 def test_no_variable_takes_the_place_of_a_field_of_a_shard(kind, name):
     old, new = KINDS[kind]
     text = TOML.read_text()

@@ -6,7 +6,7 @@ import torch
 
 from trainer.models import build
 from trainer.models.base import Shape
-from trainer.models.regressions import MEMORY_HOURS, Regressions, memories
+from trainer.models.regressions import Regressions
 
 SHAPE = Shape(length=96, outputs=2, recorded=3, columns=5, parameters=4, step=3600.0)
 SMALL = {"width": 32, "layers": 2, "feedforward": 64, "views": 3}
@@ -60,16 +60,6 @@ def test_what_does_not_vary_or_repeats_is_no_trouble():
         assert statistics.shape == (2, layer.size)
         assert torch.isfinite(statistics).all()
         assert torch.isfinite(given.grad).all()
-
-
-def test_memories_are_running_means():
-    series = torch.randn(2, 60, 3)
-    found = memories(series, 1800.0).view(2, 60, len(MEMORY_HOURS), 3)
-    for place, hours in enumerate(MEMORY_HOURS):
-        mean = series.mean(dim=1)
-        for sample in range(60):
-            mean = mean + (1 - np.exp(-0.5 / hours)) * (series[:, sample] - mean)
-            torch.testing.assert_close(found[:, sample, place], mean - series[:, sample], atol=1e-4, rtol=1e-4)
 
 
 def test_it_begins_as_the_multiscale_transformer_whose_weights_it_is_given():

