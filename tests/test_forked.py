@@ -1,9 +1,7 @@
 """Readers of NetCDF files that are forked for tests: as those that are started, each with its own end."""
 
-import os
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -43,12 +41,3 @@ def test_what_comes_back_is_what_a_started_one_says(forked, tmp_path, monkeypatc
         after = forked.run(one, **how())
         assert (after.returncode, after.stdout, after.stderr) == (before.returncode, before.stdout, before.stderr)
     assert [one.returncode for one in begun] == [1, 1, 0]
-
-
-def test_one_that_does_not_end_is_ended_in_time_and_the_next_reads(forked, tmp_path):
-    os.mkfifo(tmp_path / "pipe.nc")
-    began = time.monotonic()
-    with pytest.raises(subprocess.TimeoutExpired):
-        forked.run(words(tmp_path / "pipe.nc"), **how(timeout=0.5))
-    assert time.monotonic() - began < 30
-    assert forked.run(words(tmp_path / "none.nc"), **how()).returncode == 1

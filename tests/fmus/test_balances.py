@@ -41,21 +41,6 @@ def test_steady_state_closes_both_balances(twin, replay):
     assert np.sum(t.get(*FLOWS)) == pytest.approx(0.0, abs=1e-6 * gains)
 
 
-def test_at_one_temperature_nothing_flows(twin):
-    values = {
-        "T_start": 290.0,
-        "TDryBul": 290.0,
-        "TSky": 290.0,
-        "HFac": 0.0,
-        "nPer": 0.0,
-        "replay": True,
-        "mOA_in": 0.2,
-    }
-    t = twin().start(values)
-    assert np.max(np.abs(t.dx[:1])) < 1e-15
-    assert np.max(np.abs(t.dx)) < 1e-15
-
-
 def test_co2_builds_up_and_decays_exponentially(twin):
     m, V, n = 0.08, 110.0, 9.0
     tau = 1.2 * V / m

@@ -75,18 +75,6 @@ def test_wrong_guid_and_type_are_refused(twin):
     assert "Model Exchange" in t.messages[-1]
 
 
-def test_calls_out_of_order_are_refused(twin):
-    t = twin()
-    with pytest.raises(FMICallException, match="error"):
-        t.fmu.exitInitializationMode()
-    with pytest.raises(FMICallException, match="error"):
-        t.fmu.enterContinuousTimeMode()
-    assert "fmi2EnterContinuousTimeMode" in t.messages[-1]
-    t.start()
-    with pytest.raises(FMICallException, match="error"):
-        t.fmu.newDiscreteStates()  # not in event mode
-
-
 # ---------------------------------------------------------------- values
 
 

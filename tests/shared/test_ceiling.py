@@ -104,27 +104,6 @@ def test_another_season_is_a_sentence():
     )
 
 
-def test_constants_that_were_drawn_are_a_condition_of_their_own(ceilings):
-    for constants, value in ((pipe(), 0.6), (pipe(0.2), 0.7), (pipe(), 0.5)):
-        ceilings.put(ceiling(constants=constants, r2_mean=value, origin=YEAR))
-    found = {
-        name: [one.r2_mean for one in ceilings.find(**{**CONDITION, "constants": constants})]
-        for name, constants in {
-            "declared": {},
-            "drawn": pipe(description="its walls"),
-            "less": pipe(0.2),
-            "more": pipe(0.4),
-            "another": {"tube": pipe()["pipe"]},
-            "two": {**pipe(), "tube": pipe()["pipe"]},
-            "of other parameters": unknown_constants([Uncertain(name="pipe", parameters=["w"], relative=0.3)]),
-        }.items()
-    }
-    assert found == {
-        **{"declared": [0.9], "drawn": [0.5], "less": [0.7]},
-        **{"more": [], "another": [], "two": [], "of other parameters": []},
-    }
-
-
 def test_a_ceiling_holds_for_its_own_constants(ceilings):
     ceilings.put(ceiling(constants=pipe(), r2_mean=0.5, origin=YEAR))
     assert fitting(ceilings.ceilings, YEAR, {})[0].r2_mean == 0.9

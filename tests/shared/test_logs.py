@@ -72,17 +72,6 @@ def test_what_is_not_a_finite_number_is_null_as_any_reader_of_json_expects(conso
     assert (found["steps"], found["done"]) == (10**400, True)
 
 
-def test_a_traceback_goes_into_the_file_and_python_prints_it(console, tmp_path):
-    path = tmp_path / "log.jsonl"
-    with reported(Reporting(log=path), console):
-        try:
-            raise RuntimeError("ours")
-        except RuntimeError:
-            log.critical("a bug", exc_info=True)
-    assert "RuntimeError: ours" in json.loads(path.read_text())["traceback"]
-    assert console.file.getvalue() == ""
-
-
 def test_a_log_that_cannot_be_written_is_refused(console, tmp_path):
     with (
         pytest.raises(ZeroshotError, match=r"there/log.jsonl: no log can be written there: No such file"),
