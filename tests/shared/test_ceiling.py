@@ -63,14 +63,6 @@ def test_of_two_for_one_condition_that_of_more_systems_stays(ceilings, systems, 
     assert found.r2_mean == kept
 
 
-def test_a_counted_nuisance_is_a_condition_of_its_own(ceilings):
-    counted = {**CONDITION, "channels": ["T", "C", "n"]}
-    for value in (0.94, 0.95):
-        ceilings.put(ceiling(channels=["T", "C", "n"], r2_mean=value, origin=YEAR))
-    assert [c.r2_mean for c in ceilings.find(**counted)] == [0.95]
-    assert [c.r2_mean for c in ceilings.find(**CONDITION)] == [0.9]
-
-
 def test_seasons_stand_beside_each_other(ceilings):
     for origin, value in ((JULY, 0.6), (YEAR, 0.8), (JULY, 0.7)):
         ceilings.put(ceiling(origin=origin, r2_mean=value))

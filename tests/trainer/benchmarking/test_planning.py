@@ -1,7 +1,5 @@
 """What a benchmark is going to do."""
 
-import json
-
 import pytest
 
 import trainer
@@ -10,7 +8,7 @@ from trainer.benchmarking.parts import PARTS, channel_sets
 from trainer.benchmarking.planning import make_plan
 from trainer.runs.checkpoint import read_card
 
-from ..conftest import TANK, make_dataset, tank_system
+from ..conftest import TANK, tank_system
 
 
 def test_channels_come_from_the_roles_of_the_description():
@@ -69,15 +67,6 @@ def test_a_plan_fits_each_condition_once_and_says_what_it_skips(tanks, tmp_path)
 def test_wrong_arguments_are_named(tanks, tmp_path, arguments, words):
     with pytest.raises(EstimatorError, match=words):
         make_plan(tanks, tmp_path / "out", **arguments)
-
-
-def test_data_made_again_in_another_way_is_another_dataset(tmp_path):
-    """Seed and number of systems are the same, and so is the hash of the description."""
-    plan = make_plan(make_dataset(tmp_path / "ds", systems=20), tmp_path, parts=["channels"])
-    (tmp_path / "benchmark.json").write_text(json.dumps(plan.identity))
-    again = make_dataset(tmp_path / "again", systems=20, settings={"warm_up": 480.0})
-    with pytest.raises(EstimatorError, match=r"this very dataset: settings_sha256 was '.* now; choose another folder"):
-        make_plan(again, tmp_path, parts=["channels"])
 
 
 def test_fewer_systems_make_a_smaller_full_dataset(short, tmp_path):

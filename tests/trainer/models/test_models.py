@@ -7,7 +7,6 @@ from shared.errors import EstimatorError
 from trainer.models import ESTIMATORS, build, option_defaults
 from trainer.models.base import Shape
 from trainer.models.ridge import solve_ridge
-from trainer.reading.windows import Batch
 
 PAPER = Shape(length=168, outputs=2, recorded=2, columns=2, parameters=8, step=3600.0)
 
@@ -39,17 +38,6 @@ def test_patch_transformer_is_that_of_table_2():
     assert not any(isinstance(m, nn.ReLU) for m in model.modules())
 
 
-def test_patches_that_do_not_divide_the_window_leave_out_the_oldest_samples():
-    model, _ = build("patch-transformer", Shape(25, 2, 2, 2, 3, 3600.0), {})
-    model.eval()
-    x, time = torch.randn(2, 25, 2), torch.zeros(2)
-    changed = x.clone()
-    changed[:, 0] += 9
-    assert torch.equal(model(x, time), model(changed, time))
-    changed[:, 1] += 9
-    assert not torch.equal(model(x, time), model(changed, time))
-
-
 @pytest.mark.parametrize("name", ESTIMATORS)
 @pytest.mark.parametrize("length", [24, 168])
 def test_every_estimator_answers_with_a_row_per_window(name, length):
@@ -73,27 +61,6 @@ def test_ridge_agrees_with_least_squares_on_augmented_rows():
         rows = np.concatenate([design, penalty])
         expected = np.linalg.lstsq(rows, np.concatenate([y, np.zeros((5, 3))]), rcond=None)[0]
         np.testing.assert_allclose(answer, expected, atol=1e-9)
-
-
-def test_summary_mlp_begins_where_the_ridge_ends():
-    torch.manual_seed(0)
-    shape = Shape(48, 1, 1, 1, 2, 3600.0)
-    generator = torch.Generator().manual_seed(0)
-
-    def draw(count: int) -> Batch:
-        targets = torch.randn(count, 2, generator=generator)
-        windows = targets[:, None, :1] + 0.3 * torch.randn(count, 48, 1, generator=generator)
-        return Batch(windows, torch.zeros(count, dtype=torch.float64), targets)
-
-    model, _ = build("summary-mlp", shape, {})
-    model.eval()
-    validation = draw(200)
-    model.prepare(draw, validation, 2000)
-    ridge = model.summary(validation.windows, validation.time) @ model.slope + model.offset
-    torch.testing.assert_close(model(validation.windows, validation.time), ridge)
-    errors = (ridge - validation.targets).square().mean(dim=0)
-    assert errors[0] < 0.05  # the windows tell the first target
-    assert errors[1] == pytest.approx(1, abs=0.3)  # and nothing of the second
 
 
 def test_options_are_listed_and_checked():

@@ -143,14 +143,6 @@ def test_a_file_that_is_missing_or_no_netcdf_is_told(ridge_run, tmp_path):
         predict(ridge_run, tmp_path / "cut.nc")
 
 
-def test_a_beginning_that_was_never_written_is_a_sentence(ridge_run, shard, tmp_path):
-    seconds = 1800.0 * np.arange(1, shard.sizes["time"] + 1)
-    apart = shard.drop_vars("time_bnds", errors="ignore").assign_coords(time=("time", seconds, {"units": "s"}))
-    unwritten = np.full(shard.sizes["system"], 9.96921e36)
-    with pytest.raises(RecordingError, match=r"r\.nc: start is 9\.96921e\+36 s since time zero"):
-        predict(ridge_run, write(apart.assign(start=("system", unwritten, {"units": "s"})), tmp_path / "r.nc"))
-
-
 def test_only_a_cell_method_that_is_stated_and_known_is_held_against_the_run(ridge_run, recording, tmp_path):
     one = predict(ridge_run, write(recording, tmp_path / "point.nc")).predictions
     del recording["level"].attrs["cell_methods"]

@@ -100,15 +100,6 @@ def test_a_prediction_has_the_errors_of_its_own_length_and_channels(folder, reco
         assert f"systems, {hours} h{lacking}, noise none or gauge, whichever is larger" in found.rmse_note
 
 
-def test_gaps_are_said_to_make_errors_larger(folder, record):
-    whole = record(24)
-    assert "gaps" not in predict(folder, whole).rmse_note
-    data = xr.load_dataset(whole)
-    data["level"][20:23] = np.nan
-    data.to_netcdf(whole.with_name("gaps.nc"))
-    assert predict(folder, whole.with_name("gaps.nc")).rmse_note.endswith("gaps, with which errors are larger")
-
-
 def test_readings_that_were_put_in_are_told_of_intervals_and_without_an_rmse_too(folder, earlier, record, capsys):
     """One in twenty is lost; bridged, the posterior takes the recording for a complete one."""
     path = record(48)
