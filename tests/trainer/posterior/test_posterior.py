@@ -138,7 +138,7 @@ def test_several_lengths_and_missing_channels_have_a_say(tmp_path):
         posterior.sample(values[:, :30], time, 5)
 
 
-def test_one_run_at_a_time_is_at_work_in_a_folder(own, many_tanks, monkeypatch):
+def test_one_run_at_a_time_is_at_work_in_a_folder(own, many_tanks):
     quick = {"systems": 8, "windows_per_system": 2, "epochs": 1}
     before = {path.name: path.read_bytes() for path in own.iterdir()} | {".lock": b""}
     with (
@@ -149,16 +149,6 @@ def test_one_run_at_a_time_is_at_work_in_a_folder(own, many_tanks, monkeypatch):
     assert {path.name: path.read_bytes() for path in own.iterdir()} | {".lock": b""} == before
     found = fit_posterior(own, many_tanks, **quick, overwrite=True)  # the lock is free again
     assert len(found.card.fitting_systems.indices) == 4
-
-    def training(*arguments, **settings):  # that wants the folder while a posterior is fitted to what is in it
-        with pytest.raises(EstimatorError, match="run: another run is at it"):
-            fit(many_tanks, own, model="mean", overwrite=True)
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("trainer.posterior.fitting.train_flow", training)
-    with pytest.raises(KeyboardInterrupt):
-        fit_posterior(own, many_tanks, **quick, overwrite=True)
-    assert load_posterior(load_run(own)).card == found.card
 
 
 def spoil(folder, name, **fields):

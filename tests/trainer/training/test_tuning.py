@@ -172,9 +172,9 @@ def test_a_search_that_goes_on_tries_something_new(tanks, tmp_path, no_training)
 
 
 def test_a_search_is_the_same_again(tanks, tmp_path, no_training):
-    first, again = (tune(tanks, tmp_path / name, trials=6, **SETTINGS) for name in ("a", "b"))
+    first, again = (tune(tanks, tmp_path / name, trials=3, **SETTINGS) for name in ("a", "b"))
     assert first == again
-    assert first.options != tune(tanks, tmp_path / "c", trials=6, **SETTINGS | {"seed": 2}).options
+    assert first.options != tune(tanks, tmp_path / "c", trials=3, **SETTINGS | {"seed": 2}).options
 
 
 def test_a_search_does_not_go_on_with_other_data(tmp_path, no_training):
