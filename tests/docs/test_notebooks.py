@@ -11,7 +11,6 @@ NOTEBOOKS = sorted((ROOT / "docs/notebooks").glob("*.ipynb"))
 SMALLER = {
     "figure5": {"SYSTEMS, STEPS, SEEDS = 20, 10, 1": "SYSTEMS, STEPS, SEEDS = 10, 2, 1", "windows=100": "windows=10"},
     "own-fmu": {"SYSTEMS = 40": "SYSTEMS = 20"},
-    "sensors": {"CONTEXT = 72": "CONTEXT = 24"},
 }
 """Sizes of a notebook's settings, and smaller ones: no page shows what comes of these."""
 
