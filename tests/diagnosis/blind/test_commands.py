@@ -31,7 +31,7 @@ def own(default_system, tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("system", "truth", "answers"),
-    [("MixedAirCO2", None, None), ("MixedAirCO2", "mine.toml", None), ("MixedAirCO2/system.toml", None, "a.json")],
+    [("MixedAirCO2", "mine.toml", None), ("MixedAirCO2/system.toml", None, "a.json")],
 )
 def test_the_command_that_is_printed_makes_the_same_answers(own, tmp_path, monkeypatch, system, truth, answers):
     monkeypatch.setattr("diagnosis.blind.make.detectability", length_at_once)

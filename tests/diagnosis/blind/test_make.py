@@ -181,7 +181,7 @@ def two(system, tmp_path_factory):
     return open_answers(folder, folder.with_name("set.answers.json"))["recordings"]
 
 
-@pytest.mark.parametrize("where", ["make_case", "detectability"])
+@pytest.mark.parametrize("where", ["detectability"])
 def test_what_cannot_be_simulated_is_drawn_anew_and_counted(two, system, tmp_path, monkeypatch, where):
     made, failed = Generator.make_case, []
 

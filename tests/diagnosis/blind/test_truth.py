@@ -18,7 +18,6 @@ from diagnosis.blind.truth import (
     Damped,
     Episodes,
     Fault,
-    Form,
     Glare,
     Hump,
     Occupant,
@@ -64,7 +63,7 @@ def test_shipped_file_belongs_to_its_sources(truth):
     assert validate_fmu(str(truth.path.parent / truth.fmu)) == []
 
 
-@pytest.mark.parametrize("day", [15, 105, 195, 285])
+@pytest.mark.parametrize("day", [15, 195])
 def test_finer_walls_alone_stay_near_the_model(model, room, truth, day):
     """No effect: what is left is the walls', within 0.1 K root mean square (a sensor's noise) and 0.4 K at worst."""
     start, stop = day * DAY, (day + 14) * DAY
@@ -285,43 +284,14 @@ def test_one_sensor_that_controller_and_recording_read_errs_by_one_path(truth, d
     assert 0.1 * size < error.std() < 0.6 * size
 
 
-def test_a_walk_goes_on_from_where_the_recording_begins():
-    time = 10 * DAY + 600.0 * np.arange(1, 145)
-    path = Piecewise(np.array([9 * DAY, 11 * DAY]), np.array([1.0, 1.0]))
-    fault = Fault(outputs=["T"], kind="walk", sd=1.0, hours=96.0)
-    walk = erring(fault, 1.0, np.zeros(144), time, {}, path)
-    walk -= erring(fault.model_copy(update={"sd": 0.0}), 1.0, np.zeros(144), time, {}, path)
-    assert walk[0] == pytest.approx(1.0 / np.sqrt(2 * 96 * 720))
-    np.testing.assert_allclose(np.diff(walk), 1.0 / 6 / np.sqrt(2 * 96 * 720))
-
-
-def test_wanders_of_one_key_have_one_length(truth):
-    (form,) = [one for one in truth.forms if one.name == "thermostat that wanders"]
-    raw = form.model_dump()
-    raw["faults"][0]["hours"] = 24.0
-    with pytest.raises(ValueError, match=r"wanders of key 'error' have hours of 24 and 72; expected one length"):
-        Form.model_validate(raw)
-
-
-def test_every_candidate_has_another_form_and_there_are_strangers(truth, default_system):
-    without = {effect.name for effect in default_system.effects} - {form.effect for form in truth.forms}
-    assert not without
-    assert len(truth.outside) >= 5
-    assert truth.strata.none and truth.strata.two
-
-
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [
         ('system = "MixedAirCO2"', 'system = "Other"', "is the truth of 'Other'"),
         ('effect = "plug"', 'effect = "plugs"', "'plugs' is not an effect"),
-        ('input = "ySha"', 'input = "shade"', "'shade' is not an input"),
-        ('outputs = ["CO2"]', 'outputs = ["VOC"]', "'VOC' is not an output"),
         ("step = 600.0", "step = -1.0", "step: Input should be greater than 0"),
         ('noise = "sensor"', 'noise = "sensors"', "measuring.noise is 'sensors'; expected one of none, .*sensor"),
         ("amplitudes = [", "amplitudes = [0.0, 4.0] # [", "amplitudes are 0 to 4; expected 0 < first <= last"),
-        ('presence = "nPer"', 'presence = "nPers"', "presence 'nPers' is not an input of the truth"),
-        ('room = "TRoo"', 'room = "TRoom"', "room 'TRoom' is not an output of the system"),
     ],
 )
 def test_a_wrong_truth_is_refused_with_a_sentence(truth, default_system, tmp_path, old, new, sentence):
