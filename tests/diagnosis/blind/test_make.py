@@ -181,15 +181,8 @@ def two(system, tmp_path_factory):
     return open_answers(folder, folder.with_name("set.answers.json"))["recordings"]
 
 
-@pytest.mark.parametrize("where", ["detectability"])
-def test_what_cannot_be_simulated_is_drawn_anew_and_counted(two, system, tmp_path, monkeypatch, where):
-    made, failed = Generator.make_case, []
-
-    def fails(self, case):
-        if case.index == 1 and case.attempt < 2:
-            failed.append(case)
-            raise SimulationError("stiff")
-        return made(self, case)
+def test_what_cannot_be_simulated_is_drawn_anew_and_counted(two, system, tmp_path, monkeypatch):
+    failed = []
 
     def fails_late(_, path, answer, *__):
         if path.name == "1.nc" and answer["attempt"] < 2:
@@ -197,10 +190,7 @@ def test_what_cannot_be_simulated_is_drawn_anew_and_counted(two, system, tmp_pat
             raise SimulationError("stiff")
         return length_at_once(_, path, answer)
 
-    if where == "make_case":
-        monkeypatch.setattr(Generator, "make_case", fails)
-    else:
-        monkeypatch.setattr("diagnosis.blind.make.detectability", fails_late)
+    monkeypatch.setattr("diagnosis.blind.make.detectability", fails_late)
     make(system, tmp_path / "set", recordings=2, seed=SEED, hours=48.0)
     assert len(failed) == 2
     before, after = two, open_answers(tmp_path / "set", tmp_path / "set.answers.json")["recordings"]
