@@ -50,28 +50,6 @@ def test_means_are_integrals(made):
         np.testing.assert_allclose(got[j], fine[inside].mean(axis=0), rtol=0, atol=1e-12)
 
 
-@given(tables())
-@settings(max_examples=100)
-def test_grid_and_jumps(made):
-    table = merge(made, START, STOP)
-    assert table.time[0] == START
-    assert table.time[-1] == STOP
-    assert (np.diff(table.time) > 1e-6).all()
-    assert table.left.flags.c_contiguous
-    assert table.right.flags.c_contiguous
-    assert table.left.shape == table.right.shape == (len(table.time) - 1, len(made))
-    broken = (table.right[:-1] != table.left[1:]).any(axis=1)
-    np.testing.assert_array_equal(table.jump, np.concatenate([[False], broken, [False]]))
-    changes = {
-        float(t)
-        for s in made.values()
-        if s.kind == "previous"
-        for t, step in zip(s.times[1:], np.diff(s.values), strict=True)
-        if step != 0 and START < t < STOP
-    }
-    assert set(table.time[table.jump]) == changes
-
-
 @given(tables(), st.integers(-16, 46), st.integers(1, 40))
 @settings(max_examples=100)
 def test_restricted_and_refined_keep_the_signal(made, first, length):

@@ -241,19 +241,6 @@ def test_what_is_not_there_is_worked_out(tmp_path, caplog):
     assert dew[4] == pytest.approx(5.8 + 273.15, abs=0.1)
 
 
-def test_the_forms_agree_on_the_facade(tmp_path):
-    data = year()
-    spec = Weather(files=["x"], surface_azimuth=135.0)
-    names = ("tmy3", "epw", "mos", "nsrdb", "pvgis")
-    tables = [read_weather(spec, WRITERS[one][0](tmp_path / f"{one}.txt", data).name, tmp_path) for one in names]
-    assert tables[0].columns["poa_global"].max() > 300
-    for table in tables[1:]:
-        for name in ("poa_global", "temp_air", "ghi", "wind_speed"):
-            np.testing.assert_allclose(
-                table.columns[name][1:8759], tables[0].columns[name][1:8759], rtol=1e-6, atol=1e-6
-            )
-
-
 def test_optional_columns_may_be_missing(tmp_path):
     data = year()
     data["direction"] = np.where(HOURS == 100, 999, data["direction"])

@@ -143,19 +143,6 @@ def test_what_is_asked_for_must_be_something(default_system, asked, said):
         ceilings_of(default_system, **{"contexts": [24.0], "conditions": [("none", None)], "systems": 1, **asked})
 
 
-def test_one_system_has_no_interval_and_two_have_one(default_system, monkeypatch):
-    rng = np.random.default_rng(2)
-    both = [made_up_window(default_system, rng) for _ in range(2)]
-    monkeypatch.setattr("datagen.limits.ceilings._windows", lambda _, __, systems, *___: iter(both[:systems]))
-    alone = identifiability(default_system, noise="sensor", systems=1)
-    assert (alone.r2_mean_low, alone.r2_mean_high) == (None, None)
-    found = identifiability(default_system, noise="sensor", systems=2)
-    assert found.r2_mean_low < found.r2_mean < found.r2_mean_high
-    assert Ceilings.model_validate_json(
-        Ceilings(system_name="a", system_hash="b", fmu_sha256="c", outputs=[], ceilings=[alone]).model_dump_json()
-    ).ceilings == [alone]
-
-
 def test_a_preset_says_of_which_records_the_limit_is(house, tmp_path, monkeypatch):
     described = house("N")
     folder = tmp_path / "house"

@@ -10,7 +10,6 @@ import pytest
 
 from datagen.driving.tables import merge
 from datagen.fmi.fmu import Fmu
-from datagen.fmi.interface import library
 from datagen.simulating.canary import resets_cleanly
 from datagen.simulating.simulator import Simulator
 from shared.errors import FmuError, SimulationError
@@ -114,17 +113,6 @@ def test_a_missing_resource_stops_the_instantiation(small_system, flavour):
     system = small_system("resource", version, (kind,), outputs={"y": "point"}, parameters=("gain",), number="none")
     with pytest.raises(FmuError, match=r"cannot be instantiated.*cannot load its resources"):
         Simulator(system).run({"gain": 1.0}, merge({}, 0.0, 1.0), start=0.0, stop=1.0)
-
-
-def test_linux_on_arm_is_found_for_fmi_2(tmp_path, monkeypatch):
-    """FMI 2.0 has no name for it; FMUs use the one of FMI 3.0."""
-    monkeypatch.setattr(fmpy, "platform", "linux64")
-    monkeypatch.setattr(fmpy, "platform_tuple", "aarch64-linux")
-    names = [tmp_path / "binaries" / d / f"m{fmpy.sharedLibraryExtension}" for d in ("aarch64-linux", "linux64")]
-    for name in reversed(names):
-        name.parent.mkdir(parents=True)
-        name.touch()
-        assert library(tmp_path, "m") == name
 
 
 def test_an_fmu_without_a_binary_for_this_machine(small_fmu, tmp_path):

@@ -206,20 +206,6 @@ def test_a_place_where_no_page_can_be_is_told_before_anything_is_opened(tmp_path
         score(folder, answers, results, out=tmp_path / where)
 
 
-@pytest.mark.parametrize("again", [2, 3])
-def test_the_command_of_a_run_says_leave_one_out_only_of_all_recordings(tmp_path, again):
-    ones = [Case("library", ("a",), room=3.0, verdict=said("a")) for _ in range(4)]
-    folder, answers = write_set(tmp_path / "set", ones)
-    results = write_results(tmp_path / "results", folder, ones)
-    for k in range(again):
-        write_withheld(results, Withheld(file=f"recordings/{k:04}.nc", outcomes={}))
-    done = score(folder, answers, results, first=3, out=tmp_path / "score.html")
-    assert ("--leave-one-out" in done.commands[1]) == (again == 3)
-    told = "2 of the 3 recordings were also diagnosed with effects withheld: by the second command with --leave-one-out"
-    for text in (markdown(done), (tmp_path / "score.html").read_text()):
-        assert (told in text) == (again == 2)
-
-
 def test_what_was_withheld_from_the_library_is_none_of_these(tmp_path):
     ones = [
         Case("library", ("a",), room=3.0, verdict=NONE),

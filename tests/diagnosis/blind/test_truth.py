@@ -11,7 +11,7 @@ from datagen.driving.sampling import sample_parameters
 from datagen.driving.tables import Piecewise, merge
 from datagen.simulating.simulator import Simulator
 from diagnosis.blind.faults import erring
-from diagnosis.blind.processes import Window, autoregressive, drive, process_signal, wandering
+from diagnosis.blind.processes import Window, autoregressive, process_signal
 from diagnosis.blind.room import live
 from diagnosis.blind.truth import (
     Daily,
@@ -266,22 +266,6 @@ def test_clock_and_lags_delay_as_they_should():
     drift = erring(Fault(outputs=["T"], kind="walk", sd=0.0), 2.0, y, time, {}, STILL) - y
     assert drift[0] == 0
     assert drift[-1] == pytest.approx(2.0, abs=0.01)
-
-
-def test_one_sensor_that_controller_and_recording_read_errs_by_one_path(truth, default_system):
-    """What the thermostat reads too much it takes off its set point, and the recording shows."""
-    (form,) = [one for one in truth.forms if one.name == "thermostat that wanders"]
-    (driven,), (fault,) = form.inputs, form.faults
-    assert driven.process.key == fault.key
-    begin, stop, size = 5 * DAY, 12 * DAY, 2.0
-    time = np.arange(begin + HOUR, stop, HOUR)
-    set_point = {driven.input: Piecewise(np.array([begin, 8 * DAY]), np.array([294.0, 291.0]), "previous")}
-    moved = drive(driven, size, set_point, begin, stop, np.random.default_rng(1)).at(time) - set_point["TSet"].at(time)
-    path = wandering(np.random.default_rng(1), begin, stop, fault.hours)
-    error = erring(fault, size * fault.amount, np.zeros(len(time)), time, {}, path)
-    np.testing.assert_allclose(moved[:-1], -0.5 * (error[:-1] + error[1:]), atol=1e-9)  # the set point by the hour
-    assert error.mean() == pytest.approx(size, abs=0.3 * size)
-    assert 0.1 * size < error.std() < 0.6 * size
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from datagen.driving.tables import Piecewise, merge
-from diagnosis.effects import Nothing, build, clash, library
+from diagnosis.effects import Nothing, clash, library
 from diagnosis.effects.kinds import lagged
 from diagnosis.effects.shapes import followed, shape_signal, timetable
 from diagnosis.recording import DAY, HOUR, Recording
-from shared.effects import PresenceShape, ShapedEffect, ThresholdShape, TimetableShape
+from shared.effects import PresenceShape, ThresholdShape, TimetableShape
 from shared.errors import RecordingError
 from shared.system import parse_system
 
@@ -143,21 +143,6 @@ def test_a_mean_that_is_followed_holds_over_its_own_step(default_system, recordi
     fine = read.start + 60.0 * (np.arange(24 * 60) + 0.5)
     assert np.average((fine - read.start) / HOUR, weights=power.at(fine)) == pytest.approx(12.0)
     assert power.times[0] <= read.start - 5 * DAY
-    # instants are joined by straight lines, and what is built from the description knows which are which
-    assert followed("TRoo", inputs, read, names, means).kind == "linear"
-    spec = ShapedEffect(
-        name="heated",
-        kind="shaped",
-        unit="1",
-        parameters={"x": 1.0},
-        input="yPlu",
-        shape=[{"form": "series", "series": "QHea", "reference": 1000.0}],
-        scale=1.0,
-        lower=0.0,
-        upper=1.0,
-    )
-    made = build(spec, default_system).inputs(1.0, inputs, read)["yPlu"]
-    assert (made.kind, made.at(read.start + 8.5 * HOUR), made.at(read.start + 16.5 * HOUR)) == ("previous", 1.0, 0.0)
 
 
 def test_input_effects_by_hand(default_system, recording, inputs):

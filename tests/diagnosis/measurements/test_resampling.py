@@ -8,15 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from diagnosis.measurements.grid import (
-    fill_constant,
     instants_of,
-    interpolate_short,
     means_of,
     resample,
 )
 from diagnosis.measurements.mapping import Source
 from diagnosis.measurements.signal import Signal, make_signal
-from shared.flags import ASSUMED, IMPOSSIBLE, INTERPOLATED, PARTLY
+from shared.flags import IMPOSSIBLE, PARTLY
 
 FINITE = st.floats(-1e3, 1e3)
 
@@ -120,15 +118,6 @@ def test_what_is_left_out_has_no_influence(readings, data):
     np.testing.assert_array_equal(first, second)
     touched = [(bad & (times[:-1] < b) & (times[1:] > a)).any() for a, b in pairwise(edges)]
     np.testing.assert_array_equal((first[1] & IMPOSSIBLE) > 0, touched)
-
-
-def test_filling():
-    values = np.array([np.nan, 1.0, np.nan, np.nan, 4.0, np.nan, np.nan, np.nan, 8.0, np.nan])
-    found, flags = interpolate_short(values, np.zeros(10, np.int8), 2)
-    np.testing.assert_allclose(found, [np.nan, 1, 2, 3, 4, np.nan, np.nan, np.nan, 8, np.nan])
-    np.testing.assert_array_equal(np.flatnonzero(flags == INTERPOLATED), [2, 3])
-    found, flags = fill_constant(found, flags, 7.0)
-    assert np.isfinite(found).all() and (found[flags == ASSUMED] == 7.0).all() and (flags == ASSUMED).sum() == 5
 
 
 @pytest.mark.parametrize(("interval", "bridged"), [(1800.0, True), (3600.0, False)])
