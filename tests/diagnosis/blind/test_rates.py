@@ -18,9 +18,9 @@ def test_statements_about_one_recording_count_as_one_when_it_is_said_how_sure_a_
     assert found.high == pytest.approx(once.high, abs=0.06)
 
 
-@pytest.mark.parametrize("recordings", [5])
-def test_intervals_of_a_frequency_hold_it_where_few_recordings_all_say_alike(recordings):
+def test_intervals_of_a_frequency_hold_it_where_few_recordings_all_say_alike():
     """Four statements of each recording, all of them true or none: the interval of 95 % holds the true frequency."""
+    recordings = 5
     rng, held = np.random.default_rng(0), 0
     for seed in range(60):
         said = [[(0.1, bool(so))] * 4 for so in rng.random(recordings) < 0.1]

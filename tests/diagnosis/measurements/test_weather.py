@@ -96,8 +96,8 @@ def test_the_sun_tells_a_wrong_clock(late):
     assert (down > 0.005) == (abs(late) >= 120)
 
 
-@pytest.mark.parametrize("cover", [0.6])
-def test_cloud_cover_comes_back(cover):
+def test_cloud_cover_comes_back():
+    cover = 0.6
     _, sun = clear_days()
     sine = np.sin(np.radians(sun["apparent_elevation"].to_numpy()))
     ghi = np.maximum(910 * sine - 30, 0) * (1 - 0.75 * cover**3.4)
