@@ -3,7 +3,6 @@
 import hashlib
 import json
 import shutil
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -212,18 +211,13 @@ def singles(system, tmp_path_factory):
     return folders
 
 
-@pytest.mark.parametrize("where", ["publish", "shutil"])
-def test_a_set_that_is_sealed_and_not_published_is_finished_by_the_same_call(
-    singles, system, tmp_path, monkeypatch, where
-):
+def test_a_set_that_is_sealed_and_not_published_is_finished_by_the_same_call(singles, system, tmp_path, monkeypatch):
     def stopped(*_):
         raise KeyboardInterrupt
 
     sets = [singles[0], tmp_path / "set", singles[1]]
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr(
-            f"diagnosis.blind.make.{where}", stopped if where == "publish" else SimpleNamespace(rmtree=stopped)
-        )
+        patch.setattr("diagnosis.blind.make.publish", stopped)
         make(system, sets[1], recordings=1, seed=SEED, hours=48.0)
     whole, again, other = (folder.with_name(f"{folder.name}.answers.json") for folder in sets)
     made = again.read_bytes()
