@@ -127,10 +127,6 @@ def test_a_log_that_was_imported_otherwise_is_what_was_seen(name):
             check_unseen(calibrated(seen), told, NAMES, 168, 504)
 
 
-def test_another_room_on_the_same_days_is_not_what_was_seen():
-    check_unseen(calibrated(month("one.nc")), month("two.nc", seed=1), NAMES, 168, 504)
-
-
 def test_days_to_come_without_a_reading_have_not_been_seen():
     """As `diagnosis import --ahead` makes them: weather goes on where outputs end, here at five in the afternoon."""
     record = month()

@@ -5,9 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from datagen import simulate
 from datagen.simulating.simulator import Simulator
-from diagnosis.effects import library
 from diagnosis.fitting.answers import LOST, responses
 from diagnosis.fitting.nuisance import Nuisance
 from diagnosis.fitting.problem import Problem
@@ -77,37 +75,3 @@ def _lost(problem, response, alone):
     scale = problem.nuisance.sd / problem.floor[:, None, None]
     missing, whole = (np.sum(((one * scale)[problem.observed]) ** 2) for one in (alone - response, alone))
     return missing / (whole + problem.observed.sum())
-
-
-def test_few_simulations_are_enough_where_changes_are_soon_forgotten(default_system, tmp_path):
-    """In the default room in replay: nearly as good as following all for half a day, with half of the simulations."""
-    path = tmp_path / "room.nc"
-    simulate(default_system, hours=120.0, seed=4, out=path)
-    problem = Problem(Simulator(default_system), read_recording(path, default_system), replay=True, history=False)
-    assert problem.nuisance.turns.all()
-    z = np.zeros(problem.size)
-    base = problem.simulate(z)
-
-    def answers(nuisance):
-        before = problem.simulations
-        made = responses(nuisance, lambda runs: problem.simulate_all([(z, one) for one in runs]), base, problem.time)
-        return made, problem.simulations - before
-
-    around = problem.linearise(z)
-    taken = problem.simulations - 2
-    alone, _ = answers(replace(problem.nuisance, followed=np.full(problem.nuisance.size, 1e9)))
-    half_a_day, many = answers(problem.nuisance)
-    assert _lost(problem, around.response, alone) < 2 * _lost(problem, half_a_day, alone) < 0.01
-    assert around.lasting <= 6 * HOUR
-    assert taken < 0.6 * many
-
-
-def test_what_a_slow_sensor_shows_late_is_followed_for_longer(default_system, tmp_path):
-    """How long changes are felt is asked anew where an effect is in the model."""
-    path = tmp_path / "room.nc"
-    simulate(default_system, hours=120.0, seed=4, out=path)
-    problem = Problem(Simulator(default_system), read_recording(path, default_system), replay=True, history=False)
-    lag = next(one for one in library(default_system) if one.name == "sensor.temperature.lag")
-    slow = problem.with_effects([lag])
-    lasting = [one.linearise(slow.unknowns({lag.name: hours})).lasting for one, hours in ((slow, 0.0), (slow, 3.0))]
-    assert lasting[1] >= 2 * lasting[0]

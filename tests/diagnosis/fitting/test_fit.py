@@ -7,7 +7,7 @@ from scipy.stats import norm
 from datagen.driving.occupancy import sample_occupancy
 from datagen.simulating.simulator import Simulator
 from diagnosis.effects.base import Nothing
-from diagnosis.fitting.fit import LEAPING, fit
+from diagnosis.fitting.fit import fit
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.unknowns import Unknowns
 from diagnosis.recording import read_recording
@@ -67,19 +67,6 @@ class Jump(Nothing):
 
     def outputs(self, amplitude, outputs, time):
         return outputs + amplitude * (time > time.mean())
-
-
-def test_a_fit_goes_on_while_it_is_far_from_rest(house, house_recording):
-    """From a corner of the prior one round is not enough; as many more are made as move far, and no more."""
-    system = house("me")
-    problem = Problem(Simulator(system), read_recording(house_recording(), system), history=False)
-    corner = [np.array([2.5, -2.5, -2.5, 2.5])]
-    once = fit(problem, corner, rounds=1)
-    assert len(once.history) == 1 and once.history[0][1] > LEAPING
-    more = fit(problem, corner, rounds=1, restless=6)
-    moved = [one for _, one in more.history]
-    assert 1 < len(moved) < 7 and moved[-1] < LEAPING < min(moved[:-1])
-    assert more.log_evidence > once.log_evidence
 
 
 def test_an_effect_joins_the_unknowns(house, house_recording):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from diagnosis.fitting.noise import NoiseModel, _deviance, estimated
+from diagnosis.fitting.noise import NoiseModel, estimated
 
 HOUR = 3600.0
 
@@ -81,12 +81,3 @@ def test_the_noise_that_is_found_is_at_least_as_likely_as_the_true_one(white, sl
         found = estimated(given, residual, np.ones((1, 336), dtype=bool), time)
         assert found.slow[0] > 0
         assert deviance(found, residual[0], time) < deviance(true, residual[0], time) + 0.5
-
-
-@pytest.mark.parametrize(("white", "slow", "hours"), [(0.2, 0.3, 12.0), (0.1, 0.5, 1.0), (0.3, 0.0, 24.0)])
-def test_the_deviance_is_that_of_the_covariance_across_gaps_too(white, slow, hours):
-    rng = np.random.default_rng(5)
-    time = HOUR * np.arange(1, 61)[rng.random(60) > 0.3]
-    model = NoiseModel(np.array([white]), np.array([slow]), np.array([hours * HOUR]))
-    rows = rng.standard_normal(len(time))
-    assert _deviance((white, slow, hours * HOUR), rows, time) == pytest.approx(deviance(model, rows, time), rel=1e-9)

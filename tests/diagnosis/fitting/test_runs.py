@@ -72,24 +72,6 @@ def test_an_effect_follows_the_persons_and_their_level_of_its_own_run(warm):
     np.testing.assert_array_equal(moved(problem, effect, *as_counted(problem, recording, 7.0)), some)
 
 
-def test_a_warm_up_is_shared_where_persons_differ_in_the_recording_only(warm):
-    """An effect that follows persons changes the warm-up by those before the recording, and by no others."""
-    simulator, recording = warm
-    effect = effects(simulator.system)["window.warm"]
-    problem = Problem(simulator, recording, occupancy="unknown", uncertain=False, effects=[effect])
-    z = np.insert(np.zeros(problem.size - 1), len(problem.system.parameters), 2.0)
-    nuisance = problem.nuisance
-    persons = nuisance.column == nuisance.levels[0].column
-
-    def before(pulses):
-        run = problem._runs.run(problem.unknown, nuisance, z, nuisance.mean + 0.5 * pulses)
-        return run.inputs.restricted(run.start, run.record_from).left[:, run.inputs.names.index("yWin")]
-
-    plain = before(np.zeros(nuisance.size))
-    np.testing.assert_array_equal(before(persons & nuisance.recorded), plain)
-    assert np.abs(before(persons & ~nuisance.recorded) - plain).max() > 0.01
-
-
 def test_pulses_of_persons_answer_with_the_effect_that_follows_them(warm):
     """At an amplitude that is not zero, what one more person does is what both runs with the window say."""
     simulator, recording = warm

@@ -19,14 +19,6 @@ def test_without_a_worker_there_is_no_runner(workers):
         pass
 
 
-@pytest.mark.parametrize("workers", [1, 4])
-def test_a_cluster_has_workers_of_its_own(workers):
-    """As many as there are, whatever was asked for."""
-    refused = pytest.raises(ClusterError, match=r"workers is given; expected one of both")
-    with refused, side_by_side(None, workers=workers, scheduler="tcp://127.0.0.1:1"):
-        pass
-
-
 @pytest.mark.slow
 def test_both_are_not_given_to_a_fit(house, house_recording, tmp_path, capsys):
     house("me")

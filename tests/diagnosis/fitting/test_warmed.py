@@ -1,6 +1,5 @@
 """Runs in two parts: the same outputs, fewer warm-ups, and none of it where an FMU remembers more than its states."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -59,20 +58,6 @@ def test_two_parts_give_what_one_gives(room):
     assert (np.abs(found - whole) <= 0.3 * accuracy).all()
 
 
-def test_warm_ups_are_made_once_and_change_nothing(room):
-    simulator, run = room
-    warmed = Warmed(simulator)
-    warmed.outputs(run(0.0))
-    simulator.starts.clear()
-    found = warmed.outputs(run(8.0))
-    assert simulator.starts == [BEFORE]  # the recording only
-    warmed.outputs(run(8.0, temperature=270.0))
-    assert simulator.starts == [BEFORE, 0.0, BEFORE]  # another past
-    fresh = Warmed(simulator)
-    fresh.cut = True
-    np.testing.assert_array_equal(found, fresh.outputs(run(8.0)))
-
-
 class Relay:
     """What Model Exchange does not show: it counts how often it was switched, in a variable that it hides."""
 
@@ -95,12 +80,3 @@ def test_an_fmu_that_remembers_more_than_its_states_is_not_cut(room, hidden):
     for _ in range(2):
         np.testing.assert_array_equal(warmed.outputs(run(1.0)), np.ones((1, 24)))
     assert warmed.cut is False
-
-
-def test_without_a_past_there_is_nothing_to_cut(room):
-    simulator, run = room
-    one = run(0.0)
-    warmed = Warmed(simulator)
-    warmed.outputs(replace(one, record_from=0.0))
-    assert simulator.starts == [0.0]
-    assert warmed.cut is None

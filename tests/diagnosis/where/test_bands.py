@@ -42,12 +42,6 @@ def test_a_sinusoid_lands_in_its_band_with_the_gaussian_gain(period, band):
     assert max(expected, key=expected.get) == band
 
 
-def test_a_level_survives_missing_readings_in_the_slow_band():
-    values = np.full(400, 5.0)
-    values[100:140] = np.nan
-    assert np.nanmax(np.abs(split(values, HOUR)["slow"] - 5.0)) < 1e-9
-
-
 def test_a_record_shows_only_bands_that_it_can_resolve():
     assert band_names(HOUR, 672) == ["all", "slow", "diurnal", "hours", "fast"]
     assert band_names(300.0, 2016) == ["all", "slow", "diurnal", "hours", "fast"]
