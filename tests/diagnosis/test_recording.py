@@ -33,8 +33,8 @@ def test_a_recording_keeps_its_dates_in_whatever_units(default_system, tmp_path,
     assert found.time[0] // 86400 % 7 == 3  # a Thursday
 
 
-@pytest.mark.parametrize("minutes", [5, 10, 20, 60])
-@pytest.mark.parametrize("units", ["hours since 1900-01-01", "days since 1900-01-01", "days since 1970-01-01"])
+@pytest.mark.parametrize("minutes", [5, 60])
+@pytest.mark.parametrize("units", ["hours since 1900-01-01", "days since 1900-01-01"])
 def test_times_that_are_rounded_are_whole_steps_apart(default_system, tmp_path, units, minutes):
     """Numbers of days since 1900 tell no instant to a microsecond; four weeks of five minutes add that up."""
     simulate(default_system, hours=3.0, seed=1, out=tmp_path / "one.nc")

@@ -32,11 +32,9 @@ def changed(path, change):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda d: d["room"].attrs.update(units="K"), "'room' is in 'K'.*'degC'"),
         (lambda d: d["room"].values.__iadd__(273.15), "declared in degC but is.*look like K"),
         (lambda d: d["room"].values.fill(20.0), "'room' is 20 degC throughout"),
         (lambda d: d.isel(time=slice(0, 20)), "20 h long; expected at least a day"),
-        (lambda d: d.isel(time=slice(None, None, -1)), "time runs backwards or stands still after step 1: "),
         (lambda d: d.drop_vars("room"), "none of the outputs room"),
     ],
 )
@@ -59,7 +57,6 @@ def test_a_description_of_another_fmu_is_told(house, house_recording, default_sy
     ("change", "said"),
     [
         (lambda text: text.replace('name = "ro"', 'name = "roo.V"'), "'roo.V'"),
-        (lambda text: text.replace('variable = "Y"', 'variable = "TRoo"'), "'TRoo'"),
         (lambda text: text.replace('name = "S"', 'name = "HFac"'), "'HFac'"),
     ],
 )
@@ -94,7 +91,6 @@ def test_a_description_whose_variables_the_fmu_lacks(house, house_recording, tmp
             {},
             r"longest stretch without gaps has 19 h \(S in 3 of 48 steps have no value\); without S there would be one",
         ),
-        (lambda d: d["room"].values.fill(np.nan), {}, "no output was measured"),
     ],
 )
 def test_what_a_calibration_needs_is_named(house, house_recording, change, options, said):

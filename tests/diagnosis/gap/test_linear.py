@@ -188,8 +188,8 @@ def test_the_part_that_is_kept_is_chosen_from_inputs_alone_and_unlike_the_rest()
     assert abs(warm[kept]).mean() > 1.2 * abs(warm[~kept]).mean()
 
 
-@pytest.mark.parametrize("days", [4, 6, 7, 8, 9, 17, 28])
-@pytest.mark.parametrize("more", [1, 8, 12, 23])
+@pytest.mark.parametrize("days", [4, 9, 28])
+@pytest.mark.parametrize("more", [1, 23])
 def test_hours_more_than_whole_days_are_no_block_of_their_own(days, more):
     """The odd hours of an evening are far from the mean of a day: kept alone, they would be all that is scored."""
     time = HOUR * np.arange(1, days * 24 + more + 1)

@@ -61,14 +61,8 @@ def test_a_candidate_of_the_first_set_is_as_large_as_it_would_be_in_place_of_the
     [
         ((-8.0, 0.5), -7.7, False),  # a hundredth of the upper bound is no measure of the way from the lower one
         ((-8.0, 0.5), -7.96, True),
-        ((-8.0, 8.0), 7.9, True),
         ((0.0, 8.0), 0.05, False),
-        ((-8.0, 0.0), -0.05, False),
-        ((-8.0, 0.0), -7.95, True),
-        ((-8.0, np.inf), -7.5, False),
         ((-8.0, np.inf), -7.95, True),
-        ((-np.inf, 8.0), 7.95, True),
-        ((-np.inf, 8.0), -100.0, False),
         ((-np.inf, np.inf), 3.0, False),
     ],
 )
