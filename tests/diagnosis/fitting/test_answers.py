@@ -7,7 +7,6 @@ import pytest
 
 from datagen.simulating.simulator import Simulator
 from diagnosis.fitting.answers import LOST, responses
-from diagnosis.fitting.nuisance import Nuisance
 from diagnosis.fitting.problem import Problem
 from diagnosis.recording import read_recording
 
@@ -33,26 +32,6 @@ def test_pulses_that_share_a_simulation_answer_as_alone(house, house_recording):
     np.testing.assert_allclose(together, alone, atol=1e-2 * np.abs(alone).max())
     assert np.sum((together - alone) ** 2) < 1e-4 * np.sum(alone**2)
     assert np.abs(alone).max() > 0
-
-
-def test_what_follows_a_pulse_is_its_own_for_as_long_as_it_is_followed():
-    """Persons are followed for a day, and what turns for half a day, whichever comes first in a shared simulation."""
-    time = HOUR * np.arange(1, 97)
-    begin = HOUR * np.array([7.0, 20.0, 33.0, 46.0, 70.0])
-    turns = np.array([False, True, True, False, True])
-    pulses = Nuisance(
-        column=np.zeros(5, dtype=int),
-        begin=begin,
-        end=begin + HOUR,
-        turns=turns,
-        recorded=np.ones(5, dtype=bool),
-        mean=np.zeros(5),
-        factor=np.eye(5),
-    )
-    lasts = HOUR * np.where(turns, 12.0, 24.0)
-    alone = ((time[:, None] > begin + 1.0) & (time[:, None] <= begin + lasts + 1.0)) * np.linspace(1.0, 2.0, 5)
-    found = responses(pulses, lambda runs: [(alone @ run)[None] for run in runs], np.zeros((1, 96)), time)[0]
-    np.testing.assert_allclose(found, alone, atol=1e-12)
 
 
 @pytest.mark.parametrize("hours", FORGETS)

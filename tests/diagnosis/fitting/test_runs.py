@@ -50,26 +50,6 @@ def test_who_was_not_counted_acts_as_if_counted(warm, name):
     assert (np.abs(found - wanted).max(axis=1) < 0.02 * np.abs(wanted).max(axis=1)).all()
 
 
-def test_an_effect_follows_the_persons_and_their_level_of_its_own_run(warm):
-    """With nobody there a window stays closed, after runs with persons too; a fuller room opens it further."""
-    simulator, recording = warm
-    effect = effects(simulator.system)["window.warm"]
-    problem = Problem(simulator, recording, occupancy="unknown", uncertain=False, warm_up=HALF_HOUR)
-    z, heights = as_counted(problem, recording, 7.0)
-    some = moved(problem, effect, z, heights)
-    nobody = moved(problem, effect, z, np.zeros_like(heights))
-    np.testing.assert_allclose(nobody[:2], 0.0, atol=0.02 * np.abs(some[:2]).max())
-    table = problem.with_effects([effect])
-    opened = []
-    for level in (2.0, 7.0):
-        z, _ = as_counted(problem, recording, level)
-        run = table._runs.run(table.unknown, table.nuisance, np.insert(z, len(table.system.parameters), 2.0), heights)
-        opened.append(run.inputs.left[:, run.inputs.names.index("yWin")])
-    assert (opened[0] <= opened[1] + 1e-12).all()
-    assert opened[0].sum() < 0.8 * opened[1].sum()
-    np.testing.assert_array_equal(moved(problem, effect, *as_counted(problem, recording, 7.0)), some)
-
-
 def test_pulses_of_persons_answer_with_the_effect_that_follows_them(warm):
     """At an amplitude that is not zero, what one more person does is what both runs with the window say."""
     simulator, recording = warm

@@ -45,14 +45,6 @@ def test_what_a_normal_holds_between_bounds(bounds):
     assert float(mass(*map(np.array, bounds))) == pytest.approx(expected, abs=1e-7)
 
 
-@pytest.mark.parametrize("bounds", [(40.0, 41.0), (-41.0, -40.0), (900.0, np.inf)])
-def test_far_out_as_well(bounds):
-    """Mills' ratio: a tail is its density over the distance, less a share of one over its square."""
-    near = min(map(abs, bounds))
-    found = float(mass(*map(np.array, bounds)))
-    assert found == pytest.approx(norm.logpdf(near) - np.log(near) - 1 / near**2, abs=1e-5)
-
-
 @pytest.mark.parametrize("bounds", BOUNDS)
 @pytest.mark.parametrize("truth", [-0.6, 1.0])
 def test_the_evidence_of_a_candidate_is_over_the_amplitudes_that_it_may_have(bounds, truth):

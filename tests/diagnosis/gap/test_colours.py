@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from diagnosis.gap.colours import FLOORS, Colours, discrepancy, estimated_colours
+from diagnosis.gap.colours import FLOORS, discrepancy, estimated_colours
 from diagnosis.gap.grams import Grams
 from diagnosis.gap.stages import STRONG
 from tests.diagnosis.gap.test_linear import HOUR, covariance_of, drawn, problem_of, seen
@@ -45,14 +45,3 @@ def test_a_slow_error_of_the_models_own_is_none_and_a_larger_one_is_a_discrepanc
 
     assert np.mean(gains(FLOORS[0]) > STRONG) <= 0.1
     assert np.mean(gains(1.5) > STRONG) >= 0.8
-
-
-def test_pure_noise_is_seldom_a_discrepancy():
-    """What would pay nothing for its choice would gain something from noise far oftener."""
-    rng, gains = np.random.default_rng(12), []
-    for _ in range(60):
-        lin = problem_of(rng, outputs=1)
-        lin.residual = drawn(rng, lin, {0: (1.0, 0.0, HOUR)})
-        grams = Grams(lin, np.ones(lin.residual.shape, dtype=bool))
-        gains.append(discrepancy(grams, Colours({0: (1.0, 0.0, HOUR)}, {}, 0.0), np.ones(1))[0])
-    assert np.mean(np.array(gains) > 0) <= 0.05

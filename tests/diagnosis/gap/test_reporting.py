@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from diagnosis.gap.reporting import WIDE_90, _amplitude, _effects, _values
-from diagnosis.gap.scan import SEEN, scan
-from diagnosis.gap.seen import smallest
 
 NAMES = ("one", "two", "three")
 EFFECTS = {
@@ -71,26 +69,6 @@ def test_an_amplitude_is_on_a_bound_within_a_hundredth_of_its_range(bounds, at, 
     low, high = (np.array([-9.0, -9.0, bounds[0]]), np.array([9.0, 9.0, bounds[1]]))
     one.lin.problem.bounds = (low, high)
     assert _amplitude(one, "one")[2] is told
-
-
-def test_what_is_never_looked_at_is_seen_at_no_size():
-    """A signature that is short of what takes part, and a gap by it of twenty scales; beside it one that takes part."""
-    low, short, long = np.random.default_rng(1), 0.8 * SEEN, 25.0
-    information = np.diag([short, long])
-    scores = np.linalg.cholesky(information) @ low.standard_normal((2, 400))
-    left = SimpleNamespace(
-        information=information,
-        score=np.array([20 * short, 5 * long]),
-        whole=np.array([1.0, 30.0]),
-        score_of=lambda one: one,
-    )
-    twins = SimpleNamespace(left=left, scores=scores, misfits=low.chisquare(500, 400))
-    free = SimpleNamespace(name="free", scale=1.0, lower=-np.inf, upper=np.inf)
-    found = scan(twins, (free, free), 500.0)
-    assert found.ratio[0] == found.evidence[0] == 0.0 and found.ratio[1] > 100.0
-    sizes = [smallest(free, float(found.expected[k]), float(found.threshold[k])) for k in range(2)]
-    assert sizes[0] is None and 0.0 < sizes[1] < 5.0
-    assert smallest(free, 0.6 * SEEN, float(found.threshold[0])) > 5.0
 
 
 def test_an_interval_of_a_parameter_is_wider_than_the_recording_says_but_no_wider_than_the_prior():

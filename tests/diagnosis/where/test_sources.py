@@ -82,13 +82,6 @@ def test_a_missing_source_is_found_with_its_course(quiet, plant):
     assert found.findings[0].unit == "W"
 
 
-def test_a_source_that_pulses_both_ways_is_rougher_than_any_twins(quiet, plant):
-    pulses = 300.0 * (-1.0) ** np.arange(STEPS // PER)
-    (one,) = scan_sources(with_observed(quiet, quiet.observed + plant.response @ pulses), [plant]).sources
-    assert one.roughness > 3.5  # von Neumann's ratio of pulses of changing sign is nearly 4, of independent ones 2
-    assert one.roughness_p == pytest.approx(1 / 60)
-
-
 def test_the_band_of_a_source_holds_95_percent_of_the_twins(quiet, plant):
     """Of what the twins have for a source under the recording's own prior."""
     case = with_observed(quiet, quiet.observed + plant.response @ np.full(STEPS // PER, 250.0))
@@ -115,8 +108,7 @@ def test_a_sensor_fault_is_told_from_a_balance(quiet, plant):
     assert found.sources[0].balance < -3
     assert [f.kind for f in found.findings] == ["sensor"]
     assert found.words(found.sources[0], "the thermometer").endswith("suspect that sensor")
-    answers = ({"sensor"}, {"balance"}, {"sensor", "balance"}, {"none"})
-    for answered, said in zip(answers, ("suspect that sensor", OTHERWISE, OTHERWISE, FAINT), strict=True):
+    for answered, said in (({"sensor"}, "suspect that sensor"), ({"balance"}, OTHERWISE), ({"none"}, FAINT)):
         assert found.words(found.sources[0], "the thermometer", answered=answered).endswith(f": {said}")
         title = draw_sources(with_observed(quiet, observed), found, answered=answered).axes[0].get_title(loc="left")
         assert said in " ".join(title.split())
