@@ -64,10 +64,6 @@ def test_the_best_has_to_be_strong_evidence_where_the_fit_began_and_where_it_is(
     # far behind, but the first on the straight line at the base model's fit
     assert asked == (["start", ["one", "two", "none", "far"]] if candidate or misfits else [])
     assert found.failed == ({"three": "it is stiff"} if asked else {})
-    # among fewer candidates nothing is made again
-    fewer = Search([stage], base=None, plain=None, made=found.made, failed={"three": ""})
-    searching._first_effect(fewer, lambda _: None)
-    assert len(asked) == (2 if candidate or misfits else 0)
 
 
 @pytest.mark.parametrize(
