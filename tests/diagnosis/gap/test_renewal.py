@@ -15,7 +15,7 @@ pytestmark = pytest.mark.slow
 
 
 def test_persons_of_the_days_kept_from_a_fit_are_told_by_those_days(default_system, tmp_path):
-    system = in_the_middle(default_system, tmp_path / "room.nc", hours=96.0)
+    system = in_the_middle(default_system, tmp_path / "room.nc", hours=120.0)
     record = read_recording(tmp_path / "room.nc", system)
     whole = Problem(Simulator(system), record, occupancy="unknown")
     scored = kept_for_scoring(record)
