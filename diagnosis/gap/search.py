@@ -244,8 +244,8 @@ def _begun(
         colours = stage.colours.best
         _improved(found, effects, seed, lambda: base_from(_line_at_start(found), observed, colours))
         if found.last.differs and not base.converged:
-            rest = partial(fit, base.problem, [base.z], around=base.around)
-            _improved(found, effects, seed, lambda: settled_base(rest(), observed))
+            longer = partial(fit, base.problem, [base.z], around=base.around)
+            _improved(found, effects, seed, lambda: settled_base(longer(), observed))
     return found
 
 

@@ -45,10 +45,8 @@ ELSEWHERE = {
 }
 """Commands that take a minute, by their first words, and where they are run on smaller things: file and function."""
 
-MOST = {"--systems": 20, "--steps": 2, "--trials": 2, "--windows": 30}
-"""Sizes: no page shows what comes of them."""
-FOR_A_POSTERIOR = 40
-"""Systems of which there are four to calibrate one with."""
+MOST = {"--systems": 40, "--steps": 2, "--trials": 2, "--windows": 30}
+"""Sizes: of so many rooms there are four to calibrate a posterior with, and no page shows what comes of them."""
 
 
 def first_words(words):
@@ -108,15 +106,13 @@ def runs_here(document, words):
 
 def smaller(words):
     """A command with less to do."""
-    made, what = words[:1], first_words(words)
-    most = MOST | ({"--systems": FOR_A_POSTERIOR} if "mine-data" in words else {})
-    if what == "datagen identifiability":
-        most["--systems"] = 2
+    made = words[:1]
     for before, word in pairwise(words):
         if before == "--minutes":
             made[-1:] = ["--steps", str(MOST["--steps"])]
         else:
-            made.append(str(min(int(word), most[before])) if before in most else word)
+            made.append(str(min(int(word), MOST[before])) if before in MOST else word)
+    what = first_words(words)
     if what in ("datagen run", "datagen identifiability") and "--systems" not in words:
         made += ["--systems", "2"]
     if what == "datagen run" and "--preset" not in words:

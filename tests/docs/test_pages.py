@@ -85,7 +85,7 @@ def test_sharing(run):
     folder, count = run("docs/share.md")
     assert count == 7
     both = xr.concat([xr.load_dataset(one) for one in sorted((folder / "both" / "shards").glob("*.nc"))], "system")
-    assert both.sizes["system"] == 40
+    assert both.sizes["system"] == 80
 
 
 @pytest.mark.slow

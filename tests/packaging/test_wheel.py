@@ -144,10 +144,6 @@ def learns(environment, folder):
 
 def diagnoses(environment, folder):
     path = recording(folder)
-    found = predicted(environment, path, folder)
-    assert all(one["low"] < one["value"] < one["high"] for one in found.values()), found
-    if "ZEROSHOT_PYTHONS" not in os.environ:
-        return  # a simulation compiles for a minute; the image of datagen has one from the wheel
     words = ["residuals", "MixedAirCO2", path.name, "--run", "MixedAirCO2", "--json"]
     found = json.loads(environment.out("diagnosis", *words, cwd=folder))["outputs"]
     with xr.open_dataset(path) as record:

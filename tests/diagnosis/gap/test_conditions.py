@@ -21,7 +21,7 @@ from tests.diagnosis.gap.room_cases import ROOM, recorded, room, some
 
 HOURS = 96.0
 WARM_UP = 24.0
-"""Enough for this, and half of the time [h]."""
+"""Enough for this [h]."""
 
 
 def held_together(report):
