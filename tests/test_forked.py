@@ -1,19 +1,13 @@
 """Readers of NetCDF files that are forked for tests: as those that are started, each with its own end."""
 
-import os
-import signal
 import subprocess
 import sys
-import time
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-import psutil
 import pytest
 import xarray as xr
 
 from shared.children import command, environment
-from tests.datagen.faults import wait_for
 from tests.forked import Forked
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="they are started there, as users have them")
@@ -47,25 +41,3 @@ def test_what_comes_back_is_what_a_started_one_says(forked, tmp_path, monkeypatc
         after = forked.run(one, **how())
         assert (after.returncode, after.stdout, after.stderr) == (before.returncode, before.stdout, before.stderr)
     assert [one.returncode for one in begun] == [1, 1, 0]
-
-
-def test_one_that_does_not_end_is_ended_in_time_and_the_next_reads(forked, tmp_path):
-    os.mkfifo(tmp_path / "pipe.nc")
-    began = time.monotonic()
-    with pytest.raises(subprocess.TimeoutExpired):
-        forked.run(words(tmp_path / "pipe.nc"), **how(timeout=0.5))
-    assert time.monotonic() - began < 30
-    assert forked.run(words(tmp_path / "none.nc"), **how()).returncode == 1
-
-
-def test_one_that_crashes_takes_nobody_along(forked, tmp_path):
-    os.mkfifo(tmp_path / "pipe.nc")
-    mother = psutil.Process(forked._mother.pid)
-    with ThreadPoolExecutor() as pool:
-        ended = pool.submit(forked.run, words(tmp_path / "pipe.nc"), **how())
-        (child,) = wait_for(mother.children)
-        wait_for(lambda: child.rlimit(psutil.RLIMIT_CPU)[0] == 10)  # each has limits of its own
-        child.send_signal(signal.SIGSEGV)
-        assert ended.result().returncode == -signal.SIGSEGV
-    assert mother.rlimit(psutil.RLIMIT_CPU)[0] == psutil.RLIM_INFINITY and mother.num_threads() == 1
-    assert forked.run(words(tmp_path / "none.nc"), **how()).returncode == 1

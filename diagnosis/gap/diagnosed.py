@@ -33,7 +33,8 @@ from shared.system import System
 SPANS = {
     "fitting the base model": (0.0, 0.1),
     "sensitivities": (0.1, 0.2),
-    "looking at all": (0.2, 0.4),
+    "leading": (0.2, 0.3),
+    "looking at all": (0.3, 0.4),
     "refitting": (0.4, 0.7),
     "finding where": (0.7, 0.8),
     "scoring": (0.8, 0.99),

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -24,7 +23,7 @@ from diagnosis.fitting.failures import (
     reason,
     said_by,
 )
-from diagnosis.fitting.fit import Fit, fit
+from diagnosis.fitting.fit import Fit
 from diagnosis.gap.evidence import worth
 from diagnosis.gap.linear import Linearised, applicable, fewer, linearised
 from diagnosis.gap.nuisances import widened
@@ -220,8 +219,8 @@ def _begun(
 ) -> Search:
     """A search at its first stage.
 
-    Where something differs, the base model's most plausible optimum is looked for, and it is asked again there: a fit
-    that has not come to it leaves a gap of its own.
+    Where something differs, the base model is led to an optimum from where its fit began, too, and it is asked again at
+    the more plausible of both: a fit that has not come to its optimum leaves a gap of its own.
     """
     usable, why = applicable(base.problem, effects)
     if known is not None:
@@ -238,20 +237,17 @@ def _begun(
     if lacking:
         found.unfinished.why["the candidates"] = lacking
         found.excluded |= {effect.name: lacking for effect in usable}
-    elif stage.differs and not made.rested:
-        tell("fitting the base model to its rest")
-        made.rested = True
+    elif stage.differs and not made.led:
+        tell("leading the base model's fit from where it began")
+        made.led = True
         colours = stage.colours.best
         _improved(found, effects, seed, lambda: base_from(_line_at_start(found), observed, colours))
-        if found.last.differs and not base.converged:
-            rest = partial(fit, base.problem, [base.z], around=base.around)
-            _improved(found, effects, seed, lambda: settled_base(rest(), observed))
     return found
 
 
 def _improved(found: Search, effects: Sequence[Effect], seed: int, other: Callable[[], Refit]) -> None:
     """Begin with another optimum of the base model if that is more plausible."""
-    stage = found.last
+    stage = found.stages[0]
     try:
         one = other()
         if one.grams.evidence(stage.colours.best) < found.base.grams.evidence(stage.colours.best) + WORTH:

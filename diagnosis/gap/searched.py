@@ -49,11 +49,12 @@ class Made:
     ``refits``: of a second effect, by its name. ``renewed``: a refit linearised by the candidates that remain, by its
     effects' names and its unknowns' bytes. ``apart``: both lines of a fit to a part, by the bytes of what was fitted;
     its path is that of these stages alone. None is what cannot be simulated. ``base``: the base model's fit, and
-    linearised by all candidates; ``rested``: whether other optima were looked for. ``line``: where that fit began.
+    linearised by all candidates; ``led``: whether another optimum was looked for, from
+    where that fit began. ``line``: where it began.
     """
 
     base: tuple[Refit, Linearised] | None = None
-    rested: bool = False
+    led: bool = False
     line: Linearised | None = None
     rivals: dict[Hashable, tuple[set[str], Rivals]] = field(default_factory=dict)
     alike: dict[tuple[Hashable, Names], Rivals] = field(default_factory=dict)

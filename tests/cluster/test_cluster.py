@@ -104,9 +104,7 @@ def test_a_worker_that_joins_later_checks_the_version_itself(tanks):
 @pytest.mark.parametrize(
     ("address", "what"),
     [
-        ("nonsense", "missing port number"),
         ("tcp://here:", "expected tcp://HOST:PORT"),
-        ("http://here:80", "talks http://"),
         ("tls://127.0.0.1:1", "no certificates are set"),
     ],
 )
@@ -117,7 +115,8 @@ def test_what_is_no_address_is_refused_before_anything_is_written(tanks, tmp_pat
     assert not (tmp_path / "ds").exists()
 
 
-def test_no_scheduler_is_a_sentence(tanks, tmp_path):
+def test_no_scheduler_is_a_sentence(tanks, tmp_path, monkeypatch):
+    monkeypatch.setattr("datagen.farming.cluster.ANSWER", 2.0)
     with pytest.raises(ClusterError, match="no Dask scheduler answers"):
         run(faulty.describe(tanks), tmp_path / "ds", scheduler="tcp://127.0.0.1:1", **SIZE)
     # and nobody who computes or writes a file afterwards asks it for anything

@@ -12,7 +12,6 @@ from shared.console import FAULT, OK, PARTLY, USAGE, start
 from shared.store import Manifest
 
 RUN = ["run", "TOML", "--out", "x", "--systems", "2"]
-PRESET = ["run", "TOML", "--out", "x", "--preset", "paper-week"]
 
 
 def run(*words):
@@ -80,18 +79,12 @@ def test_identifiability_is_kept_and_copied(default_system, tmp_path, capsys):
         (["simulate", "TOML", "--out", "x.nc", "--set", "roo.W=3"], FAULT, "'roo.W' is not a parameter"),
         (["simulate", "TOML", "--out", "x.nc", "--hours", "1.5"], FAULT, "does not divide"),
         (["info", "nowhere"], FAULT, "expected a dataset"),
-        (["verify", "nowhere"], FAULT, "expected a dataset"),
         (["identifiability", "TOML", "--noise", "loud"], FAULT, "'loud' is not a preset"),
         (["run", "TOML", "--out", "x", "--systems", "0"], FAULT, "systems is 0"),
         ([*RUN, "--seed", "-1"], FAULT, "seed is -1; expected at least 0"),
         ([*RUN, "--workers", "0"], FAULT, "workers is 0; expected at least 1"),
         ([*RUN, "--timeout", "0"], FAULT, "timeout is 0 s; expected 0.001 to"),
-        ([*RUN, "--timeout", "nan"], FAULT, "timeout is nan s; expected 0.001 to"),
-        ([*RUN, "--timeout", "5e9"], FAULT, "timeout is 5e+09 s; expected 0.001 to 1e+09 s"),
         ([*RUN, "--shard-size", "0"], FAULT, "shard_size is 0; expected at least 1"),
-        ([*RUN, "--shard-size", f"{10**19}"], FAULT, f"shard_size is {10**19}; expected at least 1, at most"),
-        ([*RUN[:-1], f"{10**19}"], FAULT, f"systems is {10**19}; expected at least 1, at most"),
-        ([*RUN, "--workers", f"{10**19}"], FAULT, f"workers is {10**19}; expected at least 1, at most"),
         ([*RUN, "--hours", "1e300"], FAULT, "hours over step are 1e+300 steps; expected at most 1e+09"),
         (
             [*RUN[:-1], "9999", "--shard-size", "5000"],
@@ -99,32 +92,19 @@ def test_identifiability_is_kept_and_copied(default_system, tmp_path, capsys):
             "5000 systems with 19 channels of 8760 steps are 3176 MiB",
         ),
         ([*RUN, "--failure-budget", "5"], FAULT, "failure_budget is 5; expected a share from 0 to 1"),
-        ([*RUN, "--failure-budget", "nan"], FAULT, "failure_budget is nan; expected a share from 0 to 1"),
-        ([*RUN, "--failure-budget", "-1"], FAULT, "failure_budget is -1; expected a share from 0 to 1"),
-        ([*PRESET, "--systems", "0"], FAULT, "systems is 0; expected at least 1"),
-        ([*PRESET, "--hours", "0"], FAULT, "experiment.hours: Input should be greater than 0 (found 0.0)"),
-        ([*PRESET, "--step", "0"], FAULT, "experiment.step: Input should be greater than 0 (found 0.0)"),
         ([*RUN, "--cluster", "slurm"], FAULT, "jobs on other nodes do not reach 127.0.0.1; expected --cluster-option"),
         ([*RUN, "--cluster", "slurp"], FAULT, "cluster is 'slurp'; expected local or slurm"),
         ([*RUN, "--cluster-option", "queue=a"], FAULT, "cluster options queue are given and no cluster; expected"),
         ([*RUN, "--scheduler", "tcp://a:1", "--cluster", "slurm"], FAULT, "and cluster is given; expected one of both"),
         ([*RUN, "--scheduler", "tcp://a:1", "--workers", "2"], FAULT, "and workers is given; expected one of both"),
-        ([*RUN, "--scheduler", "tcp://a:1", "--host", "b"], FAULT, "and host is given; expected one of both"),
         (["compare", "TOML", "--recorded", "a.toml", "--hours", "24"], FAULT, "a.toml: hours is given; expected none"),
-        (["compare", "TOML", "--recorded", "a.toml", "--step", "600"], FAULT, "a.toml: step is given; expected none"),
-        (["compare", "TOML", "--recorded", "a.toml", "--seed", "0"], FAULT, "a.toml: seed is given; expected none"),
-        (["compare", "TOML", "--recorded", "a.toml", "--no-excitation"], FAULT, "a.toml: excitation is given"),
         (["compare", "TOML", "TOML", "--data", "csv"], FAULT, "data is 'csv' and nothing is recorded; expected both"),
         (["verify", "nowhere", "--system", "TOML"], FAULT, "--system is given without --repair; expected both"),
-        (["verify", "nowhere", "--timeout", "9"], FAULT, "--timeout is given without --repair; expected both"),
         (["simulate", "TOML", "--out", "."], FAULT, "'.': is a folder, or has no name; expected the name of a NetCDF"),
         (["simulate", "TOML", "--out", "TOML"], FAULT, "ending is '.toml'; expected .nc"),
-        (["simulate", "TOML", "--out", "/"], FAULT, "'/': is a folder, or has no name; expected the name of a NetCDF"),
         (["simulate", "TOML", "--out", "TOML/x.nc"], FAULT, "nothing can be written there, because"),
         (["simulate", "TOML", "--out", ""], USAGE, "it is empty; expected a path"),
         (["run", "TOML", "--out", "", "--systems", "2"], USAGE, "it is empty; expected a path"),
-        (["merge", "a", "b", "--out", " "], USAGE, "it is empty; expected a path"),
-        (["compare", "TOML", "TOML", "--out", ""], USAGE, "it is empty; expected a path"),
         (["simulate", "BARE", "--out", "x.nc", "--uncertain"], FAULT, "uncertain is set; expected an [[uncertain]]"),
         (
             ["identifiability", "TOML", "--channels", "TRoo,C02"],

@@ -5,20 +5,6 @@ from importlib.resources import files
 
 import pytest
 
-from diagnosis.pages import long_named, within_sentence
-
-
-def test_things_are_told_by_what_they_are_and_their_names():
-    assert long_named("TRoo", {"TRoo": "air of the room"}) == "air of the room (TRoo)"
-    assert [long_named("room", one) for one in ("", None, "room", {})] == ["room"] * 4
-    assert [within_sentence(one) for one in ("Floor area", "CO2 rate", "U-value", "A leak", "")] == [
-        "floor area",
-        "CO2 rate",
-        "U-value",
-        "a leak",
-        "",
-    ]
-
 
 @pytest.mark.parametrize("name", ["gap", "calibration", "forecast", "blind_score"])
 def test_tables_and_pictures_of_pages_scroll_within_the_page(name):

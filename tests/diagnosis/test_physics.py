@@ -28,12 +28,6 @@ def as_input(system, name, unit="K", **more):
     return system.model_copy(update={"inputs": inputs})
 
 
-def test_an_excitation_in_kelvin_is_a_difference(default_system, recorded):
-    excited = next(one.name for one in default_system.inputs if one.source == "excitation")
-    recorded.inputs[excited] = np.full(len(recorded.time), 0.00443)
-    check_recording(recorded, as_input(default_system, excited))
-
-
 @pytest.mark.parametrize(("value", "difference"), [(0.0, False), (2.0, True), (293.15, False)])
 def test_what_stands_in_for_a_measured_temperature_tells_a_difference_only_where_it_was_given(
     default_system, recorded, value, difference

@@ -8,7 +8,6 @@ from shared.console import FAULT, USAGE, start
 PLACES = ("diagnosis.calibrating.calibration", "diagnosis.forecasting.forecast", "diagnosis.gap.diagnosed")
 COMMON = [
     (["--noise", "nosie"], "nosie"),
-    (["--out", "taken"], "taken: nothing can be written there, because"),
     (["--out", "taken/below"], "below: nothing can be written there, because"),
     (["--run", "empty"], "empty"),
 ]

@@ -91,21 +91,6 @@ def test_persons_whom_nobody_counted_are_as_many_as_the_description_expects(
     np.testing.assert_allclose(means, expected, atol=0.1 * expected.max())
 
 
-def test_figures_are_those_of_the_guideline(recording, truth, default_system, tmp_path):
-    """A known error added to a known series: bias, RMSE, CVRMSE and NMBE by hand."""
-    data = xr.load_dataset(recording, decode_times=False)
-    shifted = data.copy(deep=True)
-    shifted["CO2"].values[:] += 50.0
-    shifted.to_netcdf(tmp_path / "shifted.nc")
-    before = residuals(default_system, recording, parameters=truth).outputs["CO2"]
-    after = residuals(default_system, tmp_path / "shifted.nc", parameters=truth).outputs["CO2"]
-    assert after["bias"] - before["bias"] == pytest.approx(50.0, abs=1e-3)
-    assert after["rmse"] ** 2 == pytest.approx(before["rmse"] ** 2 + 100 * before["bias"] + 2500, rel=1e-4)
-    mean, count = float(shifted["CO2"].mean()), shifted.sizes["time"]
-    assert after["cvrmse"] == pytest.approx(np.sqrt(count / (count - 1)) * after["rmse"] / mean, rel=1e-5)
-    assert after["nmbe"] == pytest.approx(count / (count - 1) * after["bias"] / mean, rel=1e-5)
-
-
 def damaged(recording, tmp_path, change):
     data = xr.load_dataset(recording, decode_times=False)
     change(data)
@@ -116,7 +101,6 @@ def damaged(recording, tmp_path, change):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda d: d["TRoo"].attrs.update(units="degC"), "'TRoo' is in 'degC'.*'K'"),
         (
             lambda d: d["TDryBul"].values.__setitem__(slice(5, None, 20), np.nan),
             "stretch without gaps has 19 h .TDryBul",

@@ -101,19 +101,6 @@ def test_the_scheduler_and_workers_are_set_as_datagen_sets_its_own():
             assert {key: dask.config.get(key) for key in _CONFIG} == _CONFIG
 
 
-def test_tls_gives_each_role_its_own_key_and_no_other():
-    document = load(*FILES)
-    for name, role in {"scheduler": "scheduler", "worker": "worker", "datagen": "client"}.items():
-        service = document["services"][name]
-        assert service["secrets"] == ["ca.pem", f"{role}.pem", f"{role}.key"]
-        with dask.config.set(dask.config.merge(dask.config.config, dask.config.collect_env(service["environment"]))):
-            assert dask.config.get("distributed.comm.require-encryption") is True
-            assert dask.config.get("distributed.comm.tls.ca-file") == "/run/secrets/ca.pem"
-            assert dask.config.get(f"distributed.comm.tls.{role}.cert") == f"/run/secrets/{role}.pem"
-            assert dask.config.get(f"distributed.comm.tls.{role}.key") == f"/run/secrets/{role}.key"
-        assert {*service["secrets"]} <= {*document["secrets"]}
-
-
 README = (FOLDER / "README.md").read_text()
 COMMANDS = [
     shlex.split(line, comments=True)

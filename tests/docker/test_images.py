@@ -1,7 +1,6 @@
 """The images' Dockerfiles: what they promise, and (slow) what their steps install."""
 
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -10,7 +9,6 @@ from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import dockerfile
 import psutil
 import pytest
 import xarray as xr
@@ -37,24 +35,6 @@ def test_hadolint_finds_nothing(path):
     hadolint = shutil.which("hadolint", path=f"{sys.prefix}/bin:{sys.prefix}/Scripts")
     done = subprocess.run([hadolint, "--no-color", str(path)], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stdout) == (0, "")
-
-
-def test_bases_are_pinned_to_a_version(image):
-    for stage in image.stages:
-        assert re.fullmatch(r"python:3\.\d+\.\d+-slim-[a-z]+", stage.base)
-
-
-def test_the_image_says_who_runs_what_and_whether_it_works(image):
-    final = image.final
-    name = image.path.stem
-    assert final.last("USER").value == ("10001:10001",)
-    assert (final.last("ENTRYPOINT").json, final.last("ENTRYPOINT").value) == (True, (name,))
-    assert final.last("HEALTHCHECK").value == ("CMD", name, "--version")
-    assert final.last("STOPSIGNAL").value == ("SIGINT",)
-    # nothing is installed as another user after that, nothing is fetched in the final stage
-    kinds = [command.cmd for command in final.commands]
-    assert not {"RUN", "COPY", "ADD"} & {*kinds[kinds.index("USER") :]}
-    assert not any(word in command.original for command in final.commands for word in ("pip ", "apt", "curl"))
 
 
 def test_no_address_of_an_index_is_written_down(image):
@@ -125,8 +105,6 @@ def test_the_steps_install_what_the_image_is_for(built, tmp_path, record_propert
     imported = built.run("python", "-c", EVERY_MODULE, *promise.imports, cwd=tmp_path)
     assert imported.returncode == 0 and int(imported.stdout) > 10, imported.stderr
 
-    shown = built.run(name, "--help", cwd=tmp_path)
-    assert shown.returncode == 0 and f"Usage: {name}" in shown.stdout, shown.stderr
     check = built.run(*built.final.last("HEALTHCHECK").value[1:], cwd=tmp_path)
     assert (check.returncode, check.stdout.strip()) == (0, version("zeroshot-fmu"))
     assert "group --gid 10001" in built.accounts and "user --uid 10001 --gid 10001" in built.accounts
@@ -160,11 +138,3 @@ def trains_and_predicts(built, folder):
     done = built.run("trainer", "predict", "run", str(shard.relative_to(folder)), "--json", cwd=folder)
     assert done.returncode == 0, done.stderr
     assert "roo.V" in done.stdout
-
-
-def test_steps_that_fail_are_seen(tmp_path):
-    broken = tmp_path / "datagen.Dockerfile"
-    broken.write_text("ARG PYTHON=3.11.14-slim\nFROM python:${PYTHON}\nRUN exit 3\n")
-    assert dockerfile.parse_file(str(broken))
-    with pytest.raises(RuntimeError, match="RUN exit 3"):
-        build(read(broken), tmp_path / "root", sys.executable)

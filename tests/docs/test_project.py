@@ -21,15 +21,8 @@ PACKAGES = ("shared", "datagen", "trainer", "diagnosis")
 
 
 def test_the_citation_file_keeps_its_schema_and_names_this_version():
-    words = [
-        sys.executable,
-        "-m",
-        "check_jsonschema",
-        "--builtin-schema",
-        "vendor.citation-file-format",
-        "CITATION.cff",
-    ]
-    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True)
+    words = ["check_jsonschema", "--builtin-schema", "vendor.citation-file-format", "CITATION.cff"]
+    done = subprocess.run([sys.executable, "-m", *words], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     cited = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     assert cited["version"] == __version__

@@ -239,17 +239,8 @@ def build_fmu(tmp_path_factory) -> Callable[[int], Path]:
     def build(nodes: int) -> Path:
         if nodes not in built:
             out = tmp_path_factory.mktemp("built") / f"nodes{nodes}.fmu"
-            command = [
-                sys.executable,
-                "fmus/build.py",
-                "--nodes",
-                str(nodes),
-                "--platforms",
-                "native",
-                "--out",
-                str(out),
-            ]
-            subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
+            words = ["--nodes", str(nodes), "--platforms", "native", "--out", str(out)]
+            subprocess.run([sys.executable, "fmus/build.py", *words], cwd=ROOT, check=True, capture_output=True)
             built[nodes] = out
         return built[nodes]
 

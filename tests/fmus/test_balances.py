@@ -41,21 +41,6 @@ def test_steady_state_closes_both_balances(twin, replay):
     assert np.sum(t.get(*FLOWS)) == pytest.approx(0.0, abs=1e-6 * gains)
 
 
-def test_at_one_temperature_nothing_flows(twin):
-    values = {
-        "T_start": 290.0,
-        "TDryBul": 290.0,
-        "TSky": 290.0,
-        "HFac": 0.0,
-        "nPer": 0.0,
-        "replay": True,
-        "mOA_in": 0.2,
-    }
-    t = twin().start(values)
-    assert np.max(np.abs(t.dx[:1])) < 1e-15
-    assert np.max(np.abs(t.dx)) < 1e-15
-
-
 def test_co2_builds_up_and_decays_exponentially(twin):
     m, V, n = 0.08, 110.0, 9.0
     tau = 1.2 * V / m
@@ -89,8 +74,8 @@ def stored_heat(t):
 
 
 @pytest.mark.slow
-def test_heat_is_conserved_over_a_year(twin, weather):
-    """Integral of all net flows over a year of smooth weather, controls and excitation active."""
+def test_heat_is_conserved_over_a_season(twin, weather):
+    """Integral of all net flows over two months of smooth weather, controls and excitation active."""
     effects = {
         "effect.infiltration.cStack": 4e-4,
         "effect.bridge.UA": 8.0,
@@ -98,20 +83,20 @@ def test_heat_is_conserved_over_a_year(twin, weather):
         "effect.plug.Q": 150.0,
     }
 
-    def year(time):
+    def season(time):
         day = time / 86400.0
         return weather(time) | {"excHea": 400.0 * np.sin(day), "excOut": 0.2 * np.sin(day / 3.3)}
 
-    t = twin().start({k: float(v) for k, v in year(0.0).items()} | effects)
+    t = twin().start({k: float(v) for k, v in season(0.0).items()} | effects)
     before, stored_before = stored_heat(t), t.get("UStored")[0]
-    time = np.arange(0.0, 365 * 86400.0 + 1, 5 * 86400.0)
+    time = np.arange(0.0, 60 * 86400.0 + 1, 5 * 86400.0)
     # a linear multistep method keeps linear balances exactly, so that a loose tolerance does
-    _, integrals, events = t.run(time, year, integrals=FLOWS, rtol=1e-4)
+    _, integrals, events = t.run(time, season, integrals=FLOWS, rtol=1e-4)
     after = stored_heat(t)
     assert events > 100  # limiters were at work
     assert t.get("UStored")[0] - stored_before == pytest.approx(after - before, rel=1e-4)
     gains = integrals[FLOWS.index("QHea")] + integrals[FLOWS.index("QPeo")]
-    assert gains > 1e10
+    assert gains > 2e9
     assert abs(np.sum(integrals) - (t.get("UStored")[0] - stored_before)) < 1e-6 * gains
 
 

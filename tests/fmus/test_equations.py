@@ -164,7 +164,6 @@ def scenario(days, seed=0):
 
 
 CASES = {
-    "base": {},
     "saturating": {"mOut_flow": 0.06, "conCO2.yMax": 1.0, "roo.AFlo": 200.0, "matExtWal.R": 0.5, "glaSys.UFra": 3.0},
     "corner": {
         "gaiCO2.k": 1.2e-5, "roo.AFlo": 60.0, "roo.hRoo": 4.0, "roo.V": 300.0, "matExtWal.R": 3.0,

@@ -1,7 +1,6 @@
 """The estimator that comes with the default system: it belongs to it, loads from its name, and estimates."""
 
 import hashlib
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,13 +8,10 @@ import xarray as xr
 
 from datagen import simulate
 from shared.ceiling import read_ceilings
-from shared.errors import RecordingError
 from shared.shipped import shipped_systems
 from shared.system import load_system
 from trainer.predicting.prediction import predict
 from trainer.runs.checkpoint import load_run
-from trainer.runs.scatter import factors_of
-from trainer.runs.validation import absences
 
 NAME = "MixedAirCO2"
 HOME = shipped_systems()[NAME]
@@ -82,49 +78,3 @@ def test_it_has_seen_rooms_whose_walls_are_not_as_declared(tmp_path):
         told = found.predictions[0].parameters
         errors += [(one.value - float(truth[name])) / usual[name] for name, one in told.items()]
     assert np.sqrt(np.mean(np.square(errors))) < 0.95
-
-
-def test_it_says_in_what_a_recording_is_unlike_its_training(room, tmp_path):
-    assert predict(NAME, room).predictions[0].unlike == []
-    data = xr.load_dataset(room, decode_times=False)
-    data["TDryBul"].values[-100:] = 280.0
-    data.to_netcdf(tmp_path / "still.nc")
-    (note,) = predict(NAME, tmp_path / "still.nc").predictions[0].unlike
-    assert note.startswith("TDryBul stands still for 100 h,")
-    data = xr.load_dataset(room, decode_times=False)
-    data["CO2"].values[-30:-20] = 0.0
-    data.to_netcdf(tmp_path / "some.nc")
-    (note,) = predict(NAME, tmp_path / "some.nc").predictions[0].unlike
-    assert note.startswith("CO2 falls to 0 ppm, never below")
-    data["CO2"].values[:] = 400.0
-    data.to_netcdf(tmp_path / "dead.nc")
-    with pytest.raises(RecordingError, match="CO2 is 400 ppm throughout the window of 168 h"):
-        predict(NAME, tmp_path / "dead.nc")
-
-
-def test_errors_stand_beside_its_estimates(room):
-    found = predict(NAME, room)
-    assert found.rmse_note.startswith("rmse: root mean square error on 256 windows")
-    assert all(one.rmse > 0 for one in found.predictions[0].parameters.values())
-
-
-def test_its_estimates_are_means_under_every_condition():
-    """The wall's resistance, which a recording tells worst, was told 8 to 12 % too low without."""
-    card = load_run(NAME).card
-    assert all(one.scatter is not None for one in card.validation_errors)
-    for length in card.encoding.lengths:
-        for absent in absences(card.encoding.optional):
-            factors = factors_of(card.validation_errors, card.encoding.parameters, length, absent)
-            by_name = dict(zip(card.encoding.parameters, factors, strict=True))
-            assert max(by_name, key=by_name.get) == "matExtWal.R"
-            assert 1.05 < by_name["matExtWal.R"] < 1.15, (length, absent)
-
-
-def test_what_it_has_seen_is_written_down():
-    card = load_run(NAME).card
-    trained, chosen = (
-        {*zip(one.root_seeds, one.indices, strict=True)} for one in (card.training_systems, card.validation_systems)
-    )
-    assert {seed for seed, _ in trained} == {2026, 2027, 2028}
-    assert (len(trained), len(chosen), trained & chosen) == (73_800, 9_225, set())
-    assert len(Path(HOME / "estimator" / "estimator.json").read_bytes()) < 300_000

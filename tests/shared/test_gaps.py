@@ -15,11 +15,6 @@ def test_short_inner_gaps_are_bridged_and_no_others():
     assert np.flatnonzero(filled).tolist() == [2, 4, 5]
 
 
-def test_nothing_but_gaps():
-    values = np.full(4, np.nan)
-    assert not bridge(values, 9).any() and np.isnan(values).all()
-
-
 @given(st.lists(st.booleans(), min_size=1, max_size=40), st.integers(0, 6))
 def test_a_straight_line_is_itself_again_wherever_something_is_put_in(missing, longest):
     line = 3.0 - 0.5 * np.arange(len(missing))

@@ -42,10 +42,9 @@ def test_what_is_said_at_which_verbosity(console, options, said):
     assert console.file.getvalue().splitlines() == said
 
 
-@pytest.mark.parametrize("options", [{}, {"quiet": True}, {"verbose": True}])
-def test_the_file_holds_every_step_whatever_the_verbosity(console, tmp_path, options):
+def test_the_file_holds_every_step_of_a_quiet_command(console, tmp_path):
     path = tmp_path / "log.jsonl"
-    with reported(Reporting(log=path, **options), console):
+    with reported(Reporting(log=path, quiet=True), console):
         say_all()
     lines = [json.loads(line) for line in path.read_text().splitlines()]
     assert [(one["level"], one["message"]) for one in lines] == [
@@ -71,17 +70,6 @@ def test_what_is_not_a_finite_number_is_null_as_any_reader_of_json_expects(conso
     found = json.loads(path.read_text(), parse_constant=refuse)
     assert (found["loss"], found["rows"], found["best"]) == (None, [1.5, [None, None]], {"value": None})
     assert (found["steps"], found["done"]) == (10**400, True)
-
-
-def test_a_traceback_goes_into_the_file_and_python_prints_it(console, tmp_path):
-    path = tmp_path / "log.jsonl"
-    with reported(Reporting(log=path), console):
-        try:
-            raise RuntimeError("ours")
-        except RuntimeError:
-            log.critical("a bug", exc_info=True)
-    assert "RuntimeError: ours" in json.loads(path.read_text())["traceback"]
-    assert console.file.getvalue() == ""
 
 
 def test_a_log_that_cannot_be_written_is_refused(console, tmp_path):

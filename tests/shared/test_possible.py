@@ -9,9 +9,7 @@ from shared.possible import in_another_unit
     ("values", "unit", "meant"),
     [
         ([21.0], "K", "degC or degF"),
-        ([-12.0], "K", "degC or degF"),
         ([70.0], "K", "degF"),
-        ([11.0, 18.0], "K", "degC or degF"),
         ([294.15], "degC", "K"),
         ([420e-6], "ppm", "a fraction"),
         ([0.042], "ppm", "percent"),
@@ -26,15 +24,10 @@ def test_what_is_possible_in_another_unit_only(values, unit, meant):
     [
         ([294.15], "K"),
         ([345.0], "K"),  # hot water
-        ([0.0], "K"),
         ([-3.0], "K"),  # a setback
         ([0.5, 20.0], "K"),  # a difference, or nothing that one unit explains
         ([21.0], "degC"),
-        ([70.0], "degC"),
         ([0.0], "ppm"),
-        ([0.5], "kg/s"),
-        ([0.5], "1"),
-        ([], "K"),
     ],
 )
 def test_what_may_be_as_it_is(values, unit):

@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 import shared.progress
-from shared.progress import progress_bar, stages
+from shared.progress import progress_bar
 
 
 @pytest.fixture
@@ -49,18 +49,3 @@ def test_without_a_terminal_there_are_lines_for_those_who_want_them(screen, capl
         work(shown)
     assert written.getvalue() == ""
     assert {record.levelno for record in caplog.records} == {level}
-
-
-@pytest.mark.parametrize(
-    ("terminal", "shown", "level"),
-    [(True, True, logging.DEBUG), (False, True, logging.INFO), (False, False, logging.DEBUG)],
-)
-def test_stages_are_told(screen, caplog, terminal, shown, level):
-    written = screen(terminal)
-    with caplog.at_level(logging.DEBUG, logger="zeroshot"), stages("reading", shown=shown) as tell:
-        tell("fitting")
-    assert [(record.getMessage(), record.levelno) for record in caplog.records] == [
-        ("reading", level),
-        ("fitting", level),
-    ]
-    assert ("fitting" in written.getvalue()) == (terminal and shown)

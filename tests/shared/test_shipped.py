@@ -10,10 +10,6 @@ from trainer.runs.checkpoint import load_run
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def test_the_default_system_comes_with_the_package():
-    assert shipped_systems()["MixedAirCO2"].resolve() == (ROOT / "fmus" / "MixedAirCO2").resolve()
-
-
 def test_a_name_is_enough_anywhere(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     system = load_system("MixedAirCO2")

@@ -41,9 +41,6 @@ def test_default_system_is_table_1():
         ("min = 60.0", 'scale = "log"\nmin = -1.0', ["parameters[2]", "min is -1", 'or scale = "linear"']),
         ('source = "occupancy"', 'source = "crystal ball"', ["inputs[6]", "crystal ball"]),
         ('schedule = "set_point"', 'schedule = "nights"', ["inputs", "'TSet'", "'nights'"]),
-        ("step = 3600.0", "stpe = 3600.0", ["experiment.stpe", "unknown field", "; did you mean step?"]),
-        ("[experiment]", "[experimnt]", ["experimnt: unknown field", "; did you mean experiment?"]),
-        ('schedule = "set_point"', 'shedule = "set_point"', ["shedule: unknown field", "; did you mean schedule?"]),
         ("[replay]", '[replay]\n"roo.V" = 100.0', ["replay: 'roo.V' is also an estimated parameter"]),
         ("step = 3600.0", "step = 3601.0", ["step 3601 s does not divide"]),
         ("[experiment]", "[experiment", ["not valid TOML"]),
@@ -51,7 +48,6 @@ def test_default_system_is_table_1():
         ('name = "CO2"', 'name = "CO_2"', ["estimator.channels: 'CO2' is neither", "; did you mean CO_2?"]),
         ('name = "roo.V"', 'name = "roo.AFlo"', ["parameters", "'roo.AFlo'", "twice"]),
         ("headcount = [5, 25]", "headcount = [25, 5]", ["occupancy", "headcount", "[25, 5]"]),
-        ("attendance = [", "attendance = [60, 100]  # [", ["occupancy", "attendance", "[60, 100]", "high <= 1"]),
         ("period = 7.3", "period = 1e-6", ["period", "0.0166"]),
         ("schema_version = 1", "schema_version = 2", ["schema_version", "2"]),
         (
@@ -109,7 +105,7 @@ KINDS = {
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("name", ["time", "system", "start", "split", "time_bnds", "bnds", "room/V"])
+@pytest.mark.parametrize("name", ["time", "room/V"])
 def test_no_variable_takes_the_place_of_a_field_of_a_shard(kind, name):
     old, new = KINDS[kind]
     text = TOML.read_text()

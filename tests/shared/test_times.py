@@ -17,7 +17,7 @@ SINCE_2001 = 7701 * DAY
 """1 February 2022 after 1 January 2001: 21 years, 5 leap days and January."""
 
 
-OFFSETS = (" 00:00:00+01:00", " 00:00 UTC", " +01:00", "T00Z", " 00:00 GMT", " 0 +01:00", " 00:00:00 -5")
+OFFSETS = (" 00:00:00+01:00", "T00Z", " 00:00:00 -5")
 
 
 def written(path, time, units, start=None, start_units="s"):

@@ -6,7 +6,6 @@ parameters follow from two samples of a window, and an estimator has no excuse.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ import pytest
 import torch
 
 from shared.schema import build_shard, time_axis
-from shared.store import DatasetFolder, Manifest, write_manifest, write_shard
+from shared.store import Manifest, write_manifest, write_shard
 from shared.system import System, parse_system
 from trainer.reading.windows import Sampler
 from trainer.runs.checkpoint import Run
@@ -160,12 +159,6 @@ def own_ridge(ridge_run: Run, tmp_path: Path) -> Path:
     for path in ridge_run.folder.iterdir():
         (folder / path.name).write_bytes(path.read_bytes())
     return folder
-
-
-@pytest.fixture
-def records(tanks: Path) -> Callable[[], DatasetFolder]:
-    """Opens the tanks."""
-    return lambda: DatasetFolder(tanks)
 
 
 def interrupt_after(count: int, patch: pytest.MonkeyPatch) -> None:

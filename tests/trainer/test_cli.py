@@ -47,19 +47,20 @@ def test_a_first_session(tanks, tmp_path, capsys):
 
 
 def test_options_reach_the_model(tanks, tmp_path, capsys):
-    arguments = [
+    arguments = ["--patch", "6", "--option.width", "16", "--option.layers", "1"]
+    code, _, _ = run(
+        capsys,
         "fit",
         tanks,
         "--out",
         tmp_path / "run",
-        "--patch",
-        "6",
-        "--option.width",
-        "16",
-        "--option.layers",
-        "1",
-    ]
-    code, _, _ = run(capsys, *arguments, "--steps", "2", "--channels", "level", "time_of_day")
+        *arguments,
+        "--steps",
+        "2",
+        "--channels",
+        "level",
+        "time_of_day",
+    )
     assert code == 0
     card = json.loads((tmp_path / "run" / "estimator.json").read_text())
     assert (card["options"]["patch"], card["options"]["width"], card["options"]["layers"]) == (6, 16, 1)

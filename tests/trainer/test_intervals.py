@@ -17,7 +17,7 @@ def rooms(count: int, true: float, rng: np.random.Generator, windows: int = 2) -
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("count", "true"), [(10, 0.6), (17, 0.6), (17, -1.0), (50, 0.6)])
+@pytest.mark.parametrize(("count", "true"), [(10, 0.6), (17, -1.0)])
 def test_the_interval_of_a_mean_r2_holds_it(count, true):
     """Percentiles of resamples held it in 33 to 77 %, and did not always hold the estimate."""
     rng = np.random.default_rng(7)
@@ -44,7 +44,7 @@ def test_the_interval_of_many_systems_is_that_of_the_residuals():
     assert np.log((1 - low[0]) / (1 - high[0])) == pytest.approx(2 * 1.645 * np.sqrt(4 / 3000), rel=0.05)
 
 
-@pytest.mark.parametrize(("count", "known"), [(1, False), (2, False), (3, False), (4, True), (8, True)])
+@pytest.mark.parametrize(("count", "known"), [(1, False), (3, False), (4, True)])
 def test_of_few_systems_there_is_no_interval_of_r2(count, known):
     rng = np.random.default_rng(2)
     systems = np.repeat(np.arange(count), 20)
@@ -75,7 +75,7 @@ def test_a_share_of_all_has_an_interval_with_a_width():
     assert low[0] == 0 and high[0] > 0.2
 
 
-@pytest.mark.parametrize(("count", "alike"), [(6, 0.3), (10, 0.9), (20, 0.3), (50, 0.9)])
+@pytest.mark.parametrize(("count", "alike"), [(6, 0.3), (10, 0.9)])
 def test_the_interval_of_a_share_holds_it(count, alike):
     """Of windows of which a share has the fate of their room; percentiles of resamples held it in 64 to 87 %."""
     rng, held = np.random.default_rng(5), 0

@@ -5,7 +5,6 @@ import tomllib
 from pathlib import Path
 
 import pytest
-import torch
 
 from shared import __file__ as home
 
@@ -26,7 +25,3 @@ def test_a_lower_bound_is_not_below_what_is_called(extra, package, least):
     bounds = [re.fullmatch(rf"{package}>=([\d.]+)", one) for one in wanted]
     (found,) = [tuple(int(part) for part in one[1].split(".")) for one in bounds if one]
     assert found >= least
-
-
-def test_the_optimiser_of_matrices_is_torchs_own():
-    assert issubclass(torch.optim.Muon, torch.optim.Optimizer)

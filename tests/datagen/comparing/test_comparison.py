@@ -3,7 +3,6 @@
 import subprocess
 import sys
 import zipfile
-from copy import copy
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -12,10 +11,9 @@ import pandas as pd
 import pytest
 
 from datagen.comparing.comparison import Comparison, compare
-from datagen.comparing.matching import handed_on, inputs_for
+from datagen.comparing.matching import inputs_for
 from datagen.comparing.report import NUMBERS, PICTURE, TABLE, write_report
 from datagen.driving.tables import InputTable
-from datagen.fmi.fmu import Fmu
 from shared.errors import SystemDescriptionError
 from shared.system import parse_system
 
@@ -112,16 +110,6 @@ def test_what_the_first_holds_fixed_the_second_gets_too(default):
     alone = compare(otherwise, otherwise, systems=1, hours=24)
     assert np.array_equal(found.second, alone.first)
     assert not np.array_equal(found.first, alone.first)
-
-
-def test_what_is_drawn_has_one_unit_in_both(default):
-    """The second may have it under [fixed], where nothing states a unit: litres would get a number of cubic metres."""
-    fmus = Fmu(default.fmu_path), Fmu(default.fmu_path)
-    assert handed_on(default, default, fmus) == {}
-    fmus[1].variables["roo.V"] = copy(fmus[1].variables["roo.V"])
-    fmus[1].variables["roo.V"].unit = "L"
-    with pytest.raises(SystemDescriptionError, match=r"parameter 'roo\.V' has unit 'm3' in .* and 'L' in "):
-        handed_on(default, default, fmus)
 
 
 def test_report_holds_the_numbers_of_the_comparison(default, tmp_path):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from datagen.comparing.regimes import months, regimes
+from datagen.comparing.regimes import regimes
 from datagen.driving.tables import InputTable
 
 
@@ -33,11 +33,3 @@ def test_regimes_follow_from_the_description(default_system):
     assert found["QHea: in between"].tolist() == [False, True, False, False, False]
     assert found["QHea: at its highest"].tolist() == [False, False, True, True, False]
     assert found["mOA: at its lowest"].all()  # it never moves
-
-
-def test_a_step_belongs_to_the_month_in_which_it_lies():
-    day = 86400.0
-    found = months(np.array([day, 31 * day, 31 * day + 3600, 365 * day]))
-    assert found["January"].tolist() == [True, True, False, False]
-    assert found["February"].tolist() == [False, False, True, False]
-    assert found["December"].tolist() == [False, False, False, True]

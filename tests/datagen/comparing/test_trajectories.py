@@ -107,9 +107,7 @@ def test_a_recording_of_the_fmu_itself_is_met(default, recording):
         ('name = "room"', 'name = "house"', "rooms.csv: no column 'house'; found room, p0"),
         ('TSky = { column = "sky" }', "", "no column for 'TSky', which comes from weather"),
         ("TRoo =", "TRoom =", "recorded.outputs: 'TRoom' is not declared"),
-        ('"roo.V" = "p3"', "", "no column for 'roo.V'"),
         ("discard_hours = 24.0", "discard_hours = -1.0", "recorded.discard_hours"),
-        ("[recorded]", "[measured]", "tables are measured"),
     ],
 )
 def test_a_mapping_that_does_not_fit_is_refused(default, recording, tmp_path, old, new, said):

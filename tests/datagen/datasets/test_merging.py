@@ -163,13 +163,6 @@ def test_a_preset_gives_what_is_not_given(teams, tmp_path):
         run(teams / "system.toml", tmp_path / "other", preset="long")
 
 
-def test_the_papers_presets_do_not_change_the_system(default_system):
-    week = default_system.preset("paper-week")
-    assert (week.systems, week.hours, week.step) == (2000, 168.0, 300.0)
-    bare = default_system.model_copy(update={"presets": {}})
-    assert bare.hash() == default_system.hash()
-
-
 def test_a_dataset_of_the_first_schema_stays_readable():
     dataset = DatasetFolder(STORED)
     assert dataset.manifest.schema_version == "1.0"

@@ -20,7 +20,7 @@ def content(folder):
     return {str(one.relative_to(folder)): one.read_bytes() for one in sorted(folder.rglob("*")) if one.is_file()}
 
 
-@pytest.mark.parametrize("moved", range(len(PARTS) + 1))
+@pytest.mark.parametrize("moved", [0, 3])
 def test_what_it_had_moved_bars_no_second_one(two, tmp_path, moved):
     merge(two, tmp_path / "whole")
     out = tmp_path / "out"

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from datagen.driving.disturbances import Disturbances, _changed, number_of, sample_disturbances
+from datagen.driving.disturbances import Disturbances, number_of, sample_disturbances
 from datagen.driving.tables import Piecewise
 from datagen.simulating.drawn import simulate_system
 from datagen.simulating.simulator import Simulator
-from shared.effects import InputEffect, SensorEffect
+from shared.effects import SensorEffect
 from shared.system import load_system
 
 DAY = 86400.0
@@ -79,14 +79,3 @@ def test_inputs_are_recorded_as_an_engineer_has_them(system):
         assert np.array_equal(calm.inputs, disturbed.inputs)
         moved += not np.allclose(calm.outputs, disturbed.outputs, rtol=1e-6)
     assert moved >= 8
-
-
-def test_a_course_in_time_also_acts_on_an_input_that_is_constant():
-    effect = InputEffect(
-        **{"name": "swing", "unit": "ppm", "kind": "input", "scale": 30.0, "lower": -200.0, "upper": 200.0},
-        input="CO2Out",
-        operation="add",
-    )
-    course = Piecewise(np.arange(4) * 3600.0, np.array([0.0, 1.0, 0.5, 0.0]))
-    changed = _changed(effect, 40.0, course)(Piecewise.constant(420.0))
-    assert changed.at(3600.0 * np.array([0.0, 0.5, 1.0, 2.0])) == pytest.approx([420.0, 440.0, 460.0, 440.0])

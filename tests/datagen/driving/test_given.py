@@ -90,8 +90,6 @@ accuracy = 0.1
             "'a' is the name of two things",
         ),
         ('[[given]]\nname = "g"\nunit = "1"\nmin = 0.0\nmax = 1.0\nparameters = ["a"]', "'a', which is an estimated"),
-        ('[[given]]\nname = "g"\nunit = "1"\nmin = 0.0\nmax = 1.0', "expected either parameters or weather"),
-        ('[[given]]\nname = "g"\nunit = "1"\nmin = 0.0\nmax = 1.0\nscale = "log"\nparameters = ["P"]', "min > 0"),
         ('[[ratios]]\nover = "a"\nunder = "b"\nmin = 0.0\nmax = 1.0', "'b' is not an estimated parameter"),
     ],
 )

@@ -135,15 +135,6 @@ def test_an_input_at_a_time_does_not_depend_on_the_span(index, start, length):
     np.testing.assert_allclose(part.at(t), whole.at(t), rtol=0, atol=steepest * SNAP)
 
 
-def test_longer_than_a_year_and_deterministic():
-    table = build(1, 360 * DAY, 370 * DAY)
-    again = build(1, 360 * DAY, 370 * DAY)
-    for a, b in ((table.time, again.time), (table.left, again.left), (table.right, again.right)):
-        np.testing.assert_array_equal(a, b)
-    first_days = build(1, 0, 5 * DAY)
-    np.testing.assert_allclose(table.at(366 * DAY + HOUR)[0, :2], first_days.at(DAY + HOUR)[0, :2])
-
-
 def test_each_system_draws_its_weather():
     places = [system_weather(SYSTEM, 3, k).latitude for k in range(60)]
     assert set(places) == {36.1, 55.317}
@@ -159,13 +150,6 @@ def test_excitation_off_measured_and_overrides():
     np.testing.assert_array_equal(column["heater"], [1, 2])
     np.testing.assert_allclose(column["out"], [270, 272])
     np.testing.assert_array_equal(column["persons"], build().at([0.0, 2 * DAY])[:, 2])
-
-
-def test_weather_held_for_each_hour_keeps_its_total():
-    held = changed('column = "poa_global"', 'column = "poa_global"\ninterpolation = "previous"')
-    edges = np.arange(0, 30 * 24 + 1) * HOUR
-    np.testing.assert_allclose(build(system=held).means(edges)[:, 1], build().means(edges)[:, 1], rtol=0, atol=1e-9)
-    assert (build(system=held).left[:, 1] == build(system=held).right[:, 1]).all()
 
 
 def test_schedule_of_the_week():

@@ -64,13 +64,6 @@ def test_an_occupied_day_has_a_few_changes_anywhere_within_the_hour():
     np.testing.assert_allclose(days_in[5:], 0.15, atol=0.03)
 
 
-def test_deterministic_and_different_between_systems():
-    a, b, other = year(3), year(3), year(4)
-    np.testing.assert_array_equal(a.times, b.times)
-    np.testing.assert_array_equal(a.values, b.values)
-    assert not np.array_equal(a.times, other.times)
-
-
 @given(st.integers(0, 10**6), st.floats(-30 * DAY, 60 * DAY), st.floats(HOUR, 40 * DAY))
 @settings(max_examples=60)
 def test_a_day_is_the_same_in_every_span(index, start, length):
@@ -132,11 +125,6 @@ def test_prior_means_are_exact_for_a_certain_schedule():
     np.testing.assert_allclose(prior, np.tile(expected, (3, 1)), atol=1e-12)
     # the window may begin in the middle of the day
     np.testing.assert_allclose(occupancy_prior(sure, [12 * HOUR, 13 * HOUR], 1, seed=0), [[8.0]], atol=1e-12)
-
-
-def test_prior_refuses_edges_that_do_not_increase():
-    with pytest.raises(ValueError, match="strictly increase"):
-        occupancy_prior(SPEC, [0, 0], 2, seed=0)
 
 
 PLAIN = SPEC.model_copy(

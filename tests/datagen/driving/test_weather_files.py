@@ -241,19 +241,6 @@ def test_what_is_not_there_is_worked_out(tmp_path, caplog):
     assert dew[4] == pytest.approx(5.8 + 273.15, abs=0.1)
 
 
-def test_the_forms_agree_on_the_facade(tmp_path):
-    data = year()
-    spec = Weather(files=["x"], surface_azimuth=135.0)
-    names = ("tmy3", "epw", "mos", "nsrdb", "pvgis")
-    tables = [read_weather(spec, WRITERS[one][0](tmp_path / f"{one}.txt", data).name, tmp_path) for one in names]
-    assert tables[0].columns["poa_global"].max() > 300
-    for table in tables[1:]:
-        for name in ("poa_global", "temp_air", "ghi", "wind_speed"):
-            np.testing.assert_allclose(
-                table.columns[name][1:8759], tables[0].columns[name][1:8759], rtol=1e-6, atol=1e-6
-            )
-
-
 def test_optional_columns_may_be_missing(tmp_path):
     data = year()
     data["direction"] = np.where(HOURS == 100, 999, data["direction"])
@@ -271,10 +258,8 @@ def test_optional_columns_may_be_missing(tmp_path):
         table.values("temp_sky")
 
 
-@pytest.mark.parametrize(
-    ("first", "hours"), [(100, 1), (100, 12), (8755, 12)], ids=["one", "half a day", "at the year's end"]
-)
-def test_a_short_gap_of_infrared_leaves_the_sky_of_all_other_hours(tmp_path, caplog, first, hours):
+def test_a_short_gap_of_infrared_leaves_the_sky_of_all_other_hours(tmp_path, caplog):
+    first, hours = 100, 12
     data = year()
     whole = read_weather(Weather(files=["x"]), write_epw(tmp_path / "w.epw", data).name, tmp_path).values("temp_sky")
     gap = np.isin(HOURS, (np.arange(first, first + hours) - 1) % 8760 + 1)
@@ -309,7 +294,6 @@ def _replaced(name, hour, value):
 
 BAD = {
     "no such file": (lambda d: d / "none.epw", r"none\.epw: no such weather file; expected EPW, TMY3"),
-    "half a year": (lambda d: write_epw(d / "w.epw", year(), 4000), r"found 4000 hourly rows; expected 8760"),
     "half hours": (
         lambda d: write_epw(d / "w.epw", year(), 17520),
         r"found 17520 hourly rows, 30 min apart: keep or average to one row an hour; expected 8760",
@@ -323,10 +307,6 @@ BAD = {
         r"dry-bulb temperature is missing or out of range in 1 of 8760 hours, first in hour 7 "
         r"\(373\.05, expected 190 to 340 in SI\); expected a value in every hour",
     ),
-    "not a number": (
-        lambda d: write_tmy3(d / "w.csv", _replaced("speed", 8, np.nan)),
-        r"wind speed is missing or out of range in 1 of 8760 hours, first in hour 8 \(nan",
-    ),
     "column missing": (
         lambda d: write_tmy3(d / "w.csv", year(), TMY3_COLUMNS.replace("DNI (W/m^2)", "Beam")),
         r"w\.csv: direct normal radiation is not there; expected a value in every hour",
@@ -339,31 +319,14 @@ BAD = {
         lambda d: (d / "w.json").write_text("{}") and d / "w.json",
         r"is JSON, so download the same as CSV or EPW",
     ),
-    "archive": (
-        lambda d: (d / "w.epw").write_bytes(b"PK\x03\x04\xff") and d / "w.epw",
-        r"is a compressed archive, so unpack it",
-    ),
-    "empty epw": (lambda d: (d / "w.epw").write_text("\n") and d / "w.epw", r"w\.epw: is empty; expected EPW"),
     "no rows": (lambda d: _cut(write_epw(d / "w.epw", year(), 1), 8), r"has no rows below the header of EPW"),
     "no place": (
         lambda d: _edit(write_epw(d / "w.epw", year()), 0, "LOCATION,a,b,c,d,e,north,1,2,3"),
         r"line 1 is 'LOCATION,a.*; expected latitude, longitude, time zone, altitude as numbers in a row",
     ),
-    "short line": (
-        lambda d: _edit(write_epw(d / "w.epw", year()), 311, "2001,1,13,16,60"),
-        r"line 312 is '2001,1,13,16,60', with 5 fields; expected at least 22 in each row of EPW",
-    ),
     "nsrdb without place": (
         lambda d: _edit(write_sam(d / "w.csv", year()), 1, "NSRDB,1,-,-,-,x,13.5,1,40,1"),
         r"latitude is 'x'; expected a number on line 2 under its name on line 1",
-    ),
-    "no location": (
-        lambda d: (d / "w.mos").write_text("#1\ndouble tab1(2,30)\n") and d / "w.mos",
-        r"w\.mos: has no #LOCATION line; expected a Modelica weather file",
-    ),
-    "bad location": (
-        lambda d: _edit(write_mos(d / "w.mos", year()), 2, "#LOCATION,a,b,c,d,e,north,1,2,3"),
-        r"w\.mos: #LOCATION line is '#LOCATION,a,b,c,d,e,north,1,2,3'; expected latitude, longitude, time zone",
     ),
     "place off the earth": (
         lambda d: _edit(write_mos(d / "w.mos", year()), 2, "#LOCATION,a,b,c,d,e,100,1,2,3"),
@@ -386,14 +349,3 @@ def test_bad_files_are_refused_in_one_sentence(tmp_path, case):
     with pytest.raises(WeatherError, match=text) as caught:
         read_hourly(make(tmp_path))
     assert "\n" not in str(caught.value)
-
-
-def test_rows_out_of_order(tmp_path):
-    path = write_epw(tmp_path / "w.epw", year())
-    lines = path.read_text().splitlines()
-    lines[20], lines[21] = lines[21], lines[20]
-    path.write_text("\n".join(lines))
-    with pytest.raises(
-        WeatherError, match=r"line 21 is of 1/1 14 h \(month/day, hour\); expected the hour after that of line 20"
-    ):
-        read_hourly(path)

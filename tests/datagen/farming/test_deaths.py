@@ -33,15 +33,11 @@ class Future:
 
 
 class Client:
-    """One worker, as Dask has it: where it dies, all that is with it is lost. ``dies(file, guarded)`` says when.
-
-    ``answers(file)``: what comes back in place of a result, if anything.
-    """
+    """One worker, as Dask has it: where it dies, all that is with it is lost. ``dies(file, guarded)`` says when."""
 
     status = "running"
 
-    def __init__(self, monkeypatch, dies, answers=lambda _: None):
-        self.answers, self.sent = answers, 0
+    def __init__(self, monkeypatch, dies):
         self.line, self.dies, self.deaths = [], dies, 0
         self.tries = []
         monkeypatch.setattr(queue, "SimpleQueue", lambda: SimpleNamespace(put=self.landed, get=self.next))
@@ -54,11 +50,6 @@ class Client:
         future = Future(arguments)
         self.line.append(future)
         return future
-
-    def run(self, *_, **__):
-        self.sent += 1
-        if self.sent == 1:
-            raise OSError("Timed out trying to connect to tcp://one")
 
     def landed(self, key):
         self.done.append(key)
@@ -75,22 +66,22 @@ class Client:
                     one.call(one)
             else:
                 one = self.line.pop(0)
-                one.outcome = self.answers(target) or ShardResult(None, [])
+                one.outcome = ShardResult(None, [])
                 one.call(one)
         return self.done.pop(0)
 
 
 @pytest.fixture
 def collected(tmp_path, monkeypatch):
-    """``collected(files, dies, answers)``: has shards simulated by one worker; returns the client."""
+    """``collected(files, dies)``: has shards simulated by one worker; returns the client."""
 
-    def collect(files, dies=lambda *_: False, answers=lambda _: None):
+    def collect(files, dies):
         manifest = Manifest(
             **dict.fromkeys(("system_name", "system_hash", "system", "fmu_sha256"), "x"),
             **{"root_seed": 1, "systems": len(files), "shard_size": 1},
         )
         (tmp_path / "shards").mkdir()
-        client = Client(monkeypatch, dies, answers)
+        client = Client(monkeypatch, dies)
         job, system = SimpleNamespace(package="p"), SimpleNamespace(path=tmp_path / "mine" / "system.toml")
         made = Collection(tmp_path, manifest, Failures([]), job, system, budget=1.0)
         monkeypatch.setattr("datagen.farming.collection.package_files", lambda _: {})
@@ -133,33 +124,6 @@ def test_a_shard_that_kills_its_worker_under_guard_as_well_ends_the_run(collecte
     with pytest.raises(SimulationError, match=r"^bad: 4 workers died over it, the last at tcp://one, though its FMU"):
         collected(["good", "bad", "fine", "other"], dies)
     assert [guarded for file, guarded in tries if file == "bad"] == [False, True, True, True, True]
-
-
-def simulated(client):
-    return [one for one in client.tries if isinstance(one, str)]
-
-
-def test_what_one_worker_cannot_do_is_tried_again_and_ends_the_run_only_where_none_can(collected):
-    troubles = {"bad": 2}
-
-    def answers(file):
-        troubles[file] = troubles.get(file, 0) - 1
-        return OSError(28, "No space left on device") if troubles[file] >= 0 else None
-
-    assert sorted(simulated(collected(["good", "bad", "fine"], answers=answers))) == ["bad", "fine", "good"]
-
-
-def test_a_worker_that_lacks_the_fmu_for_long_is_sent_it_once_more_only(collected):
-    """The first sending fails, as if the worker were gone; what it was given before the second does not count."""
-    files = [f"s{k}" for k in range(12)]
-    left = iter(range(7))
-    client = collected(files, answers=lambda _: lacking() if next(left, None) is not None else None)
-    assert sorted(simulated(client)) == sorted(files)
-    assert client.sent < 4
-
-
-def lacking():
-    return ShardResult(lacks_package=True, worker="tcp://one")
 
 
 SIZE = {"systems": 40, "seed": 3, "shard_size": 10, "hours": 1.0, "quiet": True}

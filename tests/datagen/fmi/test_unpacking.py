@@ -16,10 +16,6 @@ from tests.small_disk import SAID, small_disk
 unix = pytest.mark.skipif(sys.platform == "win32", reason="no limit of a file's size there")
 
 
-def large(_):
-    return bytes(1 << 20)
-
-
 @unix
 def test_a_full_temporary_folder_is_named(small_fmu, tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))

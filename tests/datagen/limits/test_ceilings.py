@@ -33,9 +33,6 @@ value = 0.0
 """
 
 
-SHORT = {"context": 24.0, "noise": "sensor", "systems": 2}
-
-
 def limits(found):
     return np.array(list(found.r2.values()))
 
@@ -87,21 +84,6 @@ def test_posterior_equals_conditioning_the_joint_gaussian(default_system, counte
     np.testing.assert_allclose(found, np.diag(posterior)[:n], rtol=1e-6)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_who_knows_less_of_the_constants_can_tell_less_of_the_parameters(default_system, seed):
-    """And with constants that the outputs do not feel just as much."""
-    window = made_up_window(default_system, np.random.default_rng(seed))
-    start, channels = np.diag([0.25, 4.0, 1.0]), ["TRoo", "CO2"]
-
-    def variance(constants):
-        return posterior_variance(default_system, replace(window, constants=constants), start, "sensor", channels)
-
-    none, one, both = (variance(window.constants[:, :, :count]) for count in range(3))
-    assert (one >= none - 1e-12).all() and (both >= one - 1e-12).all()
-    assert (both > one).any() and (one > none).any()
-    np.testing.assert_allclose(variance(np.zeros_like(window.constants)), none, rtol=1e-12)
-
-
 @pytest.fixture(scope="module")
 def window(default_system):
     return random_window(default_system, 24.0, 3, 0)
@@ -143,7 +125,7 @@ def test_a_channel_that_is_not_there_is_refused_by_name(default_system):
         ceilings_of(default_system, contexts=[24.0], conditions=conditions, systems=1)
 
 
-@pytest.mark.parametrize("hours", [24.5, 0.0, -24.0, float("nan"), float("inf")])
+@pytest.mark.parametrize("hours", [24.5, float("nan")])
 def test_a_context_that_is_no_number_of_steps_is_refused(default_system, hours):
     with pytest.raises(SystemDescriptionError, match=rf"context is {hours:g} h; expected a positive number of whole"):
         ceilings_of(default_system, contexts=[24.0, hours], conditions=[("none", None)], systems=1)
@@ -153,27 +135,12 @@ def test_a_context_that_is_no_number_of_steps_is_refused(default_system, hours):
     ("asked", "said"),
     [
         ({"systems": 0}, "systems is 0; expected at least 1"),
-        ({"contexts": []}, "context is empty"),
-        ({"conditions": []}, "noise or channels are empty"),
         ({"conditions": [("none", [])]}, "hold no output"),
     ],
 )
 def test_what_is_asked_for_must_be_something(default_system, asked, said):
     with pytest.raises(SystemDescriptionError, match=said):
         ceilings_of(default_system, **{"contexts": [24.0], "conditions": [("none", None)], "systems": 1, **asked})
-
-
-def test_one_system_has_no_interval_and_two_have_one(default_system, monkeypatch):
-    rng = np.random.default_rng(2)
-    both = [made_up_window(default_system, rng) for _ in range(2)]
-    monkeypatch.setattr("datagen.limits.ceilings._windows", lambda _, __, systems, *___: iter(both[:systems]))
-    alone = identifiability(default_system, noise="sensor", systems=1)
-    assert (alone.r2_mean_low, alone.r2_mean_high) == (None, None)
-    found = identifiability(default_system, noise="sensor", systems=2)
-    assert found.r2_mean_low < found.r2_mean < found.r2_mean_high
-    assert Ceilings.model_validate_json(
-        Ceilings(system_name="a", system_hash="b", fmu_sha256="c", outputs=[], ceilings=[alone]).model_dump_json()
-    ).ceilings == [alone]
 
 
 def test_a_preset_says_of_which_records_the_limit_is(house, tmp_path, monkeypatch):

@@ -157,9 +157,7 @@ def test_the_command_keeps_both_limits(house, tmp_path, capsys, monkeypatch):
     ("drawn", "taken", "said"),
     [
         (True, (HEAT,), ""),
-        (True, (), "it has none with constants drawn (heat 0.3)"),
         (True, (MASS,), "it has none with constants drawn (heat 0.3)"),
-        (False, (), ""),
         (False, (HEAT,), "it has none with constants as declared"),
     ],
 )

@@ -6,7 +6,6 @@ import pytest
 from datagen import identifiability
 from datagen.driving.sampling import sample_parameters
 from datagen.limits.sensitivities import around, random_window
-from datagen.simulating.simulator import Simulator
 
 
 def test_a_parameter_is_moved_within_its_range_and_in_its_own_scale(house):
@@ -20,25 +19,6 @@ def test_a_parameter_is_moved_within_its_range_and_in_its_own_scale(house):
         ratio = np.exp(0.02 * np.log(1e6) / np.sqrt(12))
         assert around(decades, value) == pytest.approx((value / ratio, value * ratio), rel=1e-3)
     assert around(decades, 1e-3)[0] == 1e-3
-
-
-def test_a_parameter_over_decades_stays_in_its_range_where_it_is_small(house, monkeypatch):
-    """On the linear scale it would be moved to less than nothing."""
-    system = house()
-    wide = system.parameters[0].model_copy(update={"scale": "log", "min": 1e-2})
-    system = system.model_copy(update={"parameters": [wide, *system.parameters[1:]]})
-    smallest = int(np.argmin([sample_parameters(system, 1, index)[0] for index in range(40)]))
-    given, run = [], Simulator.run
-
-    def seen(self, values, *args, **options):
-        given.append(values[wide.name])
-        return run(self, values, *args, **options)
-
-    monkeypatch.setattr(Simulator, "run", seen)
-    random_window(system, 24.0, 1, smallest)
-    value = sample_parameters(system, 1, smallest)[0]
-    assert value < 0.02 * np.std(wide.from_unit(np.linspace(0, 1, 2001)))
-    assert wide.min <= min(given) < value < max(given) < 1.1 * value
 
 
 def test_both_kinds_of_one_fmu_have_one_limit(small_fmu, house):

@@ -8,11 +8,9 @@ import fmpy
 import numpy as np
 import pytest
 
-from datagen.driving.tables import Piecewise, merge
+from datagen.driving.tables import merge
 from datagen.fmi.fmu import Fmu
-from datagen.fmi.interface import library
 from datagen.simulating.canary import resets_cleanly
-from datagen.simulating.cosimulation import longest_step, plan_steps
 from datagen.simulating.simulator import Simulator
 from shared.errors import FmuError, SimulationError
 
@@ -110,39 +108,11 @@ def test_the_canary_finds_what_does_not_reset(small_system, flavour):
         assert resets_cleanly(simulator, values, table, start=0.0, stop=5.0, step=0.125) is clean
 
 
-@pytest.mark.parametrize("fmi", [2, 3])
-def test_a_slow_instantiation_is_done_once(small_system, fmi):
-    simulator = faulty(small_system, (fmi, "me"), slow=0.05)
-    first = run(simulator, "none").outputs
-    run(simulator, "none")  # the canary
-    assert simulator.reuse is True
-    with pytest.raises(SimulationError):
-        run(simulator, "fails")
-    began = time.perf_counter()
-    run(simulator, "none")  # an instance that failed is not used again
-    assert time.perf_counter() - began > 0.05
-    began = time.perf_counter()
-    again = run(simulator, "none").outputs
-    assert time.perf_counter() - began < 0.05
-    assert again.tobytes() == first.tobytes()
-
-
 def test_a_missing_resource_stops_the_instantiation(small_system, flavour):
     version, kind = flavour
     system = small_system("resource", version, (kind,), outputs={"y": "point"}, parameters=("gain",), number="none")
     with pytest.raises(FmuError, match=r"cannot be instantiated.*cannot load its resources"):
         Simulator(system).run({"gain": 1.0}, merge({}, 0.0, 1.0), start=0.0, stop=1.0)
-
-
-def test_linux_on_arm_is_found_for_fmi_2(tmp_path, monkeypatch):
-    """FMI 2.0 has no name for it; FMUs use the one of FMI 3.0."""
-    monkeypatch.setattr(fmpy, "platform", "linux64")
-    monkeypatch.setattr(fmpy, "platform_tuple", "aarch64-linux")
-    names = [tmp_path / "binaries" / d / f"m{fmpy.sharedLibraryExtension}" for d in ("aarch64-linux", "linux64")]
-    for name in reversed(names):
-        name.parent.mkdir(parents=True)
-        name.touch()
-        assert library(tmp_path, "m") == name
 
 
 def test_an_fmu_without_a_binary_for_this_machine(small_fmu, tmp_path):
@@ -162,35 +132,9 @@ def test_an_fmu_without_a_binary_for_this_machine(small_fmu, tmp_path):
             Fmu(tmp_path / "bare.fmu")
 
 
-def test_steps_meet_jumps_and_outputs():
-    u = Piecewise(np.array([0.0, 100.0, 730.0]), np.array([1.0, 2.0, 3.0]), "previous")
-    table = merge({"u": u}, -200.0, 1000.0)
-    grid = np.array([0.0, 500.0, 1000.0])
-    steps = plan_steps(table, grid, 250.0, variable=True, slopes=False, n_continuous=1)
-    assert {0.0, 100.0, 500.0, 730.0} <= set(steps.time)
-    assert steps.time[0] == -200.0
-    np.testing.assert_allclose(steps.time + steps.size, [*steps.time[1:], 1000.0])
-    ends = steps.time + steps.size
-    np.testing.assert_array_equal(ends[steps.row >= 0], grid)
-    np.testing.assert_array_equal(steps.row[steps.row >= 0], [0, 1, 2])
-    np.testing.assert_array_equal(steps.held[:, 0], u.at(steps.time))
-    with pytest.raises(ValueError, match="do not meet the outputs"):
-        plan_steps(table, grid, 240.0, variable=False, slopes=False, n_continuous=1)
-
-
 def test_scheduled_execution_is_refused(small_fmu, tmp_path):
     with zipfile.ZipFile(small_fmu("lag", 3)) as source, zipfile.ZipFile(tmp_path / "clocked.fmu", "w") as target:
         text = source.read("modelDescription.xml").decode()
         target.writestr("modelDescription.xml", text.replace("<ModelExchange", "<ScheduledExecution"))
     with pytest.raises(FmuError, match=r"FMI 3\.0 without Model Exchange or Co-Simulation"):
         Fmu(tmp_path / "clocked.fmu")
-
-
-def test_the_communication_step():
-    assert longest_step(3600.0, None, None, means=False) == 300.0
-    assert longest_step(300.0, None, None, means=False) == 300.0
-    assert longest_step(300.0, None, None, means=True) == 25.0
-    assert longest_step(1.0, 0.1, None, means=False) == pytest.approx(0.1)
-    assert longest_step(3600.0, 0.002, None, means=False) == pytest.approx(3.6)  # its own step is far too small
-    assert longest_step(3600.0, None, 40.0, means=False) == 240.0  # fifteen parts, six internal steps each
-    assert longest_step(3600.0, None, 7.0, means=False) == 300.0  # cannot be met

@@ -47,16 +47,6 @@ def test_values_are_the_fmus_or_those_of_fixed(default_system, simulator):
     assert constants(other, simulator.fmu)[0].parameters["floor.layer[1].C"] == 100.0
 
 
-def test_all_parameters_of_a_constant_are_multiplied_by_one_factor(default_system, simulator):
-    known = constants(default_system, simulator.fmu)
-    given = values_of(known, np.arange(1.0, 1 + len(known)))
-    for k, one in enumerate(known, 1):
-        assert [given[name] / value for name, value in one.parameters.items()] == pytest.approx(
-            [k] * len(one.parameters)
-        )
-    assert len(given) == sum(len(one.parameters) for one in known)
-
-
 def test_factors_are_log_normal_as_declared_and_independent(default_system):
     widths = np.linspace(0.05, 0.6, len(default_system.uncertain))
     some = [one.model_copy(update={"relative": w}) for one, w in zip(default_system.uncertain, widths, strict=True)]

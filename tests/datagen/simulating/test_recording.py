@@ -45,7 +45,6 @@ def test_a_parameter_beyond_its_range_and_a_slip_in_a_name_are_told(default_syst
     [
         ({"index": 10**20}, "index is 100000000000000000000; expected at most 9223372036854775807"),
         ({"index": -1}, "index is -1; expected at least 0"),
-        ({"seed": -1}, "seed is -1; expected at least 0"),
     ],
 )
 def test_a_system_that_no_record_can_name_is_not_simulated(default_system, monkeypatch, given, said):

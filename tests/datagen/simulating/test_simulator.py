@@ -176,12 +176,3 @@ def test_a_description_that_was_copied_without_its_fmu_says_which_field_leads_no
     copied.write_bytes(default_system.path.read_bytes())
     with pytest.raises(FmuError, match=rf"system.toml: fmu is '{default_system.fmu}', but \S+ is not there"):
         Simulator(load_system(copied))
-
-
-def test_inputs_that_bend_cost_no_accuracy(simulator, default_system):
-    values = dict(zip(default_system.parameter_names, sample_parameters(default_system, 7, 0).tolist(), strict=True))
-    span = {"start": 0.0, "stop": 40 * 86400.0}
-    inputs = build_inputs(default_system, root_seed=7, index=0, **span)
-    coarse, fine = (simulator.run(values, inputs, **span, tolerance=t).outputs for t in (1e-6, 1e-10))
-    room = default_system.output_names.index("TRoo")
-    assert np.sqrt(np.mean((coarse - fine)[room] ** 2)) < 3e-4  # 7e-4 where steps cross the knots of the weather

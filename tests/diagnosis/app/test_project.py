@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 
 from diagnosis.app.job import Job
-from diagnosis.app.project import MOST, Project, as_toml, combined, in_target
+from diagnosis.app.project import MOST, Project, as_toml, combined
 from shared.errors import RecordingError
 from shared.system import load_system
 from tests.conftest import ROOT
@@ -120,12 +120,6 @@ def test_a_table_is_the_same_after_it_was_written_as_toml(default_system):
     raw = default_system.model_dump(mode="json", exclude={"path"}, exclude_none=True)
     raw["odd"] = {'a "b"\n': "c\\d\x7f", "numbers": [1.5, -2, True, 1e-30], "in": {"deep": [{"x": 1}]}}
     assert tomllib.loads(as_toml(raw)) == raw
-
-
-def test_a_range_is_told_in_the_unit_of_what_the_column_is_to_be(project):
-    fahrenheit = project.look().columns[0].__class__("t", "", "degF", "", "", "", (), (32.0, 212.0))
-    assert in_target(fahrenheit, "K") == "0 to 100 degC"
-    assert "cannot become" in in_target(fahrenheit, "ppm")
 
 
 def test_a_step_is_stopped_within_two_seconds_and_leaves_no_process(project):

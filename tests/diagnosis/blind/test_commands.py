@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from diagnosis.blind.commands import made_of
 from diagnosis.blind.make import make
 from diagnosis.blind.scoring import score
 from diagnosis.blind.truth import default_truth
@@ -31,7 +30,7 @@ def own(default_system, tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("system", "truth", "answers"),
-    [("MixedAirCO2", None, None), ("MixedAirCO2", "mine.toml", None), ("MixedAirCO2/system.toml", None, "a.json")],
+    [("MixedAirCO2", "mine.toml", None), ("MixedAirCO2/system.toml", None, "a.json")],
 )
 def test_the_command_that_is_printed_makes_the_same_answers(own, tmp_path, monkeypatch, system, truth, answers):
     monkeypatch.setattr("diagnosis.blind.make.detectability", length_at_once)
@@ -52,14 +51,3 @@ def test_the_command_that_is_printed_makes_the_same_answers(own, tmp_path, monke
     assert start(app, words) == OK
     assert sha256_of(own / sealed.name) == sha256_of(before)
     assert printed[1].startswith("diagnosis blind run MixedAirCO2 set --out results")
-
-
-def test_a_system_of_its_own_is_named_by_its_file(default_system, tmp_path):
-    """The folder of the name that the system calls itself was not there."""
-    mine = default_system.model_copy(update={"path": tmp_path / "office" / "mine.toml", "description": "another"})
-    (tmp_path / "truth.toml").write_text("")
-    assert made_of(mine, tmp_path / "truth.toml")["system"] == "mine.toml"
-    assert made_of(mine, tmp_path / "truth.toml")["truth"] == "truth.toml"
-    (tmp_path / "truth").mkdir()
-    (tmp_path / "truth" / "truth.toml").write_text("")  # the one beside the system's folder
-    assert made_of(mine, tmp_path / "truth.toml")["truth"] == ""

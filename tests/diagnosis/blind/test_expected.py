@@ -1,8 +1,5 @@
 """What can be expected of verdicts, against lengths that were put into the sealed answers by hand."""
 
-import pytest
-from scipy.stats import norm
-
 from diagnosis.blind.expected import Expected
 from diagnosis.blind.opened import Row
 from diagnosis.blind.scoring import score
@@ -20,13 +17,6 @@ def row(truth, length, beside=None, effects=(), replay=False):
     return Row(answer, Outcome(file="x", sha256="", seconds=0.0), "library", truth, tuple(effects), 1.0)
 
 
-def test_needed_is_the_length_that_gives_the_power():
-    needed = Expected([], LIBRARY).needed
-    # a normal score with mean `needed` passes the level of one of three tests in nine cases of ten
-    level = norm.isf(0.05 / 3)
-    assert norm.sf(level - needed) == pytest.approx(0.9)
-
-
 def test_walls_of_the_same_actuators_are_added():
     nothing = [row("no_gap", 2.0), row("no_gap", 3.0), row("no_gap", 9.0, replay=True)]
     expected = Expected([one.answer for one in nothing], LIBRARY)
@@ -36,23 +26,6 @@ def test_walls_of_the_same_actuators_are_added():
     assert not expected.detectable(row("effect", least + 0.01, effects=["a"], replay=True))
     assert not expected.detectable(nothing[2])  # nothing is there to be seen
     assert not expected.detectable(row("effect", None, effects=["a"]))  # a set without sealed lengths
-
-
-def test_a_gap_is_unlike_the_candidates_if_none_of_them_imitates_it():
-    expected = Expected([row("no_gap", 0.0).answer], LIBRARY)
-    far, near = expected.needed + 1.0, expected.needed - 1.0
-    beside = {"a": near, "b": far}
-    assert not expected.unlike(row("none_of_these", far, beside))
-    assert expected.unlike(row("none_of_these", far, beside), but=["a"])
-    assert expected.unlike(row("none_of_these", far, {"gone": near}))  # no candidate of this library
-    assert not expected.unlike(row("none_of_these", near))
-
-
-def test_a_gap_is_of_its_kind_if_its_own_candidate_imitates_half_of_its_square():
-    expected = Expected([], LIBRARY)
-    assert expected.of_its_kind(row("effect", 10.0, {"a": 7.0, "b": 0.0}, effects=["a"]))  # 49 of 100 are left
-    assert not expected.of_its_kind(row("effect", 10.0, {"a": 7.2, "b": 0.0}, effects=["a"]))
-    assert not expected.of_its_kind(row("effect", None, effects=["a"]))
 
 
 def test_a_score_counts_them_apart(tmp_path):

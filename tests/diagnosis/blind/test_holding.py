@@ -3,12 +3,8 @@
 import numpy as np
 import pytest
 
-from diagnosis.blind.intervals import share
-from diagnosis.blind.opened import Row
-from diagnosis.blind.score_report import held, percent
-from diagnosis.blind.score_schema import Score, read_score
 from diagnosis.blind.scoring import score
-from diagnosis.blind.verdicts import Moved, Outcome, Sized, Verdict
+from diagnosis.blind.verdicts import Moved, Sized, Verdict
 from tests.diagnosis.blind.blind_cases import Case, write_results, write_set
 
 
@@ -86,42 +82,6 @@ def test_intervals_of_a_normal_posterior_are_honest(tmp_path):
         if one.held.n:
             assert one.held.value == pytest.approx(0.9, abs=0.05)
             assert one.error.value == pytest.approx(1.0, abs=0.1)
-
-
-def test_a_plain_share_of_recordings_has_the_interval_of_every_other_share(tmp_path):
-    """A recording has one size, and several parameters: of the first it is a share, of the second a mean of shares."""
-    sizes = [(6.0, 5.0, 7.0)] * 11 + [(4.0, 3.0, 5.0)] * 4
-    told = moved((1.0, 0.5, 2.0), (14.0, 12.0, 16.0))
-    ones = [Case("library", ("a",), sizes=(2.0,), room=4.0, verdict=named("a", size, told)) for size in sizes]
-    folder, answers = write_set(tmp_path / "set", ones)
-    results = write_results(tmp_path / "results", folder, ones)
-    done = score(folder, answers, results, out=tmp_path / "score.html")
-    size, *parameters = done.held
-    assert size.held == share([True] * 11 + [False] * 4)
-    assert held(done)[0][1] == percent(size.held) == "73% (48% to 89%; 11 of 15)"
-    assert "73% (48% to 89%; 11 of 15)" in (tmp_path / "score.html").read_text()
-    after = next(one for one in parameters if "after what was chosen" in one.what).held
-    assert (after.n, after.value, after.low, after.high) == (15, 0.5, 0.5, 0.5)
-    read = read_score(tmp_path / "score.json")
-    assert isinstance(read, Score) and read == done
-
-
-def test_verdicts_without_intervals_are_not_counted(tmp_path):
-    told = {"r": Moved(before=1.0, after=1.0), "v": Moved(before=10.0, after=10.0)}
-    verdict = Verdict(verdict="effect", named=["a"], probabilities={"a": 0.9}, parameters=told)
-    found = scored(tmp_path, [Case("library", ("a",), sizes=(2.0,), room=4.0, verdict=verdict)])
-    assert all(one.held.n == 0 for one in found.values())
-
-
-def test_another_law_s_amplitude_is_no_size_of_its_candidate():
-    """0.05 kg/s of a power law at 4 m/s are not 0.05 kg/m of a straight line."""
-    causes = [
-        {"effect": "wind", "form": "power law", "amplitude": 0.05, "unit": "kg/s"},
-        {"effect": "clock", "form": "", "amplitude": -0.5, "unit": "h"},
-    ]
-    verdict = Verdict(verdict="no_gap", probabilities={}, none=0.5, nothing=0.5)
-    outcome = Outcome(file="0000.nc", sha256="", seconds=1.0, verdict=verdict)
-    assert Row({"causes": causes}, outcome, "two", "effect", ("wind", "clock"), 1.0).true_sizes == {"clock": -0.5}
 
 
 def test_an_answer_whose_fit_was_of_another_cause_is_told_apart(tmp_path):

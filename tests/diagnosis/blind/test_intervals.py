@@ -19,7 +19,7 @@ def test_intervals_are_wilsons_and_the_bootstraps():
     assert found.high - found.low == pytest.approx(2 * 1.96 / 20, rel=0.1)
 
 
-@pytest.mark.parametrize(("hits", "n"), [(0, 3), (3, 3), (1, 4), (7, 20)])
+@pytest.mark.parametrize(("hits", "n"), [(0, 3), (7, 20)])
 def test_wilsons_interval_is_that_of_scipy(hits, n):
     one = share([True] * hits + [False] * (n - hits))
     assert wilson(hits / n, n) == pytest.approx((one.low, one.high), abs=1e-12)

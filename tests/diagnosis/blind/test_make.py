@@ -3,7 +3,6 @@
 import hashlib
 import json
 import shutil
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -181,15 +180,8 @@ def two(system, tmp_path_factory):
     return open_answers(folder, folder.with_name("set.answers.json"))["recordings"]
 
 
-@pytest.mark.parametrize("where", ["make_case", "detectability"])
-def test_what_cannot_be_simulated_is_drawn_anew_and_counted(two, system, tmp_path, monkeypatch, where):
-    made, failed = Generator.make_case, []
-
-    def fails(self, case):
-        if case.index == 1 and case.attempt < 2:
-            failed.append(case)
-            raise SimulationError("stiff")
-        return made(self, case)
+def test_what_cannot_be_simulated_is_drawn_anew_and_counted(two, system, tmp_path, monkeypatch):
+    failed = []
 
     def fails_late(_, path, answer, *__):
         if path.name == "1.nc" and answer["attempt"] < 2:
@@ -197,10 +189,7 @@ def test_what_cannot_be_simulated_is_drawn_anew_and_counted(two, system, tmp_pat
             raise SimulationError("stiff")
         return length_at_once(_, path, answer)
 
-    if where == "make_case":
-        monkeypatch.setattr(Generator, "make_case", fails)
-    else:
-        monkeypatch.setattr("diagnosis.blind.make.detectability", fails_late)
+    monkeypatch.setattr("diagnosis.blind.make.detectability", fails_late)
     make(system, tmp_path / "set", recordings=2, seed=SEED, hours=48.0)
     assert len(failed) == 2
     before, after = two, open_answers(tmp_path / "set", tmp_path / "set.answers.json")["recordings"]
@@ -222,18 +211,13 @@ def singles(system, tmp_path_factory):
     return folders
 
 
-@pytest.mark.parametrize("where", ["publish", "shutil"])
-def test_a_set_that_is_sealed_and_not_published_is_finished_by_the_same_call(
-    singles, system, tmp_path, monkeypatch, where
-):
+def test_a_set_that_is_sealed_and_not_published_is_finished_by_the_same_call(singles, system, tmp_path, monkeypatch):
     def stopped(*_):
         raise KeyboardInterrupt
 
     sets = [singles[0], tmp_path / "set", singles[1]]
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr(
-            f"diagnosis.blind.make.{where}", stopped if where == "publish" else SimpleNamespace(rmtree=stopped)
-        )
+        patch.setattr("diagnosis.blind.make.publish", stopped)
         make(system, sets[1], recordings=1, seed=SEED, hours=48.0)
     whole, again, other = (folder.with_name(f"{folder.name}.answers.json") for folder in sets)
     made = again.read_bytes()

@@ -13,10 +13,3 @@ def test_cells_are_read_as_they_are_written():
     assert steps_of({"rule": "y > 3"}, 0.0, 3600.0, 48, series) is None
     assert steps_of({"rule": "x = 0"}, 0.0, 3600.0, 48, series).sum() == 1
     assert steps_of({"hours": "any", "day_type": "any", "rule": "always"}, 0.0, 3600.0, 48, series).all()
-
-
-def test_a_name_may_have_spaces_and_begin_as_another_does():
-    series = {"sun": np.zeros(48), "sun on the roof": np.arange(48.0)}
-    assert steps_of({"rule": "sun on the roof > 39.5 W/m2"}, 0.0, 3600.0, 48, series).sum() == 8
-    assert steps_of({"rule": "sun > 39.5 W/m2"}, 0.0, 3600.0, 48, series).sum() == 0
-    assert steps_of({"rule": "sun on the wall > 39.5 W/m2"}, 0.0, 3600.0, 48, series) is None

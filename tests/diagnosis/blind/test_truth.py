@@ -11,14 +11,13 @@ from datagen.driving.sampling import sample_parameters
 from datagen.driving.tables import Piecewise, merge
 from datagen.simulating.simulator import Simulator
 from diagnosis.blind.faults import erring
-from diagnosis.blind.processes import Window, autoregressive, drive, process_signal, wandering
+from diagnosis.blind.processes import Window, autoregressive, process_signal
 from diagnosis.blind.room import live
 from diagnosis.blind.truth import (
     Daily,
     Damped,
     Episodes,
     Fault,
-    Form,
     Glare,
     Hump,
     Occupant,
@@ -64,7 +63,7 @@ def test_shipped_file_belongs_to_its_sources(truth):
     assert validate_fmu(str(truth.path.parent / truth.fmu)) == []
 
 
-@pytest.mark.parametrize("day", [15, 105, 195, 285])
+@pytest.mark.parametrize("day", [15, 195])
 def test_finer_walls_alone_stay_near_the_model(model, room, truth, day):
     """No effect: what is left is the walls', within 0.1 K root mean square (a sensor's noise) and 0.4 K at worst."""
     start, stop = day * DAY, (day + 14) * DAY
@@ -269,59 +268,14 @@ def test_clock_and_lags_delay_as_they_should():
     assert drift[-1] == pytest.approx(2.0, abs=0.01)
 
 
-def test_one_sensor_that_controller_and_recording_read_errs_by_one_path(truth, default_system):
-    """What the thermostat reads too much it takes off its set point, and the recording shows."""
-    (form,) = [one for one in truth.forms if one.name == "thermostat that wanders"]
-    (driven,), (fault,) = form.inputs, form.faults
-    assert driven.process.key == fault.key
-    begin, stop, size = 5 * DAY, 12 * DAY, 2.0
-    time = np.arange(begin + HOUR, stop, HOUR)
-    set_point = {driven.input: Piecewise(np.array([begin, 8 * DAY]), np.array([294.0, 291.0]), "previous")}
-    moved = drive(driven, size, set_point, begin, stop, np.random.default_rng(1)).at(time) - set_point["TSet"].at(time)
-    path = wandering(np.random.default_rng(1), begin, stop, fault.hours)
-    error = erring(fault, size * fault.amount, np.zeros(len(time)), time, {}, path)
-    np.testing.assert_allclose(moved[:-1], -0.5 * (error[:-1] + error[1:]), atol=1e-9)  # the set point by the hour
-    assert error.mean() == pytest.approx(size, abs=0.3 * size)
-    assert 0.1 * size < error.std() < 0.6 * size
-
-
-def test_a_walk_goes_on_from_where_the_recording_begins():
-    time = 10 * DAY + 600.0 * np.arange(1, 145)
-    path = Piecewise(np.array([9 * DAY, 11 * DAY]), np.array([1.0, 1.0]))
-    fault = Fault(outputs=["T"], kind="walk", sd=1.0, hours=96.0)
-    walk = erring(fault, 1.0, np.zeros(144), time, {}, path)
-    walk -= erring(fault.model_copy(update={"sd": 0.0}), 1.0, np.zeros(144), time, {}, path)
-    assert walk[0] == pytest.approx(1.0 / np.sqrt(2 * 96 * 720))
-    np.testing.assert_allclose(np.diff(walk), 1.0 / 6 / np.sqrt(2 * 96 * 720))
-
-
-def test_wanders_of_one_key_have_one_length(truth):
-    (form,) = [one for one in truth.forms if one.name == "thermostat that wanders"]
-    raw = form.model_dump()
-    raw["faults"][0]["hours"] = 24.0
-    with pytest.raises(ValueError, match=r"wanders of key 'error' have hours of 24 and 72; expected one length"):
-        Form.model_validate(raw)
-
-
-def test_every_candidate_has_another_form_and_there_are_strangers(truth, default_system):
-    without = {effect.name for effect in default_system.effects} - {form.effect for form in truth.forms}
-    assert not without
-    assert len(truth.outside) >= 5
-    assert truth.strata.none and truth.strata.two
-
-
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [
         ('system = "MixedAirCO2"', 'system = "Other"', "is the truth of 'Other'"),
         ('effect = "plug"', 'effect = "plugs"', "'plugs' is not an effect"),
-        ('input = "ySha"', 'input = "shade"', "'shade' is not an input"),
-        ('outputs = ["CO2"]', 'outputs = ["VOC"]', "'VOC' is not an output"),
         ("step = 600.0", "step = -1.0", "step: Input should be greater than 0"),
         ('noise = "sensor"', 'noise = "sensors"', "measuring.noise is 'sensors'; expected one of none, .*sensor"),
         ("amplitudes = [", "amplitudes = [0.0, 4.0] # [", "amplitudes are 0 to 4; expected 0 < first <= last"),
-        ('presence = "nPer"', 'presence = "nPers"', "presence 'nPers' is not an input of the truth"),
-        ('room = "TRoo"', 'room = "TRoom"', "room 'TRoom' is not an output of the system"),
     ],
 )
 def test_a_wrong_truth_is_refused_with_a_sentence(truth, default_system, tmp_path, old, new, sentence):

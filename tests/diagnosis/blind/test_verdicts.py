@@ -19,11 +19,3 @@ def test_what_every_candidate_has_alike_is_no_reason_to_diagnose_again():
 def test_where_there_is_no_gap_nothing_is_diagnosed_again():
     said = {"a": 0.3, "b": 0.1}
     assert contenders(Verdict(verdict="no_gap", probabilities=said, none=0.2, nothing=0.4, mistaken=0.0)) == []
-
-
-def test_where_the_evidence_points_to_nothing_nothing_is_foremost():
-    """All candidates are alike, but for rounding: none is what the evidence points to."""
-    said = {"a": 0.11 + 1e-9, "b": 0.11, "c": 0.11}
-    one = Verdict(verdict="none_of_these", probabilities=said, none=0.6, nothing=0.07, mistaken=1.0)
-    assert one.foremost == ""
-    assert Verdict(verdict="effect", probabilities={"a": 0.2, "b": 0.7}, none=0.1, nothing=0.0).foremost == "b"

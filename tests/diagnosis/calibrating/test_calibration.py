@@ -32,11 +32,9 @@ def changed(path, change):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda d: d["room"].attrs.update(units="K"), "'room' is in 'K'.*'degC'"),
         (lambda d: d["room"].values.__iadd__(273.15), "declared in degC but is.*look like K"),
         (lambda d: d["room"].values.fill(20.0), "'room' is 20 degC throughout"),
         (lambda d: d.isel(time=slice(0, 20)), "20 h long; expected at least a day"),
-        (lambda d: d.isel(time=slice(None, None, -1)), "time runs backwards or stands still after step 1: "),
         (lambda d: d.drop_vars("room"), "none of the outputs room"),
     ],
 )
@@ -59,7 +57,6 @@ def test_a_description_of_another_fmu_is_told(house, house_recording, default_sy
     ("change", "said"),
     [
         (lambda text: text.replace('name = "ro"', 'name = "roo.V"'), "'roo.V'"),
-        (lambda text: text.replace('variable = "Y"', 'variable = "TRoo"'), "'TRoo'"),
         (lambda text: text.replace('name = "S"', 'name = "HFac"'), "'HFac'"),
     ],
 )
@@ -94,7 +91,6 @@ def test_a_description_whose_variables_the_fmu_lacks(house, house_recording, tmp
             {},
             r"longest stretch without gaps has 19 h \(S in 3 of 48 steps have no value\); without S there would be one",
         ),
-        (lambda d: d["room"].values.fill(np.nan), {}, "no output was measured"),
     ],
 )
 def test_what_a_calibration_needs_is_named(house, house_recording, change, options, said):
@@ -108,10 +104,6 @@ def test_a_file_that_is_no_calibration_is_told(tmp_path):
     (tmp_path / "calibration.json").write_text('{"z": [1.0]}')
     with pytest.raises(RecordingError, match="expected a file of `diagnosis calibrate`"):
         read_calibration(tmp_path)
-    for version in (4, 5, 6):
-        (tmp_path / "calibration.json").write_text(f'{{"schema_version": {version}, "readings_sha256": "0"}}')
-        with pytest.raises(RecordingError, match=rf"is {version}, .* all days .*; expected 8, .*: calibrate again"):
-            read_calibration(tmp_path)
     (tmp_path / "calibration.json").write_text('{"schema_version": 7}')
     with pytest.raises(RecordingError, match=r"is 7, .* temperature's range .*; expected 8, .*: calibrate again"):
         read_calibration(tmp_path)

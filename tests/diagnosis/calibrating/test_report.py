@@ -5,61 +5,23 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagnosis.calibrating.report import _fit, _inputs
-
-NAMES = ["flow", "room"]
-
-
-def done_with(measured, *, found=None):
-    """A calibration of two outputs (outputs, steps) whose model misses them by a ten thousandth."""
-    problem = SimpleNamespace(
-        system=SimpleNamespace(
-            output_names=NAMES,
-            outputs=[
-                SimpleNamespace(name="flow", long_name="air flow", unit="kg/s"),
-                SimpleNamespace(name="room", long_name="", unit="degC"),
-            ],
-        ),
-        measured=measured,
-        floor=np.array([0.01, 0.1]),
-        noise=SimpleNamespace(white=found),
-        time=3600.0 * np.arange(1, 25),
-        drive=SimpleNamespace(start=0.0),
-        recording=SimpleNamespace(began="2001-01-01 00:00"),
-    )
-    return SimpleNamespace(
-        problem=problem,
-        report=SimpleNamespace(outputs=dict.fromkeys(NAMES, SimpleNamespace(used=True))),
-        fit=SimpleNamespace(around=SimpleNamespace(outputs=measured + 0.0001)),
-    )
-
-
-def test_an_output_is_drawn_over_no_less_than_its_sensors_noise(monkeypatch):
-    """A constant reading beside a model that misses it by a hundredth of the noise, and one that moves."""
-    done = done_with(np.array([np.full(24, 0.0697), np.linspace(18.0, 22.0, 24)]))
-    monkeypatch.setattr("diagnosis.calibrating.report.embedded", lambda made: made)
-    panels = _fit(done).axes
-    still, moving = (axes.get_ylim() for axes in panels)
-    assert [axes.get_ylabel() for axes in panels] == ["air flow (flow)\n[kg/s]", "room\n[degC]"]
-    assert (still[1] - still[0], 0.5 * sum(still)) == (pytest.approx(0.04), pytest.approx(0.06975))
-    assert 4.0 < moving[1] - moving[0] < 5.0
-
-
-def driven(done, signals):
-    """The same calibration with signals by the inputs' names."""
-    done.problem.recording.step, done.problem.size, done.problem.values = 3600.0, 0, np.asarray
-    done.problem.system.inputs = [SimpleNamespace(name=name, source="weather", unit="K") for name in signals]
-    done.problem.drive.signals = {name: SimpleNamespace(at=at) for name, at in signals.items()}
-    done.problem.nuisance, done.fit.z = SimpleNamespace(levels=()), np.empty(0)
-    return done
+from diagnosis.calibrating.report import _inputs
 
 
 @pytest.mark.parametrize("inputs", [[], ["ambient"]])
 def test_inputs_of_which_none_moves_are_an_empty_picture(monkeypatch, inputs):
     """A tank in a room whose temperature stays, whose persons were counted, or which has no inputs at all."""
-    done = driven(done_with(np.zeros((2, 24))), dict.fromkeys(inputs, np.zeros_like))
     monkeypatch.setattr("diagnosis.calibrating.report.embedded", lambda made: made)
-    picture, rest = _inputs(done)
+    problem = SimpleNamespace(
+        system=SimpleNamespace(inputs=[SimpleNamespace(name=name, source="weather", unit="K") for name in inputs]),
+        drive=SimpleNamespace(start=0.0, signals={name: SimpleNamespace(at=np.zeros_like) for name in inputs}),
+        recording=SimpleNamespace(began="2001-01-01 00:00", step=3600.0),
+        time=3600.0 * np.arange(1, 25),
+        nuisance=SimpleNamespace(levels=()),
+        size=0,
+        values=np.asarray,
+    )
+    picture, rest = _inputs(SimpleNamespace(problem=problem, fit=SimpleNamespace(z=np.empty(0))))
     (panel,) = picture.axes
     assert not panel.lines and panel.get_xlabel().startswith("days since")
     assert rest == []

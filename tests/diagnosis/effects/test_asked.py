@@ -83,14 +83,9 @@ def test_inputs_changed_in_place_act_as_copies_do(warm):
     [
         ("parameters", KeyError("k"), "parameters fails with KeyError: 'k'"),
         ("parameters", None, "parameters gives a NoneType; expected a dictionary"),
-        ("inputs", ValueError("no wind"), "inputs fails with ValueError: no wind"),
-        ("inputs", lambda inputs: None, "inputs gives a NoneType; expected a dictionary"),
         ("inputs", lambda inputs: inputs | {"wind": inputs["TSet"]}, "inputs has 'wind', which is no input; expected"),
         ("inputs", lambda inputs: {"TSet": inputs["TSet"]}, "inputs lacks '[A-Za-z0-9_]+'; expected TDryBul"),
-        ("inputs", lambda inputs: inputs | {"TSet": 290.0}, "inputs has a float for 'TSet'; expected a Piecewise"),
-        ("outputs", ZeroDivisionError("no"), "outputs fails with ZeroDivisionError: no"),
         ("outputs", lambda outputs: outputs[:2], r"outputs gives the shape \(2, [0-9]+\); expected \(4, "),
-        ("outputs", lambda outputs: "warm", "outputs fails with ValueError"),
     ],
 )
 def test_what_goes_wrong_in_a_strangers_effect_is_told_with_its_name(warm, what, value, said):

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from datagen.driving.tables import Piecewise, merge
-from diagnosis.effects import Effect, Nothing, build, clash, library
+from diagnosis.effects import Nothing, clash, library
 from diagnosis.effects.kinds import lagged
 from diagnosis.effects.shapes import followed, shape_signal, timetable
 from diagnosis.recording import DAY, HOUR, Recording
-from shared.effects import PresenceShape, ShapedEffect, ThresholdShape, TimetableShape
+from shared.effects import PresenceShape, ThresholdShape, TimetableShape
 from shared.errors import RecordingError
 from shared.system import parse_system
 
@@ -46,18 +46,6 @@ def inputs(default_system, recording):
 
 def effects(system):
     return {effect.name: effect for effect in library(system)}
-
-
-def test_library_is_large_and_every_effect_keeps_the_protocol(default_system):
-    found = library(default_system)
-    assert len(found) >= 18
-    assert {effect.kind for effect in found} == {"parameter", "shaped", "input", "sensor"}
-    for effect in found:
-        assert isinstance(effect, Effect)
-        assert effect.lower <= 0 <= effect.upper
-        assert 0 < effect.scale < max(-effect.lower, effect.upper)
-        assert effect.description
-        assert effect.changes
 
 
 def test_zero_is_the_base_and_touches_nothing(default_system, recording, inputs):
@@ -155,21 +143,6 @@ def test_a_mean_that_is_followed_holds_over_its_own_step(default_system, recordi
     fine = read.start + 60.0 * (np.arange(24 * 60) + 0.5)
     assert np.average((fine - read.start) / HOUR, weights=power.at(fine)) == pytest.approx(12.0)
     assert power.times[0] <= read.start - 5 * DAY
-    # instants are joined by straight lines, and what is built from the description knows which are which
-    assert followed("TRoo", inputs, read, names, means).kind == "linear"
-    spec = ShapedEffect(
-        name="heated",
-        kind="shaped",
-        unit="1",
-        parameters={"x": 1.0},
-        input="yPlu",
-        shape=[{"form": "series", "series": "QHea", "reference": 1000.0}],
-        scale=1.0,
-        lower=0.0,
-        upper=1.0,
-    )
-    made = build(spec, default_system).inputs(1.0, inputs, read)["yPlu"]
-    assert (made.kind, made.at(read.start + 8.5 * HOUR), made.at(read.start + 16.5 * HOUR)) == ("previous", 1.0, 0.0)
 
 
 def test_input_effects_by_hand(default_system, recording, inputs):
@@ -209,22 +182,6 @@ def test_lag_follows_a_sine_with_gain_and_phase_of_a_first_order_system():
     expected = np.sin(2 * np.pi * t / period - np.arctan(w)) / np.sqrt(1 + w**2)
     np.testing.assert_allclose(shown[-144:], expected[-144:], atol=2e-4)
     np.testing.assert_allclose(lagged(np.sin(t / period), 1e-3, step), np.sin(t / period), atol=1e-6)
-
-
-def test_meters_are_corrected_where_their_readings_are_replayed(default_system, recording, inputs):
-    """What the model gets is what the meter would show as it is recorded."""
-    read = {**inputs, "QHea_in": Piecewise(recording.time - HOUR, 500.0 + 0 * recording.time, "previous")}
-    meter = effects(default_system)["meter.heater.gain"]
-    true = meter.inputs(0.25, read, recording)["QHea_in"]
-    np.testing.assert_allclose(true.values, 400.0)
-    shown = meter.outputs(0.25, np.tile(true.values, (4, 1)), recording.time)
-    np.testing.assert_allclose(shown[2], 500.0)
-
-
-def test_thermostat_moves_the_set_point_against_its_error(default_system, recording, inputs):
-    thermostat = effects(default_system)["thermostat.bias"]
-    np.testing.assert_allclose(thermostat.inputs(0.5, inputs, recording)["TSet"].values, inputs["TSet"].values - 0.5)
-    assert thermostat.outputs(0.5, recording.outputs, recording.time)[0, 0] == recording.outputs[0, 0] + 0.5
 
 
 def test_two_that_set_the_same_clash(default_system, recording):

@@ -6,8 +6,7 @@ from importlib.metadata import EntryPoint
 import numpy as np
 import pytest
 
-from diagnosis.effects import Nothing, build, library
-from shared.effects import InputEffect, SensorEffect, ShapedEffect
+from diagnosis.effects import Nothing, library
 from shared.errors import SystemDescriptionError
 from shared.system import parse_system
 
@@ -19,15 +18,10 @@ from shared.system import parse_system
         ({"kind": "input", "input": "rain", "operation": "add"}, "'rain' is not an input"),
         ({"kind": "parameter", "parameters": {"roo.V": 1.0}}, "'roo.V' is an estimated parameter"),
         ({"kind": "sensor", "outputs": ["CO2"], "operation": "lag", "lower": -1.0}, "expected lower = 0"),
-        ({"kind": "parameter", "parameters": {"x": 1.0}, "lower": 0.5}, "expected a range with 0"),
         ({"kind": "sensor", "outputs": ["CO2"], "operation": "gain", "lower": -1.0}, "expected more than 0"),
         (
             {"kind": "sensor", "outputs": ["CO2"], "operation": "gain", "factor": -1.0, "upper": 1.5},
             "reaches a gain of -0.5; expected more than 0",
-        ),
-        (
-            {"kind": "sensor", "outputs": ["CO2"], "operation": "lag", "factor": -3600.0},
-            "a lag with factor -3600; expected more than 0",
         ),
         (
             {"kind": "sensor", "outputs": ["QHea"], "operation": "gain", "lower": 0.0, "replayed": {"QHea": "mOA_in"}},
@@ -60,17 +54,6 @@ def _toml(value):
     return f'"{value}"' if isinstance(value, str) else str(value)
 
 
-def test_every_kind_of_the_description_has_a_maker(default_system):
-    common = {"name": "x", "unit": "1", "scale": 1.0, "lower": 0.0, "upper": 1.0}
-    shape = [{"form": "timetable", "hours": [(8.0, 9.0)]}]
-    for spec in (
-        ShapedEffect(kind="shaped", parameters={"effect.window.m0": 1.0}, input="yWin", shape=shape, **common),
-        InputEffect(kind="input", input="TDryBul", operation="add", **common),
-        SensorEffect(kind="sensor", outputs=["CO2"], operation="bias", **common),
-    ):
-        assert build(spec, default_system).kind == spec.kind
-
-
 def test_packages_add_their_own(default_system, monkeypatch):
     made = [Nothing("mine")]
     monkeypatch.setattr(EntryPoint, "load", lambda self: lambda system: made)
@@ -89,15 +72,9 @@ def test_packages_add_their_own(default_system, monkeypatch):
     ("given", "expected"),
     [
         ({"scale": 0.0}, "scale 0; expected a finite number above 0"),
-        ({"scale": -1.0}, "scale -1;"),
         ({"scale": np.nan}, "scale nan;"),
-        ({"scale": np.inf}, "scale inf;"),
         ({"lower": 1.0, "upper": 2.0}, "goes from 1 to 2; expected a range with 0, the base model"),
-        ({"lower": 2.0, "upper": -2.0}, "goes from 2 to -2;"),
-        ({"lower": 0.0, "upper": 0.0}, "goes from 0 to 0;"),
-        ({"upper": np.nan}, "goes from -inf to nan;"),
         ({"scale": "1 K"}, "expected numbers"),
-        ({"lower": None}, "expected numbers"),
     ],
 )
 def test_a_package_gives_no_effect_without_a_scale_and_a_range_about_zero(default_system, monkeypatch, given, expected):

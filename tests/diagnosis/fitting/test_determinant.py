@@ -49,14 +49,3 @@ def test_persons_that_were_counted_count_too(house, house_recording, every):
         up, down = (problem.linearise(sign * width).marginal.logdet for sign in (1, -1))
         assert found.slope[k] == pytest.approx((up - down) / 0.4, rel=0.15, abs=0.3), name
     assert np.abs(found.slope).max() > 5 / every
-
-
-def test_without_a_nuisance_nothing_is_simulated(house, house_recording):
-    system = house("me")
-    record = read_recording(house_recording(hours=48), system)
-    problem = Problem(Simulator(system), record, history=False)
-    problem = problem.with_nuisance(problem.nuisance.only(np.zeros(problem.nuisance.size, dtype=bool)))
-    around = problem.linearise(np.zeros(problem.size))
-    before = problem.simulations
-    assert not determinant(problem, around).slope.any()
-    assert problem.simulations == before

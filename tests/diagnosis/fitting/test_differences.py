@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from diagnosis.fitting.answers import responses
-from diagnosis.fitting.differences import either_way, one_sided
+from diagnosis.fitting.differences import one_sided
 from diagnosis.fitting.nuisance import Nuisance
 from shared.errors import SimulationError
 
@@ -30,25 +30,6 @@ def plane(z, fails=lambda z: False):
 def test_the_side_that_can_be_simulated_gives_the_derivative(fails, found):
     made = one_sided(lambda z: plane(z, fails), np.array([0.5, 1.0]), 1, BOUNDS, 0.1)
     assert made is None if found is None else made == pytest.approx(np.array(found))
-
-
-def test_at_a_bound_the_inner_side_is_left():
-    z = np.array([3.0, 0.0])
-    assert one_sided(plane, z, 0, BOUNDS, 0.1) == pytest.approx(np.array([[2.0, 0.0]]))
-    assert one_sided(lambda z: plane(z, lambda z: z[0] < 3.0), z, 0, BOUNDS, 0.1) is None
-
-
-def test_runs_that_fail_are_turned_round_or_given_up():
-    def simulate(runs):
-        return [plane(run, lambda z: z[0] > 0 or z[1] == 7.0) for run in runs]
-
-    right, turned, lost = either_way(simulate, [np.array([-1.0, 0.0]), np.array([1.0, 2.0]), np.array([0.0, 7.0])])
-    assert right[0] == 1.0
-    assert turned[0] == -1.0
-    assert turned[1] == pytest.approx(plane(np.array([-1.0, -2.0])))
-    # the last: turned round it is -7, which can be simulated
-    assert lost[0] == -1.0
-    assert either_way(lambda runs: [plane(run, lambda z: True) for run in runs], [np.ones(2)]) == [(1.0, None)]
 
 
 def test_pulses_whose_simulation_fails_are_measured_the_other_way_round():

@@ -7,7 +7,7 @@ from scipy.stats import norm
 from datagen.driving.occupancy import sample_occupancy
 from datagen.simulating.simulator import Simulator
 from diagnosis.effects.base import Nothing
-from diagnosis.fitting.fit import LEAPING, fit
+from diagnosis.fitting.fit import fit
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.unknowns import Unknowns
 from diagnosis.recording import read_recording
@@ -69,19 +69,6 @@ class Jump(Nothing):
         return outputs + amplitude * (time > time.mean())
 
 
-def test_a_fit_goes_on_while_it_is_far_from_rest(house, house_recording):
-    """From a corner of the prior one round is not enough; as many more are made as move far, and no more."""
-    system = house("me")
-    problem = Problem(Simulator(system), read_recording(house_recording(), system), history=False)
-    corner = [np.array([2.5, -2.5, -2.5, 2.5])]
-    once = fit(problem, corner, rounds=1)
-    assert len(once.history) == 1 and once.history[0][1] > LEAPING
-    more = fit(problem, corner, rounds=1, restless=6)
-    moved = [one for _, one in more.history]
-    assert 1 < len(moved) < 7 and moved[-1] < LEAPING < min(moved[:-1])
-    assert more.log_evidence > once.log_evidence
-
-
 def test_an_effect_joins_the_unknowns(house, house_recording):
     """A bias of 0.4 K that comes with the second half is found together with the parameters, as large as it is."""
     system = house("me")
@@ -136,18 +123,18 @@ def test_bounds_are_flagged(house, house_recording):
 
 @pytest.mark.slow
 def test_errors_are_as_large_as_the_posterior_says(house, house_recording):
-    """Four houses whose persons nobody counted: standardised errors are neither too large nor too small."""
+    """Three houses whose persons nobody counted: standardised errors are neither too large nor too small."""
     system = house("me")
     simulator = Simulator(system)
     errors = []
-    for seed in range(4):
+    for seed in range(3):
         rng = np.random.default_rng(100 + seed)
         z = 0.7 * rng.standard_normal(4)
         values = dict(zip(TRUTH, Unknowns(system, (), (), ()).values(z), strict=True))
-        persons = sample_occupancy(system.occupancy, rng, -240 * 3600.0, 144 * 3600.0)
-        half_hours = -240 * 3600.0 + 1800 * np.arange(768)
+        persons = sample_occupancy(system.occupancy, rng, -240 * 3600.0, 96 * 3600.0)
+        half_hours = -240 * 3600.0 + 1800 * np.arange(672)
         crowd = np.mean([persons.at(half_hours + 60 * k) for k in range(30)], axis=0)
-        record = read_recording(house_recording(144, seed=seed, persons=crowd, values=values, count=False), system)
+        record = read_recording(house_recording(96, seed=seed, persons=crowd, values=values, count=False), system)
         found = fit(Problem(simulator, record))
         errors.append((found.z[:4] - z) / found.sd[:4])
     errors = np.array(errors)

@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from diagnosis.fitting.gaussian import factor, no_less_than_nothing, root, triangle
+from diagnosis.fitting.gaussian import factor, no_less_than_nothing
 
 
 def exact_logdet(columns):
@@ -44,10 +44,3 @@ def test_a_long_column_costs_a_short_one_nothing():
     left = no_less_than_nothing(gram)
     assert left[2, 2] == 0 and left[1, 1] == pytest.approx(4.0, rel=0.2)
     assert np.linalg.eigvalsh(left / np.sqrt(np.outer([1e30, 1, 1], [1e30, 1, 1])))[0] > -1e-12
-
-
-def test_a_root_of_what_does_not_vary():
-    covariance = np.zeros((3, 3))
-    np.testing.assert_array_equal(root(covariance), covariance)
-    rows = np.random.default_rng(1).standard_normal((7, 3))
-    np.testing.assert_allclose(triangle(rows), np.linalg.cholesky(rows.T @ rows))

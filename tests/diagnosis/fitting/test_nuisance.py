@@ -8,7 +8,6 @@ from datagen.simulating.simulator import Simulator
 from diagnosis.fitting.linearisation import Marginal
 from diagnosis.fitting.nuisance import Level, Nuisance
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.unmeasured import RARE
 from diagnosis.recording import read_recording
 
 HOUR = 3600.0
@@ -27,18 +26,6 @@ def test_marginal_is_dense_algebra():
     assert marginal.logdet == pytest.approx(np.linalg.slogdet(covariance)[1])
     posterior = np.linalg.inv(np.eye(8) + by.T @ by)
     np.testing.assert_allclose(marginal.unknowns(residual), posterior @ by.T @ residual, atol=1e-9)
-
-
-@pytest.mark.parametrize("few", [True, False])
-def test_a_response_by_unknowns_is_a_product_with_the_factor(few):
-    """Whether the factor's zeros are left out or not."""
-    rng = np.random.default_rng(1)
-    factor = np.where(rng.random((60, 50)) < (0.02 if few else 0.5), rng.standard_normal((60, 50)), 0.0)
-    none = np.zeros(60)
-    pulses = Nuisance(none.astype(int), none, none + 1, none > 0, none == 0, none, factor)
-    response = rng.standard_normal((2, 7, 60))
-    np.testing.assert_allclose(pulses.by_unknown(response), response @ factor, atol=1e-12)
-    assert pulses.by_unknown(response[:, :0]).shape == (2, 0, 50)
 
 
 def test_pulses_are_added_where_they_belong():
@@ -96,14 +83,3 @@ def test_the_usual_day_and_its_level_are_those_of_the_sampler(house, house_recor
     ratio = persons.std(axis=0)[busy] / wanted.std(axis=0)[busy]
     assert busy.sum() > 30
     assert 0.9 < ratio.min() <= ratio.max() < 1.4
-
-
-def test_an_early_comer_of_a_saturday_is_rare_and_not_impossible(house, house_recording):
-    """Every day has pulses at the hours of which any has some, each as uncertain as several who come at once."""
-    system = house("me")
-    record = read_recording(house_recording(hours=168, count=False), system)
-    nuisance = Problem(Simulator(system), record, occupancy="unknown", history=False).nuisance
-    nuisance = nuisance.only(nuisance.guessed)
-    day, hour = np.divmod(nuisance.begin - record.start, 24 * HOUR)
-    assert len({tuple(hour[day == one]) for one in range(7)}) == 1
-    assert nuisance.sd.min() == pytest.approx(RARE * nuisance.sd.max(), rel=0.01)

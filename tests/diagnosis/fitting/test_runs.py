@@ -25,8 +25,6 @@ def effects(system):
     presence = {"form": "presence", "series": "nPer", "half": 2.0}
     return {
         "window.warm": named["window.warm"],
-        "window.airing": named["window.airing"],
-        "gain": on_persons(system, "gain"),
         "shift": on_persons(system, "shift", HALF_HOUR),
         "add": on_persons(system, "add", 5.0, [presence]),
     }
@@ -39,7 +37,7 @@ def moved(problem, effect, z, heights):
     return other.simulate(np.insert(z, place, 2.0), heights) - problem.simulate(z, heights)
 
 
-@pytest.mark.parametrize("name", ["window.warm", "window.airing", "gain", "shift", "add"])
+@pytest.mark.parametrize("name", ["window.warm", "shift", "add"])
 def test_who_was_not_counted_acts_as_if_counted(warm, name):
     simulator, recording = warm
     effect = effects(simulator.system)[name]
@@ -50,44 +48,6 @@ def test_who_was_not_counted_acts_as_if_counted(warm, name):
     found = moved(unknown, effect, *as_counted(unknown, recording, 7.0))[:2, late]
     assert (np.sqrt((wanted**2).mean(axis=1)) > MOVED).all()
     assert (np.abs(found - wanted).max(axis=1) < 0.02 * np.abs(wanted).max(axis=1)).all()
-
-
-def test_an_effect_follows_the_persons_and_their_level_of_its_own_run(warm):
-    """With nobody there a window stays closed, after runs with persons too; a fuller room opens it further."""
-    simulator, recording = warm
-    effect = effects(simulator.system)["window.warm"]
-    problem = Problem(simulator, recording, occupancy="unknown", uncertain=False, warm_up=HALF_HOUR)
-    z, heights = as_counted(problem, recording, 7.0)
-    some = moved(problem, effect, z, heights)
-    nobody = moved(problem, effect, z, np.zeros_like(heights))
-    np.testing.assert_allclose(nobody[:2], 0.0, atol=0.02 * np.abs(some[:2]).max())
-    table = problem.with_effects([effect])
-    opened = []
-    for level in (2.0, 7.0):
-        z, _ = as_counted(problem, recording, level)
-        run = table._runs.run(table.unknown, table.nuisance, np.insert(z, len(table.system.parameters), 2.0), heights)
-        opened.append(run.inputs.left[:, run.inputs.names.index("yWin")])
-    assert (opened[0] <= opened[1] + 1e-12).all()
-    assert opened[0].sum() < 0.8 * opened[1].sum()
-    np.testing.assert_array_equal(moved(problem, effect, *as_counted(problem, recording, 7.0)), some)
-
-
-def test_a_warm_up_is_shared_where_persons_differ_in_the_recording_only(warm):
-    """An effect that follows persons changes the warm-up by those before the recording, and by no others."""
-    simulator, recording = warm
-    effect = effects(simulator.system)["window.warm"]
-    problem = Problem(simulator, recording, occupancy="unknown", uncertain=False, effects=[effect])
-    z = np.insert(np.zeros(problem.size - 1), len(problem.system.parameters), 2.0)
-    nuisance = problem.nuisance
-    persons = nuisance.column == nuisance.levels[0].column
-
-    def before(pulses):
-        run = problem._runs.run(problem.unknown, nuisance, z, nuisance.mean + 0.5 * pulses)
-        return run.inputs.restricted(run.start, run.record_from).left[:, run.inputs.names.index("yWin")]
-
-    plain = before(np.zeros(nuisance.size))
-    np.testing.assert_array_equal(before(persons & nuisance.recorded), plain)
-    assert np.abs(before(persons & ~nuisance.recorded) - plain).max() > 0.01
 
 
 def test_pulses_of_persons_answer_with_the_effect_that_follows_them(warm):

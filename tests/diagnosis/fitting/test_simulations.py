@@ -6,12 +6,8 @@ import numpy as np
 import pytest
 
 from datagen.driving.tables import Piecewise, merge
-from datagen.simulating.simulator import Simulator
-from diagnosis.fitting.fit import fit
-from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.run import Run
-from diagnosis.fitting.simulations import FOLDER, KEPT, Kept, Simulations, key_of
-from diagnosis.recording import read_recording
+from diagnosis.fitting.simulations import FOLDER, Kept, Simulations, key_of
 from shared.errors import SimulationError, TimeUp
 
 
@@ -31,35 +27,6 @@ def a_run(value=1.0):
     return Run({"a": value, "b": 2.0}, table, start=0.0, stop=10.0, record_from=0.0)
 
 
-def test_what_was_asked_singly_is_not_simulated_again():
-    memory = Simulations(runner := Counting())
-    (first,) = memory.map([a_run()])
-    assert memory.asked == 1
-    kept = first.copy()
-    first += 100.0  # what was handed out is not what is remembered
-    outcomes = memory.map([a_run(2.0), a_run(), a_run(3.0)])
-    assert (memory.asked, runner.asked) == (3, 3)
-    np.testing.assert_array_equal(outcomes[1], kept)
-    assert [one[0, 0] for one in (outcomes[0], outcomes[2])] == [2.0, 3.0]
-    memory.map([a_run(2.0)])  # runs of a batch are not kept
-    assert memory.asked == 4
-
-
-def test_failures_and_what_is_long_ago_are_simulated_again():
-    memory = Simulations(Counting())
-    for _ in range(2):
-        (found,) = memory.map([a_run(-1.0)])
-        assert isinstance(found, SimulationError)
-    assert memory.asked == 2
-    for k in range(KEPT + 1):
-        memory.map([a_run(float(k))])
-    before = memory.asked
-    memory.map([a_run(1.0)])
-    assert memory.asked == before
-    memory.map([a_run(0.0)])
-    assert memory.asked == before + 1
-
-
 @pytest.mark.parametrize(
     "other",
     [
@@ -77,18 +44,6 @@ def test_another_run_is_simulated(other):
     memory.map([a_run()])
     memory.map([replace(a_run(), **other)])
     assert memory.asked == 2
-
-
-def test_a_fit_is_the_same_to_the_last_bit_and_takes_fewer_simulations(house, house_recording, monkeypatch):
-    system = house("me")
-    record, simulator = read_recording(house_recording(hours=48), system), Simulator(system)
-    found = fit(Problem(simulator, record, history=False))
-    known = Simulations.map
-    monkeypatch.setattr(Simulations, "map", lambda self, runs: self._latest.clear() or known(self, runs))
-    plain = fit(Problem(simulator, record, history=False))
-    np.testing.assert_array_equal(found.z, plain.z)
-    np.testing.assert_array_equal(found.covariance, plain.covariance)
-    assert found.simulations < plain.simulations - 5
 
 
 def saved(folder, about="room", **options):

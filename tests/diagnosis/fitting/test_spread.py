@@ -20,12 +20,6 @@ def test_a_swing_is_damped_to_its_fixed_point():
     assert np.abs(path[-1]).max() < 0.01
 
 
-def test_a_fit_that_comes_to_rest_by_itself_is_left_alone():
-    first = _rounds(lambda z: 0.1 * z + 0.9, SWINGING)
-    np.testing.assert_array_equal(first[-1], 0.1 * first[-2] + 0.9)
-    np.testing.assert_array_equal(swung(first, first[-1], SWINGING - 1), np.zeros((2, 2)))
-
-
 def test_what_jumps_for_ever_is_not_known_better_than_the_jump():
     """No fixed point: from either side the optimum lies on the other one."""
     path = _rounds(lambda z: np.array([-1.0 if z[0] > 0 else 1.0, 0.5]), 16)

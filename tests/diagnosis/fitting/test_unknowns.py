@@ -9,7 +9,7 @@ from datagen.simulating.simulator import Simulator
 from diagnosis.blind.truth import default_truth, load_truth
 from diagnosis.effects.base import Nothing
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.unknowns import LIMIT, Unknowns, within_limit
+from diagnosis.fitting.unknowns import Unknowns
 from diagnosis.recording import read_recording
 from shared.errors import SystemDescriptionError
 from shared.system import load_system, system_from_canonical
@@ -72,19 +72,3 @@ def test_finer_walls_do_not_bend_the_parameters(room, simulator, replay, tmp_pat
         off[uncertain] = (moved / np.sqrt(np.diag(np.linalg.inv(information))))[: len(room.parameters)]
     assert np.abs(off[False]).max() > 2.0
     assert np.abs(off[True]).max() < 1.0
-
-
-def test_a_problem_can_hold_them(room, simulator, tmp_path):
-    path = tmp_path / "room.nc"
-    simulate(room, seed=4000, index=1, out=path)
-    record = read_recording(path, room)
-    held = Problem(simulator, record, occupancy="measured", uncertain=False)
-    free = Problem(simulator, record, occupancy="measured")
-    assert free.size - held.size == len(room.uncertain)
-    np.testing.assert_array_equal(free.simulate(np.zeros(free.size)), held.simulate(np.zeros(held.size)))
-
-
-def test_an_interval_of_a_factor_is_shown_as_far_as_a_fit_takes_it():
-    ends = np.exp(-LIMIT * 0.3), np.exp(LIMIT * 0.3)
-    assert [within_limit(one, 0.3) for one in (0.2135, 0.5, 9.0)] == pytest.approx([ends[0], 0.5, ends[1]])
-    assert within_limit(9.0, None) == 9.0

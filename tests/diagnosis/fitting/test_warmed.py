@@ -1,6 +1,5 @@
-"""Runs in two parts: the same outputs, fewer warm-ups, and none of it where an FMU remembers more than its states."""
+"""Runs in two parts: the same outputs, and not cut where an FMU remembers more than its states."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,18 +12,6 @@ from diagnosis.fitting.warmed import Warmed
 from diagnosis.recording import HOUR
 
 BEFORE, LENGTH = 48 * HOUR, 24 * HOUR
-
-
-class Counted:
-    """A simulator whose runs are counted."""
-
-    def __init__(self, simulator):
-        self.simulator, self.starts = simulator, []
-        self.system, self.fmu = simulator.system, simulator.fmu
-
-    def run(self, parameters, inputs, **arguments):
-        self.starts.append(arguments["start"])
-        return self.simulator.run(parameters, inputs, **arguments)
 
 
 @pytest.fixture
@@ -44,7 +31,7 @@ def room(default_system):
         middle = {one.name: float(one.from_unit(0.5)) for one in system.parameters}
         return Run(middle, inputs, start=0.0, stop=BEFORE + LENGTH, record_from=BEFORE, tolerance=1e-6)
 
-    return Counted(Simulator(system)), run
+    return Simulator(system), run
 
 
 def test_two_parts_give_what_one_gives(room):
@@ -52,25 +39,11 @@ def test_two_parts_give_what_one_gives(room):
     warmed = Warmed(simulator)
     found = warmed.outputs(run(8.0))
     assert warmed.cut is True
-    whole = simulator.simulator.run(
+    whole = simulator.run(
         run(8.0).parameters, run(8.0).inputs, start=0.0, stop=BEFORE + LENGTH, record_from=BEFORE, tolerance=1e-6
     ).outputs
     accuracy = np.array([[one.accuracy] for one in simulator.system.outputs])
     assert (np.abs(found - whole) <= 0.3 * accuracy).all()
-
-
-def test_warm_ups_are_made_once_and_change_nothing(room):
-    simulator, run = room
-    warmed = Warmed(simulator)
-    warmed.outputs(run(0.0))
-    simulator.starts.clear()
-    found = warmed.outputs(run(8.0))
-    assert simulator.starts == [BEFORE]  # the recording only
-    warmed.outputs(run(8.0, temperature=270.0))
-    assert simulator.starts == [BEFORE, 0.0, BEFORE]  # another past
-    fresh = Warmed(simulator)
-    fresh.cut = True
-    np.testing.assert_array_equal(found, fresh.outputs(run(8.0)))
 
 
 class Relay:
@@ -95,12 +68,3 @@ def test_an_fmu_that_remembers_more_than_its_states_is_not_cut(room, hidden):
     for _ in range(2):
         np.testing.assert_array_equal(warmed.outputs(run(1.0)), np.ones((1, 24)))
     assert warmed.cut is False
-
-
-def test_without_a_past_there_is_nothing_to_cut(room):
-    simulator, run = room
-    one = run(0.0)
-    warmed = Warmed(simulator)
-    warmed.outputs(replace(one, record_from=0.0))
-    assert simulator.starts == [0.0]
-    assert warmed.cut is None

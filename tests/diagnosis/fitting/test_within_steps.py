@@ -89,21 +89,6 @@ def test_a_single_change_is_found_where_it_was(default_system, tmp_path):
     assert (nuisance.end <= 20 * HOUR).all()
 
 
-def test_means_unlike_any_draw_are_less_certain(default_system, tmp_path):
-    """Persons who come and go every other hour all day are no room of this description."""
-    record = recording(tmp_path, 24)
-    usual, unheard = np.zeros(24), np.zeros(24)
-    usual[9:17] = 10.0
-    unheard[::2] = 10.0
-
-    def spread(values):
-        nuisance, _ = counted(default_system.occupancy, 0, record, Piecewise(record.time - HOUR, values, "previous"))
-        found = np.trace(covariances(nuisance, 24), axis1=1, axis2=2)
-        return np.sqrt(found.max())
-
-    assert spread(unheard) > 1.5 * spread(usual)
-
-
 def test_short_steps_and_an_empty_room_have_nothing_within(default_system, tmp_path):
     record = recording(tmp_path, 24, 300.0)
     signal = Piecewise(record.time - 300.0, np.arange(24.0), "previous")

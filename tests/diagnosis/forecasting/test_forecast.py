@@ -75,12 +75,12 @@ def test_a_recording_that_ends_too_early_is_told(house, house_recording):
 @pytest.mark.slow
 def test_a_calibration_from_a_file_has_the_bands_of_one_that_was_just_made(house, house_recording, tmp_path):
     """Readings far noisier than the description's floor: their noise is the calibration's, also from its file."""
-    system, path = house("me"), house_recording(hours=192, noise=0.4)
+    system, path = house("me"), house_recording(hours=96, noise=0.4)
     record = read_recording(path, system)
-    inputs = {name: values[:96] for name, values in record.inputs.items()}
-    first = replace(record, time=record.time[:96], outputs=record.outputs[:, :96], inputs=inputs)
-    calibrate(system.with_experiment(hours=96.0), first, starts=1, out=tmp_path / "calibration")
-    common = {"context": 96, "ahead": 96, "draws": 60}
+    inputs = {name: values[:48] for name, values in record.inputs.items()}
+    first = replace(record, time=record.time[:48], outputs=record.outputs[:, :48], inputs=inputs)
+    calibrate(system.with_experiment(hours=48.0), first, starts=1, out=tmp_path / "calibration")
+    common = {"context": 48, "ahead": 48, "draws": 30}
     fresh = forecast(system, path, starts=1, **common)
     again = forecast(system, path, calibration=tmp_path / "calibration", **common)
     np.testing.assert_allclose(again.high - again.low, fresh.high - fresh.low, rtol=1e-3)
@@ -103,21 +103,11 @@ def test_a_calibration_from_a_file_has_the_bands_of_one_that_was_just_made(house
     [
         ({"context": 0, "ahead": 24}, "context is 0 h; expected more than 0"),
         ({"context": 48, "ahead": -24}, "ahead is -24 h; expected more than 0"),
-        ({"context": 48, "ahead": 0}, "ahead is 0 h; expected more than 0"),
         ({"context": 48, "ahead": 0.1}, "which do not divide 48.1 h"),
-        (
-            {"context": 48, "ahead": 24, "warm_up": -5.0},
-            "warm_up is -5 h; expected at least a step of the recording, 1 h",
-        ),
-        (
-            {"context": 48, "ahead": 24, "warm_up": 0.0},
-            "warm_up is 0 h; expected at least a step of the recording, 1 h",
-        ),
         (
             {"context": 48, "ahead": 24, "warm_up": 0.4},
             "warm_up is 0.4 h; .* the FMU's start values would count as known",
         ),
-        ({"context": float("inf"), "ahead": 24}, "inf h are asked for; expected a step of it at least, 1 h"),
         ({"context": 48, "ahead": float("inf")}, "inf h are asked for; expected a step"),
         ({"context": 1e-9, "ahead": 24}, "1e-09 h are asked for; expected a step of it at least, 1 h"),
         ({"context": 48, "ahead": 24, "starts": 0}, "starts is 0; expected at least 1"),
@@ -132,9 +122,7 @@ def test_hours_that_are_none_are_told(house, house_recording, options, said):
     ("words", "said"),
     [
         (["--starts", "2"], "and starts beside it"),
-        (["--run", "MixedAirCO2"], "and run beside it"),
         (["--run", "MixedAirCO2", "--starts", "1"], "and run and starts beside it"),
-        (["--noise", "none"], "and noise beside it"),
         (["--noise", "sensor"], "and noise beside it"),
     ],
 )
@@ -200,10 +188,8 @@ def test_the_command_goes_on_from_a_calibration(house, house_recording, tmp_path
     ("names", "relative", "said"),
     [
         ("ab", 0.3, None),
-        ("ba", 0.3, "constant 'a'"),
         ("ab", 0.1, "'a' is 1.35; the description has 'a' there"),
         ("abc", 0.3, r"has 2 uncertain constants \(a, b\), the description 3 \(a, b, c\)"),
-        ("", 0.3, r"the description 0 \(none\)"),
     ],
 )
 def test_a_calibration_with_other_uncertain_constants_is_refused(names, relative, said):

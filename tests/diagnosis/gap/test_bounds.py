@@ -6,13 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.integrate import quad, trapezoid
-from scipy.special import log_ndtr, logsumexp
+from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 
 from diagnosis.effects.base import Nothing
 from diagnosis.gap.colours import Colours
 from diagnosis.gap.grams import AMPLITUDE, Grams
-from diagnosis.gap.pictures import draw_angles, draw_candidates
+from diagnosis.gap.pictures import draw_candidates
 from diagnosis.gap.refit import Refit
 from diagnosis.gap.scan import LEVEL, PRIORS, mass, scan
 from diagnosis.gap.searched import evidence_before
@@ -23,7 +23,7 @@ from tests.diagnosis.gap.test_linear import HOUR, covariance_of, problem_of, see
 
 WHITE = (1.0, 0.0, HOUR)
 SURE = Colours({0: WHITE, 1: WHITE}, {k: [(WHITE, 1.0)] for k in (0, 1)}, 0.0)
-BOUNDS = [(0.0, np.inf), (-np.inf, np.inf), (-5.0, 0.0), (-0.3, 0.3), (-0.5, 4.0), (0.0, 2.0), (-3.0, 0.2)]
+BOUNDS = [(0.0, np.inf), (-np.inf, np.inf), (-0.3, 0.3), (-3.0, 0.2)]
 
 
 def scanned(lin, twins=None):
@@ -39,24 +39,14 @@ def with_bounds(lin, *bounds):
     return lin
 
 
-@pytest.mark.parametrize(
-    "bounds", [(-1.0, 2.0), (1.0, 2.0), (-2.0, -1.0), (-np.inf, 0.3), (0.3, np.inf), (-1e-9, 1e-9)]
-)
+@pytest.mark.parametrize("bounds", [(-1.0, 2.0), (-2.0, -1.0), (0.3, np.inf), (-1e-9, 1e-9)])
 def test_what_a_normal_holds_between_bounds(bounds):
     expected = np.log(quad(norm.pdf, *bounds, epsabs=0)[0])
     assert float(mass(*map(np.array, bounds))) == pytest.approx(expected, abs=1e-7)
 
 
-@pytest.mark.parametrize("bounds", [(40.0, 41.0), (-41.0, -40.0), (900.0, np.inf)])
-def test_far_out_as_well(bounds):
-    """Mills' ratio: a tail is its density over the distance, less a share of one over its square."""
-    near = min(map(abs, bounds))
-    found = float(mass(*map(np.array, bounds)))
-    assert found == pytest.approx(norm.logpdf(near) - np.log(near) - 1 / near**2, abs=1e-5)
-
-
 @pytest.mark.parametrize("bounds", BOUNDS)
-@pytest.mark.parametrize("truth", [-0.6, 0.0, 1.0])
+@pytest.mark.parametrize("truth", [-0.6, 1.0])
 def test_the_evidence_of_a_candidate_is_over_the_amplitudes_that_it_may_have(bounds, truth):
     rng = np.random.default_rng(21)
     lin = with_bounds(problem_of(rng, effects=1), bounds)
@@ -71,19 +61,6 @@ def test_the_evidence_of_a_candidate_is_over_the_amplitudes_that_it_may_have(bou
         values = norm(0, sd).logpdf(a) - np.log(inside) + a * score - 0.5 * a**2 * size
         parts.append(np.log(trapezoid(np.exp(values - values.max()), a)) + values.max())
     assert found.evidence[0] == pytest.approx(logsumexp(parts) - np.log(len(PRIORS)), abs=1e-5)
-
-
-def test_of_one_sign_without_further_bound_it_is_that_of_a_half_normal():
-    """What constants were chosen with."""
-    rng = np.random.default_rng(22)
-    lin = with_bounds(problem_of(rng, effects=2), (0.0, np.inf), (-np.inf, np.inf))
-    lin.residual = rng.standard_normal(lin.residual.shape) + 0.2 * lin.by_effect[..., 0]
-    found, twins = scanned(lin)
-    size, score = np.diag(twins.left.information), twins.left.score
-    either = np.array([-0.5 * np.log(1 + size * s**2) + 0.5 * score**2 / (size + s**-2) for s in PRIORS])
-    half = np.log(2) + np.array([log_ndtr(score[0] / np.sqrt(size[0] + s**-2)) for s in PRIORS])
-    expected = logsumexp(either + np.column_stack([half, 0 * half]), axis=0) - np.log(len(PRIORS))
-    np.testing.assert_allclose(found.evidence, expected, rtol=1e-12)
 
 
 def test_a_candidate_is_no_gap_by_amplitudes_that_it_may_not_have():
@@ -161,12 +138,9 @@ def opposed(first, second, cosine=-0.99):
     ("first", "second", "expected"),
     [
         ((0.0, 5.0), (0.0, 5.0), (False, False)),  # each would have to go below zero
-        ((-5.0, 5.0), (0.0, 5.0), (True, True)),
         ((0.0, 5.0), (-5.0, 0.0), (True, True)),
         ((0.0, 5.0), (-0.1, 5.0), (False, False)),  # a tenth is not enough to look like two
-        ((-0.1, 5.0), (0.0, 5.0), (False, False)),  # and less than two is not what is asked
         ((-1.5, 1.5), (0.0, 1.4), (True, True)),  # neither may be two: as large as it may be
-        ((-0.1, 1.5), (0.0, 1.4), (False, False)),
     ],
 )
 def test_what_a_gap_would_be_mistaken_for_may_look_like_it(first, second, expected):
@@ -174,20 +148,6 @@ def test_what_a_gap_would_be_mistaken_for_may_look_like_it(first, second, expect
     assert abs(found.cosines[0, 1]) > 0.99
     assert [1 in found.alike(0, 2.0), 0 in found.alike(1, 2.0)] == [*expected]
     assert 2 not in found.alike(0, 2.0)
-
-
-def test_angles_are_between_what_amplitudes_may_make():
-    found = opposed((0.0, 5.0), (0.0, 5.0))
-    assert found.nearest[0, 1] == 0.0
-    np.testing.assert_allclose(np.diag(found.nearest), 1.0)
-    either = opposed((0.0, 5.0), (-5.0, 5.0))
-    np.testing.assert_allclose(either.nearest[0, 1], -either.cosines[0, 1])
-    np.testing.assert_allclose(opposed((-5.0, 0.0), (-5.0, 0.0), 0.99).nearest[0, 1], either.nearest[0, 1], rtol=1e-2)
-    stage = SimpleNamespace(scan=found)
-    axes = draw_angles(SimpleNamespace(search=SimpleNamespace(stages=[stage]))).axes[0]
-    names = [one.get_text() for one in axes.get_xticklabels()]
-    shown = axes.images[0].get_array()
-    assert shown[names.index("effect 0"), names.index("effect 1")] == pytest.approx(90.0)
 
 
 def test_nine_of_ten_effects_of_the_size_that_is_said_to_be_seen_are_seen():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from diagnosis.gap.colours import FLOORS, Colours, discrepancy, estimated_colours, mean_colour
+from diagnosis.gap.colours import FLOORS, discrepancy, estimated_colours
 from diagnosis.gap.grams import Grams
 from diagnosis.gap.stages import STRONG
 from tests.diagnosis.gap.test_linear import HOUR, covariance_of, drawn, problem_of, seen
@@ -28,14 +28,6 @@ def test_a_slow_noise_is_recognised_and_a_discrepancy_measured():
     assert colours[0][1] > 2 > colours[1][1]
 
 
-def test_a_mean_colour_has_the_mean_variances_and_a_memory_between():
-    white, slow = (2.0, 0.0, HOUR), (2.0 * np.sqrt(0.5), 2.0 * np.sqrt(0.5), 10 * HOUR)
-    found = mean_colour([(white, 0.4), (slow, 0.6)], 2.0)
-    # 0.4 + 0.6 / 2 of the variance 4 is white and 0.6 / 2 slow, whose memory only the slow one has
-    assert found == pytest.approx((2.0 * np.sqrt(0.7), 2.0 * np.sqrt(0.3), 10 * HOUR))
-    assert mean_colour([(white, 1.0)], 2.0) == (2.0, 0.0, HOUR)
-
-
 @pytest.mark.parametrize("memory", [10.0, 40.0])
 def test_a_slow_error_of_the_models_own_is_none_and_a_larger_one_is_a_discrepancy(memory):
     """What a model that is nearly right lacks must not be called a gap, nor take up one that is there."""
@@ -53,30 +45,3 @@ def test_a_slow_error_of_the_models_own_is_none_and_a_larger_one_is_a_discrepanc
 
     assert np.mean(gains(FLOORS[0]) > STRONG) <= 0.1
     assert np.mean(gains(1.5) > STRONG) >= 0.8
-
-
-def test_a_discrepancy_pays_for_the_choice_among_its_eight_colours():
-    rng = np.random.default_rng(9)
-    lin = problem_of(rng, outputs=1)
-    plain = (1.0, 0.0, HOUR)
-    for true, found in (((1.0, 5.0, 8 * HOUR), True), (plain, False)):
-        lin.residual = drawn(rng, lin, {0: true})
-        grams = Grams(lin, np.ones(lin.residual.shape, dtype=bool))
-        best = max(
-            grams.evidence({0: (1.0, size, hours * HOUR)}) for size in (1.5, 3.0, 6.0, 12.0) for hours in (4.0, 24.0)
-        )
-        more = best - grams.evidence({0: plain}) - np.log(8)
-        gain, _ = discrepancy(grams, Colours({0: plain}, {}, 0.0), np.ones(1))
-        assert (more > 0) == found
-        assert gain == pytest.approx(more if found else 0.0, abs=1e-9)
-
-
-def test_pure_noise_is_seldom_a_discrepancy():
-    """What would pay nothing for its choice would gain something from noise far oftener."""
-    rng, gains = np.random.default_rng(12), []
-    for _ in range(60):
-        lin = problem_of(rng, outputs=1)
-        lin.residual = drawn(rng, lin, {0: (1.0, 0.0, HOUR)})
-        grams = Grams(lin, np.ones(lin.residual.shape, dtype=bool))
-        gains.append(discrepancy(grams, Colours({0: (1.0, 0.0, HOUR)}, {}, 0.0), np.ones(1))[0])
-    assert np.mean(np.array(gains) > 0) <= 0.05

@@ -1,6 +1,5 @@
 """The stretch that reads off the most, against dense algebra and against its own null."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,7 +10,6 @@ from diagnosis.gap.colours import Colours
 from diagnosis.gap.episode import Episode, largest_episode
 from diagnosis.gap.grams import Grams
 from diagnosis.gap.places import stretch
-from diagnosis.gap.reporting import _places
 from diagnosis.gap.twins import draw_twins
 from tests.diagnosis.gap.test_linear import HOUR, STEPS, covariance_of, drawn, problem_of, seen
 
@@ -78,34 +76,6 @@ def test_what_the_parameters_imitate_is_no_episode():
     assert found_in(lin, seen(lin)).gain < 3
 
 
-@pytest.mark.parametrize(("minutes", "steps", "stretch"), [(5, 288, (120, 167)), (1440, 40, (17, 17))])
-def test_readings_by_the_minutes_and_by_the_day_have_stretches_too(minutes, steps, stretch):
-    rng = np.random.default_rng(14)
-    lin = problem_of(rng, steps=steps)
-    lin.problem.time = 60.0 * minutes * np.arange(1, steps + 1)
-    lin.residual = 0.1 * rng.standard_normal(lin.residual.shape)
-    lin.residual[0, stretch[0] : stretch[1] + 1] += 20.0
-    one = found_in(lin, np.ones(lin.residual.shape, dtype=bool))
-    assert (one.channel, one.first, one.last) == (0, *stretch)
-
-
-def test_one_reading_of_an_hour_is_no_episode():
-    """How a recording began, or who came within a step, is in one reading and in no twin."""
-    rng = np.random.default_rng(16)
-    lin = problem_of(rng)
-    lin.residual = drawn(rng, lin, COLOURS)
-    every = np.ones(lin.residual.shape, dtype=bool)
-    lin.residual[1, 30:32] += 20.0
-    both = found_in(lin, every)
-    assert (both.first, both.last) == (30, 31)
-    assert both.gain > 20
-    lin.residual[1, 31] -= 20.0
-    one = found_in(lin, every)
-    assert not (one.channel == 1 and one.first <= 30 <= one.last <= one.first + 3)
-    assert one.gain < 5
-    assert one.ratio < 0.5 * both.ratio
-
-
 def test_one_reading_beside_lost_ones_is_no_episode_either():
     rng = np.random.default_rng(18)
     lin = problem_of(rng)
@@ -148,18 +118,6 @@ def test_nothing_to_see_is_none(why):
     assert found_in(lin, np.ones(lin.residual.shape, dtype=bool)) is None
 
 
-@pytest.mark.parametrize(
-    ("p_value", "gain", "replay", "episodic"),
-    [(0.01, 5.1, False, True), (0.011, 5.1, False, False), (0.01, 4.9, False, False), (0.01, 5.1, True, False)],
-)
-def test_an_episode_is_rare_in_twins_and_clear_evidence_and_not_of_meters(p_value, gain, replay, episodic):
-    one = stage_of(Episode(0, 3, 5, -0.7, 20.0, p_value, gain), replay)
-    assert one.episodic is episodic
-    assert one.discrepancy is episodic
-    assert one.left_over == gain
-    assert stage_of(None, replay, slow=3.1).discrepancy
-
-
 def stage_of(episode, replay=False, slow=0.0):
     output = SimpleNamespace(name="TRoo", long_name="room temperature", unit="K")
     problem = SimpleNamespace(
@@ -178,23 +136,3 @@ def test_an_episode_is_a_finding_from_its_begin_to_its_end():
     assert stretch(stage_of(Episode(0, 0, 5, -0.7, 20.0, 0.0025, 4.0))) == stretch(stage_of(None)) == []
     (last,) = stretch(stage_of(Episode(0, 40, 47, 0.7, 20.0, 0.0025, 9.0)))
     assert "measured higher by 0.7 K, from day 1.67 on" in last.text
-
-
-@pytest.mark.parametrize(("cells", "first"), [(True, "cell"), (False, "episode")])
-def test_an_episode_comes_after_cells_that_are_as_sure_and_by_its_size_among_others(cells, first):
-    stage = stage_of(Episode(0, 0, 5, -0.7, 20.0, 0.0025, 9.0))
-    (once,) = stretch(stage)
-    found = [replace(once, kind="correlation", size=0.9, cell={"input": "HFac", "lag": "2 h after it"})]
-    everywhere = dict.fromkeys(("hours", "day_type", "regime"), "any") | {"band": "all", "statistic": "mean"}
-    found += [replace(once, kind="cell", size=0.2, cell=everywhere)] * cells
-    listed = _places(SimpleNamespace(findings=found), stage, {"TRoo": 0.1})
-    assert len(listed) == len(found) + 1
-    assert listed[0].kind == first
-
-
-@pytest.mark.parametrize(
-    ("p_value", "evidence", "found"), [(0.02, 1.0, True), (0.021, 7.9, False), (0.021, 8.1, True), (1.0, None, False)]
-)
-def test_a_candidate_is_found_by_its_twins_or_by_plain_evidence(p_value, evidence, found):
-    scan = SimpleNamespace(p_value=p_value, evidence=np.array([] if evidence is None else [0.0, evidence]))
-    assert replace(stage_of(None), scan=scan).candidate_found is found

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from diagnosis.gap import pictures
-from diagnosis.gap.pictures import LEAST, draw_outputs, draw_parameters, draw_shares
+from diagnosis.gap.pictures import LEAST, draw_outputs, draw_shares
 from diagnosis.gap.schema import ShrinkageOf
 from diagnosis.gap.sentences import _share
-from shared.variables import Parameter
 
 
 def shrunk(share, low, high, placebo=0.0):
@@ -65,18 +64,6 @@ def residuals_of(left):
     )
 
 
-def test_the_legend_of_the_residuals_covers_none_of_them():
-    left = np.zeros((2, 96))
-    left[0, -20:] = 5.0  # at the upper right, where a legend would like to be
-    stage = residuals_of(left)
-    made = draw_outputs(SimpleNamespace(search=SimpleNamespace(stages=[stage]), apart=None))
-    made.draw_without_rendering()
-    first = made.axes[0]
-    assert first.get_legend().get_window_extent().y0 >= first.get_window_extent().y1 - 1
-    low, high = first.get_ylim()
-    assert low < left[0].min() and high > left[0].max()
-
-
 def test_kept_days_are_shaded_from_their_midnight_to_their_midnight(monkeypatch):
     """A step's time is its end: the first of a day is an hour after its begin."""
     monkeypatch.setattr(pictures, "left_by", lambda one, *_: one)
@@ -107,27 +94,3 @@ def test_days_have_their_dates_below_them():
     made.draw_without_rendering()
     labels = [one.get_text().split("\n") for one in made.axes[-1].get_xticklabels()]
     assert ["1", "6 Jan"] in labels and ["2", "7 Jan"] in labels
-
-
-def test_parameters_are_drawn_in_the_scale_of_their_priors():
-    parameters = [
-        Parameter(name="linear", description="How long", unit="m", min=2.0, max=4.0),
-        Parameter(name="log", unit="m", min=1.0, max=100.0, scale="log"),
-    ]
-    rows = [
-        SimpleNamespace(
-            name=one.name,
-            **{"before": one.min, "before_low": one.min, "before_high": value, "at_bound": False},
-            **{"after": value, "after_low": value, "after_high": one.max, "at_bound_after": False},
-        )
-        for one, value in zip(parameters, (3.0, 10.0), strict=True)
-    ]
-    done = SimpleNamespace(base=based(parameters), report=SimpleNamespace(parameters=rows))
-    (axes,) = draw_parameters(done).axes
-    for _, before, at_before, after, at_after in (axes.lines[:5], axes.lines[5:]):
-        np.testing.assert_allclose(before.get_xdata(), [0.0, 0.5])
-        np.testing.assert_allclose(at_before.get_xdata(), 0.0)
-        np.testing.assert_allclose(after.get_xdata(), [0.5, 1.0])
-        np.testing.assert_allclose(at_after.get_xdata(), 0.5)
-    assert [one.get_text() for one in axes.texts] == ["2", "4 m", "1", "100 m, log"]
-    assert [one.get_text() for one in axes.get_yticklabels()] == ["log", "How long (linear)"]

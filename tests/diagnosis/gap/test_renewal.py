@@ -6,11 +6,9 @@ import pytest
 from datagen.simulating.simulator import Simulator
 from diagnosis.fitting.fit import fit
 from diagnosis.fitting.problem import Problem
-from diagnosis.gap import renewal
 from diagnosis.gap.parts import kept_for_scoring
 from diagnosis.gap.renewal import settled
 from diagnosis.recording import read_recording
-from shared.errors import SimulationError
 from tests.diagnosis.gap.room_cases import in_the_middle
 
 pytestmark = pytest.mark.slow
@@ -32,21 +30,3 @@ def test_persons_of_the_days_kept_from_a_fit_are_told_by_those_days(default_syst
 
     # the usual persons of such a day miss the day that was; told by it, little but the sensor's own error is left
     assert left(whole.observed) < 0.4 * left(fitted)
-
-
-def test_a_line_that_cannot_be_drawn_where_the_nuisance_is_likely_stays_where_it_was(
-    house, house_recording, monkeypatch
-):
-    system = house("me")
-    record = read_recording(house_recording(hours=96, seed=2), system)
-    problem = Problem(Simulator(system.with_experiment(step=record.step, hours=96.0)), record)
-    base = fit(problem, rounds=1)
-
-    def fails(*_):
-        raise SimulationError("too many steps between two outputs")
-
-    drawn = settled(base.problem, base.z, base.around, problem.observed, problem.floor, renewals=0)
-    monkeypatch.setattr(renewal, "relinearised", fails)
-    kept = settled(base.problem, base.z, base.around, problem.observed, problem.floor)
-    np.testing.assert_allclose(kept.lin.z, base.z)
-    assert -np.inf < kept.evidence <= drawn.evidence + 1e-6

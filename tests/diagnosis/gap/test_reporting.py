@@ -4,11 +4,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.stats import norm
 
-from diagnosis.gap.reporting import WIDE_90, _amplitude, _effects, _noise, _values, sensors_among
-from diagnosis.gap.scan import NEGLIGIBLE, SEEN, scan
-from diagnosis.gap.seen import OFTEN, smallest
+from diagnosis.gap.reporting import WIDE_90, _amplitude, _effects, _values
 
 NAMES = ("one", "two", "three")
 EFFECTS = {
@@ -32,12 +29,6 @@ def told(refits, sets, named, settled=None):
         decision,
     )
     return {one.name: one for one in found}
-
-
-def test_errors_of_a_sensor_are_told_by_what_they_touch():
-    touched = {"drift": {"output:room", "wish"}, "leak": {"k", "air"}}
-    effects = [SimpleNamespace(name=name, changes=frozenset(what)) for name, what in touched.items()]
-    assert sensors_among(SimpleNamespace(lin=SimpleNamespace(effects=effects))) == {"drift"}
 
 
 def test_effects_that_act_together_have_the_amplitudes_of_the_fit_with_both():
@@ -68,14 +59,8 @@ def test_a_candidate_of_the_first_set_is_as_large_as_it_would_be_in_place_of_the
     [
         ((-8.0, 0.5), -7.7, False),  # a hundredth of the upper bound is no measure of the way from the lower one
         ((-8.0, 0.5), -7.96, True),
-        ((-8.0, 8.0), 7.9, True),
         ((0.0, 8.0), 0.05, False),
-        ((-8.0, 0.0), -0.05, False),
-        ((-8.0, 0.0), -7.95, True),
-        ((-8.0, np.inf), -7.5, False),
         ((-8.0, np.inf), -7.95, True),
-        ((-np.inf, 8.0), 7.95, True),
-        ((-np.inf, 8.0), -100.0, False),
         ((-np.inf, np.inf), 3.0, False),
     ],
 )
@@ -84,37 +69,6 @@ def test_an_amplitude_is_on_a_bound_within_a_hundredth_of_its_range(bounds, at, 
     low, high = (np.array([-9.0, -9.0, bounds[0]]), np.array([9.0, 9.0, bounds[1]]))
     one.lin.problem.bounds = (low, high)
     assert _amplitude(one, "one")[2] is told
-
-
-def test_what_would_be_seen_lies_beyond_what_does_not_matter():
-    """A ratio grows with the square of what an estimate is beyond the negligible one, in nine of ten cases so far."""
-    size, threshold = 40.0, 8.0
-    amplitude = smallest(EFFECTS["two"], size / 2, threshold) / EFFECTS["two"].scale
-    least = norm(amplitude, 1 / np.sqrt(size)).ppf(1 - OFTEN)  # of the estimates
-    ratio = 0.5 * size * least**2
-    negligible = NEGLIGIBLE * least * size - 0.5 * NEGLIGIBLE**2 * size
-    assert ratio - negligible == pytest.approx(threshold)
-    assert smallest(EFFECTS["one"], 1e-4, threshold) is None
-
-
-def test_what_is_never_looked_at_is_seen_at_no_size():
-    """A signature that is short of what takes part, and a gap by it of twenty scales; beside it one that takes part."""
-    low, short, long = np.random.default_rng(1), 0.8 * SEEN, 25.0
-    information = np.diag([short, long])
-    scores = np.linalg.cholesky(information) @ low.standard_normal((2, 400))
-    left = SimpleNamespace(
-        information=information,
-        score=np.array([20 * short, 5 * long]),
-        whole=np.array([1.0, 30.0]),
-        score_of=lambda one: one,
-    )
-    twins = SimpleNamespace(left=left, scores=scores, misfits=low.chisquare(500, 400))
-    free = SimpleNamespace(name="free", scale=1.0, lower=-np.inf, upper=np.inf)
-    found = scan(twins, (free, free), 500.0)
-    assert found.ratio[0] == found.evidence[0] == 0.0 and found.ratio[1] > 100.0
-    sizes = [smallest(free, float(found.expected[k]), float(found.threshold[k])) for k in range(2)]
-    assert sizes[0] is None and 0.0 < sizes[1] < 5.0
-    assert smallest(free, 0.6 * SEEN, float(found.threshold[0])) > 5.0
 
 
 def test_an_interval_of_a_parameter_is_wider_than_the_recording_says_but_no_wider_than_the_prior():
@@ -128,15 +82,3 @@ def test_an_interval_of_a_parameter_is_wider_than_the_recording_says_but_no_wide
     np.testing.assert_allclose(low, -expected, rtol=1e-9)
     np.testing.assert_array_equal(value, 0)
     assert high[0] == pytest.approx(1.5 * 1.645 * posterior[0], rel=1e-3)
-
-
-def test_the_slow_share_of_noise_is_one_of_its_variance():
-    """A white part of 0.8 and a slow one of 0.6 are 1 together, of whose square 0.36 is slow."""
-    colours = SimpleNamespace(best={0: (0.8, 0.6, 7200.0), 1: (2.0, 0.0, 3600.0)})
-    problem = SimpleNamespace(system=SimpleNamespace(output_names=("T", "q")))
-    slow, white = _noise(SimpleNamespace(lin=SimpleNamespace(problem=problem), colours=colours))
-    assert (slow.channel, slow.size, slow.slow_share, slow.hours) == (
-        "T",
-        *(pytest.approx(v) for v in (1.0, 0.36, 2.0)),
-    )
-    assert (white.channel, white.size, white.slow_share, white.hours) == ("q", 2.0, 0.0, 0.0)

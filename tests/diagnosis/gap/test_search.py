@@ -1,18 +1,16 @@
 """What the search tries, and what ends it at once."""
 
-from contextlib import nullcontext
-from inspect import signature
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from numpy.linalg import LinAlgError
 
-from diagnosis.fitting.failures import NO_TIME, CandidateError
+from diagnosis.fitting.failures import CandidateError
 from diagnosis.gap import search as searching
 from diagnosis.gap.rivals import Rivals
 from diagnosis.gap.search import search
-from diagnosis.gap.searched import Made, Search
+from diagnosis.gap.searched import Search
 from shared.errors import SimulationError, TimeUp
 
 COLOURS = SimpleNamespace(best={})
@@ -66,40 +64,6 @@ def test_the_best_has_to_be_strong_evidence_where_the_fit_began_and_where_it_is(
     # far behind, but the first on the straight line at the base model's fit
     assert asked == (["start", ["one", "two", "none", "far"]] if candidate or misfits else [])
     assert found.failed == ({"three": "it is stiff"} if asked else {})
-    # among fewer candidates nothing is made again
-    fewer = Search([stage], base=None, plain=None, made=found.made, failed={"three": ""})
-    searching._first_effect(fewer, lambda _: None)
-    assert len(asked) == (2 if candidate or misfits else 0)
-
-
-@pytest.mark.parametrize(("foremost", "asked"), [(None, [0, 1, 2]), (2, [0, 1, 2]), (7, [0, 1, 2, 7])])
-def test_what_stands_out_most_from_its_own_twins_is_refitted_as_a_second_effect(monkeypatch, foremost, asked):
-    count = 9
-    scan = SimpleNamespace(order=list(range(count)), ratio=np.full(count, 30.0), foremost=foremost)
-    lin = SimpleNamespace(effects=[SimpleNamespace(name=f"effect {j}") for j in range(count)])
-    stage = SimpleNamespace(scan=scan, lin=lin, grams=None, colours=COLOURS)
-    monkeypatch.setattr(searching, "linear_start", lambda *_: np.zeros(1))
-    tried = []
-
-    def refit(grams, best, start, effects):
-        tried.append(effects[0].name)
-        return a_refit("made", 1.0)
-
-    monkeypatch.setattr(searching, "refit", refit)
-    searching.refitted(stage, lambda _: None, SimpleNamespace(path="here", made=Made(), failed={}))
-    assert tried == [f"effect {j}" for j in asked]
-
-
-def test_what_was_made_at_one_optimum_is_not_taken_for_another():
-    """The same effect, led elsewhere with other colours."""
-
-    def path(z):
-        lin = SimpleNamespace(chosen=(SimpleNamespace(name="one"),), z=np.array(z))
-        stage = SimpleNamespace(lin=lin, colours=SimpleNamespace(best={0: (1.0, 0.0, 1.0)}))
-        return Search([stage], base=None, plain=None).path
-
-    assert path([0.5, 1.0]) == path([0.5, 1.0])
-    assert path([0.5, 1.0]) != path([0.5, 1.1])
 
 
 @pytest.mark.parametrize(
@@ -130,47 +94,16 @@ def test_a_search_goes_on_without_a_candidate_that_fails_and_ends_with_what_it_h
 
 
 @pytest.mark.parametrize(
-    ("errors", "candidates", "why"),
+    ("differs", "led", "evidence"),
     [
-        ([], 2, ""),
-        ([LinAlgError("singular")], 2, ""),
-        ([LinAlgError("singular"), SimulationError("it is stiff")], 0, "it is stiff"),
-        ([TimeUp("no time")], 0, NO_TIME),
+        (False, 9.0, -100.0),  # nothing to ask again
+        (True, 2.0, -98.0),
+        (True, 0.5, -100.0),  # no more plausible by a log evidence of 1
+        (True, SimulationError("it is stiff"), -100.0),
     ],
 )
-def test_a_first_stage_is_made_some_way_and_at_the_last_without_candidates(monkeypatch, errors, candidates, why):
-    lifted, left = [], [*errors]
-
-    def examine(lin, *_, **__):
-        if left:
-            raise left.pop(0)
-        return ("stage", lin)
-
-    runner = SimpleNamespace(lifted=lambda: nullcontext(lifted.append(1)))
-    base = SimpleNamespace(problem=SimpleNamespace(runner=runner))
-    monkeypatch.setattr(searching, "settled_base", lambda *_, **__: "one")
-    monkeypatch.setattr(searching, "among", lambda _, effects: len(effects))
-    monkeypatch.setattr(searching, "examine", examine)
-    found = searching._first_stage(base, ("plug", "bridge"), np.ones((1, 2), dtype=bool), 0)
-    assert found == ("one", candidates, ("stage", candidates), why)
-    assert bool(lifted) == (why == NO_TIME)
-
-
-@pytest.mark.parametrize(
-    ("differs", "converged", "led", "rests", "evidence"),
-    [
-        (False, False, 9.0, 9.0, -100.0),  # nothing to ask again
-        (True, True, 2.0, 9.0, -98.0),
-        (True, True, 0.5, 9.0, -100.0),  # no more plausible by a log evidence of 1
-        (True, False, 2.0, 9.0, -91.0),
-        (True, False, SimulationError("it is stiff"), 9.0, -91.0),
-        (True, False, 9.0, SimulationError("it is stiff"), -91.0),
-    ],
-)
-def test_a_gap_is_asked_for_where_the_base_model_is_most_plausible(
-    monkeypatch, differs, converged, led, rests, evidence
-):
-    """It is led to from where its fit began, and from a fit that had not come to rest, once something differs."""
+def test_a_gap_is_asked_for_where_the_base_model_is_most_plausible(monkeypatch, differs, led, evidence):
+    """It is led to from where its fit began, once something differs."""
 
     def at(gain):
         if isinstance(gain, Exception):
@@ -179,13 +112,11 @@ def test_a_gap_is_asked_for_where_the_base_model_is_most_plausible(
 
     first, lin = at(0.0), SimpleNamespace(failed={}, z=None, effects=())
     stage = SimpleNamespace(differs=differs, colours=COLOURS, grams=SimpleNamespace(observed=None), lin=lin)
-    base = SimpleNamespace(problem=SimpleNamespace(size=2), z=np.zeros(2), around="there", converged=converged)
+    base = SimpleNamespace(problem=SimpleNamespace(size=2), z=np.zeros(2), around="there", converged=False)
     monkeypatch.setattr(searching, "applicable", lambda *_: ((), {}))
     monkeypatch.setattr(searching, "_first_stage", lambda *_: (first, lin, stage, ""))
     monkeypatch.setattr(searching, "line_at", lambda *_: "start")
     monkeypatch.setattr(searching, "base_from", lambda *_: at(led))
-    monkeypatch.setattr(searching, "fit", lambda *_, **__: "rest")
-    monkeypatch.setattr(searching, "settled_base", lambda fitted, *_: at(rests if fitted == "rest" else 0.0))
     monkeypatch.setattr(searching, "renewed_among", lambda *_: lin)
     monkeypatch.setattr(searching, "examine", lambda *_, **__: stage)
     monkeypatch.setattr(Search, "path", "here")
@@ -193,8 +124,3 @@ def test_a_gap_is_asked_for_where_the_base_model_is_most_plausible(
     assert found.base.grams.evidence(None) == evidence
     assert found.made.base == (found.base, lin)
     assert found.stages == [stage]
-
-
-def test_nothing_is_said_where_nobody_is_told(capsys):
-    signature(search).parameters["tell"].default("looking")
-    assert capsys.readouterr() == ("", "")

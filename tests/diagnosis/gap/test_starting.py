@@ -16,8 +16,8 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def problem(tmp_path_factory):
-    """A counted week of a room whose parameters lie far from the middle of their prior."""
-    system = load_system("fmus/MixedAirCO2").with_experiment(hours=168.0, start=(500.0, 500.0))
+    """Four counted days of a room whose parameters lie far from the middle of their prior."""
+    system = load_system("fmus/MixedAirCO2").with_experiment(hours=96.0, start=(500.0, 500.0))
     path = tmp_path_factory.mktemp("starting") / "room.nc"
     simulate(system, seed=4000, index=5, out=path)
     record = noisy(read_recording(path, system), system, 5)

@@ -58,14 +58,6 @@ def test_regular_times_survive_the_wall_clock(zone, year, which, before, step, o
     np.testing.assert_array_equal(utc, [t.timestamp() for t in times])
 
 
-def test_the_repeated_hour_by_hand():
-    wall = ["2022-10-30 01:30", "2022-10-30 02:00", "2022-10-30 02:30", "2022-10-30 02:00", "2022-10-30 02:30"]
-    utc, notes = stamps([*wall, "2022-10-30 03:00"])
-    np.testing.assert_array_equal(np.diff(utc), 1800.0)
-    assert utc[0] == datetime(2022, 10, 29, 23, 30, tzinfo=UTC).timestamp()
-    assert "4 stamps" in notes[0] and "2 of them" in notes[0]
-
-
 def test_the_skipped_hour_is_no_gap_and_cannot_be_written():
     utc, _ = stamps(["2022-03-27 01:45", "2022-03-27 03:00", "2022-03-27 03:15"])
     np.testing.assert_array_equal(np.diff(utc), 900.0)
@@ -116,13 +108,9 @@ def test_a_format_says_whether_there_is_an_offset(form, text, utc):
     ("form", "text", "said"),
     [
         ("%H:%H", "01:00", "which has no year"),
-        ("%Y-%m-%d %H:%H", "2022-03-01 01:00", "nothing can be read .*; expected .*, with each part once"),
         ("%Y-%m-%d %Q", "2022-03-01 1", "nothing can be read .*'Q' is a bad directive"),
-        ("%Y-%m-%d%", "2022-03-01", "nothing can be read .*stray %"),
-        ("%", "2022-03-01", "which has no year"),
-        ("", "2022-03-01", "which has no year"),
-        ("%%Y %d/%m %H", "%Y 01/03 01", "which has no year"),  # pandas would take 1900
-        ("mixed", "03/04/2022", "which has no year; expected 'ISO8601', 'unix', or a format such as"),  # and guess here
+        ("%%Y %d/%m %H", "%Y 01/03 01", "which has no year"),
+        ("mixed", "03/04/2022", "which has no year; expected 'ISO8601', 'unix', or a format such as"),
     ],
 )
 def test_a_format_that_reads_no_time_is_named(form, text, said):
@@ -133,10 +121,8 @@ def test_a_format_that_reads_no_time_is_named(form, text, said):
 @pytest.mark.parametrize(
     ("form", "texts"),
     [
-        ("ISO8601", ["2022-03-01 23:00", "2022-03-01 24:00", "2022-03-02 01:00"]),
         ("ISO8601", ["2022-03-01T23:00:00+01:00", "2022-03-01T24:00:00+01:00", "2022-03-02T01:00:00+01:00"]),
         ("%d.%m.%Y %H:%M", ["24.03.2022 23:00", "24.03.2022 24:00", "25.03.2022 01:00"]),
-        ("%H:%M:%S %d/%m/%y", ["23:00:00 31/12/21", "24:00:00 31/12/21", "01:00:00 01/01/22"]),
     ],
 )
 def test_the_end_of_a_day_is_the_next_ones_beginning(form, texts):
@@ -149,14 +135,9 @@ def test_the_end_of_a_day_is_the_next_ones_beginning(form, texts):
 @pytest.mark.parametrize(
     ("zone", "hours"),
     [
-        ("Europe/Amsterdam", 1),
         ("Europe/Dublin", 0),
-        ("America/New_York", -5),
-        ("Australia/Sydney", 10),
         ("Australia/Lord_Howe", 10.5),
-        ("Asia/Kolkata", 5.5),
         ("-03:30", -3.5),
-        ("UTC", 0),
     ],
 )
 def test_standard_time_knows_no_daylight_saving(zone, hours):
@@ -186,10 +167,8 @@ def test_a_remainder_gives_time_of_day_and_weekday(moment, later, zone):
     [
         (["2021-09-07 00:00 +08:00", "2021-09-07 00:05 +08:00"], "+08:00"),
         (["2022-10-30T02:30:00+02:00", "2022-10-30T02:30:00+01:00"], "+01:00"),
-        (["2022-01-01T00:00-03:30", "2022-01-02T00:00-03:30"], "-03:30"),
         (["2022-01-01T00:00Z", "2022-01-02T00:00Z"], "in UTC; expected the place's clock"),
         (["2022-01-01T00:00+01:00", "2022-02-01T00:00+02:00", "2022-03-01T00:00+03:00"], "have the offsets"),
-        (["2022-01-01T00:00", "2022-02-01T00:00"], "and the stamps have no offset from UTC; expected the place's"),
     ],
 )
 def test_offsets_of_the_stamps_tell_the_clock(texts, zone):
@@ -206,14 +185,10 @@ def test_offsets_of_the_stamps_tell_the_clock(texts, zone):
     ("texts", "form"),
     [
         (["1/2/2022 1:00 PM", "1/2/2022 2:00 PM", "1/3/2022 1:00 AM"], "%m/%d/%Y %I:%M %p"),
-        (["30.12.22 23:00:00", "31.12.22 00:00:00"], "%d.%m.%y %H:%M:%S"),
         (["01-Jan-2022 00:00", "02-Jan-2022 00:00"], "%d-%b-%Y %H:%M"),
-        (["202201010000", "202201010015"], "%Y%m%d%H%M"),
         (["1640991600", "1640995200"], "unix"),
         (["44562.5", "44562.75"], "excel"),
-        (["2022-01-01 00:00+01:00", "2022-01-01 01:00+01:00"], "ISO8601"),
         (["20.5", "21.5"], None),
-        (["2022", "2023"], None),
     ],
 )
 def test_the_format_of_stamps_is_found(texts, form):

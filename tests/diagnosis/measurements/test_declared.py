@@ -1,13 +1,8 @@
 """Readings beside what the description declares in their unit, and beside the air outdoors."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from datagen.driving.inputs import system_weather
-from diagnosis.physics import HOTTEST, WIDEST
-from shared.system import parse_system
 from tests.diagnosis.measurements.house_cases import HOUSE, MAPPING, measured
 
 OUTPUTS = (
@@ -75,11 +70,3 @@ def test_degrees_fahrenheit_outdoors_that_are_declared_as_celsius(said):
     assert said(frame, "degF") == []
     (note,) = said(frame.assign(outside=frame["outside"] * 1.8 + 32), "degF", out="fahrenheit.nc")
     assert note.startswith("outdoors, the air outdoors, has a median of 46.4 degC. Is its unit right (degF)?")
-
-
-@pytest.mark.parametrize("file", ["723170TYA.CSV", "703165TY.csv"])
-def test_no_weather_of_a_year_is_suspected(file):
-    text = HOUSE.replace("723170TYA.CSV", file)
-    air = system_weather(parse_system(text, Path("house.toml")), 0, 0).signal("temp_air", 0.0, 365 * 86400.0)
-    days = air.at(np.arange(8760.0) * 3600.0).reshape(365, 24)
-    assert days.max() < HOTTEST and np.ptp(days, axis=1).max() < WIDEST

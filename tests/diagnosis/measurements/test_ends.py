@@ -30,11 +30,3 @@ def test_what_ends_a_recording_is_named_with_its_spacing(house):
     even = house(measured(days=6)[0], out="even.nc")
     found, same = (xr.load_dataset(one.recording)["people"] for one in (whole, even))
     np.testing.assert_allclose(found.sel(time=same["time"][: 4 * 48 - 2]), same[: 4 * 48 - 2])
-
-
-def test_an_input_without_a_forecast_is_named(house):
-    frame, hours = measured(days=6)
-    known = hours <= 96
-    shorter = {one: frame[one].where(known) for one in ("room", "room 2", "kilowatts", "presence")}
-    (told,) = ends(house(frame.assign(**shorter), ahead=True))
-    assert told == "people, presence [presence], has no value in the step after, and so the recording ends there"

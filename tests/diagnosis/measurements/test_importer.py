@@ -10,7 +10,6 @@ import pytest
 import xarray as xr
 from matplotlib.image import imread
 
-from diagnosis.measurements import import_recording
 from shared.flags import ASSUMED, COMPUTED, IMPOSSIBLE, INTERPOLATED, MISSING, PARTLY, STUCK
 from shared.schema import EPOCH
 from tests.diagnosis.measurements.house_cases import MAPPING, measured, warmth
@@ -157,34 +156,10 @@ def test_what_is_not_mapped_is_said(house):
     assert "people" not in data
 
 
-def test_a_wrong_zone_shows_in_the_sun(house):
-    frame, _ = measured(first=datetime(2022, 9, 1, 22, 0, tzinfo=UTC), days=3)
-    report = house(frame, MAPPING.replace("Europe/Amsterdam", "America/New_York"))
-    assert any("ahead of the sun" in n or "behind the sun" in n for n in report.notes)
-    assert any("while the sun is down" in n for n in report.notes)
-
-
 def test_an_import_again_gives_the_same(house):
     frame, _ = measured(days=2)
     first = Path(house(frame).recording).read_bytes()
     assert Path(house(frame).recording).read_bytes() == first
-
-
-def test_other_dialects(house, tmp_path):
-    """Semicolons, decimal commas, lines before the header, Excel's dates: the same recording."""
-    frame, _ = measured(days=2)
-    plain = xr.load_dataset(house(frame).recording)
-    frame["when"] = pd.to_datetime(frame["when"]).dt.strftime("%d-%m-%Y %H:%M")
-    text = "exported by a logger\n" + frame.to_csv(index=False, sep=";", decimal=",")
-    (tmp_path / "data.csv").write_text(text)
-    mapping = MAPPING.replace(
-        "[time]", '[file]\nseparator = ";"\ndecimal = ","\nskip = 1\n[time]\nformat = "%d-%m-%Y %H:%M"'
-    )
-    (tmp_path / "mapping.toml").write_text(mapping)
-    report = import_recording(tmp_path / "mapping.toml", tmp_path / "data.csv", out=tmp_path / "other.nc")
-    other = xr.load_dataset(report.recording)
-    xr.testing.assert_allclose(plain["warmth"], other["warmth"])
-    xr.testing.assert_allclose(plain["sunshine"], other["sunshine"])
 
 
 def test_a_cf_checker_accepts_a_recording(house):

@@ -37,14 +37,3 @@ def test_who_says_how_they_were_read_is_believed(house):
     found = [float(xr.load_dataset(one.recording)["gas"].max()) for one in (mean, point, default)]
     assert found == pytest.approx([10000.0, 5000.0, 5000.0])
     assert not any(told(one, "gas") for one in (mean, point, default))
-
-
-@pytest.mark.parametrize(("minutes", "said"), [(10, True), (7.5, True), (5, False)])
-def test_closer_readings_are_told_while_it_matters(house, minutes, said):
-    report = house(measured(minutes=minutes)[0], SILENT)
-    assert bool(told(report, "gas")) == said
-    if said:
-        assert told(report, "gas") == [
-            f"gas: instants {60 * minutes:g} s apart are interpolated to means over 1800 s; if the logger"
-            " wrote means, write reading = 'mean' under variables.gas"
-        ]

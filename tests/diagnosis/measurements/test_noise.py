@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from diagnosis.measurements.grid import resample
 from diagnosis.measurements.mapping import Source
-from diagnosis.measurements.signal import make_signal, mark_impossible, reach_of_noise
+from diagnosis.measurements.signal import make_signal, mark_impossible
 from shared.flags import IMPOSSIBLE
 
 SEEDS = st.integers(0, 10**6)
@@ -43,14 +43,3 @@ def test_what_is_far_below_zero_stays_impossible(seed, noise, swing, fault):
     wrong[rng.choice(len(time), 15, replace=False)] = True
     signal = judged(np.where(wrong, -fault, readings))
     np.testing.assert_array_equal(signal.flags == IMPOSSIBLE, wrong)
-
-
-@pytest.mark.parametrize(("upper", "reach"), [(1.0, 6.147), (9.0, 7.413)])
-def test_the_reach_of_noise_by_hand(upper, reach):
-    """Readings that change between -1 and 1 differ by 2, between -1 and 9 by 10, and half of them are 1 below zero.
-
-    Differences of a normal variable have an upper quartile of 1.1503 sqrt(2) standard deviations, and its size a median
-    of 0.6745: five of them are 5 * 2 / 1.6268 = 6.147 or 5 * 10 / 1.6268 = 30.7, and 5 / 0.6745 = 7.413; the least of
-    these is the reach.
-    """
-    assert reach_of_noise(np.append(np.tile([-1.0, upper], 50), 100.0)) == pytest.approx(reach, abs=1e-3)

@@ -7,9 +7,8 @@ import pandas as pd
 import pytest
 import xarray as xr
 
-from diagnosis.measurements import import_recording
 from shared.errors import RecordingError
-from tests.diagnosis.measurements.house_cases import HOUSE, MAPPING, ZONE, measured
+from tests.diagnosis.measurements.house_cases import MAPPING, ZONE, measured
 
 
 def told(report, words):
@@ -85,13 +84,3 @@ def test_what_is_left_out_as_impossible_is_told_with_its_limits(house):
     assert not told(house(frame, wider, out="wider.nc"), "column room: ")
     narrower = MAPPING.replace("[variables.warmth]", "[variables.warmth]\nvalid = [-20, 50]")
     assert told(house(frame, narrower, out="narrower.nc"), "readings are left out: not -20 to 50 degC")
-
-
-def test_an_input_in_another_unit_than_its_weather_is_refused(tmp_path):
-    (tmp_path / "house.toml").write_text(
-        HOUSE.replace('name = "outdoors", unit = "K"', 'name = "outdoors", unit = "degC"')
-    )
-    (tmp_path / "mapping.toml").write_text(MAPPING)
-    measured()[0].to_csv(tmp_path / "data.csv", index=False)
-    with pytest.raises(RecordingError, match=r"inputs 'outdoors': unit is 'degC'; expected 'K', the unit of weather"):
-        import_recording(tmp_path / "mapping.toml", tmp_path / "data.csv", out=tmp_path / "out.nc")

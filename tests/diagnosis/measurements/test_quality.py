@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from diagnosis.measurements.mapping import Meter, Source
+from diagnosis.measurements.mapping import Source
 from diagnosis.measurements.signal import make_signal
 from shared.flags import IMPOSSIBLE
 
@@ -18,13 +18,3 @@ def test_codes_of_a_heat_meter_are_left_out(code):
     assert signal.clean().values.min() == 0.0 and signal.clean().values.max() == 410.0
     told = Source(column="heat", unit="W", valid=(-1e5, 1e5))
     assert not make_signal(time, readings, told, "W", kind="mean", stamp="end", density=1.2, where="x").flags.any()
-
-
-def test_a_second_counter_of_presences_says_how_many_persons_one_stands_for():
-    assert Meter(column="pir", unit="presence", persons=2.0).persons == 2.0
-    with pytest.raises(ValueError, match="expected both or neither"):
-        Meter(column="pir", unit="presence")
-    with pytest.raises(ValueError, match="expected both or neither"):
-        Meter(column="pir", unit="1", persons=2.0)
-    with pytest.raises(ValueError, match="scale is 0"):
-        Meter(column="pir", unit="1", scale=0.0)

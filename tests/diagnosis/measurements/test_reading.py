@@ -41,7 +41,6 @@ def test_line_ends_and_marks_of_any_system(read, end, encoding):
     ("content", "file", "said"),
     [
         (TEXT.encode("utf-16"), {}, r"cannot be read as text in 'utf-8-sig' .*file\.encoding; is it 'utf-16'\?"),
-        (TEXT.encode("utf-32"), {}, r"file\.encoding; is it 'utf-32'\?"),
         (TEXT.encode("utf-16-le"), {}, r"line 1 has a null character.*file\.encoding \('utf-16-le'\?\)"),
         (TEXT.encode() + bytes(99), {}, "line 5 has a null character"),
         (TEXT.replace("note", "°C").encode("latin-1"), {}, r"expected .* file\.encoding, such as 'utf-16' or 'cp1252'"),
@@ -52,25 +51,13 @@ def test_line_ends_and_marks_of_any_system(read, end, encoding):
             {},
             r"row 2: column 'note': a cell goes on over 3 lines, which are rows of the table; .* not closed\?",
         ),
-        (
-            TEXT.replace('"a, b"', '"a').replace(",c\n", ',"c\n').encode(),
-            {},
-            "row 1: column 'note': a cell goes on over 2 lines",
-        ),
         (TEXT.replace(",c\n", ',"c\n').encode(), {}, "a quotation mark in line 3 is not closed until the end"),
-        (b"\n\n" + TEXT.replace(",c\n", ',"c\n').encode(), {}, "a quotation mark in line 5 is not closed until the"),
         (
             TEXT.encode() + b"2022-03-01 03:00,22,d,\n",
             {},
             "line 5 has 4 fields, separated by ',', and lines before it 3",
         ),
-        (
-            b"a\nb\n" + TEXT.encode() + b"2022-03-01 03:00,22,d,\n",
-            {"skip": 2},
-            "line 7 has 4 fields, separated by ',', and lines before it 3",
-        ),
         (TEXT.encode() + b"2022-1", {}, r"row 4 \('2022-1'\) .*; it is the last one and shorter .*cut off there\?"),
-        (TEXT.encode() + b"2022-03-", {}, r"row 4 \('2022-03-'\) .*; it is the last one .*cut off there\?"),
         (b"", {}, "not readable as CSV"),
         (TEXT.splitlines()[0].encode(), {}, "has 0 rows; expected at least a day"),
     ],
@@ -83,10 +70,8 @@ def test_what_is_no_such_text_is_refused(read, content, file, said):
 @pytest.mark.parametrize(
     "content",
     [
-        TEXT + ",,\n,,\n",
         TEXT + ' , ," "\n\x1a',
         TEXT.replace("when,room,note", '"when", "room", "note"').replace(",20.5,", ', "20.5",'),
-        TEXT.replace("room", "\u00a0Room "),
         TEXT.replace("when,room", "\u200bwhen,room"),
         "when,room,note\n" + "\n".join(f"{k},{line}" for k, line in enumerate(TEXT.splitlines()[1:], 1)),
     ],

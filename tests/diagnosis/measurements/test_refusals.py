@@ -17,7 +17,6 @@ from tests.small_disk import SAID, small_disk
         (None, MAPPING.replace('"room"\nunit = "degC"', '"room"\nunit = "K"'), r"variables.warmth.*median 21.*degC"),
         (lambda d: d.assign(room=d["room"] + 273.15), MAPPING, "variables.warmth.*is it in K"),
         (lambda d: d.assign(room=21.0), MAPPING, r"variables.warmth: column 'room': every reading is 294.15 K"),
-        (lambda d: d.assign(sun=7.0), MAPPING, "weather.ghi: column 'sun': every reading is 7"),
         (lambda d: d.iloc[:100], MAPPING, "spans 16.5 h; expected at least a day"),
         (lambda d: d.iloc[::-1], MAPPING, "runs backwards from row 1"),
         (
@@ -30,12 +29,6 @@ from tests.small_disk import SAID, small_disk
             MAPPING,
             "variables.warmth: .* has several columns 'room'; expected a name for each",
         ),
-        (
-            lambda d: d.assign(other=d["room"] + 5.0).rename(columns={"other": " room"}),
-            MAPPING,
-            "variables.warmth: .* has several columns 'room'; expected a name for each",
-        ),
-        (lambda d: d.assign(other=d["when"]).rename(columns={"other": "when"}), MAPPING, "several columns 'when'"),
         (lambda d: d.drop(columns="when"), MAPPING, "time.column: no column 'when'"),
         (lambda d: d.assign(room="warm"), MAPPING, "holds text such as 'warm'"),
         (lambda d: d.assign(room=np.nan), MAPPING, "column 'room' of .* is empty"),
@@ -52,16 +45,9 @@ from tests.small_disk import SAID, small_disk
             MAPPING.replace("weather.ghi", "weather.sunny"),
             "weather.sunny: is not known; expected one of temp_air",
         ),
-        (None, MAPPING.replace('"kW"', '"degC"'), "variables.gas.*'degC' cannot become 'W'"),
         (None, MAPPING.replace("persons = 2.0\n", ""), "unit is presence but persons is missing"),
         (None, MAPPING.replace("[place]\nlatitude = 52.0\nlongitude = 5.0", ""), "place is missing"),
         (None, MAPPING.replace("schema_version = 1", ""), "schema_version: missing"),
-        (None, MAPPING.replace("scale = 2.4", "skale = 2.4"), "variables.air.skale: unknown field"),
-        (
-            None,
-            MAPPING + '[variables.wish]\nconstant = 21\nunit = "K"\n',
-            r"variables.wish: is 21 K; expected 223.15 to 333.15 K; is it in degC or degF",
-        ),
         (
             None,
             MAPPING.replace('"kW"\n', '"kW"\nfill = "interpolate"\n'),
@@ -72,24 +58,13 @@ from tests.small_disk import SAID, small_disk
             MAPPING.replace('"kW"\n', '"kW"\nfill = "interpolate"\nfill_up_to = 6.0\n'),
             "variables.gas: fill is 'interpolate', which only an input has",
         ),
-        (
-            None,
-            MAPPING.replace('"kW"\n', '"kW"\nfill_up_to = 6.0\n'),
-            "variables: gas: fill_up_to is 6 without fill; expected fill = 'interpolate' with it, or neither",
-        ),
         (None, MAPPING.replace("fill = 0.0", "fill_up_to = 6.0"), "variables: air: fill_up_to is 6 without fill"),
-        (
-            None,
-            MAPPING.replace("fill = 0.0", "fill = 0.0\nfill_up_to = 6.0"),
-            "variables.air: fill_up_to is given with fill = 0.0; expected fill = 'interpolate' with it",
-        ),
         (
             None,
             MAPPING.replace("fill = 0.0", "fill = -5.0"),
             r"variables.air: fill: is -5 m3/h, which is -0.00\d+ kg/s; expected .*, or valid = \[-5, highest\] b",
         ),
         (None, MAPPING + "\nlatitude = 36,1", r"not valid TOML: .*: 'latitude = 36,1'; write 36\.1, with a point"),
-        (None, MAPPING + "[", "not valid TOML"),
         (None, MAPPING.replace('system = "house.toml"', ""), "system is missing"),
         (
             None,

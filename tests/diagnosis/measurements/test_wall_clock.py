@@ -54,19 +54,6 @@ def test_which_pass_a_row_of_an_hourly_log_is_of(rows, minutes):
     assert by_hand(rows)[0] == minutes
 
 
-@pytest.mark.parametrize(
-    ("rows", "minutes"),
-    [
-        (["02:00 A", "02:00 B", "02:30 A", "02:30 B", "02:00 A", "02:00 B"], [0, 0, 30, 30, 60, 60]),
-        (["02:00 AB", "02:30 AB", "02:30 AB"], [0, 30, 90]),
-        # every row is written twice
-        (["02:00 AB", "02:00 AB", "02:30 AB", "02:30 AB", "02:00 AB", "02:00 AB"], [0, 0, 30, 30, 60, 60]),
-    ],
-)
-def test_which_pass_a_row_of_a_closer_log_is_of(rows, minutes):
-    assert by_hand(rows, every=30)[0] == minutes
-
-
 @settings(max_examples=200)
 @given(
     every=st.sampled_from([1, 5, 15, 20, 30, 60, 120, 180]),

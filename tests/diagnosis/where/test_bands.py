@@ -20,9 +20,7 @@ def test_bands_add_up_to_the_whole_and_keep_its_gaps(seed, missing):
         assert (np.isnan(part) == np.isnan(values)).all()
 
 
-@pytest.mark.parametrize(
-    ("period", "band"), [(7 * 24, "slow"), (24, "diurnal"), (12, "diurnal"), (6, "hours"), (2, "fast")]
-)
+@pytest.mark.parametrize(("period", "band"), [(7 * 24, "slow"), (24, "diurnal"), (2, "fast")])
 def test_a_sinusoid_lands_in_its_band_with_the_gaussian_gain(period, band):
     """Low-pass gain at period P of an edge E is 2 ** -(E / P) ** 2; a band takes it from what slower ones left."""
     step = 900.0
@@ -40,12 +38,6 @@ def test_a_sinusoid_lands_in_its_band_with_the_gaussian_gain(period, band):
     for name, gain in expected.items():
         assert gains[name] == pytest.approx(gain, abs=0.01)
     assert max(expected, key=expected.get) == band
-
-
-def test_a_level_survives_missing_readings_in_the_slow_band():
-    values = np.full(400, 5.0)
-    values[100:140] = np.nan
-    assert np.nanmax(np.abs(split(values, HOUR)["slow"] - 5.0)) < 1e-9
 
 
 def test_a_record_shows_only_bands_that_it_can_resolve():

@@ -52,28 +52,9 @@ def test_states_follow_from_sources_and_bounds(default_system, series):
     assert found["occupied"].rule == "nPer > 0"
 
 
-def test_every_twin_may_have_its_own_outputs(default_system, series):
-    inputs, simulated = series
-    stack = np.stack([simulated, np.roll(simulated, 7, axis=1)])
-    found = {r.label: r for r in find_regimes(default_system, inputs, stack)}
-    saturated = found["heater power at its maximum"].mask
-    assert saturated.shape == (2, STEPS)
-    np.testing.assert_array_equal(saturated[1], np.roll(saturated[0], 7))
-
-
 def test_a_state_that_always_or_never_holds_says_nothing(default_system, series):
     inputs, simulated = series
     inputs = {**inputs, "nPer": np.ones(STEPS) + (np.arange(STEPS) == 0)}
     labels = [r.label for r in find_regimes(default_system, inputs, simulated)]
     assert "occupied" not in labels
     assert "empty" not in labels
-
-
-@pytest.mark.parametrize("unit", ["W/m^2", "W.m-2", "W m-2"])
-def test_the_sun_is_a_regime_in_every_spelling_of_its_unit(default_system, series, unit):
-    inputs = [
-        one.model_copy(update={"unit": unit}) if one.name == "HFac" else one.model_copy()
-        for one in default_system.inputs
-    ]
-    changed = default_system.model_copy(update={"inputs": inputs})
-    assert "sun on HFac" in {one.label for one in find_regimes(changed, *series)}

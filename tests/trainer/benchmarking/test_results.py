@@ -11,14 +11,12 @@ import numpy as np
 import pytest
 
 import trainer
-from shared.ceiling import Ceiling, Ceilings, Origin, write_ceilings
 from shared.errors import EstimatorError
 from shared.metrics import r2
-from trainer.benchmarking.gathering import gather, read_evaluation, scores_of
+from trainer.benchmarking.gathering import read_evaluation, scores_of
 from trainer.benchmarking.planning import make_plan
 from trainer.benchmarking.published import read_published
 from trainer.evaluating.report import Answers
-from trainer.runs.checkpoint import read_card
 
 from .conftest import QUICK
 
@@ -57,26 +55,6 @@ def test_the_tables_hold_the_scores_of_the_fits(results, short):
     wanted = ("lstm", "level", "unseen", "mean")
     line = next(r for r in rows if (r["estimator"], r["channels"], r["protocol"], r["parameter"]) == wanted)
     assert (line["training_systems"], line["steps"], line["batch_size"]) == ("80", "2", "16")
-
-
-def test_the_ceiling_is_that_of_the_file_named_now(finished, short, tmp_path):
-    plan = make_plan(short, finished, **QUICK)
-    condition = plan.parts[0].rows[0].condition
-    found = gather(plan, condition)
-    assert found.ceiling is None and "does not exist" in found.ceiling_note
-    card = read_card(found.folders[0])
-    condition_of = {"context_hours": condition.context_hours, "step": card.encoding.step, "noise": condition.noise}
-    limit = Ceiling(
-        **condition_of,
-        channels=card.encoding.recorded,
-        origin=Origin(start=(0.0, 0.0), hours=48.0, warm_up_hours=0.0),
-        r2={"tank.drain": 0.99, "tank.fill": 0.98},
-        **{"r2_mean": 0.985, "r2_mean_low": 0.98, "r2_mean_high": 0.99, "systems": 10, "seed": 0},
-    )
-    who = {"system_name": "Tank", "system_hash": card.system_hash, "fmu_sha256": card.fmu_sha256}
-    write_ceilings(tmp_path / "new.json", Ceilings(**who, outputs=["level"], nuisances=["valve"], ceilings=[limit]))
-    found = gather(make_plan(short, finished, **QUICK, ceiling=tmp_path / "new.json"), condition)
-    assert (found.limit(0), found.limit(-1)) == (0.99, 0.985)
 
 
 def test_the_page_says_how_its_numbers_came_about(results):

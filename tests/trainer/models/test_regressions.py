@@ -4,12 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from trainer.models import build
-from trainer.models.base import Shape
-from trainer.models.regressions import MEMORY_HOURS, Regressions, memories
-
-SHAPE = Shape(length=96, outputs=2, recorded=3, columns=5, parameters=4, step=3600.0)
-SMALL = {"width": 32, "layers": 2, "feedforward": 64, "views": 3}
+from trainer.models.regressions import Regressions
 
 
 @pytest.fixture
@@ -60,29 +55,3 @@ def test_what_does_not_vary_or_repeats_is_no_trouble():
         assert statistics.shape == (2, layer.size)
         assert torch.isfinite(statistics).all()
         assert torch.isfinite(given.grad).all()
-
-
-def test_memories_are_running_means():
-    series = torch.randn(2, 60, 3)
-    found = memories(series, 1800.0).view(2, 60, len(MEMORY_HOURS), 3)
-    for place, hours in enumerate(MEMORY_HOURS):
-        mean = series.mean(dim=1)
-        for sample in range(60):
-            mean = mean + (1 - np.exp(-0.5 / hours)) * (series[:, sample] - mean)
-            torch.testing.assert_close(found[:, sample, place], mean - series[:, sample], atol=1e-4, rtol=1e-4)
-
-
-def test_it_begins_as_the_multiscale_transformer_whose_weights_it_is_given():
-    torch.manual_seed(1)
-    multiscale = build("multiscale-transformer", SHAPE, SMALL)[0].eval()
-    both = build("regression-transformer", SHAPE, SMALL)[0].eval()
-    both.load_state_dict(both.state_dict() | multiscale.state_dict())
-    windows, time = torch.randn(3, 72, 5), torch.zeros(3, dtype=torch.float64)
-    windows[0, 3:30, 1] = torch.nan
-    assert torch.equal(both(windows, time), multiscale(windows, time))
-    answers, embedding = both.answer_and_embed(windows, time)
-    assert torch.equal(answers, both(windows, time))
-    assert torch.isfinite(embedding).all()
-    loss = both(windows, time).square().sum()
-    loss.backward()
-    assert both.correction[2].weight.grad.abs().sum() > 0

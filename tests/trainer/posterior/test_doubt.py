@@ -32,11 +32,6 @@ def windows_of(z: torch.Tensor, each: int = 3) -> Contexts:
     return Contexts(torch.zeros(len(truth), 1), truth, torch.zeros(len(truth), dtype=torch.int64), systems)
 
 
-def test_nine_is_the_least_number_of_systems_that_can_tell():
-    """Split conformal prediction: the ceil(0.9 (n + 1))-th of n."""
-    assert [n for n in range(1, 15) if n + 1 > LEVEL * (n + 1) + 1 - 1e-9] == list(range(ENOUGH, 15))
-
-
 def test_the_guide_says_how_many_systems_a_dataset_needs_for_nine_that_calibrate():
     """It said 180: of seventeen validation systems nine calibrate, and eight are fitted to."""
 
@@ -49,7 +44,7 @@ def test_the_guide_says_how_many_systems_a_dataset_needs_for_nine_that_calibrate
     assert f"For 90 % this takes nine systems, so {least} in all" in guide
 
 
-@pytest.mark.parametrize("systems", [2, 5, 9])
+@pytest.mark.parametrize("systems", [2, 9])
 def test_intervals_of_a_flow_that_is_right_hold_nine_tenths_however_few_calibrate(systems):
     """They held 71 % with two systems, 85 % with five; truths are normal, so that coverage follows from the factor."""
     generator = torch.Generator().manual_seed(1)

@@ -36,7 +36,7 @@ def gaussian_flow():
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(0)
         held_out = gaussian_windows(1000, 1)[0]
-        flow, facts = train_flow(gaussian_windows(3000, 0)[0], held_out, 1, 0, 15, {})
+        flow, facts = train_flow(gaussian_windows(3000, 0)[0], held_out, 1, 0, 15, {"width": 32, "splines": 2})
     temper(flow, held_out, seed=0)
     return flow, facts
 

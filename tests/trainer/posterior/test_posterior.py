@@ -138,7 +138,7 @@ def test_several_lengths_and_missing_channels_have_a_say(tmp_path):
         posterior.sample(values[:, :30], time, 5)
 
 
-def test_one_run_at_a_time_is_at_work_in_a_folder(own, many_tanks, monkeypatch):
+def test_one_run_at_a_time_is_at_work_in_a_folder(own, many_tanks):
     quick = {"systems": 8, "windows_per_system": 2, "epochs": 1}
     before = {path.name: path.read_bytes() for path in own.iterdir()} | {".lock": b""}
     with (
@@ -149,16 +149,6 @@ def test_one_run_at_a_time_is_at_work_in_a_folder(own, many_tanks, monkeypatch):
     assert {path.name: path.read_bytes() for path in own.iterdir()} | {".lock": b""} == before
     found = fit_posterior(own, many_tanks, **quick, overwrite=True)  # the lock is free again
     assert len(found.card.fitting_systems.indices) == 4
-
-    def training(*arguments, **settings):  # that wants the folder while a posterior is fitted to what is in it
-        with pytest.raises(EstimatorError, match="run: another run is at it"):
-            fit(many_tanks, own, model="mean", overwrite=True)
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("trainer.posterior.fitting.train_flow", training)
-    with pytest.raises(KeyboardInterrupt):
-        fit_posterior(own, many_tanks, **quick, overwrite=True)
-    assert load_posterior(load_run(own)).card == found.card
 
 
 def spoil(folder, name, **fields):
@@ -176,7 +166,6 @@ def cut(folder):
     [
         (lambda f: spoil(f, "posterior.json", estimator_sha256="f" * 64), "was fitted to the estimator ffffffffffff"),
         (lambda f: spoil(f, "posterior.json", schema_version=9), "schema version is 9; this version .* reads up to 3"),
-        (lambda f: spoil(f, "posterior.json", gain="much"), "damaged: gain"),
         (lambda f: spoil(f, "posterior.json", context=3), "does not fit posterior.json"),
         (lambda f: (f / "posterior.json").write_text("{"), "posterior.json: not valid JSON"),
         (lambda f: (f / "posterior.safetensors").unlink(), "no such file; expected weights"),
@@ -237,14 +226,13 @@ def test_predictions_carry_intervals_samples_and_a_corner_plot(fitted, many_tank
         predict(fitted, recording, out=tmp_path / "new" / "here" / "all.nc" / "more" / "s.nc")
 
 
-@pytest.mark.parametrize("samples", [-1, 0, 1, 19])
-def test_an_interval_of_too_few_samples_is_refused_before_anything_is_written(fitted, many_tanks, tmp_path, samples):
-    words = rf"samples: is {samples}; expected at least 20, so that one lies beyond each end of the 90 % interval"
+def test_an_interval_of_too_few_samples_is_refused_before_anything_is_written(fitted, many_tanks, tmp_path):
+    words = r"samples: is 19; expected at least 20, so that one lies beyond each end of the 90 % interval"
     with pytest.raises(EstimatorError, match=words):
-        predict(fitted, many_tanks / "shards" / "000.nc", samples=samples, out=tmp_path / "new" / "s.nc")
+        predict(fitted, many_tanks / "shards" / "000.nc", samples=19, out=tmp_path / "new" / "s.nc")
     assert not (tmp_path / "new").exists()
     with pytest.raises(EstimatorError, match=words):
-        calibration(fitted, many_tanks, samples=samples, out=tmp_path / "new")
+        calibration(fitted, many_tanks, samples=19, out=tmp_path / "new")
     assert not (tmp_path / "new").exists()
     fewest = predict(fitted, many_tanks / "shards" / "000.nc", samples=20).predictions[0].parameters.values()
     assert all(one.low < one.median < one.high for one in fewest)

@@ -1,6 +1,3 @@
-import json
-import shutil
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -25,22 +22,6 @@ def test_a_shard_is_estimated_system_by_system(ridge_run, tanks):
     errors = expected[:, 1] - records.parameters[:50, 1]
     rmse = found.predictions[0].parameters["tank.fill"].rmse
     assert 1 / 3 < rmse / np.sqrt(np.mean(errors**2)) < 3
-
-
-@pytest.mark.parametrize("drawn", [False, True])
-def test_constants_that_a_training_had_as_declared_are_told(tanks, recording, tmp_path, capsys, drawn):
-    own = shutil.copytree(tanks, tmp_path / "own")
-    manifest = json.loads((own / "manifest.json").read_text())
-    uncertain = [{"name": "wall", "description": "", "parameters": ["wall.C"], "relative": 0.2}]
-    manifest["system"] = json.dumps(json.loads(manifest["system"]) | {"uncertain": uncertain})
-    manifest["settings"] |= {"uncertain": uncertain} if drawn else {}
-    (own / "manifest.json").write_text(json.dumps(manifest))
-    path = write(recording, tmp_path / "r.nc")
-    assert fit(own, tmp_path / "run", model="ridge").card.held == ([] if drawn else ["wall"])
-    assert predict(tmp_path / "run", path).held == ([] if drawn else ["wall"])
-    assert app(["predict", str(tmp_path / "run"), str(path)], result_action="return_value") in (None, 0)
-    said = "The run was trained on systems that have wall as declared."
-    assert (said in " ".join(capsys.readouterr().out.split())) == (not drawn)
 
 
 def test_a_recording_of_no_system_is_refused(ridge_run, shard, tmp_path):
@@ -72,13 +53,6 @@ def test_the_calendar_of_the_recording_does_not_matter(ridge_run, recording, tmp
     two = predict(ridge_run, write(later, tmp_path / "b.nc")).predictions[0]
     assert two.begin == "2024-01-02T02:00:00"
     assert two.parameters["tank.fill"].value == pytest.approx(one.parameters["tank.fill"].value, rel=1e-6)
-
-
-def test_an_estimate_at_the_end_of_its_range_is_marked(ridge_run, recording, tmp_path):
-    recording["level"] = recording["level"].copy(data=recording["level"].values * 5)
-    one = predict(ridge_run, write(recording, tmp_path / "r.nc")).predictions[0]
-    assert one.parameters["tank.fill"].value == pytest.approx(4.0)
-    assert one.parameters["tank.fill"].at_bound
 
 
 def without_units(r):
@@ -167,14 +141,6 @@ def test_a_file_that_is_missing_or_no_netcdf_is_told(ridge_run, tmp_path):
     (tmp_path / "cut.nc").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(40))
     with pytest.raises(RecordingError, match="cannot be read as NetCDF"):
         predict(ridge_run, tmp_path / "cut.nc")
-
-
-def test_a_beginning_that_was_never_written_is_a_sentence(ridge_run, shard, tmp_path):
-    seconds = 1800.0 * np.arange(1, shard.sizes["time"] + 1)
-    apart = shard.drop_vars("time_bnds", errors="ignore").assign_coords(time=("time", seconds, {"units": "s"}))
-    unwritten = np.full(shard.sizes["system"], 9.96921e36)
-    with pytest.raises(RecordingError, match=r"r\.nc: start is 9\.96921e\+36 s since time zero"):
-        predict(ridge_run, write(apart.assign(start=("system", unwritten, {"units": "s"})), tmp_path / "r.nc"))
 
 
 def test_only_a_cell_method_that_is_stated_and_known_is_held_against_the_run(ridge_run, recording, tmp_path):

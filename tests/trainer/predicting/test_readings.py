@@ -25,7 +25,7 @@ def checked(value, told):
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-@pytest.mark.parametrize("code", [-9999.0, 9999.0, -999.9, 99999.0])
+@pytest.mark.parametrize("code", [-999.9, 99999.0])
 def test_a_code_within_thirty_standard_deviations_is_one(code, dtype):
     told = encoding(700.0, abs(code - 700.0) / 6)
     with pytest.raises(RecordingError, match=r"power is -?9.* W at .*, as loggers write where a reading is missing"):
@@ -47,7 +47,6 @@ def test_a_reading_that_is_common_is_no_code(code, away):
             "power of system 8 has 3 missing values in its last 10 samples; expected at most 2: choose",
         ),
         ({0: 2, 1: 2}, 0.2, None),
-        ({0: 1, 1: 1}, 0.0, "power of system 4 has 1 missing value in its last 10 samples; expected none: choose"),
     ],
 )
 def test_missing_readings_are_counted_in_the_window_that_has_most(holes, largest, sentence):
@@ -61,13 +60,12 @@ def test_missing_readings_are_counted_in_the_window_that_has_most(holes, largest
         check_gaps(Path("r.nc"), "power", values, [4, 8], largest)
 
 
-@pytest.mark.parametrize("unit", ["K", "m"])
-def test_temperatures_in_degrees_are_refused_however_wide_the_training_was(tmp_path, unit):
+def test_temperatures_in_degrees_are_refused_however_wide_the_training_was(tmp_path):
     """283 K with a spread of 10 K: 10 degC are 27 standard deviations away, and yet no such temperature exists."""
     encoding = Encoding(
         recorded=["air"],
         outputs=1,
-        units=[unit],
+        units=["K"],
         derived=[],
         step=3600.0,
         length=3,
@@ -82,9 +80,6 @@ def test_temperatures_in_degrees_are_refused_however_wide_the_training_was(tmp_p
     )
     values = np.array([[[10.0], [11.0], [12.0]]], dtype=np.float32)
     times = np.array([[3600.0, 7200.0, 10800.0]])
-    if unit == "m":
-        assert comparable(tmp_path / "r.nc", values, times, [None], encoding) == pytest.approx(values)
-        return
     with pytest.raises(
         RecordingError, match=r"air is 10 K at 2001-01-01T01:00:00, 27 standard deviations .* at most 13"
     ):

@@ -1,7 +1,5 @@
 """Which window of a recording is read, and what of it may be missing."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -9,8 +7,6 @@ from shared.errors import RecordingError
 from trainer.cli import app
 from trainer.predicting.prediction import predict
 from trainer.predicting.recorded import read_window
-from trainer.runs.checkpoint import load_run
-from trainer.training.fitting import fit
 
 from .conftest import write
 
@@ -90,23 +86,3 @@ def test_a_stamp_that_is_missing_is_a_sentence(flexible, recording, tmp_path):
     for lengths in ({"length": 1, "shorter": []}, {}):
         with pytest.raises(RecordingError, match=r"r\.nc: a time stamp is missing; expected one for each sample"):
             read_window(path, encoding.model_copy(update=lengths))
-
-
-@pytest.fixture(scope="module")
-def patient(tanks, tmp_path_factory):
-    """An estimator in whose training the level may have stood still for a day, and never for two."""
-    run = fit(
-        *(tanks, tmp_path_factory.mktemp("patient") / "run"),
-        model="multiscale-transformer",
-        channels=["level", "valve"],
-        context_hours=24.0,
-        other_contexts=[48.0],
-        steps=1,
-        options={"width": 16, "layers": 1, "feedforward": 16},
-    )
-    path = run.folder / "estimator.json"
-    card = json.loads(path.read_text())
-    for known in card["familiar"]:
-        known["longest_still"], known["rests"] = [48, 480], []
-    path.write_text(json.dumps(card))
-    return load_run(run.folder)

@@ -82,13 +82,6 @@ def test_clock_columns_of_known_hours():
     np.testing.assert_allclose(week[0], [[0, 1]], atol=1e-6)
 
 
-def test_derived_channels_follow_the_recorded_ones(data):
-    encoding = make_encoding(tank_system(), records(*data), ["time_of_day", "day_of_week"], 4, np.arange(5))
-    windows = encoding.encode(torch.zeros(2, 4, 1), torch.tensor([0.0, DAY / 2], dtype=torch.float64))
-    assert windows.shape == (2, 4, encoding.columns) == (2, 4, 5)
-    assert windows[:, 0, 2].tolist() == pytest.approx([1.0, -1.0])  # cosine of the time of day
-
-
 def test_channels_are_sorted_into_recorded_and_derived():
     assert split_channels(tank_system(), None) == (["level"], [])
     assert split_channels(tank_system(), ["time_of_day", "valve", "glow"]) == (["glow", "valve"], ["time_of_day"])

@@ -9,7 +9,7 @@ from shared.errors import EstimatorError
 from tests.trainer.conftest import make_dataset
 from trainer.posterior.fitting import fit_posterior
 from trainer.predicting.prediction import predict
-from trainer.reading.facts import Reveal, known_parameters, with_static
+from trainer.reading.facts import Reveal
 from trainer.runs.checkpoint import load_run
 from trainer.training.fitting import fit
 
@@ -26,15 +26,6 @@ def test_a_random_part_is_revealed_in_training_and_none_by_default():
     assert not Reveal(3, 2, "nothing")(facts, torch.Generator())[:, 5:].any()
     given = Reveal(3, 2, "given")(facts, torch.Generator())[:, 5:]
     assert not given[:, :3].any() and given[:, 3:].all()
-
-
-def test_static_columns_lie_behind_the_others_and_are_found_again():
-    static = torch.tensor([[0.7, 0.0, 1.0, 0.0]])
-    windows = with_static(torch.randn(1, 6, 3), static)
-    assert windows.shape == (1, 6, 7)
-    known, values = known_parameters(windows, 4, 2)
-    assert known.tolist() == [[True, False]]
-    assert values[0, 0].item() == pytest.approx(0.7)
 
 
 @pytest.fixture(scope="module")

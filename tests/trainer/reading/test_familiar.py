@@ -12,7 +12,7 @@ from shared.errors import EstimatorError, RecordingError
 from shared.store import DatasetFolder
 from trainer.predicting.prediction import predict
 from trainer.reading.data import load_records
-from trainer.reading.familiar import Familiar, Rest, looks, of_both, stuck, unlike
+from trainer.reading.familiar import Familiar, looks, stuck, unlike
 from trainer.runs.checkpoint import load_run
 
 NAN = float("nan")
@@ -104,23 +104,3 @@ def test_a_card_without_it_is_read_and_one_with_too_little_is_refused(own_ridge)
     with pytest.raises(EstimatorError, match="familiar: is of 0 channels; expected 1"):
         load_run(own_ridge)
     assert Familiar(**known[0]).length == 48
-
-
-def test_of_two_trainings_the_farther_extreme_counts():
-    def known(length, low, high, sd, still, *rests):
-        return Familiar(
-            length=length, windows=5, lowest=low, highest=high, least_sd=sd, longest_still=still, rests=list(rests)
-        )
-
-    one = known(
-        *(8, [1.0, 5.0], [2.0, 9.0], [0.1, 0.5], [3, 4]),
-        *(Rest(hours=24.0, lowest=[1.5, None], highest=[1.7, None]), Rest(hours=72.0, lowest=[1, 1], highest=[2, 2])),
-    )
-    other = known(
-        *(8, [0.5, 6.0], [2.5, 8.0], [0.2, 0.4], [2, 6]), Rest(hours=24.0, lowest=[None, 6.0], highest=[None, 7.0])
-    )
-    both = known(
-        *(8, [0.5, 5.0], [2.5, 9.0], [0.1, 0.4], [3, 6]), Rest(hours=24.0, lowest=[1.5, 6.0], highest=[1.7, 7.0])
-    ).model_copy(update={"windows": 10})
-    assert of_both([one], [other]) == of_both([other], [one]) == [both]
-    assert of_both([one], [other.model_copy(update={"length": 9})]) == of_both([], [other]) == []

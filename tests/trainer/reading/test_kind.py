@@ -18,17 +18,6 @@ def kind_of(folder, **settings):
     return found
 
 
-def test_it_is_that_of_the_manifest(tmp_path):
-    plain, drawn = kind_of(tmp_path / "a"), kind_of(tmp_path / "b", calm=0.25, uncertain=[{"name": "pipe"}])
-    assert (plain.root_seeds, plain.systems, plain.hours, plain.start) == ([7], 20, 240.0, (0.0, 0.0))
-    assert (plain.held, plain.drawn, drawn.held, drawn.drawn) == (["pipe"], [], [], ["pipe"])
-    assert plain.fingerprint != drawn.fingerprint
-    assert plain.heading() == "root seed 7, constants as declared"
-    assert drawn.heading() == "root seed 7, constants drawn, 0.25 without excitation"
-    assert plain.sentence().startswith("dataset: 20 systems of root seed 7; records of 240 h from hour 0 of the year;")
-    assert "a share of 0.25 without excitation; pipe drawn for each system; fingerprint" in drawn.sentence()
-
-
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [

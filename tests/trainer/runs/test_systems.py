@@ -16,11 +16,3 @@ def systems(pairs):
 def test_both_s_systems_are_those_of_either_once_and_in_order(one, other):
     both = systems(list(one)).with_those(systems(list(other)))
     assert list(zip(both.root_seeds, both.indices, strict=True)) == sorted(one | other)
-
-
-def test_systems_of_a_merged_dataset_are_written_in_few_words():
-    """Datasets that were merged have rows of both in turn."""
-    mixed = systems([(seed, index) for index in range(1000) for seed in (2027, 2028)])
-    ordered = mixed.with_those(systems([]))
-    assert len(ordered.model_dump_json()) < 80 < len(mixed.model_dump_json()) / 20
-    assert Systems.model_validate_json(ordered.model_dump_json()) == ordered

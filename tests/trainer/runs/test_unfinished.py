@@ -105,26 +105,19 @@ def test_what_is_found_of_one_estimator_is_not_put_beside_another(own_ridge, tan
     assert not (own_ridge / "calibration.json").exists()
 
 
-@pytest.mark.parametrize("found", ["evaluation", "calibration"])
-def test_a_training_that_is_at_work_replaces_what_is_being_read(own_ridge, tanks, tmp_path, monkeypatch, found):
+def test_a_training_that_is_at_work_replaces_what_is_being_read(own_ridge, tanks, tmp_path, monkeypatch):
     """`fit --overwrite`, whose first estimator comes while the old one is looked at."""
     from trainer.evaluating import evaluation
-    from trainer.posterior import assessment
 
-    fit_posterior(own_ridge, tanks, epochs=1, windows_per_system=2)
     other = fit(tanks, tmp_path / "other", model="mean")
-    module = evaluation if found == "evaluation" else assessment
-    look = module.unseen_rows
+    look = evaluation.unseen_rows
 
     def slow(*arguments):
         save_run(own_ridge, other.card, other.model)
         return look(*arguments)
 
-    monkeypatch.setattr(module, "unseen_rows", slow)
+    monkeypatch.setattr(evaluation, "unseen_rows", slow)
     sentence = "run: its estimator was replaced while it was at work with"
     with FolderLock(own_ridge), pytest.raises(EstimatorError, match=sentence):
-        if found == "evaluation":
-            evaluate(own_ridge, tanks, windows=20)
-        else:
-            calibration(own_ridge, tanks, windows=20, samples=20)
-    assert not (own_ridge / f"{found}.json").exists()
+        evaluate(own_ridge, tanks, windows=20)
+    assert not (own_ridge / "evaluation.json").exists()

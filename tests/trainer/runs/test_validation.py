@@ -9,7 +9,7 @@ import torch
 import xarray as xr
 
 from shared.store import DatasetFolder
-from trainer.posterior import calibration, fit_posterior
+from trainer.posterior import fit_posterior
 from trainer.predicting.prediction import predict
 from trainer.runs.checkpoint import load_run
 from trainer.runs.validation import typical_errors
@@ -100,15 +100,6 @@ def test_a_prediction_has_the_errors_of_its_own_length_and_channels(folder, reco
         assert f"systems, {hours} h{lacking}, noise none or gauge, whichever is larger" in found.rmse_note
 
 
-def test_gaps_are_said_to_make_errors_larger(folder, record):
-    whole = record(24)
-    assert "gaps" not in predict(folder, whole).rmse_note
-    data = xr.load_dataset(whole)
-    data["level"][20:23] = np.nan
-    data.to_netcdf(whole.with_name("gaps.nc"))
-    assert predict(folder, whole.with_name("gaps.nc")).rmse_note.endswith("gaps, with which errors are larger")
-
-
 def test_readings_that_were_put_in_are_told_of_intervals_and_without_an_rmse_too(folder, earlier, record, capsys):
     """One in twenty is lost; bridged, the posterior takes the recording for a complete one."""
     path = record(48)
@@ -134,30 +125,3 @@ def test_a_condition_that_was_not_measured_has_no_errors(folder):
     assert found.note == (
         "the run's card has errors of validation systems, but none for 24 h without glow, noise none or gauge"
     )
-
-
-def test_the_gaussian_of_a_calibration_has_the_errors_of_the_same_condition(folder, other_tanks, tmp_path, monkeypatch):
-    from trainer.posterior import assessment
-
-    run, used, truncated = load_run(folder), [], assessment.truncated_normal
-
-    def spy(middle, sd, *rest):
-        used.append(sd.tolist())
-        return truncated(middle, sd, *rest)
-
-    monkeypatch.setattr(assessment, "truncated_normal", spy)
-    conditions = [(24.0, "none", []), (48.0, "gauge", ["glow"])]
-    for hours, noise, absent in conditions:
-        found = calibration(
-            *(folder, other_tanks),
-            windows=20,
-            samples=20,
-            context_hours=hours,
-            noise=noise,
-            without=absent,
-            out=tmp_path,
-        )
-        assert found.log_score.gaussian is not None
-        assert f"validation systems, {hours:g} h" in found.gaussian_note
-    expected = [errors_of(run, length=round(2 * hours), absent=a, noise=noise).rmse for hours, noise, a in conditions]
-    assert used == [pytest.approx(list(one.values())) for one in expected]

@@ -57,9 +57,6 @@ def test_a_training_that_begins_with_weights_of_another_dataset_reads_windows_as
         fit(elsewhere, tmp_path / "again", begin_with=tmp_path / "first", resume=True, **settings)
 
 
-PIPE = '[[uncertain]]\nname = "pipe"\nparameters = ["tank.pipe"]\nrelative = 0.3\n'
-
-
 def test_a_training_does_not_begin_with_what_it_writes_over(tanks, tmp_path):
     settings = {"options": {"width": 16, "layers": 1, "heads": 2, "feedforward": 32}, "context_hours": 12.0}
     fit(tanks, tmp_path / "run", steps=2, **settings)

@@ -11,7 +11,7 @@ from trainer.reading.windows import Sampler
 from trainer.runs.checkpoint import load_run
 from trainer.training.fitting import fit
 
-from ..conftest import TANK, interrupt_after, make_dataset
+from ..conftest import TANK, make_dataset
 
 SMALL = {"width": 16, "layers": 1, "heads": 2, "feedforward": 32, "dropout": 0.0}
 
@@ -124,15 +124,6 @@ def test_a_loss_that_is_not_a_number_stops_and_keeps_the_last_good_estimator(tan
     assert np.isfinite(run.estimate(np.ones((1, 48, 1)), np.zeros(1))).all()
 
 
-def test_ctrl_c_leaves_the_best_estimator_so_far(tanks, tmp_path, monkeypatch):
-    interrupt_after(30, monkeypatch)
-    with pytest.raises(KeyboardInterrupt):
-        fit(tanks, tmp_path / "run", options=SMALL, steps=100)
-    card = load_run(tmp_path / "run").card
-    assert card.training.stopped == "interrupted"
-    assert card.validation_errors == []  # who stops it does not wait for them
-
-
 def test_a_budget_in_minutes_is_kept(tanks, tmp_path):
     run = fit(tanks, tmp_path / "run", options=SMALL, minutes=0.02)
     assert run.card.training.stopped == "minutes"
@@ -177,7 +168,6 @@ def test_a_dataset_with_missing_values_is_refused(tmp_path, monkeypatch):
         ({"model": "ridge", "patch": 12}, "ridge has no patches"),
         ({"steps": 10, "minutes": 1}, "both are given"),
         ({"steps": 0}, "steps: is 0; expected a positive number"),
-        ({"threads": 0}, "threads: is 0; expected 1 to 256"),
         ({"threads": 10**9}, "threads: is 1000000000; expected 1 to 256"),
         (
             {"model": "multiscale-transformer", "context_hours": 24, "other_contexts": [12, 3]},
@@ -187,12 +177,9 @@ def test_a_dataset_with_missing_values_is_refused(tmp_path, monkeypatch):
         ({"lr": float("nan")}, "lr: is nan"),
         ({"context_hours": 1000}, "the dataset's records have 480 samples"),
         ({"context_hours": float("nan")}, "context is nan h; expected a whole number of steps"),
-        ({"context_hours": float("inf")}, "context is inf h; expected a whole number of steps"),
-        ({"context_hours": 1e306}, r"context is 1e\+306 h; expected a whole number of steps"),
         ({"context_hours": 1e300}, r"context is 1e\+300 h \(2e\+300 samples\); the dataset's records have 480"),
         ({"model": "lstm", "options": {"dropout": 1.5}}, "lstm: dropout "),
         ({"model": "lstm", "options": {"dropout": "x"}}, "lstm: option 'dropout' is 'x'; expected a number"),
-        ({"model": "lstm", "options": {"dropout": float("nan")}}, "lstm: option 'dropout' is nan; expected a number"),
         ({"model": "lstm", "options": {"width": float("inf")}}, "'width' is inf; expected a whole number"),
         ({"noise": "loud"}, "not a preset of Tank"),
         ({"channels": ["heat"]}, "'heat' is not a channel of Tank"),
@@ -228,11 +215,6 @@ def test_a_missing_or_damaged_shard_is_named(tmp_path, damage, words):
     with pytest.raises(DatasetError, match=rf"001\.nc: .*{words}"):
         fit(dataset, tmp_path / "run", model="mean")
     assert not (tmp_path / "run").exists()
-
-
-def stopping(loop, *_):
-    loop._keep()
-    raise KeyboardInterrupt
 
 
 def test_a_coarse_training_is_a_training_of_its_own(tanks, tmp_path):

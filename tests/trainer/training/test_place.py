@@ -5,21 +5,20 @@ import subprocess
 import sys
 import time
 
-import numpy as np
 import pytest
 
 from shared.errors import EstimatorError
 from trainer.evaluating.evaluation import evaluate
-from trainer.reading.windows import Sampler
 from trainer.runs.state import STATE, read_state
 from trainer.training.fitting import fit
+
+from ..conftest import interrupt_after
 
 SMALL = {"width": 16, "layers": 1, "heads": 2, "feedforward": 32}
 SETTINGS = {"options": SMALL, "context_hours": 12.0}
 CHILD = """
 import json, sys
 from trainer.training.fitting import fit
-from trainer.training.loop import Loop
 fit(sys.argv[1], sys.argv[2], **json.loads(sys.argv[3]))
 """
 
@@ -56,20 +55,6 @@ def old(tanks, tmp_path):
     return tmp_path / "run"
 
 
-def failing(monkeypatch, after, error=None):
-    """Draws after so many raise, or have windows that are no numbers."""
-    draw, seen = Sampler.draw, []
-
-    def bad(self, count):
-        seen.append(1)
-        if len(seen) > after and error is not None:
-            raise error
-        batch = draw(self, count)
-        return batch._replace(windows=batch.windows * np.nan) if len(seen) > after else batch
-
-    monkeypatch.setattr(Sampler, "draw", bad)
-
-
 @pytest.mark.slow
 def test_a_second_training_in_a_folder_is_refused_and_a_killed_one_is_in_nobodys_way(tanks, tmp_path):
     folder = tmp_path / "run"
@@ -90,7 +75,7 @@ def test_a_second_training_in_a_folder_is_refused_and_a_killed_one_is_in_nobodys
 
 def test_an_estimator_outlives_a_training_that_is_stopped_early_and_can_be_gone_on_with(tanks, old, monkeypatch):
     before = contents(old)
-    failing(monkeypatch, 0, KeyboardInterrupt())
+    interrupt_after(0, monkeypatch)
     with pytest.raises(KeyboardInterrupt):
         fit(tanks, old, overwrite=True, steps=4, **SETTINGS)
     monkeypatch.undo()
@@ -106,7 +91,7 @@ def test_an_estimator_outlives_a_training_that_is_stopped_early_and_can_be_gone_
 
 
 def test_a_resumption_that_is_refused_takes_nothing_away(tanks, old, monkeypatch):
-    failing(monkeypatch, 0, KeyboardInterrupt())
+    interrupt_after(0, monkeypatch)
     with pytest.raises(KeyboardInterrupt):
         fit(tanks, old, overwrite=True, steps=4, **SETTINGS)
     monkeypatch.undo()
