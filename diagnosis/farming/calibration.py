@@ -152,6 +152,8 @@ def _tables(rows: Sequence[Row]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np
         values = np.array([*row.evidence.candidates.values()])
         behind[k, : len(names)] = values - values.max(initial=-np.inf)
         right = [name in row.true for name in names]
+        if not any(right) and any(name in row.evidence.beside for name in row.true):
+            right = [True] * len(names)  # found as a second effect: the first is one of these, no matter which
         outside = row.stratum != "none" and not any(right)  # a candidate that was not tried is none
         true[k, : 2 + len(names)] = [row.stratum == "none", outside, *right]
     known = [features(row.evidence) for row in rows]
@@ -170,16 +172,9 @@ def _by(weights: np.ndarray, row: Row) -> Probabilities:
     return probabilities(row.evidence, **_named(weights))
 
 
-def _without_folds(rows: Sequence[Row]) -> list[np.ndarray]:
-    """For each row the weights that are of the other folds."""
-    places = np.arange(len(rows)) % FOLDS
-    made = [fitted([row for row, place in zip(rows, places, strict=True) if place != fold]) for fold in range(FOLDS)]
-    return [made[place] for place in places]
-
-
 def _in_set(chance: Probabilities, row: Row) -> float:
-    """The limit up to which what is true is in the set: where two causes are, one of them."""
-    tried = [chance.causes[name] for name in row.true if name in chance.causes]
+    """The limit up to which what is true is in one of the sets: where two causes are, one of them."""
+    tried = [some[name] for some in (chance.causes, chance.beside) for name in row.true if name in some]
     return max(tried) if tried else chance.none  # a candidate that was not tried is none
 
 

@@ -113,11 +113,15 @@ class Verdicts(_Table):
 
 @dataclass(frozen=True)
 class Probabilities:
-    """Of every hypothesis; they sum to one."""
+    """Of no gap, of none of these, and of each candidate, which sum to one.
+
+    ``beside``: of a second effect's candidates, given that one of them is a cause.
+    """
 
     nothing: float
     none: float
     causes: dict[str, float]
+    beside: dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -239,13 +243,20 @@ def probabilities(
     odds += [sum(weight * known[name] for name, weight in none.items())]
     odds += (power * (values - values.max())).tolist() if len(values) else []
     chance = np.exp(np.array(odds) - logsumexp(odds)).tolist()
-    return Probabilities(chance[0], chance[1], dict(zip(evidence.candidates, chance[2:], strict=True)))
+    second = power * np.array([*evidence.beside.values()])
+    beside = np.exp(second - logsumexp(second)).tolist() if len(second) else []
+    return Probabilities(
+        chance[0],
+        chance[1],
+        dict(zip(evidence.candidates, chance[2:], strict=True)),
+        dict(zip(evidence.beside, beside, strict=True)),
+    )
 
 
 def decide(evidence: Evidence, by: Verdicts) -> Decision:
     """The answer that evidence gives."""
     chance = probabilities(evidence, by.nothing, by.none, by.power)
-    held, beside = limit(by.held, evidence), second_of(evidence, by)
+    held, beside = limit(by.held, evidence), chance.beside
 
     def answer(verdict: Verdict, *sets: tuple[str, ...]) -> Decision:
         named = tuple(dict.fromkeys(name for one in sets for name in one))
@@ -285,11 +296,3 @@ def held_by(chance: Mapping[str, float], chosen: tuple[str, ...], least: float) 
     order = sorted(chance, key=lambda name: -chance[name])
     names = tuple(name for name in order if chance[name] >= least)
     return (*names, *(name for name in chosen if name not in names))
-
-
-def second_of(evidence: Evidence, by: Verdicts) -> dict[str, float]:
-    """Probabilities of a second effect's candidates, given that one of them is a cause."""
-    if not evidence.beside:
-        return {}
-    values = np.array([*evidence.beside.values()]) * by.power
-    return dict(zip(evidence.beside, np.exp(values - logsumexp(values)).tolist(), strict=True))

@@ -98,6 +98,22 @@ def test_what_is_said_is_what_is_true_bin_by_bin():
         assert abs(one.said - one.true) < 4 * spread + 0.02
 
 
+def test_a_cause_that_is_found_as_a_second_effect_is_in_the_answer():
+    """Sets hold what is true in either of both: limits do not fall to nothing for it."""
+
+    def second(row):
+        if row.stratum != "listed" or row.index % 4:
+            return row
+        other = {name: one for name, one in row.evidence.candidates.items() if name not in row.true}
+        chosen = (next(iter(other)), *row.true)
+        return replace(row, evidence=replace(row.evidence, candidates=other, beside={row.true[0]: 20.0}, chosen=chosen))
+
+    some = rows(600, seed=8)
+    by, before = calibrated(Rows(ABOUT, tuple(map(second, some)))), calibrated(Rows(ABOUT, some))
+    assert by.held["all"] > 0.5 * before.held["all"] > 0.0
+    assert by.none["one"] < before.none["one"] + 0.5  # it is no cause that nobody describes
+
+
 @pytest.mark.parametrize("strata", [("none",) * 24 + ("listed",) * 60, ("none",) * 60])
 def test_too_few_recordings_are_not_calibrated_by(strata):
     some = tuple(replace(row, stratum=one) for row, one in zip(rows(len(strata), seed=6), strata, strict=True))
