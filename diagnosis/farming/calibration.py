@@ -1,9 +1,9 @@
 """A verdict calibrated by a farm's rows: the weights of its probabilities, and the limits of its answers.
 
-Weights are the most plausible of a conditional logit with a wide normal prior. Limits are conformal (Vovk 2012, ACML
-25:475), of probabilities that weights without the recording's own tenth gave (cross-conformal: their level is held
-about, not exactly): by label for no gap, and among answers to gaps that have a cause for what a set holds. What is told
-of answers is of weights and limits that are of the other nine tenths.
+Weights are the most plausible of a conditional logit with a wide normal prior. What a set holds is conformal (Vovk
+2012, ACML 25:475) among answers to gaps that have a cause, of probabilities that weights without the recording's own
+tenth gave (cross-conformal: the level is held about, not exactly). How many recordings without a cause are answered by
+a gap is counted, not held. What is told of answers is of weights and limits that are of the other nine tenths.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from scipy.special import logsumexp
 
 from diagnosis.farming.rows import Row, Rows
 from diagnosis.gap.verdict import (
+    LIKELY,
     NONE,
     NOTHING,
     POOLED,
@@ -31,7 +32,6 @@ from diagnosis.gap.verdict import (
     condition,
     decide,
     features,
-    limit,
     probabilities,
 )
 from shared.errors import RecordingError
@@ -41,12 +41,10 @@ WIDE = 2.0
 """Standard deviation of a weight in its prior."""
 POWER = (1 / 3, 1.0)
 """Median of the evidence's power in its prior, and the standard deviation of its logarithm."""
-ALARMS = 0.04
-"""Share of recordings without a cause in which a gap may be answered."""
 COVER = 0.9
-"""Share of alarms in which the answer's set holds what is true."""
+"""Share of answered gaps with a cause in which the answer's set holds what is true."""
 FEWEST = 25
-"""Recordings without a cause from which :data:`ALARMS` can be held: one of so many is that share."""
+"""Recordings without a cause by which weights are fitted, and answers of a condition that has a limit of its own."""
 OUTSIDE = ("outside", "withheld")
 """Strata whose cause is no candidate."""
 BINS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
@@ -80,7 +78,6 @@ def calibrated(found: Rows) -> Verdicts:
         strata=dict(Counter(row.stratum for row in rows)),
         **_named(fitted(rows)),
         **_limits(rows, apart),
-        alarms=ALARMS,
         cover=COVER,
         reliability=_reliability(apart, rows),
         answers=Answers(alarms=nothing, named=nothing, outside=nothing),
@@ -98,23 +95,18 @@ def _limits(rows: Sequence[Row], apart: Sequence[Probabilities]) -> dict[str, An
     """Limits of an answer: of all, and of a condition where there are enough recordings of it."""
     pairs = list(zip(rows, apart, strict=True))
     conditions = {condition(row.evidence) for row in rows}
-    alarm, held = {}, {}
-    for name in [POOLED, *sorted(conditions)]:
-        some = [pair for pair in pairs if name in (POOLED, condition(pair[0].evidence))]
-        nulls = [chance.nothing for row, chance in some if row.stratum == "none"]
-        if name == POOLED or len(nulls) >= FEWEST:
-            alarm[name] = _lowest(nulls, ALARMS)
+    held = {}
     for name in [POOLED, *sorted(conditions)]:
         some = [
             (row, chance)
             for row, chance in pairs
             if name in (POOLED, condition(row.evidence)) and row.stratum != "none"
-            if row.evidence.gap and row.evidence.chosen and chance.nothing < limit(alarm, row.evidence)
+            if row.evidence.gap and row.evidence.chosen and chance.nothing < LIKELY
         ]
         right = [_in_set(chance, row) for row, chance in some]
         if name == POOLED or len(right) >= FEWEST:
             held[name] = _lowest(right, 1 - COVER)
-    return {"alarm": alarm, "held": held, "second": _second(rows)}
+    return {"held": held, "second": _second(rows)}
 
 
 def fitted(rows: Sequence[Row]) -> np.ndarray:
@@ -220,7 +212,7 @@ def _answers(done: Sequence[tuple[Row, Decision]]) -> Answers:
         if row.stratum in OUTSIDE and decision.verdict != "no_gap":
             outside.append(decision.verdict == "none_of_these" or decision.or_none)
     return Answers(
-        alarms=_count("recordings without a cause in which a gap is answered", [ALARMS], alarms),
+        alarms=_count("recordings without a cause in which a gap is answered", [], alarms),
         named=_count("answers with a name that hold a true one", [one for one, _ in named], [one for _, one in named]),
         outside=_count("gaps of no candidate of which that is in the answer", [], outside),
     )

@@ -73,7 +73,6 @@ class CalibratedBy(_Table):
     hours: float
     strata: dict[str, int] = Field(description="recordings by what they were")
     noise: str
-    alarms: float = Field(description="share of recordings without a cause in which a gap is answered, about")
     answers: Answers
 
 

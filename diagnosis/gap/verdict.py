@@ -34,6 +34,8 @@ NOTHING = ("one", "best", "gap", "p", "before", "unsettled", "uncounted", "repla
 """What the odds of no gap depend on, by the names of :func:`features`."""
 NONE = ("one", "best", "left", "rejected", "unexplained", "replay")
 """What those of a cause that is no candidate depend on."""
+LIKELY = 0.5
+"""A gap that the tests find is answered where no gap is less probable than this."""
 POOLED = "all"
 """The condition that stands for all, where one has too few recordings for limits of its own."""
 
@@ -74,12 +76,11 @@ class Verdicts(_Table):
     """``verdict.json``: how a system's evidence becomes an answer, and what that was worked out on.
 
     ``nothing`` and ``none``: weights of :data:`NOTHING` and :data:`NONE`; ``power`` of the candidates' evidence.
-    ``alarm``, by :func:`condition`: a gap is answered where no gap is less probable than this; ``alarms``: about the
-    share of recordings without a cause in which that happens. ``held``, by condition: a candidate, and none of these,
-    is in the answer's set from this probability on; of the answers to a gap that has a cause, the set then holds what
-    is true in a share ``cover``, about. ``second``: how often a second effect that is named is a cause. ``strata``:
-    recordings by what they were. ``reliability`` and ``answers`` are of recordings that took no part in weights and
-    limits. ``candidates_sha256`` is of all that candidates are.
+    ``held``, by :func:`condition`: a candidate, and none of these, is in the answer's set from this probability on; of
+    the answers to a gap that has a cause, the set then holds what is true in a share ``cover``, about. ``second``: how
+    often a second effect that is named is a cause. ``strata``: recordings by what they were. ``reliability`` and
+    ``answers`` are of recordings that took no part in weights and limits. ``candidates_sha256`` is of all that
+    candidates are.
     """
 
     schema_version: int = SCHEMA_VERSION
@@ -98,8 +99,6 @@ class Verdicts(_Table):
     none: Weights
     power: float = Field(gt=0)
     second: float = Field(ge=0, le=1)
-    alarm: dict[str, float]
-    alarms: float = Field(ge=0, le=1)
     held: dict[str, float]
     cover: float = Field(ge=0, le=1)
     reliability: list[Count]
@@ -281,7 +280,7 @@ def decide(evidence: Evidence, by: Verdicts) -> Decision:
         return answer("no_gap")
     if not evidence.searched:
         return answer("unfinished")
-    if chance.nothing >= limit(by.alarm, evidence):
+    if chance.nothing >= LIKELY:
         return answer("no_gap")
     if not evidence.chosen or chance.none > sum(chance.causes.values()):
         return answer("none_of_these")

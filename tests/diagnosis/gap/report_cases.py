@@ -52,7 +52,6 @@ CALIBRATED = CalibratedBy(
     seed=7,
     hours=168.0,
     noise="sensor",
-    alarms=0.04,
     strata={"none": 50, "listed": 50},
     answers=Answers(alarms=WORTH.model_copy(update={"true": 0.04}), named=WORTH, outside=WORTH),
 )
