@@ -240,20 +240,19 @@ def _begun(
     elif stage.differs and not made.led:
         tell("leading the base model's fit from where it began")
         made.led = True
-        colours = stage.colours.best
-        _improved(found, effects, seed, lambda: base_from(_line_at_start(found), observed, colours))
+        _lead(found, effects, observed, seed)
     return found
 
 
-def _improved(found: Search, effects: Sequence[Effect], seed: int, other: Callable[[], Refit]) -> None:
-    """Begin with another optimum of the base model if that is more plausible."""
+def _lead(found: Search, effects: Sequence[Effect], observed: np.ndarray, seed: int) -> None:
+    """Begin at the base model's optimum as it is reached from where its fit began, if that is more plausible."""
     stage = found.stages[0]
     try:
-        one = other()
+        one = base_from(_line_at_start(found), observed, stage.colours.best)
         if one.grams.evidence(stage.colours.best) < found.base.grams.evidence(stage.colours.best) + WORTH:
             return
         lin = renewed_among(one, effects, found)
-        after = examine(lin, stage.grams.observed, seed=seed)
+        after = examine(lin, observed, seed=seed)
     except (TimeUp, *FAILURES) as error:
         _log.info("the base model is where its fit ended: %s", error)
         return

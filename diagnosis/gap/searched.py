@@ -49,8 +49,8 @@ class Made:
     ``refits``: of a second effect, by its name. ``renewed``: a refit linearised by the candidates that remain, by its
     effects' names and its unknowns' bytes. ``apart``: both lines of a fit to a part, by the bytes of what was fitted;
     its path is that of these stages alone. None is what cannot be simulated. ``base``: the base model's fit, and
-    linearised by all candidates; ``led``: whether another optimum was looked for, from
-    where that fit began. ``line``: where it began.
+    linearised by all candidates; ``led``: whether another optimum was looked for, from where that fit began.
+    ``line``: where it began.
     """
 
     base: tuple[Refit, Linearised] | None = None

@@ -93,8 +93,8 @@ def main() -> None:
     system = load_system(run.card.system_name)
     source = of_reference(asked.reference, encoding) if asked.reference else of_dataset(asked.dataset, encoding)
     windows, stamps, truth, given, disturbed = source
-    print(f"{len(windows)} windows, {disturbed.sum()} of disturbed rooms")
-    print("readings | known | cover | calm | disturbed | mean R2 | widths over those with nothing known, by parameter")
+    print(f"{len(windows)} windows, {disturbed.sum()} of disturbed rooms; parameters: {', '.join(encoding.parameters)}")
+    print("readings | known | cover | calm | disturbed | mean R2 | R2 | widths over those with nothing known")
     generator = torch.Generator().manual_seed(2)
     for preset in ("none", "sensor"):
         sensors = Sensors(system, encoding.recorded, preset)
@@ -114,9 +114,11 @@ def main() -> None:
             whole = np.log(said.high / said.low).mean(axis=0)
             widths = whole if widths is None else widths
             parts = [inside.mean(), *(inside[one].mean() if one.any() else np.nan for one in (~disturbed, disturbed))]
-            score = r2(truth, said.mean)[free].mean()
+            scores = r2(truth, said.mean)[free]
+            score, each = scores.mean(), " ".join(f"{one:.2f}" for one in scores)
             ratio = " ".join(f"{w:.2f}" for w in width / widths[free])
-            print(f"{preset} | {label} | {' | '.join(f'{100 * one:.1f} %' for one in parts)} | {score:.2f} | {ratio}")
+            cover = " | ".join(f"{100 * one:.1f} %" for one in parts)
+            print(f"{preset} | {label} | {cover} | {score:.2f} | {each} | {ratio}")
 
 
 if __name__ == "__main__":
