@@ -27,8 +27,8 @@ class Evidence:
     searched
         Whether all candidates that stood out were fitted.
     candidates
-        Log evidence of each candidate over the base model, by name: as it was fitted last, by straight lines where
-        nothing was to be fitted.
+        Log evidence of each candidate over the base model, by name: as it was fitted last, chosen or not, and by
+        straight lines where nothing was to be fitted.
     beside
         The same of a second effect, over the first alone; empty where none was found.
     chosen
@@ -82,7 +82,10 @@ def evidence_of(search: Search, gap: bool, rejected: bool, where_p: float) -> Ev
                 excluded=untried,
             )
         )
-    if not values:
+    if not values and search.compared is not None:
+        refits, tried = list(search.compared.refits), search.tried[0]
+        values = [worth(first, refits, first, base=search.compared.base, tried=tried, excluded=untried)]
+    elif not values:
         found = zip((one.name for one in first.lin.effects), first.scan.evidence.tolist(), strict=True)
         values = [{name: one for name, one in found if name not in untried}]
     episode = first.episode.p_value if first.episode is not None else 1.0
