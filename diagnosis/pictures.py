@@ -22,7 +22,7 @@ from trainer.figures import Picture
 BLUE, ORANGE, GREY, RED = "#1f5fa8", "#d9730d", "#8a8f98", "#b3261e"
 
 
-COLOURS = 256
+PALETTE = 256
 """In a picture's palette, the most that a byte for each pixel tells apart: a page is a third of its size so."""
 
 
@@ -51,7 +51,7 @@ def as_png(made: Figure, dpi: int = 110) -> bytes:
     drawn, packed = io.BytesIO(), io.BytesIO()
     made.savefig(drawn, format="png", dpi=dpi)
     drawn.seek(0)
-    Image.open(drawn).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE).save(packed, "PNG", optimize=True)
+    Image.open(drawn).convert("RGB").quantize(PALETTE, dither=Image.Dither.NONE).save(packed, "PNG", optimize=True)
     return packed.getvalue()
 
 

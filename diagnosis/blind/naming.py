@@ -11,16 +11,16 @@ from pydantic import BaseModel, ConfigDict
 from diagnosis.blind.intervals import Figure, Share, figure, median, share
 from diagnosis.blind.opened import Row
 
-SIZES: tuple[tuple[int, int | None], ...] = ((1, None), (1, 1), (2, 4), (5, None))
+NAMED: tuple[tuple[int, int | None], ...] = ((1, None), (1, 1), (2, 4), (5, None))
 """Least and largest number of names (None: without end) of answers that are counted together."""
 MOST = 0.9
 
 
-class _Table(BaseModel):
+class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
 
-class Named(_Table):
+class Named(_Strict):
     """Of answers that name ``least`` to ``most`` effects: how often a true cause is among them.
 
     ``chance``: how often one would be, on average, if as many names were drawn at random from the candidates that could
@@ -33,7 +33,7 @@ class Named(_Table):
     chance: Figure
 
 
-class Names(_Table):
+class Names(_Strict):
     """Of answers that name effects: how many they name, and how often rightly; the first of ``by_size`` is of all.
 
     ``nine_in_ten`` of the answers name at most so many.
@@ -53,7 +53,7 @@ def names(rows: Sequence[Row], seed: int = 0) -> Names:
         median=figure(lengths, median, seed=seed),
         nine_in_ten=figure(lengths, _nine_in_ten, seed=seed),
         largest=max((len(row.named) for row in named), default=None),
-        by_size=[_of_length(named, least, most, seed) for least, most in SIZES],
+        by_size=[_of_length(named, least, most, seed) for least, most in NAMED],
     )
 
 

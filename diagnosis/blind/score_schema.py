@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from diagnosis.blind import naming, rates
+from diagnosis.blind import rates
 from diagnosis.blind.holding import Held
 from diagnosis.blind.intervals import Figure, Share
 from diagnosis.blind.shrinking import Error, Shrinkage
@@ -110,7 +110,7 @@ class Score(_Table):
     parameters: list[Error]
     parameters_right: list[Error]
     held: list[Held] = []
-    names: naming.Names = Field(default_factory=lambda: naming.names([]))
+    names: rates.Names = Field(default_factory=lambda: rates.names([]))
 
 
 def read_score(path: Path | str) -> Score:

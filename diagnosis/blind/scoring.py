@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.blind import holding, naming, rates
+from diagnosis.blind import rates
 from diagnosis.blind.commands import commands
 from diagnosis.blind.expected import DETECTABLE, Expected
 from diagnosis.blind.intervals import Figure, figure, median, share
@@ -183,8 +183,8 @@ def _scored(
         shrinkage_detectable=where_largest(*clear, seed=seed),
         parameters=errors(named, run.parameters, seed),
         parameters_right=errors([row for row in named if row.covered], run.parameters, seed),
-        held=[holding.sizes(rows, seed), *holding.parameters(rows, run.parameters, seed)],
-        names=naming.names(rows, seed),
+        held=[rates.sizes(rows, seed), *rates.parameters(rows, run.parameters, seed)],
+        names=rates.names(rows, seed),
     )
 
 

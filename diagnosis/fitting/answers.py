@@ -27,10 +27,10 @@ hand, as :data:`WORTH`, on the default room and the houses of the tests, on no s
 WORTH = 0.5
 """Of the time for which they are followed otherwise: for less than that to be spared nothing is given up."""
 
-Simulate = Callable[[list[np.ndarray]], list[np.ndarray]]
+SimulateMany = Callable[[list[np.ndarray]], list[np.ndarray]]
 
 
-def responses(nuisance: Nuisance, simulate: Simulate, base: np.ndarray, time: np.ndarray) -> np.ndarray:
+def responses(nuisance: Nuisance, simulate: SimulateMany, base: np.ndarray, time: np.ndarray) -> np.ndarray:
     """Outputs by heights of pulses, by differences of whole simulations, several pulses in each.
 
     Pulses that are followed until the next one begins share a simulation, and each is followed as long as that.
@@ -70,7 +70,7 @@ def responses(nuisance: Nuisance, simulate: Simulate, base: np.ndarray, time: np
 
 
 def lasting(
-    nuisance: Nuisance, simulate: Simulate, base: np.ndarray, time: np.ndarray, observed: np.ndarray, noise: np.ndarray
+    nuisance: Nuisance, simulate: SimulateMany, base: np.ndarray, time: np.ndarray, observed: np.ndarray, noise: np.ndarray
 ) -> float:
     """For how long pulses that turn have to be followed [s]; infinite where it is not worth asking.
 

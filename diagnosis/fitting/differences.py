@@ -12,11 +12,11 @@ import numpy as np
 
 from shared.errors import SimulationError
 
-Simulate = Callable[[np.ndarray], np.ndarray]
+SimulateOne = Callable[[np.ndarray], np.ndarray]
 
 
 def one_sided(
-    simulate: Simulate, z: np.ndarray, k: int, bounds: tuple[np.ndarray, np.ndarray], step: float
+    simulate: SimulateOne, z: np.ndarray, k: int, bounds: tuple[np.ndarray, np.ndarray], step: float
 ) -> np.ndarray | None:
     """Derivative of the outputs by unknown ``k`` from whichever side can be simulated.
 

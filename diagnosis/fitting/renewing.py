@@ -9,7 +9,7 @@ from diagnosis.fitting.leaps import joint_cost, leapt
 from diagnosis.fitting.linearisation import Linearisation
 from diagnosis.fitting.problem import Problem
 
-UNFELT = 0.1
+LEAST_FELT = 0.1
 """What moves no reading by more than this share of its noise, with its whole prior spread, is no longer followed."""
 
 
@@ -17,7 +17,7 @@ def pruned(problem: Problem, around: Linearisation) -> tuple[Problem, Linearisat
     """The same problem without history and changes within steps that no reading feels, and its linearisation."""
     nuisance = problem.nuisance
     moved = np.abs(around.response) * nuisance.sd / problem.noise.sd[:, None, None]
-    keep = nuisance.guessed | (moved.max(axis=(0, 1), initial=0.0) > UNFELT)
+    keep = nuisance.guessed | (moved.max(axis=(0, 1), initial=0.0) > LEAST_FELT)
     other = problem.with_nuisance(nuisance.only(keep))
     used = np.abs(nuisance.factor[keep]).any(axis=0)
     response = around.response[:, :, keep]

@@ -64,7 +64,7 @@ def swung(path: Sequence[np.ndarray], z: np.ndarray, round_: int) -> np.ndarray:
     return np.asarray(off.T @ off / len(off))
 
 
-WIDTH = 1.5
+ASIDE = 1.5
 """How far from the mode the posterior is looked at [standard deviations by curvature]."""
 FLAT = 0.05
 """A loss that rises less than this counts as having risen so much: what is flat is stretched to 4.7 times at most."""
@@ -92,10 +92,10 @@ def stretched(
 
     base, lengths = loss(z), values**-0.5
     for k, axis in enumerate(vectors.T):
-        for side in (WIDTH, -WIDTH):
+        for side in (ASIDE, -ASIDE):
             step = np.clip(z + side * values[k] ** -0.5 * axis, low, high) - z
             size = float(np.linalg.norm(step))
-            if size * values[k] ** 0.5 < 0.2 * WIDTH:  # at a bound
+            if size * values[k] ** 0.5 < 0.2 * ASIDE:  # at a bound
                 continue
             try:
                 rise = max(loss(z + step) - base, FLAT)

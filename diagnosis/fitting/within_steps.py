@@ -29,7 +29,7 @@ ROOMS = 1000
 NEAREST, WIDER = 40, 1000
 RARE = 0.1
 """Share of the covariance that is that of the wider neighbours: what happens rarely is not among the nearest few."""
-NEGLIGIBLE = 1e-3
+LEFT_OUT = 1e-3
 """Share of the signal's standard deviation below which what happens within a step is left out."""
 HAAR = np.array([[0.5, 0.5, 0.0, 0.0], [0.5, -0.5, 0.0, 0.0], [0.0, 0.0, 0.5, -0.5]])
 """Heights of the pulses of :func:`_pulses` that make given deviations of quarters from their mean."""
@@ -86,7 +86,7 @@ def replayed(place: int, recording: Recording, signal: Piecewise) -> Nuisance:
 def _pulses(place: int, recording: Recording, covariance: np.ndarray, size: float) -> Nuisance:
     """Differences between halves of steps, and between the halves of each half, with covariances (steps, 3, 3)."""
     spread = np.sqrt(np.trace(covariance, axis1=1, axis2=2))
-    some = np.flatnonzero(spread > NEGLIGIBLE * max(size, 1e-12))
+    some = np.flatnonzero(spread > LEFT_OUT * max(size, 1e-12))
     if not len(some):
         return no_nuisance()
     values, vectors = np.linalg.eigh(covariance[some])
@@ -106,7 +106,7 @@ def _pulses(place: int, recording: Recording, covariance: np.ndarray, size: floa
         mean=np.zeros(count),
         factor=factor,
     )
-    return pulses.only(pulses.sd > 0.1 * NEGLIGIBLE * size)
+    return pulses.only(pulses.sd > 0.1 * LEFT_OUT * size)
 
 
 def _expected(spec: Occupancy, step: float, means: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -121,7 +121,7 @@ def _expected(spec: Occupancy, step: float, means: np.ndarray) -> tuple[np.ndarr
     tree, shapes = _draws(spec, step)
     mean, covariance = np.zeros((len(means), 4)), np.zeros((len(means), 4, 4))
     most = np.abs(means).max(axis=1)
-    some = np.flatnonzero(np.ptp(means, axis=1) > NEGLIGIBLE * most)
+    some = np.flatnonzero(np.ptp(means, axis=1) > LEFT_OUT * most)
     if tree is None or not len(some):
         return mean, covariance
     distance, places = tree.query(means[some] / most[some, None], k=np.arange(1, min(WIDER, len(shapes)) + 1))

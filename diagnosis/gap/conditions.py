@@ -22,7 +22,7 @@ from diagnosis.fitting.noise import HOUR
 from diagnosis.fitting.nuisance import Nuisance
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.renewing import pruned
-from diagnosis.fitting.within_steps import counted
+from diagnosis.fitting.within_steps import counted as persons_within
 from diagnosis.gap.grams import Colour, Grams, projected
 from diagnosis.gap.linear import Linearised, applicable, felt_nuisance, linearised
 from diagnosis.gap.nuisances import WITHIN, both, felt, late, widened
@@ -109,7 +109,7 @@ def _within_steps(lin: Linearised, column: int, factor: float) -> Nuisance:
     last = np.minimum(recording.time[:, None], nuisance.end[some])
     shared = np.maximum(last - np.maximum(begins[:, None], nuisance.begin[some]), 0.0)
     means = factor * (shared @ lin.around.heights[some]) / recording.step
-    pulses, _ = counted(problem.system.occupancy, column, recording, Piecewise(begins, means, "previous"))
+    pulses, _ = persons_within(problem.system.occupancy, column, recording, Piecewise(begins, means, "previous"))
     if not pulses.size:
         return pulses
     pulses = both(wider := replace(pulses, factor=WITHIN * pulses.factor), late(wider, column))

@@ -28,7 +28,7 @@ from diagnosis.pages import page_environment
 from diagnosis.physics import hints, warnings
 from diagnosis.pictures import at_day, embedded
 from diagnosis.recording import DAY
-from diagnosis.where.ink import readable
+from diagnosis.where.ink import few_digits
 from diagnosis.where.pictures import draw_cells, draw_correlations
 from diagnosis.where.source import Source, Verdict
 from diagnosis.where.timelines import draw_episodes, draw_sources
@@ -75,7 +75,7 @@ def render(done: Diagnosis) -> str:
         limit=f"{LIMIT:g}",
         constants=relative,
         within=lambda name, value: within_limit(value, relative.get(name)),
-        shown_in=lambda one: readable(one.unit, widest.get(one.name, 0.0)),
+        shown_in=lambda one: few_digits(one.unit, widest.get(one.name, 0.0)),
         pictures=_pictures(done),
     )
 

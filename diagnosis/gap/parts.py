@@ -12,7 +12,7 @@ import numpy as np
 
 from diagnosis.recording import DAY, Recording
 
-BLOCKS = 8
+PARTS = 8
 SHARE = 0.25
 """Share of the blocks that is kept."""
 
@@ -26,7 +26,7 @@ def kept_for_scoring(recording: Recording) -> np.ndarray:
     if days < 4:
         return np.asarray(recording.time > recording.start + 0.75 * (recording.stop - recording.start))
     whole = int(days + 1e-9)
-    length = int(np.ceil(whole / min(BLOCKS, whole)))
+    length = int(np.ceil(whole / min(PARTS, whole)))
     count = -(-whole // length)
     # what is more than whole days belongs to the last block: hours alone would be the farthest out of all
     block = np.minimum((recording.time - recording.start - 1e-6) // (length * DAY), count - 1).astype(int)

@@ -29,7 +29,7 @@ def outline(axes: Axes, mask: np.ndarray) -> None:
     axes.add_collection(LineCollection(lines, colors=OUTLINE, linewidths=1.8, capstyle="projecting", clip_on=False))
 
 
-def readable(unit: str, peak: float) -> tuple[float, str]:
+def few_digits(unit: str, peak: float) -> tuple[float, str]:
     """Factor and unit in which a peak is a number of a few digits."""
     if unit == "kg/s" and 0 < peak < 1e-3:
         return 1e6, "mg/s"

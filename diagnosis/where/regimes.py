@@ -16,7 +16,7 @@ _SUN_SHARE = 0.2
 """Sun is out above this share of the record's 99th percentile of irradiance."""
 _AT_BOUND = 0.01
 """Share of the steps that must lie on a series' extreme for it to be a bound."""
-_SEEN = 0.02
+_RARE = 0.02
 """Regimes that hold for less than this share of the record, or are absent for less, say nothing."""
 
 
@@ -59,7 +59,7 @@ def find_regimes(system: System, inputs: Mapping[str, np.ndarray], simulated: np
         series = simulated[..., k, :]
         if np.isfinite(series).all():
             found += _of_output(output, series)
-    return [r for r in found if _SEEN <= np.atleast_2d(r.mask)[0].mean() <= 1 - _SEEN]
+    return [r for r in found if _RARE <= np.atleast_2d(r.mask)[0].mean() <= 1 - _RARE]
 
 
 def _of_input(source: str, column: str, name: str, unit: str, series: np.ndarray) -> list[Regime]:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from diagnosis.pictures import calendar
 from diagnosis.where.episodes import REST, EpisodeTest
-from diagnosis.where.ink import MEASURED, QUIET, TWINS, readable
+from diagnosis.where.ink import MEASURED, QUIET, TWINS, few_digits
 from diagnosis.where.series import DAY, Residuals
 from diagnosis.where.source import SourceTest, Verdict
 from shared.numbers import number
@@ -101,7 +101,7 @@ def draw_sources(
     labels = dict(zip(residuals.names, residuals.labels, strict=True))
     for axes, one in zip(panels, found.sources, strict=True):
         peak = float(np.abs(one.estimate).max())
-        factor, unit = readable(one.unit, max(peak, float(np.abs(one.high).max())))
+        factor, unit = few_digits(one.unit, max(peak, float(np.abs(one.high).max())))
         edges = (one.edges - begin) / DAY
         centres = (edges[1:] + edges[:-1]) / 2
         axes.fill_between(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from diagnosis.fitting import meters
+from diagnosis.fitting import inputs as meters
 from diagnosis.fitting.meters import MEMORIES, MEMORY, SLOW, cleared
 from diagnosis.recording import HOUR
 

@@ -5,7 +5,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from diagnosis.gap import concluded, pictures
+from diagnosis.gap import diagnosed as concluded
+from diagnosis.gap import page as pictures
 from diagnosis.gap.page import answered_by, dated, render
 from diagnosis.gap.schema import Report
 from diagnosis.physics import Finding

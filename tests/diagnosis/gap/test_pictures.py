@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagnosis.gap import pictures
+from diagnosis.gap import page as pictures
 from diagnosis.gap.pictures import LEAST, draw_outputs, draw_shares
 from diagnosis.gap.schema import ShrinkageOf
 from diagnosis.gap.sentences import _share
