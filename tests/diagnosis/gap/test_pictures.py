@@ -82,7 +82,7 @@ def test_kept_days_are_shaded_from_their_midnight_to_their_midnight(monkeypatch)
     assert [one for one in spans if one[0] > 0] == [pytest.approx((1.0, 2.0)), pytest.approx((3.0, 4.0))]
     said = [text.get_text() for text in panel.get_legend().get_texts()]
     assert said[:1] + said[-1:] == ["two standard deviations of noise", "days kept from the fit"] and len(said) == 4
-    assert said[2] == "with the nearest candidate (rejected)"
+    assert said[2] == "with the nearest candidate"
     noise, *kept = panel.patches
     assert noise.get_hatch() is None and {one.get_hatch() for one in kept} == {"//"}
     assert panel.get_ylabel().split("\n")[0] == "air of the room (room)"

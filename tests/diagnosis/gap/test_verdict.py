@@ -50,7 +50,7 @@ BY = Verdicts(
     noise="sensor",
     seed=1,
     strata={"none": 40, "listed": 60},
-    nothing={"one": 2.0, "gap": -2.0, "best": -1.0},
+    nothing={"one": 3.0, "gap": -2.0, "best": -1.0},
     none={"one": -1.0, "left": 1.0, "rejected": 1.0},
     power=0.5,
     second=0.6,
@@ -68,7 +68,7 @@ def whole(done):
 def test_probabilities_are_those_of_a_conditional_logit():
     """By hand: the best candidate has odds of one, the others by the power of their evidence."""
     found = probabilities(LOUD, BY.nothing, BY.none, BY.power)
-    odds = np.array([np.exp(2.0 - 2.0 - np.log1p(50.0)), np.exp(-1.0), 1.0, np.exp(-1.0), np.exp(-24.5)])
+    odds = np.array([np.exp(3.0 - 2.0 - np.log1p(50.0)), np.exp(-1.0), 1.0, np.exp(-1.0), np.exp(-24.5)])
     expected = odds / odds.sum()
     assert [found.nothing, found.none, *found.causes.values()] == pytest.approx(expected.tolist())
 
