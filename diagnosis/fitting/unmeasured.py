@@ -21,9 +21,9 @@ PULSE = 1800.0
 HISTORY = (0.0, 0.25 * DAY, DAY, 3 * DAY)
 """Ends of the spans before the recording [s]; the last one reaches to the start of the warm-up."""
 DRAWS = 4000
-NEGLIGIBLE = 1e-4
+TINY = 1e-4
 """Share of the variance below which directions of the prior are left out."""
-RARE = 0.3
+LEAST_PERSONS = 0.3
 """Of the largest standard deviation of unknown persons, the least at half hours of the day at which somebody may come.
 
 They come at an unusual hour rarely, but then several at once: a normal prior with the variance of that takes the first
@@ -117,7 +117,7 @@ def courses(system: System, driven: Drive, seed: int = 0) -> Courses:
     draws = draws / level[:, None]
     usual = draws.mean(axis=0)
     edges[-1] = driven.stop
-    comes = draws[:, back:].std(axis=0) > NEGLIGIBLE * max(draws.std(), 1e-12)
+    comes = draws[:, back:].std(axis=0) > TINY * max(draws.std(), 1e-12)
     hour = np.floor(edges[back:-1] % DAY / PULSE + 1e-6).astype(int)
     inside = back + np.flatnonzero(np.isin(hour, hour[comes]))
     begins, ends, heights = [edges[inside]], [edges[inside + 1]], [draws[:, inside]]
@@ -146,7 +146,7 @@ def _unknown_occupancy(system: System, place: int, driven: Drive, seed: int) -> 
     found = courses(system, driven, seed)
     covariance = np.atleast_2d(np.cov(found.heights, rowvar=False))
     variance = np.diag(covariance)[: found.recorded]
-    rare = np.maximum(RARE**2 * variance.max(initial=0.0) - variance, 0.0)
+    rare = np.maximum(LEAST_PERSONS**2 * variance.max(initial=0.0) - variance, 0.0)
     covariance = covariance + np.diag(np.append(rare, np.zeros(len(covariance) - found.recorded)))
     level = np.log(found.level)
     return (
@@ -167,7 +167,7 @@ def _unknown_occupancy(system: System, place: int, driven: Drive, seed: int) -> 
 def _factor(covariance: np.ndarray) -> np.ndarray:
     """A factor F with F F' = covariance but for negligible directions, shape (n, rank)."""
     values, vectors = eigh(covariance)
-    keep = values > NEGLIGIBLE**2 * values[-1]
+    keep = values > TINY**2 * values[-1]
     return np.asarray(vectors[:, keep] * np.sqrt(values[keep]))
 
 

@@ -22,11 +22,11 @@ from datagen.simulating.simulator import Simulator, Trajectory
 from diagnosis.fitting.run import Run
 from shared.errors import SimulationError
 
-KEPT = 64
+STATES = 64
 """States that are remembered: of so many parameters and pasts, the latest."""
 SAME = 0.5
 """Difference between a run in two parts and one in one part that is the integrator's own [accuracy of the output]."""
-MOST = 0.9
+ALIKE = 0.9
 """Share of the steps of each output that must be the same. Not all: a limiter's event moves by a moment now and then.
 In the default room nine steps in ten agree to 0.03 of the accuracy, so it does not matter which run comes first."""
 
@@ -54,7 +54,7 @@ class Warmed:
         found = self._parts(run)
         if self.cut is None:
             whole = self._whole(run)
-            apart = np.quantile(np.abs(found - whole), MOST, axis=1)
+            apart = np.quantile(np.abs(found - whole), ALIKE, axis=1)
             self.cut = bool((apart <= SAME * np.array([one.accuracy for one in self.simulator.system.outputs])).all())
             if not self.cut:
                 return whole
@@ -81,7 +81,7 @@ class Warmed:
             if not np.isfinite(states).all():
                 raise SimulationError("states at the start of the recording are not finite; expected numbers")
             self._states[key.digest()] = states
-            if len(self._states) > KEPT:
+            if len(self._states) > STATES:
                 self._states.popitem(last=False)
         return self._simulated(run, run.inputs, start=run.record_from, stop=run.stop, initial_states=states).outputs
 

@@ -301,4 +301,3 @@ def _finding(
     )
 
 
-__all__ = ["WHOLE", "CellTest", "scan_cells"]

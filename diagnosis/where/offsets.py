@@ -83,4 +83,3 @@ def _parts(values: np.ndarray, step: float) -> list[np.ndarray]:
     return parts[1:] or parts
 
 
-__all__ = ["Offsets", "band_scatter"]
