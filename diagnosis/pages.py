@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -53,3 +56,22 @@ def long_named(name: str, long: Mapping[str, str] | str | None) -> str:
     """
     what = long.get(name) if isinstance(long, Mapping) else long
     return f"{what} ({name})" if what and what != name else name
+
+
+@contextmanager
+def whole(folder: Path) -> Iterator[Path]:
+    """A folder to write into that takes its name only when everything in it is written.
+
+    An existing folder of that name keeps its other files; those written replace their namesakes.
+    """
+    # within a folder that is there: what is above it may be another file system, or another user's
+    place = folder if folder.is_dir() else folder.parent
+    place.mkdir(parents=True, exist_ok=True)
+    draft = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=place))
+    try:
+        yield draft
+        folder.mkdir(exist_ok=True)
+        for path in sorted(draft.iterdir()):
+            path.replace(folder / path.name)
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)

@@ -32,12 +32,11 @@ from diagnosis.app.project import (
     in_target,
 )
 from diagnosis.calibrating.schema import read_calibration
-from diagnosis.curves import shown
-from diagnosis.forecasting.forecasted import Forecast
+from diagnosis.curves import readable, shown
+from diagnosis.forecasting.forecast import Forecast
 from diagnosis.gap.schema import read_report
 from diagnosis.gap.sentences import headline
 from diagnosis.pages import long_named
-from diagnosis.pictures import readable
 from shared.errors import RecordingError, ZeroshotError
 from shared.netcdf import read_netcdf
 from shared.numbers import number

@@ -17,8 +17,8 @@ import pandas as pd
 
 from datagen.farming.cluster import connect
 from datagen.fmi.fmu import fmu_sha256
-from diagnosis.blind.begun import uncertain_sha256
 from diagnosis.blind.generator import Generator
+from diagnosis.blind.make import uncertain_sha256
 from diagnosis.effects import library
 from diagnosis.farming.calibration import calibrated
 from diagnosis.farming.rows import Rows, generator, read_row, work

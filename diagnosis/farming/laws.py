@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from datagen.driving.tables import Piecewise
-from diagnosis.blind.processes import wandering
+from diagnosis.blind.room import wandering
 from diagnosis.effects import Effect, Nothing
 from diagnosis.effects.shapes import joined
 from diagnosis.recording import DAY, HOUR, Recording

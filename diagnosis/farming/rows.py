@@ -11,9 +11,7 @@ from typing import Any
 import numpy as np
 
 from datagen.driving.sampling import record_start, stream
-from diagnosis.blind.draw import Case, Cause
-from diagnosis.blind.generator import Generator, Made
-from diagnosis.blind.measuring import measured, published, write
+from diagnosis.blind.generator import Case, Cause, Generator, Made, measured, published, write
 from diagnosis.blind.truth import Measuring, Strata, Truth
 from diagnosis.effects import Effect, clash, library
 from diagnosis.farming.laws import EXACT, Process, Span, Warped, course, outside, warped

@@ -6,14 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.fitting.fit import Fit
-from diagnosis.fitting.spread import doubted_sd
-from diagnosis.gap.colours import discrepancy
-from diagnosis.gap.conditions import Otherwise
-from diagnosis.gap.limits import limits, strained
+from diagnosis.fitting.fit import Fit, doubted_sd
+from diagnosis.gap.evidence import Search
+from diagnosis.gap.grams import discrepancy
+from diagnosis.gap.limits import Otherwise, detectability, limits, otherwise_seen, strained
 from diagnosis.gap.places import stretch
-from diagnosis.gap.refit import Refit
-from diagnosis.gap.rivals import Rivals
+from diagnosis.gap.refit import Refit, Rivals
 from diagnosis.gap.schema import (
     CalibratedBy,
     HypothesisOf,
@@ -26,20 +24,18 @@ from diagnosis.gap.schema import (
     SourceOf,
     StageOf,
 )
-from diagnosis.gap.searched import Search
-from diagnosis.gap.seen import detectability, otherwise_seen
 from diagnosis.gap.sentences import summary
 from diagnosis.gap.shrinkage import Shrinkage
 from diagnosis.gap.stages import Stage
 from diagnosis.gap.twins import TWINS
 from diagnosis.gap.verdict import Decision, Verdicts
-from diagnosis.intervals import HALF_WIDTH
 from diagnosis.recording import HOUR
+from diagnosis.usual import HALF_WIDTH
 from diagnosis.where import Where
 
 WIDE_90 = 1.1 * HALF_WIDTH
 """Half-width of a 90 % interval, in standard deviations: a tenth wider than the recording alone makes it, as a model's
-own slow error of the noise's size would (docs/blind-check.md)."""
+own slow error of the noise's size would."""
 
 
 def reported(

@@ -339,7 +339,7 @@ class Report(Result, _Table):
 
     def plot(self) -> Figure:
         """Probabilities of the foremost candidates, of none of these, and of no gap."""
-        from diagnosis.pictures import Picture
+        from diagnosis.curves import Picture
 
         chances = {one.name: one.probability for one in self.foremost}
         if self.others is not None:

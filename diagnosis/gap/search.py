@@ -3,7 +3,7 @@
 Forward selection with the family's own null at each stage (Bacher and Madsen 2011 select grey-box models by
 likelihood ratios; the null here is that of twins, Johansson 2014, and holds for all candidates together). Whether there
 is a gap at all is asked at the base model's fit; which candidate explains it, of fits from the same starts
-(:mod:`.rivals`).
+(:mod:`.refit`).
 """
 
 from __future__ import annotations
@@ -24,14 +24,23 @@ from diagnosis.fitting.failures import (
     said_by,
 )
 from diagnosis.fitting.fit import Fit
-from diagnosis.gap.evidence import worth
-from diagnosis.gap.linear import Linearised, applicable, fewer, linearised
-from diagnosis.gap.nuisances import widened
-from diagnosis.gap.refit import Refit, linear_start, refit, rested
-from diagnosis.gap.renewal import RENEWALS, WORTH, settled
-from diagnosis.gap.rivals import Rivals, base_from, from_one_start, line_at, on_the_best_line
+from diagnosis.gap.evidence import Made, Ranked, Search, evidence_before, worth
+from diagnosis.gap.linear import Linearised, applicable, fewer, linearised, widened
+from diagnosis.gap.refit import (
+    RENEWALS,
+    WORTH,
+    Refit,
+    Rivals,
+    base_from,
+    from_one_start,
+    line_at,
+    linear_start,
+    on_the_best_line,
+    refit,
+    rested,
+    settled,
+)
 from diagnosis.gap.scan import NEGLIGIBLE
-from diagnosis.gap.searched import Made, Ranked, Search, evidence_before
 from diagnosis.gap.stages import CLEAR, STRONG, Stage, examine
 from shared.errors import TimeUp
 from shared.logs import logger
@@ -314,7 +323,7 @@ def told(before: Stage, refits: list[Refit], after: Stage) -> bool:
 
 
 def settled_base(base: Fit, observed: np.ndarray, *, renewals: int = RENEWALS) -> Refit:
-    """A fit with its nuisances as wide as they are, linearised where it then is: see :func:`.renewal.settled`."""
+    """A fit with its nuisances as wide as they are, linearised where it then is: see :func:`.refit.settled`."""
     problem, around = widened(base.problem, base.around)
     return settled(problem, base.z, around, observed, problem.floor, renewals=renewals)
 

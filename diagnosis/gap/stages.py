@@ -6,12 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.gap.colours import Colours, discrepancy, estimated_colours
-from diagnosis.gap.episode import Episode, largest_episode
-from diagnosis.gap.grams import Colour, Grams
+from diagnosis.gap.grams import Colour, Colours, Grams, discrepancy, estimated_colours
 from diagnosis.gap.linear import Linearised
 from diagnosis.gap.scan import LEVEL as LEVEL
-from diagnosis.gap.scan import Scan, scan
+from diagnosis.gap.scan import Episode, Scan, largest_episode, scan
 from diagnosis.gap.twins import TWINS, Twins, draw_twins
 
 STRONG = 3.0

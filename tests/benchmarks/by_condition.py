@@ -18,9 +18,8 @@ from pathlib import Path
 import numpy as np
 
 from diagnosis.blind import rates
-from diagnosis.blind.intervals import share
-from diagnosis.blind.naming import names
 from diagnosis.blind.opened import Row, side_by_side
+from diagnosis.blind.rates import names, share
 from diagnosis.blind.score_report import NAMED, by_chance, by_size, either, lengths, percent
 from diagnosis.blind.sealed import open_answers
 from diagnosis.blind.verdicts import read_run

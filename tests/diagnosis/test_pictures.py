@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from diagnosis.pictures import readable
+from diagnosis.curves import readable
 
 
 def test_differences_of_temperature_stay_in_kelvin():

@@ -2,7 +2,7 @@
 
 import pytest
 
-from diagnosis.whole import whole
+from diagnosis.pages import whole
 
 
 def inside(folder):

@@ -2,8 +2,7 @@
 
 import pytest
 
-from diagnosis.blind.draw import draw_case, pairs
-from diagnosis.blind.generator import Generator
+from diagnosis.blind.generator import Generator, draw_case, pairs
 from diagnosis.effects import library
 from shared.errors import SystemDescriptionError
 

@@ -5,10 +5,8 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from diagnosis.blind.draw import Case, Cause, draw_case
-from diagnosis.blind.generator import Generator
+from diagnosis.blind.generator import Case, Cause, Generator, draw_case, measured
 from diagnosis.blind.make import answer_of
-from diagnosis.blind.measuring import measured
 from diagnosis.blind.truth import Form
 from diagnosis.effects import library
 

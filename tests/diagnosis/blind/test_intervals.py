@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from diagnosis.blind.intervals import Figure, figure, share, wilson
+from diagnosis.blind.rates import Figure, figure, share, wilson
 from diagnosis.blind.score_report import by_chance, number
 
 

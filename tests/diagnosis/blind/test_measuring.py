@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from diagnosis.blind.measuring import measured, write
+from diagnosis.blind.generator import measured, write
 from shared.errors import RecordingError
 from shared.variables import Noise
 from tests.small_disk import SAID, small_disk

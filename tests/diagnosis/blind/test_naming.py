@@ -4,8 +4,8 @@ from itertools import combinations
 
 import pytest
 
-from diagnosis.blind.naming import by_chance, names
 from diagnosis.blind.opened import Row
+from diagnosis.blind.rates import by_chance, names
 from diagnosis.blind.score_report import by_size, markdown
 from diagnosis.blind.scoring import score
 from diagnosis.blind.verdicts import Outcome, Verdict

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from diagnosis.blind.places import steps_of
+from diagnosis.blind.opened import steps_of
 
 
 def test_cells_are_read_as_they_are_written():

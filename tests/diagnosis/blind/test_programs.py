@@ -3,7 +3,7 @@
 import pytest
 
 import diagnosis.blind.running as running
-import diagnosis.blind.working as working
+import diagnosis.blind.running as working
 from diagnosis.blind.running import run
 from diagnosis.blind.scoring import score
 from shared.errors import RecordingError

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from diagnosis.blind.intervals import share
-from diagnosis.blind.rates import _reliability
+from diagnosis.blind.rates import _reliability, share
 
 
 @pytest.mark.parametrize("times", [1, 10])

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from diagnosis.blind.score_report import markdown
-from diagnosis.blind.score_schema import read_score
-from diagnosis.blind.scoring import score
+from diagnosis.blind.scoring import read_score, score
 from diagnosis.blind.verdicts import Moved, Outcome, Place, Shrunk, Verdict, Withheld, read_outcome, write_withheld
 from shared.errors import RecordingError
 from tests.diagnosis.blind.blind_cases import AIR, QUIET, ROOM, Case, counts, said, write_results, write_set
@@ -302,5 +301,5 @@ def test_a_score_sees_verdicts_and_answers_and_no_more(scored):
     recordings = {f"set/recordings/{k:04}.nc" for k in range(12)}
     verdicts = {f"results/verdicts/{k:04}.json" for k in range(12)}
     assert inside == {"set/manifest.json", "set.answers.json", "results/run.json", *recordings, *verdicts}
-    assert not [name for name in found["modules"] if name.startswith(("diagnosis.gap", "diagnosis.blind.judging"))]
+    assert not [name for name in found["modules"] if name.startswith(("diagnosis.gap", "diagnosis.blind.running"))]
     assert done.recordings == 12

@@ -2,8 +2,8 @@
 
 import pytest
 
+from diagnosis.blind.running import contenders
 from diagnosis.blind.verdicts import Verdict
-from diagnosis.blind.working import contenders
 
 
 def test_what_every_candidate_has_alike_is_no_reason_to_diagnose_again():

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagnosis.calibrating.seen import check_unseen, days_of
+from diagnosis.calibrating.schema import check_unseen, days_of
 from diagnosis.recording import HOUR, Recording
 from shared.errors import RecordingError
 

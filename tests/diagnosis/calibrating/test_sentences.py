@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from diagnosis.calibrating.report import sentences
 from diagnosis.calibrating.schema import Constant
-from diagnosis.calibrating.sentences import sentences
 
 
 def test_what_lies_at_an_end_of_its_range_is_not_said_to_be_the_prior(calibrated):

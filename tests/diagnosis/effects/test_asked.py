@@ -5,7 +5,7 @@ import pytest
 
 from datagen.driving.tables import Piecewise
 from diagnosis.effects import Nothing, library
-from diagnosis.effects.baselines import check_baselines
+from diagnosis.effects.library import check_baselines
 from diagnosis.fitting.problem import Problem
 from shared.errors import SimulationError, SystemDescriptionError
 from tests.diagnosis.fitting.crowd_cases import warm_room

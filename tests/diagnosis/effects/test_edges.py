@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from diagnosis.effects import build, library
-from diagnosis.effects.edges import foreseen
+from diagnosis.effects.base import foreseen
 from diagnosis.recording import DAY, HOUR, Recording
 from shared.effects import SensorEffect
 

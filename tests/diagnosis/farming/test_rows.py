@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from datagen.driving.tables import Piecewise
-from diagnosis.blind.draw import Case, Cause
+from diagnosis.blind.generator import Case, Cause
 from diagnosis.effects import library
 from diagnosis.farming.laws import Span, course, outside, warped
 from diagnosis.farming.rows import BACKGROUND, STRATA, Drawn, draw, gap_of, generator, live

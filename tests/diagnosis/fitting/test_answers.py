@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from datagen.simulating.simulator import Simulator
-from diagnosis.fitting.answers import LOST, responses
+from diagnosis.fitting.linear import LOST, responses
 from diagnosis.fitting.problem import Problem
 from diagnosis.recording import read_recording
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from datagen.simulating.simulator import Simulator
-from diagnosis.fitting.determinant import determinant
+from diagnosis.fitting.fit import determinant
 from diagnosis.fitting.problem import Problem
 from diagnosis.recording import read_recording
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from diagnosis.fitting.answers import responses
-from diagnosis.fitting.differences import one_sided
+from diagnosis.fitting.linear import one_sided, responses
 from diagnosis.fitting.nuisance import Nuisance
 from shared.errors import SimulationError
 

@@ -8,7 +8,7 @@ import pytest
 
 from datagen import simulate
 from datagen.driving.tables import merge
-from diagnosis.fitting.drive import crowd, drive
+from diagnosis.fitting.inputs import crowd, drive
 from diagnosis.recording import DAY, HOUR, Recording, read_recording
 from shared.errors import RecordingError, SystemDescriptionError
 

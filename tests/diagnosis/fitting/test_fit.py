@@ -9,7 +9,7 @@ from datagen.simulating.simulator import Simulator
 from diagnosis.effects.base import Nothing
 from diagnosis.fitting.fit import fit
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.unknowns import Unknowns
+from diagnosis.fitting.runs import Unknowns
 from diagnosis.recording import read_recording
 from shared.errors import SimulationError
 

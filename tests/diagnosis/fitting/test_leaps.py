@@ -5,9 +5,8 @@ import pytest
 
 from datagen import simulate
 from datagen.simulating.simulator import Simulator
-from diagnosis.fitting.leaps import FAR, joint_cost, leapt, unknowns_of
+from diagnosis.fitting.fit import FAR, joint_cost, leapt, renewed, unknowns_of
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.renewing import renewed
 from diagnosis.recording import HOUR, read_recording
 
 DAYS = 3

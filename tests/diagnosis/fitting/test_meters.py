@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from diagnosis.fitting import inputs as meters
-from diagnosis.fitting.meters import MEMORIES, MEMORY, SLOW, cleared
+from diagnosis.fitting.inputs import MEMORIES, MEMORY, SLOW, cleared
 from diagnosis.recording import HOUR
 
 STEPS, SD = 168, 0.01

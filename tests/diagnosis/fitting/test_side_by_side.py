@@ -6,7 +6,7 @@ import pytest
 from datagen.simulating.simulator import Simulator
 from diagnosis.cli import app
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.side_by_side import Cluster, side_by_side
+from diagnosis.fitting.simulations import Cluster, side_by_side
 from diagnosis.recording import read_recording
 from shared.console import FAULT, start
 from shared.errors import ClusterError

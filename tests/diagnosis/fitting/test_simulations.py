@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from datagen.driving.tables import Piecewise, merge
-from diagnosis.fitting.run import Run
-from diagnosis.fitting.simulations import FOLDER, Kept, Simulations, key_of
+from diagnosis.fitting.simulations import FOLDER, Kept, Run, Simulations, key_of
 from shared.errors import SimulationError, TimeUp
 
 

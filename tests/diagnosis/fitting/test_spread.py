@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from diagnosis.fitting.spread import LAST, SWINGING, between, swung
+from diagnosis.fitting.fit import LAST, SWINGING, between, swung
 
 
 def _rounds(optimum, count: int) -> list[np.ndarray]:

@@ -9,7 +9,7 @@ from datagen.simulating.simulator import Simulator
 from diagnosis.blind.truth import default_truth, load_truth
 from diagnosis.effects.base import Nothing
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.unknowns import Unknowns
+from diagnosis.fitting.runs import Unknowns
 from diagnosis.recording import read_recording
 from shared.errors import SystemDescriptionError
 from shared.system import load_system, system_from_canonical

@@ -7,8 +7,7 @@ import pytest
 
 from datagen.driving.tables import Piecewise, merge
 from datagen.simulating.simulator import Simulator, Trajectory
-from diagnosis.fitting.run import Run
-from diagnosis.fitting.warmed import Warmed
+from diagnosis.fitting.simulations import Run, Warmed
 from diagnosis.recording import HOUR
 
 BEFORE, LENGTH = 48 * HOUR, 24 * HOUR

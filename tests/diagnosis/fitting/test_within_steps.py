@@ -5,7 +5,7 @@ import pytest
 
 from datagen.driving.occupancy import occupancy_prior
 from datagen.driving.tables import Piecewise
-from diagnosis.fitting.within_steps import HAAR, counted, replayed
+from diagnosis.fitting.inputs import HAAR, counted, replayed
 from diagnosis.recording import DAY, HOUR, Recording
 
 DAYS = 7

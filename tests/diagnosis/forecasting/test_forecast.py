@@ -14,8 +14,7 @@ from diagnosis.calibrating.schema import read_calibration
 from diagnosis.cli import app
 from diagnosis.fitting.problem import Problem
 from diagnosis.forecasting import forecast as forecasting
-from diagnosis.forecasting.forecast import band, forecast
-from diagnosis.forecasting.forecasted import about_failed
+from diagnosis.forecasting.forecast import about_failed, band, forecast
 from diagnosis.recording import read_recording
 from shared.console import FAULT, OK, start
 from shared.errors import RecordingError, SimulationError

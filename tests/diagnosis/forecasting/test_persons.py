@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from datagen.driving.occupancy import occupancy_prior
-from diagnosis.fitting.linearisation import Marginal
+from diagnosis.fitting.linear import Marginal
 from diagnosis.fitting.problem import Problem
-from diagnosis.forecasting.persons import corrected, from_the_prior
+from diagnosis.forecasting.forecast import corrected, from_the_prior
 from tests.diagnosis.fitting.crowd_cases import warm_room
 
 DRAWS = 600

@@ -1,7 +1,7 @@
 """What a forecast says first: how far off it was."""
 
-from diagnosis.forecasting.forecasted import Ahead, Forecast
-from diagnosis.forecasting.sentences import answer
+from diagnosis.forecasting.forecast import Ahead, Forecast
+from diagnosis.forecasting.report import answer
 
 
 def ahead(rmse, covered, unit="K"):

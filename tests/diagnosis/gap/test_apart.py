@@ -5,14 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.gap.apart import fitted_apart
+from diagnosis.gap.evidence import Made
 from diagnosis.gap.grams import Grams
 from diagnosis.gap.page import render
 from diagnosis.gap.refit import at_rest, refit
 from diagnosis.gap.schema import ShrinkageOf
-from diagnosis.gap.searched import Made
 from diagnosis.gap.sentences import summary
-from diagnosis.gap.shrinkage import shrinkages
+from diagnosis.gap.shrinkage import fitted_apart, shrinkages
 
 pytestmark = pytest.mark.slow
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from diagnosis.gap.colours import FLOORS, discrepancy, estimated_colours
-from diagnosis.gap.grams import Grams
+from diagnosis.gap.grams import FLOORS, Grams, discrepancy, estimated_colours
 from diagnosis.gap.stages import STRONG
 from tests.diagnosis.gap.test_linear import HOUR, covariance_of, drawn, problem_of, seen
 

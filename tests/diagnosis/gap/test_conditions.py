@@ -10,12 +10,11 @@ from jsonschema import validate
 
 from datagen.simulating.simulator import Simulator
 from diagnosis.cli import app
+from diagnosis.fitting.fit import pruned
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.renewing import pruned
 from diagnosis.gap import Report, diagnose
-from diagnosis.gap.conditions import Otherwise, _counted, expected
-from diagnosis.gap.linear import applicable, linearised
-from diagnosis.gap.nuisances import widened
+from diagnosis.gap.limits import Otherwise, _counted, expected
+from diagnosis.gap.linear import applicable, linearised, widened
 from tests.diagnosis.fitting.crowd_cases import as_counted, on_persons, warm_room
 from tests.diagnosis.gap.room_cases import ROOM, recorded, room, some
 

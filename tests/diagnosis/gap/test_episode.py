@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from diagnosis.gap import stages
-from diagnosis.gap.colours import Colours
-from diagnosis.gap.episode import Episode, largest_episode
-from diagnosis.gap.grams import Grams
+from diagnosis.gap.grams import Colours, Grams
 from diagnosis.gap.places import stretch
+from diagnosis.gap.scan import Episode, largest_episode
 from diagnosis.gap.twins import draw_twins
 from tests.diagnosis.gap.test_linear import HOUR, STEPS, covariance_of, drawn, problem_of, seen
 

@@ -7,10 +7,9 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from diagnosis.effects.base import Nothing
-from diagnosis.gap.colours import Colours
-from diagnosis.gap.grams import AMPLITUDE, Grams, projected
-from diagnosis.gap.parts import kept_for_scoring
+from diagnosis.gap.grams import AMPLITUDE, Colours, Grams, projected
 from diagnosis.gap.scan import ratios, scan
+from diagnosis.gap.shrinkage import kept_for_scoring
 from diagnosis.gap.twins import draw_twins
 
 HOUR = 3600.0

@@ -6,7 +6,7 @@ import pytest
 from datagen.simulating.simulator import Simulator
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap import diagnose
-from diagnosis.gap.missing import operators
+from diagnosis.gap.places import operators
 from diagnosis.recording import read_recording
 from shared.errors import SystemDescriptionError
 from shared.sources import Source

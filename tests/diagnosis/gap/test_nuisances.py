@@ -8,9 +8,9 @@ import pytest
 from datagen import simulate
 from datagen.simulating.simulator import Simulator
 from diagnosis.fitting.fit import fit
-from diagnosis.fitting.meters import SLOW
+from diagnosis.fitting.inputs import SLOW
 from diagnosis.fitting.problem import Problem
-from diagnosis.gap.nuisances import widened
+from diagnosis.gap.linear import widened
 from diagnosis.recording import HOUR, read_recording
 from shared.system import load_system
 

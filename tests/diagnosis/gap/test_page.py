@@ -10,7 +10,7 @@ from diagnosis.gap import page as pictures
 from diagnosis.gap.page import answered_by, dated, render
 from diagnosis.gap.schema import Report
 from diagnosis.physics import Finding
-from diagnosis.where.source import SUSPECT
+from diagnosis.where.sources import SUSPECT
 from shared.numbers import number
 from tests.diagnosis.gap.report_cases import named, place, report
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from diagnosis.gap import page as pictures
-from diagnosis.gap.pictures import LEAST, draw_outputs, draw_shares
+from diagnosis.gap.page import LEAST, draw_outputs, draw_shares
 from diagnosis.gap.schema import ShrinkageOf
 from diagnosis.gap.sentences import _share
 

@@ -6,8 +6,8 @@ import pytest
 from datagen.simulating.simulator import Simulator
 from diagnosis.fitting.fit import fit
 from diagnosis.fitting.problem import Problem
-from diagnosis.gap.parts import kept_for_scoring
-from diagnosis.gap.renewal import settled
+from diagnosis.gap.refit import settled
+from diagnosis.gap.shrinkage import kept_for_scoring
 from diagnosis.recording import read_recording
 from tests.diagnosis.gap.room_cases import in_the_middle
 

@@ -9,7 +9,7 @@ from datagen.simulating.simulator import Simulator
 from diagnosis.effects import library
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.linear import applicable
-from diagnosis.gap.rivals import from_one_start, line_at, on_the_best_line
+from diagnosis.gap.refit import from_one_start, line_at, on_the_best_line
 from diagnosis.recording import HOUR, read_recording
 from tests.diagnosis.gap.room_cases import in_the_middle, noisy, room
 

@@ -6,7 +6,7 @@ import xarray as xr
 
 from diagnosis.measurements.clock import make_clock
 from diagnosis.measurements.mapping import Place
-from diagnosis.measurements.offset import find_offset
+from diagnosis.measurements.plausible import find_offset
 from diagnosis.measurements.signal import Signal
 from diagnosis.measurements.weather import Daylight
 from tests.diagnosis.measurements.house_cases import ZONE, measured

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from diagnosis.measurements.spacing import DAY, usual_hold
+from diagnosis.measurements.signal import DAY, usual_hold
 from tests.diagnosis.measurements.house_cases import MAPPING, measured
 
 MINUTE, DAYS = 60.0, 8

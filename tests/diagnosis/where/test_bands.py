@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diagnosis.where.bands import band_names, split
+from diagnosis.where.series import band_names, split
 
 HOUR = 3600.0
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diagnosis.where.significance import combine, max_test, studentise
+from diagnosis.where.series import combine, max_test, studentise
 
 
 def test_every_row_is_held_against_all_the_others():

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagnosis.where.windows import all_windows
+from diagnosis.where.finding import all_windows
 
 
 @pytest.mark.parametrize(("hours", "lengths"), [(1, {24, 6, 1}), (4, {24, 4}), (8, {24})])
