@@ -65,6 +65,8 @@ if TYPE_CHECKING:
     from diagnosis.gap.diagnosed import Diagnosis
     from diagnosis.gap.schema import Report
 
+_log = logger(__name__)
+
 
 class Judged(Protocol):
     """A recording that was judged, and can be judged again with less."""
@@ -301,7 +303,6 @@ def lost(job: Job, seconds: float, why: str) -> None:
         _end_withheld(job, dict.fromkeys(names, failed) | _reached(job))
 
 
-_log = logger(__name__)
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 Progress = Callable[[int, int], object]

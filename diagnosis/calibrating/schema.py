@@ -28,6 +28,8 @@ from shared.errors import RecordingError
 from shared.logs import logger
 from shared.reading import newer, read_json, shown, validated
 
+_log = logger(__name__)
+
 SCHEMA_VERSION = 8
 
 
@@ -176,7 +178,6 @@ def read_calibration(path: Path | str) -> Calibration:
     return validated(Calibration, raw, f"{path}", RecordingError, expected)
 
 
-_log = logger(__name__)
 NEAR = 1e-3
 """Steps are the same that differ by less than this share."""
 TELLING = 8

@@ -62,6 +62,8 @@ from diagnosis.recording import HOUR
 from shared.errors import SimulationError, TimeUp
 from shared.logs import logger
 
+_log = logger(__name__)
+
 _HOPELESS = 1e3
 """Standardised residual of a simulation that failed."""
 
@@ -450,7 +452,6 @@ def most_likely(problem: Problem, z: np.ndarray, rounds: int = 1) -> tuple[Linea
     return around, outputs
 
 
-_log = logger(__name__)
 ROUNDS = 16
 MOVED = 0.25
 """An optimum that moves less than this between rounds [posterior standard deviations] stays."""

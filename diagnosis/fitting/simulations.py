@@ -51,6 +51,8 @@ from shared.numbers import counted
 from shared.progress import EVERY
 from shared.system import System
 
+_log = logger(__name__)
+
 
 @dataclass(frozen=True)
 class Run:
@@ -153,7 +155,6 @@ MOST = 2**30
 """Bytes that are saved at most. Of more the first are kept, which everything after them builds on."""
 UNTIL_THEN = "the same command goes on from where this one stopped, and with more minutes it comes further"
 Tell = Callable[[str], None]
-_log = logger(__name__)
 
 
 class Kept:

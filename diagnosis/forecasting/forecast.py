@@ -54,6 +54,8 @@ from shared.results import Result
 from shared.stretches import Stretch
 from shared.system import System, load_system
 
+_log = logger(__name__)
+
 
 def from_the_prior(problem: Problem, draws: int, rng: np.random.Generator) -> np.ndarray:
     """Standard normal unknowns of the nuisance, shape (draws, unknowns).
@@ -156,7 +158,6 @@ def about_failed(draws: int, failed: int) -> str:
     return f"{failed} of {draws + failed} simulations behind the bands failed; the bands are those of the others"
 
 
-_log = logger(__name__)
 DRAWS = 40
 
 

@@ -9,7 +9,8 @@ from datagen import simulate
 from datagen.driving.sampling import sample_parameters
 from datagen.simulating.simulator import Simulator
 from diagnosis.blind.expected import INSIDE, _colour, detectability, fitted_square
-from diagnosis.blind.generator import Case, Cause, Generator, measured, published, write
+from diagnosis.blind.generator import Case as Numbered
+from diagnosis.blind.generator import Cause, Generator, measured, published, write
 from diagnosis.blind.make import answer_of
 from diagnosis.blind.truth import default_truth, load_truth
 from diagnosis.effects import library
@@ -134,7 +135,7 @@ def test_a_cause_imitates_its_own_gap_where_nobody_counted_and_the_days_before_d
     truth = load_truth(default_truth(default_system), default_system)
     generator = Generator(default_system, truth, hours=HOURS)
     effect = next(one for one in generator.effects if one.name == "blinds")
-    case = Case(20, 0, "library", (Cause(effect, 0.9),), unknown_occupancy=True, replay=False)
+    case = Numbered(20, 0, "library", (Cause(effect, 0.9),), unknown_occupancy=True, replay=False)
     made = generator.make_case(case)
     outputs, noises = measured(made, generator.system, truth)
     write(tmp_path / "recording.nc", published(made, outputs, generator.system, truth))
@@ -155,7 +156,7 @@ def test_a_signature_is_the_gap_that_its_cause_makes(default_system, replay):
     for name, amplitude in (("meter.flow.gain", 0.4), ("bridge", 100.0)):
         effect = next(one for one in generator.effects if one.name == name)
         cases = [
-            Case(20, 11, "library", causes, unknown_occupancy=True, replay=replay)
+            Numbered(20, 11, "library", causes, unknown_occupancy=True, replay=replay)
             for causes in ((Cause(effect, amplitude),), ())
         ]
         made, without = (generator.make_case(case) for case in cases)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from diagnosis.blind.rates import Figure, figure, share, wilson
-from diagnosis.blind.score_report import by_chance, number
+from diagnosis.blind.score_report import by_chance as said_by_chance
+from diagnosis.blind.score_report import number
 
 
 def test_intervals_are_wilsons_and_the_bootstraps():
@@ -28,6 +29,6 @@ def test_wilsons_interval_is_that_of_scipy(hits, n):
 def test_one_recording_does_not_say_how_others_would_be():
     one = figure(np.array([0.8]))
     assert one == Figure(n=1, value=0.8, low=None, high=None)
-    assert (number(one), by_chance(one)) == ("0.8 (n = 1)", "80% (0.8 of 1)")
+    assert (number(one), said_by_chance(one)) == ("0.8 (n = 1)", "80% (0.8 of 1)")
     two = figure(np.array([0.8, 0.4]))
     assert (two.low, two.high) == (0.4, 0.8)

@@ -26,7 +26,7 @@ def meter(rng, true: np.ndarray) -> np.ndarray:
     return true + slow + np.sqrt(1 - SLOW) * SD * rng.standard_normal(len(true))
 
 
-def rooms(count: int, steps: int = STEPS):
+def rooms_read(count: int, steps: int = STEPS):
     """Air flows that hardly vary, and their readings."""
     for seed in range(count):
         rng = np.random.default_rng(seed)
@@ -37,7 +37,7 @@ def rooms(count: int, steps: int = STEPS):
 
 def test_it_is_the_expectation_of_gaussian_processes(monkeypatch):
     monkeypatch.setattr(meters, "NEGLIGIBLE", 0.0)
-    _, readings = next(rooms(1, 40))
+    _, readings = next(rooms_read(1, 40))
     readings[[3, 20, 21]] = np.nan
     found = cleared(readings, SD, HOUR)
     seen, time = np.isfinite(readings), np.arange(40.0)
@@ -67,7 +67,7 @@ def test_it_is_the_expectation_of_gaussian_processes(monkeypatch):
 
 def test_errors_are_smaller_and_as_large_as_it_says():
     apart, before, ratio = [], [], []
-    for true, readings in rooms(40):
+    for true, readings in rooms_read(40):
         found = cleared(readings, SD, HOUR)
         for hours in (1, 6):
             means = np.kron(np.eye(STEPS // hours), np.full(hours, 1 / hours))
@@ -81,7 +81,7 @@ def test_errors_are_smaller_and_as_large_as_it_says():
 def test_a_slope_is_not_flattened():
     """What answers to the true flow, regressed on its readings and on what is expected of them."""
     raw, clear = np.zeros((2, 2)), np.zeros((2, 2))
-    for true, readings in rooms(60):
+    for true, readings in rooms_read(60):
         raw += np.cov(readings, true)
         clear += np.cov(cleared(readings, SD, HOUR).values, true)
     assert raw[0, 1] / raw[0, 0] < 0.5

@@ -11,8 +11,8 @@ from diagnosis.gap.grams import AMPLITUDE, Colours, Grams, projected
 from diagnosis.gap.scan import ratios, scan
 from diagnosis.gap.shrinkage import kept_for_scoring
 from diagnosis.gap.twins import draw_twins
+from diagnosis.recording import HOUR
 
-HOUR = 3600.0
 STEPS = 60
 
 

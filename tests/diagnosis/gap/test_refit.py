@@ -8,9 +8,9 @@ import pytest
 from diagnosis.gap.grams import AMPLITUDE, Grams
 from diagnosis.gap.linear import Linearised
 from diagnosis.gap.refit import misfit, refit
+from diagnosis.recording import HOUR
 from tests.diagnosis.gap.test_linear import covariance_of, problem_of
 
-HOUR = 3600.0
 MIXED = {0: (1.0, 0.5, 5 * HOUR), 1: (0.7, 0.0, HOUR)}
 
 

@@ -4,8 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from diagnosis.where.series import band_names, split
-
-HOUR = 3600.0
+from tests.diagnosis.where.where_cases import HOUR
 
 
 @given(seed=st.integers(0, 1000), missing=st.floats(0, 0.5))
