@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from datagen.fmi.fmu import fmu_sha256
-from diagnosis.blind.expected import detectability
+from diagnosis.blind.detectability import detectability
 from diagnosis.blind.generator import Generator, Made, describe, measured, published, write
 from diagnosis.blind.sealed import MANIFEST, made_of, publish, read_manifest, salt_of, seal, source_sha256
 from diagnosis.blind.truth import default_truth, load_truth
