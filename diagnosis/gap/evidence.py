@@ -139,8 +139,8 @@ class Evidence:
     searched
         Whether all candidates that stood out were fitted.
     candidates
-        Log evidence of each candidate over the base model, by name: as it was fitted last, chosen or not, and by
-        straight lines where nothing was to be fitted.
+        Log evidence of each candidate over the base model, by name, 0 at least: as it was fitted last, chosen or not,
+        and by straight lines where nothing was to be fitted.
     beside
         The same of a second effect, over the first alone; empty where none was found.
     chosen
@@ -207,8 +207,8 @@ def evidence_of(search: Search, gap: bool, rejected: bool, where_p: float) -> Ev
         converged=bool(search.base.settled),
         gap=bool(gap),
         searched=bool(search.searched),
-        candidates=_finite(values[0]),
-        beside=_finite(values[1]) if len(values) > 1 else {},
+        candidates=_at_least_none(values[0]),
+        beside=_at_least_none(values[1]) if len(values) > 1 else {},
         chosen=tuple(one.name for one in last.lin.chosen),
         rejected=bool(rejected),
         before=float(first.left_over),
@@ -222,9 +222,12 @@ def evidence_of(search: Search, gap: bool, rejected: bool, where_p: float) -> Ev
     )
 
 
-def _finite(values: dict[str, float]) -> dict[str, float]:
-    """Candidates whose evidence is a number."""
-    return {name: float(one) for name, one in values.items() if np.isfinite(one)}
+def _at_least_none(values: dict[str, float]) -> dict[str, float]:
+    """Log evidence of candidates, at least that of the model without them, which each contains: its amplitude may be 0.
+
+    Where one is judged to be far worse, its fit did not reach what it could.
+    """
+    return {name: max(one, 0.0) for name, one in values.items() if np.isfinite(one)}
 
 
 def gap_found(stage: Stage, where_p: float, confirmed: bool = True) -> bool:

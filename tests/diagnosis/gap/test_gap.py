@@ -73,7 +73,9 @@ def test_a_cause_that_is_not_among_the_candidates_is_none_of_these(house, house_
         house_recording(hours=240, seed=5),
         lambda t, y: y + 1.5 * np.sin(2 * np.pi * t / (53 * 3600.0)) * (t % 3e5 < 2e5),
     )
-    report = diagnose(system, path, effects=candidates(system)).report
+    done = diagnose(system, path, effects=candidates(system))
+    report = done.report
     assert report.verdict == "none_of_these", report.stages
+    assert done.evidence.gap and done.evidence.candidates and min(done.evidence.candidates.values()) >= 0.0
     assert report.none_of_these > max(one.probability for one in report.effects)
     assert report.stages[0].left_over > 10
