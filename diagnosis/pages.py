@@ -27,6 +27,7 @@ def page_environment(decimals: int = 1) -> Environment:
     )
     environment.filters["number"] = number
     environment.filters["percent"] = lambda value: percent(value, decimals)
+    environment.filters["chance"] = chance
     environment.filters["named"] = long_named
     environment.filters["spaced"] = spaced
     environment.filters["file_name"] = lambda path: Path(path).name
@@ -39,6 +40,15 @@ def percent(value: float | None, decimals: int = 1) -> str:
         return "–"
     text = f"{value:.{decimals}%}"
     return text[1:] if text.startswith("-") and float(text[:-1]) == 0 else text
+
+
+def chance(value: float) -> str:
+    """A probability: what some hundred recordings have told is never certain.
+
+    >>> chance(0.93), chance(0.9999)
+    ('93%', 'over 99%')
+    """
+    return "over 99%" if value > 0.99 else "under 1%" if value < 0.01 else f"{value:.0%}"
 
 
 def within_sentence(text: str) -> str:

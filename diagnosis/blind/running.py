@@ -62,7 +62,7 @@ from shared.system import System, load_system
 
 if TYPE_CHECKING:
     from diagnosis.effects import Effect
-    from diagnosis.gap.diagnosed import Diagnosis
+    from diagnosis.gap.concluded import Diagnosis
     from diagnosis.gap.schema import Report
 
 _log = logger(__name__)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from diagnosis.blind import score_pictures as pictures
 from diagnosis.blind.rates import FEW, Figure, LeftOutScore, Named, Names, Share
-from diagnosis.blind.scoring import Score
+from diagnosis.blind.score_schema import Score
 from diagnosis.blind.shrinking import Shrinkage
 from diagnosis.pages import page_environment
 

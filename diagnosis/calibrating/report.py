@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from datagen.driving.tables import Piecewise
-from diagnosis.calibrating.calibration import Calibrated
+from diagnosis.calibrating.calibrated import Calibrated
 from diagnosis.calibrating.schema import CORRELATED, Calibration, Parameter
 from diagnosis.curves import BLUE, GREY, ORANGE, RED, axis_label, calendar, embedded, figure, range_ends, readable
 from diagnosis.fitting.runs import LIMIT, within_limit

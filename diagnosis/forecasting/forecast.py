@@ -20,20 +20,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import xarray as xr
-from matplotlib.figure import Figure
-from pydantic import BaseModel, ConfigDict
 
 from datagen.simulating.simulator import Simulator
 from diagnosis.calibrating.calibration import calibrate, taken
 from diagnosis.calibrating.given import check_given, check_unknowns, given_calibration, noise_of
 from diagnosis.calibrating.schema import Calibration, check_unseen
-from diagnosis.curves import curves, plot
 from diagnosis.fitting.failures import FAILURES
 from diagnosis.fitting.fit import most_likely
 from diagnosis.fitting.gaussian import root
@@ -42,15 +38,15 @@ from diagnosis.fitting.linear import Marginal
 from diagnosis.fitting.noise import errors_under
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.simulations import side_by_side, simulations
-from diagnosis.physics import Finding, check_physics, check_recording
+from diagnosis.forecasting.forecasted import Ahead, Forecast, Forecasted, about_failed
+from diagnosis.physics import check_physics, check_recording
 from diagnosis.recording import HOUR, Recording, check_warm_up
-from diagnosis.scores import Score, score
+from diagnosis.scores import score
 from diagnosis.usual import LEVEL, STARTS, WARM_UP
 from diagnosis.zero_shot import check_estimator
 from shared.errors import RecordingError, SimulationError, TimeUp
 from shared.logs import logger
 from shared.places import check_folder
-from shared.results import Result
 from shared.stretches import Stretch
 from shared.system import System, load_system
 
@@ -77,85 +73,6 @@ def corrected(drawn: np.ndarray, likely: np.ndarray, marginal: Marginal, rng: np
     """A draw (unknowns,) given the readings, from one before them and the mean (unknowns,) that they leave."""
     outputs = marginal.by_unknown @ drawn
     return likely + drawn - marginal.unknowns(outputs + rng.standard_normal(len(outputs)))
-
-
-class Ahead(Score):
-    """Scores of one output's forecast, and the share of readings within its band."""
-
-    covered: float
-
-
-class Forecast(BaseModel):
-    """``forecast.json``. Scores are None where nothing was measured ahead; ``begin`` is that of the context.
-
-    ``draws`` made the bands; ``failed`` more could not be simulated, and for others the time was up (``stopped``).
-    ``physics``: what in the recording cannot be, or contradicts the description.
-    """
-
-    model_config = ConfigDict(extra="forbid")
-    schema_version: int = 4
-    system: str
-    recording: str
-    begin: str
-    context_hours: float
-    ahead_hours: float
-    level: float
-    draws: int
-    failed: int
-    stopped: bool = False
-    occupancy: str
-    calibration: Calibration
-    physics: list[Finding] = []
-    outputs: dict[str, Ahead | None]
-
-
-@dataclass(frozen=True, repr=False)
-class Forecasted(Result):
-    """A forecast and its curves.
-
-    ``time`` (steps,) [s]; ``measured``, ``centre``, ``low``, ``high`` (outputs, steps) [unit of each] over context and
-    forecast; ``context`` steps belong to the context. ``given``: the parameters are those of a calibration made before,
-    not of one on the context.
-    """
-
-    report: Forecast
-    system: System
-    time: np.ndarray
-    measured: np.ndarray
-    centre: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    context: int
-    given: bool
-
-    @property
-    def headline(self) -> str:
-        """What this is, in a few words."""
-        report = self.report
-        ahead = f"{report.ahead_hours:g} h after {report.context_hours:g} h of {report.recording}"
-        return f"{report.system}, {len(report.outputs)} outputs, {ahead}"
-
-    def to_dataframe(self) -> pd.DataFrame:
-        """A row for each output and time: measured, forecast, the ends of the 90 % band, and whether it was ahead."""
-        table = self.curves().drop_vars(["unit", "long_name"]).to_dataframe()
-        ahead = np.arange(len(self.time)) >= self.context
-        return table.assign(ahead=np.tile(ahead, len(self.measured)))
-
-    def plot(self) -> Figure:
-        """Measured, forecast and its band, output by output."""
-        return plot(self.curves())
-
-    def curves(self) -> xr.Dataset:
-        """What was measured, the forecast and its band, over (output, time): the first ``context`` steps are fitted."""
-        begin = float(2 * self.time[0] - self.time[1])  # a stamp is the end of its step
-        zero = np.datetime64(self.report.begin.replace(" ", "T"), "ms") - np.timedelta64(round(begin * 1000), "ms")
-        band = {"low": self.low, "high": self.high}
-        return curves(self.time, zero, self.system.outputs, measured=self.measured, model=self.centre, **band)
-
-
-def about_failed(draws: int, failed: int) -> str:
-    """What is said of draws that could not be simulated, beside those that were."""
-    return f"{failed} of {draws + failed} simulations behind the bands failed; the bands are those of the others"
 
 
 DRAWS = 40

@@ -9,7 +9,7 @@ import numpy as np
 
 from diagnosis.calibrating.report import sentences
 from diagnosis.curves import BLUE, ORANGE, axis_label, calendar, embedded, figure, readable
-from diagnosis.forecasting.forecast import Forecast, Forecasted, about_failed
+from diagnosis.forecasting.forecasted import Forecast, Forecasted, about_failed
 from diagnosis.pages import long_named, page_environment, percent, whole
 from diagnosis.physics import hints, warnings
 from diagnosis.recording import DAY

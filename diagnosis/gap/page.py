@@ -24,7 +24,7 @@ from diagnosis.curves import (
     readable,
 )
 from diagnosis.fitting.runs import LIMIT, within_limit
-from diagnosis.gap.diagnosed import Diagnosis
+from diagnosis.gap.concluded import Diagnosis
 from diagnosis.gap.limits import added
 from diagnosis.gap.reporting import sensors_among
 from diagnosis.gap.scan import LEVEL, NEGLIGIBLE

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from diagnosis.fitting.failures import NO_TIME
 from diagnosis.gap.schema import FEWEST, HOW_FAR, VERDICTS, NamedEffect, Report, ShrinkageOf
 from diagnosis.gap.stages import LEVEL, PLAIN
-from diagnosis.pages import long_named, percent, within_sentence
+from diagnosis.pages import chance, long_named, percent, within_sentence
 from shared.numbers import counted, number
 from shared.variables import spaced
 
@@ -36,14 +36,14 @@ def headline(report: Report) -> str:
         return f"{VERDICTS[report.verdict]}."
     if len(named) > LISTED:
         foremost = sorted(named, key=lambda one: -one.probability)[:FOREMOST]
-        said = ", ".join(f"{one.name} ({one.probability:.0%})" for one in foremost)
+        said = ", ".join(f"{one.name} ({chance(one.probability)})" for one in foremost)
         return f"One of {len(named)} causes that cannot be told apart: {_groups(named)}. Foremost: {said}."
     causes = []
     for one in named:
         size = "" if one.amplitude is None else f", {number(one.amplitude, 3)}{spaced(one.unit)}"
         if one.low is not None and one.high is not None:
             size += f" ({number(one.low, 3)} to {number(one.high, 3)})"
-        causes.append(f"{long_named(one.name, one.description)}{size}, probability {one.probability:.0%}")
+        causes.append(f"{long_named(one.name, one.description)}{size}, probability {chance(one.probability)}")
     shares = [(one.channel, one.told[0]) for one in report.shrinkage]
     removed = ", ".join(f"{share:.0%} of the gap in {channel}" for channel, share in shares if share is not None)
     which = "Cause" if len(causes) == 1 else "One of these causes" if report.verdict == "ambiguous" else "Causes"
@@ -129,10 +129,10 @@ def _kind(report: Report, sensors: Collection[str]) -> str:
 def _which(report: Report) -> str:
     named = [one for one in report.effects if one.named]
     if report.verdict == "no_gap" and report.gap:
-        return f"Which: no effect is named. That none acts is {report.no_gap:.0%} sure."
+        return f"Which: no effect is named. That none acts is {chance(report.no_gap)} sure."
     if report.verdict == "no_gap":
         return (
-            f"Which: no effect is needed. That none acts is {report.no_gap:.0%} sure, because small ones go unseen"
+            f"Which: no effect is needed. That none acts is {chance(report.no_gap)} sure, because small ones go unseen"
             " (the report has the smallest that would be seen)."
         )
     if report.verdict == "none_of_these":
@@ -143,7 +143,7 @@ def _which(report: Report) -> str:
         nearest = f"; the nearest is {chosen}{rejected}" if chosen else ""
         return (
             f"Which: none of the {tried} candidates explains it{nearest}. That the cause is none of them"
-            f" is {report.none_of_these:.0%} sure{otherwise}."
+            f" is {chance(report.none_of_these)} sure{otherwise}."
         )
     if report.verdict == "unfinished":
         foremost = [_sure(report, one.name) for one in report.foremost[:LISTED]]
@@ -151,12 +151,12 @@ def _which(report: Report) -> str:
         return f"Which: the search was not finished ({_why(report)}), so no candidate is named.{by_lines}"
     rest = _left(report) if report.rejected else ""
     if report.or_none:
-        rest = f" The cause may also be none of the candidates ({report.none_of_these:.0%}).{rest}"
+        rest = f" The cause may also be none of the candidates ({chance(report.none_of_these)}).{rest}"
     at_least = (
         "of these causes at least is among them" if report.verdict == "ambiguous" else "of them at least is a cause"
     )
     if len(report.sets) > 1:
-        rest = f" That one {at_least} is {1 - report.mistaken:.0%} sure.{rest}"
+        rest = f" That one {at_least} is {chance(1 - report.mistaken)} sure.{rest}"
     if report.verdict == "ambiguous":
         sure = {one[0] for one in report.sets if len(one) == 1}
         alone = [_named(one) for one in named if one.name in sure]
@@ -187,7 +187,7 @@ def _left(report: Report) -> str:
 
 def _named(one: NamedEffect) -> str:
     what = long_named(one.name, within_sentence(one.description))
-    return f"{what}, by {_amount(one)}, with probability {one.probability:.0%}"
+    return f"{what}, by {_amount(one)}, with probability {chance(one.probability)}"
 
 
 def _one_of(report: Report, names: list[str]) -> str:
@@ -207,7 +207,7 @@ def _groups(some: Collection[NamedEffect]) -> str:
 
 def _sure(report: Report, name: str) -> str:
     one = next(one for one in report.effects if one.name == name)
-    return f"{name} ({one.probability:.0%})"
+    return f"{name} ({chance(one.probability)})"
 
 
 def _amount(one: NamedEffect) -> str:

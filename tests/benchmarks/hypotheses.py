@@ -58,13 +58,13 @@ from diagnosis.fitting.fit import pruned
 from diagnosis.fitting.linear import Linearisation
 from diagnosis.fitting.nuisance import Nuisance
 from diagnosis.fitting.problem import Problem
-from diagnosis.gap.diagnosed import ZeroShot, zero_shot
 from diagnosis.gap.grams import AMPLITUDE, Colour, Colours, Grams, discrepancy, estimated_colours
 from diagnosis.gap.linear import applicable, felt, linearised, widened
 from diagnosis.gap.places import operators
 from diagnosis.gap.refit import Refit, Rivals, from_one_start, line_at, on_the_best_line
 from diagnosis.gap.scan import mass
 from diagnosis.gap.search import FITTED
+from diagnosis.gap.starting import ZeroShot, zero_shot
 from diagnosis.recording import HOUR
 from diagnosis.usual import WARM_UP
 from shared.errors import SimulationError

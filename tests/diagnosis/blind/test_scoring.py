@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from diagnosis.blind.score_report import markdown
-from diagnosis.blind.scoring import read_score, score
+from diagnosis.blind.score_schema import read_score
+from diagnosis.blind.scoring import score
 from diagnosis.blind.verdicts import Moved, Outcome, Place, Shrunk, Verdict, Withheld, read_outcome, write_withheld
 from shared.errors import RecordingError
 from tests.diagnosis.blind.blind_cases import AIR, QUIET, ROOM, Case, counts, said, write_results, write_set

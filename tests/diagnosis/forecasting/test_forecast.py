@@ -16,7 +16,8 @@ from diagnosis.cli import app
 from diagnosis.fitting.linear import Marginal
 from diagnosis.fitting.problem import Problem
 from diagnosis.forecasting import forecast as forecasting
-from diagnosis.forecasting.forecast import about_failed, band, corrected, forecast, from_the_prior
+from diagnosis.forecasting.forecast import band, corrected, forecast, from_the_prior
+from diagnosis.forecasting.forecasted import about_failed
 from diagnosis.recording import read_recording
 from shared.console import FAULT, OK, start
 from shared.errors import RecordingError, SimulationError

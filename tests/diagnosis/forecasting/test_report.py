@@ -1,6 +1,6 @@
 """What a forecast says first: how far off it was."""
 
-from diagnosis.forecasting.forecast import Ahead, Forecast
+from diagnosis.forecasting.forecasted import Ahead, Forecast
 from diagnosis.forecasting.report import answer
 
 

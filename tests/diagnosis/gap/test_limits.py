@@ -106,7 +106,7 @@ def test_persons_whom_nobody_counted_are_not_moved_in_time(warm):
 @pytest.mark.slow
 def test_persons_not_counted_costs_what_the_report_says(folder):
     effects = some(room(), "infiltration.constant", "sensor.temperature.drift")
-    done = diagnose(room(), drifting(folder), occupancy="unknown", effects=effects, warm_up=WARM_UP)
+    done = diagnose(room(), drifting(folder), occupancy="unknown", effects=effects, warm_up=WARM_UP, how_far=False)
     report = done.report
     # they were, and must not be looked at: twins draw others
     assert report.assumed["nPer"] == "recorded, but not used: inferred with the prior of the description"
@@ -131,7 +131,7 @@ def test_persons_not_counted_costs_what_the_report_says(folder):
 @pytest.mark.slow
 def test_replayed_actuators_cost_what_the_report_says(folder):
     effects = some(room(), "heater.derated", "sensor.temperature.drift")
-    report = diagnose(room(), drifting(folder), replay=True, effects=effects, warm_up=WARM_UP).report
+    report = diagnose(room(), drifting(folder), replay=True, effects=effects, warm_up=WARM_UP, how_far=False).report
     held_together(report)
     assert report.replayed == ["QHea", "mOA"]
     assert "heater.derated" in report.excluded

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagnosis.gap import diagnosed as concluded
+from diagnosis.gap import concluded
 from diagnosis.gap import page as pictures
 from diagnosis.gap.page import LEAST, answered_by, dated, draw_outputs, draw_shares, render
 from diagnosis.gap.schema import Report, ShrinkageOf

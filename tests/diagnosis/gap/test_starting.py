@@ -4,7 +4,7 @@ import pytest
 from datagen import simulate
 from datagen.simulating.simulator import Simulator
 from diagnosis.fitting.problem import Problem
-from diagnosis.gap.diagnosed import begun, zero_shot
+from diagnosis.gap.starting import begun, zero_shot
 from diagnosis.recording import read_recording
 from shared.errors import RecordingError
 from shared.shipped import estimator_beside

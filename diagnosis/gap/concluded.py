@@ -1,0 +1,234 @@
+"""What follows from the base model's fit to a recording: the search, the answer, and how far the gap shrinks."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from matplotlib.figure import Figure
+
+from diagnosis.curves import curves, plot
+from diagnosis.effects import Effect
+from diagnosis.fitting.failures import NO_TIME
+from diagnosis.fitting.fit import Fit
+from diagnosis.fitting.problem import Problem
+from diagnosis.gap.evidence import Evidence, Search, evidence_of, gap_found
+from diagnosis.gap.limits import Otherwise, ends_left_out, noiseless, otherwise
+from diagnosis.gap.places import operators, place
+from diagnosis.gap.reporting import reported
+from diagnosis.gap.schema import HOW_FAR, Report
+from diagnosis.gap.search import at_its_optimum, search
+from diagnosis.gap.shrinkage import Apart, Shrinkage, fitted_apart, left_by, shrinkages
+from diagnosis.gap.starting import Begun
+from diagnosis.gap.verdict import Decision, Verdicts, decide
+from diagnosis.recording import HOUR
+from diagnosis.where import Operator, Where
+from shared.results import Result
+
+SOURCES = "what the balances may lack"
+
+
+@dataclass(frozen=True)
+class Began:
+    """When a diagnosis began: wall and processor time [s], and the simulations that had been asked for until then."""
+
+    seconds: float
+    cpu_seconds: float
+    simulations: int
+
+    @classmethod
+    def now(cls, simulations: int) -> Began:
+        """At this moment."""
+        return cls(time.perf_counter(), time.process_time(), simulations)
+
+
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Result):
+    """A diagnosis and all that it was made from.
+
+    ``whole`` is the problem before any fit; ``scored`` (steps,) the part that ``apart``'s fits do without; ``sources``
+    the operators of what may be missing from a balance, and ``unknown`` why there are no others; ``otherwise``: better
+    conditions than the recording's; ``where_left`` is with the chosen effects, if there are any.
+    """
+
+    report: Report
+    whole: Problem
+    origin: Begun
+    candidates: list[Effect]
+    search: Search
+    decision: Decision
+    evidence: Evidence
+    by: tuple[Verdicts, str]
+    sources: list[Operator]
+    unknown: dict[str, str]
+    otherwise: list[Otherwise]
+    where: Where
+    where_left: Where | None
+    apart: Apart | None
+    shrinkage: list[Shrinkage]
+    scored: np.ndarray
+    seed: int
+
+    def without(self, names: Collection[str], tell: Callable[[str], None] = lambda _: None) -> Diagnosis:
+        """The same recording diagnosed with some candidates withheld.
+
+        The readings that count (a clock takes some from the ends), the fit of the base model, the sensitivities and
+        what is missing from the balances are kept; colours, twins, scan and decision are made anew, and refits that
+        were not made yet.
+        """
+        left = [one for one in self.candidates if one.name not in names]
+        began = Began.now(self.whole.simulations)
+        return concluded(self.whole, self.origin, left, self.scored, self.seed, began, self.by, tell, self)
+
+    @property
+    def base(self) -> Fit:
+        """The base model's fit."""
+        return self.origin.fit
+
+    @property
+    def headline(self) -> str:
+        """What this is, in a few words."""
+        return self.report.headline
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row for each candidate: its probability, and its size with the 90 % interval if it was fitted."""
+        return self.report.to_dataframe()
+
+    def plot(self) -> Figure:
+        """Measured, the base model, and the model with the chosen effects, output by output."""
+        return plot(self.curves())
+
+    def curves(self) -> xr.Dataset:
+        """What was measured, the base model, and the model with the chosen effects if there are any."""
+        first, last, record = self.search.stages[0], self.search.last, self.whole.recording
+        before, after = first.twins.residual, None
+        if last.lin.chosen:
+            after = record.outputs - left_by(last.lin, last.colours, self.whole.observed)
+        system = self.whole.system
+        return curves(
+            record.time,
+            record.zero,
+            system.outputs,
+            measured=record.outputs,
+            before=record.outputs - before,
+            after=after,
+        )
+
+
+def concluded(
+    whole: Problem,
+    origin: Begun,
+    candidates: list[Effect],
+    scored: np.ndarray,
+    seed: int,
+    began: Began,
+    by: tuple[Verdicts, str],
+    tell: Callable[[str], None],
+    known: Diagnosis | None = None,
+) -> Diagnosis:
+    """What follows from the base model's fit.
+
+    Parameters
+    ----------
+    scored
+        The part that is kept from the fits that say how far the gap shrinks, shape (steps,).
+    began
+        When the diagnosis began.
+    by
+        How evidence becomes an answer, from :func:`diagnosis.gap.verdict.verdicts_of`.
+    known
+        A diagnosis from the same fit among these candidates and others; what does not depend on the others is kept.
+    """
+    base = origin.fit
+    cut = whole.runner.time_up
+    found = search(
+        base,
+        candidates,
+        whole.observed,
+        begin=origin.start,
+        seed=seed,
+        tell=tell,
+        known=None if known is None else known.search,
+    )
+    if cut:
+        found.unfinished.why = {"the base model's fit to its end": NO_TIME, **found.unfinished.why}
+    attempt = found.unfinished.attempt
+    found = attempt("the optimum with the chosen effects", lambda: at_its_optimum(found), found)
+    first = found.stages[0]
+    tell("finding where the gap lies")
+    problem = first.lin.problem
+    sources: list[Operator] = []
+    unknown: dict[str, str] = {}
+    better: list[Otherwise] = []
+    # with fewer candidates the base model's fit may not have gone on, and lie elsewhere
+    if known is None or not np.array_equal(known.search.stages[0].lin.z, first.lin.z):
+        heights = first.lin.around.heights
+        sources, unknown = attempt(SOURCES, lambda: operators(problem, first.lin.z, heights), (sources, unknown))
+        better = attempt("what could be seen otherwise", lambda: otherwise(first, whole, candidates), better)
+    else:
+        sources, unknown, better = known.sources, known.unknown, known.otherwise
+    where = attempt(SOURCES, lambda: place(first, whole.observed, sources), None) or place(first, whole.observed, [])
+    where_left = None
+    if found.chosen:
+        where_left = attempt("what is left, and where", lambda: place(found.last, whole.observed, []), None)
+    left = gap_found(found.last, (where_left or where).p_value)
+    evidence = evidence_of(found, gap_found(first, where.p_value, found.confirmed), left, where.p_value)
+    decision = decide(evidence, by[0])
+    if found.chosen and decision.verdict == "no_gap":
+        dropped = tuple(one.name for one in found.chosen)
+        found, where_left = replace(found, stages=[first], refits=[], settled=[], dropped=dropped), None
+    apart: Apart | None = None
+    shrinkage: list[Shrinkage] = []
+    if found.chosen and (whole.observed & ~scored).any():
+        tell("scoring on a part that is kept from the fit")
+        apart = attempt(HOW_FAR, lambda: fitted_apart(found, whole.observed & ~scored), None)
+    if apart is not None:
+        done, colours = apart, found.last.colours
+        shrinkage = attempt(
+            HOW_FAR, lambda: shrinkages(done, first, colours, scored, whole.observed, seed=seed), shrinkage
+        )
+    report = reported(
+        base=base,
+        started_from=origin.name,
+        search=found,
+        decision=decision,
+        where=where,
+        where_left=where_left,
+        shrinkage=shrinkage,
+        agreed=apart is None or apart.agreed,
+        otherwise=better,
+        unknown=unknown,
+        scored=scored,
+        seed=seed,
+        simulations=whole.simulations - began.simulations,
+        seconds=time.perf_counter() - began.seconds,
+        cpu_seconds=time.process_time() - began.cpu_seconds,
+        by=by[0],
+        uncalibrated=by[1],
+    )
+    ends = ends_left_out(whole.observed, np.isfinite(whole.measured), whole.recording.step / HOUR)
+    more = [*ends, *noiseless(whole.undeclared)]
+    report = report.model_copy(update={"limits": [*report.limits, *more]})
+    return Diagnosis(
+        report,
+        whole,
+        origin,
+        candidates,
+        found,
+        decision,
+        evidence,
+        by,
+        sources,
+        unknown,
+        better,
+        where,
+        where_left,
+        apart,
+        shrinkage,
+        scored,
+        seed,
+    )

@@ -1,0 +1,122 @@
+"""The base model's fit, from where a diagnosis begins: an estimator's zero-shot estimate, and the middle of the prior.
+
+Two rounds from the middle of the prior end hundreds in log evidence below the optimum where the controllers are
+simulated, and what is left looks like a gap; from an estimate they reach it. But an estimate knows no gap, and a
+recording that has one may fit better from elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from diagnosis.fitting.failures import FAILURES, reason
+from diagnosis.fitting.fit import Fit, fit
+from diagnosis.fitting.problem import Problem
+from diagnosis.recording import Recording
+from diagnosis.zero_shot import estimate
+from shared.errors import EstimatorError, RecordingError, SimulationError, TimeUp
+from shared.shipped import estimator_beside
+from shared.system import System
+
+QUIET = 1.25
+"""Mean square of the standardised residual up to which a fit has nothing to gain from another start."""
+PRIOR = "prior"
+ROUNDS = 2
+"""Of the fits of a diagnosis: refits go on from there."""
+RESTLESS = 4
+"""Rounds more of the fits of a diagnosis, while the unknowns still move far: then a fit says nothing yet."""
+
+
+@dataclass(frozen=True)
+class Begun:
+    """The base model's fit, and where it began: ``name``, and unknowns ``start`` (unknowns of the fit,)."""
+
+    fit: Fit
+    name: str
+    start: np.ndarray
+
+
+@dataclass(frozen=True)
+class ZeroShot:
+    """An estimator's estimate: values by name [unit of the description], and the estimator's folder."""
+
+    values: dict[str, float]
+    folder: str
+
+
+def zero_shot(
+    system: System, recording: Recording, run: Path | str | None, tell: Callable[[str], None]
+) -> ZeroShot | None:
+    """What an estimator says of a recording; None where there is no estimator that can read it.
+
+    Parameters
+    ----------
+    run
+        Folder of an estimator; without, the one beside the system description.
+
+    Raises
+    ------
+    EstimatorError, RecordingError
+        If the estimator that was given cannot read the recording.
+    """
+    folder = run if run is not None else estimator_beside(system.path)
+    if folder is None:
+        return None
+    try:
+        return ZeroShot(estimate(folder, recording, system), str(folder))
+    except (EstimatorError, RecordingError) as error:
+        if run is not None:
+            raise
+        tell(f"without a zero-shot estimate: {error}")
+        return None
+
+
+def begun(problem: Problem, estimated: ZeroShot | None) -> Begun:
+    """The most plausible fit of the base model, begun at the estimator's estimate or at the middle of the prior.
+
+    Where the time is up after one of them, that is it.
+
+    Parameters
+    ----------
+    problem
+        Before any fit, without effects.
+    estimated
+        From :func:`zero_shot`.
+
+    Raises
+    ------
+    SimulationError
+        If simulation or algebra fail at every start.
+    TimeUp
+        If the time was up before there was a fit.
+    """
+    starts = [(PRIOR, np.zeros(problem.size))]
+    if estimated is not None:
+        starts.insert(0, (estimated.folder, problem.unknowns(estimated.values)))
+    best: Begun | None = None
+    why: dict[str, str] = {}
+    for name, start in starts:
+        try:
+            found = fit(problem.with_effects(()), [start], rounds=ROUNDS, restless=RESTLESS)
+        except FAILURES as error:
+            why[name] = reason(error)
+            continue
+        except TimeUp:
+            if best is None:
+                raise
+            break
+        if best is None or found.log_evidence > best.fit.log_evidence:
+            best = Begun(found, name, start)
+        if 2 * best.fit.cost < QUIET * len(best.fit.residual):
+            break
+    if best is None:
+        said = "; ".join(f"from {name}: {one}" for name, one in why.items())
+        raise SimulationError(
+            f"{problem.recording.path}: the base model cannot be fitted to it ({said}); expected a start at which it"
+            " can be simulated. `diagnosis residuals` with --set tells which parameters can"
+        )
+    return best
