@@ -208,12 +208,14 @@ def _answers(done: Sequence[tuple[Row, Decision]]) -> Answers:
         if row.stratum == "none":
             alarms.append(decision.verdict != "no_gap")
         if decision.verdict in ("effect", "ambiguous"):
-            named.append((1 - decision.mistaken, any(name in row.true for name in decision.named)))
+            named.append((1 - decision.mistaken, any(name in row.true for name in decision.sets[0])))
         if row.stratum in OUTSIDE and decision.verdict != "no_gap":
             outside.append(decision.verdict == "none_of_these" or decision.or_none)
     return Answers(
         alarms=_count("recordings without a cause in which a gap is answered", [], alarms),
-        named=_count("answers with a name that hold a true one", [one for one, _ in named], [one for _, one in named]),
+        named=_count(
+            "answers whose first set holds a true cause", [one for one, _ in named], [one for _, one in named]
+        ),
         outside=_count("gaps of no candidate of which that is in the answer", [], outside),
     )
 

@@ -91,7 +91,7 @@ def farm(
     answers = done.verdicts.answers
     for one in [answers.alarms, answers.named, answers.outside, *done.verdicts.reliability]:
         what = one.what if one.high - one.low == 1 else f"{one.what}, said to be {one.low:.0%} to {one.high:.0%} sure"
-        table.add_row(what, str(one.count), f"{one.said:.0%}", f"{one.true:.0%}")
+        table.add_row(what, str(one.count), f"{one.said:.0%}" if one.said else "", f"{one.true:.0%}")
     console.print(table)
     console.print(f"{out / 'verdict.json'}: put it beside {system}'s description.", markup=False, soft_wrap=True)
     return code

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import secrets
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import lru_cache
@@ -58,6 +58,7 @@ class Farmed(Result):
 
     def to_dataframe(self) -> pd.DataFrame:
         """A row for each recording: what it was, and what was answered."""
+        columns = ["recording", "stratum", "true", "gap", "named", "verdict", "cpu_seconds"]
         rows = [
             {
                 "recording": row.index,
@@ -71,7 +72,7 @@ class Farmed(Result):
             for row in self.made.rows
             for done in [None if self.verdicts is None else decide(row.evidence, self.verdicts)]
         ]
-        return pd.DataFrame(rows).set_index("recording")
+        return pd.DataFrame(rows, columns=columns).set_index("recording")
 
 
 def farm(
@@ -126,6 +127,7 @@ def farm(
     folder.mkdir(parents=True, exist_ok=True)
     with FolderLock(folder, str(described.path.resolve()), kind=RecordingError):
         about = _begun(folder, described, seed, hours, noise)
+        (folder / ROWS).mkdir(exist_ok=True)
         left = [index for index in range(recordings) if not _path(folder, index).exists()]
         done, failed = recordings - len(left), {}
         if progress is not None:
@@ -165,8 +167,11 @@ def _worked_off(client: Any, what: tuple[Any, ...], left: list[int]) -> Iterator
         if not running:
             return
         for future in wait(running, return_when=FIRST_COMPLETED).done:
-            error = future.exception()
-            yield running.pop(future), future.result() if error is None else f"{type(error).__name__}: {error}"
+            try:
+                made = future.result()
+            except (Exception, CancelledError) as error:  # its worker is gone, or was told to stop
+                made = f"{type(error).__name__}: {error}"
+            yield running.pop(future), made
 
 
 def _row(what: tuple[str, str, float, str, int], index: int) -> dict[str, Any] | str:
@@ -208,10 +213,9 @@ def _begun(folder: Path, system: System, seed: int | None, hours: float, noise: 
                     " another --out, or what the folder was begun with"
                 )
         return dict(begun)
-    if (folder / ROWS).exists():
+    if (folder / ROWS).exists() and any((folder / ROWS).iterdir()):
         raise RecordingError(f"{folder}: has rows and no {ABOUT}; expected both, or an empty folder")
     about["seed"] = secrets.randbelow(2**31) if seed is None else seed
-    (folder / ROWS).mkdir()
     write_atomically(path, json.dumps(about, indent=1).encode())
     return about
 

@@ -117,7 +117,7 @@ def diagnose(
     estimated = zero_shot(described, record, run, tell)
     simulator = Simulator(described)
     check_baselines(candidates, described, simulator.fmu, replay=replay)
-    by = verdicts_of(described, library(described), simulator.fmu.sha256, noise)
+    by = verdicts_of(described, candidates, simulator.fmu.sha256, noise)
     place = None if out is None else Path(out)
     with (
         side_by_side(simulator, workers=workers, scheduler=scheduler) as runner,

@@ -195,8 +195,10 @@ def evidence_of(search: Search, gap: bool, rejected: bool, where_p: float) -> Ev
             )
         )
     if not values and search.compared is not None:
-        refits, tried = list(search.compared.refits), search.tried[0]
-        values = [worth(first, refits, first, base=search.compared.base, tried=tried, excluded=untried)]
+        refits = [one for one in search.compared.refits if one.names[-1] not in untried]
+        tried = [one for one in search.tried[0] if one.names[-1] not in untried]
+        better = worth(first, refits, first, base=search.compared.base, tried=tried, excluded=untried)
+        values = [{one.names[-1]: 0.0 for one in tried} | better]
     elif not values:
         found = zip((one.name for one in first.lin.effects), first.scan.evidence.tolist(), strict=True)
         values = [{name: one for name, one in found if name not in untried}]

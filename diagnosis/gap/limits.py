@@ -222,7 +222,8 @@ def calibration(report: Report) -> str:
         f"Probabilities come from {counted(sum(by.strata.values()), 'recording')} of {by.hours:g} h that were made with"
         f" {by.system} ({by.made}, seed {by.seed}), {by.strata.get('none', 0)} of them without a cause. There a gap was"
         f" answered in {round(alarms.true * alarms.count)} of {alarms.count} without a cause, and of"
-        f" {counted(named.count, 'answer')} with a name {round(named.true * named.count)} held a true cause."
+        f" {counted(named.count, 'answer')} with a name {round(named.true * named.count)} held a true cause"
+        " in the first set."
     )
     if report.uncalibrated:
         said += (

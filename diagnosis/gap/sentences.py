@@ -10,6 +10,7 @@ from types import MappingProxyType
 from diagnosis.fitting.failures import NO_TIME
 from diagnosis.gap.schema import FEWEST, HOW_FAR, VERDICTS, NamedEffect, Report, ShrinkageOf
 from diagnosis.gap.stages import LEVEL, PLAIN
+from diagnosis.gap.verdict import LIKELY
 from diagnosis.pages import chance, long_named, percent, within_sentence
 from shared.numbers import counted, number
 from shared.variables import spaced
@@ -34,6 +35,8 @@ def headline(report: Report) -> str:
     named = [one for one in report.effects if one.named]
     if report.verdict not in ("effect", "ambiguous") or not named:
         return f"{VERDICTS[report.verdict]}."
+    if report.verdict == "ambiguous" and len(report.sets) > 1:
+        return f"{len(report.sets)} causes: {'; and '.join(_one_of(report, names) for names in report.sets)}."
     if len(named) > LISTED:
         foremost = sorted(named, key=lambda one: -one.probability)[:FOREMOST]
         said = ", ".join(f"{one.name} ({chance(one.probability)})" for one in foremost)
@@ -130,6 +133,10 @@ def _which(report: Report) -> str:
     named = [one for one in report.effects if one.named]
     if report.verdict == "no_gap" and report.gap:
         return f"Which: no effect is named. That none acts is {chance(report.no_gap)} sure."
+    if report.verdict == "no_gap" and report.no_gap < LIKELY:
+        return (
+            f"Which: no test finds a gap, so no effect is named. That none acts is only {chance(report.no_gap)} sure."
+        )
     if report.verdict == "no_gap":
         return (
             f"Which: no effect is needed. That none acts is {chance(report.no_gap)} sure, because small ones go unseen"
@@ -192,6 +199,8 @@ def _named(one: NamedEffect) -> str:
 
 def _one_of(report: Report, names: list[str]) -> str:
     """A set that cannot be told apart; a large one by its groups and the foremost."""
+    if len(names) == 1:
+        return _sure(report, names[0])
     if len(names) <= LISTED:
         return f"one of {', '.join(_sure(report, name) for name in names)}"
     some = [one for one in report.effects if one.name in names]

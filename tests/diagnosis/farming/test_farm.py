@@ -87,6 +87,14 @@ def test_rows_of_two_kinds_are_not_mixed_and_what_cannot_be_is_refused(numbers, 
     assert sorted(numbers) == [0, 1]
 
 
+def test_a_folder_that_was_begun_and_has_no_row_is_gone_on_with(numbers, tmp_path):
+    """Killed between its first two steps; and a farm in which all fails has a table without a row."""
+    (tmp_path / "rows").mkdir()
+    done = farm("MixedAirCO2", tmp_path, recordings=2, seed=7)
+    assert sorted(numbers) == [0, 1] and len(done.to_dataframe()) == 2
+    assert len(replace(done, made=replace(done.made, rows=())).to_dataframe()) == 0
+
+
 def test_the_command_writes_the_verdict_and_says_what_it_is_worth(numbers, tmp_path, capsys):
     words = ["farm", "MixedAirCO2", "--out", str(tmp_path), "--seed", "7", "--quiet"]
     assert start(app, [*words, "--recordings", "20"]) == PARTLY

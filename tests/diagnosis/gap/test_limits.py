@@ -173,7 +173,7 @@ def test_what_probabilities_come_from_is_said_with_what_such_answers_held():
     assert first == (
         "Probabilities come from 100 recordings of 168 h that were made with room (2026-01-01, seed 7), 50 of them"
         " without a cause. There a gap was answered in 2 of 50 without a cause, and of 50 answers with a name 40 held a"
-        " true cause."
+        " true cause in the first set."
     )
     other = limits(report(uncalibrated="verdict.json is missing beside system.toml"))[0]
     assert other.startswith(first) and "run `diagnosis farm` for it" in other

@@ -23,6 +23,18 @@ def test_where_there_is_no_gap_what_seemed_to_be_one_is_said():
     assert "rooms without a cause look like this too often" in usual[0] and "That none acts is 30% sure" in usual[1]
 
 
+def test_no_gap_that_is_improbable_is_not_told_as_if_nothing_were_needed():
+    quiet = {"verdict": "no_gap", "gap": False, "stages": [stage(0.4, 0.3)]}
+    assert summary(report(**quiet, no_gap=0.33))[1].endswith("no effect is named. That none acts is only 33% sure.")
+    assert "no effect is needed. That none acts is 80% sure" in summary(report(**quiet, no_gap=0.8))[1]
+
+
+def test_a_headline_of_two_effects_tells_them_apart():
+    effects = [named("valve", 0.9), named("fan", 0.3), named("lamp", 0.2)]
+    done = report(verdict="ambiguous", effects=effects, sets=[["valve"], ["fan", "lamp"]])
+    assert headline(done) == "2 causes: valve (90%); and one of fan (30%), lamp (20%)."
+
+
 def test_the_answer_says_what_where_and_how_far_in_words():
     gone = ShrinkageOf(
         channel="room",
@@ -147,7 +159,7 @@ def test_a_set_of_many_is_told_as_groups_and_by_the_foremost():
     sets = [list("abcdefgh"), list("de")]
     which = summary(report(verdict="ambiguous", effects=effects, sets=sets, stages=stages))[1]
     few = ", ".join(f"{name} (10%)" for name in "abc")
-    assert headline(report(verdict="ambiguous", effects=effects, sets=sets)) == (
+    assert headline(report(verdict="ambiguous", effects=effects, sets=sets[:1])) == (
         f"One of 8 causes that cannot be told apart: {groups}. Foremost: {few}."
     )
     assert which == (

@@ -35,7 +35,7 @@ def test_the_estimator_beside_the_description_is_asked_and_the_better_fit_is_kep
     assert one.name.endswith("estimator") and not told
     assert np.abs(one.start[:8]).max() > 0.1
     assert 2 * found.cost < 1.25 * len(found.residual)  # it explains the recording
-    monkeypatch.setattr("diagnosis.gap.diagnosed.estimator_beside", lambda _: None)
+    monkeypatch.setattr("diagnosis.gap.starting.estimator_beside", lambda _: None)
     plain = begun(problem, asked(problem, None, told.append))
     assert plain.name == "prior" and not plain.start.any()
     assert found.log_evidence > plain.fit.log_evidence - 1.0
@@ -45,7 +45,7 @@ def test_an_estimator_that_cannot_read_the_recording_is_told_or_refused(problem,
     def refuse(*_):
         raise RecordingError("room.nc: has no channel 'TSet'")
 
-    monkeypatch.setattr("diagnosis.gap.diagnosed.estimate", refuse)
+    monkeypatch.setattr("diagnosis.gap.starting.estimate", refuse)
     told = []
     assert asked(problem, None, told.append) is None
     assert told == ["without a zero-shot estimate: room.nc: has no channel 'TSet'"]
