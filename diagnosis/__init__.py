@@ -1,7 +1,8 @@
 """From recordings to parameters, forecasts, and what the model still lacks.
 
 The functions behind the commands: :func:`draft_mapping`, :func:`import_recording`, :func:`residuals`,
-:func:`calibrate`, :func:`forecast`, :func:`diagnose`; and :func:`serve`, behind ``diagnosis app``.
+:func:`calibrate`, :func:`forecast`, :func:`diagnose`; :func:`farm`, which calibrates what a diagnosis says of a system;
+and :func:`serve`, behind ``diagnosis app``.
 :func:`read_recording`, :func:`read_calibration` and :func:`read_report` read what they write.
 """
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from diagnosis.app.server import serve as serve
     from diagnosis.calibrating.calibration import calibrate as calibrate
     from diagnosis.calibrating.schema import read_calibration as read_calibration
+    from diagnosis.farming.farm import farm as farm
     from diagnosis.forecasting.forecast import forecast as forecast
     from diagnosis.gap.diagnosed import diagnose as diagnose
     from diagnosis.gap.schema import read_report as read_report
@@ -27,6 +29,7 @@ __all__ = [
     "calibrate",
     "diagnose",
     "draft_mapping",
+    "farm",
     "forecast",
     "import_recording",
     "read_calibration",
@@ -40,6 +43,7 @@ _HOMES = {
     "calibrate": "diagnosis.calibrating.calibration",
     "diagnose": "diagnosis.gap.diagnosed",
     "draft_mapping": "diagnosis.measurements.draft",
+    "farm": "diagnosis.farming.farm",
     "forecast": "diagnosis.forecasting.forecast",
     "import_recording": "diagnosis.measurements.importer",
     "read_calibration": "diagnosis.calibrating.schema",

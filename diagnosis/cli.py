@@ -13,6 +13,7 @@ from rich.table import Table
 from diagnosis.app.server import app as app_
 from diagnosis.blind.command import app as blind
 from diagnosis.calibrating.command import calibrate
+from diagnosis.farming.command import farm
 from diagnosis.forecasting.command import forecast
 from diagnosis.gap.command import run as run_
 from diagnosis.measurements.command import import_
@@ -111,6 +112,7 @@ app.command(import_, name="import")
 app.command(calibrate)
 app.command(forecast)
 app.command(run_, name="run")
+app.command(farm)
 app.command(app_, name="app")
 app.command(blind)
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -24,6 +27,7 @@ def page_environment(decimals: int = 1) -> Environment:
     )
     environment.filters["number"] = number
     environment.filters["percent"] = lambda value: percent(value, decimals)
+    environment.filters["chance"] = chance
     environment.filters["named"] = long_named
     environment.filters["spaced"] = spaced
     environment.filters["file_name"] = lambda path: Path(path).name
@@ -36,6 +40,15 @@ def percent(value: float | None, decimals: int = 1) -> str:
         return "–"
     text = f"{value:.{decimals}%}"
     return text[1:] if text.startswith("-") and float(text[:-1]) == 0 else text
+
+
+def chance(value: float) -> str:
+    """A probability: what some hundred recordings have told is never certain.
+
+    >>> chance(0.93), chance(0.9999)
+    ('93%', 'over 99%')
+    """
+    return "over 99%" if value > 0.99 else "under 1%" if value < 0.01 else f"{value:.0%}"
 
 
 def within_sentence(text: str) -> str:
@@ -53,3 +66,22 @@ def long_named(name: str, long: Mapping[str, str] | str | None) -> str:
     """
     what = long.get(name) if isinstance(long, Mapping) else long
     return f"{what} ({name})" if what and what != name else name
+
+
+@contextmanager
+def whole(folder: Path) -> Iterator[Path]:
+    """A folder to write into that takes its name only when everything in it is written.
+
+    An existing folder of that name keeps its other files; those written replace their namesakes.
+    """
+    # within a folder that is there: what is above it may be another file system, or another user's
+    place = folder if folder.is_dir() else folder.parent
+    place.mkdir(parents=True, exist_ok=True)
+    draft = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=place))
+    try:
+        yield draft
+        folder.mkdir(exist_ok=True)
+        for path in sorted(draft.iterdir()):
+            path.replace(folder / path.name)
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)

@@ -14,15 +14,13 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from datagen.simulating.simulator import Simulator
-from diagnosis.calibrating.checks import opened
+from diagnosis.calibrating.calibration import opened
 from diagnosis.calibrating.given import check_given, check_unknowns, given_calibration, noise_of
 from diagnosis.calibrating.schema import Calibration
 from diagnosis.curves import curves, plot
-from diagnosis.fitting.fit import ROUNDS
+from diagnosis.fitting.fit import ROUNDS, most_likely
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.renewing import most_likely
-from diagnosis.fitting.run import Run
-from diagnosis.fitting.side_by_side import InProcess, Outcome
+from diagnosis.fitting.simulations import InProcess, Outcome, Run
 from diagnosis.recording import HOUR, Recording
 from diagnosis.scores import score
 from diagnosis.usual import WARM_UP
@@ -84,7 +82,7 @@ def residuals(
 ) -> Residuals:
     """Simulate a recording with given, estimated or calibrated parameters and compare output by output.
 
-    The model is driven as in a calibration: see :mod:`diagnosis.fitting.drive`. Persons whom nobody counted are as the
+    The model is driven as in a calibration: see :mod:`diagnosis.fitting.inputs`. Persons whom nobody counted are as the
     description expects them, and the recording's first day stands in for what came before it. With ``calibration`` both
     are what the recording's readings make most likely, so that on its own recording the figures are the calibration's.
 
@@ -191,7 +189,7 @@ class _Given(InProcess):
         self._values = values
 
     def map(self, runs: Sequence[Run]) -> list[Outcome]:
-        """See :class:`diagnosis.fitting.side_by_side.Runner`."""
+        """See :class:`diagnosis.fitting.simulations.Runner`."""
         return super().map([with_changes(run, parameters={**run.parameters, **self._values}) for run in runs])
 
 

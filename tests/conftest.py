@@ -19,23 +19,23 @@ settings.load_profile("ci" if os.environ.get("CI") else "here")
 
 ROOT = Path(__file__).resolve().parents[1]
 LONGEST = (
-    "diagnosis/gap/test_conditions.py",
-    "diagnosis/gap/test_gap.py",
     "datagen/farming/test_faults.py",
+    "diagnosis/app/test_page.py",
+    "diagnosis/gap/test_limits.py",
     "packaging/test_wheel.py",
     "docs/test_gallery.py",
-    "docker/test_images.py",
-    "diagnosis/gap/test_exchange.py",
+    "docs/test_notebooks.py",
     "docs/test_pages.py",
-    "trainer/benchmarking/test_running.py",
+    "docker/test_images.py",
     "diagnosis/fitting/test_fit.py",
-    "diagnosis/blind/test_running.py",
-    "diagnosis/gap/test_missing.py",
-    "diagnosis/gap/test_afresh.py",
+    "trainer/benchmarking/test_running.py",
     "docker/test_farm.py",
-    "diagnosis/blind/test_detectability.py",
-    "diagnosis/app/test_page.py",
-    "hostile/test_diagnosis.py",
+    "diagnosis/app/test_project.py",
+    "diagnosis/gap/test_shrinkage.py",
+    "diagnosis/gap/test_gap.py",
+    "diagnosis/blind/test_running.py",
+    "diagnosis/blind/test_expected.py",
+    "diagnosis/farming/test_farm.py",
 )
 """Files that take longest, in that order. They come first: where files are dealt out to processes, one that begins late
 keeps a process busy when the others have nothing left to do."""

@@ -32,12 +32,11 @@ from diagnosis.app.project import (
     in_target,
 )
 from diagnosis.calibrating.schema import read_calibration
-from diagnosis.curves import shown
+from diagnosis.curves import readable, shown
 from diagnosis.forecasting.forecasted import Forecast
 from diagnosis.gap.schema import read_report
 from diagnosis.gap.sentences import headline
-from diagnosis.pages import long_named
-from diagnosis.pictures import readable
+from diagnosis.pages import chance, long_named
 from shared.errors import RecordingError, ZeroshotError
 from shared.netcdf import read_netcdf
 from shared.numbers import number
@@ -509,7 +508,7 @@ class Page:
         rows = []
         for one in report.foremost:
             size = "" if one.amplitude is None else f"{number(one.amplitude, 3)}{spaced(one.unit)}"
-            rows.append([long_named(one.name, one.description), f"{one.probability:.0%}", size])
+            rows.append([long_named(one.name, one.description), chance(one.probability), size])
         rows += [["none of these", f"{report.none_of_these:.0%}", ""], ["no gap", f"{report.no_gap:.0%}", ""]]
         said = "".join(f"<p>{escape(one)}</p>" for one in report.summary)
         table = _table(["cause", "probability", "size"], rows)

@@ -13,8 +13,7 @@ from bokeh import plotting
 
 from diagnosis.app.project import Column
 from diagnosis.calibrating.schema import Calibration
-from diagnosis.curves import COLOURS, LABELS
-from diagnosis.pictures import BLUE, GREY, ORANGE, RED
+from diagnosis.curves import BLUE, COLOURS, GREY, LABELS, ORANGE, RED
 from shared.system import System
 
 figure: Any = plotting.figure

@@ -23,11 +23,10 @@ import numpy as np
 
 from datagen.simulating.simulator import Simulator
 from diagnosis.effects import Effect
-from diagnosis.effects.edges import foreseen
+from diagnosis.effects.base import foreseen
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.grams import AMPLITUDE, Colour, Grams, Projected, projected
-from diagnosis.gap.linear import Linearised, applicable, linearised
-from diagnosis.gap.nuisances import metered
+from diagnosis.gap.linear import Linearised, applicable, linearised, metered
 from diagnosis.gap.refit import SETTLED, misfit, refit
 from diagnosis.recording import HOUR, read_recording
 from shared.errors import SimulationError

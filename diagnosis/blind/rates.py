@@ -3,14 +3,259 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from math import comb
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
+from scipy.special import ndtri
 
-from diagnosis.blind.intervals import FEW, Figure, Share, figure, share, wilson
 from diagnosis.blind.opened import WITHHELD, LeftOut, Row
-from diagnosis.blind.verdicts import ANSWERS, FAILED
+from diagnosis.blind.verdicts import ANSWERS, FAILED, Moved, Parameter
+from diagnosis.usual import HALF_WIDTH
+from shared import metrics
+
+LEVEL = 0.95
+DRAWS = 2000
+FEW = 10
+"""Of fewer recordings a bootstrap's interval is too narrow: what they do not hold is never drawn."""
+Statistic = Callable[[np.ndarray], np.ndarray]
+
+
+class Share(BaseModel):
+    """``hits`` of ``n``, with the 95 % interval of Wilson (1927, J. Am. Stat. Assoc. 22:209); empty where n is 0."""
+
+    model_config = ConfigDict(extra="forbid")
+    hits: int
+    n: int
+    value: float | None
+    low: float | None
+    high: float | None
+
+
+class Figure(BaseModel):
+    """A statistic of ``n`` recordings with its 95 % percentile bootstrap interval; empty where n is 0.
+
+    One recording says nothing of how others would be: its figure has no interval.
+    """
+
+    model_config = ConfigDict(extra="forbid")
+    n: int
+    value: float | None
+    low: float | None
+    high: float | None
+
+
+def share(hits: Sequence[bool] | np.ndarray) -> Share:
+    """The share of hits."""
+    n, k = len(hits), int(np.sum(hits))
+    if n == 0:
+        return Share(hits=0, n=0, value=None, low=None, high=None)
+    low, high = wilson(k / n, n)
+    return Share(hits=k, n=n, value=k / n, low=low, high=high)
+
+
+def wilson(value: float, n: int) -> tuple[float, float]:
+    """Wilson's 95 % interval of a share of n."""
+    low, high = metrics.wilson(value, n, float(ndtri((1 + LEVEL) / 2)))
+    return float(low), float(high)
+
+
+def mean(rows: np.ndarray) -> np.ndarray:
+    """Mean over recordings, shape (draws,) of (draws, n)."""
+    return np.asarray(rows.mean(axis=1))
+
+
+def median(rows: np.ndarray) -> np.ndarray:
+    """Median over recordings, shape (draws,) of (draws, n)."""
+    return np.asarray(np.median(rows, axis=1))
+
+
+def figure(values: np.ndarray, statistic: Statistic = mean, *, seed: int = 0, draws: int = DRAWS) -> Figure:
+    """A statistic of rows, one for each recording, shape (n,) or (n, columns).
+
+    Parameters
+    ----------
+    statistic
+        Of many draws of rows with replacement at once: (draws, n[, columns]) to (draws,).
+    """
+    values = np.asarray(values, dtype=float)
+    n = len(values)
+    if n == 0:
+        return Figure(n=0, value=None, low=None, high=None)
+    value = float(statistic(values[None])[0])
+    if n == 1:
+        return Figure(n=1, value=value, low=None, high=None)
+    drawn = statistic(values[np.random.default_rng(seed).integers(0, n, (draws, n))])
+    low, high = np.nanquantile(drawn, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    return Figure(n=n, value=value, low=float(low), high=float(high))
+
+
+NAMED: tuple[tuple[int, int | None], ...] = ((1, None), (1, 1), (2, 4), (5, None))
+"""Least and largest number of names (None: without end) of answers that are counted together."""
+MOST = 0.9
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class Named(_Strict):
+    """Of answers that name ``least`` to ``most`` effects: how often a true cause is among them.
+
+    ``chance``: how often one would be, on average, if as many names were drawn at random from the candidates that could
+    be named in that recording; nothing where it has no cause of the library.
+    """
+
+    least: int
+    most: int | None
+    held: Share
+    chance: Figure
+
+
+class Names(_Strict):
+    """Of answers that name effects: how many they name, and how often rightly; the first of ``by_size`` is of all.
+
+    ``nine_in_ten`` of the answers name at most so many.
+    """
+
+    median: Figure
+    nine_in_ten: Figure
+    largest: int | None
+    by_size: list[Named]
+
+
+def names(rows: Sequence[Row], seed: int = 0) -> Names:
+    """Count the names of answers that name effects; the others do not count."""
+    named = [row for row in rows if row.named]
+    lengths = np.array([len(row.named) for row in named])
+    return Names(
+        median=figure(lengths, median, seed=seed),
+        nine_in_ten=figure(lengths, _nine_in_ten, seed=seed),
+        largest=max((len(row.named) for row in named), default=None),
+        by_size=[_of_length(named, least, most, seed) for least, most in NAMED],
+    )
+
+
+def _nine_in_ten(drawn: np.ndarray) -> np.ndarray:
+    return np.asarray(np.quantile(drawn, MOST, axis=1, method="higher"))
+
+
+def _of_length(named: Sequence[Row], least: int, most: int | None, seed: int) -> Named:
+    ones = [row for row in named if least <= len(row.named) <= (most or len(row.named))]
+    return Named(
+        least=least,
+        most=most,
+        held=share([bool(set(row.effects) & set(row.named)) for row in ones]),
+        chance=figure(np.array([by_chance(row) for row in ones]), seed=seed),
+    )
+
+
+def by_chance(row: Row) -> float:
+    """Probability that as many names as the answer has hold a true cause if they are drawn from all candidates."""
+    verdict = row.outcome.verdict
+    candidates = set(row.named) | (set(verdict.probabilities) if verdict is not None else set())
+    wrong, count = len(candidates - set(row.effects)), len(row.named)
+    return 1.0 - comb(wrong, count) / comb(len(candidates), count)
+
+
+class Held(BaseModel):
+    """Of the intervals of one kind.
+
+    ``held`` by recording: of its intervals the share that holds the truth, averaged over recordings, which are the
+    independent draws; where each has but one interval, a share of recordings as any other; ``error``: root mean square
+    of the estimate's distance to the truth over the half-width of the side that the truth lies on, times 1.645 (1 for
+    honest intervals of a normal posterior); ``by_parameter``: each parameter's share.
+    """
+
+    model_config = ConfigDict(extra="forbid")
+    what: str
+    held: Share | Figure
+    error: Figure
+    by_parameter: dict[str, Share] = {}
+
+
+_BLUNT = 1e-12
+
+
+def sizes(rows: Sequence[Row], seed: int = 0) -> Held:
+    """Intervals of the size of an effect that was rightly named, as the candidate has it; of others it has none."""
+    found = []
+    for row in rows:
+        verdict = row.outcome.verdict
+        if verdict is None or row.stratum != "library":
+            continue
+        true = row.true_sizes
+        of_row = [
+            _place(one.value, one.low, one.high, true[name])
+            for name, one in verdict.sizes.items()
+            if name in row.effects and name in true
+        ]
+        if of_row:
+            found.append(of_row)
+    return _held("size of an effect of the library that was rightly named", found, seed=seed)
+
+
+def parameters(rows: Sequence[Row], estimated: Sequence[Parameter], seed: int = 0) -> list[Held]:
+    """Intervals of the parameters: as they are stated in the end, and by what the answer was worth."""
+    named = [row for row in rows if row.named]
+    right = [row for row in named if set(row.effects) & set(row.named)]
+    wrong = [row for row in named if not set(row.effects) & set(row.named)]
+    quiet = [row for row in rows if row.outcome.answer == "no_gap"]
+    kinds: list[tuple[str, list[Row], bool]] = [
+        ("no gap found, and no effect there", [row for row in quiet if row.truth == "no_gap"], False),
+        ("no gap found, but a cause there", [row for row in quiet if row.truth != "no_gap"], False),
+        ("a true cause in the answer, before what was chosen is added", right, False),
+        ("a true cause in the answer, after what was chosen is added", right, True),
+        ("the same, controllers simulated", [row for row in right if not row.answer["replay"]], True),
+        ("the same, in replay", [row for row in right if row.answer["replay"]], True),
+        ("the same, nothing but true causes added", [row for row in right if row.only_true_added], True),
+        ("only wrong causes named, after they are added", wrong, True),
+        ("none of these", [row for row in rows if row.outcome.answer == "none_of_these"], False),
+    ]
+    return [_parameters(f"parameters: {what}", ones, estimated, after, seed) for what, ones, after in kinds]
+
+
+def _parameters(what: str, rows: Sequence[Row], estimated: Sequence[Parameter], after: bool, seed: int) -> Held:
+    found = []
+    for row in rows:
+        moved = row.outcome.verdict.parameters if row.outcome.verdict is not None else {}
+        ends = [_ends(moved[one.name], after) for one in estimated if one.name in moved]
+        if len(ends) == len(estimated) and all(one is not None for one in ends):
+            # distances on the parameter's own scale, in which its posterior is nearest to a normal one
+            places = []
+            for one, told in zip(estimated, ends, strict=True):
+                assert told is not None
+                value, low, high, true = np.array([*told, row.answer["parameters"][one.name]], dtype=float)
+                scaled = np.log([value, low, high, true]) if one.scale == "log" else (value, low, high, true)
+                places.append(_place(*map(float, scaled)))
+            found.append(places)
+    return _held(what, found, [one.name for one in estimated], seed)
+
+
+def _ends(one: Moved, after: bool) -> tuple[float, float, float] | None:
+    found = (one.after, one.after_low, one.after_high) if after else (one.before, one.before_low, one.before_high)
+    value, low, high = found
+    return None if value is None or low is None or high is None else (value, low, high)
+
+
+def _place(value: float, low: float, high: float, true: float) -> tuple[bool, float]:
+    """Whether an interval holds the truth, and how far off the estimate is in standard deviations of that side."""
+    width = (high - value) if true > value else (value - low)
+    return low <= true <= high, HALF_WIDTH * (true - value) / max(width, _BLUNT * max(abs(value), 1.0))
+
+
+def _held(what: str, found: Sequence[Sequence[tuple[bool, float]]], names: Sequence[str] = (), seed: int = 0) -> Held:
+    single = all(len(row) == 1 for row in found)
+    held = np.array([np.mean([one for one, _ in row]) for row in found])
+    square = np.array([np.mean([off**2 for _, off in row]) for row in found])
+    return Held(
+        what=what,
+        held=share(held) if single else figure(held, seed=seed),
+        error=figure(square, lambda drawn: np.sqrt(drawn.mean(axis=1)), seed=seed),
+        by_parameter={name: share([row[k][0] for row in found]) for k, name in enumerate(names)} if found else {},
+    )
+
 
 ORDER = ("none", "library", "form", "two", "outside", WITHHELD)
 NONE, NOTHING = "none of these", "no gap"

@@ -2,6 +2,10 @@
 
 Every recording is diagnosed in a process of its own, so that one that crashes or hangs is one failure and no more.
 A verdict is written whole as soon as it is reached; the same call goes on from what is there.
+
+The diagnosis as the blind check asks it: a recording and its public conditions in, a verdict out.
+
+The only module of the blind check that knows the diagnosis itself. It can be replaced by any other that judges.
 """
 
 from __future__ import annotations
@@ -13,40 +17,292 @@ import os
 import threading
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
 from multiprocessing.connection import wait
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from datagen.fmi.fmu import fmu_sha256
-from diagnosis.blind.begun import uncertain_sha256
-from diagnosis.blind.judging import Diagnoser, Judge, program
-from diagnosis.blind.sealed import read_manifest
+from diagnosis.blind.make import uncertain_sha256
+from diagnosis.blind.sealed import read_manifest, source_sha256
 from diagnosis.blind.verdicts import (
     LIMIT,
     RUN,
     VERDICTS,
     WITHOUT,
+    Moved,
+    Outcome,
     Parameter,
+    Place,
     Run,
+    Shrunk,
+    Sized,
+    Verdict,
+    Withheld,
     check_program,
     name_of,
     read_outcome,
     read_run,
+    write_outcome,
     write_run,
+    write_withheld,
 )
-from diagnosis.blind.working import CHANCE, Job, lost, work
 from diagnosis.effects import library
 from diagnosis.zero_shot import check_estimator
 from shared import __version__
 from shared.children import starting
 from shared.errors import RecordingError, SystemDescriptionError
 from shared.logs import fields, log_files, logger
+from shared.reading import read_json, validated
 from shared.shipped import estimator_beside, resolved_estimator
-from shared.store import sha256_of
+from shared.store import sha256_of, write_atomically
 from shared.system import System, load_system
 
+if TYPE_CHECKING:
+    from diagnosis.effects import Effect
+    from diagnosis.gap.concluded import Diagnosis
+    from diagnosis.gap.schema import Report
+
 _log = logger(__name__)
+
+
+class Judged(Protocol):
+    """A recording that was judged, and can be judged again with less."""
+
+    @property
+    def verdict(self) -> Verdict:
+        """With all candidates of the judge."""
+        ...
+
+    def without(self, name: str) -> Verdict:
+        """With one candidate fewer."""
+        ...
+
+
+class Judge(Protocol):
+    """What judges recordings. It must survive being pickled: every recording is judged in a process of its own."""
+
+    def __call__(self, recording: Path, *, replay: bool, occupancy: str) -> Judged:
+        """Judge one recording; the conditions are those that were published with it."""
+        ...
+
+
+@dataclass(frozen=True)
+class Diagnoser:
+    """Judges by :func:`diagnosis.gap.diagnosed.diagnose`.
+
+    Parameters
+    ----------
+    without
+        Candidates that are not to be considered at all.
+    estimator
+        Folder of an estimator, whose zero-shot estimate is the first start.
+    seed
+        Of twins, placebos and bootstraps.
+    """
+
+    system: System
+    without: tuple[str, ...] = ()
+    estimator: Path | None = None
+    seed: int = 0
+
+    def __call__(self, recording: Path, *, replay: bool, occupancy: str) -> Judged:
+        """See :class:`Judge`."""
+        return _Diagnosed(self, recording, replay, occupancy)
+
+    def effects(self) -> list[Effect]:
+        """The candidates that are left."""
+        from diagnosis.effects import library
+
+        return [one for one in library(self.system) if one.name not in self.without]
+
+
+@dataclass(frozen=True)
+class _Diagnosed:
+    judge: Diagnoser
+    recording: Path
+    replay: bool
+    occupancy: str
+
+    @cached_property
+    def done(self) -> Diagnosis:
+        """The diagnosis with all candidates of the judge."""
+        from diagnosis.gap.diagnosed import diagnose
+
+        return diagnose(
+            self.judge.system,
+            self.recording,
+            run=self.judge.estimator,
+            replay=self.replay,
+            occupancy=self.occupancy,
+            effects=self.judge.effects(),
+            seed=self.judge.seed,
+        )
+
+    @property
+    def verdict(self) -> Verdict:
+        return verdict_of(self.done.report)
+
+    def without(self, name: str) -> Verdict:
+        return verdict_of(self.done.without([name]).report)
+
+
+def verdict_of(report: Report) -> Verdict:
+    """What a score needs of ``report.json``."""
+    probabilities = {one.name: one.probability for one in report.effects}
+    return Verdict(
+        verdict=report.verdict,
+        probabilities=probabilities,
+        none=report.none_of_these,
+        nothing=report.no_gap,
+        mistaken=report.mistaken,
+        named=[one.name for one in report.effects if one.named],
+        chosen=list(report.stages[-1].effects),
+        sets=report.sets,
+        alike={one.name: one.confusable for one in report.detectability},
+        smallest={one.name: one.smallest for one in report.detectability},
+        sizes={
+            one.name: Sized(value=one.amplitude, low=one.low, high=one.high)
+            for one in report.effects
+            if one.named and one.amplitude is not None and one.low is not None and one.high is not None
+        },
+        where=[Place(channel=one.channel, kind=one.kind, cell=one.cell, p_value=one.p_value) for one in report.where],
+        shrinkage={
+            one.channel: Shrunk(share=one.share, low=one.low, high=one.high, before=one.before, floor=one.floor)
+            for one in report.shrinkage
+        },
+        parameters={
+            one.name: Moved.model_validate({key: getattr(one, key) for key in Moved.model_fields})
+            for one in report.parameters
+        },
+        simulations=report.simulations,
+        rejected=report.rejected,
+        left_over=[one.left_over for one in report.stages],
+    )
+
+
+def program() -> str:
+    """The sha256 of all source that a verdict depends on, so that two programs' verdicts are not mixed.
+
+    Of the blind check that is what makes a verdict of a report: this module, and what a verdict is.
+    """
+    own = {f"diagnosis/blind/{name}.py" for name in ("judging", "verdicts")}
+    return source_sha256(
+        "shared",
+        "datagen",
+        "trainer",
+        "diagnosis",
+        counts=lambda path: path in own or not path.startswith("diagnosis/blind/"),
+    )
+
+
+CHANCE = 0.01
+"""Leave-one-out withholds candidates that were named, fitted in the end or given this probability: without another one,
+the verdict is taken to be the same."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One recording, and what of it is still to be done."""
+
+    judge: Judge
+    folder: Path
+    results: Path
+    listed: dict[str, Any]
+    leave_one_out: bool
+
+
+def work(job: Job) -> None:
+    """Diagnose one recording and write what was said; a diagnosis that fails is an outcome too."""
+    file = job.listed["file"]
+    path = job.folder / file
+    judged = cache(lambda: job.judge(path, replay=job.listed["replay"], occupancy=job.listed["occupancy"]))
+    if (job.results / VERDICTS / name_of(file)).exists():
+        first = read_outcome(job.results, file)
+    else:
+        first = _outcome(job.listed, lambda: judged().verdict)
+        write_outcome(job.results, first)
+    if job.leave_one_out:
+        _end_withheld(job, _left_out(job, judged, first))
+
+
+def _left_out(job: Job, judged: Callable[[], Judged], first: Outcome) -> dict[str, Outcome]:
+    """Outcomes without each candidate that had a chance; each is written when it is reached."""
+    if first.verdict is None:
+        return {}
+    found = _reached(job)
+    for name in contenders(first.verdict):
+        if name not in found:
+            found[name] = _outcome(job.listed, lambda name=name: judged().without(name))  # type: ignore[misc]
+            _write_reached(job, found)
+    return found
+
+
+def _reached_at(job: Job) -> Path:
+    return (job.results / WITHOUT / name_of(job.listed["file"])).with_suffix(".part")
+
+
+def _reached(job: Job) -> dict[str, Outcome]:
+    """Outcomes of a recording whose diagnosis was stopped; a ``RecordingError`` names a file that holds none."""
+    path, expected = _reached_at(job), "what `diagnosis blind run` reached of a recording"
+    if not path.exists():
+        return {}
+    return validated(Withheld, read_json(path, RecordingError, expected), f"{path}", RecordingError, expected).outcomes
+
+
+def _write_reached(job: Job, outcomes: dict[str, Outcome]) -> None:
+    """Not where whole ones are: candidates that are not in those count as given no chance."""
+    path = _reached_at(job)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    made = Withheld(file=job.listed["file"], outcomes=outcomes).model_dump(mode="json")
+    write_atomically(path, json.dumps(made, allow_nan=False).encode())
+
+
+def _end_withheld(job: Job, outcomes: dict[str, Outcome]) -> None:
+    write_withheld(job.results, Withheld(file=job.listed["file"], outcomes=outcomes))
+    _reached_at(job).unlink(missing_ok=True)
+
+
+def contenders(verdict: Verdict) -> list[str]:
+    """Candidates on which a verdict rested: none where there was no gap."""
+    if verdict.verdict == "no_gap":
+        return []
+    rested = {*verdict.named, *verdict.chosen}
+    return [name for name, p in verdict.pointed.items() if p >= CHANCE or name in rested]
+
+
+def _outcome(listed: dict[str, Any], judge: Callable[[], Verdict]) -> Outcome:
+    began, used = time.perf_counter(), time.process_time()
+    verdict, failure = None, ""
+    try:
+        verdict = judge()
+    except Exception as error:  # whatever goes wrong, a recording without a verdict is a wrong answer, not a lost one
+        failure = f"{type(error).__name__}: {error}"
+    return Outcome(
+        file=listed["file"],
+        sha256=listed["sha256"],
+        seconds=time.perf_counter() - began,
+        cpu_seconds=time.process_time() - used,
+        verdict=verdict,
+        failure=failure,
+        program=program(),
+    )
+
+
+def lost(job: Job, seconds: float, why: str) -> None:
+    """Write down a failure for what a process that has ended did not write."""
+    file = job.listed["file"]
+    failed = Outcome(file=file, sha256=job.listed["sha256"], seconds=seconds, failure=why, program=program())
+    if not (job.results / VERDICTS / name_of(file)).exists():
+        write_outcome(job.results, failed)
+    if job.leave_one_out and not (job.results / WITHOUT / name_of(file)).exists():
+        first = read_outcome(job.results, file).verdict
+        names = [] if first is None else contenders(first)
+        _end_withheld(job, dict.fromkeys(names, failed) | _reached(job))
+
+
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 Progress = Callable[[int, int], object]
@@ -80,7 +336,7 @@ def run(
         Candidates that are withheld from the library for all recordings.
     leave_one_out
         Diagnose each recording again without each candidate that had a chance in its first verdict
-        (:data:`diagnosis.blind.working.CHANCE`); the score uses the verdicts without the one that is true.
+        (:data:`diagnosis.blind.running.CHANCE`); the score uses the verdicts without the one that is true.
     estimator
         Folder of an estimator, or the name of a system that comes with one: its estimate is each diagnosis' first
         start.

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure as Drawing
 
-from diagnosis.blind.intervals import Figure, Share
-from diagnosis.blind.rates import Matrix, Point, Reliability
+from diagnosis.blind.rates import Figure, Matrix, Point, Reliability, Share
 from diagnosis.blind.shrinking import Error, Shrinkage
-from diagnosis.pictures import BLUE, GREY, ORANGE, RED, embedded
+from diagnosis.curves import BLUE, GREY, ORANGE, RED, embedded
 
 _LEFT = -1.05
 """Least share that the shrinkage picture shows."""

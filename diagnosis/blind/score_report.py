@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from diagnosis.blind import score_pictures as pictures
-from diagnosis.blind.intervals import FEW, Figure, Share
-from diagnosis.blind.naming import Named, Names
-from diagnosis.blind.rates import LeftOutScore
+from diagnosis.blind.rates import FEW, Figure, LeftOutScore, Named, Names, Share
 from diagnosis.blind.score_schema import Score
 from diagnosis.blind.shrinking import Shrinkage
 from diagnosis.pages import page_environment

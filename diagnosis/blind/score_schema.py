@@ -6,9 +6,8 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from diagnosis.blind import naming, rates
-from diagnosis.blind.holding import Held
-from diagnosis.blind.intervals import Figure, Share
+from diagnosis.blind import rates
+from diagnosis.blind.rates import Figure, Held, Share
 from diagnosis.blind.shrinking import Error, Shrinkage
 from shared.errors import RecordingError
 from shared.reading import read_json, validated
@@ -40,7 +39,7 @@ class Both(_Table):
 
 
 class Where(_Table):
-    """Of recordings whose gap can be seen: whether it lies where it was said; see :class:`diagnosis.blind.places.Hit`.
+    """Of recordings whose gap can be seen: whether it lies where it was said; see :class:`diagnosis.blind.opened.Hit`.
 
     ``cell``: the sealed gap is larger than average within the first cell; ``chance``: how often the same cell shifted
     in time would hit; ``lift``: median of how much larger its mean square is within.
@@ -110,7 +109,7 @@ class Score(_Table):
     parameters: list[Error]
     parameters_right: list[Error]
     held: list[Held] = []
-    names: naming.Names = Field(default_factory=lambda: naming.names([]))
+    names: rates.Names = Field(default_factory=lambda: rates.names([]))
 
 
 def read_score(path: Path | str) -> Score:

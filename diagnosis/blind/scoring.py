@@ -8,14 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.blind import holding, naming, rates
-from diagnosis.blind.commands import commands
+from diagnosis.blind import rates
 from diagnosis.blind.expected import DETECTABLE, Expected
-from diagnosis.blind.intervals import Figure, figure, median, share
-from diagnosis.blind.opened import LeftOut, Row, left_out, side_by_side, structural
-from diagnosis.blind.places import Hit, hit, inputs_of
+from diagnosis.blind.opened import Hit, LeftOut, Row, hit, inputs_of, left_out, side_by_side, structural
+from diagnosis.blind.rates import Figure, figure, median, share
 from diagnosis.blind.score_schema import Both, Rates, Score, Where
-from diagnosis.blind.sealed import MANIFEST, open_answers, read_manifest
+from diagnosis.blind.sealed import MANIFEST, commands, open_answers, read_manifest
 from diagnosis.blind.shrinking import by_channel, errors, removed, where_largest
 from diagnosis.blind.verdicts import RUN, WITHOUT, Run, digest, name_of, read_run
 from shared.errors import RecordingError
@@ -183,8 +181,8 @@ def _scored(
         shrinkage_detectable=where_largest(*clear, seed=seed),
         parameters=errors(named, run.parameters, seed),
         parameters_right=errors([row for row in named if row.covered], run.parameters, seed),
-        held=[holding.sizes(rows, seed), *holding.parameters(rows, run.parameters, seed)],
-        names=naming.names(rows, seed),
+        held=[rates.sizes(rows, seed), *rates.parameters(rows, run.parameters, seed)],
+        names=rates.names(rows, seed),
     )
 
 

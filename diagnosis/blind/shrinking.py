@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from diagnosis.blind.intervals import Figure, figure, median
 from diagnosis.blind.opened import Limits, Row
+from diagnosis.blind.rates import Figure, figure, median
 from diagnosis.blind.verdicts import Parameter, Verdict
 
 WORST = -1.0

@@ -238,7 +238,7 @@ class Truth(Table):
     strata: Strata
     measuring: Measuring
     inputs: list[Constant] = []
-    forms: list[Form] = Field(min_length=1)
+    forms: list[Form] = []
     path: Path = Path()
 
     @property
@@ -276,6 +276,8 @@ def load_truth(path: Path | str, system: System) -> Truth:
     truth = validated(Truth, {**raw, "path": path}, f"{path}", SystemDescriptionError)
     if truth.system != system.name:
         raise SystemDescriptionError(f"{path}: is the truth of {truth.system!r}; expected that of {system.name!r}")
+    if not truth.forms:
+        raise SystemDescriptionError(f"{path}: forms: there is none; expected [[forms]], what the truth does otherwise")
     names = {form.name for form in truth.forms}
     if len(names) != len(truth.forms):
         raise SystemDescriptionError(f"{path}: forms: a name is declared twice")

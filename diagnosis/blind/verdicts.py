@@ -116,11 +116,9 @@ class Verdict(_Table):
 
     @property
     def pointed(self) -> dict[str, float]:
-        """Probabilities without what every candidate has alike because the evidence may be mistaken."""
-        # verdicts without ``mistaken`` are of a time when every mistake was taken for a cause outside the library
-        other = max((self.mistaken or 0.0) - (self.none or 0.0) - (self.nothing or 0.0), 0.0)
-        even = other / max(len(self.probabilities), 1)
-        return {name: max(p - even, 0.0) for name, p in self.probabilities.items()}
+        """Probabilities without what every candidate has alike."""
+        even = min(self.probabilities.values(), default=0.0)
+        return {name: p - even for name, p in self.probabilities.items()}
 
     @property
     def foremost(self) -> str:

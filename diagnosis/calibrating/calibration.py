@@ -10,24 +10,83 @@ import xarray as xr
 
 from datagen.simulating.simulator import Simulator
 from diagnosis.calibrating.calibrated import Calibrated
-from diagnosis.calibrating.checks import opened
-from diagnosis.calibrating.schema import Calibration, read_calibration
-from diagnosis.calibrating.summary import summarise
+from diagnosis.calibrating.schema import Calibration, read_calibration, summarise
 from diagnosis.fitting.failures import said_by
 from diagnosis.fitting.fit import fit
+from diagnosis.fitting.noise import errors_under
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.side_by_side import side_by_side
-from diagnosis.fitting.simulations import Simulations, simulations
-from diagnosis.physics import check_physics
-from diagnosis.recording import HOUR, Recording
+from diagnosis.fitting.simulations import Simulations, side_by_side, simulations
+from diagnosis.pages import whole
+from diagnosis.physics import check_physics, check_recording
+from diagnosis.recording import HOUR, Recording, check_warm_up, read_recording
 from diagnosis.usual import STARTS, WARM_UP
-from diagnosis.whole import whole
 from diagnosis.zero_shot import estimate
 from shared.errors import RecordingError
 from shared.numbers import counted
 from shared.places import check_folder
-from shared.stretches import Stretch
-from shared.system import System
+from shared.stretches import LONGEST, Stretch
+from shared.system import System, load_system
+
+
+def opened(
+    system: System | Path | str,
+    recording: Recording | Path | str | xr.Dataset,
+    *,
+    noise: str,
+    warm_up: float,
+    replay: bool = False,
+    occupancy: str | None = None,
+    stretch: Stretch | None = None,
+) -> tuple[System, Recording]:
+    """A system with the experiment of a recording, and the recording: whatever is wrong is said before a simulation.
+
+    Parameters
+    ----------
+    noise
+        A noise preset of the description.
+    warm_up
+        The recording's first day is repeated this long before its start [h].
+    replay, occupancy, stretch
+        As of :func:`diagnosis.recording.read_recording`.
+
+    Raises
+    ------
+    SystemDescriptionError
+        If the description cannot be used, or has no such preset.
+    RecordingError
+        If the recording cannot be read or calibrated on, or there is no warm-up.
+    """
+    described = system if isinstance(system, System) else load_system(system)
+    errors_under(described, noise)
+    record = taken(described, recording, replay=replay, occupancy=occupancy, stretch=stretch)
+    check_recording(record, described)
+    check_warm_up(record, warm_up * HOUR)
+    return described.with_experiment(step=record.step, hours=len(record.time) * record.step / HOUR), record
+
+
+def taken(
+    system: System,
+    recording: Recording | Path | str | xr.Dataset,
+    *,
+    replay: bool,
+    occupancy: str | None,
+    stretch: Stretch | None,
+) -> Recording:
+    """A recording as it is, or the stretch of one that is read from a file.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be read, or is in memory and a stretch of it is asked for.
+    """
+    if not isinstance(recording, Recording):
+        return read_recording(recording, system, replay=replay, occupancy=occupancy, stretch=stretch)
+    if stretch not in (None, LONGEST):
+        raise RecordingError(
+            f"{recording.path}: stretch is given with a recording that has been read; expected it of read_recording"
+        )
+    return recording
+
 
 __all__ = ["Calibrated", "Calibration", "calibrate", "read_calibration", "whole"]
 

@@ -59,7 +59,7 @@ def calibrate(
         Print JSON.
     """
     from diagnosis.calibrating.calibration import calibrate as calibrate_
-    from diagnosis.calibrating.sentences import sentences
+    from diagnosis.calibrating.report import sentences
     from diagnosis.physics import hints, warnings
 
     with stages("reading", shown=not report.quiet) as tell:

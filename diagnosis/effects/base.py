@@ -2,6 +2,13 @@
 
 An effect acts in up to three places: on parameters of the FMU, on its inputs, and on its outputs (a sensor). Which
 effects there are is said in the system's TOML (:mod:`diagnosis.effects.library`) or by a user's own Python package.
+
+Readings that some candidate would have to invent: they count for none, so that all are weighed by the same ones.
+
+A late clock shows at the recording's end what was there after it, and a set point that comes early is then one that
+nobody recorded. Whatever is put in its place is charged to the cause that is right: a heater that starts at six, in a
+week that ends at six, costs a clock that is a quarter of an hour late forty in log likelihood. Leaving such readings
+out of one candidate alone would not do, because evidences of different readings cannot be compared.
 """
 
 from __future__ import annotations
@@ -175,3 +182,13 @@ def clash(effects: Sequence[Effect]) -> str:
                 return f"{taken[what]} and {effect.name} both set {what}"
             taken[what] = effect.name
     return ""
+
+
+def foreseen(effects: Sequence[Effect], recording: Recording) -> np.ndarray:
+    """Readings that every effect derives from the recording's own time at any amplitude, shape (outputs, steps)."""
+    kept = np.ones(recording.outputs.shape, dtype=bool)
+    for effect in effects:
+        invented = getattr(effect, "invented", None)  # of a package's own effects nothing is known
+        if invented is not None:
+            kept &= ~invented(recording.time)
+    return kept

@@ -5,21 +5,131 @@ system and returns effects (:class:`diagnosis.effects.base.Effect`)::
 
     [project.entry-points."zeroshot_fmu.effects"]
     mine = "my_package:effects"
+
+Effects asked for what they do, and held to it: a package's own may do what the description's cannot.
+
+Whatever goes wrong in a stranger's code is told with the effect's name; our own kinds show their bugs.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from importlib.metadata import EntryPoint, entry_points
+from typing import TypeVar
 
-from diagnosis.effects.asked import check_parameters
+import numpy as np
+
+from datagen.driving.tables import Piecewise
+from datagen.fmi.baselines import check_baseline
+from datagen.fmi.fmu import Fmu
 from diagnosis.effects.base import Effect
-from diagnosis.effects.kinds import ChangedInput, Declared, FmuParameters, Sensor, Shaped
+from diagnosis.effects.kinds import ChangedInput, Declared, DeclaredKind, FmuParameters, Sensor, Shaped
+from diagnosis.recording import Recording
 from shared.effects import DiurnalShape, InputEffect, ParameterEffect, SensorEffect, Shape, ShapedEffect, TimetableShape
-from shared.errors import SystemDescriptionError
+from shared.errors import SystemDescriptionError, ZeroshotError
 from shared.system import System
 from shared.variables import ConstantInput, MeasuredInput
+
+T = TypeVar("T")
+
+
+def parameters_of(effect: Effect, amplitude: float) -> dict[str, float]:
+    """FMU parameters that an effect sets [unit of each].
+
+    Raises
+    ------
+    SystemDescriptionError
+        If it fails or gives no dictionary.
+    """
+    found = _asked(effect, "parameters", lambda: effect.parameters(amplitude))
+    if not isinstance(found, dict):
+        raise _wrong(effect, "parameters", f"gives a {type(found).__name__}; expected a dictionary")
+    return found
+
+
+def inputs_of(
+    effect: Effect, amplitude: float, inputs: dict[str, Piecewise], recording: Recording
+) -> dict[str, Piecewise]:
+    """All inputs as an effect changes them; it gets a dictionary of its own, which it may write to.
+
+    Raises
+    ------
+    SystemDescriptionError
+        If it fails, or gives other inputs than there are, or one that is no signal.
+    """
+    found = _asked(effect, "inputs", lambda: effect.inputs(amplitude, dict(inputs), recording))
+    if not isinstance(found, dict):
+        raise _wrong(effect, "inputs", f"gives a {type(found).__name__}; expected a dictionary")
+    if other := sorted(map(str, found.keys() ^ inputs.keys())):
+        what = f"has {other[0]!r}, which is no input" if other[0] not in inputs else f"lacks {other[0]!r}"
+        raise _wrong(effect, "inputs", f"{what}; expected {', '.join(inputs)}")
+    for name, signal in found.items():
+        if not isinstance(signal, Piecewise):
+            raise _wrong(effect, "inputs", f"has a {type(signal).__name__} for {name!r}; expected a Piecewise")
+    return found
+
+
+def outputs_of(effect: Effect, amplitude: float, outputs: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """What the sensors show with an effect, shape (outputs, steps) [unit of each output].
+
+    Raises
+    ------
+    SystemDescriptionError
+        If it fails or gives another shape.
+    """
+    found = _asked(effect, "outputs", lambda: np.asarray(effect.outputs(amplitude, outputs, time), dtype=float))
+    if found.shape != outputs.shape:
+        raise _wrong(effect, "outputs", f"gives the shape {found.shape}; expected {outputs.shape}")
+    return found
+
+
+def check_parameters(effect: Effect, system: System, fmu: Fmu | None = None) -> None:
+    """Refuse an effect that sets what is estimated or uncertain, or what the FMU, if given, does not have or let set.
+
+    At zero an effect sets nothing: what is unknown otherwise would jump from there to the effect's value. Looked at are
+    amplitudes of its scale, as far as it may have them.
+
+    Raises
+    ------
+    SystemDescriptionError
+        For the first such parameter, or if the effect fails.
+    """
+    uncertain = {name for one in system.uncertain for name in one.parameters}
+    for size in (min(effect.scale, effect.upper), max(-effect.scale, effect.lower)):
+        for name in parameters_of(effect, size) if size else ():
+            if name in system.parameter_names:
+                raise _wrong(effect, "parameters", f"sets {name!r}, which is estimated; expected another parameter")
+            if name in uncertain:
+                raise _wrong(effect, "parameters", f"sets {name!r}, an uncertain constant; expected another parameter")
+            if fmu is not None and name not in fmu.variables:
+                raise _wrong(effect, "parameters", f"sets {name!r}; expected a variable of {fmu.path.name}")
+            if fmu is not None and (causality := fmu.variables[name].causality) not in ("parameter", "input"):
+                raise _wrong(
+                    effect,
+                    "parameters",
+                    f"sets {name!r}, whose causality in {fmu.path.name} is {causality}; expected one that can be set",
+                )
+
+
+def _asked(effect: Effect, what: str, ask: Callable[[], T]) -> T:
+    """An effect's answer; of a stranger's code the user must learn whose it is that fails."""
+    if isinstance(effect, DeclaredKind):
+        return ask()
+    try:
+        return ask()
+    except ZeroshotError:
+        raise
+    except Exception as error:
+        raise _wrong(effect, what, f"fails with {type(error).__name__}: {error}") from error
+
+
+def _wrong(effect: Effect, what: str, found: str) -> SystemDescriptionError:
+    return SystemDescriptionError(f"effect {effect.name!r} ({type(effect).__module__}): {what} {found}")
+
+
+__all__ = ["check_parameters", "inputs_of", "outputs_of", "parameters_of"]
+
 
 ENTRY_POINTS = "zeroshot_fmu.effects"
 
@@ -128,3 +238,28 @@ def _flaw(effect: Effect) -> str:
     if not low <= 0 <= high or low == high:
         return f"goes from {low:g} to {high:g}; expected a range with 0, the base model"
     return ""
+
+
+def check_baselines(effects: Iterable[Effect], system: System, fmu: Fmu, *, replay: bool) -> None:
+    """Refuse effects whose parameters at an amplitude of zero are not those of the base model.
+
+    Those of the description have been held against its FMU when that was loaded; a caller or a package may bring
+    others. Effects that cannot act in this mode are not looked at. Those of other kinds that a package may have may
+    follow any law, but must set what can be set: see :func:`~diagnosis.effects.library.check_parameters`.
+
+    Parameters
+    ----------
+    replay
+        Whether the recorded actuators replace the control loops: the description's [replay] counts then.
+
+    Raises
+    ------
+    SystemDescriptionError
+        For the first parameter that the FMU does not have or cannot set, or that has another value in the base model.
+    """
+    mode = "replay" if replay else "control"
+    for effect in effects:
+        if isinstance(effect, FmuParameters) and mode in effect.spec.modes:
+            check_baseline(effect.spec, system, fmu, replay=replay)
+        elif not isinstance(effect, DeclaredKind):
+            check_parameters(effect, system, fmu)

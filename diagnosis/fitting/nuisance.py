@@ -4,8 +4,7 @@ Both enter as pulses on inputs with a Gaussian prior, around which the simulatio
 
     outputs(z, o) = outputs(z, o*) + H(z) (o - o*),   o ~ N(mean, C),
 
-so that they can be integrated out of a likelihood (:class:`.linearisation.Marginal`), and estimated where they are
-wanted.
+so that they can be integrated out of a likelihood (:class:`.linear.Marginal`), and estimated where they are wanted.
 
 - **Unknown occupancy** is the mean number of persons in each half hour, with mean and covariance of the description's
   random occupancy: only hours at which somebody may come carry unknowns. How many persons belong to the room at all

@@ -17,21 +17,15 @@ import numpy as np
 
 from datagen.simulating.constants import constants
 from datagen.simulating.simulator import Simulator
-from diagnosis.effects.asked import outputs_of
 from diagnosis.effects.base import Effect
-from diagnosis.fitting.answers import lasting, responses
-from diagnosis.fitting.differences import one_sided
-from diagnosis.fitting.drive import crowd, drive
+from diagnosis.effects.library import outputs_of
 from diagnosis.fitting.failures import FAILURES, reason
-from diagnosis.fitting.linearisation import Linearisation, Marginal
+from diagnosis.fitting.inputs import crowd, drive, nuisance_of
+from diagnosis.fitting.linear import Linearisation, Marginal, lasting, one_sided, responses
 from diagnosis.fitting.noise import NoiseModel, errors_under, undeclared
 from diagnosis.fitting.nuisance import Nuisance
-from diagnosis.fitting.run import Run
-from diagnosis.fitting.runs import Runs
-from diagnosis.fitting.side_by_side import InProcess, Outcome, Runner
-from diagnosis.fitting.simulations import Simulations
-from diagnosis.fitting.unknowns import LIMIT, Unknowns
-from diagnosis.fitting.unmeasured import nuisance_of
+from diagnosis.fitting.runs import LIMIT, Runs, Unknowns
+from diagnosis.fitting.simulations import InProcess, Outcome, Run, Runner, Simulations
 from diagnosis.recording import HOUR, Recording, check_warm_up
 from diagnosis.usual import WARM_UP as WARM_UP_HOURS
 from shared.errors import RecordingError, SimulationError, ZeroshotError

@@ -3,6 +3,19 @@
 What a command saves as it goes is the outcome of every simulation, under a key of all that the simulation depends on,
 in a hidden folder beside the answer. All else is worked out from these, and by seeds: so the same command, given again
 after it was stopped, comes to the same answer by way of what it finds there.
+
+Warm-ups that are shared: runs that differ in the recording only begin it from the same states.
+
+Most simulations of a fit differ in a pulse somewhere in the recording; what came before, which is often longer, is the
+same. So every run is made in two parts, and the states between them are remembered. As all runs are cut there, an
+outcome does not depend on what was remembered.
+
+Continuous states are all that is handed over. An FMU with discrete variables may remember more, and so may one that
+hides what it remembers: the former is never cut, and of every other the first run is made both ways.
+
+Many simulations of one system: in this process, in processes of this machine, or on a Dask cluster.
+
+One interface for all three: :meth:`Runner.map` takes runs and returns their outputs in the same order.
 """
 
 from __future__ import annotations
@@ -14,21 +27,123 @@ import time
 import zipfile
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from dataclasses import dataclass
 from hashlib import blake2b
+from itertools import pairwise
 from pathlib import Path
+from typing import Any, Protocol
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from datagen.simulating.simulator import Simulator
-from diagnosis.fitting.run import Run
-from diagnosis.fitting.side_by_side import InProcess, Outcome, Runner
+from datagen.driving.tables import InputTable
+from datagen.simulating.simulator import Simulator, Trajectory
+from diagnosis.fitting.failures import FAILURES, reason
 from diagnosis.recording import Recording
 from shared import __version__
+from shared.children import starting, worker_pool
 from shared.errors import ClusterError, RecordingError, SimulationError, TimeUp, ZeroshotError
 from shared.logs import logger
 from shared.numbers import counted
 from shared.progress import EVERY
+from shared.system import System
+
+_log = logger(__name__)
+
+
+@dataclass(frozen=True)
+class Run:
+    """One simulation: values by name [units of the description], inputs, and what to record (all times [s])."""
+
+    parameters: dict[str, float]
+    inputs: InputTable
+    start: float
+    stop: float
+    record_from: float
+    replay: bool = False
+    tolerance: float | None = None
+
+
+STATES = 64
+"""States that are remembered: of so many parameters and pasts, the latest."""
+SAME = 0.5
+"""Difference between a run in two parts and one in one part that is the integrator's own [accuracy of the output]."""
+ALIKE = 0.9
+"""Share of the steps of each output that must be the same. Not all: a limiter's event moves by a moment now and then.
+In the default room nine steps in ten agree to 0.03 of the accuracy, so it does not matter which run comes first."""
+
+
+class Warmed:
+    """Runs of one simulator; ``cut`` is None until the first run has told whether they can be cut."""
+
+    def __init__(self, simulator: Simulator) -> None:
+        self.simulator = simulator
+        fmu = simulator.fmu
+        remembers = fmu.cosimulation or not fmu.n_states or any(_discrete(one) for one in fmu.variables.values())
+        self.cut: bool | None = False if remembers else None
+        self._states: OrderedDict[bytes, np.ndarray] = OrderedDict()
+
+    def outputs(self, run: Run) -> np.ndarray:
+        """Outputs of a run, shape (outputs, steps) [unit of each].
+
+        Raises
+        ------
+        SimulationError
+            If the end was not reached.
+        """
+        if self.cut is False or run.record_from <= run.start:
+            return self._whole(run)
+        found = self._parts(run)
+        if self.cut is None:
+            whole = self._whole(run)
+            apart = np.quantile(np.abs(found - whole), ALIKE, axis=1)
+            self.cut = bool((apart <= SAME * np.array([one.accuracy for one in self.simulator.system.outputs])).all())
+            if not self.cut:
+                return whole
+        return found
+
+    def _simulated(self, run: Run, inputs: InputTable, **span: Any) -> Trajectory:
+        span |= {"replay": run.replay, "tolerance": run.tolerance, "driven": False}
+        return self.simulator.run(run.parameters, inputs, **span)
+
+    def _whole(self, run: Run) -> np.ndarray:
+        span = {"start": run.start, "stop": run.stop, "record_from": run.record_from}
+        return self._simulated(run, run.inputs, **span).outputs
+
+    def _parts(self, run: Run) -> np.ndarray:
+        before = run.inputs.restricted(run.start, run.record_from)
+        key = blake2b(digest_size=16)
+        key.update(repr((sorted(run.parameters.items()), before.names, run.replay, run.tolerance)).encode())
+        for values in (before.time, before.left, before.right, before.jump):
+            key.update(values.tobytes())
+        states = self._states.get(key.digest())
+        if states is None:
+            span = {"start": run.start, "stop": run.record_from, "step": run.record_from - run.start}
+            states = self._simulated(run, before, **span, record_states=True).states[-1]
+            if not np.isfinite(states).all():
+                raise SimulationError("states at the start of the recording are not finite; expected numbers")
+            self._states[key.digest()] = states
+            if len(self._states) > STATES:
+                self._states.popitem(last=False)
+        return self._simulated(run, run.inputs, start=run.record_from, stop=run.stop, initial_states=states).outputs
+
+
+_KNOWN: WeakKeyDictionary[Simulator, Warmed] = WeakKeyDictionary()
+
+
+def warmed(simulator: Simulator) -> Warmed:
+    """The simulator's runs, with what it remembers."""
+    if simulator not in _KNOWN:
+        _KNOWN[simulator] = Warmed(simulator)
+    return _KNOWN[simulator]
+
+
+def _discrete(variable: object) -> bool:
+    return getattr(variable, "variability", None) == "discrete" and getattr(variable, "causality", None) != "input"
+
 
 KEPT = 16
 """Outcomes that are remembered, the latest: a fit comes back to where it was, not to where it was long ago."""
@@ -40,7 +155,6 @@ MOST = 2**30
 """Bytes that are saved at most. Of more the first are kept, which everything after them builds on."""
 UNTIL_THEN = "the same command goes on from where this one stopped, and with more minutes it comes further"
 Tell = Callable[[str], None]
-_log = logger(__name__)
 
 
 class Kept:
@@ -322,3 +436,125 @@ def _digest(recording: Recording) -> str:
     for values in (recording.time, recording.outputs, *(recording.inputs[name] for name in sorted(recording.inputs))):
         digest.update(values.tobytes())
     return digest.hexdigest()
+
+
+Outcome = np.ndarray | SimulationError
+"""Outputs (outputs, steps) [unit of each], or why there are none."""
+_ROUNDS = 32
+"""Runs for each worker in one batch: at its end all but the slowest wait, for a share of it that hardly counts."""
+
+
+class Runner(Protocol):
+    """What runs simulations.
+
+    It may have a ``batch``: how many runs it is given at least, if there are so many, lest a worker wait for others;
+    one, if it has none.
+    """
+
+    def map(self, runs: Sequence[Run]) -> list[Outcome]:
+        """Outcome of each run, in order; a failed simulation is an error in its place, not an exception."""
+
+
+class InProcess:
+    """One after another on a simulator that is loaded already."""
+
+    def __init__(self, simulator: Simulator) -> None:
+        self.simulator = simulator
+
+    def map(self, runs: Sequence[Run]) -> list[Outcome]:
+        """See :class:`Runner`."""
+        return [simulate(self.simulator, run) for run in runs]
+
+
+class Processes:
+    """In processes of this machine, each with its own simulator."""
+
+    def __init__(self, system: System, workers: int, pool: ProcessPoolExecutor) -> None:
+        self._what = (system.canonical(), str(system.path))
+        self.workers, self.batch = workers, _ROUNDS * workers
+        self._pool = pool
+
+    def map(self, runs: Sequence[Run]) -> list[Outcome]:
+        """See :class:`Runner`."""
+        parts = _parts(runs, self.workers)
+        try:
+            with starting():  # the first call starts the processes
+                done = self._pool.map(_simulate_all, [self._what] * len(parts), parts)
+            return [one for part in done for one in part]
+        except BrokenProcessPool:
+            raise ClusterError(
+                f"one of {self.workers} processes that simulate was killed, as they are where memory runs out; expected"
+                " all of them to stay. Give fewer --workers: the same command goes on from there"
+            ) from None
+
+
+class Cluster:
+    """On the workers of a Dask client, which see the FMU under the same path as this machine."""
+
+    def __init__(self, system: System, client: Any) -> None:
+        self._what = (system.canonical(), str(system.path))
+        self._client = client
+
+    @property
+    def batch(self) -> int:
+        """See :class:`Runner`."""
+        return _ROUNDS * self._workers
+
+    @property
+    def _workers(self) -> int:
+        return max(len(self._client.scheduler_info(n_workers=-1)["workers"]), 1)
+
+    def map(self, runs: Sequence[Run]) -> list[Outcome]:
+        """See :class:`Runner`."""
+        parts = _parts(runs, self._workers)
+        futures = [self._client.submit(_simulate_all, self._what, part, pure=False) for part in parts]
+        return [one for part in self._client.gather(futures) for one in part]
+
+
+@contextmanager
+def side_by_side(simulator: Simulator, *, workers: int | None = None, scheduler: str | None = None) -> Iterator[Runner]:
+    """A runner: on a Dask cluster where a scheduler is given, in ``workers`` processes, or in this one.
+
+    Raises
+    ------
+    ClusterError
+        If the scheduler does not answer, there would be no worker, or both are given: a cluster has its own workers.
+    """
+    if workers is not None and workers < 1:
+        raise ClusterError(f"workers is {workers}; expected at least 1")
+    if scheduler is not None:
+        from datagen.farming.cluster import connect
+
+        with connect(workers=workers, scheduler=scheduler) as client:
+            yield Cluster(simulator.system, client)
+    elif workers is not None and workers > 1:
+        with worker_pool(workers) as pool:
+            yield Processes(simulator.system, workers, pool)
+    else:
+        yield InProcess(simulator)
+
+
+def simulate(simulator: Simulator, run: Run) -> Outcome:
+    """Simulate one run."""
+    try:
+        return warmed(simulator).outputs(run)
+    except SimulationError as error:
+        return error
+    except (ZeroshotError, *FAILURES) as error:  # such as a discrete input that an effect has bent
+        return SimulationError(reason(error))
+
+
+def _parts(runs: Sequence[Run], workers: int) -> list[list[Run]]:
+    """Consecutive parts, a few for each worker, so that none waits long for another."""
+    count = max(min(4 * workers, len(runs)), 1)
+    edges = np.linspace(0, len(runs), count + 1).round().astype(int)
+    return [list(runs[a:b]) for a, b in pairwise(edges) if b > a]
+
+
+def _simulate_all(what: tuple[str, str], runs: Sequence[Run]) -> list[Outcome]:
+    from datagen.farming.worker import simulator_for  # with distributed, which only workers need
+
+    simulator = simulator_for(*what)
+    if simulator is None:
+        return [SimulationError(f"{what[1]}: its FMU is not on this worker; expected the same path")] * len(runs)
+    return [simulate(simulator, run) for run in runs]

@@ -59,9 +59,9 @@ def forecast(
     as_json
         Print JSON.
     """
-    from diagnosis.calibrating.sentences import sentences
+    from diagnosis.calibrating.report import sentences
     from diagnosis.forecasting.forecast import forecast as forecast_
-    from diagnosis.forecasting.sentences import answer
+    from diagnosis.forecasting.report import answer
     from diagnosis.physics import hints, warnings
 
     with stages("reading", shown=not report.quiet) as tell:

@@ -1,6 +1,19 @@
 """``forecast``: a recording's first days tell the parameters, and the model goes on with them (Figure 3 of the paper).
 
 The bands are simulations with parameters and nuisance drawn from the posterior of the context, plus measurement noise.
+
+Draws of what is not known about the inputs, for bands of a forecast.
+
+Given the readings the nuisance is taken to be normal. Persons whom nobody counted are not: most hours of a night have
+none. Drawn normally, and never fewer than none, they would be too many in hours to come, of which no reading tells. So
+draws begin with courses of the description's own random occupancy, and each is corrected by what the readings say: with
+``r`` the standardised residual at the prior mean, ``B`` the outputs by the unknowns, ``K`` the mean of the unknowns
+given a residual, ``u`` a draw from the prior and ``e`` one of the errors,
+
+    u + K (r - B u - e),
+
+which has the posterior's mean and covariance where ``u`` has the prior's (conditioning by kriging; Chiles and Delfiner,
+Geostatistics, section 7.3), and leaves hours that no reading tells of as they were drawn.
 """
 
 from __future__ import annotations
@@ -14,26 +27,22 @@ import numpy as np
 import xarray as xr
 
 from datagen.simulating.simulator import Simulator
-from diagnosis.calibrating.calibration import calibrate
-from diagnosis.calibrating.checks import taken
+from diagnosis.calibrating.calibration import calibrate, taken
 from diagnosis.calibrating.given import check_given, check_unknowns, given_calibration, noise_of
-from diagnosis.calibrating.schema import Calibration
-from diagnosis.calibrating.seen import check_unseen
-from diagnosis.fitting.drive import LOST, driving
+from diagnosis.calibrating.schema import Calibration, check_unseen
 from diagnosis.fitting.failures import FAILURES
+from diagnosis.fitting.fit import most_likely
 from diagnosis.fitting.gaussian import root
+from diagnosis.fitting.inputs import LOST, courses, driving
+from diagnosis.fitting.linear import Marginal
 from diagnosis.fitting.noise import errors_under
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.renewing import most_likely
-from diagnosis.fitting.side_by_side import side_by_side
-from diagnosis.fitting.simulations import simulations
+from diagnosis.fitting.simulations import side_by_side, simulations
 from diagnosis.forecasting.forecasted import Ahead, Forecast, Forecasted, about_failed
-from diagnosis.forecasting.persons import corrected, from_the_prior
-from diagnosis.intervals import LEVEL
 from diagnosis.physics import check_physics, check_recording
 from diagnosis.recording import HOUR, Recording, check_warm_up
 from diagnosis.scores import score
-from diagnosis.usual import STARTS, WARM_UP
+from diagnosis.usual import LEVEL, STARTS, WARM_UP
 from diagnosis.zero_shot import check_estimator
 from shared.errors import RecordingError, SimulationError, TimeUp
 from shared.logs import logger
@@ -42,6 +51,30 @@ from shared.stretches import Stretch
 from shared.system import System, load_system
 
 _log = logger(__name__)
+
+
+def from_the_prior(problem: Problem, draws: int, rng: np.random.Generator) -> np.ndarray:
+    """Standard normal unknowns of the nuisance, shape (draws, unknowns).
+
+    Those of persons whom nobody counted are such that their heights are a course of the description's.
+    """
+    nuisance = problem.nuisance
+    found = rng.standard_normal((draws, nuisance.factor.shape[1]))
+    for level in nuisance.levels:
+        rows = nuisance.column == level.column
+        columns = np.abs(nuisance.factor[rows]).any(axis=0)
+        drawn = courses(problem.system, problem.drive).heights[:, : rows.sum()]  # those in the recording come first
+        some = drawn[rng.integers(len(drawn), size=draws)] - nuisance.mean[rows]
+        found[:, columns] = np.linalg.lstsq(nuisance.factor[np.ix_(rows, columns)], some.T, rcond=None)[0].T
+    return found
+
+
+def corrected(drawn: np.ndarray, likely: np.ndarray, marginal: Marginal, rng: np.random.Generator) -> np.ndarray:
+    """A draw (unknowns,) given the readings, from one before them and the mean (unknowns,) that they leave."""
+    outputs = marginal.by_unknown @ drawn
+    return likely + drawn - marginal.unknowns(outputs + rng.standard_normal(len(outputs)))
+
+
 DRAWS = 40
 
 

@@ -6,7 +6,7 @@ from shared.lazy import lazily
 
 _HOMES = {
     "diagnose": "diagnosis.gap.diagnosed",
-    "Diagnosis": "diagnosis.gap.concluded",
+    "Diagnosis": "diagnosis.gap.diagnosed",
     "Report": "diagnosis.gap.schema",
 }
 

@@ -10,6 +10,7 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from diagnosis.options import PLAIN, Fitting
+from diagnosis.pages import chance
 from diagnosis.usual import WARM_UP
 from shared.console import OK, NotNegative, Place, new_console, resumable
 from shared.logs import USUAL, Reporting
@@ -83,15 +84,15 @@ def run(
     told = report.foremost[:LINES]
     for one in told:
         size = "" if one.amplitude is None else number(one.amplitude, 3)
-        table.add_row(one.name, f"{one.probability:.0%}", size, one.unit)
+        table.add_row(one.name, chance(one.probability), size, one.unit)
     if others := [one.probability for one in report.effects if one not in told]:
-        table.add_row(counted(len(others), "other"), f"{sum(others):.0%}", "", "")
+        table.add_row(counted(len(others), "other"), chance(sum(others)), "", "")
     for name in report.failed:
         table.add_row(name, "failed", "", "")
     if report.untried:
-        table.add_row("one that was not tried", f"{report.untried:.0%}", "", "")
-    table.add_row("none of these", f"{report.none_of_these:.0%}", "", "")
-    table.add_row("no gap", f"{report.no_gap:.0%}", "", "")
+        table.add_row("one that was not tried", chance(report.untried), "", "")
+    table.add_row("none of these", chance(report.none_of_these), "", "")
+    table.add_row("no gap", chance(report.no_gap), "", "")
     console.print(table)
     for name, why in report.failed.items():
         console.print(f"{name} failed: {why}.", style="yellow")

@@ -16,18 +16,15 @@ from diagnosis.effects import Effect
 from diagnosis.fitting.failures import NO_TIME
 from diagnosis.fitting.fit import Fit
 from diagnosis.fitting.problem import Problem
-from diagnosis.gap.apart import Apart, fitted_apart
-from diagnosis.gap.conditions import Otherwise, otherwise
-from diagnosis.gap.decision import Decision, decide, gap_found
-from diagnosis.gap.limits import ends_left_out, noiseless
-from diagnosis.gap.missing import operators
-from diagnosis.gap.places import place
+from diagnosis.gap.evidence import Evidence, Search, evidence_of, gap_found
+from diagnosis.gap.limits import Otherwise, ends_left_out, noiseless, otherwise
+from diagnosis.gap.places import operators, place
 from diagnosis.gap.reporting import reported
 from diagnosis.gap.schema import HOW_FAR, Report
 from diagnosis.gap.search import at_its_optimum, search
-from diagnosis.gap.searched import Search
-from diagnosis.gap.shrinkage import Shrinkage, left_by, shrinkages
+from diagnosis.gap.shrinkage import Apart, Shrinkage, fitted_apart, left_by, shrinkages
 from diagnosis.gap.starting import Begun
+from diagnosis.gap.verdict import Decision, Verdicts, decide
 from diagnosis.recording import HOUR
 from diagnosis.where import Operator, Where
 from shared.results import Result
@@ -64,6 +61,8 @@ class Diagnosis(Result):
     candidates: list[Effect]
     search: Search
     decision: Decision
+    evidence: Evidence
+    by: tuple[Verdicts, str]
     sources: list[Operator]
     unknown: dict[str, str]
     otherwise: list[Otherwise]
@@ -82,9 +81,8 @@ class Diagnosis(Result):
         were not made yet.
         """
         left = [one for one in self.candidates if one.name not in names]
-        return concluded(
-            self.whole, self.origin, left, self.scored, self.seed, Began.now(self.whole.simulations), tell, self
-        )
+        began = Began.now(self.whole.simulations)
+        return concluded(self.whole, self.origin, left, self.scored, self.seed, began, self.by, tell, self)
 
     @property
     def base(self) -> Fit:
@@ -128,6 +126,7 @@ def concluded(
     scored: np.ndarray,
     seed: int,
     began: Began,
+    by: tuple[Verdicts, str],
     tell: Callable[[str], None],
     known: Diagnosis | None = None,
 ) -> Diagnosis:
@@ -139,6 +138,8 @@ def concluded(
         The part that is kept from the fits that say how far the gap shrinks, shape (steps,).
     began
         When the diagnosis began.
+    by
+        How evidence becomes an answer, from :func:`diagnosis.gap.verdict.verdicts_of`.
     known
         A diagnosis from the same fit among these candidates and others; what does not depend on the others is kept.
     """
@@ -171,13 +172,15 @@ def concluded(
     else:
         sources, unknown, better = known.sources, known.unknown, known.otherwise
     where = attempt(SOURCES, lambda: place(first, whole.observed, sources), None) or place(first, whole.observed, [])
-    if found.chosen and not gap_found(first, where.p_value, found.confirmed):
-        dropped = tuple(one.name for one in found.chosen)
-        found = replace(found, stages=[first], refits=[], settled=[], dropped=dropped)
     where_left = None
     if found.chosen:
         where_left = attempt("what is left, and where", lambda: place(found.last, whole.observed, []), None)
-    decision = decide(found, where.p_value, where_left.p_value if where_left is not None else where.p_value)
+    left = gap_found(found.last, (where_left or where).p_value)
+    evidence = evidence_of(found, gap_found(first, where.p_value, found.confirmed), left, where.p_value)
+    decision = decide(evidence, by[0])
+    if found.chosen and decision.verdict == "no_gap":
+        dropped = tuple(one.name for one in found.chosen)
+        found, where_left = replace(found, stages=[first], refits=[], settled=[], dropped=dropped), None
     apart: Apart | None = None
     shrinkage: list[Shrinkage] = []
     if found.chosen and (whole.observed & ~scored).any():
@@ -204,6 +207,8 @@ def concluded(
         simulations=whole.simulations - began.simulations,
         seconds=time.perf_counter() - began.seconds,
         cpu_seconds=time.process_time() - began.cpu_seconds,
+        by=by[0],
+        uncalibrated=by[1],
     )
     ends = ends_left_out(whole.observed, np.isfinite(whole.measured), whole.recording.step / HOUR)
     more = [*ends, *noiseless(whole.undeclared)]
@@ -215,6 +220,8 @@ def concluded(
         candidates,
         found,
         decision,
+        evidence,
+        by,
         sources,
         unknown,
         better,

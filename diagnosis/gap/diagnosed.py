@@ -9,18 +9,18 @@ from pathlib import Path
 import xarray as xr
 
 from datagen.simulating.simulator import Simulator
-from diagnosis.calibrating.checks import opened
+from diagnosis.calibrating.calibration import opened
 from diagnosis.effects import Effect, library
-from diagnosis.effects.baselines import check_baselines
-from diagnosis.effects.edges import foreseen
+from diagnosis.effects.base import foreseen
+from diagnosis.effects.library import check_baselines
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.side_by_side import side_by_side
-from diagnosis.fitting.simulations import simulations
+from diagnosis.fitting.simulations import side_by_side, simulations
 from diagnosis.gap.concluded import Began, Diagnosis, concluded
 from diagnosis.gap.linear import applicable
-from diagnosis.gap.parts import kept_for_scoring
 from diagnosis.gap.places import check_places
+from diagnosis.gap.shrinkage import kept_for_scoring
 from diagnosis.gap.starting import begun, zero_shot
+from diagnosis.gap.verdict import verdicts_of
 from diagnosis.physics import check_physics
 from diagnosis.recording import HOUR, Recording
 from diagnosis.usual import WARM_UP
@@ -59,6 +59,7 @@ def diagnose(
     workers: int | None = None,
     scheduler: str | None = None,
     minutes: float | None = None,
+    how_far: bool = True,
     tell: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
     """Diagnose the gap between a recording and its system's model.
@@ -89,6 +90,8 @@ def diagnose(
         Processes on this machine (1), or the address of a Dask scheduler, for the simulations.
     minutes
         Time that there is. When it is up, the answer is what is known then, and says what it lacks.
+    how_far
+        Whether the chosen effects are fitted again without some days, to say how far the gap shrinks on these.
     tell
         Is told what is being done when that changes and every half minute, and roughly how long it will still take.
 
@@ -114,6 +117,7 @@ def diagnose(
     estimated = zero_shot(described, record, run, tell)
     simulator = Simulator(described)
     check_baselines(candidates, described, simulator.fmu, replay=replay)
+    by = verdicts_of(described, candidates, simulator.fmu.sha256, noise)
     place = None if out is None else Path(out)
     with (
         side_by_side(simulator, workers=workers, scheduler=scheduler) as runner,
@@ -130,14 +134,14 @@ def diagnose(
         )
         whole = whole.with_observed(foreseen(applicable(whole, candidates)[0], record))
         check_places(record, whole.observed)
-        scored = kept_for_scoring(record)
+        scored = kept_for_scoring(record) | (not how_far)
 
         def told(stage: str) -> None:
             made.tell(stage, *next((span for words, span in SPANS.items() if stage.startswith(words)), ()))
 
         told("fitting the base model")
         origin = begun(whole, estimated)
-        done = concluded(whole, origin, candidates, scored, seed, began, told)
+        done = concluded(whole, origin, candidates, scored, seed, began, by, told)
         done = replace(done, report=done.report.model_copy(update={"physics": physics}))
         if place is not None:
             from diagnosis.gap.page import write_report

@@ -3,36 +3,184 @@
 from __future__ import annotations
 
 from pathlib import Path
+from textwrap import fill
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import PercentFormatter
 
-from diagnosis.fitting.unknowns import LIMIT, within_limit
+from diagnosis.curves import (
+    BLUE,
+    GREY,
+    ORANGE,
+    RED,
+    at_day,
+    axis_label,
+    calendar,
+    embedded,
+    figure,
+    range_ends,
+    readable,
+)
+from diagnosis.fitting.runs import LIMIT, within_limit
 from diagnosis.gap.concluded import Diagnosis
 from diagnosis.gap.limits import added
-from diagnosis.gap.pictures import (
-    SHOWN,
-    barless,
-    draw_angles,
-    draw_candidates,
-    draw_outputs,
-    draw_parameters,
-    draw_shares,
-)
 from diagnosis.gap.reporting import sensors_among
 from diagnosis.gap.scan import LEVEL, NEGLIGIBLE
 from diagnosis.gap.schema import HOW_FAR, Place
 from diagnosis.gap.sentences import headline
+from diagnosis.gap.shrinkage import left_by
 from diagnosis.gap.twins import SHOWN as SHOWN_TWINS
-from diagnosis.pages import page_environment
+from diagnosis.pages import long_named, page_environment, whole
 from diagnosis.physics import hints, warnings
-from diagnosis.pictures import at_day, embedded
 from diagnosis.recording import DAY
-from diagnosis.where.ink import readable
-from diagnosis.where.pictures import draw_cells, draw_correlations
-from diagnosis.where.source import Source, Verdict
-from diagnosis.where.timelines import draw_episodes, draw_sources
-from diagnosis.whole import whole
+from diagnosis.where.pictures import draw_cells, draw_correlations, draw_episodes, draw_sources, few_digits
+from diagnosis.where.sources import Source, Verdict
+
+SHOWN = 0.5
+"""Expected log-likelihood ratio at one scale from which a candidate's angles are shown."""
+LEAST = -0.5
+"""Shares below this are drawn here, with their number."""
+_LEAST_SHARE = 0.01
+"""Where the bars of candidates begin, as a share of the mark: what has less has no bar."""
+_HATCH = "#b8a468"
+_MOST = 14
+"""Candidates that a picture shows."""
+
+
+def draw_candidates(done: Diagnosis) -> Figure:
+    """What is tested of all candidates' log-likelihood ratios over what each must reach, all of them considered."""
+    scan = done.search.stages[0].scan
+    share = scan.beyond / scan.threshold
+    order = np.argsort(-share, kind="stable")[:_MOST][::-1]
+    made = Figure(figsize=(10, 0.28 * len(order) + 1.0), layout="constrained")
+    axes = made.subplots()
+    names = [scan.effects[j].name for j in order]
+    named = {name for one in done.report.sets for name in one}
+    axes.barh(names, share[order], color=[BLUE if n in named else GREY for n in names])
+    axes.axvline(1, color=RED, lw=1.5)
+    axes.set_xscale("log")
+    axes.set_xlim(_LEAST_SHARE, max(3.0, 1.5 * float(share.max(initial=0.0))))
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.set_xlabel("log-likelihood ratio over its mark (log scale)")
+    axes.set_title(f"Red: the mark.{' Blue: the answer.' if named else ''}", fontsize=9, loc="left")
+    return made
+
+
+def barless(done: Diagnosis) -> tuple[int, str]:
+    """How many candidates would have a bar and are not drawn, and the share of the mark from which one has a bar."""
+    scan = done.search.stages[0].scan
+    return max(int((scan.beyond / scan.threshold > _LEAST_SHARE).sum()) - _MOST, 0), f"{_LEAST_SHARE:.0%}"
+
+
+def draw_angles(done: Diagnosis) -> Figure:
+    """Angles between what the parameters cannot imitate of the candidates' signatures, in signs that they may have."""
+    scan = done.search.stages[0].scan
+    order = [j for j in np.argsort(-scan.ratio, kind="stable") if scan.expected[j] > SHOWN][:_MOST]
+    angle = np.degrees(np.arccos(scan.nearest[np.ix_(order, order)]))
+    made = Figure(figsize=(8.6, 0.36 * len(order) + 2.2), layout="constrained")
+    axes = made.subplots()
+    image = axes.imshow(angle, cmap="magma", vmin=0, vmax=90)
+    names = [scan.effects[j].name for j in order]
+    axes.set_xticks(range(len(order)), names, rotation=60, ha="right", fontsize=8)
+    axes.set_yticks(range(len(order)), names, fontsize=8)
+    for i in range(len(order)):
+        for j in range(len(order)):
+            light = "white" if angle[i, j] < 55 else "black"
+            axes.text(j, i, f"{angle[i, j]:.0f}", ha="center", va="center", fontsize=7, color=light)
+    made.colorbar(image, label="angle [degrees]; near 0 looks alike")
+    return made
+
+
+def draw_outputs(done: Diagnosis) -> Figure:
+    """Residuals of the base model and with the chosen effects; grey is what noise allows.
+
+    With effects both are of the fits that do without the hatched part.
+    """
+    first = done.search.stages[0]
+    base, found = first.twins.residual, None
+    if done.apart is not None:
+        colours = done.search.last.colours
+        base, found = (left_by(one, colours, done.whole.observed) for one in (done.apart.before, done.apart.after))
+    problem = first.lin.problem
+    channels = first.grams.channels
+    made, panels = figure(len(channels), height=1.7)
+    days = (problem.time - problem.recording.start) / DAY
+    for panel, k in zip(panels, channels, strict=True):
+        output = problem.system.outputs[k]
+        size = float(np.hypot(*first.colours.best[k][:2]))
+        panel.axhspan(-2 * size, 2 * size, color=GREY, alpha=0.2, lw=0, label="two standard deviations of noise")
+        panel.plot(days, base[k], color=ORANGE, lw=0.9, label="base model")
+        if found is not None:
+            panel.plot(days, found[k], color=BLUE, lw=0.9, label=added(done.report.verdict))
+            _hatch(panel, days - problem.recording.step / DAY, days, done.scored)
+        panel.set_ylabel(axis_label(output, readable(np.zeros(1), output.unit)[1].replace("°C", "K")), fontsize=8)
+    panels[0].legend(loc="lower right", bbox_to_anchor=(1, 1), fontsize=8, ncols=4, frameon=False)
+    calendar(panels[-1], problem.recording.began)
+    panels[-1].set_xlabel("days of the recording, and the date on which they begin")
+    return made
+
+
+def _hatch(panel: Axes, begins: np.ndarray, ends: np.ndarray, scored: np.ndarray) -> None:
+    """Hatch runs of scored steps from the begin of the first to the end of the last, all (steps,) [d]."""
+    turns = np.flatnonzero(np.diff(scored.astype(int), prepend=0, append=0))
+    for first, after in zip(turns[::2], turns[1::2], strict=True):
+        panel.axvspan(
+            begins[first], ends[after - 1], facecolor="none", edgecolor=_HATCH, hatch="//", lw=0, zorder=0,
+            label="days kept from the fit" if first == turns[0] else None,
+        )  # fmt: skip
+
+
+def draw_parameters(done: Diagnosis) -> Figure:
+    """Parameters before and after, in their ranges, each in the scale of its prior."""
+    system = done.base.problem.system
+    rows = done.report.parameters
+    made = Figure(figsize=(10, 0.36 * len(rows) + 0.5), layout="constrained")
+    axes = made.subplots()
+    for i, (one, parameter) in enumerate(zip(rows, system.parameters, strict=True)):
+        at = parameter.to_unit
+        y = len(rows) - 1 - i
+        axes.plot([0, 1], [y, y], color=GREY, lw=6, alpha=0.25, solid_capstyle="butt")
+        axes.plot([at(one.before_low), at(one.before_high)], [y + 0.14] * 2, color=ORANGE, lw=2)
+        axes.plot(at(one.before), y + 0.14, "o", color=RED if one.at_bound else ORANGE, ms=5)
+        if one.after is not None and one.after_low is not None and one.after_high is not None:
+            axes.plot([at(one.after_low), at(one.after_high)], [y - 0.14] * 2, color=BLUE, lw=2)
+            axes.plot(at(one.after), y - 0.14, "o", color=RED if one.at_bound_after else BLUE, ms=5)
+        range_ends(axes, parameter, y)
+    axes.set_yticks(
+        range(len(rows)), [long_named(one.name, one.description) for one in system.parameters][::-1], fontsize=8
+    )
+    axes.tick_params(axis="y", pad=34, length=0)
+    axes.set_xlim(-0.02, 1.02)
+    axes.set_xticks([])
+    axes.spines[["top", "right", "left", "bottom"]].set_visible(False)
+    return made
+
+
+def draw_shares(done: Diagnosis) -> Figure:
+    """Shares of the gap that the effects remove, beside placebos: as the page and the answer tell them."""
+    rows = [one for one in done.report.shrinkage if one.share is not None]
+    long = {one.name: one.long_name for one in done.base.problem.system.outputs}
+    made = Figure(figsize=(10, 0.5 * len(rows) + 0.9), layout="constrained")
+    axes = made.subplots()
+    for y, one in enumerate(reversed(rows)):
+        share, low, high = one.told
+        assert low is not None and high is not None and share is not None and one.placebo is not None
+        axes.plot([max(low, LEAST), max(high, LEAST)], [y, y], color=BLUE, lw=3, solid_capstyle="butt")
+        axes.plot(max(share, LEAST), y, "o", color=BLUE)
+        axes.plot(max(one.placebo, LEAST), y - 0.22, "x", color=GREY)
+        for height, value in ((y, low), (y - 0.22, one.placebo)):
+            if value < LEAST:
+                axes.annotate(f"{value:.0%} ←", (LEAST - 0.01, height), ha="right", va="center", fontsize=8)
+    axes.axvline(0, color=GREY, lw=1)
+    axes.axvline(1, color=GREY, lw=1, ls=":")
+    axes.set_yticks(range(len(rows)), [fill(long_named(one.channel, long), 30) for one in reversed(rows)], fontsize=8)
+    axes.xaxis.set_major_formatter(PercentFormatter(1.0))
+    axes.set_xlabel("share of the gap above the noise that is gone (blue, 90 % interval); placebo (grey cross)")
+    axes.set_xlim(LEAST - 0.1, 1.05)
+    axes.set_ylim(-0.5, len(rows) - 0.5)
+    return made
 
 
 def write_report(done: Diagnosis, folder: Path) -> None:
@@ -75,7 +223,7 @@ def render(done: Diagnosis) -> str:
         limit=f"{LIMIT:g}",
         constants=relative,
         within=lambda name, value: within_limit(value, relative.get(name)),
-        shown_in=lambda one: readable(one.unit, widest.get(one.name, 0.0)),
+        shown_in=lambda one: few_digits(one.unit, widest.get(one.name, 0.0)),
         pictures=_pictures(done),
     )
 

@@ -6,16 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.fitting.fit import Fit
-from diagnosis.fitting.spread import doubted_sd
-from diagnosis.gap.colours import discrepancy
-from diagnosis.gap.conditions import Otherwise
-from diagnosis.gap.decision import Decision
-from diagnosis.gap.limits import limits, strained
+from diagnosis.fitting.fit import Fit, doubted_sd
+from diagnosis.gap.evidence import Search
+from diagnosis.gap.grams import discrepancy
+from diagnosis.gap.limits import Otherwise, detectability, limits, otherwise_seen, strained
 from diagnosis.gap.places import stretch
-from diagnosis.gap.refit import Refit
-from diagnosis.gap.rivals import Rivals
+from diagnosis.gap.refit import Refit, Rivals
 from diagnosis.gap.schema import (
+    CalibratedBy,
     HypothesisOf,
     NamedEffect,
     NoiseOf,
@@ -26,19 +24,18 @@ from diagnosis.gap.schema import (
     SourceOf,
     StageOf,
 )
-from diagnosis.gap.searched import Search
-from diagnosis.gap.seen import detectability, otherwise_seen
 from diagnosis.gap.sentences import summary
 from diagnosis.gap.shrinkage import Shrinkage
 from diagnosis.gap.stages import Stage
 from diagnosis.gap.twins import TWINS
-from diagnosis.intervals import HALF_WIDTH
+from diagnosis.gap.verdict import Decision, Verdicts
 from diagnosis.recording import HOUR
+from diagnosis.usual import HALF_WIDTH
 from diagnosis.where import Where
 
 WIDE_90 = 1.1 * HALF_WIDTH
 """Half-width of a 90 % interval, in standard deviations: a tenth wider than the recording alone makes it, as a model's
-own slow error of the noise's size would (docs/blind-check.md)."""
+own slow error of the noise's size would."""
 
 
 def reported(
@@ -58,6 +55,8 @@ def reported(
     simulations: int,
     seconds: float,
     cpu_seconds: float,
+    by: Verdicts,
+    uncalibrated: str,
 ) -> Report:
     """All tables of ``report.json``."""
     problem, first = base.problem, search.stages[0]
@@ -70,6 +69,8 @@ def reported(
         none_of_these=decision.none,
         no_gap=decision.nothing,
         mistaken=decision.mistaken,
+        or_none=decision.or_none,
+        gap=decision.gap,
         rejected=decision.rejected,
         where=_places(where, first, dict(zip(problem.system.output_names, problem.floor.tolist(), strict=True))),
         balance=where.verdict if decision.verdict != "no_gap" else "none",
@@ -113,6 +114,8 @@ def reported(
         simulations=simulations,
         seconds=seconds,
         cpu_seconds=cpu_seconds,
+        calibrated=CalibratedBy.model_validate({name: getattr(by, name) for name in CalibratedBy.model_fields}),
+        uncalibrated=uncalibrated,
     )
     limited = limits(report) + strained(report, {one.name: one.relative for one in problem.constants})
     long = {one.name: one.long_name for one in problem.system.outputs}
@@ -177,6 +180,7 @@ def _effects(search: Search, decision: Decision) -> list[NamedEffect]:
             NamedEffect(
                 name=effect.name,
                 description=effect.description,
+                kind=effect.kind,
                 probability=decision.probabilities.get(effect.name, 0.0),
                 named=effect.name in decision.named,
                 amplitude=None if known is None else known[0] * effect.scale,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from diagnosis.gap.decision import Verdict
+from diagnosis.gap.verdict import Answers, Verdict
 from diagnosis.physics import Finding
 from shared.errors import RecordingError
 from shared.reading import newer, read_json, shown, validated
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-SCHEMA_VERSION = 13
+SCHEMA_VERSION = 14
 HOW_FAR = "how far the gap shrinks"
 """Of the steps that a report may lack."""
 VERDICTS = {
@@ -43,6 +43,7 @@ class NamedEffect(_Table):
 
     name: str
     description: str
+    kind: str = Field(description="parameter, shaped, input, sensor, or that of a package's own effect")
     probability: float
     named: bool = Field(description="whether it is part of the answer")
     amplitude: float | None = None
@@ -61,6 +62,18 @@ class HypothesisOf(_Table):
     at_best: float | None = Field(None, description="refitted on one line that is drawn where the best of them is")
     beside_discrepancy: float | None = Field(None, description="there, with the most plausible slow errors beside it")
     amplitude: float | None = Field(None, description="there [scale of the effect]")
+
+
+class CalibratedBy(_Table):
+    """Recordings whose cause was known, by which the probabilities were calibrated, and what answers to them held."""
+
+    system: str
+    made: str = Field(description="when [date]")
+    seed: int
+    hours: float
+    strata: dict[str, int] = Field(description="recordings by what they were")
+    noise: str
+    answers: Answers
 
 
 class Place(_Table):
@@ -234,9 +247,11 @@ class Report(Result, _Table):
     none_of_these: float = Field(description="probability that the cause is not among the candidates")
     no_gap: float = Field(description="probability that there is no gap")
     mistaken: float = Field(
-        description="probability that what the candidates' evidence points to holds no true cause, as of none of these"
-        " and of no gap, and of another candidate about which the evidence says nothing (in equal shares)"
+        description="probability that no cause is among the candidates of the first set: that of none of these, of no"
+        " gap, and of the other candidates"
     )
+    or_none: bool = Field(description="whether none of the candidates belongs to the set, too")
+    gap: bool = Field(description="whether tests find a gap, whatever its cause")
     rejected: bool = Field(description="whether the chosen effects are rejected on their own bootstrap replicates")
     where: list[Place]
     balance: str = Field(description="whether a balance or a sensor is off: balance, sensor, undecided, none")
@@ -291,6 +306,8 @@ class Report(Result, _Table):
     simulations: int
     seconds: float
     cpu_seconds: float
+    calibrated: CalibratedBy
+    uncalibrated: str = Field("", description="why the probabilities are of another system; empty if they are not")
 
     @property
     def foremost(self) -> list[NamedEffect]:
@@ -322,7 +339,7 @@ class Report(Result, _Table):
 
     def plot(self) -> Figure:
         """Probabilities of the foremost candidates, of none of these, and of no gap."""
-        from diagnosis.pictures import Picture
+        from diagnosis.curves import Picture
 
         chances = {one.name: one.probability for one in self.foremost}
         if self.others is not None:

@@ -3,7 +3,7 @@
 Forward selection with the family's own null at each stage (Bacher and Madsen 2011 select grey-box models by
 likelihood ratios; the null here is that of twins, Johansson 2014, and holds for all candidates together). Whether there
 is a gap at all is asked at the base model's fit; which candidate explains it, of fits from the same starts
-(:mod:`.rivals`).
+(:mod:`.refit`).
 """
 
 from __future__ import annotations
@@ -24,15 +24,24 @@ from diagnosis.fitting.failures import (
     said_by,
 )
 from diagnosis.fitting.fit import Fit
-from diagnosis.gap.linear import Linearised, applicable, fewer, linearised
-from diagnosis.gap.nuisances import widened
-from diagnosis.gap.refit import Refit, linear_start, refit, rested
-from diagnosis.gap.renewal import RENEWALS, WORTH, settled
-from diagnosis.gap.rivals import Rivals, base_from, from_one_start, line_at, on_the_best_line
+from diagnosis.gap.evidence import Made, Ranked, Search, evidence_before, worth
+from diagnosis.gap.linear import Linearised, applicable, fewer, linearised, widened
+from diagnosis.gap.refit import (
+    RENEWALS,
+    WORTH,
+    Refit,
+    Rivals,
+    base_from,
+    from_one_start,
+    line_at,
+    linear_start,
+    on_the_best_line,
+    refit,
+    rested,
+    settled,
+)
 from diagnosis.gap.scan import NEGLIGIBLE
-from diagnosis.gap.searched import Made, Ranked, Search, evidence_before
 from diagnosis.gap.stages import CLEAR, STRONG, Stage, examine
-from diagnosis.gap.weighing import named, weighed
 from shared.errors import TimeUp
 from shared.logs import logger
 from shared.numbers import counted
@@ -48,7 +57,7 @@ causes that explain it another nuisance is likely, and that alone moves evidence
 SECOND = 3
 """Candidates that are refitted as a second effect: the foremost on the straight line at the first."""
 MOST_NAMES = 6
-"""Candidates that a second effect's set may hold: a larger one names what nobody has fitted."""
+"""Candidates that may be nearly as plausible as a second effect's best: more would name what nobody has fitted."""
 MOST_EFFECTS = 2
 PARSIMONY = 0.6
 """A further effect must leave less than this share of what was left without a cause before it."""
@@ -309,11 +318,12 @@ def worth_more(before: Stage, after: Stage) -> bool:
 
 def told(before: Stage, refits: list[Refit], after: Stage) -> bool:
     """Whether a further effect is one of few: a set that goes beyond the refits names what nobody has fitted."""
-    return len(named(weighed(before, refits, after), refits[0].names[-1])) <= MOST_NAMES
+    values = worth(before, refits, after).values()
+    return sum(one > max(values) - CLEAR for one in values) <= MOST_NAMES
 
 
 def settled_base(base: Fit, observed: np.ndarray, *, renewals: int = RENEWALS) -> Refit:
-    """A fit with its nuisances as wide as they are, linearised where it then is: see :func:`.renewal.settled`."""
+    """A fit with its nuisances as wide as they are, linearised where it then is: see :func:`.refit.settled`."""
     problem, around = widened(base.problem, base.around)
     return settled(problem, base.z, around, observed, problem.floor, renewals=renewals)
 

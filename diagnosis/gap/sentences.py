@@ -3,20 +3,31 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
 from diagnosis.fitting.failures import NO_TIME
 from diagnosis.gap.schema import FEWEST, HOW_FAR, VERDICTS, NamedEffect, Report, ShrinkageOf
 from diagnosis.gap.stages import LEVEL, PLAIN
-from diagnosis.pages import long_named, percent, within_sentence
+from diagnosis.gap.verdict import LIKELY
+from diagnosis.pages import chance, long_named, percent, within_sentence
 from shared.numbers import counted, number
 from shared.variables import spaced
 
 NEEDED = 0.05
 """Up to this p-value a source is reported as missing."""
 LISTED = 6
-"""So many names of a set are said."""
+"""So many names of a set are said; a larger one is told as groups."""
+FOREMOST = 3
+"""And so many names of a larger one."""
+GROUPS = {
+    "parameter": ("thing in the room", "things in the room"),
+    "shaped": ("thing in the room", "things in the room"),
+    "input": ("input that was not as recorded", "inputs that were not as recorded"),
+    "sensor": ("error of a sensor", "errors of sensors"),
+}
+"""What kinds of candidates are, one and several of them."""
 
 
 def headline(report: Report) -> str:
@@ -24,12 +35,18 @@ def headline(report: Report) -> str:
     named = [one for one in report.effects if one.named]
     if report.verdict not in ("effect", "ambiguous") or not named:
         return f"{VERDICTS[report.verdict]}."
+    if report.verdict == "ambiguous" and len(report.sets) > 1:
+        return f"{len(report.sets)} causes: {'; and '.join(_one_of(report, names) for names in report.sets)}."
+    if len(named) > LISTED:
+        foremost = sorted(named, key=lambda one: -one.probability)[:FOREMOST]
+        said = ", ".join(f"{one.name} ({chance(one.probability)})" for one in foremost)
+        return f"One of {len(named)} causes that cannot be told apart: {_groups(named)}. Foremost: {said}."
     causes = []
     for one in named:
         size = "" if one.amplitude is None else f", {number(one.amplitude, 3)}{spaced(one.unit)}"
         if one.low is not None and one.high is not None:
             size += f" ({number(one.low, 3)} to {number(one.high, 3)})"
-        causes.append(f"{long_named(one.name, one.description)}{size}, probability {one.probability:.0%}")
+        causes.append(f"{long_named(one.name, one.description)}{size}, probability {chance(one.probability)}")
     shares = [(one.channel, one.told[0]) for one in report.shrinkage]
     removed = ", ".join(f"{share:.0%} of the gap in {channel}" for channel, share in shares if share is not None)
     which = "Cause" if len(causes) == 1 else "One of these causes" if report.verdict == "ambiguous" else "Causes"
@@ -63,6 +80,11 @@ def _where(report: Report, sensors: Collection[str], names: Mapping[str, str]) -
 
 def _nowhere(report: Report) -> str:
     """That there is no gap, and what seemed to be one."""
+    if report.gap:
+        return (
+            "Where: tests find a difference beyond noise, but rooms without a cause look like this too often to call it"
+            " a gap."
+        )
     first = report.stages[0]
     where_p = 1.0 if first.where_p is None else first.where_p
     chances = f"(p = {first.p_value:.2g} over all candidates, {where_p:.2g} over all places)"
@@ -109,30 +131,39 @@ def _kind(report: Report, sensors: Collection[str]) -> str:
 
 def _which(report: Report) -> str:
     named = [one for one in report.effects if one.named]
+    if report.verdict == "no_gap" and report.gap:
+        return f"Which: no effect is named. That none acts is {chance(report.no_gap)} sure."
+    if report.verdict == "no_gap" and report.no_gap < LIKELY:
+        return (
+            f"Which: no test finds a gap, so no effect is named. That none acts is only {chance(report.no_gap)} sure."
+        )
     if report.verdict == "no_gap":
         return (
-            f"Which: no effect is needed. That none acts is {report.no_gap:.0%} sure, because small ones go unseen"
+            f"Which: no effect is needed. That none acts is {chance(report.no_gap)} sure, because small ones go unseen"
             " (the report has the smallest that would be seen)."
         )
     if report.verdict == "none_of_these":
         chosen = " with ".join(report.stages[-1].effects)
         tried = sum(one.name not in {*report.excluded, *report.failed} for one in report.effects)
         otherwise = ": one of them may act by another law than described" if tried else ""
-        nearest = f"; the nearest is {chosen}, which is rejected on its own bootstrap replicates" if chosen else ""
+        rejected = ", which is rejected on its own bootstrap replicates" if report.rejected else ""
+        nearest = f"; the nearest is {chosen}{rejected}" if chosen else ""
         return (
             f"Which: none of the {tried} candidates explains it{nearest}. That the cause is none of them"
-            f" is {report.none_of_these:.0%} sure{otherwise}."
+            f" is {chance(report.none_of_these)} sure{otherwise}."
         )
     if report.verdict == "unfinished":
         foremost = [_sure(report, one.name) for one in report.foremost[:LISTED]]
         by_lines = f" In the linearised model the foremost are {', '.join(foremost)}." if foremost else ""
         return f"Which: the search was not finished ({_why(report)}), so no candidate is named.{by_lines}"
     rest = _left(report) if report.rejected else ""
+    if report.or_none:
+        rest = f" The cause may also be none of the candidates ({chance(report.none_of_these)}).{rest}"
     at_least = (
         "of these causes at least is among them" if report.verdict == "ambiguous" else "of them at least is a cause"
     )
     if len(report.sets) > 1:
-        rest = f" That one {at_least} is {1 - report.mistaken:.0%} sure.{rest}"
+        rest = f" That one {at_least} is {chance(1 - report.mistaken)} sure.{rest}"
     if report.verdict == "ambiguous":
         sure = {one[0] for one in report.sets if len(one) == 1}
         alone = [_named(one) for one in named if one.name in sure]
@@ -163,18 +194,29 @@ def _left(report: Report) -> str:
 
 def _named(one: NamedEffect) -> str:
     what = long_named(one.name, within_sentence(one.description))
-    return f"{what}, by {_amount(one)}, with probability {one.probability:.0%}"
+    return f"{what}, by {_amount(one)}, with probability {chance(one.probability)}"
 
 
 def _one_of(report: Report, names: list[str]) -> str:
-    """A set that cannot be told apart; of many the foremost."""
-    said = [_sure(report, name) for name in names[:LISTED]]
-    return f"one of {len(names)}, foremost {', '.join(said)}" if len(names) > LISTED else f"one of {', '.join(said)}"
+    """A set that cannot be told apart; a large one by its groups and the foremost."""
+    if len(names) == 1:
+        return _sure(report, names[0])
+    if len(names) <= LISTED:
+        return f"one of {', '.join(_sure(report, name) for name in names)}"
+    some = [one for one in report.effects if one.name in names]
+    said = ", ".join(_sure(report, name) for name in names[:FOREMOST])
+    return f"one of {len(names)} ({_groups(some)}), foremost {said}"
+
+
+def _groups(some: Collection[NamedEffect]) -> str:
+    """How many candidates are of which sort, the largest group first."""
+    words = Counter(GROUPS.get(one.kind, ("other", "others")) for one in some)
+    return ", ".join(f"{count} {one if count == 1 else several}" for (one, several), count in words.most_common())
 
 
 def _sure(report: Report, name: str) -> str:
     one = next(one for one in report.effects if one.name == name)
-    return f"{name} ({one.probability:.0%})"
+    return f"{name} ({chance(one.probability)})"
 
 
 def _amount(one: NamedEffect) -> str:

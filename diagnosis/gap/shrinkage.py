@@ -4,6 +4,19 @@ The gap of a channel is the mean square of its residual beyond what noise alone 
 removes is held against placebos: random smooth signatures of the same size and freedom, which mean nothing.
 Intervals are those of a moving-block bootstrap (Kuensch 1989) of whole days, or of shorter blocks where few days are
 scored: then they say how the share varied within those days, and not what other days would show.
+
+Which part of a recording is fitted, and which is kept to score on: chosen from the inputs alone.
+
+Days are joined to blocks. A quarter of the blocks is kept: those with the most and the least of what varies most from
+block to block (the first principal component of the blocks' input means), so that the score is one under other
+conditions than the fit's. Outputs take no part in this. The first block is always fitted: it is where what came before
+the recording is told.
+
+Base model and chosen effects fitted anew to a part of the recording: the other part says how far the gap shrinks.
+
+Whether there is a gap, and which effect it is, is told by all readings: a week has none to spare. How far it shrinks
+is told by readings that took no part in the fit. Whether they mattered to the choice is looked at, too: the candidates
+that were refitted are weighed once more by the fitted readings alone.
 """
 
 from __future__ import annotations
@@ -14,15 +27,136 @@ import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
 from scipy.optimize import lsq_linear
 
+from diagnosis.fitting.failures import FAILURES
 from diagnosis.fitting.gaussian import factor
-from diagnosis.gap.apart import Apart
-from diagnosis.gap.colours import Colours
-from diagnosis.gap.grams import AMPLITUDE, Grams
+from diagnosis.gap.evidence import Search
+from diagnosis.gap.grams import AMPLITUDE, Colour, Colours, Grams
 from diagnosis.gap.linear import Linearised
+from diagnosis.gap.refit import WORTH, Refit, fitted_anew, misfit, relinearised
 from diagnosis.gap.schema import FEWEST
 from diagnosis.gap.stages import Stage
 from diagnosis.gap.twins import draw_errors
-from diagnosis.recording import DAY, HOUR
+from diagnosis.recording import DAY, HOUR, Recording
+
+PARTS = 8
+SHARE = 0.25
+"""Share of the blocks that is kept."""
+
+
+def kept_for_scoring(recording: Recording) -> np.ndarray:
+    """Steps that are scored on, shape (steps,); the others are fitted.
+
+    A recording of less than four days keeps its last quarter.
+    """
+    days = (recording.stop - recording.start) / DAY
+    if days < 4:
+        return np.asarray(recording.time > recording.start + 0.75 * (recording.stop - recording.start))
+    whole = int(days + 1e-9)
+    length = int(np.ceil(whole / min(PARTS, whole)))
+    count = -(-whole // length)
+    # what is more than whole days belongs to the last block: hours alone would be the farthest out of all
+    block = np.minimum((recording.time - recording.start - 1e-6) // (length * DAY), count - 1).astype(int)
+    found = np.unique(block)
+    means = np.array([[values[block == b].mean() for values in recording.inputs.values()] for b in found])
+    spread = means.std(axis=0)
+    moved = spread > 1e-9 * np.maximum(np.abs(means).max(axis=0, initial=0.0), 1e-300)
+    if not moved.any():
+        order = np.arange(len(found))
+    else:
+        apart = (means[:, moved] - means[:, moved].mean(axis=0)) / spread[moved]
+        component = np.linalg.svd(apart, full_matrices=False)[0][:, 0]
+        # the sign of a component is the processor's choice; where one block is kept, it is the one farthest out
+        component *= np.sign(component[np.abs(component).argmax()])
+        order = np.argsort(component, kind="stable")
+    order = order[order > 0]  # the first block tells what came before the recording
+    keep = max(round(SHARE * len(found)), 1)
+    ends = [*order[: keep // 2], *order[len(order) - (keep - keep // 2) :]]
+    return np.isin(block, found[ends])
+
+
+LINES = 5
+"""The line is drawn so often at most where all readings say that the nuisance was."""
+
+
+@dataclass(frozen=True)
+class Apart:
+    """Fits to a part: ``before`` without effects, ``after`` with those chosen; ``fitted`` (outputs, steps) of both.
+
+    Both are linearised where all readings say that the nuisance was, at unknowns that have their optimum on ``lines``,
+    which are drawn where the fitted readings say that it was. ``agreed``: whether the fitted readings alone put the
+    same effects first.
+    """
+
+    before: Linearised
+    after: Linearised
+    lines: tuple[Linearised, Linearised]
+    fitted: np.ndarray
+    agreed: bool
+
+
+def fitted_apart(found: Search, fitted: np.ndarray) -> Apart:
+    """Fit base model and chosen effects to a part.
+
+    Parameters
+    ----------
+    found
+        A search that chose effects.
+    fitted
+        Readings that are fitted, shape (outputs, steps). They alone move the unknowns. Who was there at any other time
+        is told by all readings, and so is the colour of the noise, as the search has it.
+
+    Raises
+    ------
+    SimulationError
+        If the simulation fails where the fit to all readings is.
+    """
+    made, known = [], found.made.apart
+    for until in (found.stages[:1], found.stages):
+        stage = until[-1]
+        key = (replace(found, stages=until).path, fitted.tobytes())
+        if key not in known:
+            known[key] = _fitted(stage, stage.lin, fitted)
+        made.append(known[key])
+    (before, first), (after, last) = made
+    return Apart(before, after, (first, last), fitted, _agreed(found, fitted))
+
+
+def _fitted(stage: Stage, begin: Linearised, fitted: np.ndarray) -> tuple[Linearised, Linearised]:
+    """A fit to a part from some place, where all readings say that the nuisance was, and its own line."""
+    one = fitted_anew(begin, fitted, stage.colours.best)
+    return _lined(one, stage.colours.best, stage.grams.observed), one.lin
+
+
+def _lined(one: Refit, colours: dict[int, Colour], every: np.ndarray) -> Linearised:
+    """A fit linearised where all readings say that the nuisance was.
+
+    Who was there on a day that took no part in the fit is far from where its line was drawn, and one step along it can
+    end where the model is nothing like the recording: a gap of kelvins that the effect then "removes". So the line is
+    drawn anew until it no longer fits all readings better.
+    """
+    lin, value = one.lin, np.inf
+    for _ in range(LINES):
+        try:
+            there = relinearised(Grams(lin, every), colours, one.lin.z, every)
+        except FAILURES:  # what is likely on the straight line may be nothing that can be run
+            break
+        before, now = value, misfit(Grams(there, every), colours)
+        if now < before:
+            lin, value = there, now
+        if before - now < WORTH:
+            break
+    return lin
+
+
+def _agreed(found: Search, fitted: np.ndarray) -> bool:
+    """Whether the fitted readings put first what all readings do, among what was refitted for each of the effects."""
+    for stage, refits in zip(found.stages, found.refits, strict=False):
+        like = Grams(stage.lin, fitted)
+        part = [replace(one, grams=Grams(one.lin, fitted, like)) for one in refits]
+        if np.argmax([one.evidence_with(stage.colours.best) for one in part]) != 0:
+            return False
+    return True
+
 
 DRAWS = 1000
 PLACEBOS = 12

@@ -6,12 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.gap.colours import Colours, discrepancy, estimated_colours
-from diagnosis.gap.episode import Episode, largest_episode
-from diagnosis.gap.grams import Colour, Grams
+from diagnosis.gap.grams import Colour, Colours, Grams, discrepancy, estimated_colours
 from diagnosis.gap.linear import Linearised
 from diagnosis.gap.scan import LEVEL as LEVEL
-from diagnosis.gap.scan import Scan, scan
+from diagnosis.gap.scan import Episode, Scan, largest_episode, scan
 from diagnosis.gap.twins import TWINS, Twins, draw_twins
 
 STRONG = 3.0
@@ -22,7 +20,7 @@ PLAIN = 8.0
 """Log Bayes factor of a candidate that is a gap whatever twins do. A Bayes factor exceeds K by chance in at most 1 / K
 of all recordings without a gap (Markov's inequality), so that of forty candidates one does in at most 1.4 %. Parameters
 that bend to the edge of their prior to make up for a cause are evidence of it, but twins begin at that edge and come
-back from it as the recording does. What opened sets say of it: docs/blind-check.md."""
+back from it as the recording does."""
 
 
 @dataclass(frozen=True)

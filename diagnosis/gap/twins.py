@@ -12,8 +12,7 @@ import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
 
 from diagnosis.fitting.gaussian import triangle
-from diagnosis.gap.colours import Colours
-from diagnosis.gap.grams import Grams, Product, Projected, projected
+from diagnosis.gap.grams import Colours, Grams, Product, Projected, projected
 
 TWINS = 400
 SHOWN = 200

@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 
 from diagnosis.measurements.mapping import Time
-from diagnosis.measurements.spacing import even
+from diagnosis.measurements.signal import even
 from shared.errors import RecordingError
 from shared.reading import shown, why
 from shared.times import time_zero

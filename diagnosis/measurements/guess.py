@@ -14,7 +14,7 @@ import numpy as np
 
 from diagnosis.measurements.layout import ROWS, Layout
 from diagnosis.measurements.mapping import MEASURABLE, OPEN
-from diagnosis.measurements.spacing import even, logged_on_change
+from diagnosis.measurements.signal import even, logged_on_change
 from diagnosis.measurements.table import Measurements
 from diagnosis.measurements.units import convert
 from diagnosis.measurements.vocabulary import (

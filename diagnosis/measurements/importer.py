@@ -15,14 +15,15 @@ from diagnosis.measurements import plausible
 from diagnosis.measurements.clock import Clock, find_zone, make_clock
 from diagnosis.measurements.grid import Series, input_target, output_target
 from diagnosis.measurements.judge import Judge
-from diagnosis.measurements.kept import Kept, about_spacing
 from diagnosis.measurements.mapping import Mapping, check_against, load_mapping
 from diagnosis.measurements.outdoors import Outdoors
 from diagnosis.measurements.output import (
     Comparison,
     ImportReport,
+    Kept,
     StretchReport,
     VariableReport,
+    about_spacing,
     build_recording,
     check_free,
     draw_recording,

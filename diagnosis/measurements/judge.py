@@ -20,9 +20,9 @@ from diagnosis.measurements.grid import (
     interpolate_short,
     resample,
 )
-from diagnosis.measurements.kept import header
 from diagnosis.measurements.mapping import Mapping, Source
-from diagnosis.measurements.offset import find_offset
+from diagnosis.measurements.output import header
+from diagnosis.measurements.plausible import find_offset
 from diagnosis.measurements.signal import (
     Signal,
     check_possible,

@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
+from diagnosis.where.cells import Regime, find_regimes
 from diagnosis.where.finding import Finding
 from diagnosis.where.located import Where, locate
-from diagnosis.where.regimes import Regime, find_regimes
 from diagnosis.where.series import Residuals
-from diagnosis.where.source import Operator
+from diagnosis.where.sources import Operator
 
 __all__ = ["Finding", "Operator", "Regime", "Residuals", "Where", "find_regimes", "locate"]

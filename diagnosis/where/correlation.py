@@ -13,10 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.where.colour import fill, fit_colour, whiten
 from diagnosis.where.finding import Finding
-from diagnosis.where.series import HOUR, Residuals
-from diagnosis.where.significance import MaxTest, max_test
+from diagnosis.where.series import HOUR, MaxTest, Residuals, fill, fit_colour, max_test, whiten
 
 LONGEST = 24 * HOUR
 """Longest lag either way [s]."""

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.where.finding import Finding
-from diagnosis.where.series import DAY, HOUR, Residuals
-from diagnosis.where.significance import MaxTest, max_test
+from diagnosis.where.series import DAY, HOUR, MaxTest, Residuals, max_test
 
 STATISTICS = ("mean", "variance")
 GRID = 6 * HOUR

@@ -9,15 +9,12 @@ from functools import cached_property
 import numpy as np
 
 from diagnosis.scores import Guideline14, guideline14
-from diagnosis.where.cells import CellTest, scan_cells
+from diagnosis.where.cells import CellTest, Regime, scan_cells
 from diagnosis.where.correlation import CorrelationTest, scan_correlations
 from diagnosis.where.episodes import EpisodeTest, scan_episodes
 from diagnosis.where.finding import Finding
-from diagnosis.where.regimes import Regime
-from diagnosis.where.series import Residuals
-from diagnosis.where.significance import MaxTest, combine, rank_p
-from diagnosis.where.source import Operator, SourceTest, Verdict
-from diagnosis.where.sources import scan_sources
+from diagnosis.where.series import MaxTest, Residuals, combine, rank_p
+from diagnosis.where.sources import Operator, SourceTest, Verdict, scan_sources
 
 
 @dataclass(frozen=True)
@@ -124,7 +121,7 @@ def locate(
     measured
         Recorded outputs, shape (outputs, steps), for the figures of Guideline 14.
     regimes
-        From :func:`~diagnosis.where.regimes.find_regimes`.
+        From :func:`~diagnosis.where.cells.find_regimes`.
     operators, left
         Responses to missing sources, and what calibration leaves of series that are added to the outputs; without
         operators no source is sought.

@@ -3,21 +3,232 @@
 A missing source acts on the outputs as the model's own sources do; a sensor's error shows on its channel alone, and
 imitating it takes a source that looks like a derivative. Both explanations get the same prior; the likelihood
 says which is the better.
+
+A series that would explain the residuals, by regularised inversion, and how much better it explains them than noise.
+
+With white unit noise e = G u + noise and a prior u ~ N(0, tau K), K an Ornstein-Uhlenbeck covariance, the posterior
+mean is the Tikhonov (or Kalman-smoother) solution, and the marginal likelihood has a closed form in the eigenbasis of
+the whitened Gram matrix (Rasmussen and Williams 2006, Gaussian Processes for Machine Learning, sections 2.1 and 5.4).
+One decomposition serves all rows.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
 from diagnosis.where.finding import Finding
-from diagnosis.where.inverse import Inverse, decompose
-from diagnosis.where.series import DAY, HOUR, Residuals
-from diagnosis.where.significance import max_test
-from diagnosis.where.source import STRONG, Operator, Source, SourceTest, Verdict, verdict_of
-from diagnosis.where.whitened import Whitened, whitened
+from diagnosis.where.series import DAY, HOUR, MaxTest, Residuals, Whitened, max_test, whitened
+
+_GRID = np.concatenate([[0.0], np.logspace(-2, 8, 41)])
+"""Prior variances tried, relative to the one at which the best-seen direction has a signal-to-noise ratio of 1."""
+
+
+@dataclass(frozen=True)
+class Inverse:
+    """A decomposed inverse problem with pulses ``root`` @ ``vectors`` and coefficients of the rows in that basis.
+
+    ``strength`` (pulses,): squared singular values; ``projected`` (rows, pulses): rows in the basis, times the singular
+    values.
+    """
+
+    root: np.ndarray
+    vectors: np.ndarray
+    strength: np.ndarray
+    projected: np.ndarray
+
+    @property
+    def unit(self) -> float:
+        """Prior variance at which the best-seen direction has a signal-to-noise ratio of 1."""
+        return 1 / float(self.strength.max()) if self.strength.max() > 0 else 0.0
+
+    def gains(self) -> tuple[np.ndarray, np.ndarray]:
+        """Log marginal likelihood of each row over that of mere noise, at its best prior variance: both (rows,)."""
+        grid = _GRID * self.unit
+        best, at = np.zeros(len(self.projected)), np.zeros(len(self.projected))
+        for tau in grid[1:]:
+            ratio = tau / (1 + tau * self.strength)
+            gain = 0.5 * (self.projected**2 @ ratio - np.log1p(tau * self.strength).sum())
+            better = gain > best
+            best, at = np.where(better, gain, best), np.where(better, tau, at)
+        return best, at
+
+    def solve(self, tau: float) -> np.ndarray:
+        """Posterior means of all rows at one prior variance, shape (rows, pulses)."""
+        return (self.projected * (tau / (1 + tau * self.strength))) @ (self.root @ self.vectors).T
+
+    def uncertainty(self, tau: float) -> np.ndarray:
+        """Posterior standard deviation of each pulse, shape (pulses,)."""
+        basis = self.root @ self.vectors
+        return np.sqrt(np.einsum("ij,j,ij->i", basis, tau / (1 + tau * self.strength), basis))
+
+    def tau_for(self, share: float) -> float:
+        """Prior variance at which the solution has ``share`` of its degrees of freedom, sum tau s / (1 + tau s)."""
+        target = share * np.count_nonzero(self.strength > 1e-10 * self.strength.max())
+        low, high = -10.0, 14.0
+        for _ in range(60):
+            middle = (low + high) / 2
+            tau = 10**middle * self.unit
+            if (tau * self.strength / (1 + tau * self.strength)).sum() < target:
+                low = middle
+            else:
+                high = middle
+        return float(10**low * self.unit)
+
+
+def decompose(rows: np.ndarray, response: np.ndarray, centres: np.ndarray, memory: float) -> Inverse:
+    """Prepare an inversion.
+
+    Parameters
+    ----------
+    rows
+        Whitened residuals, shape (rows, readings).
+    response
+        Whitened response to unit pulses, shape (readings, pulses).
+    centres
+        Middle of each pulse [s].
+    memory
+        Time over which the series remembers itself [s]; 0 for pulses that know nothing of one another.
+    """
+    if memory > 0:
+        covariance = np.exp(-np.abs(centres[:, None] - centres) / memory)
+        root = np.linalg.cholesky(covariance + 1e-10 * np.eye(len(centres)))
+        driven = response @ root
+    else:
+        root, driven = np.eye(len(centres)), response
+    strength, vectors = np.linalg.eigh(driven.T @ driven)
+    strength = np.maximum(strength, 0.0)
+    strength[strength < 1e-12 * strength.max(initial=0.0)] = 0.0
+    return Inverse(root, vectors, strength, rows @ driven @ vectors)
+
+
+STRONG = 3.0
+"""Log likelihood ratio that Kass and Raftery (1995) call strong."""
+
+SUSPECT = "suspect that sensor"
+FAINT = "too little for a gap"
+OTHERWISE = "that is of the base model, and the answer explains it otherwise"
+"""Of a source whose rival, or of a sensor whose source, is beside the answer."""
+
+Verdict = Literal["balance", "sensor", "undecided", "none"]
+
+
+@dataclass(frozen=True)
+class Operator:
+    """Response of the outputs to a source, linearised at the calibrated model.
+
+    ``response`` (outputs, steps, pulses) [unit of the output per unit of the source]; pulse ``j`` holds from
+    ``edges[j]`` to ``edges[j + 1]`` [s].
+    """
+
+    name: str
+    label: str
+    unit: str
+    response: np.ndarray
+    edges: np.ndarray
+
+
+@dataclass(frozen=True)
+class Source:
+    """A source that would close the residual.
+
+    ``estimate``, ``uncertainty`` (pulses,) [unit]: posterior mean and standard deviation; ``low``, ``high``: where 95 %
+    of the twins' lie, which have no gap. ``adjusted`` (pulses,): family-wise p of each pulse. ``gain``: log
+    likelihood over noise alone; ``p_value`` of that against the twins. ``roughness``: von Neumann's ratio of the source
+    estimated without any smoothness asked of it: 0 a smooth series, 2 white noise, towards 4 a derivative of spikes;
+    ``roughness_p``: how rarely a twin is rougher. ``rival``: the channel, of those that the source moves, whose own
+    error explains most; ``balance``: the source's gain less the rival's. ``verdict``: ``balance``, ``sensor``,
+    ``undecided`` by that difference, or ``none`` when neither explains more than in twins.
+    """
+
+    name: str
+    label: str
+    unit: str
+    edges: np.ndarray
+    estimate: np.ndarray
+    uncertainty: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    adjusted: np.ndarray
+    gain: float
+    p_value: float
+    roughness: float
+    roughness_p: float
+    rival: str
+    balance: float
+    verdict: Verdict
+
+    def needed(self, alpha: float = 0.05) -> bool:
+        """Whether the source itself explains more than in twins, whatever its rival does."""
+        return self.p_value <= alpha
+
+
+@dataclass(frozen=True)
+class SourceTest:
+    """Result of :func:`scan_sources`.
+
+    ``sensor_gains``: log likelihood over noise, by channel, of an error on that channel alone; ``suspect``: the channel
+    of which it explains most of all, if that is more than in twins. The cells of ``test`` are the sources, then the
+    sensors. ``stands``: whether what they explain is more than in twins when all other places are tested with them.
+    """
+
+    test: MaxTest
+    sources: list[Source]
+    sensor_gains: dict[str, float]
+    suspect: str | None
+    findings: list[Finding]
+    stands: bool = True
+
+    def words(self, one: Source, rival: str, alpha: float = 0.05, *, answered: Collection[Verdict] = ()) -> str:
+        """What the tests say of a source and its rival, whose label is given; goes on after the source's own label.
+
+        Where a source explains no more than in twins, its rival may still be what another source explains better: a
+        sensor is suspected only where the sensors' own test says so, of all sources and sensors together.
+        All that is of the base model alone: ``answered`` says of which sort the effects are that an answer names, which
+        were fitted with the parameters and are not contradicted; "none" where the answer is that there is no gap.
+        """
+        if one.verdict == "none":
+            return "explains no more than in replicates without a gap"
+        # a page that finds no place must not name a sensor or a balance
+        suspected = self.stands and self.verdict == "sensor" and self.suspect == one.rival
+        suspect = OTHERWISE if "balance" in answered else SUSPECT
+        off = OTHERWISE if "sensor" in answered else "this balance is off"
+        if "none" in answered:
+            suspect = off = FAINT
+        if not one.needed(alpha):
+            instead = f"; an error of {rival} alone explains more: {suspect}" if suspected else ""
+            return f"explains no more than in replicates without a gap: none of it is needed{instead}"
+        if not self.stands:
+            return "explains more than in replicates without a gap, but not once all places are tested together"
+        if one.verdict == "balance":
+            better = f"explains the residual better than an error of {rival} alone"
+            return f"{better}: {off}" if self.verdict == "balance" else better
+        if one.verdict == "undecided":
+            return f"and an error of {rival} alone explain the residual about equally well"
+        worse = f"explains the residual worse than an error of {rival} alone"
+        return f"{worse}: {suspect}" if suspected else worse
+
+    @property
+    def verdict(self) -> Verdict:
+        """That of the source which, with its rival, explains most, unless a sensor that no source moves explains more.
+
+        Of sources that one and the same sensor can be mistaken for, the one that itself explains most. Parameters that
+        make up for such a sensor's error leave in other channels what looks like a source.
+        """
+        foremost = max(self.sources, key=lambda one: (max(one.gain, self.sensor_gains[one.rival]), one.gain))
+        if self.suspect is None or self.suspect == foremost.rival:
+            return foremost.verdict
+        balance = foremost.gain - self.sensor_gains[self.suspect]
+        return foremost.verdict if balance > STRONG else verdict_of(balance)
+
+
+def verdict_of(balance: float) -> Verdict:
+    """Whether a source or a sensor explains more, by the log likelihood of the one over the other."""
+    return "balance" if balance > STRONG else "sensor" if balance < -STRONG else "undecided"
+
 
 MEMORIES = (6 * HOUR, 72 * HOUR)
 """Two priors: a source that changes within hours, and one that changes within days [s]."""
@@ -43,7 +254,7 @@ def scan_sources(
     operators
         One for each source.
     nuisance
-        See :func:`~diagnosis.where.whitened.whitened`.
+        See :func:`~diagnosis.where.series.whitened`.
     left
         What calibration leaves of a series on the outputs, (outputs, steps, n) in and out: it has already been applied
         to the residuals, and is to the operators' responses and the sensors' errors. Without it all are as they are.

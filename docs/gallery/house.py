@@ -29,6 +29,7 @@ import trainer
 from datagen.driving.inputs import build_inputs
 from diagnosis import diagnose
 from diagnosis.gap import Report
+from diagnosis.pages import chance
 from fmus.build import write_zip
 from fmus.toolchain import BINARIES, compile_binary, native_platform
 from shared.system import System, load_system
@@ -172,7 +173,7 @@ def draw_answer(made: Answer, system: System, recording: xr.Dataset, path: Path)
     top.legend(loc="upper right", frameon=False)
     found = "; ".join(
         f"{one.description}:\n{one.amplitude:.0f} {one.unit} ({one.low:.0f} to {one.high:.0f}),"
-        f" probability {one.probability:.0%}"
+        f" probability {chance(one.probability)}"
         for one in named
     )
     top.set_title(found, loc="left", fontsize="medium")

@@ -275,6 +275,7 @@ EXAMPLES = {
     "diagnosis calibrate": "system.toml week.nc --out calibrated",
     "diagnosis forecast": "system.toml weeks.nc --out forecast",
     "diagnosis run": "system.toml week.nc --out gap",
+    "diagnosis farm": "system.toml --recordings 200 --out farmed",
     "diagnosis app": "my-room --system Room",
 }
 """Arguments of an example of each command; the others have none."""

@@ -17,10 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
-from diagnosis.blind import holding
-from diagnosis.blind.intervals import share
-from diagnosis.blind.naming import names
+from diagnosis.blind import rates
 from diagnosis.blind.opened import Row, side_by_side
+from diagnosis.blind.rates import names, share
 from diagnosis.blind.score_report import NAMED, by_chance, by_size, either, lengths, percent
 from diagnosis.blind.sealed import open_answers
 from diagnosis.blind.verdicts import read_run
@@ -68,7 +67,7 @@ def main() -> None:
     if spent:  # programs of earlier versions did not note it
         median, most, longest = np.quantile(spent, [0.5, 0.9, 1.0], method="higher")
         print(f"processor time [s]: median {median:.0f}, of nine in ten at most {most:.0f}, longest {longest:.0f}")
-    held = holding.sizes(pairs)
+    held = rates.sizes(pairs)
     print(f"90 % intervals that hold the truth, {held.what}: {either(held.held)}")
     print(
         "\n| recording | controllers | persons | effect | true | told | 90 % interval |\n|---|---|---|---|---|---|---|"

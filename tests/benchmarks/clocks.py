@@ -18,9 +18,8 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import beta
 
-from diagnosis.blind.generator import Generator
+from diagnosis.blind.generator import Generator, measured, published, write
 from diagnosis.blind.make import ATTEMPTS
-from diagnosis.blind.measuring import measured, published, write
 from diagnosis.blind.truth import default_truth, load_truth
 from diagnosis.physics import check_physics
 from diagnosis.recording import HOUR, Recording, read_recording

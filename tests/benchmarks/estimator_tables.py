@@ -18,7 +18,7 @@ from typing import Any
 from resumed import resumed
 
 import trainer
-from diagnosis.blind.judging import program
+from diagnosis.blind.running import program
 from shared.store import DatasetFolder, sha256_of
 from trainer.evaluating.limit import find_ceiling
 

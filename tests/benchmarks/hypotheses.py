@@ -11,7 +11,7 @@ seconds and simulations.
 - **line**: an encompassing fit (free sources, sensors and inputs as Ornstein-Uhlenbeck processes beside the parameters)
   gives one straight line; every hypothesis has its evidence on it in closed form;
 - **start**: the base model and every candidate are refitted from one start, the zero-shot estimate, on one line by the
-  nuisance, without simulating derivatives anew (:func:`diagnosis.gap.rivals.from_one_start`);
+  nuisance, without simulating derivatives anew (:func:`diagnosis.gap.refit.from_one_start`);
 - **best**: the foremost of these and the base model are refitted on one line that is drawn where the best of them is;
 - **diagnosis**: what ``diagnosis run`` says (``--ways diagnosis``).
 
@@ -51,20 +51,17 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from datagen.simulating.simulator import Simulator
-from diagnosis.calibrating.checks import opened
+from diagnosis.calibrating.calibration import opened
 from diagnosis.effects import Effect, library
-from diagnosis.effects.edges import foreseen
-from diagnosis.fitting.linearisation import Linearisation
+from diagnosis.effects.base import foreseen
+from diagnosis.fitting.fit import pruned
+from diagnosis.fitting.linear import Linearisation
 from diagnosis.fitting.nuisance import Nuisance
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.renewing import pruned
-from diagnosis.gap.colours import Colours, discrepancy, estimated_colours
-from diagnosis.gap.grams import AMPLITUDE, Colour, Grams
-from diagnosis.gap.linear import applicable, linearised
-from diagnosis.gap.missing import operators
-from diagnosis.gap.nuisances import felt, widened
-from diagnosis.gap.refit import Refit
-from diagnosis.gap.rivals import Rivals, from_one_start, line_at, on_the_best_line
+from diagnosis.gap.grams import AMPLITUDE, Colour, Colours, Grams, discrepancy, estimated_colours
+from diagnosis.gap.linear import applicable, felt, linearised, widened
+from diagnosis.gap.places import operators
+from diagnosis.gap.refit import Refit, Rivals, from_one_start, line_at, on_the_best_line
 from diagnosis.gap.scan import mass
 from diagnosis.gap.search import FITTED
 from diagnosis.gap.starting import ZeroShot, zero_shot

@@ -29,8 +29,8 @@ from resumed import depends, resumed
 
 from datagen import simulate
 from diagnosis.calibrating.calibration import calibrate
-from diagnosis.intervals import HALF_WIDTH
 from diagnosis.recording import Recording, read_recording
+from diagnosis.usual import HALF_WIDTH
 from shared.errors import ZeroshotError
 from shared.system import System, load_system
 

@@ -16,8 +16,7 @@ from scipy.special import ndtr, ndtri
 
 from diagnosis.fitting.fit import fit
 from diagnosis.fitting.problem import LIMIT, Problem
-from diagnosis.fitting.run import Run
-from diagnosis.fitting.side_by_side import InProcess, Outcome
+from diagnosis.fitting.simulations import InProcess, Outcome, Run
 from shared.errors import SimulationError
 
 
@@ -31,7 +30,7 @@ class Counted(InProcess):
     count = 0
 
     def map(self, runs: Sequence[Run]) -> list[Outcome]:
-        """See :class:`diagnosis.fitting.side_by_side.Runner`."""
+        """See :class:`diagnosis.fitting.simulations.Runner`."""
         self.count += len(runs)
         return super().map(runs)
 

@@ -33,8 +33,8 @@ from datagen.simulating.simulator import Simulator
 from diagnosis.calibrating.calibration import calibrate
 from diagnosis.fitting.fit import fit
 from diagnosis.fitting.problem import Problem
-from diagnosis.intervals import HALF_WIDTH
 from diagnosis.recording import HOUR, Recording, read_recording
+from diagnosis.usual import HALF_WIDTH
 from shared.errors import ZeroshotError
 from shared.metrics import r2
 from shared.system import System, load_system

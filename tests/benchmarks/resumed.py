@@ -14,7 +14,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from diagnosis.blind.judging import program
+from diagnosis.blind.running import program
 from shared.store import sha256_of
 from shared.system import load_system
 from trainer import load_run

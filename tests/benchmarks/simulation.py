@@ -36,7 +36,7 @@ from datagen.simulating.solver import Cvode
 from diagnosis import calibrate
 from diagnosis.fitting import simulations
 from diagnosis.fitting.runs import Runs
-from diagnosis.fitting.warmed import Warmed
+from diagnosis.fitting.simulations import Warmed
 from shared.system import load_system
 
 HERE = Path(__file__).resolve().parents[2]

@@ -44,7 +44,7 @@ from datagen import simulate
 from datagen.driving.tables import merge
 from datagen.simulating.simulator import Simulator
 from diagnosis.calibrating.calibration import calibrate
-from diagnosis.fitting.drive import drive
+from diagnosis.fitting.inputs import drive
 from diagnosis.fitting.problem import WARM_UP, Problem
 from diagnosis.recording import Recording, read_recording
 from diagnosis.zero_shot import estimate

@@ -10,7 +10,7 @@ from datagen import simulate
 from datagen.driving.occupancy import occupancy_prior
 from diagnosis import calibrate, diagnose, residuals
 from diagnosis.cli import app
-from diagnosis.fitting.side_by_side import InProcess
+from diagnosis.fitting.simulations import InProcess
 from diagnosis.recording import read_recording
 from shared.console import FAULT, OK, start
 from shared.errors import RecordingError

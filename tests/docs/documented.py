@@ -29,7 +29,7 @@ ELSEWHERE = {
     "diagnosis calibrate": ("diagnosis/calibrating/test_calibration.py", "test_the_command_writes_figures_and_a_page"),
     "diagnosis forecast": ("diagnosis/forecasting/test_forecast.py", "test_the_command_goes_on_from_a_calibration"),
     "diagnosis residuals": ("diagnosis/test_simulated.py", "test_the_command"),
-    "diagnosis run": ("diagnosis/gap/test_conditions.py", "test_the_command_begins_with_the_shipped_estimator"),
+    "diagnosis run": ("diagnosis/gap/test_limits.py", "test_the_command_begins_with_the_shipped_estimator"),
     "diagnosis blind make": ("diagnosis/blind/test_command.py", "test_command"),
     "diagnosis blind run": ("diagnosis/blind/test_running.py", "test_commands"),
     "diagnosis blind score": ("diagnosis/blind/test_running.py", "test_commands"),

@@ -204,7 +204,7 @@ def files(folder):
 
 def one_after_another(jobs, workers, limit, tell):
     """In place of processes, which see no patch of ours."""
-    import diagnosis.blind.working as working
+    import diagnosis.blind.running as working
 
     for job in jobs:
         working.work(job)

@@ -3,7 +3,7 @@
 import pytest
 
 import diagnosis.blind.running as running
-import diagnosis.blind.working as working
+import diagnosis.blind.running as working
 from diagnosis.blind.truth import default_truth, load_truth
 from tests.diagnosis.blind.blind_cases import hand_set
 

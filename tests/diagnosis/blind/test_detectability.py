@@ -9,15 +9,12 @@ from datagen import simulate
 from datagen.driving.sampling import sample_parameters
 from datagen.simulating.simulator import Simulator
 from diagnosis.blind.detectability import INSIDE, _colour, detectability, fitted_square
-from diagnosis.blind.draw import Case, Cause
-from diagnosis.blind.generator import Generator
+from diagnosis.blind.generator import Case, Cause, Generator, measured, published, write
 from diagnosis.blind.make import answer_of
-from diagnosis.blind.measuring import measured, published, write
 from diagnosis.blind.truth import default_truth, load_truth
 from diagnosis.effects import library
 from diagnosis.fitting.problem import Problem
-from diagnosis.gap.linear import linearised
-from diagnosis.gap.nuisances import metered
+from diagnosis.gap.linear import linearised, metered
 from diagnosis.gap.refit import SETTLED
 from diagnosis.recording import HOUR, read_recording
 from shared.errors import SimulationError

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 import diagnosis.blind.running as running
-import diagnosis.blind.working as working
+import diagnosis.blind.running as working
 from diagnosis.blind.running import run
 from diagnosis.blind.verdicts import read_withheld
 from diagnosis.cli import app

@@ -1,7 +1,20 @@
 """Answers and verdicts side by side: what of a gap can be seen is told by the sealed answers alone."""
 
+import numpy as np
+
+from diagnosis.blind.opened import steps_of
 from diagnosis.blind.scoring import score
 from tests.diagnosis.blind.blind_cases import QUIET, Case, counts, said, write_results, write_set
+
+
+def test_cells_are_read_as_they_are_written():
+    series = {"x": np.arange(48.0)}
+    cell = {"hours": "06:00-12:00", "day_type": "weekend", "regime": "x high", "rule": "x > 33.5 W/m2"}
+    start = 5 * 86400.0 - 86400.0  # Friday, then Saturday
+    assert np.flatnonzero(steps_of(cell, start, 3600.0, 48, series)).tolist() == [34, 35]
+    assert steps_of({"rule": "y > 3"}, 0.0, 3600.0, 48, series) is None
+    assert steps_of({"rule": "x = 0"}, 0.0, 3600.0, 48, series).sum() == 1
+    assert steps_of({"hours": "any", "day_type": "any", "rule": "always"}, 0.0, 3600.0, 48, series).all()
 
 
 def test_what_is_visible_depends_on_the_answers_alone(tmp_path):

@@ -3,7 +3,6 @@
 import pytest
 
 import diagnosis.blind.running as running
-import diagnosis.blind.working as working
 from diagnosis.blind.running import run
 from diagnosis.blind.scoring import score
 from shared.errors import RecordingError
@@ -12,7 +11,7 @@ from tests.diagnosis.blind.blind_cases import HandJudge, hand_set
 
 def test_a_program_that_changes_while_it_runs_is_noticed(default_system, tmp_path, monkeypatch):
     blind_set, _ = hand_set(tmp_path / "set", default_system, [3.0, 0.0, 3.0])
-    programs = iter(["first", "second"])
+    programs = iter(["first", "first", "first", "first", "second"])  # of the run, of each verdict, of the run's end
     monkeypatch.setattr(running, "program", lambda: next(programs))
     with pytest.raises(RecordingError, match="source changed while it ran"):
         run(default_system, blind_set, tmp_path / "out", workers=0, judge=HandJudge())
@@ -21,15 +20,14 @@ def test_a_program_that_changes_while_it_runs_is_noticed(default_system, tmp_pat
 def test_a_verdict_of_another_program_is_not_one_of_the_run_s(default_system, tmp_path, monkeypatch):
     """Source that was changed and changed back while it ran."""
     blind_set, answers = hand_set(tmp_path / "set", default_system, [3.0, 0.0, 3.0])
-    monkeypatch.setattr(running, "program", lambda: "program")
-    programs = iter(["program", "another", "program"])
-    monkeypatch.setattr(working, "program", lambda: next(programs))
+    programs = iter(["program", "program", "another", "program", "program"])
+    monkeypatch.setattr(running, "program", lambda: next(programs))
     out = tmp_path / "out"
     with pytest.raises(RecordingError, match=r"0001\.json: program is another, the run's program; .* of one program"):
         run(default_system, blind_set, out, workers=0, judge=HandJudge())
     with pytest.raises(RecordingError, match=r"0001\.json: program is another"):
         score(blind_set, answers, out)
     (out / "verdicts" / "0001.json").unlink()
-    monkeypatch.setattr(working, "program", lambda: "program")
+    monkeypatch.setattr(running, "program", lambda: "program")
     run(default_system, blind_set, out, workers=0, judge=HandJudge())
     score(blind_set, answers, out)

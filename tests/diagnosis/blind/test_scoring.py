@@ -302,5 +302,5 @@ def test_a_score_sees_verdicts_and_answers_and_no_more(scored):
     recordings = {f"set/recordings/{k:04}.nc" for k in range(12)}
     verdicts = {f"results/verdicts/{k:04}.json" for k in range(12)}
     assert inside == {"set/manifest.json", "set.answers.json", "results/run.json", *recordings, *verdicts}
-    assert not [name for name in found["modules"] if name.startswith(("diagnosis.gap", "diagnosis.blind.judging"))]
+    assert not [name for name in found["modules"] if name.startswith(("diagnosis.gap", "diagnosis.blind.running"))]
     assert done.recordings == 12

@@ -10,9 +10,7 @@ from datagen.driving.inputs import build_inputs
 from datagen.driving.sampling import sample_parameters
 from datagen.driving.tables import Piecewise, merge
 from datagen.simulating.simulator import Simulator
-from diagnosis.blind.faults import erring
-from diagnosis.blind.processes import Window, autoregressive, process_signal
-from diagnosis.blind.room import live
+from diagnosis.blind.room import Window, autoregressive, erring, live, process_signal
 from diagnosis.blind.truth import (
     Daily,
     Damped,

@@ -9,9 +9,8 @@ import pytest
 import xarray as xr
 
 from diagnosis.calibrating.calibration import calibrate
-from diagnosis.calibrating.schema import read_calibration
-from diagnosis.calibrating.sentences import sentences
-from diagnosis.calibrating.summary import _explained, summarise
+from diagnosis.calibrating.report import sentences
+from diagnosis.calibrating.schema import _explained, read_calibration, summarise
 from diagnosis.cli import app
 from diagnosis.recording import read_recording
 from shared.console import FAULT, OK, start

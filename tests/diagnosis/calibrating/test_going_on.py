@@ -8,8 +8,7 @@ import pytest
 from diagnosis.calibrating import calibration
 from diagnosis.calibrating.calibration import calibrate
 from diagnosis.cli import app
-from diagnosis.fitting.side_by_side import InProcess
-from diagnosis.fitting.simulations import FOLDER
+from diagnosis.fitting.simulations import FOLDER, InProcess
 from shared.console import FAULT, STOPPED, start
 
 SECOND = 1.0 / 60.0

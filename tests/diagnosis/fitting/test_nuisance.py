@@ -5,7 +5,7 @@ import pytest
 
 from datagen.driving.tables import Piecewise, merge
 from datagen.simulating.simulator import Simulator
-from diagnosis.fitting.linearisation import Marginal
+from diagnosis.fitting.linear import Marginal
 from diagnosis.fitting.nuisance import Level, Nuisance
 from diagnosis.fitting.problem import Problem
 from diagnosis.recording import read_recording

@@ -1,14 +1,77 @@
 """Simulations of a command: answered from memory or from files, never for another run, and none after its time."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from datagen.driving.tables import Piecewise, merge
-from diagnosis.fitting.run import Run
-from diagnosis.fitting.simulations import FOLDER, Kept, Simulations, key_of
-from shared.errors import SimulationError, TimeUp
+from datagen.simulating.simulator import Simulator, Trajectory
+from diagnosis.cli import app
+from diagnosis.fitting.problem import Problem
+from diagnosis.fitting.simulations import FOLDER, Cluster, Kept, Run, Simulations, Warmed, key_of, side_by_side
+from diagnosis.recording import HOUR, read_recording
+from shared.console import FAULT, start
+from shared.errors import ClusterError, SimulationError, TimeUp
+
+BEFORE, LENGTH = 48 * HOUR, 24 * HOUR
+
+
+@pytest.fixture
+def room(default_system):
+    """A simulator of the default system and a run with persons from the tenth hour of the recording on."""
+    system = default_system.with_experiment(step=HOUR, hours=LENGTH / HOUR)
+    usual = {"TDryBul": 278.0, "TSky": 268.0, "winSpe": 3.0, "TSet": 294.0}
+    signals = {one.name: Piecewise([0.0], [usual.get(one.name, 0.0)], "previous") for one in system.inputs}
+
+    def run(persons, temperature=278.0):
+        changed = {
+            one.name: Piecewise([0.0, BEFORE + 10 * HOUR], [0.0, persons], "previous")
+            for one in system.inputs
+            if one.source == "occupancy"
+        } | {"TDryBul": Piecewise([0.0], [temperature], "previous")}
+        inputs = merge(signals | changed, 0.0, BEFORE + LENGTH)
+        middle = {one.name: float(one.from_unit(0.5)) for one in system.parameters}
+        return Run(middle, inputs, start=0.0, stop=BEFORE + LENGTH, record_from=BEFORE, tolerance=1e-6)
+
+    return Simulator(system), run
+
+
+def test_two_parts_give_what_one_gives(room):
+    simulator, run = room
+    warmed = Warmed(simulator)
+    found = warmed.outputs(run(8.0))
+    assert warmed.cut is True
+    whole = simulator.run(
+        run(8.0).parameters, run(8.0).inputs, start=0.0, stop=BEFORE + LENGTH, record_from=BEFORE, tolerance=1e-6
+    ).outputs
+    accuracy = np.array([[one.accuracy] for one in simulator.system.outputs])
+    assert (np.abs(found - whole) <= 0.3 * accuracy).all()
+
+
+class Relay:
+    """What Model Exchange does not show: it counts how often it was switched, in a variable that it hides."""
+
+    def __init__(self, hidden=True):
+        counter = SimpleNamespace(variability="discrete", causality="local")
+        self.fmu = SimpleNamespace(cosimulation=False, n_states=1, variables={} if hidden else {"count": counter})
+        self.system = SimpleNamespace(outputs=[SimpleNamespace(accuracy=0.01)])
+
+    def run(self, parameters, inputs, *, start, stop, record_from=None, **_):
+        switched = 1.0 + (start > 0)
+        outputs = np.full((1, 24), switched)
+        return Trajectory(np.arange(24.0), outputs, np.empty((0, 24)), np.zeros((2, 1)), {})
+
+
+@pytest.mark.parametrize("hidden", [True, False])
+def test_an_fmu_that_remembers_more_than_its_states_is_not_cut(room, hidden):
+    _, run = room
+    warmed = Warmed(Relay(hidden))
+    assert warmed.cut is (None if hidden else False)
+    for _ in range(2):
+        np.testing.assert_array_equal(warmed.outputs(run(1.0)), np.ones((1, 24)))
+    assert warmed.cut is False
 
 
 class Counting:
@@ -118,3 +181,43 @@ def test_it_tells_every_half_minute_what_is_done_and_what_is_left(monkeypatch):
         made.map([a_run(float(k))])
     assert said[0] == "fitting" and len(said) == 4
     assert said[-1] == "fitting (92 simulations, 93 s so far, roughly 2 min left)"
+
+
+def test_without_a_worker_there_is_no_runner():
+    refused = pytest.raises(ClusterError, match="workers is 0; expected at least 1")
+    with refused, side_by_side(None, workers=0):
+        pass
+
+
+@pytest.mark.slow
+def test_both_are_not_given_to_a_fit(house, house_recording, tmp_path, capsys):
+    house("me")
+    words = [str(house("me").path), str(house_recording(hours=48)), "--out", str(tmp_path / "out")]
+    for command in ("calibrate", "run"):
+        assert start(app, [command, *words, "--workers", "4", "--scheduler", "tcp://127.0.0.1:1"]) == FAULT
+        assert "workers is given; expected one of both" in capsys.readouterr().err.replace("\n", " ")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+def test_the_same_outputs_wherever_they_are_simulated(house, house_recording):
+    from distributed import Client, LocalCluster
+
+    system = house("me")
+    record = read_recording(house_recording(hours=24), system)
+    simulator = Simulator(system)
+    cases = [(np.full(4, z), None) for z in (-1.0, 1.0)]
+
+    def outputs(runner):
+        problem = Problem(simulator, record, history=False, runner=runner)
+        return np.stack(problem.simulate_all([(z, problem.nuisance.mean) for z, _ in cases]))
+
+    with side_by_side(simulator) as runner:
+        alone = outputs(runner)
+    with side_by_side(simulator, workers=2) as runner:
+        np.testing.assert_array_equal(outputs(runner), alone)
+    with (
+        LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster,
+        Client(cluster) as client,
+    ):
+        np.testing.assert_array_equal(outputs(Cluster(system, client)), alone)

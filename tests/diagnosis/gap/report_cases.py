@@ -1,6 +1,7 @@
 """Reports that hold as much as a sentence needs."""
 
-from diagnosis.gap.schema import Detectability, NamedEffect, ParameterOf, Place, Report, SourceOf, StageOf
+from diagnosis.gap.schema import CalibratedBy, Detectability, NamedEffect, ParameterOf, Place, Report, SourceOf, StageOf
+from diagnosis.gap.verdict import Answers, Count
 
 
 def seen(**smallest):
@@ -10,10 +11,11 @@ def seen(**smallest):
     ]
 
 
-def named(name, probability=0.9, *, answer=True, amplitude=2.0):
+def named(name, probability=0.9, *, answer=True, amplitude=2.0, kind="parameter"):
     return NamedEffect(
         name=name,
         description=f"The {name} leaks",
+        kind=kind,
         probability=probability,
         named=answer,
         amplitude=amplitude,
@@ -43,6 +45,17 @@ def place(channel, kind="cell", text="room: measured higher"):
     return Place(channel=channel, cell={}, p_value=0.005, kind=kind, text=text, size=1.0, unit="K")
 
 
+WORTH = Count(what="answers", low=0, high=1, count=50, said=0.9, true=0.8)
+CALIBRATED = CalibratedBy(
+    system="room",
+    made="2026-01-01",
+    seed=7,
+    hours=168.0,
+    noise="sensor",
+    strata={"none": 50, "listed": 50},
+    answers=Answers(alarms=WORTH.model_copy(update={"true": 0.04}), named=WORTH, outside=WORTH),
+)
+
 BARE = {
     "verdict": "effect",
     "occupancy": "measured",
@@ -62,11 +75,15 @@ BARE = {
     "mistaken": 0.1,
     "assumed": {},
     "rejected": False,
+    "or_none": False,
+    "gap": True,
     "balance": "none",
     "shrinkage": [],
     "chosen_apart": True,
     "where": [],
     "stages": [None],
+    "calibrated": CALIBRATED,
+    "uncalibrated": "",
 }
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from datagen import simulate
 from diagnosis.effects import library
-from diagnosis.fitting.unknowns import Unknowns
+from diagnosis.fitting.runs import Unknowns
 from diagnosis.recording import HOUR, read_recording
 from shared.system import load_system
 

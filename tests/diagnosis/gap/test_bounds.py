@@ -10,13 +10,12 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 
 from diagnosis.effects.base import Nothing
-from diagnosis.gap.colours import Colours
-from diagnosis.gap.grams import AMPLITUDE, Grams
-from diagnosis.gap.pictures import draw_candidates
+from diagnosis.gap.evidence import evidence_before
+from diagnosis.gap.grams import AMPLITUDE, Colours, Grams
+from diagnosis.gap.limits import smallest
+from diagnosis.gap.page import draw_candidates
 from diagnosis.gap.refit import Refit
 from diagnosis.gap.scan import LEVEL, PRIORS, mass, scan
-from diagnosis.gap.searched import evidence_before
-from diagnosis.gap.seen import smallest
 from diagnosis.gap.stages import PLAIN
 from diagnosis.gap.twins import draw_twins
 from tests.diagnosis.gap.test_linear import HOUR, covariance_of, problem_of, seen

@@ -26,11 +26,11 @@ def alike(found, fresh, where=""):
 
 @pytest.mark.slow
 def test_without_a_candidate_is_what_a_fresh_diagnosis_without_it_says(house, house_recorded, tmp_path):
-    """The cause is withheld, for whose sake the base model's fit went on, and does not without it."""
+    """The cause is withheld, for whose sake a second optimum of the base model was looked for."""
     system, path = house("me"), drifting(house_recorded(tmp_path, hours=120, seed=3), by=5.0)
     effects = [one for one in candidates(system) if one.name in ("drift", "gain")]
     done = diagnose(system, path, effects=effects)
-    assert done.report.verdict == "effect"
+    assert "drift" in {one.name for one in done.report.effects if one.named}
     fresh = diagnose(system, path, effects=effects[1:])
     again = done.without(["drift"])
     assert again.report.simulations <= fresh.report.simulations - done.base.simulations  # its fit is known

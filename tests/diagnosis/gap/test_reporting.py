@@ -9,7 +9,7 @@ from diagnosis.gap.reporting import WIDE_90, _amplitude, _effects, _values
 
 NAMES = ("one", "two", "three")
 EFFECTS = {
-    name: SimpleNamespace(name=name, description="", scale=scale, lower=-100.0, upper=100.0, unit="W")
+    name: SimpleNamespace(name=name, kind="", description="", scale=scale, lower=-100.0, upper=100.0, unit="W")
     for name, scale in zip(NAMES, (1.0, 10.0, 1.0), strict=True)
 }
 

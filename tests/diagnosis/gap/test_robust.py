@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from diagnosis.effects import Nothing
-from diagnosis.fitting.side_by_side import InProcess
+from diagnosis.fitting.simulations import InProcess
 from diagnosis.gap import diagnose, diagnosed
 from shared.errors import SimulationError
 from tests.diagnosis.gap.gap_cases import candidates, drifting

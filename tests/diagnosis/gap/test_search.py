@@ -8,9 +8,9 @@ from numpy.linalg import LinAlgError
 
 from diagnosis.fitting.failures import CandidateError
 from diagnosis.gap import search as searching
-from diagnosis.gap.rivals import Rivals
+from diagnosis.gap.evidence import Search
+from diagnosis.gap.refit import Rivals
 from diagnosis.gap.search import search
-from diagnosis.gap.searched import Search
 from shared.errors import SimulationError, TimeUp
 
 COLOURS = SimpleNamespace(best={})

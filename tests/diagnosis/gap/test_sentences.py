@@ -1,14 +1,14 @@
 """Sentences of the answer, from reports that hold as much as each needs."""
 
 from diagnosis.gap.schema import ShrinkageOf
-from diagnosis.gap.sentences import summary
+from diagnosis.gap.sentences import headline, summary
 from diagnosis.gap.stages import PLAIN
 from tests.diagnosis.gap.report_cases import named, place, report, source, stage
 
 
 def test_where_there_is_no_gap_what_seemed_to_be_one_is_said():
     quiet, near, line, spot = (
-        summary(report(verdict="no_gap", no_gap=0.3, stages=[stage(*ps)], where=[place("room")]))[0]
+        summary(report(verdict="no_gap", no_gap=0.3, gap=False, stages=[stage(*ps)], where=[place("room")]))[0]
         for ps in ((0.4, 0.3), (0.4, 0.015), (0.01, 0.3), (0.4, 0.005))
     )
     assert "simulated itself (p = 0.4 over all candidates, 0.3 over all places)" in quiet
@@ -16,8 +16,23 @@ def test_where_there_is_no_gap_what_seemed_to_be_one_is_said():
     assert "a candidate stands out" in line and "none is strong evidence" in line
     assert "a place" not in line and "fan" not in line
     assert "(room: measured higher) stands out" in spot and "candidate stands out" not in spot
-    given_up = summary(report(verdict="no_gap", no_gap=0.3, stages=[stage(0.4, 0.3)], dropped=["clock"]))[0]
+    quiet = {"verdict": "no_gap", "no_gap": 0.3, "stages": [stage(0.4, 0.3)]}
+    given_up = summary(report(**quiet, gap=False, dropped=["clock"]))[0]
     assert "certain beyond noise" in given_up and "clock fits the recording much better" in given_up
+    usual = summary(report(**quiet))
+    assert "rooms without a cause look like this too often" in usual[0] and "That none acts is 30% sure" in usual[1]
+
+
+def test_no_gap_that_is_improbable_is_not_told_as_if_nothing_were_needed():
+    quiet = {"verdict": "no_gap", "gap": False, "stages": [stage(0.4, 0.3)]}
+    assert summary(report(**quiet, no_gap=0.33))[1].endswith("no effect is named. That none acts is only 33% sure.")
+    assert "no effect is needed. That none acts is 80% sure" in summary(report(**quiet, no_gap=0.8))[1]
+
+
+def test_a_headline_of_two_effects_tells_them_apart():
+    effects = [named("valve", 0.9), named("fan", 0.3), named("lamp", 0.2)]
+    done = report(verdict="ambiguous", effects=effects, sets=[["valve"], ["fan", "lamp"]])
+    assert headline(done) == "2 causes: valve (90%); and one of fan (30%), lamp (20%)."
 
 
 def test_the_answer_says_what_where_and_how_far_in_words():
@@ -102,7 +117,7 @@ def test_what_no_candidate_explains_is_said_of_the_nearest_only():
         "none_of_these": 0.61,
         "effects": [named(name, 0.01, answer=False) for name in ("most", "valve")],
     }
-    _, which, far = summary(report(**other, shrinkage=[gone], stages=fitted))
+    _, which, far = summary(report(**other, shrinkage=[gone], stages=fitted, rejected=True))
     assert "none of the 2 candidates explains it; the nearest is valve, which is rejected on its own bootstrap" in which
     assert "That the cause is none of them is 61% sure" in which
     assert "held-out days, even the nearest (valve) removes 10% in room" in far
@@ -136,14 +151,20 @@ def test_too_few_readings_to_tell_how_far_are_not_called_a_gap_that_does_not_sta
     assert "no channel's gap stands out" in far and "too few" not in far
 
 
-def test_of_a_set_of_many_the_foremost_are_said():
-    effects = [named(name, 0.1) for name in "abcdefgh"]
+def test_a_set_of_many_is_told_as_groups_and_by_the_foremost():
+    kinds = {"a": "sensor", "b": "sensor", "c": "input", "h": "own"}
+    effects = [named(name, 0.1, kind=kinds.get(name, "shaped")) for name in "abcdefgh"]
+    groups = "4 things in the room, 2 errors of sensors, 1 input that was not as recorded, 1 other"
     stages = [stage(0.01, 0.01), stage(0.5, 0.5, ["a"])]
     sets = [list("abcdefgh"), list("de")]
     which = summary(report(verdict="ambiguous", effects=effects, sets=sets, stages=stages))[1]
-    few = ", ".join(f"{name} (10%)" for name in "abcdef")
+    few = ", ".join(f"{name} (10%)" for name in "abc")
+    assert headline(report(verdict="ambiguous", effects=effects, sets=sets[:1])) == (
+        f"One of 8 causes that cannot be told apart: {groups}. Foremost: {few}."
+    )
     assert which == (
-        f"Which: one of 8, foremost {few} and one of d (10%), e (10%); the recording cannot tell these apart."
+        f"Which: one of 8 ({groups}), foremost {few} and one of d (10%), e (10%); the recording cannot tell these"
+        " apart."
         " That one of these causes at least is among them is 90% sure."
     )
     left = report(verdict="ambiguous", effects=effects, sets=sets, stages=stages, rejected=True)

@@ -6,12 +6,11 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from diagnosis.pictures import as_png
+from diagnosis.curves import as_png
 from diagnosis.where import Regime, Residuals, locate
 from diagnosis.where.correlation import scan_correlations
 from diagnosis.where.episodes import _refined, scan_episodes
-from diagnosis.where.pictures import draw_cells, draw_correlations
-from diagnosis.where.timelines import draw_episodes, draw_sources
+from diagnosis.where.pictures import draw_cells, draw_correlations, draw_episodes, draw_sources
 from tests.diagnosis.where.where_cases import first_order, heat, twins, wander, with_observed
 
 STEPS, PER = 336, 4

@@ -4,12 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from diagnosis.where.colour import fit_colour, whiten
-from diagnosis.where.inverse import decompose
-from diagnosis.where.source import FAINT, OTHERWISE
-from diagnosis.where.sources import MEMORIES, _findings, scan_sources
-from diagnosis.where.timelines import draw_sources
-from diagnosis.where.whitened import whitened
+from diagnosis.where.pictures import draw_sources
+from diagnosis.where.series import fit_colour, whiten, whitened
+from diagnosis.where.sources import FAINT, MEMORIES, OTHERWISE, _findings, decompose, scan_sources
 from tests.diagnosis.where.where_cases import first_order, heat, twins, wander, with_observed
 
 STEPS, PER = 336, 2

@@ -1,0 +1,297 @@
+"""From evidence to an answer: no gap, a cause, causes that cannot be told apart, or none of these.
+
+Probabilities are those of a conditional logit (McFadden 1974, Frontiers in Econometrics, 105-142) over the hypotheses
+that nothing acts, that the cause is no candidate, and each candidate. A candidate's log evidence counts by a power
+(Gruenwald 2012, ALT 23:169), because a true cause acts by a law that is not quite its candidate's. The weights and the
+limits of an answer are those of a system's ``verdict.json``, which ``diagnosis farm`` fits to recordings whose cause it
+knows: no number of them stands here.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from scipy.special import logsumexp
+
+from diagnosis.effects import Effect
+from diagnosis.gap.evidence import Evidence
+from shared.errors import RecordingError
+from shared.reading import read_json, validated
+from shared.shipped import USUAL, shipped_systems
+from shared.system import System
+
+Verdict = Literal["effect", "ambiguous", "none_of_these", "no_gap", "unfinished"]
+SCHEMA_VERSION = 1
+FILE_NAME = "verdict.json"
+NOTHING = ("one", "best", "gap", "p", "before", "unsettled", "uncounted", "replay")
+"""What the odds of no gap depend on, by the names of :func:`features`."""
+NONE = ("one", "best", "left", "rejected", "unexplained", "replay")
+"""What those of a cause that is no candidate depend on."""
+LIKELY = 0.5
+"""A gap that the tests find is answered where no gap is less probable than this."""
+POOLED = "all"
+"""The condition that stands for all, where one has too few recordings for limits of its own."""
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Count(_Table):
+    """Of so many answers, what was said and what was true, on average."""
+
+    what: str
+    low: float
+    high: float
+    count: int
+    said: float
+    true: float
+
+
+class Answers(_Table):
+    """What answers were worth: ``alarms`` to recordings without a cause, what was ``named``, causes ``outside``."""
+
+    alarms: Count
+    named: Count
+    outside: Count
+
+
+def _known(weights: dict[str, float]) -> dict[str, float]:
+    if unknown := weights.keys() - {*NOTHING, *NONE}:
+        raise ValueError(f"{', '.join(sorted(unknown))} is no feature; expected some of {', '.join((*NOTHING, *NONE))}")
+    return weights
+
+
+Weights = Annotated[dict[str, float], AfterValidator(_known)]
+
+
+class Verdicts(_Table):
+    """``verdict.json``: how a system's evidence becomes an answer, and what that was worked out on.
+
+    ``nothing`` and ``none``: weights of :data:`NOTHING` and :data:`NONE`; ``power`` of the candidates' evidence.
+    ``held``, by :func:`condition`: a candidate, and none of these, is in the answer's set from this probability on; of
+    the answers to a gap that has a cause, the set then holds what is true in a share ``cover``, about. ``second``: how
+    often a second effect that is named is a cause. ``strata``: recordings by what they were. ``reliability`` and
+    ``answers`` are of recordings that took no part in weights and limits. ``candidates_sha256`` is of all that
+    candidates are.
+    """
+
+    schema_version: int = SCHEMA_VERSION
+    system: str
+    system_hash: str
+    fmu_sha256: str
+    uncertain_sha256: str
+    candidates_sha256: str
+    version: str
+    made: str
+    hours: float
+    noise: str
+    seed: int
+    strata: dict[str, int]
+    nothing: Weights
+    none: Weights
+    power: float = Field(gt=0)
+    second: float = Field(ge=0, le=1)
+    held: dict[str, float]
+    cover: float = Field(ge=0, le=1)
+    reliability: list[Count]
+    answers: Answers
+
+    @property
+    def recordings(self) -> int:
+        """How many recordings the weights were fitted to."""
+        return sum(self.strata.values())
+
+
+@dataclass(frozen=True)
+class Probabilities:
+    """Of no gap, of none of these, and of each candidate, which sum to one.
+
+    ``beside``: of a second effect's candidates, given that one of them is a cause.
+    """
+
+    nothing: float
+    none: float
+    causes: dict[str, float]
+    beside: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Decision:
+    """The answer.
+
+    ``probabilities`` by candidate that it is a cause, ``none`` that the cause is none of them and ``nothing`` that
+    there is no gap; for a single cause they sum to 1. ``mistaken``: probability that no cause is among what is named
+    first. ``named`` are the effects of the answer, ``sets`` one for each effect found; ``or_none``: whether none of
+    these is in the set, too. ``gap``: whether tests find a gap; ``rejected``: whether one is left beside the effects.
+    """
+
+    verdict: Verdict
+    probabilities: dict[str, float]
+    none: float
+    nothing: float
+    mistaken: float
+    named: tuple[str, ...]
+    sets: tuple[tuple[str, ...], ...]
+    or_none: bool
+    gap: bool
+    rejected: bool
+
+
+def candidates_sha256(effects: Sequence[Effect]) -> str:
+    """The sha256 of what candidates are: of declared ones the declaration, of others what they say of themselves."""
+    said = []
+    for one in effects:
+        spec = getattr(one, "spec", None)
+        declared = spec.model_dump(mode="json") if isinstance(spec, BaseModel) else {}
+        said.append([one.name, one.kind, one.unit, one.scale, one.lower, one.upper, declared])
+    return hashlib.sha256(json.dumps(said, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def verdicts_of(system: System, effects: Sequence[Effect], fmu_sha256: str, noise: str) -> tuple[Verdicts, str]:
+    """How a system's evidence becomes an answer, and, where that was worked out on something else, what ("" if not).
+
+    It is the file beside the system's description, if that is of this system; otherwise that of the default system.
+
+    Parameters
+    ----------
+    effects
+        All candidates of the system.
+    noise
+        The preset that a recording is diagnosed with.
+
+    Raises
+    ------
+    RecordingError
+        If a file cannot be read.
+    """
+    path = system.path.parent / FILE_NAME
+    why = f"{FILE_NAME} is missing beside {system.path.name}"
+    if path.is_file():
+        found = read_verdicts(path)
+        others = {
+            "version of the description": (found.system_hash, system.hash()),
+            "version of the FMU": (found.fmu_sha256, fmu_sha256),
+            "choice of candidates": (found.candidates_sha256, candidates_sha256(effects)),
+            "noise preset": (found.noise, noise),
+        }
+        differing = [what for what, (of_file, here) in others.items() if of_file != here]
+        if differing != ["version of the description"] or found.system == system.name:
+            return found, f"{FILE_NAME} is of another {', '.join(differing)}" if differing else ""
+        why = f"{FILE_NAME} is of {found.system}"
+    return read_verdicts(shipped_systems()[USUAL] / FILE_NAME), why
+
+
+def read_verdicts(path: Path) -> Verdicts:
+    """Read ``verdict.json``.
+
+    Raises
+    ------
+    RecordingError
+        If it is no such file.
+    """
+    expected = "a file of `diagnosis farm`"
+    return validated(Verdicts, read_json(path, RecordingError, expected), f"{path}", RecordingError, expected)
+
+
+def condition(evidence: Evidence) -> str:
+    """What could be measured: whether actuators were replayed and persons counted."""
+    return f"{'replay' if evidence.replay else 'control'}, {'counted' if evidence.counted else 'not counted'}"
+
+
+def limit(limits: Mapping[str, float], evidence: Evidence) -> float:
+    """The limit of a recording's condition, or that of all."""
+    return limits.get(condition(evidence), limits[POOLED])
+
+
+def features(evidence: Evidence) -> dict[str, float]:
+    """What the odds of no gap and of no candidate depend on, each of order one."""
+    best = max(evidence.candidates.values(), default=0.0)
+    return {
+        "one": 1.0,
+        "best": float(np.log1p(max(best, 0.0))),
+        "gap": float(evidence.gap),
+        "p": float(-np.log10(max(min(evidence.p_values.values(), default=1.0), 1e-4))),
+        "unsettled": float(not evidence.converged),
+        "before": float(np.log1p(max(evidence.before, 0.0))),
+        "left": float(np.log1p(max(evidence.left, 0.0))),
+        "rejected": float(evidence.rejected),
+        "unexplained": float(evidence.gap and evidence.searched and not evidence.chosen),
+        "replay": float(evidence.replay),
+        "uncounted": float(not evidence.counted),
+    }
+
+
+def probabilities(
+    evidence: Evidence, nothing: Mapping[str, float], none: Mapping[str, float], power: float
+) -> Probabilities:
+    """Of every hypothesis, by the weights of a conditional logit.
+
+    Where there is no candidate, there is no gap or the cause is none of them.
+    """
+    known = features(evidence)
+    values = np.array([*evidence.candidates.values()])
+    odds = [sum(weight * known[name] for name, weight in nothing.items())]
+    odds += [sum(weight * known[name] for name, weight in none.items())]
+    odds += (power * (values - values.max())).tolist() if len(values) else []
+    chance = np.exp(np.array(odds) - logsumexp(odds)).tolist()
+    second = power * np.array([*evidence.beside.values()])
+    beside = np.exp(second - logsumexp(second)).tolist() if len(second) else []
+    return Probabilities(
+        chance[0],
+        chance[1],
+        dict(zip(evidence.candidates, chance[2:], strict=True)),
+        dict(zip(evidence.beside, beside, strict=True)),
+    )
+
+
+def decide(evidence: Evidence, by: Verdicts) -> Decision:
+    """The answer that evidence gives."""
+    chance = probabilities(evidence, by.nothing, by.none, by.power)
+    held, beside = limit(by.held, evidence), chance.beside
+
+    def answer(verdict: Verdict, *sets: tuple[str, ...]) -> Decision:
+        named = tuple(dict.fromkeys(name for one in sets for name in one))
+        causes = dict(chance.causes)
+        for name, p in beside.items() if sets else ():  # as the one or as the other: it is not both
+            causes[name] = min(causes.get(name, 0.0) + by.second * p, 1 - chance.none - chance.nothing)
+        first = sum(chance.causes.get(name, 0.0) for name in sets[0]) if sets else 0.0
+        return Decision(
+            verdict,
+            causes,
+            chance.none,
+            chance.nothing,
+            1 - first,
+            named,
+            sets,
+            or_none=bool(sets) and chance.none >= held,
+            gap=evidence.gap,
+            rejected=evidence.rejected,
+        )
+
+    if not evidence.gap:
+        return answer("no_gap")
+    if not evidence.searched:
+        return answer("unfinished")
+    if chance.nothing >= LIKELY:
+        return answer("no_gap")
+    if not evidence.chosen or chance.none > sum(chance.causes.values()):
+        return answer("none_of_these")
+    sets = [held_by(chance.causes, evidence.chosen[:1], held)]
+    if len(evidence.chosen) > 1:
+        sets.append(held_by(beside, evidence.chosen[1:2], held))
+    return answer("effect" if all(len(one) == 1 for one in sets) else "ambiguous", *sets)
+
+
+def held_by(chance: Mapping[str, float], chosen: tuple[str, ...], least: float) -> tuple[str, ...]:
+    """Candidates from a probability on, the most probable first; what was chosen is always among them."""
+    order = sorted(chance, key=lambda name: -chance[name])
+    names = tuple(name for name in order if chance[name] >= least)
+    return (*names, *(name for name in chosen if name not in names))

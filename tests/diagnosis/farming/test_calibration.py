@@ -1,0 +1,121 @@
+"""A verdict calibrated by rows that are made up by known weights."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.farming.calibration import COVER, calibrated, fitted
+from diagnosis.farming.rows import Row, Rows
+from diagnosis.gap.evidence import Evidence
+from diagnosis.gap.verdict import NONE, NOTHING, decide, probabilities
+from shared.errors import RecordingError
+
+NAMES = tuple(f"candidate.{k}" for k in range(6))
+ABOUT = {
+    "system": "room",
+    "system_hash": "-",
+    "fmu_sha256": "-",
+    "uncertain_sha256": "-",
+    "candidates_sha256": "-",
+    "version": "0",
+    "hours": 168.0,
+    "noise": "sensor",
+    "seed": 3,
+}
+TRUE = {
+    "nothing": {"one": 1.0, "best": -0.5, "gap": -1.5},
+    "none": {"one": -1.0, "left": 0.6},
+    "power": 0.4,
+}
+
+
+def rows(count, seed):
+    """Evidence at random, and what was true drawn by the probabilities that the weights give it."""
+    rng = np.random.default_rng(seed)
+    made = []
+    for index in range(count):
+        gap = rng.random() < 0.6
+        values = np.sort(rng.normal(10.0 if gap else -2.0, 6.0, len(NAMES)))[::-1]
+        evidence = Evidence(
+            replay=bool(rng.random() < 0.3),
+            counted=bool(rng.random() < 0.5),
+            converged=True,
+            gap=gap,
+            searched=True,
+            candidates=dict(zip(rng.permutation(NAMES).tolist(), values.tolist(), strict=True)),
+            beside={},
+            chosen=(),
+            rejected=False,
+            before=float(rng.exponential(20.0)),
+            left=float(rng.exponential(5.0)),
+            p_values={},
+        )
+        evidence = replace(evidence, chosen=(next(iter(evidence.candidates)),) if gap else ())
+        chance = probabilities(evidence, **TRUE)
+        what = rng.choice(["none", "outside", *chance.causes], p=[chance.nothing, chance.none, *chance.causes.values()])
+        stratum = str(what) if what in ("none", "outside") else "listed"
+        true = () if what in ("none", "outside") else (str(what),)
+        made.append(Row(index, stratum, true, "", 1.0, evidence, 1.0, 1))
+    return tuple(made)
+
+
+def test_weights_that_made_the_rows_are_found_again():
+    weights = fitted(rows(3000, seed=1))
+    assert np.exp(weights[0]) == pytest.approx(TRUE["power"], rel=0.15)
+    nothing = dict(zip(NOTHING, weights[1 : 1 + len(NOTHING)].tolist(), strict=True))
+    none = dict(zip(NONE, weights[1 + len(NOTHING) :].tolist(), strict=True))
+    off = []
+    for row in rows(300, seed=7):
+        found = probabilities(row.evidence, nothing, none, float(np.exp(weights[0])))
+        made = probabilities(row.evidence, **TRUE)
+        off.append((abs(found.nothing - made.nothing), abs(found.none - made.none)))
+    assert np.mean(off, axis=0).max() < 0.03
+
+
+def test_limits_hold_on_rows_that_took_no_part():
+    """Sets hold in 90 %, and what is told of alarms and names is so of others, by the binomial spread."""
+    by = calibrated(Rows(ABOUT, rows(1500, seed=2)))
+    others = rows(3000, seed=4)
+    done = [decide(row.evidence, by) for row in others]
+    alarms = [one.verdict != "no_gap" for one, row in zip(done, others, strict=True) if row.stratum == "none"]
+    assert by.answers.alarms.true == pytest.approx(np.mean(alarms), abs=2 / np.sqrt(by.answers.alarms.count))
+    caused = [
+        (one, row)
+        for one, row in zip(done, others, strict=True)
+        if one.verdict in ("effect", "ambiguous") and row.stratum != "none"
+    ]
+    held = [one.or_none if row.stratum == "outside" else row.true[0] in one.named for one, row in caused]
+    assert np.mean(held) > COVER - 0.05
+    named = [any(name in row.true for name in one.named) for one, row in zip(done, others, strict=True) if one.named]
+    assert by.answers.named.true == pytest.approx(np.mean(named), abs=2 / np.sqrt(by.answers.named.count))
+
+
+def test_what_is_said_is_what_is_true_bin_by_bin():
+    by = calibrated(Rows(ABOUT, rows(1500, seed=5)))
+    for one in by.reliability:
+        spread = np.sqrt(one.said * (1 - one.said) / one.count)
+        assert abs(one.said - one.true) < 4 * spread + 0.02
+
+
+def test_a_cause_that_is_found_as_a_second_effect_is_in_the_answer():
+    """Sets hold what is true in either of both: limits do not fall to nothing for it."""
+
+    def second(row):
+        if row.stratum != "listed" or row.index % 4:
+            return row
+        other = {name: one for name, one in row.evidence.candidates.items() if name not in row.true}
+        chosen = (next(iter(other)), *row.true)
+        return replace(row, evidence=replace(row.evidence, candidates=other, beside={row.true[0]: 20.0}, chosen=chosen))
+
+    some = rows(600, seed=8)
+    by, before = calibrated(Rows(ABOUT, tuple(map(second, some)))), calibrated(Rows(ABOUT, some))
+    assert by.held["all"] > 0.5 * before.held["all"] > 0.0
+    assert by.none["one"] < before.none["one"] + 0.5  # it is no cause that nobody describes
+
+
+@pytest.mark.parametrize("strata", [("none",) * 24 + ("listed",) * 60, ("none",) * 60])
+def test_too_few_recordings_are_not_calibrated_by(strata):
+    some = tuple(replace(row, stratum=one) for row, one in zip(rows(len(strata), seed=6), strata, strict=True))
+    with pytest.raises(RecordingError, match="expected at least 25 of these and some with one"):
+        calibrated(Rows(ABOUT, some))

@@ -1,0 +1,170 @@
+"""From evidence to probabilities and an answer."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.effects import library
+from diagnosis.gap.evidence import Evidence
+from diagnosis.gap.verdict import (
+    FILE_NAME,
+    Answers,
+    Count,
+    Verdicts,
+    candidates_sha256,
+    decide,
+    probabilities,
+    read_verdicts,
+    verdicts_of,
+)
+from shared.errors import RecordingError
+from shared.shipped import shipped_systems
+
+QUIET = Evidence(
+    replay=False,
+    counted=True,
+    converged=True,
+    gap=False,
+    searched=True,
+    candidates={"one": -1.0, "two": -2.0},
+    beside={},
+    chosen=(),
+    rejected=False,
+    before=0.0,
+    left=0.0,
+    p_values={},
+)
+LOUD = replace(QUIET, gap=True, candidates={"one": 50.0, "two": 48.0, "three": 1.0}, chosen=("one",), before=60.0)
+WORTH = Count(what="answers", low=0, high=1, count=10, said=0.9, true=0.8)
+BY = Verdicts(
+    system="room",
+    system_hash="-",
+    fmu_sha256="-",
+    uncertain_sha256="-",
+    candidates_sha256="-",
+    version="0",
+    made="2026-01-01",
+    hours=168.0,
+    noise="sensor",
+    seed=1,
+    strata={"none": 40, "listed": 60},
+    nothing={"one": 3.0, "gap": -2.0, "best": -1.0},
+    none={"one": -1.0, "left": 1.0, "rejected": 1.0},
+    power=0.5,
+    second=0.6,
+    held={"all": 0.2},
+    cover=0.9,
+    reliability=[WORTH],
+    answers=Answers(alarms=WORTH, named=WORTH, outside=WORTH),
+)
+
+
+def whole(done):
+    assert done.none + done.nothing + sum(done.probabilities.values()) == pytest.approx(1.0)
+
+
+def test_probabilities_are_those_of_a_conditional_logit():
+    """By hand: the best candidate has odds of one, the others by the power of their evidence."""
+    found = probabilities(LOUD, BY.nothing, BY.none, BY.power)
+    odds = np.array([np.exp(3.0 - 2.0 - np.log1p(50.0)), np.exp(-1.0), 1.0, np.exp(-1.0), np.exp(-24.5)])
+    expected = odds / odds.sum()
+    assert [found.nothing, found.none, *found.causes.values()] == pytest.approx(expected.tolist())
+
+
+def test_without_candidates_the_cause_is_none_of_them_or_there_is_no_gap():
+    found = probabilities(replace(QUIET, candidates={}), BY.nothing, BY.none, BY.power)
+    assert found.causes == {}
+    assert found.nothing + found.none == pytest.approx(1.0)
+    assert decide(replace(LOUD, candidates={}, chosen=(), left=60.0), BY).verdict == "none_of_these"
+
+
+@pytest.mark.parametrize(
+    ("evidence", "verdict", "named"),
+    [
+        (QUIET, "no_gap", ()),
+        (LOUD, "ambiguous", ("one", "two")),
+        (replace(LOUD, candidates={"one": 50.0, "two": 30.0}), "effect", ("one",)),
+        (replace(LOUD, candidates={"one": 30.0, "two": 50.0}), "ambiguous", ("two", "one")),  # what is told is in it
+        (replace(LOUD, left=60.0, rejected=True), "none_of_these", ()),
+        (replace(LOUD, chosen=()), "none_of_these", ()),
+        (replace(LOUD, candidates={"one": 0.1}), "no_gap", ()),  # no gap is more probable than the limit
+    ],
+)
+def test_the_answer_follows_the_probabilities_and_the_limits(evidence, verdict, named):
+    done = decide(evidence, BY)
+    assert (done.verdict, done.named) == (verdict, named)
+    assert done.mistaken == pytest.approx(1 - sum(done.probabilities[name] for name in named))
+    whole(done)
+
+
+def test_a_gap_whose_cause_nobody_looked_for_is_of_no_candidate():
+    done = decide(replace(LOUD, searched=False), BY)
+    assert (done.verdict, done.named, done.sets) == ("unfinished", (), ())
+    whole(done)
+
+
+def test_none_of_these_is_answered_where_it_is_more_probable_than_all_candidates_together():
+    """Candidates that look alike share what is theirs."""
+    alike = replace(LOUD, candidates={f"{k}": 50.0 for k in range(4)}, chosen=("0",), left=6.0)
+    done = decide(alike, BY.model_copy(update={"held": {"all": 0.05}}))
+    assert max(done.probabilities.values()) < done.none < sum(done.probabilities.values())
+    assert (done.verdict, done.or_none) == ("ambiguous", True)
+    assert decide(replace(alike, left=60.0), BY).verdict == "none_of_these"
+
+
+def test_a_condition_with_limits_of_its_own_is_held_to_them():
+    others = BY.model_copy(update={"held": {"all": 0.2, "replay, counted": 0.999}})
+    wide = decide(LOUD, BY)
+    assert decide(LOUD, others) == wide
+    assert len(decide(replace(LOUD, replay=True), others).named) == 1 < len(wide.named)
+    assert decide(replace(LOUD, replay=True, counted=False), others).named == wide.named
+
+
+def test_of_two_effects_the_second_is_as_sure_as_such_seconds_were():
+    both = replace(
+        LOUD, candidates={"one": 50.0, "three": 20.0}, beside={"two": 30.0, "three": 10.0}, chosen=("one", "two")
+    )
+    done = decide(both, BY)
+    assert (done.verdict, done.sets) == ("effect", (("one",), ("two",)))
+    assert done.probabilities["two"] == pytest.approx(BY.second, abs=0.001)
+    alike = replace(both, beside={"two": 30.0, "three": 30.0})
+    assert decide(alike, BY).sets == (("one",), ("two", "three"))
+    whole(decide(replace(both, candidates={"one": 0.1}), BY))  # no gap: nothing of a second
+
+
+def test_a_system_without_a_file_of_its_own_is_told_whose_probabilities_it_gets(default_system, tmp_path):
+    folder = tmp_path / "house"
+    folder.mkdir()
+    moved = default_system.model_copy(update={"path": folder / "system.toml"})
+    effects = library(default_system)
+    shipped = read_verdicts(shipped_systems()["MixedAirCO2"] / FILE_NAME)
+    assert verdicts_of(default_system, effects, shipped.fmu_sha256, "sensor") == (shipped, "")
+    found, why = verdicts_of(moved, effects, "-", "sensor")
+    assert found == shipped
+    assert "verdict.json is missing" in why
+    (folder / FILE_NAME).write_text(BY.model_dump_json(), encoding="utf-8")
+    assert verdicts_of(moved, effects, "-", "sensor") == (
+        BY,
+        "verdict.json is of another version of the description, choice of candidates",
+    )
+    other = BY.model_copy(update={"system_hash": moved.hash(), "candidates_sha256": candidates_sha256(effects)})
+    (folder / FILE_NAME).write_text(other.model_dump_json(), encoding="utf-8")
+    assert verdicts_of(moved, effects, "-", "sensor") == (other, "")
+    assert "FMU, noise preset" in verdicts_of(moved, effects, "+", "clean")[1]
+
+
+def test_a_file_of_something_else_is_refused_by_its_name(tmp_path):
+    path = tmp_path / FILE_NAME
+    path.write_text(json.dumps(BY.model_dump(mode="json") | {"power": -1.0}), encoding="utf-8")
+    with pytest.raises(RecordingError, match=r"verdict\.json: power.*diagnosis farm"):
+        read_verdicts(path)
+
+
+def test_the_shipped_verdict_is_of_the_shipped_system_and_says_what_it_was_worked_out_on(default_system):
+    found = read_verdicts(default_system.path.parent / FILE_NAME)
+    assert found.system_hash == default_system.hash()
+    assert found.strata["none"] >= 25
+    assert found.recordings > found.strata["none"]
+    assert found.answers.alarms.count == found.strata["none"]
