@@ -10,7 +10,7 @@ from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from shared.numbers import number
+from shared.numbers import chance, number
 from shared.variables import spaced
 
 
@@ -40,15 +40,6 @@ def percent(value: float | None, decimals: int = 1) -> str:
         return "–"
     text = f"{value:.{decimals}%}"
     return text[1:] if text.startswith("-") and float(text[:-1]) == 0 else text
-
-
-def chance(value: float) -> str:
-    """A probability: what some hundred recordings have told is never certain.
-
-    >>> chance(0.93), chance(0.9999)
-    ('93%', 'over 99%')
-    """
-    return "over 99%" if value > 0.99 else "under 1%" if value < 0.01 else f"{value:.0%}"
 
 
 def within_sentence(text: str) -> str:

@@ -5,7 +5,7 @@ WARM_UP = 240.0
 STARTS = 3
 """Of a calibration."""
 
-
 LEVEL = 0.9
+"""Of the intervals that answers tell: central ones."""
 HALF_WIDTH = 1.645
 """Half of such an interval's width where the distribution is normal [standard deviations]."""

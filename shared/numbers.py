@@ -31,3 +31,12 @@ def number(value: float | None, digits: int = 4, *, signed: bool = False) -> str
 def counted(count: int, noun: str, plural: str | None = None) -> str:
     """A count with its noun: "1 system", "2 systems"; ``plural`` where it is not the noun with an s."""
     return f"{count} {noun if count == 1 else plural or f'{noun}s'}"
+
+
+def chance(value: float) -> str:
+    """A probability: what some hundred recordings have told is never certain.
+
+    >>> chance(0.93), chance(0.9999)
+    ('93%', 'over 99%')
+    """
+    return "over 99%" if value > 0.99 else "under 1%" if value < 0.01 else f"{value:.0%}"

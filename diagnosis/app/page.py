@@ -36,10 +36,10 @@ from diagnosis.curves import readable, shown
 from diagnosis.forecasting.forecasted import Forecast
 from diagnosis.gap.schema import read_report
 from diagnosis.gap.sentences import headline
-from diagnosis.pages import chance, long_named
+from diagnosis.pages import long_named
 from shared.errors import RecordingError, ZeroshotError
 from shared.netcdf import read_netcdf
-from shared.numbers import number
+from shared.numbers import chance, number
 from shared.reading import MIB
 from shared.variables import spaced
 

@@ -10,11 +10,10 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from diagnosis.options import PLAIN, Fitting
-from diagnosis.pages import chance
 from diagnosis.usual import WARM_UP
 from shared.console import OK, NotNegative, Place, new_console, resumable
 from shared.logs import USUAL, Reporting
-from shared.numbers import counted, number
+from shared.numbers import chance, counted, number
 from shared.progress import stages
 from shared.stretches import LONGEST, Stretch
 from shared.watchdog import PATIENT, Patience

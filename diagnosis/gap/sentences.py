@@ -11,8 +11,8 @@ from diagnosis.fitting.failures import NO_TIME
 from diagnosis.gap.schema import FEWEST, HOW_FAR, VERDICTS, NamedEffect, Report, ShrinkageOf
 from diagnosis.gap.stages import LEVEL, PLAIN
 from diagnosis.gap.verdict import LIKELY
-from diagnosis.pages import chance, long_named, percent, within_sentence
-from shared.numbers import counted, number
+from diagnosis.pages import long_named, percent, within_sentence
+from shared.numbers import chance, counted, number
 from shared.variables import spaced
 
 NEEDED = 0.05

@@ -29,9 +29,9 @@ import trainer
 from datagen.driving.inputs import build_inputs
 from diagnosis import diagnose
 from diagnosis.gap import Report
-from diagnosis.pages import chance
 from fmus.build import write_zip
 from fmus.toolchain import BINARIES, compile_binary, native_platform
+from shared.numbers import chance
 from shared.system import System, load_system
 
 HERE = Path(__file__).resolve().parent
