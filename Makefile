@@ -56,9 +56,9 @@ wheels: $(READY)
 	ZEROSHOT_PYTHONS="$(PYTHONS)" $(BIN)/python -m pytest -rA tests/packaging tests/docker/test_images.py
 
 # check has run some tests already; the tests of a file stay together, so that what they share is made once,
-# and tests/conftest.py has the longest files first. Four processes on two cores: farms and installations are waited for
+# and tests/conftest.py has the longest files first. Three processes on two cores: farms and installations are waited for
 test: check
-	$(BIN)/python -m pytest -n 4 --dist loadgroup --no-loadscope-reorder $(CHECKED:%=--ignore=%)
+	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder $(CHECKED:%=--ignore=%)
 
 clean:
 	rm -rf demo paper .mypy_cache .ruff_cache .pytest_cache build dist *.egg-info

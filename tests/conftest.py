@@ -41,22 +41,34 @@ LONGEST = (
 keeps a process busy when the others have nothing left to do."""
 
 
-TOGETHER = ("drifted", "results", "calibrated")
-"""Fixtures of a session that take long to make: all files that use one of them go to the same process."""
+TOGETHER = {
+    "drifted": ("gap/test_gap.py", "gap/test_page.py", "gap/test_shrinkage.py"),
+    "results": ("benchmarking/test_running.py", "benchmarking/test_results.py"),
+    "calibrated": ("calibrating/test_given.py", "calibrating/test_report.py", "calibrating/test_calibration.py"),
+}
+"""Fixtures of a session that take long to make: files that use one of them go to the same process."""
 
 
-@pytest.hookimpl(tryfirst=True)  # xdist reads the groups
 def pytest_collection_modifyitems(items):
-    """Sort by file alone: within a file, and among all other files, the order stays. A file is dealt out as a whole."""
+    """Sort by file alone: within a file, and among all other files, the order stays."""
     place = {ROOT / "tests" / name: k for k, name in enumerate(LONGEST)}
     items.sort(key=lambda item: place.get(item.path, len(place)))
-    groups = {}
-    for item in items:
-        for name in {*TOGETHER} & {*getattr(item, "fixturenames", ())}:
-            groups[item.path] = name
-    for item in items:
-        group = groups.get(item.path, item.path.relative_to(ROOT).as_posix())
-        item.add_marker(pytest.mark.xdist_group(group))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """A file is dealt out as a whole, with those that share a fixture: what tests share is made once.
+
+    The marks of ``--dist loadgroup`` do not reach xdist 3.8 from pytest 9.2.
+    """
+    from xdist.scheduler import LoadFileScheduling
+
+    class ByFixture(LoadFileScheduling):
+        def _split_scope(self, nodeid):
+            file = super()._split_scope(nodeid)
+            return next((name for name, files in TOGETHER.items() if file.endswith(files)), file)
+
+    return ByFixture(config, log)
 
 
 @pytest.fixture(scope="session", autouse=True)

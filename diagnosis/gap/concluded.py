@@ -177,7 +177,7 @@ def concluded(
         where_left = attempt("what is left, and where", lambda: place(found.last, whole.observed, []), None)
     left = gap_found(found.last, (where_left or where).p_value)
     evidence = evidence_of(found, gap_found(first, where.p_value, found.confirmed), left, where.p_value)
-    decision = decide(evidence, by[0])
+    decision = decide(evidence, by[0], own=not by[1])
     if found.chosen and decision.verdict == "no_gap":
         dropped = tuple(one.name for one in found.chosen)
         found, where_left = replace(found, stages=[first], refits=[], settled=[], dropped=dropped), None

@@ -148,10 +148,10 @@ def _which(report: Report) -> str:
         otherwise = ": one of them may act by another law than described" if tried else ""
         rejected = ", which is rejected on its own bootstrap replicates" if report.rejected else ""
         nearest = f"; the nearest is {chosen}{rejected}" if chosen else ""
-        return (
-            f"Which: none of the {tried} candidates explains it{nearest}. That the cause is none of them"
-            f" is {chance(report.none_of_these)} sure{otherwise}."
-        )
+        said = f"Which: none of the {tried} candidates explains it{nearest}."
+        if report.uncalibrated:
+            return f"{said} How sure that is cannot be told before `diagnosis farm` has calibrated this system."
+        return f"{said} That the cause is none of them is {chance(report.none_of_these)} sure{otherwise}."
     if report.verdict == "unfinished":
         foremost = [_sure(report, one.name) for one in report.foremost[:LISTED]]
         by_lines = f" In the linearised model the foremost are {', '.join(foremost)}." if foremost else ""

@@ -252,8 +252,12 @@ def probabilities(
     )
 
 
-def decide(evidence: Evidence, by: Verdicts) -> Decision:
-    """The answer that evidence gives."""
+def decide(evidence: Evidence, by: Verdicts, *, own: bool = True) -> Decision:
+    """The answer that evidence gives.
+
+    ``own``: whether the verdicts were worked out on this very system. Where they were not, what the best candidate
+    leaves may be what its description lacks: a candidate that is rejected on its own replicates is then no answer.
+    """
     chance = probabilities(evidence, by.nothing, by.none, by.power)
     held, beside = limit(by.held, evidence), chance.beside
 
@@ -282,7 +286,8 @@ def decide(evidence: Evidence, by: Verdicts) -> Decision:
         return answer("unfinished")
     if chance.nothing >= LIKELY:
         return answer("no_gap")
-    if not evidence.chosen or chance.none > sum(chance.causes.values()):
+    rejected = evidence.rejected and not own
+    if not evidence.chosen or rejected or chance.none > sum(chance.causes.values()):
         return answer("none_of_these")
     sets = [held_by(chance.causes, evidence.chosen[:1], held)]
     if len(evidence.chosen) > 1:

@@ -29,6 +29,13 @@ def test_no_gap_that_is_improbable_is_not_told_as_if_nothing_were_needed():
     assert "no effect is needed. That none acts is 80% sure" in summary(report(**quiet, no_gap=0.8))[1]
 
 
+def test_none_of_these_has_no_probability_before_a_system_is_calibrated():
+    given = {"verdict": "none_of_these", "stages": [stage(0.01, 0.01), stage(0.01, 0.01, ["valve"])]}
+    assert "That the cause is none of them is" in summary(report(**given))[1]
+    other = summary(report(**given, uncalibrated="verdict.json is missing"))[1]
+    assert "sure that is cannot be told" in other and "%" not in other
+
+
 def test_a_headline_of_two_effects_tells_them_apart():
     effects = [named("valve", 0.9), named("fan", 0.3), named("lamp", 0.2)]
     done = report(verdict="ambiguous", effects=effects, sets=[["valve"], ["fan", "lamp"]])

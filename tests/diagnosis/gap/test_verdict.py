@@ -99,6 +99,13 @@ def test_the_answer_follows_the_probabilities_and_the_limits(evidence, verdict, 
     whole(done)
 
 
+def test_what_is_rejected_is_no_answer_where_the_system_was_not_calibrated():
+    doubted = replace(LOUD, rejected=True)
+    assert decide(doubted, BY).named
+    assert decide(doubted, BY, own=False).verdict == "none_of_these"
+    assert decide(LOUD, BY, own=False) == decide(LOUD, BY)
+
+
 def test_a_gap_whose_cause_nobody_looked_for_is_of_no_candidate():
     done = decide(replace(LOUD, searched=False), BY)
     assert (done.verdict, done.named, done.sets) == ("unfinished", (), ())
