@@ -30,7 +30,11 @@ def test_no_gap_that_is_improbable_is_not_told_as_if_nothing_were_needed():
 
 
 def test_none_of_these_has_no_probability_before_a_system_is_calibrated():
-    given = {"verdict": "none_of_these", "stages": [stage(0.01, 0.01), stage(0.01, 0.01, ["valve"])]}
+    given = {
+        "verdict": "none_of_these",
+        "none_of_these": 0.6,
+        "stages": [stage(0.01, 0.01), stage(0.01, 0.01, ["valve"])],
+    }
     assert "That the cause is none of them is" in summary(report(**given))[1]
     other = summary(report(**given, uncalibrated="verdict.json is missing"))[1]
     assert "sure that is cannot be told" in other and "%" not in other
