@@ -59,7 +59,7 @@ def page_of(browser, folder, *words):
     try:
         page, hosts = context.new_page(), set()
         address = server.stdout.readline().strip()
-        page.set_default_timeout(180_000)
+        page.set_default_timeout(400_000)  # beside other tests all takes long
         page.on("request", lambda one: hosts.add(one.url.split("/")[2]))
         yield page, address
         assert hosts == {address.split("/")[2]}
