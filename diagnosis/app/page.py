@@ -152,6 +152,7 @@ class Page:
             max_file_size=f"{MOST // MIB}MB", sizing_mode="stretch_width", height=70, margin=(4, 6), layout="compact"
         )
         self.drop.param.watch(self._dropped, "value")
+        self.beat = html(visible=False)
         self.received = html()
         first = card(
             html(
@@ -219,7 +220,7 @@ class Page:
         )
         self.recipe = html()
         self.sixth = card(html("<h2>6. Report and commands</h2>"), self.download, self.recipe, visible=False)
-        body = (head, first, self.second, self.third, self.fourth, self.fifth, self.sixth)
+        body = (head, self.beat, first, self.second, self.third, self.fourth, self.fifth, self.sixth)
         self.view = pn.Column(*body, max_width=WIDTH, sizing_mode="stretch_width", styles={"margin": "0 auto"})
 
     def _button(self, step: str) -> Any:
@@ -444,7 +445,12 @@ class Page:
         self._show_job()
 
     def poll(self) -> None:
-        """Look at the child process; called by the browser's session every now and then."""
+        """Look at the child process; called by the browser's session every now and then.
+
+        Panel 1.9 leaves a message lying that was made while another was being written, until there is a next one. The
+        beat is the next one, so that no answer stays unseen.
+        """
+        self.beat.object = "" if self.beat.object else "."
         self._show_job()
 
     def _show_job(self) -> None:
