@@ -10,10 +10,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.signal import lfilter
 
 from datagen.driving.sampling import stream
-from datagen.driving.tables import Piecewise
+from datagen.driving.tables import Piecewise, followed
 from shared.effects import InputEffect, ParameterEffect, SensorEffect, ShapedEffect
 from shared.system import System
 
@@ -102,7 +101,7 @@ def _shape(rng: np.random.Generator, start: float, stop: float) -> Piecewise:
     keep = np.exp(-1.0 / rng.uniform(2.0, 72.0))
     noise = rng.standard_normal(len(times)) * np.sqrt(1 - keep**2)
     noise[0] /= np.sqrt(1 - keep**2)
-    process = lfilter([1.0], [1.0, -keep], noise)
+    process = followed(noise, keep)
     return Piecewise(times, 1.0 / (1.0 + np.exp(-2.0 * process + rng.normal())))
 
 
@@ -142,8 +141,7 @@ def _read_by(effect: SensorEffect, change: float, time: np.ndarray, values: np.n
         return np.interp(time - change, time, values)
     step = float(time[1] - time[0]) if len(time) > 1 else HOUR
     keep = np.exp(-step / change) if change > 0 else 0.0
-    lagged, _ = lfilter([1 - keep], [1.0, -keep], values, zi=np.array([keep * values[0]]))
-    return np.asarray(lagged)
+    return followed((1 - keep) * values, keep, before=values[0])
 
 
 def changed_signals(signals: Mapping[str, Piecewise], changes: Mapping[str, list[Change]]) -> dict[str, Piecewise]:

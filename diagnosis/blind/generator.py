@@ -283,8 +283,8 @@ class Made:
     ``clean`` and ``base`` (outputs, steps) [unit of each]: what the sensors would show without noise, and what the
     base model says with the true parameters and constants, driven by what was recorded. ``case`` is the answer;
     ``inputs`` are those that were recorded, without their errors, each (steps,). ``constants``: by what each uncertain
-    constant is multiplied. ``driven`` and ``building``: all true inputs, warm-up included, with the actuators as they
-    were recorded in replay, and the parameters, constants included, from which the base model makes ``base``.
+    constant is multiplied. ``driven``: all true inputs, warm-up included, with the actuators as they were recorded in
+    replay.
     """
 
     case: Case
@@ -297,7 +297,6 @@ class Made:
     constants: dict[str, float]
     controllers: dict[str, float]
     driven: dict[str, Piecewise]
-    building: dict[str, float]
 
 
 class Generator:
@@ -365,25 +364,7 @@ class Generator:
         base = self._base(building, driven, steps, replay=case.replay)
         multiplied = {one.name: float(factor) for one, factor in zip(self.constants, factors, strict=True)}
         inputs = self._recorded(case, table, steps)
-        return Made(case, start, steps.time, shown, base, inputs, parameters, multiplied, controllers, driven, building)
-
-    def signature(self, made: Made, effect: Effect, amplitude: float) -> np.ndarray:
-        """What a candidate of an amplitude [its unit] does to ``base``, shape (outputs, steps) [unit of each].
-
-        It acts as a cause does, on the true inputs over warm-up and recording and, in replay, on the recorded
-        actuators. What follows a measured output follows ``clean``, which has felt the cause already: nothing is fed
-        back.
-
-        Raises
-        ------
-        SimulationError
-            If the base model cannot be simulated with it.
-        """
-        recording = Recording(path=Path("truth"), step=self.step, time=made.time, outputs=made.clean, inputs={})
-        values = made.building | effect.parameters(amplitude)
-        signals = effect.inputs(amplitude, made.driven, recording)
-        outputs = self._base(values, signals, self._span(made.start), replay=made.case.replay)
-        return np.asarray(effect.outputs(amplitude, outputs, made.time) - made.base)
+        return Made(case, start, steps.time, shown, base, inputs, parameters, multiplied, controllers, driven)
 
     def _span(self, start: float) -> _Span:
         stop = start + self.hours * HOUR

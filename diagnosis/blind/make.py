@@ -325,9 +325,7 @@ def _write(generator: Generator, seed: int, index: int, attempt: int, part: Path
     outputs, noises = measured(made, generator.system, generator.truth)
     write(_recording(part, index), published(made, outputs, generator.system, generator.truth))
     answer = answer_of(made, noises, generator.system)
-    answer["detectability"] = detectability(
-        generator.model, _recording(part, index), answer, generator.effects, partial(generator.signature, made)
-    )
+    answer["detectability"] = detectability(generator.model, _recording(part, index), answer, generator.effects)
     write_atomically(_answer(part, index), json.dumps(answer).encode())
 
 

@@ -11,10 +11,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import lfilter
 from scipy.special import expit
 
-from datagen.driving.tables import SNAP, InputTable, Piecewise, merge
+from datagen.driving.tables import SNAP, InputTable, Piecewise, followed, merge
 from datagen.simulating.simulator import Simulator
 from diagnosis.blind.truth import Daily, Damped, Driven, Episodes, Fault, Glare, Hump, Occupant, Process, Spans, Wander
 from diagnosis.effects.kinds import lagged
@@ -31,7 +30,7 @@ def autoregressive(rng: np.random.Generator, count: int, memory: float) -> np.nd
     phi = np.exp(-1.0 / memory)
     white = rng.standard_normal(count)
     white[1:] *= np.sqrt(1.0 - phi**2)
-    return np.asarray(lfilter([1.0], [1.0, -phi], white))
+    return followed(white, phi)
 
 
 def wandering(rng: np.random.Generator, start: float, stop: float, hours: float) -> Piecewise:

@@ -157,29 +157,19 @@ def verdict_of(report: Report) -> Verdict:
         probabilities=probabilities,
         none=report.none_of_these,
         nothing=report.no_gap,
-        mistaken=report.mistaken,
         named=[one.name for one in report.effects if one.named],
         chosen=list(report.stages[-1].effects),
-        sets=report.sets,
-        alike={one.name: one.confusable for one in report.detectability},
-        smallest={one.name: one.smallest for one in report.detectability},
         sizes={
             one.name: Sized(value=one.amplitude, low=one.low, high=one.high)
             for one in report.effects
             if one.named and one.amplitude is not None and one.low is not None and one.high is not None
         },
-        where=[Place(channel=one.channel, kind=one.kind, cell=one.cell, p_value=one.p_value) for one in report.where],
-        shrinkage={
-            one.channel: Shrunk(share=one.share, low=one.low, high=one.high, before=one.before, floor=one.floor)
-            for one in report.shrinkage
-        },
+        where=[Place(channel=one.channel, kind=one.kind, p_value=one.p_value) for one in report.where],
+        shrinkage={one.channel: Shrunk(share=one.share, low=one.low, high=one.high) for one in report.shrinkage},
         parameters={
             one.name: Moved.model_validate({key: getattr(one, key) for key in Moved.model_fields})
             for one in report.parameters
         },
-        simulations=report.simulations,
-        rejected=report.rejected,
-        left_over=[one.left_over for one in report.stages],
     )
 
 
@@ -188,7 +178,7 @@ def program() -> str:
 
     Of the blind check that is what makes a verdict of a report: this module, and what a verdict is.
     """
-    own = {f"diagnosis/blind/{name}.py" for name in ("judging", "verdicts")}
+    own = {f"diagnosis/blind/{name}.py" for name in ("running", "verdicts")}
     return source_sha256(
         "shared",
         "datagen",

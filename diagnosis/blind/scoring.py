@@ -1,24 +1,166 @@
-"""Open the sealed answers and hold the verdicts against them. Nothing of the diagnosis itself is looked at here."""
+"""Open the sealed answers and hold the verdicts against them: what answers are worth, one line for each figure.
+
+Nothing of the diagnosis itself is looked at here. Which gaps can be seen is told by the sealed answers alone.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict
+from scipy.stats import bootstrap, norm
 
-from diagnosis.blind import rates
-from diagnosis.blind.expected import DETECTABLE, Expected
-from diagnosis.blind.opened import Hit, LeftOut, Row, hit, inputs_of, left_out, side_by_side, structural
-from diagnosis.blind.rates import Figure, figure, median, share
-from diagnosis.blind.score_schema import Both, Rates, Score, Where
 from diagnosis.blind.sealed import MANIFEST, commands, open_answers, read_manifest
-from diagnosis.blind.shrinking import by_channel, errors, removed, where_largest
-from diagnosis.blind.verdicts import RUN, WITHOUT, Run, digest, name_of, read_run
+from diagnosis.blind.verdicts import (
+    ANSWERS,
+    FAILED,
+    RUN,
+    WITHOUT,
+    Moved,
+    Outcome,
+    Parameter,
+    Run,
+    Verdict,
+    check_program,
+    digest,
+    name_of,
+    read_outcome,
+    read_run,
+    read_withheld,
+)
 from shared.errors import RecordingError
+from shared.metrics import wilson
 from shared.places import check_folder
 from shared.store import sha256_of, write_atomically
+
+LEVEL = 0.95
+"""Of all intervals."""
+DRAWS = 2000
+ALARMS, POWER = 0.05, 0.9
+"""Of the observer who decides whether a gap is detectable: false alarms in all, and how often he is to see it."""
+SAME = 0.5
+"""A channel is right when its sealed gap over noise is at least this share of the largest channel's."""
+WITHHELD = "withheld"
+"""Stratum of recordings whose only cause was withheld from the library."""
+BINS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
+"""Edges of bins of probabilities."""
+DETECTABLE = (
+    "A gap is detectable when its length in units of the sensors' noise, beyond all that parameters, constants, meters"
+    " and unmeasured occupants can imitate, exceeds that of 95 % of this set's recordings without any effect and with"
+    " the same actuators (of twenty or fewer, of all) by as much as an observer needs who knows its shape among as many"
+    " as there are candidates (5 % false alarms in all, 90 % power). It was worked out when the set was made, and"
+    " sealed."
+)
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class Line(_Table):
+    """One figure of ``n`` recordings, with the ends of its 95 % interval; empty where there are none.
+
+    ``hits`` of a share that was counted: the interval is Wilson's, and a bootstrap's of other figures. ``wanted``: the
+    least that is wanted, or the most if ``most``.
+    """
+
+    what: str
+    n: int
+    value: float | None = None
+    low: float | None = None
+    high: float | None = None
+    hits: int | None = None
+    share: bool = True
+    wanted: float | None = None
+    most: bool = False
+
+
+class Bin(_Table):
+    """Of what was said with a probability between two ends: the mean of what was said, and how often it was so."""
+
+    what: str
+    low: float
+    high: float
+    said: float
+    true: Line
+
+
+class Score(_Table):
+    """All figures; the file's schema is ``schema_version``.
+
+    ``recordings`` were scored, of ``planned`` in the set; ``withheld`` of these were also diagnosed without single
+    candidates. ``answers``: how many recordings of each stratum were answered in each way. ``failures``: why there is
+    no verdict, by recording; ``left_out_failures``: the same without the true effect.
+    """
+
+    schema_version: int = 10
+    commands: list[str]
+    seed: int
+    bootstrap_seed: int
+    answers_sha256: str
+    verdicts_sha256: str
+    program: str
+    version: str
+    system: str
+    recordings: int
+    planned: int
+    withheld: int
+    hours: float
+    library: list[str]
+    without: list[str]
+    failures: dict[str, str]
+    left_out_failures: dict[str, str]
+    lines: list[Line]
+    answers: dict[str, dict[str, int]]
+    reliability: list[Bin]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One recording: ``answer`` is what was sealed, ``truth`` the right verdict, ``effects`` the right candidates.
+
+    ``again``: the outcome without the only cause, where that was asked for.
+    """
+
+    answer: dict[str, Any]
+    outcome: Outcome
+    stratum: str
+    truth: str
+    effects: tuple[str, ...]
+    detectable: bool = False
+    again: Outcome | None = None
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """All effects of the answer."""
+        verdict = self.outcome.verdict
+        return tuple(verdict.named) if verdict is not None and verdict.verdict in ("effect", "ambiguous") else ()
+
+    @property
+    def held(self) -> bool:
+        """Whether a true cause is in the answer."""
+        return bool(set(self.effects) & set(self.named))
+
+    @property
+    def single(self) -> bool:
+        """Whether the right answer is one effect."""
+        return self.truth == "effect" and len(self.effects) == len(self.answer["causes"]) == 1
+
+    @property
+    def gap(self) -> dict[str, float]:
+        """Sealed gap over noise by channel."""
+        return dict(self.answer["gap_over_noise"])
+
+    @property
+    def channel(self) -> str:
+        """The channel where the sealed gap over noise is largest."""
+        return max(self.gap, key=lambda name: self.gap[name])
 
 
 def score(
@@ -70,18 +212,33 @@ def score(
     withheld = sum((results / WITHOUT / name_of(file)).exists() for file in files)
     opened = open_answers(folder, answers)
     rows = side_by_side(opened, results, run, count)
-    _same_recordings(rows, folder)
-    made = _scored(rows, left_out(rows, results), run, opened, _places(rows, folder, opened["step"]), seed)
-    made = made.model_copy(
-        update={
-            "answers_sha256": sha256_of(answers),
-            "verdicts_sha256": said,
-            "planned": planned,
-            "withheld": withheld,
-            "commands": commands(
-                *(opened, run, folder, answers, results, out), seed=seed, count=count, leave_one_out=withheld == count
-            ),
-        }
+    for row in rows:
+        if row.outcome.sha256 != sha256_of(folder / row.answer["file"]):
+            raise RecordingError(f"verdict on {row.answer['file']}: sha256 is not that of the recording in {folder}")
+    made = Score(
+        commands=commands(
+            *(opened, run, folder, answers, results, out), seed=seed, count=count, leave_one_out=withheld == count
+        ),
+        seed=opened["seed"],
+        bootstrap_seed=seed,
+        answers_sha256=sha256_of(answers),
+        verdicts_sha256=said,
+        program=run.program,
+        version=run.version,
+        system=run.system_name,
+        recordings=len(rows),
+        planned=planned,
+        withheld=withheld,
+        hours=opened["hours"],
+        library=run.library,
+        without=run.without,
+        failures={row.answer["file"]: row.outcome.failure for row in rows if row.outcome.verdict is None},
+        left_out_failures={
+            row.answer["file"]: row.again.failure for row in rows if row.again is not None and row.again.verdict is None
+        },
+        lines=_lines(rows, opened["recordings"], run.parameters, seed),
+        answers=_answers(rows),
+        reliability=_reliability(rows),
     )
     if out is not None:
         from diagnosis.blind.score_report import markdown, page
@@ -106,145 +263,265 @@ def _page(out: Path, read: Sequence[Path]) -> Path:
     return out
 
 
-VISIBLE = (
-    "A gap can be seen in a channel when the root mean square of the sealed difference (noise-free record less the"
-    " base model with the true parameters) is at least the noise of one reading, and larger than in 95 % of this"
-    " set's recordings without any effect and with the same actuators (of twenty or fewer, in all). An effect is"
-    " visible when its gap can be seen in some channel, whether or not other parameters would make the same gap."
-)
+def side_by_side(opened: dict[str, Any], results: Path, run: Run, first: int | None = None) -> list[Row]:
+    """Answers and verdicts of the first recordings, or of all; what can be seen is that of the whole set.
+
+    Raises
+    ------
+    RecordingError
+        If the verdict on a recording is missing, or on another one.
+    """
+    longest = _longest(opened["recordings"], len(run.library))
+    rows = []
+    for answer in opened["recordings"][:first]:
+        outcome = read_outcome(results, answer["file"])
+        if outcome.file != answer["file"]:
+            raise RecordingError(f"{results}: found the verdict on {outcome.file}; expected that on {answer['file']}")
+        check_program(results, outcome, run)
+        effects = tuple(name for name in answer["effects"] if name not in run.without)
+        stratum, truth = answer["stratum"], answer["verdict"]
+        if truth == "effect" and not effects:
+            stratum, truth = WITHHELD, "none_of_these"
+        sealed = answer.get("detectability")
+        detectable = truth != "no_gap" and sealed is not None and sealed["length"] >= longest[answer["replay"]]
+        row = Row(answer, outcome, stratum, truth, effects, detectable)
+        rows.append(replace(row, again=_again(row, results)) if row.single else row)
+    return rows
 
 
-def _scored(
-    rows: list[Row], ones: list[LeftOut], run: Run, opened: dict[str, Any], places: list[Hit], seed: int
-) -> Score:
-    none = [row for row in rows if row.truth == "no_gap"]
-    outside = [row for row in rows if row.truth == "none_of_these"]
-    seen = [one for one in ones if one.row.visible]
-    expected = Expected(opened["recordings"], run.library)
-    beyond = [row for row in rows if expected.detectable(row)]
-    found, lost, unseen = removed(rows, structural(opened["recordings"], 0.5))
-    clear = [[one for one in some if expected.detectable(one.row)] for some in (found, lost, unseen)]
-    named = [row for row in rows if row.named and row.truth == "effect"]
-    lifts = [(one.lift, one.chance) for one in places if one.lift is not None and one.chance is not None]
-    return Score(
-        commands=[],
-        seed=opened["seed"],
-        bootstrap_seed=seed,
-        answers_sha256="",
-        verdicts_sha256="",
-        program=run.program,
-        version=run.version,
-        system=run.system_name,
-        recordings=len(rows),
-        hours=opened["hours"],
-        library=run.library,
-        without=run.without,
-        failures={row.answer["file"]: row.outcome.failure for row in rows if row.outcome.verdict is None},
-        left_out_failures={
-            one.row.answer["file"]: one.outcome.failure for one in ones if one.again and one.outcome.verdict is None
-        },
-        seconds=_median([row.outcome.seconds for row in rows], seed),
-        cpu_seconds=_median([used for row in rows if (used := row.outcome.cpu_seconds) is not None], seed),
-        right=share([row.right for row in rows]),
-        visible_definition=VISIBLE,
-        detectable_definition=DETECTABLE,
-        strata=rates.strata_by_verdict(rows),
-        confusion=rates.effects_by_name(rows, run.library),
-        false_alarms=share([row.outcome.answer != "no_gap" for row in none]),
-        named_without_cause=share([bool(row.named) for row in none]),
-        named_rightly=share([bool(set(row.effects) & set(row.named)) for row in rows if row.named]),
-        effects=_effects(rows),
-        detectable=_detectable(beyond, expected),
-        declared=_rates("at an amplitude that the diagnosis declared it would see", [r for r in rows if r.declared]),
-        two=_two([row for row in rows if len(row.effects) > 1]),
-        two_detectable=_two([row for row in beyond if len(row.effects) > 1]),
-        none_of_these=share([row.right for row in outside]),
-        none_of_these_visible=share([row.right for row in outside if row.visible]),
-        none_of_these_unlike=share([row.right for row in outside if expected.unlike(row)]),
-        left_out=rates.leave_one_out(ones),
-        left_out_visible=rates.leave_one_out(seen),
-        left_out_unlike=rates.leave_one_out([one for one in ones if expected.left_out_unlike(one)]),
-        power_by_size=rates.power_by_size(rows),
-        power_by_gap=rates.power_by_gap(rows),
-        power_by_length=rates.power_by_length(rows),
-        first_statement=rates.reliability_of_first(rows, seed),
-        all_statements=rates.reliability_of_all(rows, seed),
-        brier=rates.brier_of_answers(rows, seed),
-        where=Where(
-            channel=share([one.channel for one in places]),
-            any_channel=share([one.any_channel for one in places]),
-            cell=share([lift >= 1.0 for lift, _ in lifts]),
-            chance=figure(np.array([chance for _, chance in lifts]), seed=seed),
-            lift=_median([lift for lift, _ in lifts], seed),
-        ),
-        shrinkage=[*by_channel(found, lost, seed), where_largest(found, lost, seed=seed)],
-        shrinkage_detectable=where_largest(*clear, seed=seed),
-        parameters=errors(named, run.parameters, seed),
-        parameters_right=errors([row for row in named if row.covered], run.parameters, seed),
-        held=[rates.sizes(rows, seed), *rates.parameters(rows, run.parameters, seed)],
-        names=rates.names(rows, seed),
-    )
-
-
-def _median(values: Sequence[float], seed: int) -> Figure:
-    return figure(np.array(values), median, seed=seed)
-
-
-def _effects(rows: Sequence[Row]) -> list[Rates]:
-    """The library's effects as candidates have them, in other forms, and both; all, and those visible."""
-    found = []
-    kinds = {"as the candidate has it": ("library",), "in another form": ("form",), "both": ("library", "form")}
-    for what, strata in kinds.items():
-        for only in (True, False):
-            ones = [row for row in rows if row.single and row.stratum in strata and (row.visible or not only)]
-            found.append(_rates(f"{what}, {'visible' if only else 'all amplitudes'}", ones))
+def _longest(answers: Sequence[dict[str, Any]], candidates: int) -> dict[bool, float]:
+    """The length from which a gap is detectable, in replay and not; see :data:`DETECTABLE`."""
+    needed = float(norm.isf(ALARMS / max(candidates, 1)) + norm.ppf(POWER))
+    nothing = [one for one in answers if one["verdict"] == "no_gap" and one.get("detectability") is not None]
+    found = {}
+    for replay in (False, True):
+        like = [one for one in nothing if one["replay"] == replay] or nothing
+        lengths = [one["detectability"]["length"] for one in like]
+        found[replay] = needed + (float(np.quantile(lengths, LEVEL, method="higher")) if lengths else 0.0)
     return found
 
 
-def _detectable(rows: Sequence[Row], expected: Expected) -> list[Rates]:
-    """Of detectable gaps: the library's effects, other forms, both, where no other is like it, and of their kind."""
-    single = [row for row in rows if row.single]
-    library, form = ([row for row in single if row.stratum == name] for name in ("library", "form"))
-    apart = [row for row in [*library, *form] if expected.unlike(row, row.effects)]
+def _again(row: Row, results: Path) -> Outcome | None:
+    """The outcome without the only cause: the first one where that had given it no chance."""
+    withheld = read_withheld(results, row.answer["file"])
+    if withheld is None:
+        return None
+    for one in withheld.outcomes.values():
+        if one.program != row.outcome.program and "" not in (one.program, row.outcome.program):
+            raise RecordingError(
+                f"{results}: found a verdict of program {one.program[:12]} on {one.file} with effects withheld;"
+                f" expected {row.outcome.program[:12]}, that of the verdict with all"
+            )
+        if (one.file, one.sha256) != (row.outcome.file, row.outcome.sha256):
+            raise RecordingError(
+                f"{results}: found a verdict on {one.file} ({one.sha256}) among those on {row.answer['file']} with"
+                f" effects withheld; expected {row.outcome.sha256}"
+            )
+    return withheld.outcomes.get(row.effects[0], row.outcome)
+
+
+def counted(what: str, hits: Sequence[bool], wanted: float | None = None, *, most: bool = False) -> Line:
+    """The share of hits, with Wilson's interval."""
+    n, k = len(hits), int(sum(hits))
+    if not n:
+        return Line(what=what, n=0, hits=0, wanted=wanted, most=most)
+    low, high = wilson(k / n, n, float(norm.ppf((1 + LEVEL) / 2)))
+    return Line(what=what, n=n, value=k / n, low=float(low), high=float(high), hits=k, wanted=wanted, most=most)
+
+
+def _drawn(
+    what: str,
+    *samples: Sequence[float],
+    seed: int,
+    statistic: Callable[..., Any] = np.mean,
+    share: bool = False,
+    wanted: float | None = None,
+) -> Line:
+    """A statistic of recordings, with its bootstrap interval; one recording says nothing of others."""
+    values, n = tuple(np.asarray(one, dtype=float) for one in samples), len(samples[0])
+    line = Line(what=what, n=n, share=share, wanted=wanted)
+    if not n:
+        return line
+    line = line.model_copy(update={"value": float(statistic(*values, axis=0))})
+    if n == 1:
+        return line
+    ends = bootstrap(
+        values,
+        statistic,
+        n_resamples=DRAWS,
+        confidence_level=LEVEL,
+        method="percentile",
+        paired=len(values) > 1,
+        vectorized=True,
+        random_state=np.random.default_rng(seed),
+    ).confidence_interval
+    return line.model_copy(update={"low": float(ends.low), "high": float(ends.high)})
+
+
+def _ratio(over: np.ndarray, under: np.ndarray, axis: int) -> Any:
+    return over.mean(axis=axis) / under.mean(axis=axis)
+
+
+def _lines(
+    rows: Sequence[Row], answers: Sequence[dict[str, Any]], parameters: Sequence[Parameter], seed: int
+) -> list[Line]:
+    """All figures, those that are wanted first."""
+    none = [row for row in rows if row.truth == "no_gap"]
+    seen = [row for row in rows if row.detectable]
+    library, form = ([row for row in seen if row.single and row.stratum == name] for name in ("library", "form"))
+    outside = [row for row in seen if row.truth == "none_of_these"]
+    again = [row for row in seen if row.again is not None]
+    named = [row for row in rows if row.named]
+    right = [row for row in named if row.held]
+    by_answer = {name: [row for row in rows if row.outcome.answer == name] for name in ANSWERS}
+    lost, had = _removed([row for row in seen if row.truth == "effect"], answers)
+    used = [row.outcome.cpu_seconds for row in rows if row.outcome.cpu_seconds is not None]
+
+    def intervals(what: str, some: Sequence[Row], *, after: bool = False, wanted: float | None = None) -> Line:
+        held = [share for row in some if (share := _covered(row, parameters, after)) is not None]
+        return _drawn(f"90 % intervals of parameters that cover, {what}", held, seed=seed, share=True, wanted=wanted)
+
     return [
-        _rates("as the candidate has it, detectable", library),
-        _rates("in another form, detectable", form),
-        _rates("both, detectable", [*library, *form]),
-        _rates("both, and unlike all other candidates", apart),
-        _rates("in another form, of its candidate's kind", [row for row in form if expected.of_its_kind(row)]),
+        counted(
+            "gaps answered where there is no cause", [row.outcome.answer != "no_gap" for row in none], 0.04, most=True
+        ),
+        counted("detectable effect of the library: in the answer", [row.held for row in library], 0.95),
+        counted("the same, named first", [_first(row) for row in library], 0.9),
+        counted("detectable, the same effects by another law: in the answer", [row.held for row in form], 0.75),
+        *(
+            counted(
+                f"answers with a name that hold a true cause, {what}",
+                [row.held for row in named if row.answer["replay"] == replay],
+                wanted,
+            )
+            for what, replay, wanted in (("controllers simulated", False, 0.88), ("in replay", True, 0.78))
+        ),
+        counted(
+            "detectable cause that no candidate describes: none of these",
+            [row.outcome.answer == "none_of_these" for row in outside],
+            0.7,
+        ),
+        counted(
+            "detectable effect, withheld from the candidates: none of these",
+            [row.again is not None and row.again.answer == "none_of_these" for row in again],
+            0.6,
+        ),
+        _drawn(
+            "share of a detectable gap that is removed, of what an oracle removes",
+            lost,
+            had,
+            seed=seed,
+            statistic=_ratio,
+            share=True,
+            wanted=0.8,
+        ),
+        counted("90 % intervals of a rightly named effect's size that cover", _sizes(rows), 0.87),
+        intervals("a true cause named and added", right, after=True, wanted=0.87),
+        intervals("none of these answered", by_answer["none_of_these"], wanted=0.8),
+        intervals("no gap answered", by_answer["no_gap"]),
+        intervals("only wrong causes named and added", [row for row in named if not row.held], after=True),
+        counted(
+            "detectable gap of two effects: one of them named",
+            [row.held for row in seen if row.truth == "effect" and len(row.answer["causes"]) > 1],
+        ),
+        counted(
+            "detectable gap: the first place told is a channel where it is large", [_in_place(row) for row in seen]
+        ),
+        _drawn(
+            "names in an answer with names, median", [len(row.named) for row in named], seed=seed, statistic=np.median
+        ),
+        _drawn("processor time of a recording, median [s]", used, seed=seed, statistic=np.median),
+        Line(
+            what="processor time of a recording, largest [s]", n=len(used), value=max(used, default=None), share=False
+        ),
     ]
 
 
-def _rates(what: str, ones: Sequence[Row]) -> Rates:
-    return Rates(
-        what=what,
-        found=share([row.found for row in ones]),
-        top=share([row.top for row in ones]),
-        covered=share([row.covered for row in ones]),
-    )
+def _first(row: Row) -> bool:
+    return row.outcome.verdict is not None and row.outcome.verdict.best in row.effects
 
 
-def _two(rows: Sequence[Row]) -> Both:
-    return Both(
-        found=share([row.found for row in rows]),
-        first=share([row.top for row in rows]),
-        one=share([bool(set(row.effects) & set(row.named)) for row in rows]),
-        both=share([row.covered for row in rows]),
-    )
+def _in_place(row: Row) -> bool:
+    places = row.outcome.verdict.where if row.outcome.verdict is not None and row.outcome.answer != "no_gap" else []
+    # a missing source has a name that a channel may have too
+    told = places[0].channel if places and places[0].kind != "source" else None
+    return told is not None and row.gap.get(told, 0.0) >= SAME * row.gap[row.channel]
 
 
-def _same_recordings(rows: Sequence[Row], folder: Path) -> None:
-    """Every verdict is on the recording that was published."""
+def _removed(rows: Sequence[Row], answers: Sequence[dict[str, Any]]) -> tuple[list[float], list[float]]:
+    """Shares of the gap that were removed, and that an oracle removes, in the channel where the gap is largest.
+
+    The oracle knows cause and amplitude, and leaves what recordings without an effect have as well: the truth's finer
+    walls (the median of those with the same actuators). Nothing is removed where no effect was named; a recording is
+    left out whose diagnosis gave no share, since it saw no gap above the noise on the scored part.
+    """
+    none = [one for one in answers if one["verdict"] == "no_gap"]
+    lost, had = [], []
     for row in rows:
-        if row.outcome.sha256 != sha256_of(folder / row.answer["file"]):
-            raise RecordingError(f"verdict on {row.answer['file']}: sha256 is not that of the recording in {folder}")
+        like = [one for one in none if one["replay"] == row.answer["replay"]] or none
+        walls = float(np.median([one["gap_over_noise"][row.channel] for one in like])) if like else 0.0
+        share = _share(row.outcome.verdict, row.channel) if row.named else 0.0
+        if share is not None and row.gap[row.channel] > walls:
+            lost.append(min(max(share, -1.0), 1.0))
+            had.append(1.0 - (walls / row.gap[row.channel]) ** 2)
+    return lost, had
 
 
-def _places(rows: Sequence[Row], folder: Path, step: float) -> list[Hit]:
-    """Where-hits of recordings whose gap can be seen; regimes are looked up in the recording's own inputs."""
+def _share(verdict: Verdict | None, channel: str) -> float | None:
+    one = verdict.shrinkage.get(channel) if verdict is not None else None
+    return None if one is None else one.share
+
+
+def _sizes(rows: Sequence[Row]) -> list[bool]:
+    """Whether intervals of effects that act by their candidates' own laws hold the true size: others have another."""
     found = []
     for row in rows:
-        if not row.visible:
+        true = {one["effect"]: float(one["amplitude"]) for one in row.answer["causes"] if not one["form"]}
+        sizes = row.outcome.verdict.sizes if row.outcome.verdict is not None else {}
+        found += [one.low <= true[name] <= one.high for name, one in sizes.items() if name in true]
+    return found
+
+
+def _covered(row: Row, parameters: Sequence[Parameter], after: bool) -> float | None:
+    """Share of a recording's intervals that hold the true parameter, with what was named added or without."""
+    moved = row.outcome.verdict.parameters if row.outcome.verdict is not None else {}
+    ends = [(one.name, _ends(moved[one.name], after)) for one in parameters if one.name in moved]
+    held = [pair[0] <= row.answer["parameters"][name] <= pair[1] for name, pair in ends if pair is not None]
+    return float(np.mean(held)) if held else None
+
+
+def _ends(one: Moved, after: bool) -> tuple[float, float] | None:
+    low, high = (one.after_low, one.after_high) if after else (one.before_low, one.before_high)
+    return None if low is None or high is None else (low, high)
+
+
+def _answers(rows: Sequence[Row]) -> dict[str, dict[str, int]]:
+    found: dict[str, dict[str, int]] = {}
+    for stratum in dict.fromkeys(sorted(row.stratum for row in rows)):
+        counts = Counter(row.outcome.answer for row in rows if row.stratum == stratum)
+        found[stratum] = {name: counts[name] for name in (*ANSWERS, FAILED)}
+    return found
+
+
+def _reliability(rows: Sequence[Row]) -> list[Bin]:
+    """What was said and what was true, by bins of what was said."""
+    said: dict[str, list[tuple[float, bool]]] = {"no gap": [], "none of these": [], "the foremost candidate": []}
+    for row in rows:
+        verdict = row.outcome.verdict
+        if verdict is None:
             continue
-        found.append(hit(row, inputs_of(folder / row.answer["file"]), step))
+        if verdict.nothing is not None:
+            said["no gap"].append((verdict.nothing, row.truth == "no_gap"))
+        if verdict.none is not None:
+            said["none of these"].append((verdict.none, row.truth == "none_of_these"))
+        if verdict.probabilities:
+            name = max(verdict.probabilities, key=lambda one: verdict.probabilities[one])
+            said["the foremost candidate"].append((verdict.probabilities[name], name in row.effects))
+    found = []
+    for what, pairs in said.items():
+        for low, high in pairwise(BINS):
+            some = [(p, true) for p, true in pairs if low <= p and (p < high or high == BINS[-1])]
+            if some:
+                mean = float(np.mean([p for p, _ in some]))
+                found.append(Bin(what=what, low=low, high=high, said=mean, true=counted(what, [t for _, t in some])))
     return found

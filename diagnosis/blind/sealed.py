@@ -70,7 +70,6 @@ class _Cause(BaseModel):
 class _Lengths(BaseModel):
     model_config = ConfigDict(extra="allow", allow_inf_nan=False)
     length: float = Field(ge=0)
-    beside: dict[str, Annotated[float, Field(ge=0)]]
 
 
 class _Answer(_Open):

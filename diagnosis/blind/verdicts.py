@@ -27,31 +27,28 @@ ANSWERS: tuple[Answer, ...] = ("effect", "ambiguous", "none_of_these", "no_gap")
 FAILED = "failed"
 LIMIT = 3600.0
 """A diagnosis that takes longer is stopped and counts as a failure, unless a run says otherwise [s]."""
-POINTED = 1e-3
-"""Probability below which the evidence points to a candidate by rounding only."""
 
 
 class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid")
+    """Verdicts of earlier programs said more."""
+
+    model_config = ConfigDict(extra="ignore")
 
 
 class Place(_Table):
-    """One place where the gap was said to lie, the most certain first: a channel, and a cell in words."""
+    """One place where the gap was said to lie, the most certain first."""
 
     channel: str
     kind: str = "cell"
-    cell: dict[str, str] = {}
     p_value: float = Field(ge=0, le=1)
 
 
 class Shrunk(_Table):
-    """One channel: root mean squares [unit of the channel] on the scored part, and the share that was removed."""
+    """The share of one channel's gap that was removed on the scored part, and the ends of its interval."""
 
     share: float | None
     low: float | None
     high: float | None
-    before: float | None = None
-    floor: float | None = None
 
 
 class Moved(_Table):
@@ -79,33 +76,21 @@ class Sized(_Table):
 class Verdict(_Table):
     """What a diagnosis said.
 
-    ``probabilities`` by candidate, ``none`` that it is none of them and ``nothing`` that there is no gap; ``mistaken``
-    that what the evidence points to holds no true cause, of which both are parts; ``named`` are the effects of the
-    answer (one, or a set that cannot be told apart), ``chosen`` what was fitted, of which parameters and share
-    of the gap are told (empty in verdicts of earlier programs), ``sets`` as ``named`` by cause found; ``alike`` by
-    effect: the candidates that it was declared to be confusable with before any was ranked; ``smallest``: the least
-    amplitude [unit of the effect] that was declared to be seen, None where none would be; ``sizes`` of the effects of
-    the answer; ``rejected``: whether the best fit is rejected on its own twins; ``left_over``: gain in log evidence of
-    a discrepancy without a cause, by number of effects.
+    ``probabilities`` by candidate, ``none`` that it is none of them and ``nothing`` that there is no gap; ``named``
+    are the effects of the answer (one, or those that cannot be told apart), ``chosen`` what was fitted, of which
+    parameters and share of the gap are told, and ``sizes`` those of the effects of the answer.
     """
 
     verdict: Answer
     probabilities: dict[str, float] = {}
     none: float | None = None
     nothing: float | None = None
-    mistaken: float | None = None
     named: list[str] = []
     chosen: list[str] = []
-    sets: list[list[str]] = []
-    alike: dict[str, list[str]] = {}
-    smallest: dict[str, float | None] = {}
     sizes: dict[str, Sized] = {}
     where: list[Place] = []
     shrinkage: dict[str, Shrunk] = {}
     parameters: dict[str, Moved] = {}
-    simulations: int | None = None
-    rejected: bool | None = None
-    left_over: list[float] = []
 
     @property
     def best(self) -> str:
@@ -119,13 +104,6 @@ class Verdict(_Table):
         """Probabilities without what every candidate has alike."""
         even = min(self.probabilities.values(), default=0.0)
         return {name: p - even for name, p in self.probabilities.items()}
-
-    @property
-    def foremost(self) -> str:
-        """The candidate that the evidence points to most; empty where it points to none."""
-        pointed = self.pointed
-        best = max(pointed, key=lambda name: pointed[name], default="")
-        return best if pointed.get(best, 0.0) > POINTED else ""
 
 
 class Outcome(_Table):

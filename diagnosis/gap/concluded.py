@@ -17,7 +17,7 @@ from diagnosis.fitting.failures import NO_TIME
 from diagnosis.fitting.fit import Fit
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.evidence import Evidence, Search, evidence_of, gap_found
-from diagnosis.gap.limits import Otherwise, ends_left_out, noiseless, otherwise
+from diagnosis.gap.limits import ends_left_out, noiseless
 from diagnosis.gap.places import operators, place
 from diagnosis.gap.reporting import reported
 from diagnosis.gap.schema import HOW_FAR, Report
@@ -51,8 +51,8 @@ class Diagnosis(Result):
     """A diagnosis and all that it was made from.
 
     ``whole`` is the problem before any fit; ``scored`` (steps,) the part that ``apart``'s fits do without; ``sources``
-    the operators of what may be missing from a balance, and ``unknown`` why there are no others; ``otherwise``: better
-    conditions than the recording's; ``where_left`` is with the chosen effects, if there are any.
+    the operators of what may be missing from a balance, and ``unknown`` why there are no others; ``where_left`` is with
+    the chosen effects, if there are any.
     """
 
     report: Report
@@ -65,7 +65,6 @@ class Diagnosis(Result):
     by: tuple[Verdicts, str]
     sources: list[Operator]
     unknown: dict[str, str]
-    otherwise: list[Otherwise]
     where: Where
     where_left: Where | None
     apart: Apart | None
@@ -163,14 +162,12 @@ def concluded(
     problem = first.lin.problem
     sources: list[Operator] = []
     unknown: dict[str, str] = {}
-    better: list[Otherwise] = []
     # with fewer candidates the base model's fit may not have gone on, and lie elsewhere
     if known is None or not np.array_equal(known.search.stages[0].lin.z, first.lin.z):
         heights = first.lin.around.heights
         sources, unknown = attempt(SOURCES, lambda: operators(problem, first.lin.z, heights), (sources, unknown))
-        better = attempt("what could be seen otherwise", lambda: otherwise(first, whole, candidates), better)
     else:
-        sources, unknown, better = known.sources, known.unknown, known.otherwise
+        sources, unknown = known.sources, known.unknown
     where = attempt(SOURCES, lambda: place(first, whole.observed, sources), None) or place(first, whole.observed, [])
     where_left = None
     if found.chosen:
@@ -200,7 +197,6 @@ def concluded(
         where_left=where_left,
         shrinkage=shrinkage,
         agreed=apart is None or apart.agreed,
-        otherwise=better,
         unknown=unknown,
         scored=scored,
         seed=seed,
@@ -224,7 +220,6 @@ def concluded(
         by,
         sources,
         unknown,
-        better,
         where,
         where_left,
         apart,

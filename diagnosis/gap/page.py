@@ -207,7 +207,6 @@ def render(done: Diagnosis) -> str:
         how_far=HOW_FAR,
         begin=str(begin).replace("T", " "),
         units={one.name: one.unit for one in done.report.effects},
-        better={one.condition: one.smallest for one in done.report.otherwise},
         apart=done.apart is not None,
         added=added(done.report.verdict),
         days=done.report.steps * done.report.step / DAY,

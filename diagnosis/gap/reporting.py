@@ -9,7 +9,7 @@ import numpy as np
 from diagnosis.fitting.fit import Fit, doubted_sd
 from diagnosis.gap.evidence import Search
 from diagnosis.gap.grams import discrepancy
-from diagnosis.gap.limits import Otherwise, detectability, limits, otherwise_seen, strained
+from diagnosis.gap.limits import detectability, limits, strained
 from diagnosis.gap.places import stretch
 from diagnosis.gap.refit import Refit, Rivals
 from diagnosis.gap.schema import (
@@ -48,7 +48,6 @@ def reported(
     where_left: Where | None,
     shrinkage: list[Shrinkage],
     agreed: bool,
-    otherwise: list[Otherwise],
     unknown: dict[str, str],
     scored: np.ndarray,
     seed: int,
@@ -83,7 +82,6 @@ def reported(
             search, len(problem.system.parameters), [(one.name, "1") for one in problem.constants]
         ),
         detectability=detectability(first),
-        otherwise=[otherwise_seen(one, first, problem.floor) for one in otherwise],
         dropped=list(search.dropped),
         excluded={name: why for name, why in search.excluded.items() if name not in first.lin.failed},
         failed={**first.lin.failed, **search.failed},

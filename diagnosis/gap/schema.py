@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-SCHEMA_VERSION = 14
+SCHEMA_VERSION = 15
 HOW_FAR = "how far the gap shrinks"
 """Of the steps that a report may lack."""
 VERDICTS = {
@@ -186,17 +186,6 @@ class SourceOf(_Table):
     roughness: float
 
 
-class ConditionOf(_Table):
-    """What would be seen if the recording were better: persons ``counted``, or the control loops simulated.
-
-    ``smallest`` by candidate: the amplitude [unit of the effect] from which it would be seen then in nine of ten cases,
-    null for none that is allowed.
-    """
-
-    condition: str
-    smallest: dict[str, float | None]
-
-
 class StageOf(_Table):
     """One stage of the search.
 
@@ -264,7 +253,6 @@ class Report(Result, _Table):
     parameters: list[ParameterOf]
     constants: list[ParameterOf] = Field(description="factors of the description's uncertain constants")
     detectability: list[Detectability]
-    otherwise: list[ConditionOf] = Field(description="what would be seen under better conditions")
     dropped: list[str] = Field(
         description="without a gap: candidates that explain the recording much better than the base model, fitted from"
         " where its fit began, and that were given up"

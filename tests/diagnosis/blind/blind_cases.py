@@ -20,8 +20,8 @@ ROOM, AIR = "room", "air"
 
 
 def length_at_once(_, path, answer, *__):
-    """In place of lengths beyond imitation one of the gaps: the real ones take most of the time that a set takes."""
-    return {"length": sum(answer["gap"].values()), "beside": {}}
+    """In place of lengths beyond imitation those of the gaps: the real ones take most of the time of a set."""
+    return {"length": sum(answer["gap"].values())}
 
 
 def prepare_quickly(*given):
@@ -45,7 +45,6 @@ class Case:
     replay: bool = False
     hours: tuple[int, int] = (0, 24)
     length: float | None = None
-    beside: dict[str, float] = field(default_factory=dict)
     verdict: Verdict | None = field(default_factory=lambda: Verdict(verdict="no_gap"))
     parameters: dict[str, float] = field(default_factory=lambda: {"r": 1.0, "v": 10.0})
 
@@ -96,7 +95,7 @@ def write_set(folder, cases, seed=7, system_name="Hand"):
             }
         )
         if case.length is not None:
-            opened[-1]["detectability"] = {"length": case.length, "beside": case.beside}
+            opened[-1]["detectability"] = {"length": case.length}
     about = {"system_name": system_name, "system_hash": "h", "fmu_sha256": "f", "step": STEP, "hours": float(STEPS)}
     answers = folder.with_name(f"{folder.name}.answers.json")
     digest = seal(answers, {"salt": "s", "seed": seed, **about, "recordings": opened})
@@ -181,10 +180,6 @@ def said(*named, p=None, none=0.0, nothing=0.0, **more):
     word = "effect" if len(named) == 1 else "ambiguous"
     p = p or {name: (1 - none - nothing) / len(named) for name in named}
     return Verdict(verdict=word, probabilities=p, none=none, nothing=nothing, named=list(named), **more)
-
-
-def counts(one):
-    return (one.hits, one.n)
 
 
 def hand_set(folder, system, rooms):

@@ -228,7 +228,7 @@ def test_commands(blind_set, default_system, tmp_path, capsys, monkeypatch):
     scored = json.loads(capsys.readouterr().out)
     assert scored["verdicts_sha256"] == told["verdicts_sha256"]
     assert scored["answers_sha256"] == sha256_of(answers)
-    assert (scored["right"]["hits"], scored["right"]["n"]) == (2, 3)
+    assert (scored["answers"]["library"]["effect"], scored["answers"]["library"]["no_gap"]) == (2, 1)
     assert page.exists()
 
 

@@ -8,38 +8,55 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import binomtest
 
 from diagnosis.blind.score_report import markdown
-from diagnosis.blind.score_schema import read_score
-from diagnosis.blind.scoring import score
-from diagnosis.blind.verdicts import Moved, Outcome, Place, Shrunk, Verdict, Withheld, read_outcome, write_withheld
+from diagnosis.blind.scoring import Score, counted, score
+from diagnosis.blind.verdicts import (
+    Moved,
+    Outcome,
+    Place,
+    Shrunk,
+    Sized,
+    Verdict,
+    Withheld,
+    read_outcome,
+    write_withheld,
+)
 from shared.errors import RecordingError
-from tests.diagnosis.blind.blind_cases import AIR, QUIET, ROOM, Case, counts, said, write_results, write_set
+from tests.diagnosis.blind.blind_cases import AIR, QUIET, ROOM, Case, said, write_results, write_set
 
 NONE = Verdict(verdict="none_of_these", probabilities={"a": 0.1, "b": 0.1}, none=0.8, nothing=0.0)
+LONG, SHORT = 20.0, 2.0
+"""Lengths beyond imitation of gaps that can be seen, and that cannot."""
 
 
 def cases():
-    """Twelve recordings; the structural gap of those without effect is at most 0.4 in the room."""
-    at_noon = [Place(channel=ROOM, cell={"hours": "08:00-10:00", "day_type": "any", "band": "all"}, p_value=0.005)]
-    moved = {"r": Moved(before=10.0, after=1.0), "v": Moved(before=12.0, after=11.0)}
+    """Twelve recordings; in the room those without an effect have gaps of 0.2 in the median."""
+    moved = {
+        "r": Moved(before=9.0, before_low=8.0, before_high=9.5, after=1.0, after_low=0.9, after_high=1.2),
+        "v": Moved(before=12.0, before_low=9.0, before_high=13.0, after=12.0, after_low=11.0, after_high=13.0),
+    }
     shrunk = {ROOM: Shrunk(share=0.9, low=0.8, high=1.0), AIR: Shrunk(share=None, low=None, high=None)}
+    whole = {"shrinkage": shrunk, "parameters": moved}
+    small, large = Sized(value=5.0, low=4.0, high=5.5), Sized(value=5.0, low=4.0, high=6.5)
     return [
-        Case("none", truth="no_gap", room=0.4, verdict=QUIET),
-        Case("none", truth="no_gap", room=0.2, verdict=said("a", p={"a": 0.5}, none=0.5)),
-        Case("none", truth="no_gap", room=0.2, verdict=None),
-        Case("library", ("a",), sizes=(2.0,), room=4.0, hours=(8, 10),
-             verdict=said("a", p={"a": 0.9, "b": 0.1}, where=at_noon, shrinkage=shrunk, parameters=moved)),
-        Case("library", ("a",), sizes=(0.3,), room=0.3, verdict=QUIET),
-        Case("library", ("b",), sizes=(1.0,), room=2.0, air=2.0,
-             verdict=said("a", "b", p={"a": 0.6, "b": 0.3}, none=0.1, shrinkage=shrunk, parameters=moved,
-                          where=[Place(channel=AIR, kind="episode", cell={"period": "x"}, p_value=0.01)])),
-        Case("form", ("b",), sizes=(2.0,), room=3.0, air=3.0, verdict=said("b")),
-        Case("form", ("a",), sizes=(0.6,), room=2.0, verdict=NONE),
-        Case("two", ("a", "b"), sizes=(1.0, 4.0), room=4.0, verdict=said("a", "b")),
-        Case("two", ("a", "c"), sizes=(1.0, 1.0), room=4.0, verdict=said("c")),
-        Case("outside", truth="none_of_these", room=3.0, verdict=NONE),
-        Case("outside", truth="none_of_these", room=0.5, verdict=said("c")),
+        Case("none", truth="no_gap", room=0.4, length=1.0, verdict=QUIET.model_copy(update={"parameters": moved})),
+        Case("none", truth="no_gap", room=0.2, length=1.0, verdict=said("a", p={"a": 0.5}, none=0.5)),
+        Case("none", truth="no_gap", room=0.2, length=1.0, verdict=None),
+        Case("library", ("a",), sizes=(2.0,), room=4.0, length=LONG,
+             verdict=said("a", p={"a": 0.9, "b": 0.1}, where=[Place(channel=ROOM, p_value=0.005)],
+                          sizes={"a": large}, **whole)),
+        Case("library", ("a",), sizes=(0.3,), room=0.3, length=SHORT, verdict=QUIET),
+        Case("library", ("b",), sizes=(2.0,), room=2.0, length=LONG,
+             verdict=said("a", "b", p={"a": 0.6, "b": 0.3}, none=0.1, sizes={"a": large, "b": small}, **whole,
+                          where=[Place(channel=ROOM, kind="source", p_value=0.01)])),
+        Case("form", ("b",), room=3.0, length=LONG, replay=True, verdict=said("b")),
+        Case("form", ("a",), room=2.0, length=LONG, verdict=NONE),
+        Case("two", ("a", "b"), room=4.0, length=LONG, verdict=said("a", "b")),
+        Case("two", ("a", "c"), room=4.0, length=LONG, verdict=said("b")),
+        Case("outside", truth="none_of_these", room=3.0, length=LONG, verdict=NONE),
+        Case("outside", truth="none_of_these", room=0.5, length=SHORT, verdict=said("c")),
     ]  # fmt: skip
 
 
@@ -51,130 +68,90 @@ def scored(tmp_path_factory):
     return score(folder, answers, results, out=root / "score.html"), root
 
 
-def test_false_alarms_recall_and_coverage_are_those_worked_out(scored):
-    done, _ = scored
-    assert counts(done.false_alarms) == (2, 3)  # one named an effect, one failed
-    assert counts(done.named_without_cause) == (1, 3)
-    assert counts(done.named_rightly) == (5, 7)  # wrong: 1, which has no cause, and 11, whose cause is none of them
-    assert counts(done.none_of_these) == (1, 2)
-    assert counts(done.none_of_these_visible) == (1, 1)  # 0.5 of the noise cannot be seen
-    by_what = {one.what: one for one in done.effects}
-    seen = by_what["as the candidate has it, visible"]
-    assert (counts(seen.found), counts(seen.top), counts(seen.covered)) == ((2, 2), (1, 2), (2, 2))
-    every = by_what["as the candidate has it, all amplitudes"]
-    assert (counts(every.found), counts(every.top), counts(every.covered)) == ((2, 3), (1, 3), (2, 3))
-    both = by_what["both, visible"]
-    assert (counts(both.found), counts(both.top), counts(both.covered)) == ((4, 4), (2, 4), (3, 4))
-    assert (counts(done.two.one), counts(done.two.first), counts(done.two.both)) == ((2, 2), (2, 2), (1, 2))
-    # right: 0 no gap; 3 and 6 the first effect; 8 and 9 one of two; 10 none of these
-    assert counts(done.right) == (6, 12)
-    assert done.failures == {"recordings/0002.nc": "SimulationError: it stopped"}
+def line(done, *words):
+    (found,) = [one for one in done.lines if all(word in one.what for word in words)]
+    return found
 
 
-def test_confusion_matrices_count_every_recording(scored):
+def test_alarms_and_answers_are_those_worked_out(scored):
     done, _ = scored
-    strata = dict(zip(done.strata.rows, done.strata.counts, strict=True))
-    assert done.strata.columns == ["effect", "ambiguous", "none_of_these", "no_gap", "failed"]
-    assert strata == {
-        "none": [1, 0, 0, 1, 1], "library": [1, 1, 0, 1, 0], "form": [1, 0, 1, 0, 0], "two": [1, 1, 0, 0, 0],
-        "outside": [1, 0, 1, 0, 0],
-    }  # fmt: skip
-    named = {
-        (true, name): n
-        for true, row in zip(done.confusion.rows, done.confusion.counts, strict=True)
-        for name, n in zip(done.confusion.columns, row, strict=True)
-        if n
+    counts = {
+        ("gaps answered",): (2, 3),  # one named an effect, one failed
+        ("of the library",): (2, 2),
+        ("named first",): (1, 2),
+        ("by another law",): (1, 2),
+        ("controllers simulated",): (3, 6),  # right: 3, 5, 8; wrong: 1, which has no cause, 9, and 11
+        ("in replay",): (1, 1),
+        ("no candidate describes",): (1, 1),  # the other cannot be seen
+        ("two effects",): (1, 2),
+        ("first place",): (1, 7),  # 3; the place of 5 is a missing source
+        ("size that cover",): (1, 2),  # 6.0 is within that of 3, not of 5; a is no cause of 5
+        ("withheld",): (0, 0),
     }
-    assert named == {
-        ("a", "a"): 1, ("a", "no gap"): 1, ("a", "none of these"): 1, ("b", "a"): 1, ("b", "b"): 1,
-        ("none of these", "none of these"): 1, ("none of these", "c"): 1,
-        ("no gap", "no gap"): 1, ("no gap", "a"): 1, ("no gap", "failed"): 1,
-    }  # fmt: skip
+    assert {words: (line(done, *words).hits, line(done, *words).n) for words in counts} == counts
+    assert done.failures == {"recordings/0002.nc": "SimulationError: it stopped"}
+    assert done.answers == {
+        "form": {"effect": 1, "ambiguous": 0, "none_of_these": 1, "no_gap": 0, "failed": 0},
+        "library": {"effect": 1, "ambiguous": 1, "none_of_these": 0, "no_gap": 1, "failed": 0},
+        "none": {"effect": 1, "ambiguous": 0, "none_of_these": 0, "no_gap": 1, "failed": 1},
+        "outside": {"effect": 1, "ambiguous": 0, "none_of_these": 1, "no_gap": 0, "failed": 0},
+        "two": {"effect": 1, "ambiguous": 1, "none_of_these": 0, "no_gap": 0, "failed": 0},
+    }
 
 
-def test_power_is_counted_in_bins_of_amplitude_and_of_the_sealed_gap(scored):
+def test_figures_are_those_worked_out(scored):
     done, _ = scored
-    # sizes 2, 0.3, 1, 2, 0.6 of one effect; bins below 0.5, to 1, to 2, above
-    assert [counts(point.found) for point in done.power_by_size] == [(0, 1), (1, 1), (1, 1), (2, 2)]
-    assert [counts(point.top) for point in done.power_by_size] == [(0, 1), (0, 1), (0, 1), (2, 2)]
-    # gaps 4, 0.3, 2, 3, 2
-    assert [counts(point.found) for point in done.power_by_gap] == [(0, 1), (0, 0), (0, 0), (3, 3), (1, 1), (0, 0)]
-    assert done.power_by_gap[-1].high is None
-
-
-def test_reliability_and_brier(scored):
-    done, _ = scored
-    first = done.first_statement
-    assert sum(one.happened.n for one in first.bins) == 11  # all with a verdict
-    # what was said first: 0.9 0.5 0.9 0.9 0.6 1 0.8 0.5 1 0.8 1; what came: 1 0 1 0 0 1 0 1 1 1 0
-    p = np.array([0.9, 0.5, 0.9, 0.9, 0.6, 1.0, 0.8, 0.5, 1.0, 0.8, 1.0])
-    y = np.array([1, 0, 1, 0, 0, 1, 0, 1, 1, 1, 0])
-    assert first.brier.value == pytest.approx(np.mean((p - y) ** 2))
-    assert first.reference == pytest.approx(y.mean() * (1 - y.mean()))
-    bins = {(one.low, one.high): (one.said, counts(one.happened)) for one in first.bins}
-    assert bins[0.4, 0.6] == (pytest.approx(0.5), (1, 2))
-    assert bins[0.6, 0.8] == (pytest.approx(0.6), (0, 1))
-    assert bins[0.8, 0.95] == (pytest.approx(0.86), (3, 5))
-    assert bins[0.95, 1.0] == (pytest.approx(1.0), (2, 3))
-    # |sum of said - sum of happened| over bins: |1-1|, |.6-0|, |4.3-3|, |3-2|
-    assert first.error.value == pytest.approx((0.0 + 0.6 + 1.3 + 1.0) / 11)
-    # all answers, one cause at most: 0.02, 1 + .25 + .25, 1, .02, .81 + .81, .36+.49+.01, 0, .81+.01+.64, .06, 2
-    expected = [0.02, 1.5, 1.0, 0.02, 1.62, 0.86, 0.0, 1.46, 0.06, 2.0]
-    assert done.brier.n == 10
-    assert done.brier.value == pytest.approx(np.mean(expected))
-
-
-def test_places_are_held_against_the_sealed_gap(scored):
-    done, _ = scored
-    # visible gaps: 3 (right cell), 5 (air, as large as the room), 6, 7, 8, 9, 10 (no place)
-    assert counts(done.where.channel) == (2, 7)
-    assert counts(done.where.cell) == (1, 1)
-    assert done.where.lift.value == pytest.approx(12.0)  # two hours of twenty-four
-    # two-hour cells overlap the gap's when shifted by 0, 1 or 23 h modulo a day: 3 + 4 + 4 of 95 shifts
-    assert done.where.chance.value == pytest.approx(11 / 95)
-
-
-def test_shrinkage_is_held_against_the_oracle(scored):
-    done, _ = scored
-    by_channel = {one.channel: one for one in done.shrinkage}
-    room = by_channel[ROOM]
-    # visible in the room with causes of the library: 3, 5 (0.9 each), 6 (named, no figure), 7 (nothing named: 0),
-    # 8 and 9 (named, no figure); the structural gap is 0.2, the median
-    assert (room.share.n, room.unknown) == (3, 3)
-    assert room.share.value == pytest.approx(1.8 / 3)
+    assert line(done, "median [s]").value is None  # the hand's outcomes do not know
+    assert line(done, "names in an answer").value == 1.0  # 1, 1, 2, 1, 2, 1, 1
+    # 0.9 of 3 and 5, nothing of 7, where none was named; 6, 8 and 9 gave no share
     oracles = 1 - 0.04 / np.array([16.0, 4.0, 4.0])
-    assert room.oracle.value == pytest.approx(oracles.mean())
-    assert room.ratio.value == pytest.approx(0.6 / oracles.mean())
-    assert room.median.value == pytest.approx(0.9 / oracles[0])  # of 0.9 / .9975, 0.9 / .99 and 0: the middle one
-    assert (by_channel[AIR].share.n, by_channel[AIR].unknown) == (0, 2)
-    largest = by_channel["where the gap is largest"]
-    assert largest.share.n + largest.unknown == 6  # each of these recordings once, with a figure or without
-    assert f"{largest.share.n} of 6 have a figure, {largest.unknown} named effects but gave no share" in markdown(done)
-    assert (room.least.n, room.least.value) == (6, pytest.approx(1.8 / (oracles.sum() + 3 - 0.04 * (1 / 9 + 2 / 16))))
+    removed = line(done, "removed")
+    assert (removed.n, removed.value) == (3, pytest.approx(0.6 / oracles.mean()))
+    assert removed.low < removed.value < removed.high
+    # r is 1 and v 10: after what was named is added r alone is covered, in both; before, v alone
+    after, quiet = line(done, "a true cause named"), line(done, "no gap answered")
+    assert (after.n, after.value, quiet.n, quiet.value, quiet.low) == (2, 0.5, 1, 0.5, None)
 
 
-def test_errors_of_parameters_are_shares_of_their_ranges(scored):
+def test_intervals_are_wilsons(scored):
+    for hits, n in ((0, 3), (7, 20), (5, 5)):
+        one = counted("x", [True] * hits + [False] * (n - hits))
+        assert (one.low, one.high) == pytest.approx(tuple(binomtest(hits, n).proportion_ci(method="wilson")), abs=1e-9)
+    assert counted("x", []).value is None
+
+
+def test_probabilities_are_held_against_what_is_true(scored):
     done, _ = scored
-    by_name = {one.parameter: one for one in done.parameters}
-    # r: 10 against 1 on a logarithmic range of 1 to 100 is half of it; v: 12 and 11 against 10 on 0 to 20
-    assert (by_name["r"].before.value, by_name["r"].after.value) == pytest.approx((0.5, 0.0))
-    assert (by_name["v"].before.value, by_name["v"].after.value) == pytest.approx((0.1, 0.05))
-    assert by_name["all parameters"].change.value == pytest.approx(-0.275)
-    assert by_name["v"].before.n == 2
+    bins = {(one.what, one.low): (one.said, one.true.hits, one.true.n) for one in done.reliability}
+    # the foremost was said with 0.1 0.5 0.9 0.1 0.6 1 0.1 0.5 1 0.1 1, and was true in 3 (0.9), 4 (0.1), 6 (1), 7, 8
+    assert bins["the foremost candidate", 0.8] == (pytest.approx((0.9 + 1 + 1 + 1) / 4), 2, 4)
+    assert bins["the foremost candidate", 0.4] == (pytest.approx(0.5), 1, 2)
+    assert bins["none of these", 0.8] == (pytest.approx(0.8), 1, 2)
+    assert bins["no gap", 0.8] == (pytest.approx(0.9), 1, 2)
 
 
-def test_leave_one_out_counts_both_ways(tmp_path):
+def test_what_can_be_seen_is_that_of_the_whole_set_however_few_recordings_are_scored(tmp_path):
+    """Twenty-five walls, the largest first: of the first five the largest is the limit, of all the second largest."""
+    walls = [Case("none", truth="no_gap", room=3.0, length=length, verdict=QUIET) for length in [3.0] + [0.5] * 24]
+    between = [Case("library", ("a",), room=2.0, length=6.0, verdict=said("a")) for _ in range(2)]
+    ones = [*walls[:4], *between, *walls[4:]]
+    folder, answers = write_set(tmp_path / "set", ones)
+    results = write_results(tmp_path / "results", folder, ones)
+    for first, expected in ((5, 1), (6, 2), (None, 2)):
+        assert line(score(folder, answers, results, first=first), "of the library").n == expected
+
+
+def test_an_effect_that_is_withheld_is_none_of_these(tmp_path):
     ones = [
-        Case("library", ("a",), room=3.0, verdict=said("a", p={"a": 0.9, "b": 0.1}, alike={"a": ["b"]})),
-        Case("library", ("a",), room=3.0, verdict=said("a", alike={"a": ["c"]})),
-        Case("form", ("b",), room=3.0, verdict=NONE),
-        Case("library", ("b",), room=3.0, verdict=said("b")),
-        Case("none", truth="no_gap", verdict=QUIET),
+        Case("library", ("a",), room=3.0, length=LONG, verdict=said("a", p={"a": 0.9, "b": 0.1})),
+        Case("library", ("a",), room=3.0, length=LONG, verdict=said("a")),
+        Case("form", ("b",), room=3.0, length=LONG, verdict=NONE),
+        Case("library", ("b",), room=3.0, length=LONG, verdict=said("b")),
+        Case("none", truth="no_gap", length=1.0, verdict=QUIET),
     ]
     folder, answers = write_set(tmp_path / "set", ones)
     results = write_results(tmp_path / "results", folder, ones)
-    again = [{"a": said("b"), "b": said("a")}, {"a": said("b")}, {}, {"b": None}, {}]
-    for k, outcomes in enumerate(again):
+    for k, outcomes in enumerate([{"a": NONE, "b": said("a")}, {"a": said("b")}, {}, {"b": None}, {}]):
         first = read_outcome(results, f"recordings/{k:04}.nc")
         made = {
             name: Outcome(file=first.file, sha256=first.sha256, seconds=1.0, verdict=one, failure="" if one else "x")
@@ -182,15 +159,40 @@ def test_leave_one_out_counts_both_ways(tmp_path):
         }
         write_withheld(results, Withheld(file=first.file, outcomes=made))
     page = tmp_path / "score.html"
-    whole = score(folder, answers, results, out=page)
-    done = whole.left_out
-    # b for a where they are confusable; b for a where they are not; none at once; failed
-    assert (done.n, done.again) == (4, 3)
-    assert (counts(done.none), counts(done.none_or_alike), counts(done.quiet)) == ((1, 4), (2, 4), (0, 4))
-    # a diagnosis that failed is told, not only counted as a wrong answer
-    assert (done.failed, whole.left_out_failures) == (1, {"recordings/0003.nc": "x"})
-    assert "1 of 4 failed, at first or again, and count as wrong |" in markdown(whole)
+    done = score(folder, answers, results, out=page)
+    # none; b for a; none at once; failed
+    assert (line(done, "withheld").hits, line(done, "withheld").n) == (2, 4)
+    assert done.left_out_failures == {"recordings/0003.nc": "x"}
     assert "<li>recordings/0003.nc: x</li>" in page.read_text()
+
+
+def test_what_was_withheld_from_the_whole_run_is_none_of_these(tmp_path):
+    ones = [
+        Case("none", truth="no_gap", length=1.0, verdict=QUIET),
+        Case("library", ("a",), room=3.0, length=LONG, verdict=NONE),
+        Case("form", ("a",), room=3.0, length=LONG, verdict=said("b")),
+        Case("two", ("a", "b"), room=3.0, length=LONG, verdict=said("b")),
+    ]
+    folder, answers = write_set(tmp_path / "set", ones)
+    results = write_results(tmp_path / "results", folder, ones, library=("b", "c"), without=("a",))
+    done = score(folder, answers, results)
+    assert (line(done, "no candidate describes").hits, line(done, "no candidate describes").n) == (1, 2)
+    assert done.answers["withheld"]["effect"] == done.answers["withheld"]["none_of_these"] == 1
+    assert (line(done, "two effects").hits, line(done, "named first").n) == (1, 0)  # b is what is left of a and b
+
+
+def test_page_json_and_markdown_say_the_same(scored):
+    done, root = scored
+    assert Score.model_validate_json((root / "score.json").read_text()) == done
+    text = (root / "score.md").read_text()
+    assert text == markdown(done) + "\n"
+    assert "| gaps answered where there is no cause | 67% (2 of 3, 21% to 94%) | at most 4% |" in text
+    assert "diagnosis blind make set --system Hand/system.toml --recordings 12 --seed 7 --hours 96" in text
+    page = (root / "score.html").read_text()
+    assert "67% (2 of 3, 21% to 94%)" in page
+    assert "http" not in page.replace("http-equiv", "")  # nothing is loaded from elsewhere
+    (picture,) = [part.split('"')[0] for part in page.split("data:image/png;base64,")[1:]]
+    assert base64.b64decode(picture)[:4] == b"\x89PNG"
 
 
 @pytest.mark.parametrize("where", ["taken/deep/score.html", "folder"])
@@ -204,48 +206,6 @@ def test_a_place_where_no_page_can_be_is_told_before_anything_is_opened(tmp_path
         RecordingError, match=r"taken is a file; expected a folder|folder: is a folder; expected a name"
     ):
         score(folder, answers, results, out=tmp_path / where)
-
-
-def test_what_was_withheld_from_the_library_is_none_of_these(tmp_path):
-    ones = [
-        Case("library", ("a",), room=3.0, verdict=NONE),
-        Case("form", ("a",), room=3.0, verdict=said("b")),
-        Case("two", ("a", "b"), room=3.0, verdict=said("b")),
-    ]
-    folder, answers = write_set(tmp_path / "set", ones)
-    results = write_results(tmp_path / "results", folder, ones, library=("b", "c"), without=("a",))
-    done = score(folder, answers, results)
-    assert counts(done.none_of_these) == (1, 2)
-    assert dict(zip(done.strata.rows, done.strata.counts, strict=True))["withheld"] == [1, 0, 1, 0, 0]
-    assert counts(done.right) == (2, 3)  # b is what is left of a and b
-
-
-def test_what_the_diagnosis_declared_it_would_see_is_scored_by_itself(tmp_path):
-    ones = [
-        Case("library", ("a",), sizes=(1.0,), room=3.0, verdict=said("a", smallest={"a": 2.9})),
-        Case("library", ("a",), sizes=(1.0,), room=3.0, verdict=said("b", smallest={"a": 3.0})),  # 3 in its unit
-        Case("library", ("a",), sizes=(1.0,), room=3.0, verdict=said("b", smallest={"a": 3.1})),
-        Case("library", ("a",), sizes=(1.0,), room=3.0, verdict=said("a", smallest={"a": None})),
-        Case("form", ("a",), sizes=(2.0,), room=3.0, verdict=said("a", smallest={"a": 0.1})),
-    ]
-    folder, answers = write_set(tmp_path / "set", ones)
-    done = score(folder, answers, write_results(tmp_path / "results", folder, ones))
-    assert counts(done.declared.top) == (1, 2)
-
-
-def test_page_json_and_markdown_say_the_same(scored):
-    done, root = scored
-    assert read_score(root / "score.json") == done
-    text = (root / "score.md").read_text()
-    assert text == markdown(done) + "\n"
-    assert "| false alarms without any effect | 67% (21% to 94%; 2 of 3) | at most 5 % |" in text
-    assert "diagnosis blind make set --system Hand/system.toml --recordings 12 --seed 7 --hours 96" in text
-    page = (root / "score.html").read_text()
-    assert "67% (21% to 94%; 2 of 3)" in page
-    assert "http" not in page.replace("http-equiv", "")  # nothing is loaded from elsewhere
-    pictures = [part.split('"')[0] for part in page.split("data:image/png;base64,")[1:]]
-    assert len(pictures) == 6
-    assert all(base64.b64decode(one)[:4] == b"\x89PNG" for one in pictures)
 
 
 def test_verdicts_of_another_set_and_incomplete_ones_are_refused(scored, tmp_path):
@@ -268,9 +228,7 @@ def test_a_run_that_was_stopped_is_scored_as_far_as_it_came(scored, tmp_path):
     for verdict in sorted((results / "verdicts").glob("*.json"))[5:]:
         verdict.unlink()
     done = score(folder, answers, results, first=5, out=tmp_path / "score.html")
-    assert (done.recordings, done.planned) == (5, 12)
-    assert counts(done.false_alarms) == (2, 3)
-    assert counts(done.right) == (2, 5)
+    assert (done.recordings, done.planned, line(done, "gaps answered").hits) == (5, 12, 2)
     text = (tmp_path / "score.md").read_text()
     assert text.startswith("the first 5 of 12 recordings of 96 h, seed 7")
     assert "score.html --seed 0 --first 5" in text

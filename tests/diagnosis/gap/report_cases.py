@@ -62,7 +62,6 @@ BARE = {
     "replay": False,
     "replayed": [],
     "detectability": [],
-    "otherwise": [],
     "sources": [],
     "sources_unknown": {},
     "effects": [],
