@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import PercentFormatter
 
 from diagnosis.curves import (
     BLUE,
@@ -27,7 +25,6 @@ from diagnosis.fitting.runs import LIMIT, within_limit
 from diagnosis.gap.concluded import Diagnosis
 from diagnosis.gap.limits import added
 from diagnosis.gap.reporting import sensors_among
-from diagnosis.gap.scan import LEVEL, NEGLIGIBLE
 from diagnosis.gap.schema import HOW_FAR, Place
 from diagnosis.gap.sentences import headline
 from diagnosis.gap.shrinkage import left_by
@@ -35,62 +32,12 @@ from diagnosis.gap.twins import SHOWN as SHOWN_TWINS
 from diagnosis.pages import long_named, page_environment, whole
 from diagnosis.physics import hints, warnings
 from diagnosis.recording import DAY
-from diagnosis.where.pictures import draw_cells, draw_correlations, draw_episodes, draw_sources, few_digits
-from diagnosis.where.sources import Source, Verdict
+from diagnosis.where.pictures import draw_cells, draw_correlations, draw_episodes, draw_sources
+from diagnosis.where.sources import Verdict
 
-SHOWN = 0.5
-"""Expected log-likelihood ratio at one scale from which a candidate's angles are shown."""
-LEAST = -0.5
-"""Shares below this are drawn here, with their number."""
-_LEAST_SHARE = 0.01
-"""Where the bars of candidates begin, as a share of the mark: what has less has no bar."""
 _HATCH = "#b8a468"
-_MOST = 14
-"""Candidates that a picture shows."""
-
-
-def draw_candidates(done: Diagnosis) -> Figure:
-    """What is tested of all candidates' log-likelihood ratios over what each must reach, all of them considered."""
-    scan = done.search.stages[0].scan
-    share = scan.beyond / scan.threshold
-    order = np.argsort(-share, kind="stable")[:_MOST][::-1]
-    made = Figure(figsize=(10, 0.28 * len(order) + 1.0), layout="constrained")
-    axes = made.subplots()
-    names = [scan.effects[j].name for j in order]
-    named = {name for one in done.report.sets for name in one}
-    axes.barh(names, share[order], color=[BLUE if n in named else GREY for n in names])
-    axes.axvline(1, color=RED, lw=1.5)
-    axes.set_xscale("log")
-    axes.set_xlim(_LEAST_SHARE, max(3.0, 1.5 * float(share.max(initial=0.0))))
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.set_xlabel("log-likelihood ratio over its mark (log scale)")
-    axes.set_title(f"Red: the mark.{' Blue: the answer.' if named else ''}", fontsize=9, loc="left")
-    return made
-
-
-def barless(done: Diagnosis) -> tuple[int, str]:
-    """How many candidates would have a bar and are not drawn, and the share of the mark from which one has a bar."""
-    scan = done.search.stages[0].scan
-    return max(int((scan.beyond / scan.threshold > _LEAST_SHARE).sum()) - _MOST, 0), f"{_LEAST_SHARE:.0%}"
-
-
-def draw_angles(done: Diagnosis) -> Figure:
-    """Angles between what the parameters cannot imitate of the candidates' signatures, in signs that they may have."""
-    scan = done.search.stages[0].scan
-    order = [j for j in np.argsort(-scan.ratio, kind="stable") if scan.expected[j] > SHOWN][:_MOST]
-    angle = np.degrees(np.arccos(scan.nearest[np.ix_(order, order)]))
-    made = Figure(figsize=(8.6, 0.36 * len(order) + 2.2), layout="constrained")
-    axes = made.subplots()
-    image = axes.imshow(angle, cmap="magma", vmin=0, vmax=90)
-    names = [scan.effects[j].name for j in order]
-    axes.set_xticks(range(len(order)), names, rotation=60, ha="right", fontsize=8)
-    axes.set_yticks(range(len(order)), names, fontsize=8)
-    for i in range(len(order)):
-        for j in range(len(order)):
-            light = "white" if angle[i, j] < 55 else "black"
-            axes.text(j, i, f"{angle[i, j]:.0f}", ha="center", va="center", fontsize=7, color=light)
-    made.colorbar(image, label="angle [degrees]; near 0 looks alike")
-    return made
+LINES = 5
+"""Limits and places that are told at once; more lie behind a click."""
 
 
 def draw_outputs(done: Diagnosis) -> Figure:
@@ -158,31 +105,6 @@ def draw_parameters(done: Diagnosis) -> Figure:
     return made
 
 
-def draw_shares(done: Diagnosis) -> Figure:
-    """Shares of the gap that the effects remove, beside placebos: as the page and the answer tell them."""
-    rows = [one for one in done.report.shrinkage if one.share is not None]
-    long = {one.name: one.long_name for one in done.base.problem.system.outputs}
-    made = Figure(figsize=(10, 0.5 * len(rows) + 0.9), layout="constrained")
-    axes = made.subplots()
-    for y, one in enumerate(reversed(rows)):
-        share, low, high = one.told
-        assert low is not None and high is not None and share is not None and one.placebo is not None
-        axes.plot([max(low, LEAST), max(high, LEAST)], [y, y], color=BLUE, lw=3, solid_capstyle="butt")
-        axes.plot(max(share, LEAST), y, "o", color=BLUE)
-        axes.plot(max(one.placebo, LEAST), y - 0.22, "x", color=GREY)
-        for height, value in ((y, low), (y - 0.22, one.placebo)):
-            if value < LEAST:
-                axes.annotate(f"{value:.0%} ←", (LEAST - 0.01, height), ha="right", va="center", fontsize=8)
-    axes.axvline(0, color=GREY, lw=1)
-    axes.axvline(1, color=GREY, lw=1, ls=":")
-    axes.set_yticks(range(len(rows)), [fill(long_named(one.channel, long), 30) for one in reversed(rows)], fontsize=8)
-    axes.xaxis.set_major_formatter(PercentFormatter(1.0))
-    axes.set_xlabel("share of the gap above the noise that is gone (blue, 90 % interval); placebo (grey cross)")
-    axes.set_xlim(LEAST - 0.1, 1.05)
-    axes.set_ylim(-0.5, len(rows) - 0.5)
-    return made
-
-
 def write_report(done: Diagnosis, folder: Path) -> None:
     """Write ``report.json`` and ``report.html`` into a folder, both or none."""
     page = render(done)
@@ -198,7 +120,6 @@ def render(done: Diagnosis) -> str:
     begin = zero + np.timedelta64(round(done.report.start), "s")
     environment.filters["dated"] = lambda one: dated(one, zero)
     relative = {one.name: one.relative for one in done.base.problem.constants}
-    widest = {one.name: float(max(abs(one.estimate).max(), abs(one.high).max())) for one in _sources(done)}
     return environment.get_template("gap.html.j2").render(
         report=done.report,
         warnings=warnings(done.report.physics),
@@ -211,34 +132,16 @@ def render(done: Diagnosis) -> str:
         added=added(done.report.verdict),
         days=done.report.steps * done.report.step / DAY,
         shown=SHOWN_TWINS,
-        against=_against(done),
         outputs={one.name: one.long_name for one in system.outputs},
         parameters={one.name: one.description for one in system.parameters}
         | {one.name: one.description for one in system.uncertain},
-        negligible=f"{NEGLIGIBLE:g}",
-        level=f"{LEVEL:.0%}",
-        barless=barless(done),
+        lines=LINES,
         channel_units={one.name: one.unit for one in system.outputs},
         limit=f"{LIMIT:g}",
         constants=relative,
         within=lambda name, value: within_limit(value, relative.get(name)),
-        shown_in=lambda one: few_digits(one.unit, widest.get(one.name, 0.0)),
         pictures=_pictures(done),
     )
-
-
-def _against(done: Diagnosis) -> dict[str, str]:
-    """What was found of each source beside the error of a sensor, by the source's name."""
-    residuals, tested = done.where.residuals, done.where.sources
-    if tested is None:
-        return {}
-    labels = dict(zip(residuals.names, residuals.labels, strict=True))
-    answered = answered_by(done)
-    return {one.name: tested.words(one, labels[one.rival], answered=answered) for one in tested.sources}
-
-
-def _sources(done: Diagnosis) -> list[Source]:
-    return done.where.sources.sources if done.where.sources is not None else []
 
 
 def answered_by(done: Diagnosis) -> set[Verdict]:
@@ -257,25 +160,21 @@ def dated(one: Place, zero: np.datetime64) -> str:
 
 def _pictures(done: Diagnosis) -> dict[str, str]:
     """All pictures by name, those that there is something to show in."""
-    where, scan, zero = done.where.among_all(), done.search.stages[0].scan, done.whole.recording.zero
+    where, zero = done.where.among_all(), done.whole.recording.zero
     made: dict[str, Figure] = {
         "outputs": draw_outputs(done),
+        "cells": draw_cells(where.residuals, where.cells),
         "episodes": draw_episodes(where.residuals, where.episodes, zero=zero),
         "parameters": draw_parameters(done),
     }
-    looked = [where.residuals.names[k] for k in where.cells.channels]
-    named = [name for name in looked if name in {one.channel for one in done.report.where if one.kind != "source"}]
-    for name, only in (("cells", named), ("other_cells", [name for name in looked if name not in named])):
-        if only:
-            made[name] = draw_cells(where.residuals, where.cells, only=only)
-    if scan.effects:
-        made["candidates"] = draw_candidates(done)
-    if (scan.expected > SHOWN).any():
-        made["angles"] = draw_angles(done)
     if where.correlations is not None:
         made["correlations"] = draw_correlations(where.residuals, where.correlations)
     if where.sources is not None:
-        made["sources"] = draw_sources(where.residuals, where.sources, answered=answered_by(done), zero=zero)
-    if any(one.share is not None for one in done.report.shrinkage):
-        made["shares"] = draw_shares(done)
+        explained = None
+        if done.where_left is not None:
+            gone = where.residuals.observed - done.where_left.residuals.observed
+            explained = where.sources.courses(gone)
+        made["sources"] = draw_sources(
+            where.residuals, where.sources, answered=answered_by(done), explained=explained, zero=zero
+        )
     return {name: embedded(one) for name, one in made.items()}

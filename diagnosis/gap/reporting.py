@@ -279,7 +279,6 @@ def _sources(where: Where) -> list[SourceOf]:
             rival=one.rival,
             balance=one.balance,
             verdict=one.verdict,
-            roughness=one.roughness,
         )
         for one in (where.sources.sources if where.sources is not None else [])
     ]

@@ -169,8 +169,7 @@ class SourceOf(_Table):
 
     ``mean`` over the recording and ``peak``, the largest either way; ``gain``: log likelihood over noise alone, and
     ``p_value`` of that; ``balance``: the gain less that of an error of the channel ``rival`` alone; ``verdict``:
-    ``balance``, ``sensor``, ``undecided``, or ``none`` where neither explains more than in twins. ``roughness``: 0 for
-    a smooth course, 2 for noise, towards 4 for spikes.
+    ``balance``, ``sensor``, ``undecided``, or ``none`` where neither explains more than in twins.
     """
 
     name: str
@@ -183,7 +182,6 @@ class SourceOf(_Table):
     rival: str
     balance: float
     verdict: str
-    roughness: float
 
 
 class StageOf(_Table):

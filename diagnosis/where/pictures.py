@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from textwrap import fill
 
 import numpy as np
@@ -12,7 +12,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from diagnosis.curves import calendar
+from diagnosis.curves import BLUE, ORANGE, calendar
 from diagnosis.where.cells import STATISTICS, CellTest
 from diagnosis.where.correlation import CorrelationTest
 from diagnosis.where.episodes import REST, EpisodeTest
@@ -291,11 +291,13 @@ def draw_sources(
     *,
     alpha: float = 0.05,
     answered: Collection[Verdict] = (),
+    explained: Mapping[str, np.ndarray] | None = None,
     zero: np.datetime64 | None = None,
 ) -> Figure:
     """Each source that would close the residual, its uncertainty, and what replicates without a gap would ask for.
 
-    ``answered``: see :meth:`~diagnosis.where.sources.SourceTest.words`. ``zero`` is the date from which time runs.
+    ``answered``: see :meth:`~diagnosis.where.sources.SourceTest.words`. ``explained`` by source (pulses,): what the
+    effects found account for. ``zero`` is the date from which time runs.
     """
     figure = Figure(figsize=(12.5, 2.5 * len(found.sources) + 1.1), layout="constrained")
     panels = figure.subplots(len(found.sources), 1, squeeze=False, sharex=True)[:, 0]
@@ -312,11 +314,16 @@ def draw_sources(
         )  # fmt: skip
         for sign in (-2, 2):
             edge = factor * (one.estimate + sign * one.uncertainty)
-            axes.step(centres, edge, where="mid", color=QUIET, linewidth=0.5, alpha=0.7)
+            axes.step(centres, edge, where="mid", color=ORANGE, linewidth=0.5, alpha=0.7)
         axes.step(
-            centres, factor * one.estimate, where="mid", color=QUIET, linewidth=1.2,
-            label="this recording, and two standard deviations either side",
+            centres, factor * one.estimate, where="mid", color=ORANGE, linewidth=1.2,
+            label="what the base model lacks, and two standard deviations either side",
         )  # fmt: skip
+        if explained is not None:
+            axes.step(
+                centres, factor * explained[one.name], where="mid", color=BLUE, linewidth=1.6, linestyle="--",
+                label="what of it the effects found account for",
+            )  # fmt: skip
         # a pulse may stand out at another smoothness than the one drawn: mark it only where the drawing agrees
         outside = (one.estimate > one.high) | (one.estimate < one.low)
         sure = (one.adjusted <= alpha) & outside & (np.abs(one.estimate) > 2 * one.uncertainty)
@@ -333,16 +340,13 @@ def draw_sources(
         axes.axhline(0, color="black", linewidth=0.6)
         _weekends(axes, residuals, begin)
         _frame(axes, edges, f"{one.label}\n[{unit}]")
-        said = (
-            f"{one.label} {found.words(one, labels[one.rival], alpha, answered=answered)}"
-            f" (p = {one.p_value:.2g}, roughness {one.roughness:.1f}: 0 smooth, 2 noise, 4 spikes)"
-        )
+        said = f"{one.label} {found.words(one, labels[one.rival], alpha, answered=answered)} (p = {one.p_value:.2g})"
         axes.set_title(fill(said, _WIDTH), fontsize=9, loc="left")
     _days_below(panels[-1], begin, zero)
     handles = {text: handle for axes in panels for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)}
     figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=3, fontsize=8, frameon=False)
     figure.suptitle(
-        "What source would close the gap\nAbove zero: the building gains what the model lacks; below: it loses it.",
+        "Above zero the building gains what the model lacks, below it loses it",
         fontsize=10,
     )
     return figure

@@ -31,13 +31,14 @@ _GRID = np.concatenate([[0.0], np.logspace(-2, 8, 41)])
 class Inverse:
     """A decomposed inverse problem with pulses ``root`` @ ``vectors`` and coefficients of the rows in that basis.
 
-    ``strength`` (pulses,): squared singular values; ``projected`` (rows, pulses): rows in the basis, times the singular
-    values.
+    ``strength`` (pulses,): squared singular values; ``basis`` (readings, pulses), times the singular values;
+    ``projected`` (rows, pulses): rows in it.
     """
 
     root: np.ndarray
     vectors: np.ndarray
     strength: np.ndarray
+    basis: np.ndarray
     projected: np.ndarray
 
     @property
@@ -59,6 +60,10 @@ class Inverse:
     def solve(self, tau: float) -> np.ndarray:
         """Posterior means of all rows at one prior variance, shape (rows, pulses)."""
         return (self.projected * (tau / (1 + tau * self.strength))) @ (self.root @ self.vectors).T
+
+    def by_reading(self, tau: float) -> np.ndarray:
+        """The same of each reading of a row, shape (readings, pulses): the mean is a row times this."""
+        return (self.basis * (tau / (1 + tau * self.strength))) @ (self.root @ self.vectors).T
 
     def uncertainty(self, tau: float) -> np.ndarray:
         """Posterior standard deviation of each pulse, shape (pulses,)."""
@@ -91,18 +96,16 @@ def decompose(rows: np.ndarray, response: np.ndarray, centres: np.ndarray, memor
     centres
         Middle of each pulse [s].
     memory
-        Time over which the series remembers itself [s]; 0 for pulses that know nothing of one another.
+        Time over which the series remembers itself [s].
     """
-    if memory > 0:
-        covariance = np.exp(-np.abs(centres[:, None] - centres) / memory)
-        root = np.linalg.cholesky(covariance + 1e-10 * np.eye(len(centres)))
-        driven = response @ root
-    else:
-        root, driven = np.eye(len(centres)), response
+    covariance = np.exp(-np.abs(centres[:, None] - centres) / memory)
+    root = np.linalg.cholesky(covariance + 1e-10 * np.eye(len(centres)))
+    driven = response @ root
     strength, vectors = np.linalg.eigh(driven.T @ driven)
     strength = np.maximum(strength, 0.0)
     strength[strength < 1e-12 * strength.max(initial=0.0)] = 0.0
-    return Inverse(root, vectors, strength, rows @ driven @ vectors)
+    basis = driven @ vectors
+    return Inverse(root, vectors, strength, basis, rows @ basis)
 
 
 STRONG = 3.0
@@ -137,11 +140,10 @@ class Source:
 
     ``estimate``, ``uncertainty`` (pulses,) [unit]: posterior mean and standard deviation; ``low``, ``high``: where 95 %
     of the twins' lie, which have no gap. ``adjusted`` (pulses,): family-wise p of each pulse. ``gain``: log
-    likelihood over noise alone; ``p_value`` of that against the twins. ``roughness``: von Neumann's ratio of the source
-    estimated without any smoothness asked of it: 0 a smooth series, 2 white noise, towards 4 a derivative of spikes;
-    ``roughness_p``: how rarely a twin is rougher. ``rival``: the channel, of those that the source moves, whose own
-    error explains most; ``balance``: the source's gain less the rival's. ``verdict``: ``balance``, ``sensor``,
-    ``undecided`` by that difference, or ``none`` when neither explains more than in twins.
+    likelihood over noise alone; ``p_value`` of that against the twins. ``rival``: the channel, of those that the source
+    moves, whose own error explains most; ``balance``: the source's gain less the rival's. ``verdict``: ``balance``,
+    ``sensor``, ``undecided`` by that difference, or ``none`` when neither explains more than in twins. ``by_reading``
+    (readings, pulses): the estimate is a whitened row times this.
     """
 
     name: str
@@ -155,11 +157,10 @@ class Source:
     adjusted: np.ndarray
     gain: float
     p_value: float
-    roughness: float
-    roughness_p: float
     rival: str
     balance: float
     verdict: Verdict
+    by_reading: np.ndarray
 
     def needed(self, alpha: float = 0.05) -> bool:
         """Whether the source itself explains more than in twins, whatever its rival does."""
@@ -173,6 +174,7 @@ class SourceTest:
     ``sensor_gains``: log likelihood over noise, by channel, of an error on that channel alone; ``suspect``: the channel
     of which it explains most of all, if that is more than in twins. The cells of ``test`` are the sources, then the
     sensors. ``stands``: whether what they explain is more than in twins when all other places are tested with them.
+    ``white``: how residuals were whitened.
     """
 
     test: MaxTest
@@ -180,7 +182,19 @@ class SourceTest:
     sensor_gains: dict[str, float]
     suspect: str | None
     findings: list[Finding]
+    white: Whitened
     stands: bool = True
+
+    def courses(self, series: np.ndarray) -> dict[str, np.ndarray]:
+        """What of each source a part of the residual stands for, shape (pulses,) [unit of the source].
+
+        Parameters
+        ----------
+        series
+            The part, shape (outputs, steps) [unit of each].
+        """
+        row = self.white.response(series[..., None])[:, 0]
+        return {one.name: row @ one.by_reading for one in self.sources}
 
     def words(self, one: Source, rival: str, alpha: float = 0.05, *, answered: Collection[Verdict] = ()) -> str:
         """What the tests say of a source and its rival, whose label is given; goes on after the source's own label.
@@ -263,25 +277,25 @@ def scan_sources(
     grouped = [_grouped(one) for one in operators]
     kept = [one.response if left is None else left(one.response) for one in grouped]
     problems = [
-        _problems(white, white.response(response), one.edges, (*MEMORIES, 0.0))
+        _problems(white, white.response(response), one.edges, MEMORIES)
         for one, response in zip(grouped, kept, strict=True)
     ]
-    sources: list[tuple[Operator, Inverse, float, np.ndarray]] = []
+    sources: list[tuple[Operator, Inverse, float]] = []
     pulses, source_gains = [], []
-    for one, (*smooth, rough) in zip(grouped, problems, strict=True):
+    for one, smooth in zip(grouped, problems, strict=True):
         gains, taus = (np.stack(v) for v in zip(*(p.gains() for p in smooth), strict=True))
         best = int(np.argmax(gains[:, 0]))
         source_gains.append(gains.max(axis=0))
         levels = np.stack([p.solve(p.tau_for(share)) for p in smooth for share in SHARES], axis=1)
         pulses.append(levels.reshape(len(levels), -1))
         tau = taus[best, 0] or smooth[best].tau_for(SHARES[0])
-        sources.append((one, smooth[best], tau, _roughness(rough)))
+        sources.append((one, smooth[best], tau))
     sensors = _sensor_gains(residuals, white, grouped[0].edges, left)
     gains_of_all = np.stack([*source_gains, *sensors.values()], axis=1)
     whole = max_test(np.sqrt(gains_of_all), upper=True)
     pulse_test = max_test(np.concatenate(pulses, axis=1))
     found, offset = [], 0
-    for j, (one, problem, tau, ratios) in enumerate(sources):
+    for j, (one, problem, tau) in enumerate(sources):
         width = len(one.edges) - 1
         levels_p = pulse_test.adjusted[offset : offset + pulses[j].shape[1]].reshape(-1, width)
         offset += pulses[j].shape[1]
@@ -290,7 +304,6 @@ def scan_sources(
         rival = max((k for k in sensors if k in _moved(white, one)), key=lambda k: float(sensors[k][0]))
         balance = float(source_gains[j][0] - sensors[rival][0])
         sure = min(whole.adjusted[j], whole.adjusted[len(sources) + list(sensors).index(rival)]) <= alpha
-        roughness_p = float((1 + np.count_nonzero(ratios[1:] >= ratios[0])) / len(ratios))
         found.append(
             Source(
                 name=one.name,
@@ -304,17 +317,16 @@ def scan_sources(
                 adjusted=levels_p.min(axis=0),
                 gain=float(source_gains[j][0]),
                 p_value=float(whole.adjusted[j]),
-                roughness=float(ratios[0]),
-                roughness_p=roughness_p,
                 rival=residuals.names[rival],
                 balance=balance,
                 verdict=verdict_of(balance) if sure else "none",
+                by_reading=problem.by_reading(tau),
             )
         )
     by_channel = {residuals.names[k]: float(gains[0]) for k, gains in sensors.items()}
     p_values = dict(zip(by_channel, whole.adjusted[len(sources) :], strict=True))
     suspect = max(by_channel, key=lambda name: by_channel[name])
-    done = SourceTest(whole, found, by_channel, suspect if p_values[suspect] <= alpha else None, [])
+    done = SourceTest(whole, found, by_channel, suspect if p_values[suspect] <= alpha else None, [], white)
     return replace(done, findings=_findings(residuals, done, list(sensors), alpha))
 
 
@@ -349,13 +361,6 @@ def _sensor_gains(
         problems = _problems(white, white.response(alone), edges, MEMORIES)
         found[k] = np.max([p.gains()[0] for p in problems], axis=0)
     return found
-
-
-def _roughness(problem: Inverse) -> np.ndarray:
-    """Von Neumann's ratio (1941) of each row's source under a prior that asks for no smoothness, shape (rows,)."""
-    solved = problem.solve(problem.tau_for(0.9))
-    apart = solved - solved.mean(axis=1, keepdims=True)
-    return np.sum(np.diff(apart, axis=1) ** 2, axis=1) / np.maximum(np.sum(apart**2, axis=1), np.finfo(float).tiny)
 
 
 def _moved(white: Whitened, operator: Operator) -> list[int]:

@@ -37,7 +37,6 @@ def source(name, verdict, mean):
         rival="room",
         balance=5.0,
         verdict=verdict,
-        roughness=0.5,
     )
 
 

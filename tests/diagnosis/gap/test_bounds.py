@@ -13,7 +13,6 @@ from diagnosis.effects.base import Nothing
 from diagnosis.gap.evidence import evidence_before
 from diagnosis.gap.grams import AMPLITUDE, Colours, Grams
 from diagnosis.gap.limits import smallest
-from diagnosis.gap.page import draw_candidates
 from diagnosis.gap.refit import Refit
 from diagnosis.gap.scan import LEVEL, PRIORS, mass, scan
 from diagnosis.gap.stages import PLAIN
@@ -162,25 +161,3 @@ def test_nine_of_ten_effects_of_the_size_that_is_said_to_be_seen_are_seen():
         lin.residual = fixed + made + rng.standard_normal(fixed.shape)
         hits += scanned(lin, twins)[0].adjusted[1] <= LEVEL
     assert hits / count == pytest.approx(0.9, abs=0.045)  # three standard errors
-
-
-def test_a_bar_passes_the_line_exactly_where_the_candidate_stands_out():
-    """Sizes around what is seen, and one that is clear but negligible: its whole ratio is above its mark."""
-    rng, told = np.random.default_rng(5), []
-    for size in (0.0, 0.09, 0.1, *np.linspace(0.12, 0.6, 12)):
-        lin = problem_of(rng)
-        lin.by_effect = 3.0 * lin.by_effect
-        lin.residual = rng.standard_normal(lin.residual.shape) + size * lin.by_effect[..., 0]
-        found, _ = scanned(with_bounds(lin, *[(-np.inf, np.inf)] * len(lin.effects)))
-        stages = [SimpleNamespace(scan=found)]
-        made = draw_candidates(SimpleNamespace(search=SimpleNamespace(stages=stages), report=SimpleNamespace(sets=[])))
-        (axes,) = made.axes
-        names = [label.get_text() for label in axes.get_yticklabels()]
-        (mark,) = {float(x) for line in axes.lines for x in line.get_xdata()}
-        thresholds = dict(zip((one.name for one in found.effects), found.threshold, strict=True))
-        assert list(axes.patches) == sorted(axes.patches, key=lambda bar: bar.get_width())  # the longest on top
-        bars = dict(zip(names, (bar.get_width() for bar in axes.patches), strict=True))
-        for effect, p_value, ratio in zip(found.effects, found.adjusted, found.ratio, strict=True):
-            assert (bars[effect.name] > mark) == (p_value <= LEVEL)
-            told.append((p_value <= LEVEL, ratio > thresholds[effect.name]))
-    assert {(True, True), (False, False), (False, True)} <= set(told)

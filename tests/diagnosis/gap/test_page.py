@@ -5,53 +5,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from diagnosis.gap import concluded
 from diagnosis.gap import page as pictures
-from diagnosis.gap.page import LEAST, answered_by, dated, draw_outputs, draw_shares, render
-from diagnosis.gap.schema import Report, ShrinkageOf
-from diagnosis.gap.sentences import _share
+from diagnosis.gap.page import answered_by, dated, draw_outputs, render
+from diagnosis.gap.schema import Report
 from diagnosis.physics import Finding
 from diagnosis.where.sources import SUSPECT
 from shared.numbers import number
 from tests.diagnosis.gap.report_cases import named, place, report
-
-
-def shrunk(share, low, high, placebo=0.0):
-    return ShrinkageOf(
-        channel="room",
-        unit="K",
-        readings=24,
-        before=1.0,
-        after=0.1,
-        floor=0.1,
-        share=share,
-        low=low,
-        high=high,
-        placebo=placebo,
-        placebo_best=0.2,
-    )
-
-
-@pytest.mark.parametrize(
-    ("share", "low", "high"), [(1.3, 1.1, 2.3), (0.7, 0.4, 0.9), (0.9, 0.2, 1.2), (0.1, -4.0, 0.3)]
-)
-def test_shares_are_drawn_as_they_are_said(share, low, high):
-    """More than all of a gap cannot be gone; an interval that goes on beyond the picture's edge says how far."""
-    one = shrunk(share, low, high)
-    (axes,) = draw_shares(SimpleNamespace(report=SimpleNamespace(shrinkage=[one]), base=based([]))).axes
-    interval, dot = axes.lines[:2]
-    drawn = [*dot.get_xdata(), *interval.get_xdata()]
-    assert [_share(x) for x in one.told] == [_share(x) if x > LEAST else _share(low) for x in drawn]
-    assert max(drawn) <= 1.0 < axes.get_xlim()[1] and axes.get_xlim()[0] < min(drawn)
-    marks = [text.get_text() for text in axes.texts]
-    assert marks == ([f"{low:.0%} ←"] if low < LEAST else [])
-    assert (one.share, one.low, one.high) == (share, low, high)  # report.json has what was found
-
-
-def based(parameters):
-    outputs = [SimpleNamespace(name="room", long_name="air of the room")]
-    return SimpleNamespace(problem=SimpleNamespace(system=SimpleNamespace(parameters=parameters, outputs=outputs)))
 
 
 def residuals_of(left):
@@ -157,15 +120,29 @@ def test_where_there_is_no_gap_no_place_is_called_one(drifted, monkeypatch):
     assert drifted.done.report.dropped == [] and "None of this is enough" not in " ".join(render(drifted.done).split())
 
 
-def test_a_candidate_without_a_bar_is_not_told_to_explain_nothing(drifted, monkeypatch):
-    monkeypatch.setattr(pictures, "_MOST", 1)
-    scan = drifted.done.search.stages[0].scan
-    with_bar = int((scan.beyond / scan.threshold > 0.01).sum())
-    page = " ".join(render(drifted.done).split())
-    assert with_bar > 1 and "explain nothing" not in page
-    assert f"has less than 1% of its threshold, or is one of {with_bar - 1} with shorter bars" in page
-    monkeypatch.setattr(pictures, "_MOST", 14)
-    assert "with shorter bars" not in " ".join(render(drifted.done).split())
+def test_what_the_effects_found_account_for_is_drawn_into_what_the_model_lacks(drifted, monkeypatch):
+    """The readings that the effects took away stand for it: all of it where nothing is left."""
+    drawn = {}
+    monkeypatch.setattr(pictures, "draw_sources", lambda *_, **given: drawn.update(given) or draw_nothing())
+    render(drifted.done)
+    assert drawn["explained"].keys() == {one.name for one in drifted.done.where.sources.sources}
+    where = drifted.done.where
+    nothing = replace(where, residuals=replace(where.residuals, observed=np.zeros_like(where.residuals.observed)))
+    render(replace(drifted.done, where_left=nothing))
+    for one in where.sources.sources:
+        assert drawn["explained"][one.name] == pytest.approx(one.estimate, abs=1e-6 * np.abs(one.estimate).max())
+    render(replace(drifted.done, where_left=None))
+    assert drawn["explained"] is None
+
+
+def draw_nothing():
+    return Figure()
+
+
+def test_a_page_tells_five_limits_at_once_and_more_behind_a_click(drifted):
+    report = drifted.done.report.model_copy(update={"limits": [f"Limit {k}." for k in range(7)]})
+    first, _, behind = render(replace(drifted.done, report=report)).partition("What could have been seen, and more")
+    assert "Limit 4." in first and "Limit 5." not in first and "Limit 6." in behind
 
 
 def test_the_noise_of_the_null_has_its_unit(drifted):
