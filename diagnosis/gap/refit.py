@@ -27,8 +27,8 @@ of the prior, and are treated alike:
    in time is simulated there with amplitudes from all over its range.
 
 All share a line to the end. Fitted each to its own rest, nuisance and all, one and the same model differs by tens in
-log evidence between two starts where nobody counted the persons or meters drive the model: by more than most candidates
-differ from each other (``tests/benchmarks/hypotheses.py``).
+log evidence between two starts where nobody counted the persons or meters drive the model: by more than most
+candidates differ from each other.
 """
 
 from __future__ import annotations

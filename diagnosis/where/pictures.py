@@ -58,24 +58,20 @@ MOST = 10.0
 """The colours of scatter end at so many times that of replicates, and at that part of it."""
 
 
-def draw_cells(
-    residuals: Residuals, cells: CellTest, *, only: Collection[str] | None = None, alpha: float = 0.05
-) -> Figure:
+def draw_cells(residuals: Residuals, cells: CellTest, *, alpha: float = 0.05) -> Figure:
     """Offsets by hour and state, and scatter by speed and state: a row of two panels for each channel.
 
-    ``only``: names of the channels that are drawn; all of them if not given. ``alpha``: the family's own p up to which
-    cells are framed.
+    ``alpha``: the family's own p up to which cells are framed.
     """
-    rows = _rows(cells)
-    drawn = [c for c, k in enumerate(cells.channels) if only is None or residuals.names[k] in only]
+    rows, count = _rows(cells), len(cells.channels)
     tall = 0.21 * len(rows) + 1.15
-    figure = Figure(figsize=(12.5, tall * len(drawn) + 0.9), layout="constrained")
+    figure = Figure(figsize=(12.5, tall * count + 0.9), layout="constrained")
     panels = figure.subplots(
-        len(drawn), 2, squeeze=False, gridspec_kw={"width_ratios": [2.9, len(cells.bands) * 0.28 + 0.2]}
+        count, 2, squeeze=False, gridspec_kw={"width_ratios": [2.9, len(cells.bands) * 0.28 + 0.2]}
     )
-    for row, c in enumerate(drawn):
-        _draw_offsets(figure, panels[row, 0], residuals, cells, c, rows, alpha)
-        _draw_scatter(figure, panels[row, 1], cells, c, rows, alpha)
+    for c in range(count):
+        _draw_offsets(figure, panels[c, 0], residuals, cells, c, rows, alpha)
+        _draw_scatter(figure, panels[c, 1], cells, c, rows, alpha)
     figure.suptitle(
         "Where measurement and calibrated model differ\n"
         "Left: red measured higher, blue lower.  Right: red more scatter than replicates without a gap, blue less.\n"
