@@ -7,11 +7,30 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from shared.numbers import chance, number
 from shared.variables import spaced
+
+if TYPE_CHECKING:
+    from shared.system import System
+
+
+WEATHER = {
+    "temp_air": "outdoor temperature",
+    "temp_dew": "outdoor dew point",
+    "temp_sky": "sky temperature",
+    "wind_speed": "wind speed",
+    "ghi": "sun on the horizontal",
+    "dni": "direct sun (beam)",
+    "dhi": "diffuse sun",
+    "poa_global": "sun on the facade",
+    "opaque_cover": "cloud cover",
+    "relative_humidity": "outdoor humidity",
+}
+"""Quantities of the weather, by pvlib's names, as people call them."""
 
 
 def page_environment(decimals: int = 1) -> Environment:
@@ -76,3 +95,10 @@ def whole(folder: Path) -> Iterator[Path]:
             path.replace(folder / path.name)
     finally:
         shutil.rmtree(draft, ignore_errors=True)
+
+
+def input_labels(system: System) -> dict[str, str]:
+    """What each input is, with the model's own name in brackets, by that name; or the name alone."""
+    words = {one.name: WEATHER.get(one.column) for one in system.inputs if one.source == "weather"}
+    words |= {one.name: "occupancy" for one in system.inputs if one.source == "occupancy"}
+    return {one.name: long_named(one.name, words.get(one.name)) for one in system.inputs}

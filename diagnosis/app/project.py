@@ -30,6 +30,7 @@ from diagnosis.measurements.mapping import EXAMPLES, OPEN, unfilled
 from diagnosis.measurements.output import ImportReport
 from diagnosis.measurements.units import convert
 from diagnosis.measurements.vocabulary import measured_in, words_for
+from diagnosis.pages import WEATHER
 from shared.errors import RecordingError, ZeroshotError
 from shared.numbers import number
 from shared.places import check_folder
@@ -53,19 +54,6 @@ _UNITS = (
     "l/s", "kg/s", "kg/h", "persons", "presence", "1",
 )  # fmt: skip
 _SETTINGS = "app.json"
-_WEATHER = {
-    "temp_air": "outdoor temperature",
-    "temp_dew": "outdoor dew point",
-    "temp_sky": "sky temperature",
-    "wind_speed": "wind speed",
-    "ghi": "sun on the horizontal",
-    "dni": "direct sun (beam)",
-    "dhi": "diffuse sun",
-    "poa_global": "sun on the facade",
-    "opaque_cover": "cloud cover",
-    "relative_humidity": "outdoor humidity",
-}
-"""Quantities of the weather, by pvlib's names, as people call them."""
 
 
 @dataclass(frozen=True)
@@ -274,7 +262,7 @@ class Project:
 
     def targets(self) -> list[Target]:
         """What columns may be, with the units that a column of it may have."""
-        long = {one.name: one.long_name for one in self.described.outputs} | _WEATHER
+        long = {one.name: one.long_name for one in self.described.outputs} | WEATHER
         found = []
         for one in targets_of(self.described):
             quantities = one.quantities - {"presence"} or one.quantities

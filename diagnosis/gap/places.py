@@ -21,7 +21,7 @@ from diagnosis.fitting.problem import Problem
 from diagnosis.gap.linear import felt
 from diagnosis.gap.stages import Stage
 from diagnosis.gap.twins import SHOWN
-from diagnosis.pages import long_named
+from diagnosis.pages import input_labels, long_named
 from diagnosis.recording import DAY, HOUR, Recording
 from diagnosis.where import Finding, Operator, Residuals, Where, find_regimes, locate
 from diagnosis.where.episodes import period
@@ -157,9 +157,10 @@ def place(stage: Stage, observed: np.ndarray, operators: list[Operator]) -> Wher
     # twins draw persons of their own where nobody is to know of those who were counted
     hidden = {one.name for one in problem.system.inputs if one.source == "occupancy" and problem.occupancy == "unknown"}
     inputs = {k: v for k, v in problem.recording.inputs.items() if float(np.ptp(v)) > 0 and k not in hidden}
+    words = input_labels(problem.system)
     return locate(
         residuals,
-        inputs=inputs,
+        inputs={words[name]: series for name, series in inputs.items()},
         measured=problem.measured,
         regimes=find_regimes(problem.system, inputs, stage.lin.outputs),
         operators=operators,

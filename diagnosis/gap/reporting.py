@@ -59,6 +59,7 @@ def reported(
 ) -> Report:
     """All tables of ``report.json``."""
     problem, first = base.problem, search.stages[0]
+    long = {one.name: one.long_name for one in problem.system.outputs}
     report = Report(
         verdict=decision.verdict,
         summary=[],
@@ -75,7 +76,7 @@ def reported(
         balance=where.verdict if decision.verdict != "no_gap" else "none",
         sources=_sources(where),
         sources_unknown=unknown,
-        shrinkage=[ShrinkageOf(**vars(one)) for one in shrinkage],
+        shrinkage=[ShrinkageOf(**vars(one), label=long.get(one.channel) or "") for one in shrinkage],
         chosen_apart=agreed,
         parameters=_before_and_after(search, 0, [(one.name, one.unit) for one in problem.system.parameters]),
         constants=_before_and_after(
@@ -116,7 +117,6 @@ def reported(
         uncalibrated=uncalibrated,
     )
     limited = limits(report) + strained(report, {one.name: one.relative for one in problem.constants})
-    long = {one.name: one.long_name for one in problem.system.outputs}
     return report.model_copy(update={"summary": summary(report, sensors_among(first), long), "limits": limited})
 
 

@@ -100,6 +100,7 @@ class ShrinkageOf(_Table):
     """
 
     channel: str
+    label: str = Field("", description="what the channel is")
     unit: str
     readings: int
     before: float | None

@@ -47,8 +47,8 @@ def headline(report: Report) -> str:
         if one.low is not None and one.high is not None:
             size += f" ({number(one.low, 3)} to {number(one.high, 3)})"
         causes.append(f"{long_named(one.name, one.description)}{size}, probability {chance(one.probability)}")
-    shares = [(one.channel, one.told[0]) for one in report.shrinkage]
-    removed = ", ".join(f"{share:.0%} of the gap in {channel}" for channel, share in shares if share is not None)
+    shares = [(one.label or one.channel, one.told[0]) for one in report.shrinkage]
+    removed = ", ".join(f"{share:.0%} of the gap in {what}" for what, share in shares if share is not None)
     which = "Cause" if len(causes) == 1 else "One of these causes" if report.verdict == "ambiguous" else "Causes"
     return f"{which}: {'; '.join(causes)}.{f' Removes {removed}.' if removed else ''}"
 

@@ -201,14 +201,14 @@ def _finding(
     residuals: Residuals, k: int, name: str, hours: float, correlation: float, p_value: float, t: float
 ) -> Finding:
     size = f"{abs(hours):g} h" if abs(hours) >= 1 else f"{60 * abs(hours):g} min"
-    when = "at the same step" if not hours else f"{size} {'after' if hours > 0 else 'before'} it"
+    when = "when" if not hours else f"{size} {'after' if hours > 0 else 'before'}"
     return Finding(
         kind="correlation",
         channel=residuals.names[k],
         label=residuals.labels[k],
         cell={"input": name, "lag": when, "lag_hours": f"{hours:g}"},
         p_value=float(p_value),
-        direction="rises with" if correlation > 0 else "falls with",
+        direction="measured higher" if correlation > 0 else "measured lower",
         size=float(correlation),
         unit="1",
         t=float(t),

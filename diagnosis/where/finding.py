@@ -79,11 +79,12 @@ class Finding:
     @property
     def text(self) -> str:
         """As a sentence."""
+        if self.kind == "correlation":
+            said = f"{self.direction} {self.cell['lag']} {self.cell['input']} is high"
+            return f"{self.label}: {said} (r = {self.size:+.2f}, p = {self.p_value:.2g})"
         return f"{self.label}: {self.direction}{self._amount()}{self._place()} (p = {self.p_value:.2g})"
 
     def _amount(self) -> str:
-        if self.kind == "correlation":
-            return f" (r = {self.size:+.2f})"
         if self.kind == "sensor":
             return f" (log likelihood ratio {number(self.size, 3, signed=True)})"
         return f" by {number(abs(self.size), 3)}{spaced(self.unit)}"
@@ -94,8 +95,6 @@ class Finding:
             return ""
         if self.kind in ("episode", "source"):
             return f", {self.cell['period']}"
-        if self.kind == "correlation":
-            return f" {self.cell['input']}, {self.cell['lag']}"
         if self.cell["hours"] != "any":
             words.append(f"at {self.cell['hours']}")
         if self.cell["day_type"] != "any":

@@ -81,7 +81,7 @@ def test_persons_who_were_not_counted_are_not_looked_at(house, house_recording):
     effects, path = candidates(system)[:2], house_recording(hours=120)
     done = diagnose(system, path, occupancy="unknown", effects=effects, how_far=False)
     assert done.report.assumed["N"] == "recorded, but not used: inferred with the prior of the description"
-    assert "N" not in done.where.correlations.inputs
+    assert "occupancy (N)" not in done.where.correlations.inputs
     assert not {"occupied", "empty"} & {one.label for one in done.where.cells.regimes}
     assert any(one.startswith("Persons were not counted") for one in done.report.limits)
 

@@ -65,7 +65,7 @@ def test_the_input_that_the_residual_follows_is_named_with_its_lag(quiet, inputs
     found = scan_correlations(with_observed(quiet, observed), inputs)
     assert found.inputs == ["sun", "wind"]
     assert [(f.channel, f.cell["input"], f.cell["lag_hours"]) for f in found.findings] == [("y0", "wind", "5")]
-    assert found.findings[0].direction == "falls with"
+    assert found.findings[0].direction == "measured lower"
     # prewhitened alike, the correlation is that of NumPy on the innovations
     lag = int(np.argmin(found.correlation[0, 1]))
     assert found.lags[lag] == 5 * 3600
@@ -79,7 +79,7 @@ def test_inputs_that_merely_follow_the_cause_are_not_named(quiet, inputs):
     assert [(f.channel, f.cell["input"], f.cell["lag_hours"]) for f in found.findings] == [("y1", "sun", "0")]
 
 
-@pytest.mark.parametrize(("lag", "said"), [(3, "30 min after it"), (33, "5.5 h after it")])
+@pytest.mark.parametrize(("lag", "said"), [(3, "30 min after"), (33, "5.5 h after")])
 def test_a_lag_between_full_hours_is_found_as_often_as_none(lag, said):
     """At steps of ten minutes, in noise whose innovations are small beside it."""
     found = []
