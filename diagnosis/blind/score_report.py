@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from diagnosis.blind.scoring import DETECTABLE, Line, Score
+from diagnosis.blind.scored import DETECTABLE, Line, Score
 from diagnosis.curves import BLUE, GREY, embedded, figure
 from diagnosis.pages import page_environment
 

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 from scipy.stats import bootstrap, norm
 
+from diagnosis.blind.scored import Bin, Line, Score
 from diagnosis.blind.sealed import MANIFEST, commands, open_answers, read_manifest
 from diagnosis.blind.verdicts import (
     ANSWERS,
@@ -50,75 +50,6 @@ WITHHELD = "withheld"
 """Stratum of recordings whose only cause was withheld from the library."""
 BINS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 """Edges of bins of probabilities."""
-DETECTABLE = (
-    "A gap is detectable when its length in units of the sensors' noise, beyond all that parameters, constants, meters"
-    " and unmeasured occupants can imitate, exceeds that of 95 % of this set's recordings without any effect and with"
-    " the same actuators (of twenty or fewer, of all) by as much as an observer needs who knows its shape among as many"
-    " as there are candidates (5 % false alarms in all, 90 % power). It was worked out when the set was made, and"
-    " sealed."
-)
-
-
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class Line(_Table):
-    """One figure of ``n`` recordings, with the ends of its 95 % interval; empty where there are none.
-
-    ``hits`` of a share that was counted: the interval is Wilson's, and a bootstrap's of other figures. ``wanted``: the
-    least that is wanted, or the most if ``most``.
-    """
-
-    what: str
-    n: int
-    value: float | None = None
-    low: float | None = None
-    high: float | None = None
-    hits: int | None = None
-    share: bool = True
-    wanted: float | None = None
-    most: bool = False
-
-
-class Bin(_Table):
-    """Of what was said with a probability between two ends: the mean of what was said, and how often it was so."""
-
-    what: str
-    low: float
-    high: float
-    said: float
-    true: Line
-
-
-class Score(_Table):
-    """All figures; the file's schema is ``schema_version``.
-
-    ``recordings`` were scored, of ``planned`` in the set; ``withheld`` of these were also diagnosed without single
-    candidates. ``answers``: how many recordings of each stratum were answered in each way. ``failures``: why there is
-    no verdict, by recording; ``left_out_failures``: the same without the true effect.
-    """
-
-    schema_version: int = 10
-    commands: list[str]
-    seed: int
-    bootstrap_seed: int
-    answers_sha256: str
-    verdicts_sha256: str
-    program: str
-    version: str
-    system: str
-    recordings: int
-    planned: int
-    withheld: int
-    hours: float
-    library: list[str]
-    without: list[str]
-    failures: dict[str, str]
-    left_out_failures: dict[str, str]
-    lines: list[Line]
-    answers: dict[str, dict[str, int]]
-    reliability: list[Bin]
 
 
 @dataclass(frozen=True)
@@ -290,7 +221,7 @@ def side_by_side(opened: dict[str, Any], results: Path, run: Run, first: int | N
 
 
 def _longest(answers: Sequence[dict[str, Any]], candidates: int) -> dict[bool, float]:
-    """The length from which a gap is detectable, in replay and not; see :data:`DETECTABLE`."""
+    """The length from which a gap is detectable, in replay and not; see :data:`diagnosis.blind.scored.DETECTABLE`."""
     needed = float(norm.isf(ALARMS / max(candidates, 1)) + norm.ppf(POWER))
     nothing = [one for one in answers if one["verdict"] == "no_gap" and one.get("detectability") is not None]
     found = {}

@@ -11,7 +11,8 @@ import pytest
 from scipy.stats import binomtest
 
 from diagnosis.blind.score_report import markdown
-from diagnosis.blind.scoring import Score, counted, score
+from diagnosis.blind.scored import Score
+from diagnosis.blind.scoring import counted, score
 from diagnosis.blind.verdicts import (
     Moved,
     Outcome,

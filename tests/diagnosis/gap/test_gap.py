@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from diagnosis.gap import Report, diagnose
-from diagnosis.gap.page import render
+from diagnosis.gap.page import LINES, render
 from diagnosis.recording import read_recording
 from tests.diagnosis.gap.gap_cases import candidates, changed
 
@@ -35,17 +35,15 @@ def test_a_drifting_sensor_is_found_told_how_large_and_removed(drifted, house):
     assert str(begin.astype("datetime64[m]")).replace("T", " ") == read_recording(drifted.path, house("me")).began
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "Hours are of standard time" in page
-    assert page.count("data:image/png;base64,") >= 6
+    assert page.count("data:image/png;base64,") >= 5
     assert "http://" not in page and "https://" not in page
     assert page.index(report.summary[0][:20]) < page.index("<img")
     words = " ".join(page.split())
-    assert "the longest need not be the cause" in words
     assert "Both are fitted to the days that are not hatched" in words and "base model fitted to all days" in words
-    assert ("The fit has not converged" in words) == (not report.converged)
+    assert ("fit of the base model had not come to rest" in words) == (not report.converged)
     # which hours these are, and how many more than the page shows, depends on rounding
-    dated = [one for one in report.where[:12] if "first_s" in one.cell]
-    assert {one.kind for one in dated} >= {"episode"}
-    for one in dated:
+    assert {one.kind for one in report.where if "first_s" in one.cell} >= {"episode"}
+    for one in [one for one in report.where[:LINES] if "first_s" in one.cell]:
         at = datetime.fromisoformat(str(again.zero)) + timedelta(seconds=int(one.cell["first_s"]))
         assert f"({at.day} {at:%b %H:%M}" in words, one
     assert sorted(one.name for one in out.iterdir()) == ["report.html", "report.json"]
@@ -58,7 +56,6 @@ def test_without_a_gap_none_is_reported(house, house_recording):
     report = done.report
     assert report.verdict == "no_gap", report.stages
     page = " ".join(render(done).split())
-    assert ("comes from refits" in page) == any(one.amplitude is not None for one in report.effects)
     assert "effects found" not in page and page.count("<th>after</th>") == page.count("<th>noise alone</th>")
     assert not any(one.named for one in report.effects)
     assert report.no_gap > 0.3
