@@ -198,9 +198,8 @@ class Scan:
     log-likelihood ratio at one scale; ``amplitude`` [scales], ``ratio`` and ``evidence`` (log Bayes factor) found;
     ``adjusted`` family-wise p, and ``foremost`` the candidate with the least; ``cosines`` (candidates, candidates)
     between what cannot be imitated. ``p_value`` of the family, ``misfit_p`` of the residual's whole square.
-    ``beyond``: what of ``ratio`` no amplitude that is negligible explains, which is what is tested; ``threshold``: what
-    some candidate reaches of its own in a share LEVEL of the twins. A candidate is beyond its own exactly where
-    ``adjusted`` is at most LEVEL.
+    ``threshold``: what of its ratio that no negligible amplitude explains some candidate reaches of its own in a share
+    LEVEL of the twins. A candidate is beyond its own exactly where ``adjusted`` is at most LEVEL.
     """
 
     effects: tuple[Effect, ...]
@@ -215,7 +214,6 @@ class Scan:
     p_value: float
     misfit: float
     misfit_p: float
-    beyond: np.ndarray
     threshold: np.ndarray
 
     @property
@@ -227,17 +225,6 @@ class Scan:
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Least and greatest amplitudes [scales], each (effects,)."""
         return _bounds(self.effects)
-
-    @property
-    def nearest(self) -> np.ndarray:
-        """Cosines between what the candidates may look like, in amplitudes of either sign if allowed, 0 at least."""
-        low, high = self.bounds
-        signs = [(-1.0, low < 0), (1.0, high > 0)]
-        found = np.zeros(self.cosines.shape)
-        for sign, own in signs:
-            for other, its in signs:
-                found = np.maximum(found, np.where(np.outer(own, its), sign * other * self.cosines, 0.0))
-        return found
 
     def alike(self, j: int, size: float) -> list[int]:
         """Candidates that a gap of candidate ``j`` would be mistaken for, each with the best amplitude it may have.
@@ -296,7 +283,6 @@ def scan(twins: Twins, effects: tuple[Effect, ...], misfit: float) -> Scan:
         p_value=float(rank_p(np.array([largest]), most)[0]),
         misfit=misfit,
         misfit_p=float(rank_p(np.array([misfit]), twins.misfits)[0]),
-        beyond=more,
         threshold=max(_least_beyond(most), 1e-9) * unit,
     )
 
