@@ -20,7 +20,8 @@ STRATA = {
 }
 NOTES = (
     "Intervals are 95 %. A recording without a verdict counts as a wrong answer.",
-    "The oracle knows cause and amplitude, and removes all of the gap but what the truth's finer walls leave.",
+    "The oracle knows cause and amplitude, and removes all of the gap but what the truth's finer walls leave. Left"
+    " out are recordings whose diagnosis named an effect and gave no share, and gaps no larger than the walls'.",
     DETECTABLE,
 )
 
