@@ -56,10 +56,7 @@ def _registry() -> Any:
 def parsed(unit: str) -> Any:
     """A unit in the spelling of the FMI or of CF, such as ``W/(m2.K)`` or ``W m-2``, as one of pint's.
 
-    Raises
-    ------
-    ValueError
-        If pint does not know it.
+    Raises ValueError if pint does not know it.
     """
     text = _WORDS.get(unit.strip(), spelled(unit))
     if text == "1":
@@ -76,15 +73,12 @@ def parsed(unit: str) -> Any:
 def conversion(declared: str, fmu: str, *, difference: bool = False) -> Conversion | None:
     """What numbers in the unit ``declared`` become in the unit ``fmu``; None if the two measure different things.
 
+    Raises ValueError if the units are spelled differently and one of them is not known.
+
     Parameters
     ----------
     difference
         Temperatures are differences: 20 K are 20 degC of them.
-
-    Raises
-    ------
-    ValueError
-        If the units are spelled differently and one of them is not known.
     """
     if _WORDS.get(declared, spelled(declared)) == _WORDS.get(fmu, spelled(fmu)):
         return Conversion()

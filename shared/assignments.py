@@ -11,10 +11,7 @@ from shared.errors import SystemDescriptionError
 def assignments(items: Iterable[str], option: str = "set") -> dict[str, float]:
     """Parse ``NAME=VALUE`` with a number as value; ``option`` is where they were given.
 
-    Raises
-    ------
-    SystemDescriptionError
-        Naming the first item that is something else, or sets a name anew.
+    Raises SystemDescriptionError naming the first item that is something else, or sets a name anew.
     """
     values: dict[str, float] = {}
     for item in items:

@@ -62,12 +62,8 @@ def worker_pool(
     """Processes side by side, spawned: loading an FMU changes the folder of its process.
 
     They have the limit for each simulation that this process has. Where the body ends by an exception they are killed,
-    whatever they do: one whose FMU never returns would be waited for in vain.
-
-    Raises
-    ------
-    SimulationError
-        In place of what the body raised, if a worker's FMU did not return within the limit.
+    whatever they do: one whose FMU never returns would be waited for in vain. Raises SimulationError in place of what
+    the body raised, if a worker's FMU did not return within the limit.
     """
     with tempfile.TemporaryDirectory(prefix="zeroshot-workers-", ignore_cleanup_errors=True) as folder:
         seconds = watchdog.limit()

@@ -141,11 +141,7 @@ def reported(options: Reporting, console: Console) -> Iterator[None]:
     """Hear what the packages log, as the options say.
 
     Warnings of numpy and other libraries are records at level ``debug``: no user can mend an overflow in a matrix.
-
-    Raises
-    ------
-    ZeroshotError
-        If the log file cannot be written.
+    Raises ZeroshotError if the log file cannot be written.
     """
     said = _Sentences(console)
     said.setLevel(options.level)

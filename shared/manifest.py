@@ -132,10 +132,7 @@ def write_manifest(folder: Path, manifest: Manifest) -> None:
 def read_manifest(folder: Path | str) -> Manifest:
     """Read and check ``manifest.json``.
 
-    Raises
-    ------
-    DatasetError
-        If it is missing, damaged, or of a newer schema.
+    Raises DatasetError if it is missing, damaged, or of a newer schema.
     """
     path = Path(folder) / MANIFEST
     if Path(folder).is_file():
@@ -147,10 +144,7 @@ def read_manifest(folder: Path | str) -> Manifest:
 def parse_manifest(text: str, where: str) -> Manifest:
     """Check the text of a manifest; ``where`` is what the error names.
 
-    Raises
-    ------
-    DatasetError
-        If it is damaged, or of a newer schema.
+    Raises DatasetError if it is damaged, or of a newer schema.
     """
     raw = parse_json(text, where, DatasetError, "a dataset made by `datagen run`")
     if not isinstance(raw, dict) or "schema_version" not in raw:
@@ -162,10 +156,7 @@ def parse_manifest(text: str, where: str) -> Manifest:
 def check_shard_name(entry: ShardEntry, where: str) -> None:
     """Refuse a shard whose name leaves the folder.
 
-    Raises
-    ------
-    DatasetError
-        Naming the shard and ``where`` its dataset is.
+    Raises DatasetError naming the shard and ``where`` its dataset is.
     """
     if Path(entry.file).name != entry.file or entry.file in ("", "..") or "\0" in entry.file:
         raise DatasetError(f"{where}: shard {entry.file!r} is not a plain file name")

@@ -37,16 +37,13 @@ _PROBE = bytes(MIB)
 def read_netcdf(path: Path, error: type[ZeroshotError], expected: str, *, times: bool | None = False) -> xr.Dataset:
     """The numeric variables of a NetCDF file, of any of its formats, and all attributes that are text or numbers.
 
+    Raises ``error`` if the file is missing, damaged, or larger than :data:`MOST`.
+
     Parameters
     ----------
     times
         Whether times are decoded as the CF conventions have it, as missing values, scales and offsets always are; None
         leaves all as it is in the file.
-
-    Raises
-    ------
-    ZeroshotError
-        Of the kind ``error``: if the file is missing, damaged, or larger than :data:`MOST`.
     """
     size = size_of(path, error, expected)
     seconds = 5 + size // (5 * MIB)  # of one core; a file that is read at all takes a small part of it
@@ -74,11 +71,8 @@ def read_netcdf(path: Path, error: type[ZeroshotError], expected: str, *, times:
 def write_netcdf(dataset: xr.Dataset, path: Path, encoding: Mapping[Any, dict[str, Any]]) -> None:
     """Write a NetCDF-4 file and flush it to the disk; what is there after an error is to be removed.
 
-    Raises
-    ------
-    OSError
-        If it cannot be written, with the cause: of a full disk the C libraries say no more than "HDF error", of a lock
-        that they do not get "Permission denied".
+    Raises OSError if it cannot be written, with the cause: of a full disk the C libraries say no more than "HDF error",
+    of a lock that they do not get "Permission denied".
     """
     try:
         dataset.to_netcdf(path, engine="netcdf4", format="NETCDF4", encoding=encoding)

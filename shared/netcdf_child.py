@@ -40,10 +40,7 @@ def limit(seconds: int) -> None:
 def check_declared(variables: Iterable[netCDF4.Variable], size: int, most: float = math.inf) -> None:
     """Refuse variables that declare more than they can hold in a file of ``size`` bytes, before they are read.
 
-    Raises
-    ------
-    ValueError
-        If it is so, or they declare more than ``most`` bytes.
+    Raises ValueError if it is so, or they declare more than ``most`` bytes.
     """
     declared = sum(math.prod(one.shape) * np.dtype(one.dtype).itemsize for one in variables)
     most = min(most, DENSEST * size + SLACK)
@@ -54,10 +51,7 @@ def check_declared(variables: Iterable[netCDF4.Variable], size: int, most: float
 def write(path: Path, most: int, out: BinaryIO) -> None:
     """Write a file's numeric variables, its attributes and theirs; texts and other types are left out.
 
-    Raises
-    ------
-    ValueError
-        If the file declares more than ``most`` bytes, or more than its own size can hold.
+    Raises ValueError if the file declares more than ``most`` bytes, or more than its own size can hold.
     """
     with open(path, "rb") as file:  # whole in memory: see :mod:`shared.netcdf`
         content = file.read(path.stat().st_size)

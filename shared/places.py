@@ -43,12 +43,7 @@ def _text(place: Path | str) -> str:
 def check_folder(folder: Path, kind: type[ZeroshotError]) -> None:
     """Refuse a folder that could not be made or written into.
 
-    Leaves nothing behind.
-
-    Raises
-    ------
-    ZeroshotError
-        Of that kind, saying what is in the way.
+    Leaves nothing behind. Raises ZeroshotError of that kind, saying what is in the way.
     """
     if is_url(folder):
         raise kind(
@@ -89,10 +84,7 @@ def no_text(name: str) -> str:
 def own_folder(name: str) -> Path:
     """A folder in the temporary folder that this user's processes share, and nobody else writes to.
 
-    Raises
-    ------
-    OSError
-        If it cannot be made, or somebody else made it: what is read from it is executed.
+    Raises OSError if it cannot be made, or somebody else made it: what is read from it is executed.
     """
     user = getpass.getuser() if os.name == "nt" else str(os.getuid())  # a container's user may have no name
     root = Path(tempfile.gettempdir(), f"zeroshot-fmu-{user}")

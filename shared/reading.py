@@ -40,11 +40,8 @@ M = TypeVar("M", bound=BaseModel)
 def read_bytes(path: Path, error: type[ZeroshotError], expected: str, most: int = 4096 * MIB) -> bytes:
     """Content of a regular file of at most ``most`` bytes.
 
-    Raises
-    ------
-    ZeroshotError
-        Of the kind ``error``: if it is missing, no regular file (a pipe would be waited for, a device has no end),
-        larger, or cannot be read.
+    Raises ``error`` if it is missing, no regular file (a pipe would be waited for, a device has no end), larger, or
+    cannot be read.
     """
     size = size_of(path, error, expected)
     if size > most:
@@ -59,10 +56,7 @@ def read_bytes(path: Path, error: type[ZeroshotError], expected: str, most: int 
 def size_of(path: Path, error: type[ZeroshotError], expected: str) -> int:
     """Size of a regular file [bytes].
 
-    Raises
-    ------
-    ZeroshotError
-        Of the kind ``error``: if there is none.
+    Raises ``error`` if there is none.
     """
     name = short(f"{path}")  # a damaged file may name another of any length
     try:
@@ -87,10 +81,7 @@ def read_text(
 ) -> str:
     """Content of a text file.
 
-    Raises
-    ------
-    ZeroshotError
-        Of the kind ``error``: as :func:`read_bytes`, or if it is not text in this encoding.
+    Raises ``error`` as :func:`read_bytes`, or if it is not text in this encoding.
     """
     data = read_bytes(path, error, expected, most)
     try:
@@ -102,10 +93,7 @@ def read_text(
 def read_json(path: Path, error: type[ZeroshotError], expected: str, *, most: int = MOST_JSON) -> Any:
     """Content of a JSON file of at most ``most`` bytes.
 
-    Raises
-    ------
-    ZeroshotError
-        Of the kind ``error``: as :func:`read_text`, or if it is not JSON, or nested too deep.
+    Raises ``error`` as :func:`read_text`, or if it is not JSON, or nested too deep.
     """
     return parse_json(read_text(path, error, expected, most=most), f"{path}", error, expected)
 
@@ -113,10 +101,7 @@ def read_json(path: Path, error: type[ZeroshotError], expected: str, *, most: in
 def parse_json(text: str, where: str, error: type[ZeroshotError], expected: str) -> Any:
     """What a JSON text says; ``where`` is what the error names.
 
-    Raises
-    ------
-    ZeroshotError
-        Of the kind ``error``: if it is not JSON, or nested too deep.
+    Raises ``error`` if it is not JSON, or nested too deep.
     """
     try:
         found = json.loads(text)
@@ -129,10 +114,7 @@ def parse_json(text: str, where: str, error: type[ZeroshotError], expected: str)
 def parse_toml(text: str, where: str, error: type[ZeroshotError]) -> dict[str, Any]:
     """What a TOML text says; ``where`` is what the error names.
 
-    Raises
-    ------
-    ZeroshotError
-        Of the kind ``error``: if it is not TOML, nested too deep, or has a key of too many parts.
+    Raises ``error`` if it is not TOML, nested too deep, or has a key of too many parts.
     """
     try:
         if _LONG_KEY.search(text):
@@ -159,10 +141,7 @@ def _line_of(text: str, cause: str) -> str:
 def read_toml(path: Path, error: type[ZeroshotError], expected: str) -> dict[str, Any]:
     """Content of a TOML file.
 
-    Raises
-    ------
-    ZeroshotError
-        Of the kind ``error``: as :func:`read_text` and :func:`parse_toml`.
+    Raises ``error`` as :func:`read_text` and :func:`parse_toml`.
     """
     return parse_toml(read_text(path, error, expected, most=MOST_TOML), f"{path}", error)
 
@@ -195,13 +174,7 @@ def _check_integers(found: Any) -> None:
 
 
 def check_columns(text: str, separator: str, where: str, error: type[ZeroshotError]) -> None:
-    """Refuse a table that is too wide.
-
-    Raises
-    ------
-    ZeroshotError
-        Of the kind ``error``: naming the line.
-    """
+    """Refuse a table that is too wide: the ``error`` names the line."""
     for number, line in enumerate(io.StringIO(text), 1):
         if line.count(separator) >= MOST_COLUMNS:
             found = line.count(separator) + 1
@@ -211,10 +184,7 @@ def check_columns(text: str, separator: str, where: str, error: type[ZeroshotErr
 def validated(kind: type[M], raw: Any, where: str, error: type[ZeroshotError], expected: str = "") -> M:
     """What was read, as a model.
 
-    Raises
-    ------
-    ZeroshotError
-        Of the kind ``error``: naming the first field that is wrong, what was found, and ``expected``.
+    Raises ``error`` naming the first field that is wrong, what was found, and ``expected``.
     """
     try:
         return kind.model_validate(raw)

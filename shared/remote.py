@@ -186,10 +186,7 @@ class _Url(_Place):
 def _opened(place: Path | str) -> Iterator[_Place]:
     """A place to read from or write to.
 
-    Raises
-    ------
-    DatasetError
-        If a URL is of no known kind, or what reaches it is not installed.
+    Raises DatasetError if a URL is of no known kind, or what reaches it is not installed.
     """
     if not is_url(place):
         yield _Folder(Path(place))
@@ -441,12 +438,8 @@ def cached(url: Path | str) -> Path:
     """The folder on this machine that has the content of a URL; what it lacks is fetched, and each shard verified.
 
     The sha256 of the manifest names the folder, so that what changes at the URL gets a folder of its own. The manifest
-    is asked for each time.
-
-    Raises
-    ------
-    DatasetError
-        If the URL cannot be reached, holds no dataset, or the cache cannot be written.
+    is asked for each time. Raises DatasetError if the URL cannot be reached, holds no dataset, or the cache cannot be
+    written.
     """
     with _opened(url) as there, tempfile.TemporaryDirectory(prefix="zeroshot-copy-") as own:
         if isinstance(there, _Folder):

@@ -247,10 +247,7 @@ class System(Table):
     ) -> System:
         """The same system with another length [h], output step [s] or span of beginnings [h].
 
-        Raises
-        ------
-        SystemDescriptionError
-            If the step does not divide the length.
+        Raises SystemDescriptionError if the step does not divide the length.
         """
         given = {"hours": hours, "step": step, "start": start}
         changes = {name: value for name, value in given.items() if value is not None}
@@ -274,10 +271,7 @@ class System(Table):
     def preset(self, name: str) -> Preset:
         """A preset by its name.
 
-        Raises
-        ------
-        SystemDescriptionError
-            If there is none of that name.
+        Raises SystemDescriptionError if there is none of that name.
         """
         if name not in self.presets:
             found = ", ".join(self.presets) or "none"
@@ -315,10 +309,7 @@ class System(Table):
 def parse_system(text: str, path: Path) -> System:
     """Parse a system description from TOML text; ``path`` is where relative paths start and errors point.
 
-    Raises
-    ------
-    SystemDescriptionError
-        With one sentence that names the field, what was found and what was expected.
+    Raises SystemDescriptionError with one sentence that names the field, what was found and what was expected.
     """
     system = _validate({**parse_toml(text, f"{path}", SystemDescriptionError), "path": path}, path)
     if wrong := driven_in_another_unit(system.inputs, system.schedules):

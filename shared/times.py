@@ -27,16 +27,13 @@ YEARS = (1900, 2201)
 def read_recorded(given: Path | str | xr.Dataset) -> tuple[Path, xr.Dataset]:
     """What was recorded, decoded as the CF conventions have it but for time spans, and what it is called in sentences.
 
+    Raises RecordingError if the file cannot be read, or what is in memory cannot be decoded.
+
     Parameters
     ----------
     given
         A NetCDF file, or what is in memory already, decoded or not. In memory it is called by the file that it came
         from, or by its content; dates without CF units are taken for local standard time.
-
-    Raises
-    ------
-    RecordingError
-        If the file cannot be read, or what is in memory cannot be decoded.
     """
     if not isinstance(given, xr.Dataset):
         return Path(given), read_netcdf(Path(given), RecordingError, RECORDING, times=True)
@@ -54,16 +51,13 @@ def read_recorded(given: Path | str | xr.Dataset) -> tuple[Path, xr.Dataset]:
 def recorded_times(path: Path, recording: xr.Dataset) -> np.ndarray:
     """Ends of the steps, shape (time,) [s since time zero, or since the record's beginning where that is apart].
 
+    Raises RecordingError if time is missing, has other dimensions, or is neither dates nor elapsed seconds; or if the
+    file is of a newer major version of the schema.
+
     Parameters
     ----------
     recording
         Decoded as the CF conventions have it, but for time spans.
-
-    Raises
-    ------
-    RecordingError
-        If time is missing, has other dimensions, or is neither dates nor elapsed seconds; or if the file is of a newer
-        major version of the schema.
     """
     if said := newer(recording.attrs.get("zeroshot_schema_version", 0), int(SCHEMA_VERSION.split(".")[0])):
         raise RecordingError(f"{path}: {said}")
@@ -91,10 +85,7 @@ def recorded_times(path: Path, recording: xr.Dataset) -> np.ndarray:
 def recorded_begins(path: Path, recording: xr.Dataset, count: int) -> np.ndarray:
     """When each of so many records begins, shape (count,) [s since time zero]; zeros where nothing says so.
 
-    Raises
-    ------
-    RecordingError
-        If ``start`` is not one finite number or date for each, of the years 1900 to 2200.
+    Raises RecordingError if ``start`` is not one finite number or date for each, of the years 1900 to 2200.
     """
     if "start" not in recording.data_vars:
         return np.zeros(count)

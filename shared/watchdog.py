@@ -81,10 +81,7 @@ _looking: tuple[int, threading.Thread] | None = None
 def check_timeout(timeout: float) -> None:
     """Refuse a time for one simulation [s] that no watch can keep.
 
-    Raises
-    ------
-    ZeroshotError
-        If it is too short, too long, or no number.
+    Raises ZeroshotError if it is too short, too long, or no number.
     """
     if not _SHORTEST <= timeout <= _LONGEST:  # of a NaN no comparison holds
         raise ZeroshotError(f"timeout is {timeout:g} s; expected {_SHORTEST:g} to {_LONGEST:g} s")
@@ -122,12 +119,7 @@ def watched(what: str, ask: Callable[[], None] = lambda: None, timeout: float | 
 def armed(ending: Ending, seconds: float = USUAL) -> Iterator[None]:
     """Allow the end of this process, with a limit for each simulation [s], while this lasts.
 
-    In the main thread signals are watched, too.
-
-    Raises
-    ------
-    ZeroshotError
-        If the limit is none.
+    In the main thread signals are watched, too. Raises ZeroshotError if the limit is none.
     """
     global _limit, _ending, _signals
     check_timeout(seconds)

@@ -13,15 +13,12 @@ from shared.reading import why
 def memory_for(what: str, *, kind: type[EstimatorError] = EstimatorError) -> Iterator[None]:
     """A context in which the end of memory is a sentence: numpy's, and torch's, which raises a RuntimeError.
 
+    Raises ``kind``.
+
     Parameters
     ----------
     what
         What takes the memory, and the argument that says how much.
-
-    Raises
-    ------
-    EstimatorError
-        Of the kind ``kind``.
     """
     try:
         yield

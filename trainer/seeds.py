@@ -19,10 +19,7 @@ MOST_THREADS = 256
 def check_seed(seed: int) -> None:
     """Refuse a seed that numpy's generators do not take.
 
-    Raises
-    ------
-    EstimatorError
-        If it is negative.
+    Raises EstimatorError if it is negative.
     """
     if seed < 0:
         raise EstimatorError(f"seed: is {seed}; expected a whole number of at least 0")
@@ -31,10 +28,7 @@ def check_seed(seed: int) -> None:
 def check_threads(threads: int) -> None:
     """Refuse a number of threads that torch cannot start: its library ends the process over it.
 
-    Raises
-    ------
-    EstimatorError
-        If there are none, or more than MOST_THREADS.
+    Raises EstimatorError if there are none, or more than MOST_THREADS.
     """
     if not 1 <= threads <= MOST_THREADS:
         raise EstimatorError(f"threads: is {threads}; expected 1 to {MOST_THREADS}")
@@ -43,10 +37,7 @@ def check_threads(threads: int) -> None:
 def check_device(name: str) -> torch.device:
     """The device of a name: ``cpu``, or ``cuda`` where there is a graphics card that torch can use.
 
-    Raises
-    ------
-    EstimatorError
-        If it is another name, or there is none.
+    Raises EstimatorError if it is another name, or there is none.
     """
     if name.partition(":")[0] not in ("cpu", "cuda"):
         raise EstimatorError(f"device: is {name!r}; expected cpu or cuda")

@@ -16,10 +16,7 @@ from shared.variables import ConstantInput, MeasuredInput, Output
 def matched(system: System, other: System) -> tuple[list[Output], System]:
     """The outputs that both have, and the other description with them, recorded as the first one does.
 
-    Raises
-    ------
-    SystemDescriptionError
-        If parameters or inputs of the other are not those of the first, or no output is.
+    Raises SystemDescriptionError if parameters or inputs of the other are not those of the first, or no output is.
     """
     for name in system.parameter_names:
         if name not in other.parameter_names and name not in other.fixed:
@@ -41,17 +38,13 @@ def matched(system: System, other: System) -> tuple[list[Output], System]:
 def handed_on(system: System, other: System, fmus: tuple[Fmu, Fmu]) -> dict[str, float | bool]:
     """What the first description fixes and the other model has, too, and leaves open: by name [unit of the FMUs].
 
-    Where the other's ``[fixed]`` states a value, that stays: two models may be told apart by nothing else.
+    Where the other's ``[fixed]`` states a value, that stays: two models may be told apart by nothing else. Raises
+    SystemDescriptionError if one of these, or a parameter that the first draws, has another unit in the other FMU.
 
     Parameters
     ----------
     fmus
         Of the two.
-
-    Raises
-    ------
-    SystemDescriptionError
-        If one of these, or a parameter that the first draws, has another unit in the other FMU.
     """
     for name in system.parameter_names:  # which the other may have under [fixed], where nothing states a unit
         ours, theirs = (unit_of(fmu.variables[name]) for fmu in fmus)
@@ -141,10 +134,7 @@ def _same_units(system: System, other: System) -> None:
 def inputs_for(other: System, table: InputTable) -> InputTable:
     """The same inputs in the other description's order; one that the first lacks rests at its declared value.
 
-    Raises
-    ------
-    SystemDescriptionError
-        If an input that the first lacks is neither constant nor measured.
+    Raises SystemDescriptionError if an input that the first lacks is neither constant nor measured.
     """
     columns = {name: k for k, name in enumerate(table.names)}
     left, right = (np.empty((len(table.time) - 1, len(other.inputs))) for _ in range(2))

@@ -110,10 +110,7 @@ class Case:
 def load_recorded(mapping: Path, system: System, folder: Path | None = None) -> tuple[Recorded, list[Case]]:
     """Read a mapping and the cases that it names; ``folder`` holds the CSV files, by default the mapping's own.
 
-    Raises
-    ------
-    RecordingError
-        If the mapping or the cases cannot be read, or do not give what the description needs.
+    Raises RecordingError if the mapping or the cases cannot be read, or do not give what the description needs.
     """
     raw = read_toml(mapping, RecordingError, "a mapping (TOML)")
     if set(raw) != {"recorded"} or not isinstance(raw["recorded"], dict):
@@ -141,10 +138,8 @@ def load_recorded(mapping: Path, system: System, folder: Path | None = None) -> 
 def series_of(spec: Recorded, case: Case, system: System) -> tuple[np.ndarray, dict[str, np.ndarray], InputTable]:
     """Times (rows,) [s], recorded outputs by name (rows,), and the inputs that drove them.
 
-    Raises
-    ------
-    RecordingError
-        If a file or a column is missing, times are not evenly spaced, or the sun's columns are of the other method.
+    Raises RecordingError if a file or a column is missing, times are not evenly spaced, or the sun's columns are of the
+    other method.
     """
     path = spec.folder / spec.series.replace("{name}", case.name)
     own, time = _series(path, spec.time)
@@ -185,10 +180,8 @@ def compared(spec: Recorded, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def check_lengths(mapping: Path, spec: Recorded, cases: list[Case]) -> None:
     """Look at the times of all recordings before any is simulated: a comparison is a table of rooms by steps.
 
-    Raises
-    ------
-    RecordingError
-        If a file cannot be read, nothing of it is left to compare, or it is not as long as the others.
+    Raises RecordingError if a file cannot be read, nothing of it is left to compare, or it is not as long as the
+    others.
     """
     first, steps = Path(), 0
     for case in cases:

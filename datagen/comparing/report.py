@@ -35,11 +35,8 @@ _FIRST, _SECOND, _BIAS = "#4477aa", "#cc3311", "#888888"
 def check_report(folder: Path) -> None:
     """Refuse what :func:`write_report` could not do: before systems are simulated, not after it.
 
-    Raises
-    ------
-    ZeroshotError
-        If the folder cannot be made or written into, a folder has the name of one of the files, or matplotlib is not
-        installed.
+    Raises ZeroshotError if the folder cannot be made or written into, a folder has the name of one of the files, or
+    matplotlib is not installed.
     """
     check_folder(folder, ZeroshotError)
     for name in (TABLE, NUMBERS, PICTURE):
@@ -52,10 +49,7 @@ def check_report(folder: Path) -> None:
 def write_report(comparison: Comparison, folder: Path) -> list[Path]:
     """Write table, numbers and picture into a folder; returns the files.
 
-    Raises
-    ------
-    ZeroshotError
-        As :func:`check_report`.
+    Raises ZeroshotError as :func:`check_report`.
     """
     check_report(folder)
     folder.mkdir(parents=True, exist_ok=True)

@@ -142,10 +142,7 @@ def find_faults(dataset: DatasetFolder, *, quiet: bool = True) -> list[Fault]:
 def lacking(dataset: DatasetFolder) -> int:
     """How many systems that a dataset shall have are neither in a shard nor among the failures.
 
-    Raises
-    ------
-    DatasetError
-        If the list of failures cannot be read.
+    Raises DatasetError if the list of failures cannot be read.
     """
     manifest = dataset.manifest
     return manifest.systems - len(manifest.done()) - len(Failures.read(dataset.folder))

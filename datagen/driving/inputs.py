@@ -49,7 +49,10 @@ def build_inputs(
 ) -> InputTable:
     """Compose the inputs of one system over ``start`` to ``stop`` [s since time zero].
 
-    What an input is at a time depends on (root seed, index) and that time alone: it does not depend on the span.
+    What an input is at a time depends on (root seed, index) and that time alone: it does not depend on the span. Raises
+    SystemDescriptionError if an input asks for a weather column that is not known or in another unit, or an override
+    for an input that is not declared; WeatherError if the system's weather file cannot be used; ValueError if the span
+    is empty.
 
     Parameters
     ----------
@@ -61,16 +64,6 @@ def build_inputs(
         Signals by the name of an input, of any source.
     changes
         What disturbances make of inputs, by name (:mod:`datagen.driving.disturbances`).
-
-    Raises
-    ------
-    SystemDescriptionError
-        If an input asks for a weather column that is not known or in another unit, or an override for an input
-        that is not declared.
-    WeatherError
-        If the system's weather file cannot be used.
-    ValueError
-        If the span is empty.
     """
     measured, overrides = measured or {}, overrides or {}
     for name in overrides:
@@ -89,12 +82,7 @@ def build_inputs(
 def system_weather(system: System, root_seed: int, index: int) -> WeatherTable:
     """The weather of one system: one of the description's files, drawn by the system's own stream.
 
-    Raises
-    ------
-    SystemDescriptionError
-        If the description has no weather.
-    WeatherError
-        If the file cannot be used.
+    Raises SystemDescriptionError if the description has no weather; WeatherError if the file cannot be used.
     """
     if system.weather is None:
         raise SystemDescriptionError(f"{system.path}: has no [weather] table; expected one for a weather input")

@@ -69,6 +69,8 @@ def sized(spec: Occupancy, amount: float) -> Occupancy:
 def occupancy_prior(spec: Occupancy, edges: ArrayLike, draws: int, seed: int) -> np.ndarray:
     """Draw what is known before any measurement about the mean number of persons in each interval.
 
+    Raises ValueError if the edges do not increase.
+
     Parameters
     ----------
     edges
@@ -80,11 +82,6 @@ def occupancy_prior(spec: Occupancy, edges: ArrayLike, draws: int, seed: int) ->
     -------
     numpy.ndarray
         Mean persons in each interval, shape (draws, n); same distribution as :func:`sample_occupancy`.
-
-    Raises
-    ------
-    ValueError
-        If the edges do not increase.
     """
     edges = np.asarray(edges, dtype=np.float64) / _HOUR
     if edges.ndim != 1 or edges.size < 2 or (np.diff(edges) <= 0).any():

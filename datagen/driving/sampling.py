@@ -21,6 +21,8 @@ DRAWS = 10000
 def stream(root_seed: int, index: int, name: str) -> np.random.Generator:
     """The random stream of one system for one purpose.
 
+    Raises ValueError if the seed or the index is negative.
+
     Parameters
     ----------
     root_seed
@@ -29,11 +31,6 @@ def stream(root_seed: int, index: int, name: str) -> np.random.Generator:
         Of the system, >= 0.
     name
         The purpose, for example ``"occupancy"``. A new purpose does not move the streams of others.
-
-    Raises
-    ------
-    ValueError
-        If the seed or the index is negative.
     """
     if root_seed < 0 or index < 0:
         raise ValueError(f"root seed is {root_seed}, index {index}; expected numbers that are not negative")

@@ -73,10 +73,7 @@ class WeatherTable:
     def values(self, column: str) -> np.ndarray:
         """One column, shape (8761,).
 
-        Raises
-        ------
-        WeatherError
-            If the file does not offer it.
+        Raises WeatherError if the file does not offer it.
         """
         if column in self.columns:
             return self.columns[column]
@@ -87,13 +84,9 @@ class WeatherTable:
     def signal(self, column: str, start: float, stop: float) -> Piecewise:
         """A column as a linear signal with hourly knots that cover ``start`` to ``stop`` [s since time zero].
 
-        The year repeats, so that any span of time has weather, also before time zero. A wind direction goes on
-        beyond 0 or 360 degree instead of sweeping over the whole compass; whole turns depend on the start.
-
-        Raises
-        ------
-        WeatherError
-            If the file does not offer the column.
+        The year repeats, so that any span of time has weather, also before time zero. A wind direction goes on beyond 0
+        or 360 degree instead of sweeping over the whole compass; whole turns depend on the start. Raises WeatherError
+        if the file does not offer the column.
         """
         hours = np.arange(np.floor(start / _HOUR), np.ceil(stop / _HOUR) + 1)
         values = self.values(column)[np.mod(hours, HOURS).astype(np.intp)]
@@ -105,6 +98,9 @@ class WeatherTable:
 def read_weather(spec: Weather, file: str, base: Path) -> WeatherTable:
     """Read one weather file and transpose the sun to the plane of ``spec``; kept in memory once read.
 
+    Raises WeatherError if the file is missing, is not a weather file, lacks values, or cannot be true: by its sun, or
+    by columns that stand still.
+
     Parameters
     ----------
     spec
@@ -113,12 +109,6 @@ def read_weather(spec: Weather, file: str, base: Path) -> WeatherTable:
         One of ``spec.files``: a path relative to ``base``, or ``pvlib:NAME`` for a file that pvlib ships.
     base
         Folder of the system description.
-
-    Raises
-    ------
-    WeatherError
-        If the file is missing, is not a weather file, lacks values, or cannot be true: by its sun, or by columns that
-        stand still.
     """
     path = weather_path(file, base)
     try:

@@ -55,10 +55,7 @@ _LEAP_DAY = slice(59 * 24, 60 * 24)
 def read_hourly(path: Path) -> HourlyRecord:
     """Read a weather file, in whichever form its content is.
 
-    Raises
-    ------
-    WeatherError
-        If the file is missing, is in none of the forms, is not of one year of hours, or lacks values.
+    Raises WeatherError if the file is missing, is in none of the forms, is not of one year of hours, or lacks values.
     """
     if not path.exists():
         raise WeatherError(f"{path}: no such weather file; expected {FORMS}")
@@ -85,10 +82,7 @@ def _check_place(path: Path, rows: Rows) -> None:
 def _in_order(path: Path, rows: Rows) -> tuple[dict[str, np.ndarray], float, float]:
     """Columns in the order of the record, its time zone, and by how much the sun is later [h].
 
-    Raises
-    ------
-    WeatherError
-        If the stamps are not the hours of one year in order from 1 January.
+    Raises WeatherError if the stamps are not the hours of one year in order from 1 January.
     """
     count = len(rows.lines)
     if count not in (HOURS, HOURS + 24):
@@ -191,10 +185,7 @@ def _checked(
 ) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     """Columns without holes and impossible values, and why others are absent.
 
-    Raises
-    ------
-    WeatherError
-        If one of these is required.
+    Raises WeatherError if one of these is required.
     """
     kept: dict[str, np.ndarray] = {}
     absent: dict[str, str] = {}

@@ -74,10 +74,7 @@ class Rows:
 def read_rows(path: Path) -> Rows:
     """Read a weather file's rows in whichever form it is.
 
-    Raises
-    ------
-    WeatherError
-        If it cannot be read, has no known form, or lines that are not of its form.
+    Raises WeatherError if it cannot be read, has no known form, or lines that are not of its form.
     """
     text = _decoded(read_bytes(path, WeatherError, f"a weather file ({FORMS})", MOST))
     lines = re.split(r"\r\n|\n|\r", text)
@@ -151,10 +148,7 @@ def _fields(line: str) -> list[str]:
 def _table(path: Path, form: str, lines: Sequence[str], first: int, least: int) -> tuple[list[list[str]], np.ndarray]:
     """Fields of all lines from number ``first`` (from 0) on that are not empty, and their numbers from 1.
 
-    Raises
-    ------
-    WeatherError
-        If one has fewer than ``least`` fields.
+    Raises WeatherError if one has fewer than ``least`` fields.
     """
     rows, numbers = [], []
     for number, line in enumerate(lines[first:], first + 1):
@@ -202,12 +196,7 @@ def _in_si(columns: dict[str, np.ndarray], pressure: str = "Pa") -> dict[str, np
 def _place(path: Path, line: str, what: str, order: Sequence[str], *, last: bool) -> dict[str, float]:
     """Numbers about the place on a header's line: the last or the first four in a row that can be a place.
 
-    A comma in the place's name moves them.
-
-    Raises
-    ------
-    WeatherError
-        If there are not four numbers in a row.
+    A comma in the place's name moves them. Raises WeatherError if there are not four numbers in a row.
     """
     fields = _fields(line)
     if last and len(fields) == 11 and all(re.fullmatch(r"-?\d+", one) for one in fields[8:]):

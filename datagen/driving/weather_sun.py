@@ -74,14 +74,10 @@ SHIFTS = (*range(-6, 0), *range(1, 7))
 def check_sun(path: Path, record: HourlyRecord) -> None:
     """Hold a file's radiation against where the sun stands by its place and its rows, and against itself.
 
-    Of instants in place of means, half an hour off, and of a smaller contradiction it warns.
-
-    Raises
-    ------
-    WeatherError
-        If there is no radiation, if much of it falls while the sun is down, if global, direct and diffuse irradiance
-        agree far better with the sun of another clock, by an hour or more, or of the other hemisphere, or if they
-        contradict each other in a month by more than :data:`CONTRADICTION` whatever the clock.
+    Of instants in place of means, half an hour off, and of a smaller contradiction it warns. Raises WeatherError if
+    there is no radiation, if much of it falls while the sun is down, if global, direct and diffuse irradiance agree far
+    better with the sun of another clock, by an hour or more, or of the other hemisphere, or if they contradict each
+    other in a month by more than :data:`CONTRADICTION` whatever the clock.
     """
     ghi = record.columns["ghi"]
     if not any(record.columns[name].any() for name in RADIATION):
@@ -179,16 +175,13 @@ def _check_contradiction(path: Path, sun: _Sun, later: float) -> None:
 def check_still(path: Path, record: HourlyRecord) -> HourlyRecord:
     """Hold a file's columns against rest, by the rules for measured columns; of what is doubtful it warns.
 
+    Raises WeatherError if one rests so long that a file must have, or the sun is up and shines on nothing, or all
+    readings rest at once for longer than one sensor may.
+
     Returns
     -------
     HourlyRecord
         Without those columns that a file need not have and that rest for longer than the weather can.
-
-    Raises
-    ------
-    WeatherError
-        If one rests so long that a file must have, or the sun is up and shines on nothing, or all readings rest at
-        once for longer than one sensor may.
     """
     columns, absent = dict(record.columns), dict(record.absent)
     for name, unit in MOVING.items():

@@ -48,11 +48,8 @@ def check_places(
 ) -> None:
     """Refuse what :func:`connect` could not start, or would wait for in vain; the parameters are its own.
 
-    Raises
-    ------
-    ClusterError
-        If the kind of cluster is unknown, a place has an empty name, there would be no worker, jobs on other nodes
-        would not reach us, or one thing is given that another has no use for.
+    Raises ClusterError if the kind of cluster is unknown, a place has an empty name, there would be no worker, jobs on
+    other nodes would not reach us, or one thing is given that another has no use for.
     """
     interface = (options or {}).get("interface")
     for what, name in (("host", host), ("scheduler", scheduler), ("cluster option interface", interface)):
@@ -109,6 +106,9 @@ def connect(
 ) -> Iterator[Client]:
     """A Dask client with workers behind it, all with the versions of here.
 
+    Raises ClusterError if what is asked for cannot be started, the scheduler does not answer or is lost, a worker has
+    another version of what decides a simulation's numbers, or a package is missing.
+
     Parameters
     ----------
     workers
@@ -121,12 +121,6 @@ def connect(
         Of a job: ``queue``, ``account``, ``walltime``, ``memory``, ``cores``, ``interface``, ...
     host
         Address that our own scheduler listens on; loopback by default, but for a queue to be given.
-
-    Raises
-    ------
-    ClusterError
-        If what is asked for cannot be started, the scheduler does not answer or is lost, a worker has another version
-        of what decides a simulation's numbers, or a package is missing.
     """
     check_places(workers=workers, scheduler=scheduler, cluster=cluster, options=options, host=host)
     if scheduler:

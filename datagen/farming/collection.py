@@ -126,11 +126,8 @@ class Collection:
     ) -> None:
         """Have every piece simulated and recorded. However this ends, what has come back is recorded.
 
-        Raises
-        ------
-        SimulationError
-            If more systems fail than the budget allows, or more than half of the first twenty or more do (not with a
-            budget of a half or more, nor where failed ones are tried again), or the workers are gone.
+        Raises SimulationError if more systems fail than the budget allows, or more than half of the first twenty or
+        more do (not with a budget of a half or more, nor where failed ones are tried again), or the workers are gone.
         """
         flight = Dispatcher(
             client,

@@ -40,10 +40,7 @@ class Failures:
     def read(cls, folder: Path) -> Failures:
         """Read a dataset's failures; none if the file is not there.
 
-        Raises
-        ------
-        DatasetError
-            If a line cannot be read.
+        Raises DatasetError if a line cannot be read.
         """
         path = folder / FILE_NAME
         expected = "one JSON object a line, made by `datagen run`"

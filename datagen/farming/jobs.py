@@ -48,10 +48,7 @@ class Keeper(SchedulerPlugin):
     def begin(self) -> None:
         """Submit the jobs, and look after them as long as the cluster lasts.
 
-        Raises
-        ------
-        ClusterError
-            If the queue takes none of them; the cluster is closed then.
+        Raises ClusterError if the queue takes none of them; the cluster is closed then.
         """
         words = self._cluster.sync(self._submit)
         if words and all(job.job_id is None for job in self._cluster.workers.values()):

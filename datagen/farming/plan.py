@@ -35,10 +35,8 @@ class Piece:
 def check_sizes(system: System, systems: int, shard_size: int) -> None:
     """Refuse a plan that no manifest can hold, or shards that no reader takes.
 
-    Raises
-    ------
-    DatasetError
-        If there are no systems or too many, or a shard holds more numbers than :data:`shared.netcdf.MOST`.
+    Raises DatasetError if there are no systems or too many, or a shard holds more numbers than
+    :data:`shared.netcdf.MOST`.
     """
     for name, count in (("systems", systems), ("shard_size", shard_size)):
         if not 1 <= count <= _MOST_SYSTEMS:

@@ -28,6 +28,9 @@ _LISTS = (
 def slurm(jobs: int, options: dict[str, str], listening: dict[str, str]) -> Any:
     """A cluster of jobs, each replaced when it ends.
 
+    Raises ClusterError if Slurm or dask-jobqueue is missing, the latter does not know an option or cannot use its
+    value, or no job is taken.
+
     Parameters
     ----------
     options
@@ -35,12 +38,6 @@ def slurm(jobs: int, options: dict[str, str], listening: dict[str, str]) -> Any:
         a whole job's.
     listening
         Of the scheduler; with an ``interface`` that takes the place of its host.
-
-    Raises
-    ------
-    ClusterError
-        If Slurm or dask-jobqueue is missing, the latter does not know an option or cannot use its value, or no job
-        is taken.
     """
     try:
         from dask_jobqueue import SLURMCluster

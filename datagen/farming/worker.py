@@ -96,10 +96,7 @@ def simulator_for(system: str, system_path: str, package: str = "") -> Simulator
 def attempt(work: tuple[Job, int]) -> Trajectory:
     """Simulate one system of a job, again with tighter tolerances if it fails.
 
-    Raises
-    ------
-    SimulationError
-        If it failed with every tolerance.
+    Raises SimulationError if it failed with every tolerance.
     """
     job, index = work
     simulator = simulator_for(job.system, job.system_path, job.package)
@@ -140,15 +137,12 @@ def _watch(timeout: float) -> Iterator[None]:
 def simulate_shard(job: Job, file: str, indices: Sequence[int], guarded: bool = False) -> ShardResult:
     """Simulate the systems of a shard and write it whole.
 
+    Raises DatasetError if this worker has other versions than the client, or has nowhere to write a file.
+
     Parameters
     ----------
     guarded
         Simulate in child processes: for a shard whose worker died.
-
-    Raises
-    ------
-    DatasetError
-        If this worker has other versions than the client, or has nowhere to write a file.
     """
     with named():
         _check_versions(job)

@@ -17,10 +17,7 @@ _BOOLEANS = {"true": 1.0, "false": 0.0}
 def check_effects(system: System, fmu: Fmu) -> None:
     """Hold a description's effects on FMU parameters against its FMU, in each mode in which they act.
 
-    Raises
-    ------
-    SystemDescriptionError
-        As :func:`check_baseline`.
+    Raises SystemDescriptionError as :func:`check_baseline`.
     """
     for spec in system.effects:
         if isinstance(spec, ParameterEffect | ShapedEffect):
@@ -32,18 +29,14 @@ def check_baseline(spec: ParameterEffect | ShapedEffect, system: System, fmu: Fm
     """Refuse an effect whose parameters at an amplitude of zero are not those of the base model.
 
     An amplitude of zero sets nothing, so the FMU has its own start value then, or the description's; the least
-    amplitude sets ``base``. Where these differ, a straight line through zero tells nothing of the effect.
+    amplitude sets ``base``. Where these differ, a straight line through zero tells nothing of the effect. Raises
+    SystemDescriptionError for the first parameter that the FMU does not have, that cannot be set there, or that has
+    another value in the base model.
 
     Parameters
     ----------
     replay
         Whether the recorded actuators replace the control loops: the description's [replay] counts then.
-
-    Raises
-    ------
-    SystemDescriptionError
-        For the first parameter that the FMU does not have, that cannot be set there, or that has another value in the
-        base model.
     """
     where = f"{system.path}: effects {spec.name!r}"
     for name in (*spec.parameters, *spec.constants):

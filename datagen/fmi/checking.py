@@ -23,11 +23,8 @@ from shared.variables import FmuVariable, Input, Output, Parameter
 def check_system(system: System, fmu: Fmu) -> None:
     """Hold a system description against its FMU, and say all that is wrong with it at once.
 
-    Raises
-    ------
-    SystemDescriptionError
-        Variables that the FMU lacks, or that have another causality, type or kind of unit there; inputs that nothing
-        drives; effects that at an amplitude of zero are not the base model.
+    Raises SystemDescriptionError for variables that the FMU lacks, or that have another causality, type or kind of unit
+    there; inputs that nothing drives; effects that at an amplitude of zero are not the base model.
     """
     faults = [
         *(fault for one in system.parameters for fault in _parameter_faults(one, fmu)),
@@ -184,10 +181,7 @@ def set_faults(table: str, values: Mapping[str, float | bool], system: System, f
 def fmu_of(system: System) -> Fmu:
     """The FMU that a description names.
 
-    Raises
-    ------
-    FmuError
-        If it is not there, as in a description that was copied without it, or cannot be loaded.
+    Raises FmuError if it is not there, as in a description that was copied without it, or cannot be loaded.
     """
     if not system.fmu_path.exists():
         raise FmuError(
@@ -200,15 +194,12 @@ def fmu_of(system: System) -> Fmu:
 def check_held(system: System, fmu: Fmu, names: Sequence[str], left: np.ndarray, right: np.ndarray) -> None:
     """Refuse what changes a discrete input on straight lines: such are set at events alone, and would be stale.
 
+    Raises SystemDescriptionError naming the first.
+
     Parameters
     ----------
     names, left, right
         Of the discrete inputs; their values at both ends of each stretch between two knots, shapes (stretches, inputs).
-
-    Raises
-    ------
-    SystemDescriptionError
-        Naming the first.
     """
     bent = (left != right).any(axis=0)
     if bent.any():

@@ -37,10 +37,7 @@ MOST_INDICATORS = 1_000_000
 def unpack(path: Path, sha256: str) -> tuple[Path, ModelDescription]:
     """Unpack an FMU once per process into a folder of our own, removed at exit.
 
-    Raises
-    ------
-    FmuError
-        If the file is missing or is not an FMU.
+    Raises FmuError if the file is missing or is not an FMU.
     """
     size_of(path, FmuError, "an FMU")
     scratch = os.environ.get(SCRATCH)
@@ -83,10 +80,7 @@ def _description(path: Path, folder: Path) -> ModelDescription:
 def fmu_sha256(path: Path) -> str:
     """sha256 of an FMU file.
 
-    Raises
-    ------
-    FmuError
-        If it cannot be read.
+    Raises FmuError if it cannot be read.
     """
     try:
         size_of(path, FmuError, "an FMU")
@@ -102,12 +96,8 @@ class Fmu:
 
     ``variables`` maps names to the model description's variables; ``interface`` calls its functions; ``cosimulation``
     tells the kind, and ``n_states`` is 0 then, for such an FMU keeps its states to itself. ``told_each_step``: the
-    integrator's steps are its business too, for it keeps a history of them (a delay, a plug flow).
-
-    Raises
-    ------
-    FmuError
-        If it is of another version or kind, or has no binary for this platform.
+    integrator's steps are its business too, for it keeps a history of them (a delay, a plug flow). Raises FmuError if
+    it is of another version or kind, or has no binary for this platform.
     """
 
     def __init__(self, path: Path, kind: str | None = None) -> None:

@@ -47,6 +47,8 @@ def guarded(
 ) -> list[Any]:
     """``[function(item) for item in items]`` in child processes; what cannot be had is an exception in its place.
 
+    Raises SimulationError if a child cannot start, or the temporary folder cannot be written to.
+
     Parameters
     ----------
     function
@@ -59,11 +61,6 @@ def guarded(
         Bytes that a child may use.
     tries
         How often an item may take its child down before it is given up; the later tries are alone in their child.
-
-    Raises
-    ------
-    SimulationError
-        If a child cannot start, or the temporary folder cannot be written to.
     """
     try:
         return _guarded(function, items, (timeout, limit), memory_limit, tries)

@@ -40,6 +40,8 @@ def initialise(
     """Make a clean instance, ready to integrate or step at ``start``.
 
     Returns its next time event [s], shape (1,), and its continuous states and their nominal values, shape (states,).
+    Raises FmuError if the FMU cannot be instantiated; SimulationError if it fails, or wants to end, before the
+    simulation has begun.
 
     Parameters
     ----------
@@ -49,13 +51,6 @@ def initialise(
         References and values of the inputs at the start.
     reuse
         Reset the living instance in place of making one.
-
-    Raises
-    ------
-    FmuError
-        If the FMU cannot be instantiated.
-    SimulationError
-        If it fails, or wants to end, before the simulation has begun.
     """
     try:
         fmu.instantiate(reuse=reuse)

@@ -45,17 +45,14 @@ _PACKAGES = {
 class Interface(ABC):
     """One FMU's shared library in this process, with at most one instance.
 
+    Raises FmuError if there is no binary for this platform.
+
     Attributes
     ----------
     functions
         Names of the C functions by their places in the plan of :mod:`datagen.fmi.calls`.
     errors, warnings
         What the FMU has said since it was instantiated: the last :data:`_REMEMBERED` different messages of each kind.
-
-    Raises
-    ------
-    FmuError
-        If there is no binary for this platform.
     """
 
     version: int

@@ -33,10 +33,8 @@ _CHUNK = MIB
 def unpack_archive(path: Path, folder: Path) -> None:
     """Unpack an FMU into an empty folder; nothing of one that is refused stays there.
 
-    Raises
-    ------
-    FmuError
-        If it is no archive, damaged or encrypted, or one of its files would be a link, lie elsewhere or be too large.
+    Raises FmuError if it is no archive, damaged or encrypted, or one of its files would be a link, lie elsewhere or be
+    too large.
     """
     try:
         with zipfile.ZipFile(path) as archive:
@@ -115,10 +113,7 @@ def _write(path: Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo, folder
 def check_descriptions(path: Path, folder: Path) -> None:
     """Refuse a model description, or a description of how to build it, that a reader could choke on.
 
-    Raises
-    ------
-    FmuError
-        If it is no XML, has a document type, or is too large or nested too deep.
+    Raises FmuError if it is no XML, has a document type, or is too large or nested too deep.
     """
     for name in _READ:
         if (folder / name).exists() or name == DESCRIPTION:
@@ -157,10 +152,7 @@ def _check_xml(path: Path, folder: Path, name: str) -> None:
 def check_identifier(path: Path, identifier: Any) -> None:
     """Refuse a model identifier that is no plain name: a library outside the FMU would be loaded by it.
 
-    Raises
-    ------
-    FmuError
-        If it is so.
+    Raises FmuError if it is so.
     """
     plain = isinstance(identifier, str) and identifier.isprintable() and not set(identifier) & set('/\\:*?"<>|')
     if not plain or identifier.strip(". ") != identifier or not identifier:

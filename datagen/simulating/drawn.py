@@ -30,6 +30,8 @@ def simulate_system(
 ) -> Trajectory:
     """Simulate one system over the description's experiment, warm-up first.
 
+    Raises SimulationError if the end was not reached.
+
     Parameters
     ----------
     parameters
@@ -38,11 +40,6 @@ def simulate_system(
         Draw the description's uncertain constants, too, in place of their values.
     disturbed
         Share of the systems on which one or two of the description's effects act.
-
-    Raises
-    ------
-    SimulationError
-        If the end was not reached.
     """
     system = simulator.system
     experiment = system.experiment

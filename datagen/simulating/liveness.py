@@ -40,17 +40,12 @@ def responses(simulator: Simulator, names: Collection[str] | None = None) -> dic
     Simulates a few winter days from the middle of the ranges, once at each end of each parameter, and where the outputs
     do not move, summer days, weekends, and the beginning of a record as described, too. For an end that cannot be
     simulated the middle stands in; if only one of the three can be, the cause stands in place of the change, and other
-    parameters are looked at all the same.
+    parameters are looked at all the same. Raises SystemDescriptionError, WeatherError if the inputs cannot be made.
 
     Parameters
     ----------
     names
         Of the parameters to look at; by default all.
-
-    Raises
-    ------
-    SystemDescriptionError, WeatherError
-        If the inputs cannot be made.
     """
     look = _Look(simulator)
     wanted = [p.name for p in simulator.system.parameters if names is None or p.name in names]
@@ -61,13 +56,8 @@ def check_live(simulator: Simulator) -> dict[str, float]:
     """Refuse parameters that do not move any output by more than its accuracy; returns :func:`responses`.
 
     One that cannot be judged, because the FMU fails at its values, is told, left out of the result and not refused.
-
-    Raises
-    ------
-    SystemDescriptionError
-        Naming the dead parameters; or if the inputs cannot be made.
-    WeatherError
-        If a weather file cannot be used.
+    Raises SystemDescriptionError naming the dead parameters; or if the inputs cannot be made; WeatherError if a weather
+    file cannot be used.
     """
     return _judged(simulator.system, responses(simulator))
 
@@ -75,7 +65,8 @@ def check_live(simulator: Simulator) -> dict[str, float]:
 def check_live_apart(system: System, timeout: float | None = None, least: float = 1.0) -> dict[str, float]:
     """:func:`check_live` in a process apart: the FMU may crash or hang at the ends of its ranges.
 
-    Where it does, the parameters are looked at one by one, so that those at fault do not hide what others are.
+    Where it does, the parameters are looked at one by one, so that those at fault do not hide what others are. Raises
+    SystemDescriptionError, FmuError, WeatherError as :func:`check_live`, and if the FMU does not fit the description.
 
     Parameters
     ----------
@@ -84,11 +75,6 @@ def check_live_apart(system: System, timeout: float | None = None, least: float 
         simulation what the command allows.
     least
         Change of an output, in units of its accuracy, below which a parameter is refused.
-
-    Raises
-    ------
-    SystemDescriptionError, FmuError, WeatherError
-        As :func:`check_live`, and if the FMU does not fit the description.
     """
     all_names = tuple(system.parameter_names)
     patience = {"timeout": PATIENCE, "limit": watchdog.limit()} if timeout is None else {"timeout": timeout}

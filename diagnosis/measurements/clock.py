@@ -50,12 +50,8 @@ def of_wall_clock(
     read at the same stamp before, or whose usual interval says so. If there is no such row, an hour is missing: where
     rows at a usual interval have one gap, within the hour or beside it, that took it, and where they have none or
     several, nothing tells. Rows at no usual interval are of the first pass, or of the second where that alone has rows
-    beside it: they may be changes, which are not to be lost.
-
-    Raises
-    ------
-    RecordingError
-        If stamps lie in the hour that daylight saving skips, or the order of rows does not tell the passes apart.
+    beside it: they may be changes, which are not to be lost. Raises RecordingError if stamps lie in the hour that
+    daylight saving skips, or the order of rows does not tell the passes apart.
     """
     first = stamps.tz_localize(zone, ambiguous=np.ones(len(stamps), dtype=bool), nonexistent="NaT")
     second = stamps.tz_localize(zone, ambiguous=np.zeros(len(stamps), dtype=bool), nonexistent="NaT")
@@ -249,10 +245,7 @@ def _epoch(day: date) -> float:
 def find_zone(name: str, where: str) -> tzinfo:
     """A time zone by its IANA name, ``UTC``, or a fixed offset such as ``+01:00``.
 
-    Raises
-    ------
-    RecordingError
-        If there is none of that name; similar ones are named.
+    Raises RecordingError if there is none of that name; similar ones are named.
     """
     fixed = _OFFSET.fullmatch(name)
     if fixed and int(fixed[2]) < 24 and int(fixed[3]) < 60:
@@ -327,7 +320,9 @@ def read_stamps(texts: pd.Series, settings: Time, where: str, sensors: Sensors |
     """Time stamps to UTC.
 
     Stamps with an offset or a Z mean what they say. Stamps without are of the zone's wall clock; the hour that the end
-    of daylight saving repeats is its first pass until the clock goes back, and its second from there on.
+    of daylight saving repeats is its first pass until the clock goes back, and its second from there on. Raises
+    RecordingError if stamps cannot be read, lie in the hour that daylight saving skips, run backwards, do not tell
+    which pass of the repeated hour they are of, or neither they nor the mapping say how the place's clock runs.
 
     Parameters
     ----------
@@ -336,12 +331,6 @@ def read_stamps(texts: pd.Series, settings: Time, where: str, sensors: Sensors |
     sensors
         Which sensors each row holds a reading of: rows of one stamp may be of several sensors or of two passes. One
         sensor that is in every row if not given.
-
-    Raises
-    ------
-    RecordingError
-        If stamps cannot be read, lie in the hour that daylight saving skips, run backwards, do not tell which pass
-        of the repeated hour they are of, or neither they nor the mapping say how the place's clock runs.
     """
     texts = texts.str.strip()
     empty = texts.isna() | (texts == "")
@@ -386,10 +375,7 @@ def read_stamps(texts: pd.Series, settings: Time, where: str, sensors: Sensors |
 def _zone_of(settings: Time, where: str) -> str:
     """The zone of the mapping.
 
-    Raises
-    ------
-    RecordingError
-        If it names none.
+    Raises RecordingError if it names none.
     """
     if settings.zone is None:
         raise RecordingError(
@@ -481,10 +467,8 @@ def _written(
 def _zone_of_offsets(texts: pd.Series, settings: Time, where: str) -> tuple[str, list[str]]:
     """The clock that the stamps' own offsets are of: one, or two of which daylight saving is an hour ahead; a note.
 
-    Raises
-    ------
-    RecordingError
-        If they are all UTC, which is the logger's clock and hardly the place's, or of several other clocks.
+    Raises RecordingError if they are all UTC, which is the logger's clock and hardly the place's, or of several other
+    clocks.
     """
     written = texts.str.extract(r"([+-]\d{2}):?(\d{2})?\s*$")
     hours = pd.to_numeric(written[0], errors="coerce").fillna(0.0)

@@ -74,10 +74,7 @@ class Rows:
 def kind_of(path: Path) -> str:
     """What a file is by its first bytes: ``excel``, ``parquet``, ``netcdf``, or else ``text``.
 
-    Raises
-    ------
-    RecordingError
-        If it is of a kind that is not read.
+    Raises RecordingError if it is of a kind that is not read.
     """
     try:
         with open(path, "rb") as file:
@@ -99,10 +96,7 @@ def kind_of(path: Path) -> str:
 def read_rows(path: Path, data: bytes, kind: str, settings: File) -> Rows:
     """A table of a kind that :func:`kind_of` tells.
 
-    Raises
-    ------
-    RecordingError
-        If it cannot be read, is too large, or a package for it is missing.
+    Raises RecordingError if it cannot be read, is too large, or a package for it is missing.
     """
     if kind == "excel":
         return _of_columns(*_excel_columns(path, data, settings), settings, path)
@@ -171,13 +165,7 @@ def _dates_only(texts: list[str], cells: np.ndarray) -> list[str]:
 
 
 def check_cells(rows: int, columns: int, path: Path) -> None:
-    """Refuse a table that is too large.
-
-    Raises
-    ------
-    RecordingError
-        Saying how large it is.
-    """
+    """Refuse a table that is too large: a RecordingError that says how large it is."""
     if columns > MOST_COLUMNS or rows * columns > MOST_CELLS:
         raise RecordingError(
             f"{path}: has {rows} rows of {columns} columns; expected a table of at most {MOST_COLUMNS} columns and"
@@ -188,10 +176,7 @@ def check_cells(rows: int, columns: int, path: Path) -> None:
 def needed(name: str, path: Path, kind: str) -> Any:
     """A package that only some files need.
 
-    Raises
-    ------
-    RecordingError
-        If it is not installed: what to install.
+    Raises RecordingError that says what to install, if it is not installed.
     """
     try:
         return import_module(name)
@@ -219,10 +204,8 @@ def _excel_columns(path: Path, data: bytes, settings: File) -> tuple[list[str], 
 def sheet_rows(path: Path, data: bytes, sheet: str | None) -> Iterator[tuple[Any, ...]]:
     """The rows of an Excel file's sheet, without the empty cells at their ends.
 
-    Raises
-    ------
-    RecordingError
-        If it is no such file, holds more than a log would, or several sheets have cells and none is named.
+    Raises RecordingError if it is no such file, holds more than a log would, or several sheets have cells and none is
+    named.
     """
     _check_archive(path, data)
     openpyxl = needed("openpyxl", path, "an Excel")
@@ -248,10 +231,7 @@ def sheet_rows(path: Path, data: bytes, sheet: str | None) -> Iterator[tuple[Any
 def sheets_of(path: Path, data: bytes, most: int) -> dict[str, list[list[str]]]:
     """The first rows of each sheet of an Excel file, as text.
 
-    Raises
-    ------
-    RecordingError
-        If it cannot be read.
+    Raises RecordingError if it cannot be read.
     """
     _check_archive(path, data)
     openpyxl = needed("openpyxl", path, "an Excel")

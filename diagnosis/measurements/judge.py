@@ -96,15 +96,13 @@ class Judge:
     def mapped(self, target: Target, source: Source, key: str, *, weather: str | None = None) -> Series:
         """A target from its column or constant, which stand in the mapping under ``key``.
 
+        Raises RecordingError if the column cannot be used, the constant is impossible, or gaps of an output are to be
+        filled.
+
         Parameters
         ----------
         weather
             pvlib's name of the quantity, of an input that comes from the weather.
-
-        Raises
-        ------
-        RecordingError
-            If the column cannot be used, the constant is impossible, or gaps of an output are to be filled.
         """
         where = f"{self.mapping.path}: {key}"
         for name in ("fill", "fill_up_to") if target.role == "output" else ():
@@ -157,10 +155,8 @@ class Judge:
     def _instants(self, target: Target, signal: Signal, where: str) -> None:
         """What is joined by straight lines to means over the steps though nothing says that it was read at instants.
 
-        Raises
-        ------
-        RecordingError
-            If readings are about a step apart: what a logger writes so seldom of a power or a flow are mostly means.
+        Raises RecordingError if readings are about a step apart: what a logger writes so seldom of a power or a flow
+        are mostly means.
         """
         times = signal.clean().begin
         if len(times) < 2 or is_constant(signal):  # one value is its mean, however it was read
@@ -178,12 +174,8 @@ class Judge:
     def _as_many(self, target: Target, signal: Signal, where: str) -> None:
         """Refuse readings of an output that would become more than were read, each taken for one of its own.
 
-        Gaps are none of their spacing, and a state is known until the next reading.
-
-        Raises
-        ------
-        RecordingError
-            If readings are usually further apart than steps, or means of longer intervals.
+        Gaps are none of their spacing, and a state is known until the next reading. Raises RecordingError if readings
+        are usually further apart than steps, or means of longer intervals.
         """
         clean = signal.clean()
         over = clean.kind == "mean" and target.method == "mean"
@@ -212,12 +204,7 @@ class Judge:
         """A column as a judged signal.
 
         ``moving`` says that it never stands still, ``sun`` that W/m2 are irradiance, ``signed`` that readings are
-        differences.
-
-        Raises
-        ------
-        RecordingError
-            If there is no such column, or no reading of it can be used.
+        differences. Raises RecordingError if there is no such column, or no reading of it can be used.
         """
         column = str(source.column)
         where = f"{where}: column {column!r}"

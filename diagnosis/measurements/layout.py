@@ -74,10 +74,7 @@ class Layout:
 def layout_of(path: Path) -> Layout:
     """How a file is written.
 
-    Raises
-    ------
-    RecordingError
-        If it cannot be read, has no line of column names, or no column of times.
+    Raises RecordingError if it cannot be read, has no line of column names, or no column of times.
     """
     why: dict[str, str] = {}
     if kind_of(path) == "text":

@@ -210,10 +210,7 @@ class Mapping(Table):
 def load_mapping(path: Path | str) -> Mapping:
     """Read a mapping.
 
-    Raises
-    ------
-    RecordingError
-        If the file is missing, not TOML, not filled in, or not a mapping: a sentence for each field.
+    Raises RecordingError if the file is missing, not TOML, not filled in, or not a mapping: a sentence for each field.
     """
     path = Path(path)
     raw = read_toml(path, RecordingError, "a column mapping (TOML)")
@@ -263,10 +260,8 @@ _MOST = 30
 def check_against(mapping: Mapping, system: System) -> None:
     """Refuse a mapping that does not fit a system.
 
-    Raises
-    ------
-    RecordingError
-        Of all names that the system does not have, and all units that cannot become those of the system.
+    Raises RecordingError that names all names that the system does not have, and all units that cannot become those of
+    the system.
     """
     wrong = []
     wanted = {one.name: one.unit for one in [*system.outputs, *system.inputs]}

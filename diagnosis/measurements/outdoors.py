@@ -43,10 +43,7 @@ class Outdoors:
     def series(self, target: Target, column: str) -> Series | None:
         """The series of an input that comes from a weather column, or None if it is neither measured nor computed.
 
-        Raises
-        ------
-        RecordingError
-            If the input is in another unit, readings cannot be used, or place is missing.
+        Raises RecordingError if the input is in another unit, readings cannot be used, or place is missing.
         """
         judge, where = self.judge, f"{self.judge.mapping.path}: weather.{column}"
         unit = MEASURABLE.get(column, target.unit)
@@ -191,10 +188,7 @@ class Outdoors:
     def signal(self, name: str) -> Signal:
         """A mapped quantity of the weather, judged; a constant over all steps.
 
-        Raises
-        ------
-        RecordingError
-            If it cannot be used.
+        Raises RecordingError if it cannot be used.
         """
         if name not in self._signals:
             unit, source = MEASURABLE[name], self.known[name]
@@ -215,15 +209,12 @@ class Outdoors:
     def check_sun(self, series: Sequence[Series]) -> None:
         """Hold each measured irradiance against the sun of the place: a wrong zone or clock shows here.
 
+        Raises RecordingError if most of an irradiance comes while the sun is down.
+
         Parameters
         ----------
         series
             Of all variables: an irradiance may be mapped by an input's name, too.
-
-        Raises
-        ------
-        RecordingError
-            If most of an irradiance comes while the sun is down.
         """
         judge, place = self.judge, self.judge.mapping.place
         zone = plausible.about_zone(judge.clock, place)

@@ -518,13 +518,7 @@ def build_recording(
 
 
 def check_free(*paths: Path) -> None:
-    """Refuse a path that is a folder, before any work.
-
-    Raises
-    ------
-    RecordingError
-        Naming it.
-    """
+    """Refuse a path that is a folder, before any work: a RecordingError."""
     for one in paths:
         if one.is_dir():
             raise RecordingError(f"{one}: is a folder; expected a file, or a name that is free")
@@ -533,12 +527,8 @@ def check_free(*paths: Path) -> None:
 def write_recording(dataset: xr.Dataset, path: Path, picture: bytes, picture_path: Path) -> None:
     """Write a recording and its picture: both are whole under temporary names before either gets its own.
 
-    The recording gets it first: a picture beside another recording, or none, would be of data that nobody has.
-
-    Raises
-    ------
-    RecordingError
-        If the folder cannot be written to.
+    The recording gets it first: a picture beside another recording, or none, would be of data that nobody has. Raises
+    RecordingError if the folder cannot be written to.
     """
     encoding: dict[Any, dict[str, Any]] = {}
     for name, variable in dataset.variables.items():

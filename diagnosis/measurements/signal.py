@@ -197,17 +197,14 @@ def make_signal(
 ) -> Signal:
     """Readings of a column as a signal in the target's unit; codes for missing ones are marked impossible.
 
+    Raises RecordingError if the units do not fit.
+
     Parameters
     ----------
     time, readings
         Stamps [s] and numbers as read, NaN where there is none, shape (rows,).
     target
         Unit of the system's variable.
-
-    Raises
-    ------
-    RecordingError
-        If the units do not fit.
     """
     there = np.isfinite(readings)
     t = time[there] + source.shift
@@ -238,10 +235,7 @@ def make_signal(
 def to_target(readings: np.ndarray, source: Source, target: str, *, density: float, where: str) -> np.ndarray:
     """Numbers as read to the target's unit: ``scale * reading + offset`` in the declared unit, then converted.
 
-    Raises
-    ------
-    RecordingError
-        If the units do not fit, or a number becomes larger than a recording can hold.
+    Raises RecordingError if the units do not fit, or a number becomes larger than a recording can hold.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         values = source.scale * readings + source.offset
@@ -288,10 +282,7 @@ def check_possible(
 ) -> None:
     """Refuse a constant that readings in its place would be refused for.
 
-    Raises
-    ------
-    RecordingError
-        If ``value`` [unit] is impossible.
+    Raises RecordingError if ``value`` [unit] is impossible.
     """
     low, high, _, slack = _possible(source, unit, density=density, where=where, sun=sun, signed=signed)
     if low - slack <= value <= high + slack:
@@ -317,12 +308,8 @@ def mark_impossible(
 
     Of quantities that are never negative, small negative readings become zero if they are an offset or rounding. If
     they are a meter's noise they stay, as far down as its noise reaches: without them means would be too large. The
-    signal then has a ``floor``.
-
-    Raises
-    ------
-    RecordingError
-        If more than half of the readings are impossible: then it is the unit, not the sensor.
+    signal then has a ``floor``. Raises RecordingError if more than half of the readings are impossible: then it is the
+    unit, not the sensor.
     """
     low, high, below, slack = _possible(source, signal.unit, density=density, where=where, sun=sun, signed=signed)
     if below == "noise":

@@ -34,12 +34,8 @@ def with_dots(text: pd.Series, decimal: str, where: str) -> tuple[pd.Series, lis
     """Texts of numbers with a dot as decimal sign, and sentences on what was understood.
 
     Dots beside a decimal comma are of thousands where each of them can be and something says so: a comma, or whole
-    numbers as large as those before a thousand.
-
-    Raises
-    ------
-    RecordingError
-        If a sign may be of thousands or of decimals, or a number has one that is neither.
+    numbers as large as those before a thousand. Raises RecordingError if a sign may be of thousands or of decimals, or
+    a number has one that is neither.
     """
     notes = []
     whole = text.str.fullmatch(r"[+-]?\d+").fillna(False).astype(bool)
@@ -102,17 +98,14 @@ def skipped(text: str, settings: File, column: str) -> str:
 def check_first_row(frame: pd.DataFrame, stamps: pd.Series, used: list[str], path: Path) -> None:
     """Refuse a first row that has neither a time nor numbers where the second has a time: units stand there.
 
+    Raises RecordingError naming what the row holds.
+
     Parameters
     ----------
     frame
         Rows as text.
     stamps, used
         Their time stamps, and the columns that are mapped.
-
-    Raises
-    ------
-    RecordingError
-        Naming what the row holds.
     """
     first, second = (str(one).strip() for one in stamps.iloc[:2])
     columns = [one for one in dict.fromkeys(used) if one in frame]
@@ -171,10 +164,7 @@ class Measurements:
     def numbers(self, name: str, where: str) -> np.ndarray:
         """A column as numbers, NaN where there is none, shape (rows,) [as in the file].
 
-        Raises
-        ------
-        RecordingError
-            If the file has no such column, or most of it is text or nothing.
+        Raises RecordingError if the file has no such column, or most of it is text or nothing.
         """
         if name in self.twice:
             raise RecordingError(f"{where}: {self.path} has several columns {name!r}; expected a name for each")
@@ -203,10 +193,7 @@ class Measurements:
 def read_measurements(path: Path, mapping: Mapping) -> Measurements:
     """Read a file of measurements as a mapping says.
 
-    Raises
-    ------
-    RecordingError
-        If the file cannot be read, or its time stamps cannot be understood.
+    Raises RecordingError if the file cannot be read, or its time stamps cannot be understood.
     """
     settings = mapping.file
     rows = read_file(path, settings, mapping.time.columns[0])
@@ -328,10 +315,7 @@ def find_names(rows: Rows, wanted: Sequence[str]) -> Counter[str]:
 def read_file(path: Path, settings: File, name: str) -> Rows:
     """A file's rows as text; ``name`` is a column that its names should hold.
 
-    Raises
-    ------
-    RecordingError
-        If it cannot be read as a table.
+    Raises RecordingError if it cannot be read as a table.
     """
     kind = kind_of(path)
     if kind != "text":

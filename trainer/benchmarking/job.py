@@ -59,10 +59,7 @@ def _hashes(folder: Path) -> dict[str, str]:
 def read_done(folder: Path) -> Done:
     """``done.json`` of a run folder.
 
-    Raises
-    ------
-    EstimatorError
-        If there is none.
+    Raises EstimatorError if there is none.
     """
     return _read(Done, folder / DONE)
 
@@ -75,12 +72,8 @@ def _read(kind: type[M], path: Path) -> M:
 def do(dataset: Path, folder: Path, fit: Fit, ceiling: Path | None) -> None:
     """Fit and score, going on where an interrupted one stopped.
 
-    A loss that stops being a number leaves the last good estimator, which is scored, with a warning.
-
-    Raises
-    ------
-    ZeroshotError
-        If it cannot be done; the sentence is also in the folder.
+    A loss that stops being a number leaves the last good estimator, which is scored, with a warning. Raises
+    ZeroshotError if it cannot be done; the sentence is also in the folder.
     """
     begin = time.monotonic()
     make_folder(folder)

@@ -268,10 +268,7 @@ PARTS = {
 def make_parts(ground: Ground, names: list[str] | None) -> list[Part]:
     """The parts of these names, all by default.
 
-    Raises
-    ------
-    EstimatorError
-        If a name is unknown, or none is given.
+    Raises EstimatorError if a name is unknown, or none is given.
     """
     if names is not None and not names:
         raise EstimatorError(f"parts: none is named; expected some of {', '.join(PARTS)}")

@@ -98,14 +98,8 @@ def make_plan(
 ) -> Plan:
     """The fits of a benchmark; arguments as for :func:`benchmark`.
 
-    Raises
-    ------
-    EstimatorError
-        If an argument is wrong, or ``out`` belongs to another dataset or has fits of other versions.
-    DatasetError
-        If the dataset cannot be used.
-    ZeroshotError
-        If the file of ceilings cannot be.
+    Raises EstimatorError if an argument is wrong, or ``out`` belongs to another dataset or has fits of other versions;
+    DatasetError if the dataset cannot be used; ZeroshotError if the file of ceilings cannot be.
     """
     for name, value in (("seeds", seeds), ("windows", windows), ("workers", workers)):
         if value < 1:

@@ -53,10 +53,7 @@ class Published(_Table):
 def read_published(path: Path | None) -> Published:
     """Read such a file, or the one of a system that comes with the package; nothing is published where there is none.
 
-    Raises
-    ------
-    EstimatorError
-        If a file that was named cannot be read.
+    Raises EstimatorError if a file that was named cannot be read.
     """
     if path is None:
         return Published()

@@ -18,11 +18,7 @@ def find_ceiling(
     Channels from the clock and inputs are no part of the condition, but for counted persons: the ceiling takes them for
     known. A dataset without excitation has none: ceilings are computed with it. Where a dataset's uncertain constants
     were drawn the ceiling is one that took just these for unknown; where they are as declared, one that knew them.
-
-    Raises
-    ------
-    ZeroshotError
-        If a file that was named cannot be read.
+    Raises ZeroshotError if a file that was named cannot be read.
     """
     where, manifest = path or dataset.folder / FILE_NAME, dataset.manifest
     if path is None and not where.exists():

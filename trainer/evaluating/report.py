@@ -217,10 +217,7 @@ def write_answers(answers: dict[str, Answers], parameters: list[str], folder: Pa
 def read_answers(folder: Path) -> dict[str, Answers]:
     """Read what :func:`write_answers` wrote.
 
-    Raises
-    ------
-    EstimatorError
-        If the file is missing or damaged.
+    Raises EstimatorError if the file is missing or damaged.
     """
     path = folder / ANSWERS
     text = read_text(path, EstimatorError, "a file of `trainer evaluate`", most=MOST_ANSWERS)

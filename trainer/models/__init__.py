@@ -34,10 +34,7 @@ LARGEST = 2**31 - 1
 def estimator_class(name: str) -> type[Estimator]:
     """The class behind a name.
 
-    Raises
-    ------
-    EstimatorError
-        If there is none.
+    Raises EstimatorError if there is none.
     """
     if name not in ESTIMATORS:
         raise EstimatorError(
@@ -57,12 +54,8 @@ def option_defaults(name: str) -> dict[str, Any]:
 def build(name: str, shape: Shape, options: dict[str, Any]) -> tuple[Estimator, dict[str, Any]]:
     """Make an untrained estimator; returns it with all its options, defaults included.
 
-    Raises
-    ------
-    EstimatorError
-        If the name is unknown.
-    OptionsError
-        If an option is unknown, has the wrong type, or does not fit the context.
+    Raises EstimatorError if the name is unknown; OptionsError if an option is unknown, has the wrong type, or does not
+    fit the context.
     """
     known = option_defaults(name)
     for key, value in options.items():

@@ -96,10 +96,7 @@ class MultiscaleTransformer(Estimator):
     def whole_patches(self, windows: torch.Tensor) -> torch.Tensor:
         """Windows without the oldest samples that fill no patch.
 
-        Raises
-        ------
-        EstimatorError
-            If they are shorter than a patch or longer than the context.
+        Raises EstimatorError if they are shorter than a patch or longer than the context.
         """
         length = windows.shape[1]
         tokens = length // self.patch

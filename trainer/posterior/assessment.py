@@ -46,6 +46,10 @@ def calibration(
 ) -> Calibration:
     """Measure a posterior on unseen systems; write calibration.json, calibration.md, calibration.csv and two figures.
 
+    Raises EstimatorError if an argument is wrong, the run has no posterior or does not fit the dataset, or that has no
+    unseen system; or if the estimator or the posterior in the run folder was replaced meanwhile; DatasetError if the
+    dataset cannot be used.
+
     Parameters
     ----------
     run
@@ -66,14 +70,6 @@ def calibration(
         Optional channels of the run that are to be missing.
     out
         Where the files go; by default the run folder, or NAME-results for an estimator that comes with the package.
-
-    Raises
-    ------
-    EstimatorError
-        If an argument is wrong, the run has no posterior or does not fit the dataset, or that has no unseen system; or
-        if the estimator or the posterior in the run folder was replaced meanwhile.
-    DatasetError
-        If the dataset cannot be used.
     """
     check_seed(seed)
     run = run if isinstance(run, Run) else load_run(run)

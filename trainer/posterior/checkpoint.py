@@ -46,10 +46,7 @@ def _remove_findings(folder: Path) -> None:
 def load_posterior(run: Run) -> Posterior | None:
     """The posterior in a run's folder; None where there is none.
 
-    Raises
-    ------
-    EstimatorError
-        If it belongs to another estimator, or a file is damaged or newer than this version.
+    Raises EstimatorError if it belongs to another estimator, or a file is damaged or newer than this version.
     """
     if run.folder is None or not (run.folder / CARD).exists():
         return None
@@ -85,10 +82,7 @@ def load_posterior(run: Run) -> Posterior | None:
 def check_posterior_not_replaced(posterior: Posterior) -> None:
     """Refuse a posterior in whose run's folder there is another by now.
 
-    Raises
-    ------
-    EstimatorError
-        If it is so, or the folder holds none any more.
+    Raises EstimatorError if it is so, or the folder holds none any more.
     """
     folder = posterior.run.folder
     if folder is not None and _read_card(folder / CARD).weights_sha256 != posterior.card.weights_sha256:

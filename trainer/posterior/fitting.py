@@ -73,7 +73,9 @@ def fit_posterior(
 
     Windows are drawn under the conditions of the estimator's own training, but for how often each length is drawn.
     Writes posterior.safetensors and posterior.json. Warns where fewer systems calibrate than 90 % takes
-    (:data:`trainer.posterior.card.ENOUGH`), and where the posterior tells less than the prior.
+    (:data:`trainer.posterior.card.ENOUGH`), and where the posterior tells less than the prior. Raises EstimatorError if
+    an argument is wrong, the run and the dataset do not fit, another run is at work in the run folder, or the density
+    stops being a number; DatasetError if the dataset cannot be used, or has no validation systems.
 
     Parameters
     ----------
@@ -99,14 +101,6 @@ def fit_posterior(
         Replace a posterior that the run already has.
     progress
         Show progress on stderr.
-
-    Raises
-    ------
-    EstimatorError
-        If an argument is wrong, the run and the dataset do not fit, another run is at work in the run folder, or the
-        density stops being a number.
-    DatasetError
-        If the dataset cannot be used, or has no validation systems.
     """
     check_seed(seed)
     run = run if isinstance(run, Run) else load_run(run)
@@ -238,12 +232,7 @@ def train_flow(
 
     What is judged and kept is a running mean of the weights over the steps (Polyak and Juditsky, 1992, Acceleration of
     stochastic approximation by averaging). Returns it with ``gain`` (mean log density over the prior's [nat]),
-    ``epochs`` and ``best_epoch``.
-
-    Raises
-    ------
-    EstimatorError
-        If the density stops being a number, or an option is unknown.
+    ``epochs`` and ``best_epoch``. Raises EstimatorError if the density stops being a number, or an option is unknown.
     """
     try:
         flow = PosteriorFlow(fit_to.z.shape[1], fit_to.context.shape[1], lengths, outputs, **options)

@@ -51,6 +51,9 @@ class Posterior:
     ) -> np.ndarray:
         """Samples (windows, n, parameters) [own units], float64; equal seeds give equal samples.
 
+        Raises EstimatorError if the windows have a length that the posterior was not fitted to, ``n`` is not positive,
+        or ``seed`` is negative.
+
         Parameters
         ----------
         values
@@ -60,12 +63,6 @@ class Posterior:
         facts
             What is known, as for :meth:`trainer.runs.checkpoint.Run.estimate`. Samples of a known parameter have its
             value; those of the others are conditioned on it.
-
-        Raises
-        ------
-        EstimatorError
-            If the windows have a length that the posterior was not fitted to, ``n`` is not positive, or ``seed`` is
-            negative.
         """
         return self.sample_encoded(*self.run.encoded(values, time, facts), n, seed=seed)
 
@@ -127,10 +124,7 @@ class Posterior:
 def check_samples(n: int) -> None:
     """Refuse fewer samples of a posterior than its interval takes.
 
-    Raises
-    ------
-    EstimatorError
-        If there are fewer than FEWEST.
+    Raises EstimatorError if there are fewer than FEWEST.
     """
     if n < FEWEST:
         raise EstimatorError(

@@ -23,12 +23,8 @@ def write_samples(
 ) -> None:
     """Write samples (windows, n, parameters) [own units] as NetCDF: one variable per parameter, with its unit.
 
-    They are over (system, sample), or over (sample) alone where the recording has no systems.
-
-    Raises
-    ------
-    EstimatorError
-        If the file cannot be written.
+    They are over (system, sample), or over (sample) alone where the recording has no systems. Raises EstimatorError if
+    the file cannot be written.
     """
     alone = systems == [None]
     dims = ("sample",) if alone else ("system", "sample")

@@ -38,12 +38,8 @@ def date_of(stamp: float) -> str:
 def check_gaps(path: Path, name: str, values: np.ndarray, systems: list[int | None], largest: float) -> None:
     """Refuse infinite values, and more missing ones than the share ``largest`` of a window.
 
-    ``values`` are those of a channel, shape (systems, length).
-
-    Raises
-    ------
-    RecordingError
-        If there are such; of several systems the one that has most of them is named.
+    ``values`` are those of a channel, shape (systems, length). Raises RecordingError if there are such; of several
+    systems the one that has most of them is named.
     """
     length = values.shape[-1]
     allowed = int(largest * length)
@@ -69,7 +65,8 @@ def comparable(
     """The readings, if they are of the kind that the run was trained on.
 
     A channel that did not vary in training is given the value that it had there: an estimator was never told what to
-    make of a rounding.
+    make of a rounding. Raises RecordingError if a reading is too far from the training's, or a code for a missing one;
+    of several the first system's first.
 
     Parameters
     ----------
@@ -77,11 +74,6 @@ def comparable(
         Shape (systems, length, recorded) [the run's units], NaN where missing.
     times
         Ends of the steps, shape (systems, length) [s since time zero].
-
-    Raises
-    ------
-    RecordingError
-        If a reading is too far from the training's, or a code for a missing one; of several the first system's first.
     """
     mean = np.array(encoding.mean)
     constant = np.isin(encoding.recorded, encoding.constant)

@@ -16,11 +16,8 @@ from shared.store import DatasetFolder, Records
 def load_records(dataset: DatasetFolder, recorded: list[str], rows: np.ndarray | None = None) -> Records:
     """Read channels and parameters of all systems, or of those in some ``rows``.
 
-    Raises
-    ------
-    DatasetError
-        If a value is not finite, or a parameter is of another sign than its range, or the time stamps are not evenly
-        spaced.
+    Raises DatasetError if a value is not finite, or a parameter is of another sign than its range, or the time stamps
+    are not evenly spaced.
     """
     records = dataset.load(recorded, rows)
     for k, channel in enumerate(records.channels):
@@ -46,10 +43,7 @@ def load_records(dataset: DatasetFolder, recorded: list[str], rows: np.ndarray |
 def rows_of(records: Records, split: str, folder: Path) -> np.ndarray:
     """Rows of a split.
 
-    Raises
-    ------
-    DatasetError
-        If there are none.
+    Raises DatasetError if there are none.
     """
     rows = records.of_split(split)
     if not len(rows):
@@ -63,12 +57,8 @@ def rows_of(records: Records, split: str, folder: Path) -> np.ndarray:
 def training_records(dataset: DatasetFolder, recorded: list[str], systems: int | None) -> Records:
     """Training and validation systems, of the former the first so many; all if ``systems`` is None.
 
-    Raises
-    ------
-    EstimatorError
-        If there are fewer, or it is one only: answers and losses are in units of the spread between systems.
-    DatasetError
-        As :func:`load_records` and :func:`rows_of`.
+    Raises EstimatorError if there are fewer, or it is one only: answers and losses are in units of the spread between
+    systems; DatasetError as :func:`load_records` and :func:`rows_of`.
     """
     index = load_records(dataset, [])
     training, validation = (rows_of(index, split, dataset.folder) for split in ("train", "validation"))

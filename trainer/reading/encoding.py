@@ -38,12 +38,8 @@ MEASURED = ("mean", "sd", "target_mean", "target_sd", "constant")
 def split_channels(system: System, channels: list[str] | None) -> tuple[list[str], list[str]]:
     """Sort channel names into recorded ones, outputs before inputs, and derived ones.
 
-    The system's own names win over the derived.
-
-    Raises
-    ------
-    EstimatorError
-        If a channel is unknown or named twice, or no recorded channel is among them.
+    The system's own names win over the derived. Raises EstimatorError if a channel is unknown or named twice, or no
+    recorded channel is among them.
     """
     wanted = list(system.estimator.channels if channels is None else channels)
     known = [*system.output_names, *system.input_names]

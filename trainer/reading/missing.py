@@ -17,17 +17,14 @@ LONGEST = 0.15
 class Missing:
     """Makes readings not a number: optional channels as a whole, and stretches of any output.
 
+    Raises EstimatorError if an optional channel is not one of the outputs read, or all of them are optional.
+
     Parameters
     ----------
     recorded
         Channels of a window; the first ``outputs`` of them are outputs.
     optional
         Outputs that a recording may lack.
-
-    Raises
-    ------
-    EstimatorError
-        If an optional channel is not one of the outputs read, or all of them are optional.
     """
 
     def __init__(self, recorded: list[str], outputs: int, optional: list[str]) -> None:

@@ -28,12 +28,7 @@ class Sensors:
     """The sensors of recorded channels under a preset: Gaussian noise, then quantisation, then dropouts.
 
     Inputs have no sensors and pass unchanged, and so do outputs that the preset does not mention. Of several presets,
-    joined by spaces, each window draws one.
-
-    Raises
-    ------
-    EstimatorError
-        If the system has no such preset.
+    joined by spaces, each window draws one. Raises EstimatorError if the system has no such preset.
     """
 
     def __init__(self, system: System, recorded: list[str], preset: str) -> None:

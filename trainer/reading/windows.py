@@ -32,10 +32,7 @@ class Batch(NamedTuple):
 def context_length(context_hours: float, records: Records) -> int:
     """Samples in a context.
 
-    Raises
-    ------
-    EstimatorError
-        If the context is not a whole number of steps, or longer than the records.
+    Raises EstimatorError if the context is not a whole number of steps, or longer than the records.
     """
     count = len(records.time)
     step = float(records.time[1] - records.time[0]) if count > 1 else 3600.0
@@ -54,6 +51,8 @@ def context_length(context_hours: float, records: Records) -> int:
 class WindowSource:
     """All records as one float32 tensor (systems, time, recorded); a batch of windows is one index operation.
 
+    Raises EstimatorError if memory does not hold the records a second time.
+
     Parameters
     ----------
     generator
@@ -62,11 +61,6 @@ class WindowSource:
         What makes readings go missing, if anything does.
     known
         Which facts the windows tell, of an encoding that has some (:class:`trainer.reading.facts.Reveal`).
-
-    Raises
-    ------
-    EstimatorError
-        If memory does not hold the records a second time.
     """
 
     def __init__(

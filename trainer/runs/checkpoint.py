@@ -267,10 +267,7 @@ def forward_in_chunks(model: Estimator, windows: torch.Tensor, time: torch.Tenso
 def make_folder(folder: Path) -> None:
     """Make a folder to write results to.
 
-    Raises
-    ------
-    EstimatorError
-        If that cannot be done.
+    Raises EstimatorError if that cannot be done.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -289,10 +286,7 @@ def save_run(folder: Path, card: Card, model: Estimator, before: Callable[[], No
 def read_card(folder: Path) -> Card:
     """Read ``estimator.json``.
 
-    Raises
-    ------
-    EstimatorError
-        If it is missing, damaged, or of a newer version.
+    Raises EstimatorError if it is missing, damaged, or of a newer version.
     """
     path = folder / CARD
     expected = f"a run folder made by `trainer fit`, or a system that comes with an estimator ({estimators()})"

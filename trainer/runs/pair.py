@@ -23,12 +23,8 @@ def write_pair(weights: Path, data: bytes, card: Path, text: str, before: Callab
     """Write weights and their card; ``text`` is JSON that has the :func:`digest` of ``data`` as ``weights_sha256``.
 
     One process at a time may do so. ``before`` is called once the weights are written, and before they take the place
-    of others: it removes what was said of those, which is still there where a disk is too full for new ones.
-
-    Raises
-    ------
-    OSError
-        If one of them cannot be written; the former pair is then still whole.
+    of others: it removes what was said of those, which is still there where a disk is too full for new ones. Raises
+    OSError if one of them cannot be written; the former pair is then still whole.
     """
     _settle(weights, card)
     write_atomically(_late(weights, digest(data)), data)
@@ -48,6 +44,8 @@ def remove_pair(weights: Path, card: Path) -> None:
 def read_pair(weights: Path, sha256: str, card: str, again: str) -> bytes:
     """The weights of a hash that a card names.
 
+    Raises EstimatorError if there are no weights, or others.
+
     Parameters
     ----------
     weights
@@ -56,11 +54,6 @@ def read_pair(weights: Path, sha256: str, card: str, again: str) -> bytes:
         Name of the card, for the sentence.
     again
         What is to be done where they cannot be used.
-
-    Raises
-    ------
-    EstimatorError
-        If there are no weights, or others.
     """
     # they may take their usual name between the first look and the second
     for path, last in ((weights, False), (_late(weights, sha256), False), (weights, True)):

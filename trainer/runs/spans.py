@@ -37,10 +37,7 @@ def _size(part: str) -> int:
 def unpacked(text: str) -> list[int]:
     """What :func:`packed` made of a list.
 
-    Raises
-    ------
-    ValueError
-        If the text is not of that form, or stands for more than :data:`MOST` numbers.
+    Raises ValueError if the text is not of that form, or stands for more than :data:`MOST` numbers.
     """
     numbers: list[int] = []
     for part in text.split():

@@ -35,10 +35,7 @@ def write_state(path: Path, parts: dict[str, Tensors], facts: dict[str, Any]) ->
 def read_state(path: Path) -> tuple[dict[str, Tensors], dict[str, Any]]:
     """Read what :func:`write_state` wrote.
 
-    Raises
-    ------
-    EstimatorError
-        If the file is damaged.
+    Raises EstimatorError if the file is damaged.
     """
     parts: dict[str, Tensors] = {}
     size_of(path, EstimatorError, "a state of `trainer fit`; remove it to train from the beginning")
@@ -58,10 +55,7 @@ def read_state(path: Path) -> tuple[dict[str, Tensors], dict[str, Any]]:
 def check_settings(path: Path, found: dict[str, Any], expected: dict[str, Any]) -> None:
     """Refuse to go on with a training that was another one.
 
-    Raises
-    ------
-    EstimatorError
-        Naming the first setting that differs.
+    Raises EstimatorError naming the first setting that differs.
     """
     for name, value in expected.items():
         if found.get(name) != value:

@@ -50,10 +50,7 @@ def is_of(run: Run, folder: Path) -> bool:
 def check_findings_place(run: Run, folder: Path) -> None:
     """Refuse a folder that is not the run's own and holds another estimator: what was found of that would be gone.
 
-    Raises
-    ------
-    EstimatorError
-        If it is one.
+    Raises EstimatorError if it is one.
     """
     if is_of(run, folder) or not (folder / CARD).exists():
         return
@@ -71,10 +68,7 @@ def check_findings_place(run: Run, folder: Path) -> None:
 def check_not_replaced(run: Run) -> None:
     """Refuse a run in whose folder there is another estimator by now: what is found of it must not stand beside that.
 
-    Raises
-    ------
-    EstimatorError
-        If it is so, or the folder holds none any more.
+    Raises EstimatorError if it is so, or the folder holds none any more.
     """
     if run.folder is not None and read_card(run.folder).weights_sha256 != run.card.weights_sha256:
         raise EstimatorError(f"{run.folder}: its estimator was replaced while it was at work with; run this again")

@@ -59,6 +59,9 @@ def weights_data(network: nn.Module) -> bytes:
 def load_weights(path: Path, sha256: str, card: str, again: str, build: Callable[[], Network]) -> Network:
     """The network that ``build`` makes, with the weights of a file.
 
+    Raises EstimatorError if the file cannot be read, is not the card's, or does not fit the network; or a weight is not
+    finite.
+
     Parameters
     ----------
     sha256
@@ -67,11 +70,6 @@ def load_weights(path: Path, sha256: str, card: str, again: str, build: Callable
         Name of the card.
     again
         What is to be done where the files cannot be used.
-
-    Raises
-    ------
-    EstimatorError
-        If the file cannot be read, is not the card's, or does not fit the network; or a weight is not finite.
     """
     data = read_pair(path, sha256, card, again)
     try:
@@ -89,13 +87,7 @@ def load_weights(path: Path, sha256: str, card: str, again: str, build: Callable
 
 
 def check_card_version(path: Path, raw: Any, ours: int, made_by: str) -> None:
-    """Refuse a card of a newer version, or without one.
-
-    Raises
-    ------
-    EstimatorError
-        If it is so.
-    """
+    """Refuse a card of a newer version, or without one: an EstimatorError."""
     version = raw.get("schema_version") if isinstance(raw, dict) else None
     if version is None:
         raise EstimatorError(f"{path}: schema_version is missing; expected a file made by `{made_by}`")

@@ -25,12 +25,8 @@ def encoding_of(earlier: Run, own: Encoding) -> Encoding:
     """The encoding of a training that begins with the weights of an earlier run: that one's own.
 
     Means and standard deviations of the systems at hand may differ from it, for what they are of, and so may which
-    channels never varied; the rest may not.
-
-    Raises
-    ------
-    EstimatorError
-        If the earlier run encodes its windows in another way.
+    channels never varied; the rest may not. Raises EstimatorError if the earlier run encodes its windows in another
+    way.
     """
     for field in Encoding.model_fields:
         found, expected = getattr(earlier.card.encoding, field), getattr(own, field)
@@ -54,12 +50,8 @@ def encoding_of(earlier: Run, own: Encoding) -> Encoding:
 def check_same_model(earlier: Run, model: str, options: dict[str, Any], system_hash: str, fmu_sha256: str) -> None:
     """Refuse an earlier run of another description or FMU, and of options that read the same weights otherwise.
 
-    Systems are counted as seen by their root seed and index, which mean the same rooms for one description only.
-
-    Raises
-    ------
-    EstimatorError
-        If it is such a run, or if a model would be made anew whatever it began with.
+    Systems are counted as seen by their root seed and index, which mean the same rooms for one description only. Raises
+    EstimatorError if it is such a run, or if a model would be made anew whatever it began with.
     """
     card = earlier.card
     if not estimator_class(model).iterates:
@@ -80,10 +72,7 @@ def check_same_model(earlier: Run, model: str, options: dict[str, Any], system_h
 def take_weights(network: Estimator, earlier: Run) -> str:
     """Give a network the weights of an earlier run; returns what identifies them, the sha256 of their file.
 
-    Raises
-    ------
-    EstimatorError
-        If the earlier run has weights that the network has not.
+    Raises EstimatorError if the earlier run has weights that the network has not.
     """
     if cut_short := unfinished(earlier.card, earlier.folder):
         _log.warning("begin_with: %s: %s", earlier.folder, cut_short)

@@ -273,10 +273,7 @@ def _earlier_ending(
 ) -> bool:
     """Whether the folder, which is locked, holds this very training, ended. What is not to go on is removed.
 
-    Raises
-    ------
-    EstimatorError
-        If another training has ended there, or what is to be resumed has other settings.
+    Raises EstimatorError if another training has ended there, or what is to be resumed has other settings.
     """
     if not overwrite and not resume and (folder / CARD).exists():  # another training has ended in between
         raise EstimatorError(f"{folder}: holds an estimator by now; choose another folder, or overwrite it")

@@ -49,12 +49,8 @@ def material_of(
 ) -> Material:
     """Read what a training needs of a dataset; the arguments are those of ``fit``.
 
-    Raises
-    ------
-    EstimatorError
-        If an argument is wrong.
-    DatasetError
-        If the dataset cannot be used, or has no training or validation systems.
+    Raises EstimatorError if an argument is wrong; DatasetError if the dataset cannot be used, or has no training or
+    validation systems.
     """
     kind = estimator_class(model)
     recorded, derived = split_channels(dataset.system, channels)
@@ -87,10 +83,8 @@ def recipe_of(
 ) -> Recipe:
     """The recipe of an estimator, with what is given in place of its own.
 
-    Raises
-    ------
-    EstimatorError
-        If a number is not positive, steps [1] and minutes [min] are both given, or the estimator makes no use of one.
+    Raises EstimatorError if a number is not positive, steps [1] and minutes [min] are both given, or the estimator
+    makes no use of one.
     """
     for name, value in (("steps", steps), ("minutes", minutes), ("batch_size", batch_size), ("lr", lr)):
         if value is not None and not 0 < value < math.inf:

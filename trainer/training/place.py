@@ -23,12 +23,7 @@ POSTERIOR = ("posterior.safetensors", "posterior.json")
 def check_place(folder: Path, *, replacing: bool) -> None:
     """Refuse a folder that cannot be written to, is a dataset's, or holds an estimator that is not to be replaced.
 
-    Nor is one taken where another training is at work.
-
-    Raises
-    ------
-    EstimatorError
-        If it is one.
+    Nor is one taken where another training is at work. Raises EstimatorError if it is one.
     """
     check_folder(folder, EstimatorError)
     if (folder / MANIFEST).exists():

@@ -47,10 +47,7 @@ batch size and learning rate. An estimator may have a class attribute ``space`` 
 def space_of(model: str) -> dict[str, tuple[Suggest, Any]]:
     """What is searched for an estimator: by option, how it is suggested and its default.
 
-    Raises
-    ------
-    EstimatorError
-        If the estimator is unknown, or nothing about it can be searched.
+    Raises EstimatorError if the estimator is unknown, or nothing about it can be searched.
     """
     kind = estimator_class(model)
     if not kind.iterates:

@@ -74,10 +74,7 @@ class Best(Result, BaseModel):
 def read_options(path: Path) -> Best:
     """Read ``best.json``, or a file by hand that has at least ``model``.
 
-    Raises
-    ------
-    EstimatorError
-        If it cannot be read as one.
+    Raises EstimatorError if it cannot be read as one.
     """
     expected = "a file of `trainer tune`"
     return validated(Best, read_json(path, EstimatorError, expected), f"{path}", EstimatorError, expected)
@@ -216,10 +213,7 @@ def _finished(study: optuna.Study) -> list[FrozenTrial]:
 def _storage(path: Path) -> str:
     """The database at a path as a URL, whatever is in its name: a bare question mark would end the name there.
 
-    Raises
-    ------
-    EstimatorError
-        If sqlalchemy would read another name out of it.
+    Raises EstimatorError if sqlalchemy would read another name out of it.
     """
     url = URL.create("sqlite", database=str(path)).render_as_string()
     if make_url(url).database != str(path):
