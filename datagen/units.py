@@ -46,7 +46,8 @@ class Conversion:
 
 
 @lru_cache(maxsize=1)
-def _registry() -> Any:
+def registry() -> Any:
+    """The units: of one registry, for those of two do not mix."""
     import pint
 
     return pint.UnitRegistry(cache_folder=None)
@@ -60,12 +61,12 @@ def parsed(unit: str) -> Any:
     """
     text = _WORDS.get(unit.strip(), spelled(unit))
     if text == "1":
-        return _registry().dimensionless
-    text = text.replace("²", "2").replace("³", "3").replace("·", ".")
+        return registry().dimensionless
+    text = text.replace("²", "2").replace("³", "3").replace("°", "deg").replace("·", ".")
     text = re.sub(r"(?<=[A-Za-z0-9)])\.(?=[A-Za-z(])", "*", text)
     text = re.sub(r"([A-Za-z])(-?\d+)", r"\1**\2", text)
     try:
-        return _registry().parse_units(text)
+        return registry().parse_units(text)
     except Exception:  # its parser raises whatever Python's tokenizer meets
         raise ValueError(f"unit {unit!r} is not known") from None
 
@@ -85,7 +86,7 @@ def conversion(declared: str, fmu: str, *, difference: bool = False) -> Conversi
     source, goal = parsed(declared), parsed(fmu)
     if source.dimensionality != goal.dimensionality:
         return None
-    ends = np.asarray(_registry().Quantity(np.array([0.0, 1.0]), source).to(goal).magnitude, dtype=float)
+    ends = np.asarray(registry().Quantity(np.array([0.0, 1.0]), source).to(goal).magnitude, dtype=float)
     # differences of ends near 273 carry their rounding; factors of units have few digits
     factor = float(f"{ends[1] - ends[0]:.12g}")
     return Conversion(factor, 0.0 if difference else float(ends[0]))

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from difflib import get_close_matches
 from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
 
+from datagen.units import parsed, registry
 from shared.errors import RecordingError
 from shared.possible import POSSIBLE
 from shared.units import spelled
@@ -45,23 +45,8 @@ _OTHER_WORDS = {
 _TYPES_OF_FLOW = ("[length] ** 3 / [time]", "[mass] / [time]")
 
 
-@lru_cache(maxsize=1)
-def _registry() -> Any:
-    import pint
-
-    return pint.UnitRegistry()
-
-
-@lru_cache(maxsize=256)
 def _parsed(unit: str) -> Any:
-    """A unit of the FMI's or CF's spelling, as ``W/(m2.K)`` or ``W m-2``, as pint's."""
-    text = _WORDS.get(unit.strip(), unit.strip())
-    text = text.replace("²", "2").replace("³", "3").replace("°", "deg").replace("·", ".")
-    if text == "1":
-        return _registry().dimensionless
-    text = re.sub(r"(?<=[A-Za-z0-9)])\.(?=[A-Za-z(])", "*", text)
-    text = re.sub(r"([A-Za-z])(-?\d+)", r"\1**\2", text)
-    return _registry().parse_units(text)
+    return parsed(_WORDS.get(unit.strip(), unit.strip()))
 
 
 def convert(values: np.ndarray | float, unit: str, target: str, *, density: float, where: str) -> np.ndarray:
@@ -79,28 +64,27 @@ def convert(values: np.ndarray | float, unit: str, target: str, *, density: floa
     values = np.asarray(values, dtype=np.float64)
     if _WORDS.get(unit, unit) == _WORDS.get(target, target):
         return values.copy()
-    registry = _registry()
-    parsed = []
+    pint = registry()
+    both = []
     for one in (unit, target):
         try:
-            parsed.append(_parsed(one))
-        except Exception:
-            # pint's parser raises whatever Python's tokenizer meets
+            both.append(_parsed(one))
+        except ValueError:
             raise RecordingError(
                 f"{where}: unit {one!r} is not known; expected for example 'degC', 'K', 'ppm', 'm3/h', 'percent', "
                 f"'fraction', 'persons' or 'presence'{_like(one)}"
             ) from None
-    source, goal = parsed
-    kinds = [one.dimensionality for one in (source, goal)]
-    if kinds[0] != kinds[1]:
-        flows = [registry.get_dimensionality(kind) for kind in _TYPES_OF_FLOW]
+    source, goal = both
+    kinds = [one.dimensionality for one in both]
+    if kinds[0] != kinds[1] or unit == "C":
+        flows = [pint.get_dimensionality(kind) for kind in _TYPES_OF_FLOW]
         if kinds == flows:
-            return np.asarray(registry.convert(values, source, "m**3/s") * registry.convert(density, "kg/s", goal))
+            return np.asarray(pint.convert(values, source, "m**3/s") * pint.convert(density, "kg/s", goal))
         if kinds == flows[::-1]:
-            return np.asarray(registry.convert(registry.convert(values, source, "kg/s") / density, "m**3/s", goal))
+            return np.asarray(pint.convert(pint.convert(values, source, "kg/s") / density, "m**3/s", goal))
         hint = "; 'C' is coulomb, write 'degC'" if unit == "C" else ""
         raise RecordingError(f"{where}: unit {unit!r} cannot become {target!r}; expected a unit of the same kind{hint}")
-    return np.asarray(registry.convert(values, source, goal), dtype=np.float64)
+    return np.asarray(pint.convert(values, source, goal), dtype=np.float64)
 
 
 def _like(unit: str) -> str:
@@ -152,10 +136,9 @@ def _like_kind(target: str) -> str:
         return spelled(target)
     try:
         kind = _parsed(target).dimensionality
-    except Exception:
-        # as in convert(): a description's unit need not be one that pint knows
+    except ValueError:  # a description's unit need not be one that pint knows
         return spelled(target)
-    kinds = {_registry().get_dimensionality(one): unit for one, unit in _LIKE.items()}
+    kinds = {registry().get_dimensionality(one): unit for one, unit in _LIKE.items()}
     return next((unit for one, unit in kinds.items() if one == kind), spelled(target))
 
 
@@ -163,8 +146,7 @@ def is_power(unit: str) -> bool:
     """Whether a unit is one of power, as W and kW are."""
     try:
         return bool(_parsed(unit).dimensionality == _parsed("W").dimensionality)
-    except Exception:
-        # as above
+    except ValueError:
         return False
 
 
