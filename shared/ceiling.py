@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import xarray as xr
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from shared.errors import ZeroshotError
 from shared.manifest import write_atomically
@@ -32,7 +32,7 @@ WHOLE = YEAR - 168.0
 """From so many hours on, records cover the whole year: a year of 52 weeks is one, too."""
 
 
-class Origin(BaseModel):
+class Origin(BaseModel, extra="forbid", allow_inf_nan=False):
     """Records that windows are drawn from: they begin between two hours of the year, and each has ``hours``.
 
     ``weather`` is the sha256 of each weather file: the system's hash knows their names alone. ``warm_up_hours`` is how
@@ -40,7 +40,6 @@ class Origin(BaseModel):
     Of files that do not say it, it was 240 h, whatever the description said.
     """
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
     start: tuple[float, float]
     hours: float = Field(gt=0)
     weather: dict[str, str] = {}
@@ -87,10 +86,9 @@ _OLD = Origin(start=(0.0, 0.0), hours=YEAR)
 """Of ceilings that do not say it: nearly all were made over a year."""
 
 
-class Unknown(BaseModel):
+class Unknown(BaseModel, extra="forbid", allow_inf_nan=False):
     """A constant that was drawn, and that nobody knows: FMU parameters, all times exp(``relative`` * N(0, 1))."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
     parameters: list[str]
     relative: float = Field(gt=0)
 
@@ -106,7 +104,7 @@ def in_words(constants: Mapping[str, Unknown]) -> str:
     return f"constants drawn ({drawn})" if drawn else "constants as declared"
 
 
-class Ceiling(Result, BaseModel):
+class Ceiling(Result, BaseModel, extra="forbid"):
     """Limit of R2 per parameter under one condition, averaged over ``systems`` random systems and windows.
 
     ``origin`` says what the windows were of; older files lack it, and are taken to be of the whole year. ``constants``
@@ -114,7 +112,6 @@ class Ceiling(Result, BaseModel):
     90 % interval of the mean over systems; of one system there is none.
     """
 
-    model_config = ConfigDict(extra="forbid")
     context_hours: float
     step: float
     noise: str
@@ -144,10 +141,9 @@ class Ceiling(Result, BaseModel):
         return self.origin or _OLD
 
 
-class Ceilings(BaseModel):
+class Ceilings(BaseModel, extra="forbid"):
     """All ceilings known of one system."""
 
-    model_config = ConfigDict(extra="forbid")
     schema_version: int = SCHEMA_VERSION
     system_name: str
     system_hash: str

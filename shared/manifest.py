@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import xarray as xr
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from shared.errors import DatasetError
 from shared.reading import MIB, parse_json, read_text, validated
@@ -25,10 +25,9 @@ Index = Annotated[int, Field(ge=0, lt=2**63)]
 """Of a system: what an int64 holds."""
 
 
-class ShardEntry(BaseModel):
+class ShardEntry(BaseModel, extra="ignore"):
     """What the manifest knows of one shard; ``root_seed`` only where it is not the dataset's (merged datasets)."""
 
-    model_config = ConfigDict(extra="ignore")
     file: str
     systems: list[Index]
     sha256: str

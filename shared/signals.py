@@ -8,7 +8,6 @@ from typing import Annotated, Any, Literal
 from pydantic import (
     AfterValidator,
     BaseModel,
-    ConfigDict,
     Field,
     SerializerFunctionWrapHandler,
     model_serializer,
@@ -31,10 +30,8 @@ FirstWeekday = Annotated[int, AfterValidator(_monday)]
 """Weekday of time zero: Monday. Part of descriptions, and so of their hash, since it could be another."""
 
 
-class Table(BaseModel):
+class Table(BaseModel, extra="forbid", frozen=True, allow_inf_nan=False):
     """A table of the description: unknown fields are refused, numbers are finite, nothing changes once it is read."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class Weather(Table):

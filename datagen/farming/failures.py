@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from shared.errors import DatasetError
 from shared.reading import parse_json, read_text, short, validated
@@ -20,10 +20,9 @@ _MOST_CAUSE = 2000
 """Characters; an FMU may say what it likes, and does so anew for each system."""
 
 
-class _Record(BaseModel):
+class _Record(BaseModel, extra="allow"):
     """A line; ``parameters`` and ``cause`` are for people."""
 
-    model_config = ConfigDict(extra="allow")
     root_seed: int
     system: int
 

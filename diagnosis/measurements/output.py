@@ -16,7 +16,7 @@ import pandas as pd
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 from rich.console import Console
 from rich.table import Table as Grid
 
@@ -273,11 +273,7 @@ def _from(origin: str) -> str:
     return f"from {column[1]} ({column[2]})" if column else origin
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class VariableReport(_Table):
+class VariableReport(BaseModel, extra="forbid"):
     """One variable of the recording.
 
     ``origin`` is where it comes from in a few words. ``minimum``, ``mean`` and ``maximum`` are of the recording [unit].
@@ -303,7 +299,7 @@ class VariableReport(_Table):
     computed: bool
 
 
-class Comparison(_Table):
+class Comparison(BaseModel, extra="forbid"):
     """Two meters of one quantity, on the steps where both have a value; differences are used minus second meter.
 
     There is no ``correlation`` where one of them, or a constant in the first one's place, never changes.
@@ -319,7 +315,7 @@ class Comparison(_Table):
     correlation: float | None
 
 
-class StretchReport(_Table):
+class StretchReport(BaseModel, extra="forbid"):
     """A stretch of at least a day in which no input is missing, and how long outputs were ``measured`` there [h]."""
 
     number: int
@@ -329,7 +325,7 @@ class StretchReport(_Table):
     measured: float
 
 
-class ImportReport(Result, _Table):
+class ImportReport(Result, BaseModel, extra="forbid"):
     """What :func:`diagnosis.measurements.import_recording` returns and ``diagnosis import --json`` prints.
 
     ``not_recorded`` are the variables that the recording lacks, ``lacking`` what that means for each kind of them.

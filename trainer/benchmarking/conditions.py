@@ -6,16 +6,12 @@ import hashlib
 import re
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from trainer.models import estimator_class
 
 
-class _Frozen(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Condition(_Frozen):
+class Condition(BaseModel, extra="forbid", frozen=True):
     """An estimator and what it is given."""
 
     model: str
@@ -28,7 +24,7 @@ class Condition(_Frozen):
     """samples of a patch; None is the estimator's own"""
 
 
-class Budget(_Frozen):
+class Budget(BaseModel, extra="forbid", frozen=True):
     """What each fit may take: wall-clock minutes or optimiser steps. Windows a step are each model's own."""
 
     minutes: float | None = None
@@ -43,7 +39,7 @@ class Budget(_Frozen):
         return f"{self.minutes:g} min" if self.minutes is not None else f"{self.steps} steps"
 
 
-class Fit(_Frozen):
+class Fit(BaseModel, extra="forbid", frozen=True):
     """One fit; equal fits have equal keys."""
 
     condition: Condition

@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 import torch
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from shared.errors import EstimatorError, ZeroshotError
 from shared.reading import M, read_json, validated
@@ -29,10 +29,9 @@ TABULATED = (CARD, EVALUATION, ANSWERS)
 """Files of a run folder that the tables are made of. `trainer evaluate` by hand writes over some of them."""
 
 
-class Done(BaseModel):
+class Done(BaseModel, extra="forbid"):
     """``done.json``: the fit is finished and scored."""
 
-    model_config = ConfigDict(extra="forbid")
     fit: Fit
     data: str = ""
     """fingerprint of the dataset; earlier versions did not note it, nor the files"""

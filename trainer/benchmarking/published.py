@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from shared.errors import EstimatorError
 from shared.reading import read_json, validated
@@ -19,11 +19,7 @@ PUBLISHED = "published.json"
 """File beside a description that comes with the package."""
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class Figure(_Table):
+class Figure(BaseModel, extra="forbid"):
     """R2 of one line of one part."""
 
     part: str
@@ -32,7 +28,7 @@ class Figure(_Table):
     mean: float | None = None
 
 
-class Published(_Table):
+class Published(BaseModel, extra="forbid"):
     """The file."""
 
     source: str = ""

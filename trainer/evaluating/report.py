@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 from rich.table import Table
 
 from shared.errors import EstimatorError
@@ -29,11 +29,7 @@ ANSWERS = "answers.csv"
 MOST_ANSWERS = 512 * MIB
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class Protocol(_Table):
+class Protocol(BaseModel, extra="forbid"):
     """Figures of merit under one protocol. R2 is None where the true parameter does not vary."""
 
     r2: dict[str, float | None]
@@ -61,14 +57,14 @@ class Answers(NamedTuple):
     """(windows, parameters) [own units]"""
 
 
-class CeilingFigures(_Table):
+class CeilingFigures(BaseModel, extra="forbid"):
     """The linearised Bayesian limit of R2 under the same condition."""
 
     r2: dict[str, float]
     r2_mean: float
 
 
-class Evaluation(Result, _Table):
+class Evaluation(Result, BaseModel, extra="forbid"):
     """``evaluation.json``."""
 
     schema_version: int = 3

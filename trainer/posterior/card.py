@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from shared.logs import logger
 from shared.store import Records
@@ -25,10 +25,9 @@ ENOUGH = 9
 with 0.9 (n + 1) <= n is nine."""
 
 
-class PosteriorCard(BaseModel):
+class PosteriorCard(BaseModel, extra="forbid"):
     """``posterior.json``."""
 
-    model_config = ConfigDict(extra="forbid")
     schema_version: int = SCHEMA_VERSION
     estimator_sha256: str
     """of the estimator's weights: the posterior is of no use with others"""

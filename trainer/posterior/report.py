@@ -6,7 +6,7 @@ import csv
 import io
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 from rich.table import Table
 
 from shared.store import write_atomically
@@ -19,11 +19,7 @@ LEVELS = (0.5, 0.8, 0.9, 0.95)
 """Of the central intervals."""
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class Coverage(_Table):
+class Coverage(BaseModel, extra="forbid"):
     """Share of the windows whose central interval holds the truth, with its 90 % interval by system; none of one."""
 
     share: float
@@ -31,7 +27,7 @@ class Coverage(_Table):
     high: float | None
 
 
-class ParameterCalibration(_Table):
+class ParameterCalibration(BaseModel, extra="forbid"):
     """One parameter. ``crps`` [own unit], beside that of the prior, and of the estimate with its validation error.
 
     The latter is None where the run's card has no errors for the condition.
@@ -54,7 +50,7 @@ class ParameterCalibration(_Table):
     """median width of the 90 % interval, as a share of the range in the scale of the prior"""
 
 
-class LogScore(_Table):
+class LogScore(BaseModel, extra="forbid"):
     """Mean log density at the truth [nat], of all parameters together."""
 
     posterior: float
@@ -62,7 +58,7 @@ class LogScore(_Table):
     prior: float
 
 
-class Calibration(_Table):
+class Calibration(BaseModel, extra="forbid"):
     """``calibration.json``."""
 
     schema_version: int = 6

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from shared.errors import EstimatorError, RecordingError
 from shared.logs import logger
@@ -40,11 +40,7 @@ SAMPLES = 1000
 """Drawn from a posterior."""
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class Estimate(_Table):
+class Estimate(BaseModel, extra="forbid"):
     """One parameter.
 
     ``value`` is the estimator's answer made a mean (:mod:`trainer.runs.scatter`), where its card knows how far answers
@@ -62,7 +58,7 @@ class Estimate(_Table):
     high: float | None = None
 
 
-class Prediction(_Table):
+class Prediction(BaseModel, extra="forbid"):
     """Parameters of one system, from the window of the steps from ``begin`` to ``end``."""
 
     system: int | None
@@ -78,7 +74,7 @@ class Prediction(_Table):
     """readings of this system that were put in where single ones were missing"""
 
 
-class Predictions(Result, _Table):
+class Predictions(Result, BaseModel, extra="forbid"):
     """What ``trainer predict`` prints."""
 
     schema_version: int = 10

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import torch
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, Field, model_validator
 
 from shared.errors import EstimatorError
 from shared.schema import Method, methods_of
@@ -71,10 +71,9 @@ def clock_columns(time: torch.Tensor, length: int, step: float, period: float) -
     return torch.stack([torch.sin(angle), torch.cos(angle)], dim=2).float()
 
 
-class Fact(BaseModel):
+class Fact(BaseModel, extra="forbid", frozen=True, allow_inf_nan=False):
     """A given fact as an estimator reads it: standardised, of its log10 where ``log``."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
     name: str
     unit: str
     log: bool
@@ -82,10 +81,9 @@ class Fact(BaseModel):
     sd: float = Field(gt=0)
 
 
-class Encoding(BaseModel):
+class Encoding(BaseModel, extra="forbid", frozen=True):
     """Channels, normalisation and targets of one estimator; part of its checkpoint."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
     recorded: list[str]
     outputs: int
     """How many of the recorded channels are outputs; they come first."""

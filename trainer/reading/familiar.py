@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic import BaseModel, model_validator
 
 from shared.variables import spaced
 from trainer.reading.encoding import Encoding
@@ -35,19 +35,17 @@ RESTS = (24.0, 72.0)
 sensor that died is anywhere."""
 
 
-class Rest(BaseModel):
+class Rest(BaseModel, extra="forbid"):
     """Where channels stood still for at least ``hours``, in the encoding's order; None where one never did [unit]."""
 
-    model_config = ConfigDict(extra="forbid")
     hours: float
     lowest: list[float | None]
     highest: list[float | None]
 
 
-class Familiar(BaseModel):
+class Familiar(BaseModel, extra="forbid"):
     """Extremes over windows of one length, of each recorded channel in the encoding's order [the channel's unit]."""
 
-    model_config = ConfigDict(extra="forbid")
     length: int
     """samples of a window"""
     windows: int

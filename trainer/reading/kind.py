@@ -6,16 +6,15 @@ constants of the description as declared or drawn.
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from shared.store import DatasetFolder, Records
 from trainer.reading.data import digest_of, identity_of
 
 
-class Kind(BaseModel):
+class Kind(BaseModel, extra="forbid"):
     """A dataset, and what its systems have in common."""
 
-    model_config = ConfigDict(extra="forbid")
     root_seeds: list[int]
     """rising; a merged dataset has several"""
     systems: int

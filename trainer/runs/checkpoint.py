@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 import torch
-from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic import BaseModel, model_validator
 
 from shared.errors import EstimatorError
 from shared.reading import read_json, validated
@@ -50,11 +50,7 @@ Keep = Literal["best", "last"]
 """Which weights of a training are kept."""
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class Training(_Table):
+class Training(BaseModel, extra="forbid"):
     """How the estimator came about."""
 
     seed: int
@@ -104,7 +100,7 @@ def shape_of(encoding: Encoding) -> Shape:
     )
 
 
-class Card(_Table):
+class Card(BaseModel, extra="forbid"):
     """``estimator.json``."""
 
     schema_version: int = SCHEMA_VERSION

@@ -12,13 +12,12 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 
-class Errors(BaseModel):
+class Errors(BaseModel, extra="forbid"):
     """Root mean square errors on validation systems under one condition, readings without gaps."""
 
-    model_config = ConfigDict(extra="forbid")
     length: int
     """samples of a window"""
     absent: list[str]

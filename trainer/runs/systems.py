@@ -6,16 +6,15 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, field_serializer, field_validator
+from pydantic import BaseModel, field_serializer, field_validator
 
 from shared.store import Records
 from trainer.runs.spans import packed, unpacked
 
 
-class Systems(BaseModel):
+class Systems(BaseModel, extra="forbid"):
     """Systems of a dataset: with the system hash, (root seed, index) is what a simulated system is."""
 
-    model_config = ConfigDict(extra="forbid")
     root_seeds: list[int]
     """of each system: a merged dataset has several"""
     indices: list[int]

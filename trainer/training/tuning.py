@@ -14,7 +14,7 @@ import optuna
 import pandas as pd
 import xarray as xr
 from optuna.trial import FrozenTrial, Trial, TrialState
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 from sqlalchemy import URL, make_url
 
 from shared.errors import EstimatorError, OptionsError
@@ -42,10 +42,9 @@ MEAN = "mean loss"
 """Of a trial: the validation loss of the mean."""
 
 
-class Best(Result, BaseModel):
+class Best(Result, BaseModel, extra="forbid"):
     """``best.json``: what ``trainer fit --options`` reads."""
 
-    model_config = ConfigDict(extra="forbid")
     model: str
     options: dict[str, Any] = {}
     batch_size: int | None = Field(None, gt=0)
