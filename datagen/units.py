@@ -74,12 +74,8 @@ def parsed(unit: str) -> Any:
 def conversion(declared: str, fmu: str, *, difference: bool = False) -> Conversion | None:
     """What numbers in the unit ``declared`` become in the unit ``fmu``; None if the two measure different things.
 
-    Raises ValueError if the units are spelled differently and one of them is not known.
-
-    Parameters
-    ----------
-    difference
-        Temperatures are differences: 20 K are 20 degC of them.
+    Temperatures that are a ``difference``: 20 K are 20 degC of them. Raises ValueError if the units are spelled
+    differently and one of them is not known.
     """
     if _WORDS.get(declared, spelled(declared)) == _WORDS.get(fmu, spelled(fmu)):
         return Conversion()

@@ -108,12 +108,7 @@ def new_app(name: str, help_text: str) -> cyclopts.App:
 def resumable(*more: str, instead_of: Sequence[str] = ()) -> Callable[[_Command], _Command]:
     """Mark a command that goes on where it was stopped, if it is given again.
 
-    Parameters
-    ----------
-    more
-        Options that it takes for that.
-    instead_of
-        Options that do not go together with those.
+    It takes the options ``more`` for that, which do not go together with those in ``instead_of``.
     """
 
     def mark(command: _Command) -> _Command:

@@ -8,14 +8,7 @@ import numpy as np
 def bridge(values: np.ndarray, longest: int) -> np.ndarray:
     """Put in what is missing where at most so many values are missing in a row; nothing at the ends.
 
-    Parameters
-    ----------
-    values
-        Shape (steps,), NaN where missing; changed in place.
-
-    Returns
-    -------
-    Where values were put in, shape (steps,).
+    ``values`` (steps,), NaN where missing, are changed in place. Returns where values were put in, (steps,).
     """
     missing = ~np.isfinite(values)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], missing, [False]]).astype(np.int8)))

@@ -8,15 +8,7 @@ from typing import Any
 
 
 def lazily(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
-    """A package's ``__getattr__``: imports what is asked for and no more.
-
-    Parameters
-    ----------
-    package
-        The package's ``__name__``.
-    homes
-        By name, the module that it lives in.
-    """
+    """A package's ``__getattr__``: imports what is asked for, from the module that ``homes`` names, and no more."""
 
     def find(name: str) -> Any:
         if name in homes:

@@ -96,14 +96,8 @@ def _in_words(holder: dict[str, Any]) -> str:
 class FolderLock:
     """A context in which no other run may write to ``folder``.
 
-    Raises ``kind`` if another run is at it, or the folder cannot be written to.
-
-    Parameters
-    ----------
-    system
-        Path of the system description, kept in the file so that a repair finds it again.
-    kind
-        What is raised.
+    The file keeps the path of the ``system`` description, so that a repair finds it again. Raises ``kind`` if another
+    run is at it, or the folder cannot be written to.
     """
 
     def __init__(self, folder: Path, system: str = "", *, kind: type[ZeroshotError] = DatasetError) -> None:

@@ -37,13 +37,9 @@ _PROBE = bytes(MIB)
 def read_netcdf(path: Path, error: type[ZeroshotError], expected: str, *, times: bool | None = False) -> xr.Dataset:
     """The numeric variables of a NetCDF file, of any of its formats, and all attributes that are text or numbers.
 
-    Raises ``error`` if the file is missing, damaged, or larger than :data:`MOST`.
-
-    Parameters
-    ----------
-    times
-        Whether times are decoded as the CF conventions have it, as missing values, scales and offsets always are; None
-        leaves all as it is in the file.
+    ``times`` says whether times are decoded as the CF conventions have it, as missing values, scales and offsets always
+    are; None leaves all as it is in the file. Raises ``error`` if the file is missing, damaged, or larger than
+    :data:`MOST`.
     """
     size = size_of(path, error, expected)
     seconds = 5 + size // (5 * MIB)  # of one core; a file that is read at all takes a small part of it

@@ -33,13 +33,8 @@ _OTHERS: dict[str, tuple[tuple[str, float, float], ...]] = {
 def in_another_unit(values: Sequence[float], unit: str) -> str:
     """What is wrong with numbers of a description that are in another unit than it says; empty if nothing shows.
 
-    All of them must be impossible in ``unit`` and possible in another: hot water of 345 K is no slip. A small number
-    of kelvins may be a difference.
-
-    Parameters
-    ----------
-    values
-        Numbers [unit] that stand for one quantity, such as both ends of a range.
+    ``values`` [unit] stand for one quantity, as both ends of a range do. All of them must be impossible in ``unit`` and
+    possible in another: hot water of 345 K is no slip. A small number of kelvins may be a difference.
     """
     unit = spelled(unit)
     if unit not in _OTHERS or not values:

@@ -206,10 +206,7 @@ def said(error: ValidationError) -> str:
 def newer(found: object, ours: int) -> str:
     """Why a file cannot be read whose schema is not one up to ``ours``, to follow its name; empty if it is one.
 
-    Parameters
-    ----------
-    found
-        What the file says: a whole number, or one before a dot, as of 3 in ``3.1``.
+    ``found`` is what the file says: a whole number, or one before a dot, as of 3 in ``3.1``.
     """
     major = str(found).partition(".")[0]
     if not isinstance(found, bool) and major.isdecimal() and len(major) < 10 and int(major) <= ours:

@@ -27,13 +27,9 @@ YEARS = (1900, 2201)
 def read_recorded(given: Path | str | xr.Dataset) -> tuple[Path, xr.Dataset]:
     """What was recorded, decoded as the CF conventions have it but for time spans, and what it is called in sentences.
 
-    Raises RecordingError if the file cannot be read, or what is in memory cannot be decoded.
-
-    Parameters
-    ----------
-    given
-        A NetCDF file, or what is in memory already, decoded or not. In memory it is called by the file that it came
-        from, or by its content; dates without CF units are taken for local standard time.
+    ``given`` is a NetCDF file, or what is in memory already, decoded or not. In memory it is called by the file that it
+    came from, or by its content; dates without CF units are taken for local standard time. Raises RecordingError if the
+    file cannot be read, or what is in memory cannot be decoded.
     """
     if not isinstance(given, xr.Dataset):
         return Path(given), read_netcdf(Path(given), RecordingError, RECORDING, times=True)
@@ -53,11 +49,6 @@ def recorded_times(path: Path, recording: xr.Dataset) -> np.ndarray:
 
     Raises RecordingError if time is missing, has other dimensions, or is neither dates nor elapsed seconds; or if the
     file is of a newer major version of the schema.
-
-    Parameters
-    ----------
-    recording
-        Decoded as the CF conventions have it, but for time spans.
     """
     if said := newer(recording.attrs.get("zeroshot_schema_version", 0), int(SCHEMA_VERSION.split(".")[0])):
         raise RecordingError(f"{path}: {said}")

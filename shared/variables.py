@@ -18,13 +18,7 @@ ZERO_CELSIUS = 273.15
 
 
 def names_fault(kind: str, names: Sequence[str]) -> str:
-    """What is wrong with the names of a table of variables, as a sentence; empty if nothing is.
-
-    Parameters
-    ----------
-    kind
-        The table, for example ``outputs``.
-    """
+    """What is wrong with the names of a table such as ``outputs``, as a sentence; empty if nothing is."""
     for k, name in enumerate(names):
         if name in names[:k]:
             return f"{kind}: {name!r} is declared twice"

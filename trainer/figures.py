@@ -129,10 +129,7 @@ def draw_scatter(
 ) -> None:
     """Estimate against truth of each parameter.
 
-    Parameters
-    ----------
-    clouds
-        For each protocol: truth and estimate, both (windows, parameters), and R2 (parameters,).
+    ``clouds`` are, for each protocol, truth and estimate, both (windows, parameters), and R2 (parameters,).
     """
     across = min(4, len(parameters))
     down = math.ceil(len(parameters) / across)
@@ -238,10 +235,7 @@ def draw_accuracy(
 ) -> None:
     """Boxes of relative accuracy against context, a panel for each parameter (paper, figure 5).
 
-    Parameters
-    ----------
-    boxes
-        For each protocol: pairs of a label and the relative accuracy (windows, parameters).
+    ``boxes`` are, for each protocol, pairs of a label and the relative accuracy (windows, parameters).
     """
     across = min(4, len(parameters))
     down = math.ceil(len(parameters) / across)

@@ -11,14 +11,9 @@ from shared.reading import why
 
 @contextmanager
 def memory_for(what: str, *, kind: type[EstimatorError] = EstimatorError) -> Iterator[None]:
-    """A context in which the end of memory is a sentence: numpy's, and torch's, which raises a RuntimeError.
+    """A context in which the end of memory, numpy's or torch's (which raises a RuntimeError), is raised as ``kind``.
 
-    Raises ``kind``.
-
-    Parameters
-    ----------
-    what
-        What takes the memory, and the argument that says how much.
+    ``what`` takes the memory, and names the argument that says how much.
     """
     try:
         yield

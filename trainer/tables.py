@@ -21,10 +21,7 @@ def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 def terminal_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]], *, width: int) -> Table:
     """For the terminal, with a line above the last row, which sums up.
 
-    Parameters
-    ----------
-    width
-        Of the terminal [characters]. The last columns are left out, and named below, where figures would be cut short.
+    The last columns are left out, and named below, where figures would not fit ``width`` [characters].
     """
     count = len(header)
     while (table := _table(title, header, rows, count)) and count > 2 and _width_of(table) > width:

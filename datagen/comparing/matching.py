@@ -38,13 +38,9 @@ def matched(system: System, other: System) -> tuple[list[Output], System]:
 def handed_on(system: System, other: System, fmus: tuple[Fmu, Fmu]) -> dict[str, float | bool]:
     """What the first description fixes and the other model has, too, and leaves open: by name [unit of the FMUs].
 
-    Where the other's ``[fixed]`` states a value, that stays: two models may be told apart by nothing else. Raises
-    SystemDescriptionError if one of these, or a parameter that the first draws, has another unit in the other FMU.
-
-    Parameters
-    ----------
-    fmus
-        Of the two.
+    Where the other's ``[fixed]`` states a value, that stays: two models may be told apart by nothing else. ``fmus`` are
+    those of the two. Raises SystemDescriptionError if one of these, or a parameter that the first draws, has another
+    unit in the other FMU.
     """
     for name in system.parameter_names:  # which the other may have under [fixed], where nothing states a unit
         ours, theirs = (unit_of(fmu.variables[name]) for fmu in fmus)
@@ -79,12 +75,8 @@ def told_apart(system: System, other: System) -> tuple[str, str]:
 def unmatched(system: System, other: System, fmu: Fmu) -> list[str]:
     """In a sentence each, what one of the two has and the other has not, so that they differ in it by themselves.
 
-    What both fix, at two values, is such a difference, too; what one fixes and the other draws is drawn for both.
-
-    Parameters
-    ----------
-    fmu
-        The other's, which holds a parameter that nobody sets at the value that it was made with.
+    What both fix, at two values, is such a difference, too; what one fixes and the other draws is drawn for both. The
+    other's ``fmu`` holds a parameter that nobody sets at the value that it was made with.
     """
     ours, theirs = told_apart(system, other)
     held = [

@@ -43,14 +43,9 @@ class Sun(Table):
     def signal(self, plane: Weather, at: np.ndarray, dni: np.ndarray, dhi: np.ndarray, ghi: np.ndarray) -> Piecewise:
         """Irradiance on a plane [W/m2].
 
-        Raises RecordingError if the columns are means and ``method`` says instants, or the other way round.
-
-        Parameters
-        ----------
-        at
-            Times of the rows, evenly spaced, shape (rows,) [s since time zero, local standard time].
-        dni, dhi, ghi
-            The columns, shape (rows,) each [W/m2].
+        ``at`` are times of the rows, evenly spaced, (rows,) [s since time zero, local standard time]; ``dni``, ``dhi``,
+        ``ghi`` the columns, (rows,) each [W/m2]. Raises RecordingError if the columns are means and ``method`` says
+        instants, or the other way round.
         """
         middles = self._middles(at)
         self._check(at, middles, dni, dhi, ghi)

@@ -20,15 +20,10 @@ _JITTER_LIMIT = 3.0
 
 
 def sample_occupancy(spec: Occupancy, rng: np.random.Generator, start: float, stop: float) -> Piecewise:
-    """Draw the persons present from ``start`` to ``stop`` [s since time zero].
+    """Draw the persons present from ``start`` to ``stop`` [s since time zero]: whole numbers >= 0, kind ``previous``.
 
-    A day's draw depends on the state of ``rng`` and the day's number alone: another span of time shows the same
-    persons wherever the two overlap, also when it begins before time zero.
-
-    Returns
-    -------
-    Piecewise
-        Kind ``previous``: whole numbers of persons, >= 0. The first time is ``start``; the others are changes.
+    A day's draw depends on the state of ``rng`` and the day's number alone: another span of time shows the same persons
+    wherever the two overlap, also when it begins before time zero. The first time is ``start``; the others are changes.
     """
     usual = _draw_usual(spec, rng.random(3))
     after, before = (np.random.default_rng(seed) for seed in rng.integers(2**63, size=2))
@@ -67,21 +62,10 @@ def sized(spec: Occupancy, amount: float) -> Occupancy:
 
 
 def occupancy_prior(spec: Occupancy, edges: ArrayLike, draws: int, seed: int) -> np.ndarray:
-    """Draw what is known before any measurement about the mean number of persons in each interval.
+    """Draw the mean number of persons in each interval, shape (draws, n), distributed as by :func:`sample_occupancy`.
 
-    Raises ValueError if the edges do not increase.
-
-    Parameters
-    ----------
-    edges
-        Strictly increasing times between the intervals, shape (n + 1,) [s since time zero].
-    draws
-        Number of independent systems.
-
-    Returns
-    -------
-    numpy.ndarray
-        Mean persons in each interval, shape (draws, n); same distribution as :func:`sample_occupancy`.
+    It is what is known before any measurement. ``edges`` are the strictly increasing times between the intervals, shape
+    (n + 1,) [s since time zero]; a draw is an independent system. Raises ValueError if the edges do not increase.
     """
     edges = np.asarray(edges, dtype=np.float64) / _HOUR
     if edges.ndim != 1 or edges.size < 2 or (np.diff(edges) <= 0).any():

@@ -57,14 +57,10 @@ def is_calm(root_seed: int, index: int, share: float) -> bool:
 
 
 def sample_parameters(system: System, root_seed: int, index: int) -> np.ndarray:
-    """Draw a system's parameters: independent, uniform in each parameter's scale between its bounds.
+    """Draw a system's parameters, (parameters,) in the order of the description [unit of each].
 
-    Where the description has ratios, they are drawn again until all of these hold.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (parameters,), in the order of the description [unit of each].
+    They are independent, uniform in each one's scale between its bounds. Where the description has ratios, they are
+    drawn again until all of these hold.
     """
     rng = stream(root_seed, index, "parameters")
     for _ in range(DRAWS):
@@ -81,14 +77,7 @@ def sample_parameters(system: System, root_seed: int, index: int) -> np.ndarray:
 
 
 def sample_given(system: System, root_seed: int, index: int) -> dict[str, float]:
-    """Draw the given facts of a system, by name [unit of each]; each has a stream of its own.
-
-    Examples
-    --------
-    >>> from shared.system import load_system
-    >>> sample_given(load_system("MixedAirCO2"), 0, 0)
-    {}
-    """
+    """Draw the given facts of a system, by name [unit of each]; each has a stream of its own."""
     if not system.given:
         return {}
     parameters = dict(zip(system.parameter_names, sample_parameters(system, root_seed, index), strict=True))
@@ -100,15 +89,7 @@ def sample_given(system: System, root_seed: int, index: int) -> dict[str, float]
 
 
 def fmu_values(system: System, given: Mapping[str, float], starts: Mapping[str, float]) -> dict[str, float]:
-    """FMU parameters [unit of each] that given facts set.
-
-    Parameters
-    ----------
-    given
-        Values by name of the fact.
-    starts
-        The FMU's own values by name, which facts that are sums scale in proportion.
-    """
+    """FMU parameters [unit of each] that given facts set; those that are sums scale the FMU's own ``starts``."""
     values: dict[str, float] = {}
     for one in system.given:
         if one.name in given and one.parameters:

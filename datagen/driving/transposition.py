@@ -76,11 +76,8 @@ def sun_at(
 ) -> SunPosition:
     """Where the sun stands at n times.
 
-    Parameters
-    ----------
-    pressure, temperature
-        Of the air [Pa, degC], which bends the light at the horizon; that of the standard atmosphere at the altitude,
-        and pvlib's, if not given.
+    ``pressure`` and ``temperature`` are of the air [Pa, degC], which bends the light at the horizon: if not given, that
+    of the standard atmosphere at the altitude, and pvlib's.
     """
     import pvlib  # a second, which a description that is refused need not wait for
 
@@ -93,12 +90,8 @@ def sun_at(
 def sunlit_middle(height: np.ndarray) -> np.ndarray:
     """Where in each of n spans the middle of its sunlit part is, shape (n,), as a share of the span.
 
-    One half where the sun is up all the time, or never.
-
-    Parameters
-    ----------
-    height
-        Of the sun above the horizon at the spans' edges, shape (n + 1,) [degree].
+    One half where the sun is up all the time, or never. ``height`` is the sun's above the horizon at the spans' edges,
+    shape (n + 1,) [degree].
     """
     before, after = height[:-1], height[1:]
     rising, setting = (before <= 0) & (after > 0), (before > 0) & (after <= 0)

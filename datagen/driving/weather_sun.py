@@ -175,13 +175,9 @@ def _check_contradiction(path: Path, sun: _Sun, later: float) -> None:
 def check_still(path: Path, record: HourlyRecord) -> HourlyRecord:
     """Hold a file's columns against rest, by the rules for measured columns; of what is doubtful it warns.
 
+    A column that a file need not have, and that rests for longer than the weather can, is not in what is returned.
     Raises WeatherError if one rests so long that a file must have, or the sun is up and shines on nothing, or all
     readings rest at once for longer than one sensor may.
-
-    Returns
-    -------
-    HourlyRecord
-        Without those columns that a file need not have and that rest for longer than the weather can.
     """
     columns, absent = dict(record.columns), dict(record.absent)
     for name, unit in MOVING.items():

@@ -73,13 +73,8 @@ class _Task:
 class Collection:
     """Collects the shards of one dataset.
 
-    Parameters
-    ----------
-    budget
-        Share of the systems that may fail.
-    retry
-        Whether systems that have failed before are tried again: then neither their failures of before nor that most of
-        them fail again is a reason to stop.
+    ``budget`` is the share of the systems that may fail. With ``retry`` systems that have failed before are tried
+    again: then neither their failures of before nor that most of them fail again is a reason to stop.
     """
 
     replaces = False

@@ -64,12 +64,7 @@ def unpack_in_scratch() -> None:
 def recycle(growth: float, rss: int) -> None:
     """Replace this worker process by a fresh one when it has grown too much: some FMUs leak.
 
-    Parameters
-    ----------
-    growth
-        How much is too much, since its first shard [bytes].
-    rss
-        Its memory now [bytes].
+    ``growth`` is how much is too much, since its first shard [bytes]; ``rss`` its memory now [bytes].
     """
     worker = this_worker()
     if not _BASE:

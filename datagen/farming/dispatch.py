@@ -31,12 +31,8 @@ Task = TypeVar("Task")
 class Dispatcher(Generic[Task]):
     """Iterate over it to get each task of ``source`` with its result, or with the exception in place of one.
 
-    Parameters
-    ----------
-    function, arguments
-        ``function(*arguments(task))`` is what a worker does.
-    avoided
-        Addresses of workers that a task goes to only where there is no other.
+    A worker calls ``function(*arguments(task))``. ``avoided`` are addresses of workers that a task goes to only where
+    there is no other.
     """
 
     def __init__(

@@ -31,10 +31,7 @@ _log = logger(__name__)
 class Keeper(SchedulerPlugin):
     """Keeps so many jobs of a cluster of dask-jobqueue's.
 
-    Parameters
-    ----------
-    where
-        What the jobs say is found there, to be told when no worker comes.
+    ``where`` says where the jobs' output is found, to be told when no worker comes.
     """
 
     def __init__(self, cluster: Any, jobs: int, where: str | None) -> None:

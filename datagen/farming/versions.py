@@ -50,12 +50,7 @@ def _words(versions: Mapping[str, str | None], names: Iterable[str]) -> str:
 def note(manifest: Manifest, versions: dict[str, str], where: Path, whose: str) -> None:
     """Note in a manifest that ``versions`` take part in its numbers, with a warning if they are none of those noted.
 
-    Parameters
-    ----------
-    where
-        The dataset, for the sentence.
-    whose
-        The versions are, for the sentence: ``this run`` or another dataset.
+    For the sentence: ``where`` is the dataset, and ``whose`` the versions are, ``this run`` or another dataset.
     """
     if not all(difference(one, versions) for one in manifest.all_versions()):
         return

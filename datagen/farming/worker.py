@@ -135,14 +135,9 @@ def _watch(timeout: float) -> Iterator[None]:
 
 
 def simulate_shard(job: Job, file: str, indices: Sequence[int], guarded: bool = False) -> ShardResult:
-    """Simulate the systems of a shard and write it whole.
+    """Simulate the systems of a shard and write it whole; ``guarded`` in child processes, for one whose worker died.
 
     Raises DatasetError if this worker has other versions than the client, or has nowhere to write a file.
-
-    Parameters
-    ----------
-    guarded
-        Simulate in child processes: for a shard whose worker died.
     """
     with named():
         _check_versions(job)

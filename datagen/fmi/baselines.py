@@ -29,14 +29,10 @@ def check_baseline(spec: ParameterEffect | ShapedEffect, system: System, fmu: Fm
     """Refuse an effect whose parameters at an amplitude of zero are not those of the base model.
 
     An amplitude of zero sets nothing, so the FMU has its own start value then, or the description's; the least
-    amplitude sets ``base``. Where these differ, a straight line through zero tells nothing of the effect. Raises
+    amplitude sets ``base``. Where these differ, a straight line through zero tells nothing of the effect. With
+    ``replay`` the recorded actuators replace the control loops: the description's [replay] counts then. Raises
     SystemDescriptionError for the first parameter that the FMU does not have, that cannot be set there, or that has
     another value in the base model.
-
-    Parameters
-    ----------
-    replay
-        Whether the recorded actuators replace the control loops: the description's [replay] counts then.
     """
     where = f"{system.path}: effects {spec.name!r}"
     for name in (*spec.parameters, *spec.constants):

@@ -194,12 +194,8 @@ def fmu_of(system: System) -> Fmu:
 def check_held(system: System, fmu: Fmu, names: Sequence[str], left: np.ndarray, right: np.ndarray) -> None:
     """Refuse what changes a discrete input on straight lines: such are set at events alone, and would be stale.
 
-    Raises SystemDescriptionError naming the first.
-
-    Parameters
-    ----------
-    names, left, right
-        Of the discrete inputs; their values at both ends of each stretch between two knots, shapes (stretches, inputs).
+    ``left`` and ``right`` are the values of the discrete inputs ``names`` at both ends of each stretch between two
+    knots, (stretches, inputs). Raises SystemDescriptionError naming the first.
     """
     bent = (left != right).any(axis=0)
     if bent.any():

@@ -75,10 +75,7 @@ def simulate_system(
 def drawn_values(simulator: Simulator, root_seed: int, index: int, *, uncertain: bool = False) -> dict[str, float]:
     """Parameters and the FMU's settings of one system as the farm draws them, by name [unit of each].
 
-    Parameters
-    ----------
-    uncertain
-        Draw the description's uncertain constants, too.
+    ``uncertain`` draws the description's uncertain constants, too.
     """
     system = simulator.system
     values = dict(zip(system.parameter_names, sample_parameters(system, root_seed, index).tolist(), strict=True))

@@ -35,17 +35,12 @@ PATIENCE = 600.0
 
 
 def responses(simulator: Simulator, names: Collection[str] | None = None) -> dict[str, float | SimulationError]:
-    """Largest change of any output over each parameter's range, in units of the output's accuracy.
+    """Largest change of any output over each parameter's range, all by default, in units of the output's accuracy.
 
     Simulates a few winter days from the middle of the ranges, once at each end of each parameter, and where the outputs
     do not move, summer days, weekends, and the beginning of a record as described, too. For an end that cannot be
     simulated the middle stands in; if only one of the three can be, the cause stands in place of the change, and other
     parameters are looked at all the same. Raises SystemDescriptionError, WeatherError if the inputs cannot be made.
-
-    Parameters
-    ----------
-    names
-        Of the parameters to look at; by default all.
     """
     look = _Look(simulator)
     wanted = [p.name for p in simulator.system.parameters if names is None or p.name in names]
@@ -65,16 +60,10 @@ def check_live(simulator: Simulator) -> dict[str, float]:
 def check_live_apart(system: System, timeout: float | None = None, least: float = 1.0) -> dict[str, float]:
     """:func:`check_live` in a process apart: the FMU may crash or hang at the ends of its ranges.
 
-    Where it does, the parameters are looked at one by one, so that those at fault do not hide what others are. Raises
+    Where it does, the parameters are looked at one by one, so that those at fault do not hide what others are. One look
+    may take ``timeout`` [s]; if not given, :data:`PATIENCE`, and each simulation what the command allows. ``least`` is
+    the change of an output, in units of its accuracy, below which a parameter is refused. Raises
     SystemDescriptionError, FmuError, WeatherError as :func:`check_live`, and if the FMU does not fit the description.
-
-    Parameters
-    ----------
-    timeout
-        How long one look at all parameters, or at one, may take [s]; if not given, :data:`PATIENCE`, and each
-        simulation what the command allows.
-    least
-        Change of an output, in units of its accuracy, below which a parameter is refused.
     """
     all_names = tuple(system.parameter_names)
     patience = {"timeout": PATIENCE, "limit": watchdog.limit()} if timeout is None else {"timeout": timeout}

@@ -134,19 +134,9 @@ def simulate(
 
 
 def readings(system: System, outputs: np.ndarray, noise: str, rng: np.random.Generator) -> np.ndarray:
-    """Outputs as sensors show them: Gaussian noise, then rounding, then lost readings.
+    """Outputs (outputs, steps) [unit of each] as sensors show them, NaN where a reading is lost.
 
-    Parameters
-    ----------
-    outputs
-        Without noise, shape (outputs, steps) [unit of each].
-    noise
-        Preset of the description.
-
-    Returns
-    -------
-    np.ndarray
-        Shape (outputs, steps) [unit of each]; NaN where a reading is lost.
+    Gaussian noise comes first, then rounding, then lost readings, as the description's preset ``noise`` has them.
     """
     shown = outputs.copy()
     for row, output in zip(shown, system.outputs, strict=True):

@@ -317,20 +317,13 @@ class Stamps:
 
 
 def read_stamps(texts: pd.Series, settings: Time, where: str, sensors: Sensors | None = None) -> Stamps:
-    """Time stamps to UTC.
+    """Time stamps (rows,) to UTC.
 
     Stamps with an offset or a Z mean what they say. Stamps without are of the zone's wall clock; the hour that the end
-    of daylight saving repeats is its first pass until the clock goes back, and its second from there on. Raises
+    of daylight saving repeats is its first pass until the clock goes back, and its second from there on. Rows of one
+    stamp may be of several ``sensors`` or of two passes; if these are not given, one sensor is in every row. Raises
     RecordingError if stamps cannot be read, lie in the hour that daylight saving skips, run backwards, do not tell
     which pass of the repeated hour they are of, or neither they nor the mapping say how the place's clock runs.
-
-    Parameters
-    ----------
-    texts
-        Shape (rows,).
-    sensors
-        Which sensors each row holds a reading of: rows of one stamp may be of several sensors or of two passes. One
-        sensor that is in every row if not given.
     """
     texts = texts.str.strip()
     empty = texts.isna() | (texts == "")

@@ -117,17 +117,9 @@ _WHOLE = 1.0 - 1e-9
 
 
 def means_of(signal: Signal, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean of a signal over each step, and how much of the step readings cover.
+    """Mean of a signal over each of n steps, NaN where nothing covers it, and how much of it readings cover, in [0, 1].
 
-    Parameters
-    ----------
-    edges
-        Of the steps, strictly increasing, shape (n + 1,) [s].
-
-    Returns
-    -------
-    tuple
-        Means, NaN where nothing covers the step, and coverage in [0, 1]; both (n,).
+    ``edges`` are of the steps, strictly increasing, shape (n + 1,) [s].
     """
     clean = signal.clean()
     span = np.diff(edges)
@@ -258,17 +250,10 @@ def resample(signal: Signal, edges: np.ndarray, method: str, coverage: float) ->
 def as_read(
     signal: Signal, edges: np.ndarray, method: str, coverage: float, *, bridges: bool
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The same of an output, each value of which passes for a reading: a line over a lost one is none.
+    """As :func:`resample`, of an output, each value of which passes for a reading: a line over a lost one is none.
 
-    Parameters
-    ----------
-    bridges
-        Whether the mapping itself says how far apart readings may be: then lines over lost ones stay, interpolated.
-
-    Returns
-    -------
-    tuple
-        As :func:`resample`; a mean is partly covered where a reading was lost, though lines join those beside it.
+    A mean is partly covered where a reading was lost, though lines join those beside it. ``bridges`` says whether the
+    mapping itself says how far apart readings may be: then lines over lost ones stay, interpolated.
     """
     values, flags = resample(signal, edges, method, coverage)
     middle, step = signal.middle, float(edges[1] - edges[0])

@@ -55,10 +55,7 @@ from shared.variables import (
 def about_ends(series: Sequence[Series], edges: np.ndarray, last: int) -> list[str]:
     """Sentences on inputs without a value in step ``last`` of the grid, where inputs were read beyond it.
 
-    Parameters
-    ----------
-    edges
-        Of the steps, shape (steps + 1,) [s].
+    ``edges`` are of the steps, shape (steps + 1,) [s].
     """
     read = [(one, one.signal.clean()) for one in series if one.target.role == "input" and one.signal is not None]
     if last + 1 >= len(edges) or not any((signal.middle > edges[last + 1]).any() for _, signal in read):

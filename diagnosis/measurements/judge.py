@@ -96,13 +96,8 @@ class Judge:
     def mapped(self, target: Target, source: Source, key: str, *, weather: str | None = None) -> Series:
         """A target from its column or constant, which stand in the mapping under ``key``.
 
-        Raises RecordingError if the column cannot be used, the constant is impossible, or gaps of an output are to be
-        filled.
-
-        Parameters
-        ----------
-        weather
-            pvlib's name of the quantity, of an input that comes from the weather.
+        ``weather`` is pvlib's name of the quantity, of an input that comes from the weather. Raises RecordingError if
+        the column cannot be used, the constant is impossible, or gaps of an output are to be filled.
         """
         where = f"{self.mapping.path}: {key}"
         for name in ("fill", "fill_up_to") if target.role == "output" else ():

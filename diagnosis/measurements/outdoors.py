@@ -209,12 +209,8 @@ class Outdoors:
     def check_sun(self, series: Sequence[Series]) -> None:
         """Hold each measured irradiance against the sun of the place: a wrong zone or clock shows here.
 
-        Raises RecordingError if most of an irradiance comes while the sun is down.
-
-        Parameters
-        ----------
-        series
-            Of all variables: an irradiance may be mapped by an input's name, too.
+        ``series`` are of all variables: an irradiance may be mapped by an input's name, too. Raises RecordingError if
+        most of an irradiance comes while the sun is down.
         """
         judge, place = self.judge, self.judge.mapping.place
         zone = plausible.about_zone(judge.clock, place)

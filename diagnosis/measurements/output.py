@@ -183,12 +183,8 @@ def draw_recording(
 ) -> bytes:
     """PNG of a recording: a panel for each variable that was measured or computed.
 
-    Parameters
-    ----------
-    time
-        Ends of the steps, shape (steps,) [s of the clock].
-    stretches
-        Those in which no input is missing, as (first, one past the last): numbered unless there is one of all steps.
+    ``time`` are the ends of the steps, (steps,) [s of the clock]; ``stretches`` those in which no input is missing, as
+    (first, one past the last): numbered unless there is one of all steps.
     """
     shown = [one for one in series if one.signal is not None]
     figure = Figure(figsize=(13, 1.9 * len(shown) + 0.9), layout="constrained")
@@ -453,13 +449,7 @@ def print_report(report: ImportReport, console: Console) -> None:
 def build_recording(
     series: Sequence[Series], time: np.ndarray, clock: Clock, system: System, attributes: Mapping[str, str]
 ) -> xr.Dataset:
-    """Put the series on a grid into a dataset as recordings have it.
-
-    Parameters
-    ----------
-    time
-        Ends of the steps, shape (steps,) [s of the clock].
-    """
+    """Put the series into a dataset as recordings have it; ``time`` are ends of steps (steps,) [s of the clock]."""
     step = float(time[1] - time[0])
     variables: dict[str, Any] = {"time_bnds": (("time", "bnds"), np.stack([time - step, time], axis=1))}
     described = {one.name: one for one in system.outputs}

@@ -60,10 +60,7 @@ class Offset:
 def find_offset(signal: Signal, daylight: Daylight, watt: float = 1.0) -> Offset | None:
     """The offset of an irradiance; None if it has none, or if nothing tells: no reading in the dark, or a wrong clock.
 
-    Parameters
-    ----------
-    watt
-        A W/m2 in the unit of the signal.
+    ``watt`` is a W/m2 in the unit of the signal.
     """
     clean = signal.clean()
     if clean.kind == "hold":  # a single reading may hold all night

@@ -197,14 +197,8 @@ def make_signal(
 ) -> Signal:
     """Readings of a column as a signal in the target's unit; codes for missing ones are marked impossible.
 
-    Raises RecordingError if the units do not fit.
-
-    Parameters
-    ----------
-    time, readings
-        Stamps [s] and numbers as read, NaN where there is none, shape (rows,).
-    target
-        Unit of the system's variable.
+    ``time`` [s] are stamps, ``readings`` numbers as read, NaN where there is none, both (rows,). Raises RecordingError
+    if the units do not fit.
     """
     there = np.isfinite(readings)
     t = time[there] + source.shift
@@ -357,14 +351,10 @@ def mark_stuck(
     zero: float | None = None,
     lasting: Callable[[np.ndarray, np.ndarray], np.ndarray] = elapsed,
 ) -> Signal:
-    """Mark runs of equal readings that last longer than ``hours`` [h]; a gap ends a run.
+    """Mark runs of equal readings that last longer than ``hours`` [h], zeros ``zero`` [h]; a gap ends a run.
 
-    Parameters
-    ----------
-    zero
-        Zeros are believed for so long [h] instead.
-    lasting
-        How long something lasts [s] from its begin to its end [s], of what does not always move: irradiance by day.
+    ``lasting`` is how long something lasts [s] from its begin to its end [s], of what does not always move: irradiance
+    by day.
     """
     if hours <= 0 or len(signal.values) < 2:
         return signal

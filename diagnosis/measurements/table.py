@@ -98,14 +98,8 @@ def skipped(text: str, settings: File, column: str) -> str:
 def check_first_row(frame: pd.DataFrame, stamps: pd.Series, used: list[str], path: Path) -> None:
     """Refuse a first row that has neither a time nor numbers where the second has a time: units stand there.
 
-    Raises RecordingError naming what the row holds.
-
-    Parameters
-    ----------
-    frame
-        Rows as text.
-    stamps, used
-        Their time stamps, and the columns that are mapped.
+    ``frame`` has rows as text, ``stamps`` are their time stamps, and ``used`` the columns that are mapped. Raises
+    RecordingError naming what the row holds.
     """
     first, second = (str(one).strip() for one in stamps.iloc[:2])
     columns = [one for one in dict.fromkeys(used) if one in frame]

@@ -52,14 +52,8 @@ def _parsed(unit: str) -> Any:
 def convert(values: np.ndarray | float, unit: str, target: str, *, density: float, where: str) -> np.ndarray:
     """Values from one unit to another, same shape.
 
-    Raises RecordingError if a unit is not known, or the two measure different things.
-
-    Parameters
-    ----------
-    density
-        Of air, with which volume flows become mass flows and back [kg/m3].
-    where
-        Begins the sentence if the units do not fit.
+    By the ``density`` of air volume flows become mass flows and back [kg/m3]; ``where`` begins the sentence of what is
+    raised: RecordingError if a unit is not known, or the two measure different things.
     """
     values = np.asarray(values, dtype=np.float64)
     if _WORDS.get(unit, unit) == _WORDS.get(target, target):

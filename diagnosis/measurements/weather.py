@@ -153,16 +153,11 @@ def on_the_plane(
 ) -> Signal:
     """Global horizontal irradiance to a tilted plane [W/m2].
 
-    Split into direct and diffuse by what was measured of them, else by Erbs et al. (1982;
-    :mod:`diagnosis.measurements.weather`), carried to the plane by the description's transposition model, both as pvlib
-    has them. A mean is spread over its interval in proportion to the sine of the sun's height first, so that sunrise,
-    sunset and long intervals get the sun's real direction. Erbs' correlation is of hourly means: at shorter steps it is
-    used as it stands, and passing clouds make it worse.
-
-    Parameters
-    ----------
-    dni, dhi
-        Measured direct normal and diffuse horizontal irradiance of the same readings, NaN where there is none, (n,).
+    Split into direct and diffuse by what was measured of them (``dni``, ``dhi``, (n,), NaN where there is none), else
+    by Erbs et al. (1982; :mod:`diagnosis.measurements.weather`), carried to the plane by the description's
+    transposition model, both as pvlib has them. A mean is spread over its interval in proportion to the sine of the
+    sun's height first, so that sunrise, sunset and long intervals get the sun's real direction. Erbs' correlation is of
+    hourly means: at shorter steps it is used as it stands, and passing clouds make it worse.
     """
     values = np.where(np.isfinite(ghi.values), np.maximum(ghi.values, 0.0), 0.0)
     poa = np.empty(len(values))

@@ -71,15 +71,8 @@ def _design(summary: Summary, batch: Batch) -> np.ndarray:
 def solve_ridge(gram: np.ndarray, moment: np.ndarray, alphas: np.ndarray) -> np.ndarray:
     """Coefficients that minimise |X b - y|^2 / n + alpha |b|^2, the last coefficient unpenalised, for each alpha.
 
-    Parameters
-    ----------
-    gram, moment
-        X'X / n (features + 1, features + 1) and X'y / n (features + 1, targets); the last column of X is ones.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (alphas, features + 1, targets).
+    ``gram`` is X'X / n (features + 1, features + 1) and ``moment`` X'y / n (features + 1, targets); the last column of
+    X is ones. Their shape is (alphas, features + 1, targets).
     """
     mean, target = gram[-1, :-1], moment[-1]
     # one eigendecomposition of the centred problem serves every penalty

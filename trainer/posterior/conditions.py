@@ -71,12 +71,7 @@ def draw_contexts(
 ) -> Contexts:
     """Contexts of ``per_system`` windows of each of some systems, of all lengths that the run reads.
 
-    Parameters
-    ----------
-    source, parameters
-        Of :func:`source_of`.
-    systems
-        Rows of the source.
+    ``source`` and ``parameters`` are of :func:`source_of`, ``systems`` rows of it.
     """
     encoding, card = run.card.encoding, run.card
     seeds = np.random.SeedSequence(seed).generate_state(2)

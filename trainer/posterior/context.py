@@ -17,12 +17,8 @@ NEAREST = 0.005
 def context_of(run: Run, prior: Prior, windows: torch.Tensor, time: torch.Tensor) -> torch.Tensor:
     """Contexts (windows, context), float32: answer, the same unclipped, embedding, facts, log length, missing shares.
 
-    Parameters
-    ----------
-    windows
-        Encoded windows (windows, length, columns), missing readings not a number.
-    time
-        First time stamps, float64 (windows,) [s since time zero].
+    ``windows`` are encoded, (windows, length, columns), missing readings not a number; ``time`` are their first time
+    stamps, float64 (windows,) [s since time zero].
     """
     encoding = run.card.encoding
     parts = []

@@ -27,12 +27,8 @@ CHUNK = 8192
 class PosteriorFlow(nn.Module):
     """A conditional density of ``parameters`` numbers given ``context`` numbers, of which the first are the answer.
 
-    Parameters
-    ----------
-    lengths
-        Number of window lengths that have temperatures of their own.
-    outputs
-        How many numbers at the end of the context are the share that is missing of an output.
+    So many ``lengths`` of windows have temperatures of their own. The last ``outputs`` numbers of the context are the
+    share that is missing of an output.
     """
 
     context_mean: torch.Tensor

@@ -70,10 +70,7 @@ def truncated_normal(
 ) -> tuple[np.ndarray, np.ndarray]:
     """What one would say without a posterior: the estimate, and the same error for every window, within the ranges.
 
-    Returns
-    -------
-    tuple
-        n quantiles (windows, n, parameters) of the distribution, and its log density (windows,) at the truth.
+    Returns n quantiles (windows, n, parameters) of the distribution, and its log density (windows,) at the truth.
     """
     sd = np.maximum(sd, 1e-12 * (high - low))
     below, above = ndtr((low - middle) / sd), ndtr((high - middle) / sd)

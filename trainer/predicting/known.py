@@ -19,15 +19,9 @@ def facts_of(
 ) -> np.ndarray | None:
     """Facts (systems, facts) [own units], not a number where unknown; None for an estimator that reads none.
 
-    Raises EstimatorError if something is known that the estimator does not read, or a parameter lies outside its range;
-    RecordingError if a given fact of the recording is in another unit.
-
-    Parameters
-    ----------
-    given
-        The recording, a file or in memory: its scalars of role ``given`` are facts that it brings.
-    known
-        What the user says, by name; it comes first.
+    ``given`` is the recording, a file or in memory: its scalars of role ``given`` are facts that it brings. What the
+    user says, ``known`` by name, comes first. Raises EstimatorError if something is known that the estimator does not
+    read, or a parameter lies outside its range; RecordingError if a given fact of the recording is in another unit.
     """
     for name, value in known.items():
         if name not in encoding.facts:

@@ -64,16 +64,10 @@ def comparable(
 ) -> np.ndarray:
     """The readings, if they are of the kind that the run was trained on.
 
-    A channel that did not vary in training is given the value that it had there: an estimator was never told what to
-    make of a rounding. Raises RecordingError if a reading is too far from the training's, or a code for a missing one;
-    of several the first system's first.
-
-    Parameters
-    ----------
-    values
-        Shape (systems, length, recorded) [the run's units], NaN where missing.
-    times
-        Ends of the steps, shape (systems, length) [s since time zero].
+    ``values`` are (systems, length, recorded) [the run's units], NaN where missing, and ``times`` the ends of their
+    steps, (systems, length) [s since time zero]. A channel that did not vary in training is given the value that it had
+    there: an estimator was never told what to make of a rounding. Raises RecordingError if a reading is too far from
+    the training's, or a code for a missing one; of several the first system's first.
     """
     mean = np.array(encoding.mean)
     constant = np.isin(encoding.recorded, encoding.constant)

@@ -22,14 +22,10 @@ Known = Literal["random", "given", "nothing"]
 
 
 class Reveal:
-    """Which facts of windows are known.
+    """Which facts of windows are known: ``random`` as in training, ``nothing``, or ``given`` facts as of a plan.
 
-    Parameters
-    ----------
-    parameters, given
-        Numbers of facts that are estimated parameters, which come first, and of given facts.
-    known
-        ``random`` as in training; ``given``: given facts and no parameter, as of a building with a plan; ``nothing``.
+    ``parameters`` and ``given`` are numbers of facts: those that are estimated parameters, which come first, and given
+    ones.
     """
 
     def __init__(self, parameters: int, given: int, known: Known = "random") -> None:
@@ -68,12 +64,7 @@ def with_static(windows: torch.Tensor, static: torch.Tensor) -> torch.Tensor:
 def known_parameters(windows: torch.Tensor, static: int, parameters: int) -> tuple[torch.Tensor, torch.Tensor]:
     """Of encoded windows, which parameters are known and their standardised values, (windows, parameters) each.
 
-    Parameters
-    ----------
-    static
-        Number of static columns.
-    parameters
-        Number of facts that are parameters.
+    ``static`` is the number of static columns, ``parameters`` that of facts which are parameters.
     """
     columns = windows[:, 0, windows.shape[2] - static :]
     known, values = columns[:, static // 2 : static // 2 + parameters] > 0, columns[:, :parameters]

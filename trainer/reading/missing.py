@@ -15,16 +15,10 @@ LONGEST = 0.15
 
 
 class Missing:
-    """Makes readings not a number: optional channels as a whole, and stretches of any output.
+    """Makes readings not a number: ``optional`` outputs, which a recording may lack, and stretches of any output.
 
-    Raises EstimatorError if an optional channel is not one of the outputs read, or all of them are optional.
-
-    Parameters
-    ----------
-    recorded
-        Channels of a window; the first ``outputs`` of them are outputs.
-    optional
-        Outputs that a recording may lack.
+    The first ``outputs`` of the channels ``recorded`` are outputs. Raises EstimatorError if an optional channel is not
+    one of the outputs read, or all of them are optional.
     """
 
     def __init__(self, recorded: list[str], outputs: int, optional: list[str]) -> None:

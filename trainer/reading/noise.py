@@ -10,14 +10,9 @@ from shared.variables import Noise
 
 
 def hold_last(values: torch.Tensor, lost: torch.Tensor) -> torch.Tensor:
-    """Replace lost readings by the last one that arrived, along dimension 1.
+    """Replace lost readings by the last one that arrived, along dimension 1 of (batch, length, channels).
 
     Readings lost before the first one arrived are kept as they are: there is nothing to hold.
-
-    Parameters
-    ----------
-    values, lost
-        Shape (batch, length, channels); ``lost`` is boolean.
     """
     place = torch.arange(values.shape[1], device=values.device)[None, :, None].expand_as(lost)
     arrived = torch.where(lost, torch.zeros_like(place), place)

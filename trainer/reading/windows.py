@@ -157,15 +157,10 @@ class Sampler:
 def disjoint_windows(
     rows: np.ndarray, samples: int, length: int, count: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Up to ``count`` windows of which no two overlap (paper, section 4.1), drawn without replacement.
+    """Rows and starts, int64 (windows,) each, of up to ``count`` windows of which no two overlap (paper, section 4.1).
 
-    Each record is cut into ``samples // length`` windows behind an offset of its own; of all those, ``count`` are
-    drawn. Where there are fewer, all are returned.
-
-    Returns
-    -------
-    tuple
-        Rows and starts, int64 (windows,) each.
+    Each record is cut into ``samples // length`` windows behind an offset of its own; of all those, ``count`` are drawn
+    without replacement. Where there are fewer, all are returned.
     """
     slots = samples // length
     if slots < 1 or len(rows) == 0:

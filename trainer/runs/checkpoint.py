@@ -235,13 +235,9 @@ class Run(Result):
         return self.estimates(self.read(values, time, facts), values.shape[1], absent)
 
     def estimates(self, answers: torch.Tensor, length: int, absent: Collection[str] = ()) -> np.ndarray:
-        """Answers to windows of ``length`` samples that lack the channels ``absent`` throughout, as parameters.
+        """Means (windows, parameters) [own units] for windows of ``length`` samples without ``absent`` channels.
 
-        Returns
-        -------
-        np.ndarray
-            Means (windows, parameters) [own units]; where the card does not say how far answers scatter, what they are
-            themselves, which are geometric means.
+        Where the card does not say how far answers scatter, they are what answers are themselves: geometric means.
         """
         errors = self.card.validation_errors
         return self.card.encoding.estimates(answers, factors_of(errors, self.card.encoding.parameters, length, absent))

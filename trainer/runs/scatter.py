@@ -37,13 +37,9 @@ def factors_of(
 ) -> np.ndarray | None:
     """What answers to windows of a length that lack some channels are multiplied by (parameters,) [1].
 
-    Nobody knows the noise of a recording, so that the presets of the training count alike. Of channels that lack in a
-    combination that was not measured, the one that lacks most of those measured stands for it.
-
-    Returns
-    -------
-    np.ndarray or None
-        None where it is not known how far answers to windows of this length scatter.
+    None where it is not known how far answers to windows of this length scatter. Nobody knows the noise of a recording,
+    so that the presets of the training count alike. Of channels that lack in a combination that was not measured, the
+    one that lacks most of those measured stands for it.
     """
     found = [one for one in errors if one.length == length and one.scatter is not None]
     if not found:
