@@ -7,16 +7,9 @@ GREAT = 1e6
 
 
 def number(value: float | None, digits: int = 4, *, signed: bool = False) -> str:
-    """A number to so many digits, without powers of ten where people can do without, and zero without a sign.
+    """A number to so many significant digits, without powers of ten where people can do without; a dash for none.
 
-    Parameters
-    ----------
-    value
-        The number [any unit]; none is a dash.
-    digits
-        Significant ones.
-    signed
-        Write the plus of a positive number, too.
+    Zero has no sign; ``signed`` writes the plus of a positive number, too.
     """
     if value is None:
         return "–"

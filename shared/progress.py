@@ -37,19 +37,7 @@ class Bar:
         note: str | None = None,
         count: str | None = None,
     ) -> None:
-        """Say what has changed.
-
-        Parameters
-        ----------
-        done, total
-            How much is done, and of how much.
-        title
-            What is being worked on.
-        note
-            A figure beside the bar: a rate, a loss.
-        count
-            In place of "done of total".
-        """
+        """Say what has changed; ``note`` is a figure beside the bar, and ``count`` is in place of "done of total"."""
         self._title, self._note = title or self._title, note if note is not None else self._note
         task = self._progress.tasks[self._task]
         total = task.total if total is None else total

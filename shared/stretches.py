@@ -86,17 +86,9 @@ def chosen(
 ) -> tuple[int, int]:
     """The steps that are taken, as (first, one past the last); a recording without gaps is taken whole, however short.
 
-    What is there and what is taken is logged: as a warning where nobody chose and a day or more is left out. Raises
-    RecordingError if there is no stretch of a day, or not the one that was chosen.
-
-    Parameters
-    ----------
-    known
-        Where each series that is needed has a value, by name, (steps,) each.
-    without
-        What to write so that a series is not needed, by its name.
-    said
-        Whether that is logged.
+    ``known`` is where each series that is needed has a value, by name, (steps,) each; ``without`` what to write so that
+    a series is not needed. If ``said``, what is there and what is taken is logged: as a warning where nobody chose and
+    a day or more is left out. Raises RecordingError if there is no stretch of a day, or not the one that was chosen.
     """
     choice = choice or LONGEST
     count = len(steps.ends)

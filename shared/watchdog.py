@@ -94,16 +94,9 @@ def limit() -> float:
 
 @contextmanager
 def watched(what: str, ask: Callable[[], None] = lambda: None, timeout: float | None = None) -> Iterator[None]:
-    """Look after code of others while this lasts.
+    """Look after code of others, ``what`` in the sentence, while this lasts.
 
-    Parameters
-    ----------
-    what
-        Whose code it is, for the sentence.
-    ask
-        Asks it to stop, from another thread.
-    timeout
-        Its limit [s]; that of the process, if not given.
+    ``ask`` asks it to stop, from another thread. Its ``timeout`` is a limit [s]; that of the process, if not given.
     """
     call = _Call(what, _limit if timeout is None else timeout, ask, time.monotonic())
     if _ending is not None or call.limit < math.inf:

@@ -25,21 +25,9 @@ _IRRADIANCES = ("poa_global", "ghi", "dni", "dhi")
 
 
 def regimes(system: System, table: InputTable, edges: np.ndarray, outputs: np.ndarray) -> dict[str, np.ndarray]:
-    """Masks of the steps between ``edges`` by regime.
+    """Masks (steps,) by regime of the steps whose ends, and the first beginning, are ``edges`` [s].
 
-    Parameters
-    ----------
-    table
-        The inputs that acted.
-    edges
-        Ends of the steps and the first beginning, shape (steps + 1,) [s].
-    outputs
-        All outputs of the description, shape (outputs, steps) [unit of each].
-
-    Returns
-    -------
-    dict
-        Shape (steps,) each.
+    ``table`` has the inputs that acted; ``outputs`` are all of the description, (outputs, steps) [unit of each].
     """
     means = dict(zip(table.names, table.means(edges).T, strict=True))
     found: dict[str, np.ndarray] = {}

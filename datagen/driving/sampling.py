@@ -19,18 +19,9 @@ DRAWS = 10000
 
 
 def stream(root_seed: int, index: int, name: str) -> np.random.Generator:
-    """The random stream of one system for one purpose.
+    """The random stream of one system for one purpose, its name: a new one does not move the streams of others.
 
-    Raises ValueError if the seed or the index is negative.
-
-    Parameters
-    ----------
-    root_seed
-        Of the dataset, >= 0.
-    index
-        Of the system, >= 0.
-    name
-        The purpose, for example ``"occupancy"``. A new purpose does not move the streams of others.
+    Raises ValueError if the dataset's seed or the system's index is negative.
     """
     if root_seed < 0 or index < 0:
         raise ValueError(f"root seed is {root_seed}, index {index}; expected numbers that are not negative")

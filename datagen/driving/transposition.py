@@ -29,14 +29,8 @@ def irradiance_on_plane(
 ) -> np.ndarray:
     """Global irradiance on the plane of ``plane`` [W/m2], shape (n,), by pvlib's transposition of its choice.
 
-    Parameters
-    ----------
-    time
-        Shape (n,) [s since time zero, local standard time].
-    dni, dhi, ghi
-        Shape (n,) each [W/m2].
-    utc_offset
-        Of local standard time [h].
+    ``time`` [s since time zero, local standard time] and ``dni``, ``dhi``, ``ghi`` [W/m2] are (n,); ``utc_offset`` is
+    that of local standard time [h].
     """
     times = dates_of(time, utc_offset)
     sun = sun_at(times, latitude=latitude, longitude=longitude, altitude=altitude)
@@ -113,20 +107,10 @@ def transposed(
     albedo: float,
     model: str,
 ) -> np.ndarray:
-    """Global irradiance on a plane [W/m2], shape (n,), by pvlib's transposition.
+    """Global irradiance on a plane [W/m2], shape (n,), by a ``model`` of transposition that pvlib knows.
 
-    Parameters
-    ----------
-    day
-        Of the year, shape (n,).
-    sun
-        Where it then stands.
-    dni, dhi, ghi
-        Shape (n,) each [W/m2].
-    tilt, azimuth
-        Of the plane [degree].
-    model
-        A transposition that pvlib knows.
+    ``day`` of the year and ``dni``, ``dhi``, ``ghi`` [W/m2] are (n,), and ``sun`` is where it then stands; ``tilt`` and
+    ``azimuth`` are the plane's [degree].
     """
     import pvlib
 

@@ -98,17 +98,9 @@ class WeatherTable:
 def read_weather(spec: Weather, file: str, base: Path) -> WeatherTable:
     """Read one weather file and transpose the sun to the plane of ``spec``; kept in memory once read.
 
-    Raises WeatherError if the file is missing, is not a weather file, lacks values, or cannot be true: by its sun, or
-    by columns that stand still.
-
-    Parameters
-    ----------
-    spec
-        The plane: tilt, azimuth, albedo, and the transposition model.
-    file
-        One of ``spec.files``: a path relative to ``base``, or ``pvlib:NAME`` for a file that pvlib ships.
-    base
-        Folder of the system description.
+    ``file`` is one of ``spec.files``: a path relative to ``base``, the description's folder, or ``pvlib:NAME`` for one
+    that pvlib ships. Raises WeatherError if the file is missing, is not a weather file, lacks values, or cannot be
+    true: by its sun, or by columns that stand still.
     """
     path = weather_path(file, base)
     try:

@@ -37,20 +37,11 @@ def initialise(
     initial_states: np.ndarray | None,
     reuse: bool,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Make a clean instance, ready to integrate or step at ``start``.
+    """Make a clean instance, ready to integrate or step at ``start``; ``reuse`` resets the living one.
 
-    Returns its next time event [s], shape (1,), and its continuous states and their nominal values, shape (states,).
-    Raises FmuError if the FMU cannot be instantiated; SimulationError if it fails, or wants to end, before the
-    simulation has begun.
-
-    Parameters
-    ----------
-    values
-        Parameters by name.
-    inputs
-        References and values of the inputs at the start.
-    reuse
-        Reset the living instance in place of making one.
+    ``inputs`` are references and values of the inputs at the start. Returns its next time event [s], shape (1,), and
+    its continuous states and their nominal values, shape (states,). Raises FmuError if the FMU cannot be instantiated;
+    SimulationError if it fails, or wants to end, before the simulation has begun.
     """
     try:
         fmu.instantiate(reuse=reuse)

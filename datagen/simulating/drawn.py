@@ -30,16 +30,9 @@ def simulate_system(
 ) -> Trajectory:
     """Simulate one system over the description's experiment, warm-up first.
 
+    ``parameters``, by name, take the place of sampled ones. ``uncertain`` draws the description's uncertain constants,
+    too, in place of their values; ``disturbed`` is the share of the systems on which one or two of its effects act.
     Raises SimulationError if the end was not reached.
-
-    Parameters
-    ----------
-    parameters
-        By name, in place of the sampled ones.
-    uncertain
-        Draw the description's uncertain constants, too, in place of their values.
-    disturbed
-        Share of the systems on which one or two of the description's effects act.
     """
     system = simulator.system
     experiment = system.experiment

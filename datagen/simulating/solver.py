@@ -58,22 +58,10 @@ def _ok(code: int) -> None:
 class Cvode:
     """CVODE's memory for one simulation: BDF, with the Newton iteration of :mod:`datagen.simulating.newton`.
 
-    ``state`` is the state vector as an array that shares CVODE's memory.
-
-    Parameters
-    ----------
-    plan
-        The plan of :mod:`datagen.fmi.calls`; its places for CVODE are filled here.
-    start
-        Start of the integration [s].
-    initial
-        States and quadratures at the start.
-    relative
-        Relative tolerance.
-    absolute
-        Absolute tolerance of each state and quadrature.
-    longest
-        Longest step [s], where the error test might let everything pass.
+    ``state`` is the state vector as an array that shares CVODE's memory; in the ``plan`` of :mod:`datagen.fmi.calls`
+    its places are filled. ``initial`` are states and quadratures at the ``start`` [s], ``relative`` and ``absolute``
+    the tolerances, the latter of each of them, and ``longest`` is the longest step [s], where the error test might let
+    everything pass.
     """
 
     def __init__(

@@ -51,18 +51,9 @@ class Posterior:
     ) -> np.ndarray:
         """Samples (windows, n, parameters) [own units], float64; equal seeds give equal samples.
 
-        Raises EstimatorError if the windows have a length that the posterior was not fitted to, ``n`` is not positive,
-        or ``seed`` is negative.
-
-        Parameters
-        ----------
-        values
-            Recorded channels (windows, length, recorded) [units of the run's encoding], missing readings not a number.
-        time
-            Time stamp of each window's first sample (windows,) [s since time zero].
-        facts
-            What is known, as for :meth:`trainer.runs.checkpoint.Run.estimate`. Samples of a known parameter have its
-            value; those of the others are conditioned on it.
+        ``values``, ``time`` and ``facts`` are as for :meth:`trainer.runs.checkpoint.Run.estimate`. Samples of a known
+        parameter have its value; those of the others are conditioned on it. Raises EstimatorError if the windows have a
+        length that the posterior was not fitted to, ``n`` is not positive, or ``seed`` is negative.
         """
         return self.sample_encoded(*self.run.encoded(values, time, facts), n, seed=seed)
 

@@ -50,18 +50,10 @@ def read_window(
 ) -> Window:
     """The last context window of a recording: the longest of those that the run was trained on, and can read.
 
-    It is of one stretch in which the inputs that the run cannot do without have no gaps. Of several systems it is as
-    long for each and lacks the same channels: what one lacks too much of is read of none. Raises RecordingError if the
-    recording does not fit the run; the sentence says in what, of the longest window that it has.
-
-    Parameters
-    ----------
-    given
-        The recording: a NetCDF file, or a Dataset in memory.
-    system
-        The name of the system that the run estimates: said where a recording is of another one, and does not fit.
-    stretch
-        The longest is taken, if not given.
+    It is of one stretch, the longest if none is given, in which the inputs that the run cannot do without have no gaps.
+    Of several systems it is as long for each and lacks the same channels: what one lacks too much of is read of none.
+    ``system`` is the one that the run estimates, said where a recording is of another and does not fit. Raises
+    RecordingError if the recording does not fit the run; the sentence says in what, of the longest window that it has.
     """
     path, recording = read_recorded(given)
     try:

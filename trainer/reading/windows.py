@@ -51,16 +51,9 @@ def context_length(context_hours: float, records: Records) -> int:
 class WindowSource:
     """All records as one float32 tensor (systems, time, recorded); a batch of windows is one index operation.
 
+    Sensor noise comes from ``generator``, on whose device the records are put. ``gaps`` makes readings go missing, and
+    ``known`` says which facts windows tell, of an encoding that has some (:class:`trainer.reading.facts.Reveal`).
     Raises EstimatorError if memory does not hold the records a second time.
-
-    Parameters
-    ----------
-    generator
-        Where sensor noise comes from; records are put on its device.
-    gaps
-        What makes readings go missing, if anything does.
-    known
-        Which facts the windows tell, of an encoding that has some (:class:`trainer.reading.facts.Reveal`).
     """
 
     def __init__(

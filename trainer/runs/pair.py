@@ -42,18 +42,10 @@ def remove_pair(weights: Path, card: Path) -> None:
 
 
 def read_pair(weights: Path, sha256: str, card: str, again: str) -> bytes:
-    """The weights of a hash that a card names.
+    """The weights of a hash that a card names, from their usual place.
 
-    Raises EstimatorError if there are no weights, or others.
-
-    Parameters
-    ----------
-    weights
-        Their usual place.
-    card
-        Name of the card, for the sentence.
-    again
-        What is to be done where they cannot be used.
+    For the sentence ``card`` is its name, and ``again`` what is to be done where they cannot be used. Raises
+    EstimatorError if there are no weights, or others.
     """
     # they may take their usual name between the first look and the second
     for path, last in ((weights, False), (_late(weights, sha256), False), (weights, True)):

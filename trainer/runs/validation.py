@@ -42,14 +42,8 @@ def measured_errors(
 ) -> list[Errors]:
     """Errors under every condition: all lengths, all sensor presets, the usual sets of missing channels.
 
-    Parameters
-    ----------
-    source
-        Has the records of the validation systems, in its rows ``rows``. It is left as it was.
-    seed
-        Of windows and noise. All conditions of one length have the same windows.
-    progress
-        Show a progress bar on stderr.
+    ``rows`` of ``source`` are the validation systems; it is left as it was. All conditions of one length have the same
+    windows.
     """
     encoding = card.encoding
     numbers = [int(one) for one in np.random.SeedSequence(seed).generate_state(2)]

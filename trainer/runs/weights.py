@@ -59,17 +59,9 @@ def weights_data(network: nn.Module) -> bytes:
 def load_weights(path: Path, sha256: str, card: str, again: str, build: Callable[[], Network]) -> Network:
     """The network that ``build`` makes, with the weights of a file.
 
-    Raises EstimatorError if the file cannot be read, is not the card's, or does not fit the network; or a weight is not
+    ``card`` says ``sha256`` of the file; ``again`` is what is to be done where they cannot be used. Raises
+    EstimatorError if the file cannot be read, is not the card's, or does not fit the network; or a weight is not
     finite.
-
-    Parameters
-    ----------
-    sha256
-        What the card says of the file.
-    card
-        Name of the card.
-    again
-        What is to be done where the files cannot be used.
     """
     data = read_pair(path, sha256, card, again)
     try:
