@@ -69,7 +69,7 @@ def compare(
         Print JSON.
     """
     from datagen.comparing.comparison import compare as compare_
-    from datagen.comparing.report import check_report, records, write_report
+    from datagen.comparing.report import check_report, write_report
 
     if out is not None:
         check_report(out)
@@ -87,7 +87,7 @@ def compare(
     )
     written = write_report(found, out) if out is not None else []
     if as_json:
-        sys.stdout.write(json.dumps(records(found), indent=1, allow_nan=False) + "\n")
+        sys.stdout.write(json.dumps(found.records(), indent=1, allow_nan=False) + "\n")
         return OK
     console.print(f"{found.names[1]} minus {found.names[0]}: rms (bias)", markup=False)
     table = Table("", "", "steps", *(f"{one.name} [{one.unit}]" for one in found.outputs), box=None)

@@ -100,13 +100,16 @@ class Comparison(Result):
 
     def to_dataframe(self) -> pd.DataFrame:
         """A row for each output, month, regime and system: steps, and bias, rms, p95 and largest difference [unit]."""
-        rows = [
-            {"output": output.name, "unit": output.unit, "group": row.group, "cell": row.cell, "steps": row.steps}
+        return pd.DataFrame(self.records()).set_index(["output", "group", "cell"])
+
+    def records(self) -> list[dict[str, str | int | float]]:
+        """The same as plain numbers."""
+        return [
+            {"group": row.group, "cell": row.cell, "output": output.name, "unit": output.unit, "steps": row.steps}
             | {name: float(getattr(row, name)[k]) for name in ("bias", "rms", "p95", "largest")}
             for row in self.rows()
             for k, output in enumerate(self.outputs)
         ]
-        return pd.DataFrame(rows).set_index(["output", "group", "cell"])
 
     @property
     def differences(self) -> np.ndarray:

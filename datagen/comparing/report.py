@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 import importlib.util
 import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from datagen.comparing.comparison import Comparison, Row
 from shared.errors import ZeroshotError
@@ -83,33 +83,9 @@ def markdown(comparison: Comparison) -> str:
     return "\n".join(lines) + "\n"
 
 
-def records(comparison: Comparison) -> list[dict[str, str | int | float]]:
-    """The table in long form, a record for each cell and output."""
-    return [
-        {
-            "group": row.group,
-            "cell": row.cell,
-            "output": output.name,
-            "unit": output.unit,
-            "steps": row.steps,
-            "bias": float(row.bias[k]),
-            "rms": float(row.rms[k]),
-            "p95": float(row.p95[k]),
-            "largest": float(row.largest[k]),
-        }
-        for row in comparison.rows()
-        for k, output in enumerate(comparison.outputs)
-    ]
-
-
 def numbers(comparison: Comparison) -> str:
     """The table in long form as CSV."""
-    found = records(comparison)
-    text = io.StringIO()
-    writer = csv.DictWriter(text, fieldnames=list(found[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(found)
-    return text.getvalue()
+    return pd.DataFrame(comparison.records()).to_csv(index=False, lineterminator="\n")
 
 
 def draw(comparison: Comparison, path: Path) -> None:
