@@ -9,7 +9,6 @@ import faulthandler
 import os
 import tempfile
 import threading
-import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -77,13 +76,11 @@ class ShardResult:
 
     entry: ShardEntry | None = None
     failures: list[dict[str, Any]] = field(default_factory=list)
-    statistics: dict[str, int] = field(default_factory=dict)
     data: bytes | None = None
     lacks_package: bool = False
     worker: str = ""
     pid: int = 0
     rss: int = 0
-    seconds: float = 0.0
 
 
 @lru_cache(maxsize=4)
@@ -144,14 +141,13 @@ def simulate_shard(job: Job, file: str, indices: Sequence[int], guarded: bool = 
     with _ONE_AT_A_TIME, named():
         hold_back()
         unpack_in_scratch()
-        began = time.perf_counter()
         outcomes = _simulated(job, indices, guarded)
         if outcomes is None:
             return ShardResult(lacks_package=True, worker=address())
         result = _deliver(job, file, indices, outcomes)
         rss = psutil.Process().memory_info().rss
         recycle(job.recycle, rss)
-        return ShardResult(**result, worker=address(), pid=os.getpid(), rss=rss, seconds=time.perf_counter() - began)
+        return ShardResult(**result, worker=address(), pid=os.getpid(), rss=rss)
 
 
 def _simulated(job: Job, indices: Sequence[int], guarded: bool) -> list[Any] | None:
@@ -205,12 +201,8 @@ def _deliver(job: Job, file: str, indices: Sequence[int], outcomes: list[Any]) -
         for index, one in zip(indices, outcomes, strict=True)
         if not isinstance(one, Trajectory)
     ]
-    statistics: dict[str, int] = {}
-    for one in good:
-        for name, count in one.statistics.items():
-            statistics[name] = statistics.get(name, 0) + count
     if not done:
-        return {"failures": failures, "statistics": statistics}
+        return {"failures": failures}
     shard = build_shard(
         system,
         indices=np.array(done),
@@ -227,7 +219,7 @@ def _deliver(job: Job, file: str, indices: Sequence[int], outcomes: list[Any]) -
         attributes={"fmu_sha256": job.fmu_sha256, "root_seed": str(job.root_seed), "settings": job.settings},
     )
     entry, data = _write(job, file, shard, done)
-    return {"entry": entry, "failures": failures, "statistics": statistics, "data": data}
+    return {"entry": entry, "failures": failures, "data": data}
 
 
 def _write(job: Job, file: str, shard: Any, done: list[int]) -> tuple[ShardEntry, bytes | None]:

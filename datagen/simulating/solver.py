@@ -124,12 +124,6 @@ class Cvode:
             operations[place] = function.address
         return solver
 
-    def steps(self) -> int:
-        """Steps taken since the last restart."""
-        count = ctypes.c_long()
-        sundials_cvode.CVodeGetNumSteps(ctypes.c_void_p(self._memory), byref(count))
-        return count.value
-
     def close(self) -> None:
         """Give the memory back."""
         memory = ctypes.c_void_p(self._memory)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -140,11 +140,6 @@ class Sampler:
             return self.source.gather(*self.indices(count))
         length = self.lengths[int(torch.multinomial(self.odds, 1, generator=self.generator))]
         return self.source.gather(*self.indices(count, length), length)
-
-    def epoch(self, batch_size: int, size: int) -> Iterator[Batch]:
-        """A virtual epoch: ``size`` windows in batches; the last one may be smaller."""
-        for begin in range(0, size, batch_size):
-            yield self.draw(min(batch_size, size - begin))
 
 
 def disjoint_windows(
