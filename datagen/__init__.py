@@ -27,23 +27,6 @@ if TYPE_CHECKING:
     from shared.remote import copy as copy
     from shared.system import load_system as load_system
 
-__all__ = [
-    "Simulator",
-    "ceilings_of",
-    "compare",
-    "copy",
-    "describe",
-    "identifiability",
-    "info",
-    "load_system",
-    "merge",
-    "open",
-    "repair",
-    "run",
-    "simulate",
-    "verify",
-]
-
 _HOMES = {
     "Simulator": "datagen.simulating.simulator",
     "ceilings_of": "datagen.limits.ceilings",
@@ -61,6 +44,7 @@ _HOMES = {
     "verify": "datagen.datasets.inspection",
 }
 
+__all__ = list(_HOMES)
 __getattr__ = lazily(__name__, _HOMES)
 
 

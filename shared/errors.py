@@ -1,19 +1,6 @@
 """The errors that a user can cause, one small tree.
 
-    ZeroshotError                 anything that a user can mend; its text is the whole message
-    ├── SystemDescriptionError    a system's TOML, or the TOML and its FMU do not fit
-    ├── WeatherError              a weather file cannot be used
-    ├── FmuError                  an FMU cannot be unpacked, loaded or instantiated
-    ├── SimulationError           a simulation did not reach its end
-    ├── ClusterError              workers cannot be had
-    ├── DatasetError              a dataset, shard or manifest cannot be used
-    ├── EstimatorError            a training run or a checkpoint cannot be used
-    │   └── OptionsError          a training with these options has no result; with others it may have one
-    ├── RecordingError            a recording cannot be used
-    ├── TimeUp                    the time that a command was given is over
-    └── IncompleteError           all is done but for a part that failed
-
-The command lines print the text and exit with 1, or 3 for the last; anything else that escapes is a bug of ours.
+The command lines print the text and exit with 1, or 3 for :class:`IncompleteError`; what else escapes is a bug of ours.
 """
 
 

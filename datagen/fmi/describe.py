@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -201,15 +202,7 @@ def describe(fmu: Path | str, *, out: Path | str | None = None, parameters: Sequ
 def _seen_from(path: Path, place: Path | None) -> str:
     if place is None:
         return path.name
-    return Path(*_relative(path.resolve(), place.parent.resolve())).as_posix()
-
-
-def _relative(path: Path, folder: Path) -> tuple[str, ...]:
-    """Parts of the way from a folder to a file."""
-    shared = 0
-    while shared < min(len(path.parts), len(folder.parts)) and path.parts[shared] == folder.parts[shared]:
-        shared += 1
-    return (*[".."] * (len(folder.parts) - shared), *path.parts[shared:])
+    return Path(os.path.relpath(path.resolve(), place.parent.resolve())).as_posix()
 
 
 def _is_candidate(variable: ScalarVariable) -> bool:
