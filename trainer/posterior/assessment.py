@@ -46,30 +46,10 @@ def calibration(
 ) -> Calibration:
     """Measure a posterior on unseen systems; write calibration.json, calibration.md, calibration.csv and two figures.
 
-    Raises EstimatorError if an argument is wrong, the run has no posterior or does not fit the dataset, or that has no
-    unseen system; or if the estimator or the posterior in the run folder was replaced meanwhile; DatasetError if the
-    dataset cannot be used.
-
-    Parameters
-    ----------
-    run
-        A run folder with a posterior, or a run loaded from one.
-    dataset_dir
-        A dataset of the same system. Of the training's own, the test systems count; of another one, all systems.
-    windows
-        Disjoint windows; fewer where the dataset has fewer.
-    samples
-        Of each window's posterior, at least 20.
-    seed
-        Of the windows, the sensor noise and the samples.
-    noise
-        Sensor preset; what the run was trained on by default.
-    context_hours
-        Length of a window [h], one of those that the run was trained on; its main one by default.
-    without
-        Optional channels of the run that are to be missing.
-    out
-        Where the files go; by default the run folder, or NAME-results for an estimator that comes with the package.
+    The arguments are those of `trainer calibration`, of a run folder or a run loaded from one; ``context_hours`` is the
+    length of a window [h]. Raises EstimatorError if an argument is wrong, the run has no posterior or does not fit the
+    dataset, or that has no unseen system; or if the estimator or the posterior in the run folder was replaced
+    meanwhile; DatasetError if the dataset cannot be used.
     """
     check_seed(seed)
     run = run if isinstance(run, Run) else load_run(run)

@@ -71,36 +71,13 @@ def fit_posterior(
 ) -> Posterior:
     """Fit a flow for the parameters given what the estimator makes of a window; write it into the run folder.
 
-    Windows are drawn under the conditions of the estimator's own training, but for how often each length is drawn.
-    Writes posterior.safetensors and posterior.json. Warns where fewer systems calibrate than 90 % takes
+    The arguments are those of `trainer posterior`, of a run folder or a run loaded from one. Windows are drawn under
+    the conditions of the estimator's own training, but for how often each length is drawn. Of training systems those
+    come first that the run has not seen. ``options`` are the flow's: ``summary``, ``width``, ``splines``, ``bins``,
+    ``dropout``. Equal seeds give equal posteriors. Warns where fewer systems calibrate than 90 % takes
     (:data:`trainer.posterior.card.ENOUGH`), and where the posterior tells less than the prior. Raises EstimatorError if
     an argument is wrong, the run and the dataset do not fit, another run is at work in the run folder, or the density
     stops being a number; DatasetError if the dataset cannot be used, or has no validation systems.
-
-    Parameters
-    ----------
-    run
-        A run folder, or a run loaded from one.
-    dataset_dir
-        The dataset of the training, or another one of the same system.
-    systems
-        Use so many of the validation systems; all by default.
-    training_systems
-        Fit the flow to so many systems of the training split as well, first those that the run has not seen.
-    windows_per_system
-        Windows of each fitting system, and half as many of each calibration system.
-    epochs
-        At most; training stops early.
-    options
-        Of the flow: ``summary``, ``width``, ``splines``, ``bins``, ``dropout``.
-    seed
-        Of the division of systems, the windows, the sensor noise and the weights: equal seeds give equal posteriors.
-    threads
-        torch's threads.
-    overwrite
-        Replace a posterior that the run already has.
-    progress
-        Show progress on stderr.
     """
     check_seed(seed)
     run = run if isinstance(run, Run) else load_run(run)
