@@ -10,12 +10,18 @@ from collections.abc import Callable
 import numpy as np
 from scipy.special import ndtri, stdtrit
 
-from shared.metrics import wilson
+from shared.metrics import r2, wilson
 
 FEWEST = 4
 """Systems: of fewer there is no interval of R2."""
 RIGHT = 1e-17
 """1 - R2 of an estimate that is right, in place of 0, so that it has a logarithm."""
+
+
+def r2_with_mean(truth: np.ndarray, estimate: np.ndarray) -> np.ndarray:
+    """R2 of each parameter, and last the mean of these, (parameters + 1,); both are (windows, parameters)."""
+    each = r2(truth, estimate)
+    return np.append(each, each.mean())
 
 
 def r2_interval(

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from shared.errors import EstimatorError
-from shared.metrics import r2, relative_accuracy
+from shared.metrics import relative_accuracy
 from shared.reading import read_json, validated
 from shared.store import DatasetFolder
 from trainer.benchmarking.conditions import Condition
@@ -18,7 +18,7 @@ from trainer.benchmarking.planning import Plan
 from trainer.evaluating.evaluation import LEVEL
 from trainer.evaluating.limit import find_ceiling
 from trainer.evaluating.report import EVALUATION, Answers, CeilingFigures, Evaluation, read_answers
-from trainer.intervals import r2_interval
+from trainer.intervals import r2_interval, r2_with_mean
 from trainer.runs.checkpoint import Training, read_card
 
 
@@ -118,11 +118,10 @@ def gather(plan: Plan, condition: Condition) -> Finding | None:
 
 def scores_of(answers: list[Answers], trained_on: int) -> Scores:
     """Scores of the seeds' answers to the same windows; for the interval systems, never windows, are left out."""
-    systems = system_codes(answers[0])
+    systems = answers[0].places()
 
     def of_seed(one: Answers, rows: np.ndarray) -> np.ndarray:
-        each = r2(one.truth[rows], one.estimate[rows])
-        return np.append(each, each.mean())
+        return r2_with_mean(one.truth[rows], one.estimate[rows])
 
     def over_seeds(rows: np.ndarray) -> np.ndarray:
         mean: np.ndarray = np.mean([of_seed(one, rows) for one in answers], axis=0)
@@ -140,13 +139,6 @@ def scores_of(answers: list[Answers], trained_on: int) -> Scores:
         systems=len(np.unique(systems)),
         trained_on=trained_on,
     )
-
-
-def system_codes(answers: Answers) -> np.ndarray:
-    """A number for each window's system, int64 (windows,): a system is known by root seed and index."""
-    codes: dict[tuple[int, int], int] = {}
-    pairs = zip(answers.seeds.tolist(), answers.systems.tolist(), strict=True)
-    return np.array([codes.setdefault(pair, len(codes)) for pair in pairs], dtype=np.int64)
 
 
 def failures(plan: Plan) -> list[str]:

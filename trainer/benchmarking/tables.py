@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from trainer.benchmarking.gathering import Finding, Scores
 from trainer.benchmarking.parts import Part
 from trainer.benchmarking.published import Published
-from trainer.tables import markdown_table
-
-NONE = "-"
-
-
-def number(value: float | None, digits: int = 3) -> str:
-    """A number, or a dash where there is none."""
-    return NONE if value is None or math.isnan(value) else f"{value:.{digits}f}"
+from trainer.tables import NONE, csv_text, markdown_table, number
 
 
 def score(scores: Scores, k: int) -> str:
@@ -89,11 +81,9 @@ def as_csv(part: Part, findings: Sequence[Finding | None], published: Published)
 
     The parameter ``mean`` is the mean over them, of relative accuracies the median of all.
     """
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
     figures = ["r2", "r2_sd", "r2_low", "r2_high", "ceiling", "published", "relative_accuracy"]
     facts = ["seeds", "windows", "systems", "systems_trained_on", "training_systems", "steps", "batch_size", "seconds"]
-    writer.writerow([*part.heads, "protocol", "parameter", *figures, *facts])
+    lines: list[list[Any]] = [[*part.heads, "protocol", "parameter", *figures, *facts]]
     for row, finding in zip(part.rows, findings, strict=True):
         if finding is None:
             continue
@@ -108,5 +98,5 @@ def as_csv(part: Part, findings: Sequence[Finding | None], published: Published)
                 cells = ["" if v is None or math.isnan(v) else f"{v:.6g}" for v in values]
                 counts = [len(done), one.windows, one.systems, one.trained_on, finding.training_systems]
                 line = [*cells, *counts, f"{steps:g}", done[0].batch_size, f"{seconds:.1f}"]
-                writer.writerow([*row.labels, protocol, name, *line])
-    return text.getvalue()
+                lines.append([*row.labels, protocol, name, *line])
+    return csv_text(lines)

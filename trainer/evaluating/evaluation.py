@@ -26,7 +26,7 @@ from trainer.evaluating.limit import find_ceiling
 from trainer.evaluating.report import Answers, Evaluation, Protocol, write_answers, write_report
 from trainer.evaluating.strata import strata
 from trainer.figures import draw_scatter
-from trainer.intervals import r2_interval
+from trainer.intervals import r2_interval, r2_with_mean
 from trainer.reading.data import load_records
 from trainer.reading.kind import Kind
 from trainer.reading.noise import Sensors
@@ -198,8 +198,7 @@ def figures_of_merit(
     """
 
     def scores(rows: np.ndarray) -> np.ndarray:
-        each = r2(truth[rows], estimate[rows])
-        return np.append(each, each.mean())
+        return r2_with_mean(truth[rows], estimate[rows])
 
     middle = scores(np.arange(len(truth)))
     low, high = r2_interval(where, scores, level=LEVEL)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -20,7 +20,7 @@ from shared.store import write_atomically
 from trainer.figures import draw_r2
 from trainer.reading.kind import Kind
 from trainer.runs.checkpoint import Card
-from trainer.tables import Row, markdown_table
+from trainer.tables import Row, csv_text, markdown_table, number
 from trainer.tables import terminal_table as plain_table
 
 EVALUATION = "evaluation.json"
@@ -56,6 +56,12 @@ class Answers(NamedTuple):
     estimate: np.ndarray
     """(windows, parameters) [own units]"""
 
+    def places(self) -> np.ndarray:
+        """A number for each window's system, int64 (windows,): a system is known by root seed and index."""
+        codes: dict[tuple[int, int], int] = {}
+        pairs = zip(self.seeds.tolist(), self.systems.tolist(), strict=True)
+        return np.array([codes.setdefault(pair, len(codes)) for pair in pairs], dtype=np.int64)
+
 
 class CeilingFigures(BaseModel, extra="forbid"):
     """The linearised Bayesian limit of R2 under the same condition."""
@@ -84,7 +90,7 @@ class Evaluation(Result, BaseModel, extra="forbid"):
     @property
     def headline(self) -> str:
         """What this is, in a few words."""
-        scores = ", ".join(f"{name} {_number(one.r2_mean)}" for name, one in self.protocols.items())
+        scores = ", ".join(f"{name} {number(one.r2_mean)}" for name, one in self.protocols.items())
         return f"{self.model}, {self.context_hours:g} h, noise {self.noise}; mean R2: {scores}"
 
     def to_dataframe(self) -> pd.DataFrame:
@@ -103,16 +109,12 @@ class Evaluation(Result, BaseModel, extra="forbid"):
         return draw_r2(self.to_dataframe())
 
 
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3f}"
-
-
 def _r2(protocol: Protocol, parameter: str | None) -> str:
     """R2 with its interval; the mean over parameters where ``parameter`` is None."""
     value = protocol.r2_mean if parameter is None else protocol.r2[parameter]
     low, high = protocol.r2_mean_interval if parameter is None else protocol.r2_interval[parameter]
-    span = ", ".join("-" if end is None else f"{end:.2f}" for end in (low, high))
-    return f"{_number(value)} [{span}]"
+    span = ", ".join(number(end, 2) for end in (low, high))
+    return f"{number(value)} [{span}]"
 
 
 def told(evaluation: Evaluation) -> dict[str, Protocol]:
@@ -130,9 +132,9 @@ def table_rows(evaluation: Evaluation) -> tuple[Row, list[Row]]:
     rows: list[Row] = []
     for parameter in evaluation.protocols[names[0]].r2:
         limit = ceiling.r2.get(parameter) if ceiling else None
-        accuracy = (_number(evaluation.protocols[name].relative_accuracy[parameter]) for name in names)
-        rows.append((parameter, *(_r2(evaluation.protocols[n], parameter) for n in names), _number(limit), *accuracy))
-    last = _number(ceiling.r2_mean if ceiling else None)
+        accuracy = (number(evaluation.protocols[name].relative_accuracy[parameter]) for name in names)
+        rows.append((parameter, *(_r2(evaluation.protocols[n], parameter) for n in names), number(limit), *accuracy))
+    last = number(ceiling.r2_mean if ceiling else None)
     rows.append(("mean", *(_r2(evaluation.protocols[name], None) for name in names), last, *("" for _ in names)))
     return header, rows
 
@@ -182,32 +184,26 @@ def markdown(evaluation: Evaluation, card: Card) -> str:
 
 def as_csv(evaluation: Evaluation) -> str:
     """One row per protocol and parameter, full precision."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["protocol", "parameter", "r2", "r2_low", "r2_high", "relative_accuracy", "ceiling"])
+    rows: list[list[Any]] = [["protocol", "parameter", "r2", "r2_low", "r2_high", "relative_accuracy", "ceiling"]]
     ceiling = evaluation.ceiling
     for name, one in evaluation.protocols.items():
         for parameter, value in one.r2.items():
             limit = ceiling.r2.get(parameter) if ceiling else None
-            writer.writerow(
-                [name, parameter, value, *one.r2_interval[parameter], one.relative_accuracy[parameter], limit]
-            )
+            rows.append([name, parameter, value, *one.r2_interval[parameter], one.relative_accuracy[parameter], limit])
         mean = ceiling.r2_mean if ceiling else None
-        writer.writerow([name, "mean", one.r2_mean, *one.r2_mean_interval, None, mean])
-    return text.getvalue()
+        rows.append([name, "mean", one.r2_mean, *one.r2_mean_interval, None, mean])
+    return csv_text(rows)
 
 
 def write_answers(answers: dict[str, Answers], parameters: list[str], folder: Path) -> None:
     """Write answers.csv: one row per protocol and window, whose system is known by root seed and index."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
     names = [f"{kind} {name}" for kind in ("true", "estimated") for name in parameters]
-    writer.writerow(["protocol", "root_seed", "system", "begin", *names])
+    rows: list[list[Any]] = [["protocol", "root_seed", "system", "begin", *names]]
     for protocol, one in answers.items():
         numbers = np.concatenate([one.begin[:, None], one.truth, one.estimate], axis=1)
         for seed, system, row in zip(one.seeds, one.systems, numbers, strict=True):
-            writer.writerow([protocol, seed, system, *(f"{value:.9g}" for value in row)])
-    write_atomically(folder / ANSWERS, text.getvalue().encode())
+            rows.append([protocol, seed, system, *(f"{value:.9g}" for value in row)])
+    write_atomically(folder / ANSWERS, csv_text(rows).encode())
 
 
 def read_answers(folder: Path) -> dict[str, Answers]:

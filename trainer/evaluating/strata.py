@@ -6,10 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from shared.metrics import r2
 from shared.schema import EPOCH
 from trainer.evaluating.report import Answers
-from trainer.intervals import r2_interval
+from trainer.intervals import r2_interval, r2_with_mean
 from trainer.reading.encoding import Encoding
 from trainer.tables import Row, markdown_table
 
@@ -49,16 +48,14 @@ def by_season(answers: Answers, parameters: Sequence[str]) -> tuple[Row, list[Ro
     """
     header = ("begin", "windows", *parameters, "mean")
     rows: list[Row] = []
-    season, system = season_of(answers.begin), _system(answers)
+    season, system = season_of(answers.begin), answers.places()
     for k, name in enumerate(SEASONS):
         chosen = np.flatnonzero(season == k)
         if len(chosen) < 2:
             continue
-        truth, estimate = answers.truth[chosen], answers.estimate[chosen]
 
-        def scores(some: np.ndarray, truth: np.ndarray = truth, estimate: np.ndarray = estimate) -> np.ndarray:
-            each = r2(truth[some], estimate[some])
-            return np.append(each, each.mean())
+        def scores(some: np.ndarray, chosen: np.ndarray = chosen) -> np.ndarray:
+            return r2_with_mean(answers.truth[chosen[some]], answers.estimate[chosen[some]])
 
         low, high = r2_interval(system[chosen], scores, level=LEVEL)
         cells = zip(scores(np.arange(len(chosen))), low, high, strict=True)
@@ -85,12 +82,6 @@ def by_band(answers: Answers, parameters: Sequence[str], units: Sequence[str]) -
             rms = np.sqrt(np.mean(error**2))
             rows.append((name, span, f"{len(chosen)}", f"{error.mean():+.2g}", f"{rms:.2g}"))
     return header, rows
-
-
-def _system(answers: Answers) -> np.ndarray:
-    """A number for the system of each window, which is known by root seed and index."""
-    whole = [f"{seed} {system}" for seed, system in zip(answers.seeds, answers.systems, strict=True)]
-    return np.unique(whole, return_inverse=True)[1]
 
 
 def _two(value: float) -> str:

@@ -63,7 +63,7 @@ class MultiscaleTransformer(Estimator):
         )
         self.position = nn.Parameter(0.02 * torch.randn(self.tokens, width))
         if shape.static:
-            self.facts = nn.Sequential(nn.Linear(shape.static, width), nn.GELU(), _silent(width, width))
+            self.facts = nn.Sequential(nn.Linear(shape.static, width), nn.GELU(), silent(width, width))
         layer = nn.TransformerEncoderLayer(
             width, heads, feedforward, dropout, activation="gelu", batch_first=True, norm_first=True
         )
@@ -158,7 +158,7 @@ class MultiscaleTransformer(Estimator):
         return torch.cat([torch.nan_to_num(torch.cat(parts, dim=2)), missing.to(windows.dtype)], dim=2)
 
 
-def _silent(inputs: int, outputs: int) -> nn.Linear:
+def silent(inputs: int, outputs: int) -> nn.Linear:
     """A layer that answers nothing before it is trained: an earlier estimator's weights keep their sense beside it."""
     layer = nn.Linear(inputs, outputs)
     nn.init.zeros_(layer.weight)

@@ -8,7 +8,7 @@ import torch
 from torch import nn
 
 from trainer.models.base import Shape
-from trainer.models.multiscale_transformer import MultiscaleTransformer
+from trainer.models.multiscale_transformer import MultiscaleTransformer, silent
 from trainer.models.regressions import MEMORY_HOURS, Regressions, memories
 
 
@@ -45,14 +45,10 @@ class RegressionTransformer(MultiscaleTransformer):
         self.digest = nn.Sequential(
             nn.LayerNorm(self.regressions.size), nn.Linear(self.regressions.size, width), nn.GELU()
         )
-        last = nn.Linear(width, shape.parameters)
-        nn.init.zeros_(last.weight)
-        nn.init.zeros_(last.bias)
+        last = silent(width, shape.parameters)
         self.correction = nn.Sequential(nn.Linear(3 * width + shape.parameters, width), nn.GELU(), last)
         if shape.static:
-            final = nn.Linear(2 * width, shape.parameters)
-            nn.init.zeros_(final.weight)
-            nn.init.zeros_(final.bias)
+            final = silent(2 * width, shape.parameters)
             inputs = 3 * width + shape.parameters + shape.static
             self.refinement = nn.Sequential(nn.Linear(inputs, 2 * width), nn.GELU(), final)
 

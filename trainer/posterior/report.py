@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from pathlib import Path
+from typing import Any
 
 from pydantic import BaseModel
 from rich.table import Table
@@ -12,7 +11,7 @@ from rich.table import Table
 from shared.store import write_atomically
 from trainer.posterior.scores import FEWEST, PER_BIN
 from trainer.reading.kind import Kind
-from trainer.tables import Row, markdown_table
+from trainer.tables import Row, csv_text, markdown_table, number
 from trainer.tables import terminal_table as plain_table
 
 LEVELS = (0.5, 0.8, 0.9, 0.95)
@@ -86,10 +85,6 @@ def _share(one: Coverage) -> str:
     return f"{100 * one.share:.1f} [{100 * one.low:.1f}, {100 * one.high:.1f}]"
 
 
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3f}"
-
-
 def _share_of_prior(one: ParameterCalibration) -> float | None:
     """The Gaussian's CRPS as a share of the prior's."""
     return None if one.crps_gaussian is None else one.crps_gaussian / one.crps_prior
@@ -108,9 +103,9 @@ def table_rows(result: Calibration) -> tuple[Row, list[Row]]:
         cells[LEVELS.index(0.9)] = _share(one.coverage["0.9"])
         rows.append(
             (
-                *(name, *cells, _number(one.chi2_p), f"{one.ks_p:.3f}"),
-                *(f"{one.crps / one.crps_prior:.3f}", _number(_share_of_prior(one))),
-                *(_number(one.r2_mean), _number(one.r2_point), f"{one.width:.3f}"),
+                *(name, *cells, number(one.chi2_p), f"{one.ks_p:.3f}"),
+                *(f"{one.crps / one.crps_prior:.3f}", number(_share_of_prior(one))),
+                *(number(one.r2_mean), number(one.r2_point), f"{one.width:.3f}"),
             )
         )
     middle = [f"{100 * result.coverage_mean[f'{level:g}'].share:.1f}" for level in LEVELS]
@@ -122,8 +117,8 @@ def table_rows(result: Calibration) -> tuple[Row, list[Row]]:
         (
             *("mean", *middle, "", ""),
             f"{sum(o.crps / o.crps_prior for o in each) / len(each):.3f}",
-            _number(sum(gaussian) / len(gaussian) if gaussian else None),
-            *(_number(sum(column) / len(column) if column else None) for column in r2),
+            number(sum(gaussian) / len(gaussian) if gaussian else None),
+            *(number(sum(column) / len(column) if column else None) for column in r2),
             f"{sum(o.width for o in each) / len(each):.3f}",
         )
     )
@@ -177,17 +172,15 @@ def markdown(result: Calibration) -> str:
 
 def as_csv(result: Calibration) -> str:
     """One row per parameter and level, full precision."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
     other = ["chi2_p", "ks_p", "crps", "crps_gaussian", "crps_prior", "r2_mean", "r2_point", "width"]
-    writer.writerow(["parameter", "level", "coverage", "coverage_low", "coverage_high", *other])
+    rows: list[list[Any]] = [["parameter", "level", "coverage", "coverage_low", "coverage_high", *other]]
     for name, one in result.parameters.items():
         figures = [getattr(one, field) for field in other]
         for level, cover in one.coverage.items():
-            writer.writerow([name, level, cover.share, cover.low, cover.high, *figures])
+            rows.append([name, level, cover.share, cover.low, cover.high, *figures])
     for level, cover in result.coverage_mean.items():
-        writer.writerow(["mean", level, cover.share, cover.low, cover.high, *("" for _ in other)])
-    return text.getvalue()
+        rows.append(["mean", level, cover.share, cover.low, cover.high, *("" for _ in other)])
+    return csv_text(rows)
 
 
 def write_calibration(result: Calibration, folder: Path) -> None:

@@ -9,10 +9,9 @@ import numpy as np
 import xarray as xr
 
 from shared.errors import RecordingError
-from shared.gaps import bridge
 from shared.reading import shown
 from shared.schema import EPOCH, Method, method_fault, of_another
-from shared.stretches import LONGEST, Steps, Stretch, chosen
+from shared.stretches import LONGEST, Steps, Stretch, bridge, chosen
 from shared.times import read_recorded, recorded_begins, recorded_times
 from trainer.predicting.readings import GapError, check_gaps, comparable, date_of
 from trainer.reading.encoding import Encoding

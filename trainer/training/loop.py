@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import time
 from collections.abc import Callable, Iterator
@@ -39,6 +37,7 @@ from trainer.runs.state import (
 )
 from trainer.runs.versions import other_version, versions_here
 from trainer.runs.weights import weights_data
+from trainer.tables import csv_text
 from trainer.training.optimisers import make_optimisers, scale_rates
 from trainer.training.place import remove_findings
 
@@ -63,12 +62,8 @@ class Curve:
 
     def csv(self) -> str:
         """The rows as CSV."""
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(["step", "seconds", "training_loss", "validation_loss"])
-        for step, seconds, training, validation in self.rows:
-            writer.writerow([step, f"{seconds:.2f}", f"{training:.6g}", f"{validation:.6g}"])
-        return text.getvalue()
+        figures = [(step, f"{seconds:.2f}", f"{fit:.6g}", f"{held:.6g}") for step, seconds, fit, held in self.rows]
+        return csv_text([("step", "seconds", "training_loss", "validation_loss"), *figures])
 
 
 class Loop:
