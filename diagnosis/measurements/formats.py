@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import zipfile
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import date, datetime, time
 from importlib import import_module
@@ -201,16 +202,26 @@ def _excel_columns(path: Path, data: bytes, settings: File) -> tuple[list[str], 
     return names, [pd.Series([row[k] for row in padded], dtype=object) for k in range(width)]
 
 
+@contextmanager
+def _book(path: Path, data: bytes) -> Iterator[Any]:
+    """An Excel file; whatever openpyxl meets in it while this lasts is a sentence."""
+    _check_archive(path, data)
+    openpyxl = needed("openpyxl", path, "an Excel")
+    try:
+        yield openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True, keep_links=False)
+    except RecordingError:
+        raise
+    except Exception as error:  # openpyxl raises what it meets in a file that is damaged
+        raise RecordingError(f"{path}: cannot be read as an Excel file ({why(error)}); expected an .xlsx") from None
+
+
 def sheet_rows(path: Path, data: bytes, sheet: str | None) -> Iterator[tuple[Any, ...]]:
     """The rows of an Excel file's sheet, without the empty cells at their ends.
 
     Raises RecordingError if it is no such file, holds more than a log would, or several sheets have cells and none is
     named.
     """
-    _check_archive(path, data)
-    openpyxl = needed("openpyxl", path, "an Excel")
-    try:
-        book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True, keep_links=False)
+    with _book(path, data) as book:
         sheets = {one.title: one for one in book.worksheets}
         if sheet is not None and sheet not in sheets:
             raise RecordingError(f"{path}: has no sheet {sheet!r}; expected file.sheet as one of {listed(sheets)}")
@@ -222,10 +233,6 @@ def sheet_rows(path: Path, data: bytes, sheet: str | None) -> Iterator[tuple[Any
                 )
             sheet = filled[0] if filled else next(iter(sheets))
         yield from _cells(sheets[sheet], path)
-    except RecordingError:
-        raise
-    except Exception as error:  # openpyxl raises what it meets in a file that is damaged
-        raise RecordingError(f"{path}: cannot be read as an Excel file ({why(error)}); expected an .xlsx") from None
 
 
 def sheets_of(path: Path, data: bytes, most: int) -> dict[str, list[list[str]]]:
@@ -233,20 +240,13 @@ def sheets_of(path: Path, data: bytes, most: int) -> dict[str, list[list[str]]]:
 
     Raises RecordingError if it cannot be read.
     """
-    _check_archive(path, data)
-    openpyxl = needed("openpyxl", path, "an Excel")
-    try:
-        book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True, keep_links=False)
+    with _book(path, data) as book:
         return {
             one.title: [
                 ["" if cell is None else _text(cell, ".") for cell in row] for row in islice(_cells(one, path), most)
             ]
             for one in book.worksheets
         }
-    except RecordingError:
-        raise
-    except Exception as error:  # openpyxl raises what it meets in a file that is damaged
-        raise RecordingError(f"{path}: cannot be read as an Excel file ({why(error)}); expected an .xlsx") from None
 
 
 def _cells(sheet: Any, path: Path) -> Iterator[tuple[Any, ...]]:
