@@ -12,9 +12,9 @@ import xarray as xr
 
 from diagnosis.recording import HOUR, Recording
 from shared.errors import EstimatorError, RecordingError
-from shared.gaps import bridge
 from shared.logs import logger
 from shared.netcdf import write_netcdf
+from shared.stretches import bridge
 from shared.system import System
 from shared.times import read_recorded
 

@@ -71,6 +71,21 @@ def runs(mask: np.ndarray) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
+def bridge(values: np.ndarray, longest: int) -> np.ndarray:
+    """Put in what is missing by lines where at most so many values are missing in a row; nothing at the ends.
+
+    ``values`` (steps,), NaN where missing, are changed in place. Returns where values were put in, (steps,).
+    """
+    missing = ~np.isfinite(values)
+    filled = np.zeros(len(values), dtype=bool)
+    for first, after in runs(missing):
+        if first > 0 and after < len(values) and after - first <= longest:
+            filled[first:after] = True
+    if filled.any():
+        values[filled] = np.interp(np.flatnonzero(filled), np.flatnonzero(~missing), values[~missing])
+    return filled
+
+
 def stretches(whole: np.ndarray, step: float) -> list[tuple[int, int]]:
     """Stretches of at least a day, in order, of steps (steps,) of ``step`` [s] of which some are ``whole``."""
     return [(a, b) for a, b in runs(whole) if b - a >= LEAST and (b - a) * step >= DAY - 1e-6 * step]

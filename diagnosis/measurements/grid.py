@@ -14,7 +14,7 @@ import numpy as np
 
 from diagnosis.measurements.signal import Signal
 from shared.flags import ASSUMED, IMPOSSIBLE, INTERPOLATED, MISSING, PARTLY, STUCK
-from shared.gaps import bridge
+from shared.stretches import bridge
 from shared.variables import ExcitationInput, Input, Output, WeatherInput
 
 IRRADIANCES = ("ghi", "dni", "dhi", "poa_global")

@@ -165,7 +165,6 @@ class Composer:
             )
 
 
-DAY = 86400.0
 _MOST_STEPS = 5_000_000
 
 

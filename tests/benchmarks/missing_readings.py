@@ -17,9 +17,9 @@ from collections.abc import Callable
 import numpy as np
 import torch
 
-from shared.gaps import bridge
 from shared.metrics import r2
 from shared.store import DatasetFolder
+from shared.stretches import bridge
 from trainer.intervals import r2_interval
 from trainer.predicting.recorded import BRIDGED
 from trainer.reading.data import load_records

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shared.gaps import bridge
+from shared.stretches import bridge
 
 
 def test_short_inner_gaps_are_bridged_and_no_others():
