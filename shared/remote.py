@@ -205,7 +205,7 @@ def _opened(place: Path | str) -> Iterator[_Place]:
         with _in_words(_without_secrets(url)):
             system, root = fsspec.core.url_to_fs(url, **options)
     except ImportError as error:
-        missing = _root_cause(error).name or "fsspec"  # type: ignore[attr-defined]
+        missing = _chain(error)[-1].name or "fsspec"  # type: ignore[attr-defined]
         package = "'zeroshot-fmu[remote]'" if missing.partition(".")[0] in _EXTRA else missing
         raise DatasetError(
             f"{_without_secrets(url)}: reading it needs {missing}, which is not installed; pip install {package}"
@@ -232,10 +232,6 @@ def _chain(error: BaseException) -> list[BaseException]:
     while (cause := chain[-1].__cause__ or chain[-1].__context__) is not None and cause not in chain:
         chain.append(cause)
     return chain
-
-
-def _root_cause(error: BaseException) -> BaseException:
-    return _chain(error)[-1]
 
 
 @contextmanager

@@ -54,18 +54,13 @@ def check_sizes(system: System, systems: int, shard_size: int) -> None:
         )
 
 
-def shard_name(number: int) -> str:
-    """File name of a shard."""
-    return f"shard-{number:06d}.nc"
-
-
 def pieces(manifest: Manifest) -> Iterator[Piece]:
     """All shards of a dataset, written or not."""
     number, first = 0, 0
     for stop in manifest.stages or [manifest.systems]:
         for start in range(first, stop, manifest.shard_size):
             systems = range(start, min(start + manifest.shard_size, stop))
-            yield Piece(shard_name(number), systems, manifest.root_seed)
+            yield Piece(f"shard-{number:06d}.nc", systems, manifest.root_seed)
             number += 1
         first = stop
 

@@ -194,7 +194,8 @@ def value_fault(variable: ScalarVariable, value: float | bool) -> str:
     low, high = kind
     if float(value).is_integer() and low <= value <= high:
         return ""
-    return f"is set to {value:g} and is {_a(variable.type)}; expected a whole number from {low} to {high}"
+    article = "an" if str(variable.type)[0] in "IE" else "a"
+    return f"is set to {value:g} and is {article} {variable.type}; expected a whole number from {low} to {high}"
 
 
 _WHOLE = {
@@ -203,10 +204,6 @@ _WHOLE = {
     **dict.fromkeys(("Integer", "Enumeration"), (-(2**31), 2**31 - 1)),
 }
 """Types of whole numbers, and the first and last that each holds."""
-
-
-def _a(kind: str) -> str:
-    return f"{'an' if kind[0] in 'IE' else 'a'} {kind}"
 
 
 def unit_of(variable: ScalarVariable) -> str:

@@ -213,16 +213,12 @@ def _has_time(row: Sequence[str]) -> bool:
     return any(bool(formats_of(pd.Series([cell]))) for cell in row)
 
 
-def _like_number(cell: str) -> bool:
-    return bool(_NUMBER.fullmatch(cell))
-
-
 def _are_units(row: Sequence[str]) -> bool:
     """Whether the cells of a row, but those that are empty, are mostly units."""
     cells = [one.strip("[]() ") for one in row]
     words = [one for one in cells if one and one != "-"]
     known = [one for one in words if unit_in("x", one)[0]]
-    return not any(map(_like_number, words)) and (not words or len(known) >= 0.5 * max(len(words) - 1, 1))
+    return not any(map(_NUMBER.fullmatch, words)) and (not words or len(known) >= 0.5 * max(len(words) - 1, 1))
 
 
 def _units_below(path: Path, file: File, rows: Rows) -> dict[str, str]:
