@@ -153,9 +153,6 @@ def parse_manifest(text: str, where: str) -> Manifest:
 
 
 def check_shard_name(entry: ShardEntry, where: str) -> None:
-    """Refuse a shard whose name leaves the folder.
-
-    Raises DatasetError naming the shard and ``where`` its dataset is.
-    """
+    """Refuse a shard whose name leaves the folder: a DatasetError that names it and ``where`` its dataset is."""
     if Path(entry.file).name != entry.file or entry.file in ("", "..") or "\0" in entry.file:
         raise DatasetError(f"{where}: shard {entry.file!r} is not a plain file name")

@@ -57,16 +57,8 @@ class Bar:
 def progress_bar(title: str, total: float | None = None, *, done: float = 0, shown: bool = True) -> Iterator[Bar]:
     """A progress bar on standard error; yields what is to be told of the progress.
 
-    Parameters
-    ----------
-    title
-        What is being worked on.
-    total
-        How much there is to do; None if that is not known yet.
-    done
-        How much was done before.
-    shown
-        Whether anybody wants to know. A bar needs a terminal; without one a line takes its place every half minute.
+    Of ``total``, None if that is not known yet, so much was ``done`` before. A bar that is ``shown`` needs a terminal;
+    without one a line takes its place every half minute.
     """
     visible = shown and errors.is_terminal
     columns = (

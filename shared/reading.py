@@ -99,10 +99,7 @@ def read_json(path: Path, error: type[ZeroshotError], expected: str, *, most: in
 
 
 def parse_json(text: str, where: str, error: type[ZeroshotError], expected: str) -> Any:
-    """What a JSON text says; ``where`` is what the error names.
-
-    Raises ``error`` if it is not JSON, or nested too deep.
-    """
+    """What a JSON text says; ``error``, which names ``where``, if it is not JSON, or nested too deep."""
     try:
         found = json.loads(text)
         _check_depth(found)

@@ -54,18 +54,11 @@ def long_runs(
     joined: np.ndarray,
     lasting: Callable[[np.ndarray, np.ndarray], np.ndarray] = elapsed,
 ) -> Runs:
-    """Runs of equal readings that last longer than ``hours`` [h].
+    """Runs of equal readings (n,) that last longer than ``hours`` [h]; of ``resting`` ones, as it says.
 
-    Parameters
-    ----------
-    values, begin, end
-        Readings and their intervals, in order, shape (n,) each [any unit, s, s].
-    resting
-        What may stand still for another time.
-    joined
-        Whether a run may go on from one reading to the next, shape (n - 1,): not over a gap.
-    lasting
-        How long something lasts [s] from its begin to its end [s], of what does not always move: irradiance by day.
+    ``begin`` and ``end`` [s] are the intervals of the readings, in order; a run goes on from one to the next where they
+    are ``joined``, (n - 1,): not over a gap. ``lasting`` is how long something lasts [s] from its begin to its end [s],
+    of what does not always move: irradiance by day.
     """
     runs = np.concatenate([[0], np.cumsum(~((np.diff(values) == 0) & joined))])
     numbers = np.arange(runs[-1] + 1)

@@ -29,16 +29,9 @@ def fault(
 ) -> str:
     """What is wrong with what a ``table`` sets in a system, as a sentence; empty if nothing is.
 
-    Parameters
-    ----------
-    declared
-        Its entries, each with a ``name`` and ``parameters``.
-    names
-        Of everything that has a name of its own already.
-    estimated
-        Names of the estimated parameters.
-    taken
-        FMU parameters that other tables set.
+    Its entries, ``declared``, have a ``name`` and ``parameters`` each. ``names`` are of everything that has one of its
+    own already, ``estimated`` those of the estimated parameters, and ``taken`` the FMU parameters that other tables
+    set.
     """
     names, taken = {*names}, {*taken}
     for entry in declared:

@@ -79,10 +79,7 @@ _looking: tuple[int, threading.Thread] | None = None
 
 
 def check_timeout(timeout: float) -> None:
-    """Refuse a time for one simulation [s] that no watch can keep.
-
-    Raises ZeroshotError if it is too short, too long, or no number.
-    """
+    """Refuse a time for one simulation [s] that no watch can keep, or that is no number: a ZeroshotError."""
     if not _SHORTEST <= timeout <= _LONGEST:  # of a NaN no comparison holds
         raise ZeroshotError(f"timeout is {timeout:g} s; expected {_SHORTEST:g} to {_LONGEST:g} s")
 

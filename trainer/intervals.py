@@ -34,18 +34,9 @@ def r2_interval(
     the truth varies less in it, and its R2 is too low by about as much as an interval of ten systems is wide. An end
     that the estimate would lie beyond is moved to the estimate.
 
-    Parameters
-    ----------
-    systems
-        System of each window, shape (windows,).
-    statistic
-        Takes rows (indices of windows) and returns an array of R2, or of means of R2.
-
-    Returns
-    -------
-    tuple
-        Low and high ends of the interval, shaped like the statistic. NaN where there are fewer than ``FEWEST`` systems,
-        or where the statistic has no value without one of them.
+    ``systems`` (windows,) is each window's; ``statistic`` takes rows (indices of windows) and returns an array of R2,
+    or of means of R2. The ends have its shape: NaN where there are fewer than ``FEWEST`` systems, or where the
+    statistic has no value without one of them.
     """
     found, codes = np.unique(systems, return_inverse=True)
     count, estimate = len(found), np.asarray(statistic(np.arange(len(systems))))
@@ -70,17 +61,8 @@ def share_interval(systems: np.ndarray, inside: np.ndarray, *, level: float = 0.
     systems leave unknown of it (Korn and Graubard, 1998, Survey Methodology 24:193). So an interval has a width where
     all windows are inside, as those of ten systems often are where nine tenths should.
 
-    Parameters
-    ----------
-    systems
-        System of each window, shape (windows,).
-    inside
-        0 to 1 of each window, shape (windows, ...).
-
-    Returns
-    -------
-    tuple
-        Low and high ends, shape (...). NaN of one system.
+    ``systems`` (windows,) is each window's, and ``inside`` (windows, ...) from 0 to 1. The ends are (...), NaN of one
+    system.
     """
     codes = np.unique(systems, return_inverse=True)[1]
     sizes = np.bincount(codes)

@@ -17,10 +17,7 @@ MOST_THREADS = 256
 
 
 def check_seed(seed: int) -> None:
-    """Refuse a seed that numpy's generators do not take.
-
-    Raises EstimatorError if it is negative.
-    """
+    """Refuse a negative seed, which numpy's generators do not take: an EstimatorError."""
     if seed < 0:
         raise EstimatorError(f"seed: is {seed}; expected a whole number of at least 0")
 

@@ -25,10 +25,7 @@ def weather_files(system: System) -> list[str]:
 
 
 def weather_hashes(system: System) -> dict[str, str]:
-    """sha256 of every weather file of a description, as part of what decides a dataset's content.
-
-    Raises WeatherError if one cannot be read.
-    """
+    """sha256 of every weather file of a description: its content counts. A WeatherError if one cannot be read."""
     found = {}
     for file in system.weather.files if system.weather else []:
         path = weather_path(file, system.path.parent)

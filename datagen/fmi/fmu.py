@@ -78,10 +78,7 @@ def _description(path: Path, folder: Path) -> ModelDescription:
 
 
 def fmu_sha256(path: Path) -> str:
-    """sha256 of an FMU file.
-
-    Raises FmuError if it cannot be read.
-    """
+    """sha256 of an FMU file; an FmuError if it cannot be read."""
     try:
         size_of(path, FmuError, "an FMU")
         return sha256_of(path)

@@ -47,20 +47,10 @@ def guarded(
 ) -> list[Any]:
     """``[function(item) for item in items]`` in child processes; what cannot be had is an exception in its place.
 
-    Raises SimulationError if a child cannot start, or the temporary folder cannot be written to.
-
-    Parameters
-    ----------
-    function
-        Importable by name. A ``ZeroshotError`` that it raises is kept as the item's result.
-    timeout
-        Seconds that one item may take.
-    limit
-        Seconds that one simulation of it may take.
-    memory_limit
-        Bytes that a child may use.
-    tries
-        How often an item may take its child down before it is given up; the later tries are alone in their child.
+    ``function`` is importable by name; a ``ZeroshotError`` that it raises is kept as the item's result. One item may
+    take ``timeout`` [s], one simulation of it ``limit`` [s], and a child ``memory_limit`` [bytes]. An item that has
+    taken its child down so many ``tries`` is given up; the later ones are alone in their child. Raises SimulationError
+    if a child cannot start, or the temporary folder cannot be written to.
     """
     try:
         return _guarded(function, items, (timeout, limit), memory_limit, tries)

@@ -214,21 +214,10 @@ def around(signal: Signal, edges: np.ndarray) -> np.ndarray:
 
 
 def resample(signal: Signal, edges: np.ndarray, method: str, coverage: float) -> tuple[np.ndarray, np.ndarray]:
-    """A signal on the grid with its flags.
+    """A signal on the grid, NaN where it has no value, and its flags without ``missing``; both (n,).
 
-    Parameters
-    ----------
-    edges
-        Of the steps, shape (n + 1,) [s].
-    method
-        ``mean`` over each step, or ``point`` at its end.
-    coverage
-        Least share of a step that readings must cover for a mean.
-
-    Returns
-    -------
-    tuple
-        Values, NaN where there is none, and flags without ``missing``; both (n,).
+    ``edges`` are of the steps, (n + 1,) [s]; ``method`` is ``mean`` over each step, or ``point`` at its end;
+    ``coverage`` is the least share of a step that readings must cover for a mean.
     """
     flags = np.zeros(len(edges) - 1, dtype=np.int8)
     if method == "mean":

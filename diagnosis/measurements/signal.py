@@ -39,7 +39,7 @@ def usual_gap(usual: float) -> float:
     """How far apart readings may be by default [s] that are usually so far apart [s].
 
     One lost reading of a close series is bridged, and stamps may be late. But a straight line over more than an hour
-    invents a reading: of an hourly series a lost one is lost, and of an output any (:func:`.resampling.as_read`).
+    invents a reading: of an hourly series a lost one is lost, and of an output any (:func:`.grid.as_read`).
     """
     return min(2.5 * usual, max(1.5 * usual, 3600.0))
 

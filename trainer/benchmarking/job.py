@@ -56,10 +56,7 @@ def _hashes(folder: Path) -> dict[str, str]:
 
 
 def read_done(folder: Path) -> Done:
-    """``done.json`` of a run folder.
-
-    Raises EstimatorError if there is none.
-    """
+    """``done.json`` of a run folder; an EstimatorError if there is none."""
     return _read(Done, folder / DONE)
 
 

@@ -32,10 +32,7 @@ LARGEST = 2**31 - 1
 
 
 def estimator_class(name: str) -> type[Estimator]:
-    """The class behind a name.
-
-    Raises EstimatorError if there is none.
-    """
+    """The class behind a name; an EstimatorError if there is none."""
     if name not in ESTIMATORS:
         raise EstimatorError(
             f"model: {name!r} is not an estimator; found {', '.join(ESTIMATORS)}{meant(name, ESTIMATORS)}"

@@ -28,18 +28,10 @@ LIMIT = 8.0
 class Regressions(nn.Module):
     """Weighted ridge regressions of learned responses on learned regressors, several side by side.
 
-    Both are linear in a layer of local filters over the columns and in products of pairs of such filters. Out come, of
-    each regression, the coefficients, their t-values, the residual variances and the variances' inflation. ``size`` is
-    how many numbers that is.
-
-    Parameters
-    ----------
-    columns
-        Of the windows given to :meth:`forward`.
-    count, regressors, responses
-        Regressions side by side; sizes of each.
-    filters, reach
-        Local filters, and over how many samples each goes.
+    Both are linear in a layer of local filters, each over ``reach`` samples, of the ``columns`` given to
+    :meth:`forward`, and in products of pairs of such filters. Out come, of each of ``count`` regressions, the
+    coefficients, their t-values, the residual variances and the variances' inflation. ``size`` is how many numbers that
+    is.
     """
 
     def __init__(

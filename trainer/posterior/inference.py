@@ -76,19 +76,10 @@ class Posterior:
         return np.where(known.numpy()[:, None], exact[:, None], samples)
 
     def log_prob(self, values: np.ndarray, time: np.ndarray, parameters: np.ndarray) -> np.ndarray:
-        """Log density [nat, per own units] at parameters.
+        """Log density [nat, per own units] at parameters, (windows,) or (windows, n).
 
-        Parameters
-        ----------
-        values, time
-            As for :meth:`sample`.
-        parameters
-            (windows, parameters), or (windows, n, parameters) [own units].
-
-        Returns
-        -------
-        numpy.ndarray
-            (windows,) or (windows, n); minus infinity outside the ranges.
+        It is minus infinity outside the ranges. ``values`` and ``time`` are as for :meth:`sample`; ``parameters`` are
+        (windows, parameters) or (windows, n, parameters) [own units].
         """
         return self.log_prob_encoded(*self.run.encoded(values, time), parameters)
 
@@ -113,10 +104,7 @@ class Posterior:
 
 
 def check_samples(n: int) -> None:
-    """Refuse fewer samples of a posterior than its interval takes.
-
-    Raises EstimatorError if there are fewer than FEWEST.
-    """
+    """Refuse fewer samples of a posterior than FEWEST, which its interval takes: an EstimatorError."""
     if n < FEWEST:
         raise EstimatorError(
             f"samples: is {n}; expected at least {FEWEST}, so that one lies beyond each end of the"

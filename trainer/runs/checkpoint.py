@@ -257,10 +257,7 @@ def forward_in_chunks(model: Estimator, windows: torch.Tensor, time: torch.Tenso
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder to write results to.
-
-    Raises EstimatorError if that cannot be done.
-    """
+    """Make a folder to write results to; an EstimatorError if that cannot be done."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

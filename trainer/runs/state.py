@@ -53,10 +53,7 @@ def read_state(path: Path) -> tuple[dict[str, Tensors], dict[str, Any]]:
 
 
 def check_settings(path: Path, found: dict[str, Any], expected: dict[str, Any]) -> None:
-    """Refuse to go on with a training that was another one.
-
-    Raises EstimatorError naming the first setting that differs.
-    """
+    """Refuse to go on with a training that was another one: an EstimatorError naming the first setting that differs."""
     for name, value in expected.items():
         if found.get(name) != value:
             raise EstimatorError(

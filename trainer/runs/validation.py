@@ -104,17 +104,10 @@ def absences(optional: list[str]) -> list[list[str]]:
 
 
 def typical_errors(card: Card, length: int, absent: list[str], noise: str | None = None) -> Typical:
-    """The errors of estimates from windows of some length that lack some channels, as far as a card has them.
+    """The errors of estimates from windows of ``length`` samples that lack ``absent`` channels, where a card has them.
 
-    Parameters
-    ----------
-    length
-        Samples of the window.
-    absent
-        Recorded channels that it lacks.
-    noise
-        Sensor preset; several, joined by spaces, are mixed evenly. None is a recording's, of which nobody knows: then
-        each parameter has the largest error that it has under a preset of the training.
+    Several presets of ``noise``, joined by spaces, are mixed evenly. None is a recording's, of which nobody knows: then
+    each parameter has the largest error that it has under a preset of the training.
     """
     presets = list(dict.fromkeys((noise or card.noise).split()))
     found = {one.noise: one for one in card.validation_errors if one.length == length and set(one.absent) == {*absent}}

@@ -71,10 +71,7 @@ class Best(Result, BaseModel, extra="forbid"):
 
 
 def read_options(path: Path) -> Best:
-    """Read ``best.json``, or a file by hand that has at least ``model``.
-
-    Raises EstimatorError if it cannot be read as one.
-    """
+    """Read ``best.json``, or a file by hand that has at least ``model``; an EstimatorError if it is neither."""
     expected = "a file of `trainer tune`"
     return validated(Best, read_json(path, EstimatorError, expected), f"{path}", EstimatorError, expected)
 
