@@ -102,7 +102,7 @@ class Comparison(Result):
         """A row for each output, month, regime and system: steps, and bias, rms, p95 and largest difference [unit]."""
         return pd.DataFrame(self.records()).set_index(["output", "group", "cell"])
 
-    def records(self) -> list[dict[str, str | int | float]]:
+    def records(self) -> list[dict[str, Any]]:
         """The same as plain numbers."""
         return [
             {"group": row.group, "cell": row.cell, "output": output.name, "unit": output.unit, "steps": row.steps}
