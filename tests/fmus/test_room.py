@@ -35,7 +35,7 @@ def test_intervals_cover_rooms_of_another_seed_with_and_without_effects():
         windows.append(np.stack([series[name] for name in run.card.encoding.recorded], axis=1))
         stamps.append(found.time[0])
         truth.append(sample_parameters(system, 97531, index))
-    said = summarise(load_posterior(run).sample(np.array(windows, dtype=np.float32), np.array(stamps), 200))
+    said = summarise(load_posterior(run).sample(np.array(windows, dtype=np.float32), np.array(stamps), 100))
     inside = (np.array(truth) >= said.low) & (np.array(truth) <= said.high)
     # 160 intervals of 20 rooms: of 90 % fewer than 80 % would be four standard deviations of independent ones
     assert 0.80 <= inside.mean() <= 0.98
