@@ -75,7 +75,7 @@ def test_a_script_without_a_guard_has_its_farm(tanks, alone, tmp_path):
 
 
 def test_two_fmus_of_one_name_are_two_in_one_farm(tanks, alone, tmp_path, taken_to_be_alive):
-    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
+    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0") as cluster:
         for name, tank in zip(("one", "other"), tanks, strict=True):
             run(tank, tmp_path / name, scheduler=cluster.scheduler_address, **SIZE)
     for name, expected in zip(("one", "other"), alone, strict=True):
