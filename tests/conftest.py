@@ -13,8 +13,8 @@ from tests.forked import Forked
 
 # new examples are for people who can look at what they find; CI repeats the ones it knows
 # how long an example takes says how busy a machine is
-settings.register_profile("ci", derandomize=True, deadline=None)
-settings.register_profile("here", deadline=None)
+settings.register_profile("ci", derandomize=True, deadline=None, max_examples=30)
+settings.register_profile("here", deadline=None, max_examples=30)
 settings.load_profile("ci" if os.environ.get("CI") else "here")
 
 ROOT = Path(__file__).resolve().parents[1]

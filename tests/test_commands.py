@@ -79,7 +79,7 @@ main(sys.argv[1:])
 
 
 @pytest.mark.slow
-def test_a_training_that_is_stopped_says_how_to_go_on_and_that_goes_on(tmp_path):
+def test_a_training_that_is_stopped_says_how_to_go_on_and_that_goes_on(tmp_path, capsys):
     """To the same weights as one that was not stopped: trainer/training/test_resuming.py."""
     tanks = make_dataset(tmp_path / "tanks", systems=20)
     options = {"width": 16, "layers": 1, "heads": 2, "feedforward": 32}
@@ -105,8 +105,8 @@ def test_a_training_that_is_stopped_says_how_to_go_on_and_that_goes_on(tmp_path)
     assert sentence == "warning: stopped; finished work is kept, and this command continues it:"
     program, *rest = again.split()
     assert program == "trainer" and rest == [*map(str, words), "--resume"]
-    done = subprocess.run([Path(sys.executable).parent / program, *rest], capture_output=True, text=True, timeout=300)
-    assert (done.returncode, done.stdout) == (0, ""), done.stderr
+    assert start(trainer, rest) == 0
+    assert capsys.readouterr().out == ""
     lines = [json.loads(line) for line in (tmp_path / "log").read_text().splitlines()]
     assert [line["code"] for line in lines if "code" in line] == [STOPPED, 0]
     steps = [line["step"] for line in lines if "validation_loss" in line and "step" in line]

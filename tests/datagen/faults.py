@@ -24,9 +24,17 @@ faulty = importlib.util.module_from_spec(_spec)
 _spec.loader.exec_module(faulty)
 
 
+_RUN = """
+import datagen.simulating.liveness
+from datagen.cli import main
+datagen.simulating.liveness.check_live_apart = lambda *_: None
+main()
+"""
+
+
 def farm(*words, **kinds):
-    """Start ``datagen run`` as a user would, in a process group of its own."""
-    command = [sys.executable, "-m", "datagen.cli", "run", *map(str, words)]
+    """Start ``datagen run`` as a user would, in a process group of its own; the FMU is not tried before."""
+    command = [sys.executable, "-c", _RUN, "run", *map(str, words)]
     return subprocess.Popen(
         command,
         stdout=subprocess.PIPE,

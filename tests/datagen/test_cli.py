@@ -10,6 +10,7 @@ import xarray as xr
 from datagen.cli import app
 from shared.console import FAULT, OK, PARTLY, USAGE, start
 from shared.store import Manifest
+from tests.datagen.faults import stay_in_this_process
 
 RUN = ["run", "TOML", "--out", "x", "--systems", "2"]
 
@@ -31,14 +32,13 @@ def test_simulate_sets_parameters_in_both_spellings(default_system, tmp_path, ca
 
 
 def test_farm_commands_work_together(default_system, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("datagen.farming.farm.check_live_apart", lambda *_: None)  # the farm's own tests have it
+    stay_in_this_process(monkeypatch)
     folder = tmp_path / "ds"
     words = ["--systems", 2, "--hours", 24, "--workers", 1, "--quiet", "--log", tmp_path / "log.jsonl"]
     assert run("run", default_system.path, "--out", folder, *words) == OK
     assert capsys.readouterr() == ("", "")
     lines = [json.loads(line) for line in (tmp_path / "log.jsonl").read_text().splitlines()]
     assert [line["systems"] for line in lines if line["message"] == "shard shard-000000.nc"] == [[0, 1]]
-    assert [line["workers"] for line in lines if "dashboard" in line] == [1]
     assert run("info", folder, "--json") == OK
     found = json.loads(capsys.readouterr().out)
     assert found["systems_done"] == 2
@@ -60,7 +60,8 @@ def test_a_dataset_without_some_systems_has_an_exit_code_of_its_own(default_syst
 
 
 @pytest.mark.slow
-def test_identifiability_is_kept_and_copied(default_system, tmp_path, capsys):
+def test_identifiability_is_kept_and_copied(default_system, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("datagen.simulating.liveness.check_live_apart", lambda *_, **__: None)
     out = tmp_path / "limit.json"
     words = ["identifiability", default_system.path, "--context", 12, "--systems", 1, "--workers", 1]
     assert run(*words, "--noise", "none", "sensor", "--out", out, "--json") == OK

@@ -2,8 +2,8 @@
 
 Every ``COPY`` and ``RUN`` is carried out, the ``ENV`` holds for what is run afterwards. What is changed on the way:
 absolute paths of the Dockerfile point into the folder, ``python`` and ``pip`` are this machine's, no account is made.
-What ``pip`` installs into the image, ``uv`` installs: it takes the same words, and has unpacked most of it for other
-tests. It compiles no modules as ``pip`` does, so the first program that imports one keeps it compiled.
+What ``pip`` builds and installs, ``uv`` does: it takes the same words, and has unpacked most of it for other tests. It
+compiles no modules as ``pip`` does, so the first program that imports one keeps it compiled.
 """
 
 from __future__ import annotations
@@ -150,7 +150,8 @@ def build(described: Dockerfile, root: Path, python: str) -> Built:
         (root / name).mkdir(parents=True, exist_ok=True)
     _tool(tools / "python", f'exec "{python}" "$@"')
     into = f'[ "$1 $3" = "--python install" ] && {{ it="$2"; shift 3; exec "{uv()}" pip install --python "$it" "$@"; }}'
-    _tool(tools / "pip", f'{into}\nexec "{sys.executable}" -m pip "$@"')
+    wheel = f'[ "$*" = "wheel --no-deps --wheel-dir $4 ." ] && exec "{uv()}" build --wheel --quiet --out-dir "$4" .'
+    _tool(tools / "pip", f'{into}\n{wheel}\nexec "{sys.executable}" -m pip "$@"')
     _tool(tools / "groupadd", f'echo "group $@" >> "{root}/accounts"')
     _tool(tools / "useradd", f'echo "user $@" >> "{root}/accounts"')
     _tool(tools / "install", 'for w; do case "$w" in --*) ;; *) mkdir -p "$w" ;; esac; done')

@@ -75,7 +75,7 @@ def stored_heat(t):
 
 @pytest.mark.slow
 def test_heat_is_conserved_over_a_season(twin, weather):
-    """Integral of all net flows over two months of smooth weather, controls and excitation active."""
+    """Integral of all net flows over three weeks of smooth weather, controls and excitation active."""
     effects = {
         "effect.infiltration.cStack": 4e-4,
         "effect.bridge.UA": 8.0,
@@ -89,14 +89,14 @@ def test_heat_is_conserved_over_a_season(twin, weather):
 
     t = twin().start({k: float(v) for k, v in season(0.0).items()} | effects)
     before, stored_before = stored_heat(t), t.get("UStored")[0]
-    time = np.arange(0.0, 60 * 86400.0 + 1, 5 * 86400.0)
+    time = np.arange(0.0, 20 * 86400.0 + 1, 5 * 86400.0)
     # a linear multistep method keeps linear balances exactly, so that a loose tolerance does
     _, integrals, events = t.run(time, season, integrals=FLOWS, rtol=1e-4)
     after = stored_heat(t)
-    assert events > 100  # limiters were at work
+    assert events > 30  # limiters were at work
     assert t.get("UStored")[0] - stored_before == pytest.approx(after - before, rel=1e-4)
     gains = integrals[FLOWS.index("QHea")] + integrals[FLOWS.index("QPeo")]
-    assert gains > 2e9
+    assert gains > 6e8
     assert abs(np.sum(integrals) - (t.get("UStored")[0] - stored_before)) < 1e-6 * gains
 
 

@@ -9,13 +9,13 @@ OUTPUTS = ("TRoo", "CO2", "QHea", "mOA")
 
 
 def test_saturating_controllers_do_not_chatter(twin, weather):
-    """Ten days, excitations and smooth weather: a few events for each turn of a limiter, and all limits kept."""
+    """Four days, excitations and smooth weather: a few events for each turn of a limiter, and all limits kept."""
     values = {"mOut_flow": 0.05, "gaiCO2.k": 1.2e-5, "conCO2.yMax": 1.0, "QHea_max": 3000.0, "glaSys.UFra": 3.0}
     t = twin().start(values)
-    time = np.arange(0.0, 10 * DAY + 1, 1800.0)
+    time = np.arange(0.0, 4 * DAY + 1, 1800.0)
     out, _, events = t.run(time, weather, (*OUTPUTS, "yCO2", "yHea"), rtol=1e-6)
     y_co2, y_hea = out[:, 4], out[:, 5]
-    assert 10 < events < 400  # two excitations cross their clamps up to some 15 times a day
+    assert 10 < events < 160  # two excitations cross their clamps up to some 15 times a day
     for y, top in ((y_co2, 1.0), (y_hea, 1.0)):
         assert np.all((y >= -2e-6) & (y <= top + 2e-6))
         assert np.any(y == 0.0)
@@ -35,7 +35,7 @@ def test_replay_takes_actuators_from_the_inputs(twin):
 
 def test_replaying_the_control_run_gives_the_control_run(twin, winter):
     """Interval means of heater and flow over short intervals, fed back."""
-    time = np.arange(0.0, 2 * DAY + 1, 300.0)
+    time = np.arange(0.0, DAY + 1, 300.0)
     a = twin().start({"mOut_flow": 0.06})
     means, rows = [], []
     for t0, t1 in itertools.pairwise(time):

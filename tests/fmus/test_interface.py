@@ -59,7 +59,7 @@ def test_thousands_of_instances_leave_no_memory_behind(twin):
     resource = pytest.importorskip("resource")
     cycle(500)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    cycle(3000)
+    cycle(1000)
     fmu.component = first
     assert t.allocated == held
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 1000  # kB

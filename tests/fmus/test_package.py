@@ -116,10 +116,10 @@ def test_rebuilt_fmu_gives_the_shipped_trajectory(shipped, files, build_fmu, sim
     with zipfile.ZipFile(rebuilt) as archive:
         assert archive.read("modelDescription.xml") == files["modelDescription.xml"]
         assert sum(name.startswith("binaries/") for name in archive.namelist()) == 1
-    t = np.arange(0.0, 30 * 86400.0 + 1, 3600.0)
+    t = np.arange(0.0, 7 * 86400.0 + 1, 3600.0)
     inputs = weather(t)
     a, b = simulate(t, inputs, fmu=shipped), simulate(t, inputs, fmu=rebuilt)
-    assert np.ptp(a[:, 0]) > 2.0  # the month has something to say
+    assert np.ptp(a[:, 0]) > 2.0  # the week has something to say
     np.testing.assert_allclose(b, a, rtol=1e-9, atol=1e-9)
 
 

@@ -29,16 +29,16 @@ def test_intervals_cover_rooms_of_another_seed_with_and_without_effects():
     simulator, run = Simulator(system), load_run("Room")
     names = [*system.output_names, *system.input_names]
     windows, stamps, truth = [], [], []
-    for index in range(40):
+    for index in range(20):
         found = simulate_system(simulator, root_seed=97531, index=index, uncertain=True, disturbed=0.35)
         series = dict(zip(names, np.concatenate([found.outputs, found.inputs]), strict=True))
         windows.append(np.stack([series[name] for name in run.card.encoding.recorded], axis=1))
         stamps.append(found.time[0])
         truth.append(sample_parameters(system, 97531, index))
-    said = summarise(load_posterior(run).sample(np.array(windows, dtype=np.float32), np.array(stamps), 200))
+    said = summarise(load_posterior(run).sample(np.array(windows, dtype=np.float32), np.array(stamps), 100))
     inside = (np.array(truth) >= said.low) & (np.array(truth) <= said.high)
-    # 320 intervals of 40 rooms: of 90 % fewer than 83 % would be four standard deviations of independent ones
-    assert 0.83 <= inside.mean() <= 0.97
+    # 160 intervals of 20 rooms: of 90 % fewer than 80 % would be four standard deviations of independent ones
+    assert 0.80 <= inside.mean() <= 0.98
     area = system.parameters[system.parameter_names.index("roo.AFlo")]
     width = np.log(said.high / said.low)[:, system.parameter_names.index("roo.AFlo")]
     assert np.median(width) < 0.55 * np.log(area.max / area.min)  # of 0.9 where nothing is learned

@@ -107,18 +107,18 @@ def readers(folder: Path) -> list[Reader]:
     write_sam(folder / "nsrdb" / "w.csv", made)
     write_pvgis(folder / "pvgis" / "w.csv", made)
     found = [
-        Reader("FMU archive", folder / "fmu", "a.fmu", lambda at: unpacked(at / "a.fmu"), damage_bytes, examples=6),
+        Reader("FMU archive", folder / "fmu", "a.fmu", lambda at: unpacked(at / "a.fmu"), damage_bytes, examples=4),
         Reader(
             *("FMU description", folder / "xml", "a.fmu"),
             *(lambda at: unpacked(at / "a.fmu"), damage_description),
-            examples=6,
+            examples=4,
         ),
         Reader("failures", folder / "failures", "failures.jsonl", lambda at: list(Failures.read(at)), damage_text),
         Reader("lock", folder / "lock", ".lock", read_holder, damage_text),
     ]
     for form, file in WEATHER:
         read = lambda at, file=file: checked_weather(at / file)  # noqa: E731
-        found.append(Reader(f"weather, {form}", folder / form, file, read, damage_text, examples=2, own_words=True))
+        found.append(Reader(f"weather, {form}", folder / form, file, read, damage_text, examples=1, own_words=True))
     for file in ("mapping.toml", "rooms.csv", "room1.csv"):
         at = folder / f"recorded-{file}"
         at.mkdir()

@@ -110,7 +110,7 @@ def readers(folder: Path) -> list[Reader]:
         }
         xr.Dataset(series, {"time": time}).to_netcdf(at / "r.nc", format=form)
         read = lambda at: read_recording(at / "r.nc", system)  # noqa: E731
-        found.append(Reader(f"recording, {form}", at, "r.nc", read, damage_bytes, examples=5))
+        found.append(Reader(f"recording, {form}", at, "r.nc", read, damage_bytes, examples=3))
     frame, _ = measured(days=2, minutes=30)
     for name, file, damage in (
         ("mapping", "mapping.toml", damage_text),
@@ -124,7 +124,7 @@ def readers(folder: Path) -> list[Reader]:
         (at / "house.toml").write_text(HOUSE)
         frame.to_csv(at / "data.csv", index=False)
         # a damaged mapping asks for what the measurements do not have
-        found.append(Reader(f"import, {name}", at, file, imported, damage, examples=3, named=False))
+        found.append(Reader(f"import, {name}", at, file, imported, damage, examples=2, named=False))
     cases = [Case("library", ("a",), sizes=(1.0,), room=2.0), Case("none", truth="no_gap", room=0.1)]
     for file, seal in (("set/manifest.json", None), ("set.answers.json", _reseal)):
         at = folder / f"blind-{Path(file).name}"

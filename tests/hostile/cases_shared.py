@@ -45,7 +45,7 @@ def readers(folder: Path) -> list[Reader]:
             named=False,
         ),
         Reader("shard, training", dataset(folder / "ds2"), shard, load, damage_bytes),
-        Reader("shard, datagen verify", dataset(folder / "ds3"), shard, facts, damage_bytes, examples=5),
+        Reader("shard, datagen verify", dataset(folder / "ds3"), shard, facts, damage_bytes, examples=3),
         Reader(
             *("ceilings", folder / "ceiling", "identifiability.json"),
             *(lambda at: read_ceilings(at / "identifiability.json"), damage_json),

@@ -94,12 +94,12 @@ def readers(folder: Path) -> list[Reader]:
         Reader("weights", copy("r2"), weights, estimate, damage_bytes),
         Reader("weights, hash made anew", copy("r3"), weights, estimate, damage_bytes, seal=_seal(card, weights)),
         Reader(
-            "posterior.json", copy("r4", shipped), "posterior.json", posterior, damage_json, examples=5, named=False
+            "posterior.json", copy("r4", shipped), "posterior.json", posterior, damage_json, examples=3, named=False
         ),
         Reader(
             *("posterior weights, hash made anew", copy("r5", shipped), "posterior.safetensors", posterior),
             *(damage_bytes, _seal("posterior.json", "posterior.safetensors")),
-            examples=5,
+            examples=3,
         ),
         Reader(
             "training state",
@@ -117,6 +117,6 @@ def readers(folder: Path) -> list[Reader]:
         Reader(
             *("recording, trainer predict", folder / "window", "r.nc"),
             *(lambda at: read_window(at / "r.nc", encoding), damage_bytes),
-            examples=5,
+            examples=3,
         ),
     ]

@@ -50,7 +50,7 @@ class Reader:
     read: Callable[[Path], Any]
     damage: Callable[[bytes, Random], bytes]
     seal: Callable[[Path], None] | None = None
-    examples: int = 8
+    examples: int = 4
     named: bool = True
     own_words: bool = False
 

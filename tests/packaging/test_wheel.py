@@ -13,9 +13,9 @@ import pytest
 import xarray as xr
 from filelock import FileLock
 
+from datagen import simulate
 from shared import __version__
-from shared.system import load_system
-from tests.packaging.wheels import PACKAGE, PROMISES, build, index_answers, install, predicted, recording
+from tests.packaging.wheels import HOLDS, PACKAGE, PROMISES, build, index_answers, install
 
 pytestmark = pytest.mark.slow
 
@@ -89,28 +89,14 @@ EXTRAS = [*PROMISES] if "ZEROSHOT_PYTHONS" in os.environ else ["", "diagnosis"]
 
 @pytest.mark.parametrize("extra", EXTRAS, ids=lambda extra: extra or "bare")
 def test_the_wheel_works_where_nothing_else_is(dist, extra, python, tmp_path, default_system):
-    environment = install(dist[1], extra, tmp_path / "environment", python)
-    holds(environment, extra, tmp_path, default_system)
-    {"": bare, "datagen": farm, "trainer": learns, "diagnosis": diagnoses}[extra](environment, tmp_path)
-
-
-def holds(environment, extra, folder, system):
-    promise = PROMISES[extra]
-    installed = environment.distributions(folder)
-    assert promise.present | {PACKAGE} <= installed
-    assert not promise.absent & installed
-    where = environment.out("python", "-c", "import shared; print(shared.__file__)", cwd=folder)
-    assert where.startswith(str(environment.folder))
-    assert environment.import_all(promise.imports, folder) > 10
-    shipped = environment.out(
-        *("python", "-c"),
-        "from shared.shipped import resolved; from shared.system import load_system as l;"
-        "print(l(resolved('MixedAirCO2')).hash())",
-        cwd=folder,
-    )
-    assert shipped.strip() == load_system(system.path).hash()
-    for program in ("datagen", "trainer", "diagnosis"):
-        assert f"Usage: {program}" in environment.out(program, "--help", cwd=folder)
+    environment, promise = install(dist[1], extra, tmp_path / "environment", python), PROMISES[extra]
+    found = json.loads(environment.out("python", "-c", HOLDS, *promise.imports, cwd=tmp_path))
+    assert promise.present | {PACKAGE} <= {*found["distributions"]}
+    assert not promise.absent & {*found["distributions"]}
+    assert found["where"].startswith(str(environment.folder))
+    assert found["modules"] > 10
+    assert found["system"] == default_system.hash()
+    {"": bare, "datagen": farm, "trainer": learns, "diagnosis": all_three}[extra](environment, tmp_path)
 
 
 def lacks(environment, folder, extra, *words):
@@ -136,16 +122,23 @@ def farm(environment, folder):
 
 
 def learns(environment, folder):
-    found = predicted(environment, recording(folder), folder)
-    assert all(one["low"] < one["value"] < one["high"] for one in found.values()), found
+    simulate("MixedAirCO2", hours=168.0, seed=3, out=folder / "room.nc")
+    predicted(environment, folder)
     lacks(environment, folder, "datagen", "datagen", "simulate", "MixedAirCO2", "--out", "other.nc")
     lacks(environment, folder, "diagnosis", "diagnosis", "residuals", "MixedAirCO2", "room.nc")
 
 
-def diagnoses(environment, folder):
-    path = recording(folder)
-    words = ["residuals", "MixedAirCO2", path.name, "--run", "MixedAirCO2", "--json"]
+def predicted(environment, folder):
+    said = environment.out("trainer", "predict", "MixedAirCO2", "room.nc", "--json", cwd=folder)
+    found = json.loads(said)["predictions"][0]["parameters"]
+    assert len(found) == 8 and all(one["low"] < one["value"] < one["high"] for one in found.values()), found
+
+
+def all_three(environment, folder):
+    environment.out("datagen", "simulate", "MixedAirCO2", "--out", "room.nc", "--hours", "168", cwd=folder)
+    predicted(environment, folder)
+    words = ["residuals", "MixedAirCO2", "room.nc", "--run", "MixedAirCO2", "--json"]
     found = json.loads(environment.out("diagnosis", *words, cwd=folder))["outputs"]
-    with xr.open_dataset(path) as record:
+    with xr.open_dataset(folder / "room.nc") as record:
         outputs = {str(name) for name in record.data_vars if record[name].attrs.get("role") == "output"}
-    assert {*found} <= outputs and all(one["rmse"] > 0 for one in found.values())
+    assert found and {*found} <= outputs and all(one["rmse"] > 0 for one in found.values())

@@ -5,17 +5,13 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-
-from datagen import simulate
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = "zeroshot-fmu"
@@ -43,19 +39,21 @@ PROMISES = {
 }
 """By extra; the empty one is the distribution without any. (torch itself requires jinja2.)"""
 
-EVERY_MODULE = """
-import importlib, importlib.util, pkgutil, sys
-page = importlib.util.find_spec("panel") is not None
-count = 0
+HOLDS = """
+import importlib, importlib.metadata, importlib.util, json, pkgutil, sys
+from shared.shipped import resolved
+from shared.system import load_system
+system, page, count = load_system(resolved("MixedAirCO2")), importlib.util.find_spec("panel") is not None, 0
 for package in sys.argv[1:]:
     for found in pkgutil.walk_packages(importlib.import_module(package).__path__, package + "."):
         if page or not found.name.startswith("diagnosis.app."):
             importlib.import_module(found.name)
         count += 1
-print(count)
+names = [one.name.lower().replace("_", "-") for one in importlib.metadata.distributions()]
+where = sys.modules["shared"].__file__
+print(json.dumps({"distributions": names, "where": where, "system": system.hash(), "modules": count}))
 """
-"""Imports all modules of the packages that it is given, those of the local page with its extra, and counts them."""
-_DISTRIBUTIONS = "import importlib.metadata as m; print(*(d.name.lower().replace('_', '-') for d in m.distributions()))"
+"""Imports all modules of the packages that it is given, those of the local page with its extra; says what is there."""
 
 
 @dataclass(frozen=True)
@@ -78,14 +76,6 @@ class Environment:
         done = self.run(*words, cwd=cwd)
         assert done.returncode == 0, f"{' '.join(words)}: exit code {done.returncode}\n{done.stdout}\n{done.stderr}"
         return done.stdout
-
-    def distributions(self, cwd: Path) -> set[str]:
-        """What is installed, by normalised names."""
-        return set(self.out("python", "-c", _DISTRIBUTIONS, cwd=cwd).split())
-
-    def import_all(self, packages: Sequence[str], cwd: Path) -> int:
-        """Import every module of some packages; returns how many there are."""
-        return int(self.out("python", "-c", EVERY_MODULE, *packages, cwd=cwd))
 
 
 def sources(target: Path) -> None:
@@ -148,18 +138,3 @@ def uv_settings() -> dict[str, str]:
     }
     handed = {"UV_FIND_LINKS": said.get("find-links"), "UV_DEFAULT_INDEX": said.get("index-url")}
     return {name: value.replace(" ", ",") for name, value in handed.items() if value and name not in os.environ}
-
-
-def recording(folder: Path) -> Path:
-    """A week of the default system, simulated here: a recording is all that passes between environments."""
-    path = folder / "room.nc"
-    simulate("MixedAirCO2", hours=168.0, seed=3, out=path)
-    return path
-
-
-def predicted(environment: Environment, path: Path, cwd: Path) -> dict[str, dict[str, float]]:
-    """What the pretrained estimator that is in the wheel makes of a recording."""
-    said = environment.out("trainer", "predict", "MixedAirCO2", str(path), "--json", cwd=cwd)
-    found = json.loads(said)["predictions"][0]["parameters"]
-    assert isinstance(found, dict)
-    return found

@@ -161,11 +161,13 @@ def test_prior_stays_in_range_and_is_monotone(low, factor, scale, u):
     assert np.all(np.diff(values) >= -1e-12 * parameter.max)
 
 
+SYSTEM = load_system(TOML)
+
+
 @given(steps=st.integers(1, 60 * 24 * 366), step=st.sampled_from([1.0, 10.0, 60.0, 300.0, 420.0, 600.0, 900.0, 3600.0]))
 @example(steps=385, step=300.0)
 def test_whole_steps_divide_their_length_and_others_do_not(steps, step):
     """Lengths of recordings in hours are rounded: 385 steps of 300 s are 32.08333 h."""
-    system = load_system(TOML)
-    assert system.with_experiment(step=step, hours=steps * step / 3600.0).experiment.step == step
+    assert SYSTEM.with_experiment(step=step, hours=steps * step / 3600.0).experiment.step == step
     with pytest.raises(SystemDescriptionError, match=f"step {step:g} s does not divide"):
-        system.with_experiment(step=step, hours=(steps + 0.01) * step / 3600.0)
+        SYSTEM.with_experiment(step=step, hours=(steps + 0.01) * step / 3600.0)

@@ -41,7 +41,7 @@ def test_a_system_is_like_itself(default):
 
 @pytest.mark.slow
 def test_finer_walls_move_the_temperature_but_not_the_air(default, finer):
-    found = compare(default, finer, systems=2, hours=720, seed=3)
+    found = compare(default, finer, systems=2, hours=336, seed=3)
     rows = {row.cell: row for row in found.rows()}
     temperature, co2, _, flow = rows["all"].rms
     # the walls are the only difference: the room feels it, the air exchange must not

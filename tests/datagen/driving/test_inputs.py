@@ -125,7 +125,7 @@ def test_held_inputs_jump_and_lines_do_not():
 
 
 @given(st.integers(0, 10**5), st.floats(-20 * DAY, 50 * DAY), st.floats(HOUR, 20 * DAY))
-@settings(max_examples=40)
+@settings(max_examples=20)
 def test_an_input_at_a_time_does_not_depend_on_the_span(index, start, length):
     whole = build(index, -21 * DAY, 80 * DAY)
     part = build(index, start, start + length)

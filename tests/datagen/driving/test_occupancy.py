@@ -31,7 +31,7 @@ def year(index, start=0.0, stop=365 * DAY, spec=SPEC):
 
 
 @given(st.integers(0, 10**6))
-@settings(max_examples=25)
+@settings(max_examples=15)
 def test_persons_are_whole_numbers_and_nights_are_empty(index):
     signal = year(index)
     assert signal.kind == "previous"
@@ -65,7 +65,7 @@ def test_an_occupied_day_has_a_few_changes_anywhere_within_the_hour():
 
 
 @given(st.integers(0, 10**6), st.floats(-30 * DAY, 60 * DAY), st.floats(HOUR, 40 * DAY))
-@settings(max_examples=60)
+@settings(max_examples=20)
 def test_a_day_is_the_same_in_every_span(index, start, length):
     whole = year(index, -40 * DAY, 120 * DAY)
     part = year(index, start, start + length)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from datagen.driving.tables import Piecewise, merge
@@ -27,7 +27,6 @@ def tables(draw):
 
 
 @given(tables())
-@settings(max_examples=100)
 def test_table_reproduces_each_signal(made):
     table = merge(made, START, STOP)
     t = np.concatenate([np.arange(START, STOP, CELL), np.random.default_rng(0).uniform(START, STOP, 200)])
@@ -38,7 +37,6 @@ def test_table_reproduces_each_signal(made):
 
 
 @given(tables())
-@settings(max_examples=100)
 def test_means_are_integrals(made):
     table = merge(made, START, STOP)
     edges = np.array([START, START + 0.25, 0.0, 0.5, 3.0, 9.75, STOP])
@@ -51,7 +49,6 @@ def test_means_are_integrals(made):
 
 
 @given(tables(), st.integers(-16, 46), st.integers(1, 40))
-@settings(max_examples=100)
 def test_restricted_and_refined_keep_the_signal(made, first, length):
     table = merge(made, START, STOP)
     begin, end = first / 4 + 0.1, min(first / 4 + length / 4, STOP)

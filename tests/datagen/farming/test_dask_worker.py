@@ -1,19 +1,16 @@
-"""A worker that goes, with Dask's own processes: a fresh one takes its place, and no shard is blamed for it."""
+"""Workers that can do nothing, or go: others take their shards, with Dask's own scheduler."""
 
-import asyncio
 import functools
-import os
 import threading
 import time
 
 import dask
 import pytest
 from dask.distributed import Client, LocalCluster
-from distributed.scheduler import Scheduler
 
 from datagen.farming.collection import Collection
-from datagen.farming.dask_settings import OWN_CLUSTER, SETTINGS
-from datagen.farming.dask_worker import address, named, recycle
+from datagen.farming.dask_settings import SETTINGS
+from datagen.farming.dask_worker import address, named
 from datagen.farming.dispatch import Dispatcher
 from datagen.farming.failures import Failures
 from datagen.farming.plan import Piece
@@ -22,11 +19,6 @@ from shared.manifest import Manifest
 from tests.datagen.faults import wait_for
 
 pytestmark = pytest.mark.slow
-
-
-def leave():
-    recycle(0.0, 1)
-    return os.getpid()
 
 
 def all_but(place, *_):
@@ -81,32 +73,3 @@ def test_a_task_whose_other_workers_are_gone_goes_to_the_one_that_it_avoided():
         busy.release()
         assert sorted(begun) == [(0.0, bad), (0.1, bad)]
         gone.join()
-
-
-def stay(seconds):
-    time.sleep(seconds)
-    return os.getpid()
-
-
-@pytest.fixture
-def client():
-    local = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": None, "silence_logs": 60}
-    settings = dask.config.set(SETTINGS | OWN_CLUSTER)
-    with settings, LocalCluster(**local) as cluster, Client(cluster, set_as_default=False) as client:
-        yield client
-
-
-def test_a_heartbeat_while_it_goes_does_not_close_its_nanny(client, monkeypatch):
-    """The scheduler has let it go and says so late, as on a busy machine; heartbeats come twice a second."""
-    remove = Scheduler.remove_worker
-
-    async def late(self, address, **words):
-        removed = await remove(self, address, **words)
-        await asyncio.sleep(1.2 if words.get("expected") else 0.0)
-        return removed
-
-    monkeypatch.setattr(Scheduler, "remove_worker", late)
-    before = client.submit(leave, pure=False).result()
-    (nanny,) = client.cluster.workers.values()
-    wait_for(lambda: nanny.status.name != "running" or nanny.pid not in (before, None))
-    assert client.submit(stay, 0.0, pure=False).result(timeout=60) != before

@@ -1,5 +1,6 @@
 """What may happen to a farm, done to it: killed, interrupted, out of disk, FMUs that crash, hang and leak."""
 
+import asyncio
 import json
 import os
 import shlex
@@ -10,17 +11,20 @@ from collections import Counter
 
 import dask
 import numpy as np
+import psutil
 import pytest
+from distributed.scheduler import Scheduler
 
 from datagen import run, verify
 from datagen.datasets import mending
 from datagen.farming.collection import Collection
-from shared.console import ENDED, STOPPED
+from shared.console import STOPPED
 from shared.errors import DatasetError, SimulationError
 from shared.lock import FolderLock
 from shared.store import DatasetFolder, read_manifest, write_manifest
 from tests.datagen.faults import (
     alive,
+    failing,
     family_of,
     farm,
     faulty,
@@ -34,10 +38,10 @@ from tests.datagen.faults import (
 )
 
 pytestmark = pytest.mark.slow
-SIZE = {"systems": 12, "seed": 3, "shard_size": 2, "workers": 2, "quiet": True}
-MANY = 40
+SIZE = {"systems": 12, "seed": 3, "shard_size": 2, "workers": 1, "quiet": True}
+MANY = 24
 """Shards of the runs that are disturbed: enough that the disturbance comes while there is work left."""
-WORDS = ["--systems", MANY, "--seed", 3, "--shard-size", 1, "--workers", 2, "--hours", 8760]
+WORDS = ["--systems", MANY, "--seed", 3, "--shard-size", 1, "--workers", 1, "--hours", 8760]
 
 
 @pytest.fixture(scope="module")
@@ -82,21 +86,12 @@ def test_stopped_again_and_again_it_is_the_same_and_leaves_nothing_behind(good, 
     """In one way after the other: each run goes on from what the one before it, killed, has left."""
     out = tmp_path / "ds"
     interrupted_early(good, out)
-    for victim in ("client", "terminate"):
-        process, family = disturbed(good, out)
-        if victim == "client":
-            kill(process.pid)
-            finish(process)
-        else:  # as a queue ends the process that it knows
-            os.kill(process.pid, signal.SIGTERM)
-            code, said = finish(process)
-            assert code == ENDED, said
-            again = shlex.join(["datagen", "run", *map(str, [good, "--out", out, *WORDS])])
-            assert f"finished work is kept, and this command continues it:\n  {again}\n" in said, said
-            assert "Traceback" not in said, said
-        assert len(hashes(out)) < MANY, victim
-        assert hashes(out).items() <= hashes(whole).items(), victim
-        wait_for(lambda family=family: not alive(family))
+    process, family = disturbed(good, out)
+    kill(process.pid)
+    finish(process)
+    assert len(hashes(out)) < MANY
+    assert hashes(out).items() <= hashes(whole).items()
+    wait_for(lambda: not alive(family))
     process, _ = disturbed(good, out)
     kill(workers_of(process.pid)[0])
     assert finish(process)[0] == 0
@@ -119,6 +114,8 @@ def interrupted_early(system, out):
     os.killpg(process.pid, signal.SIGINT)
     code, said = finish(process)
     assert code == STOPPED, said
+    again = shlex.join(["datagen", "run", *map(str, [system, "--out", out, *WORDS])])
+    assert f"finished work is kept, and this command continues it:\n  {again}\n" in said, said
     assert "Traceback" not in said, said
     wait_for(lambda: not alive(family))
 
@@ -141,90 +138,79 @@ def test_a_second_run_on_one_folder_is_refused(good, made, monkeypatch):
     assert hashes(made) == before
 
 
-SPOILT = {**SIZE, "systems": 4, "workers": 1, "timeout": 6.0, "failure_budget": 0.5}
-
-
-def test_only_the_guilty_systems_are_quarantined_and_tried_again_only_when_asked(tanks, dozen, tmp_path, monkeypatch):
-    """One system crashes; the same with one that hangs, side by side, as both wait most of the time."""
-    running = []
-    for fault, cause in ((1, "SIGSEGV"), (2, "did not end within 6 s")):
-        bad = faulty.describe(tanks, fault=fault, above=9e-5)
-        out, scratch = (tmp_path / f"{fault}" / name for name in ("ds", "scratch"))
-        scratch.mkdir(parents=True)
-        options = {name.replace("_", "-"): value for name, value in SPOILT.items() if name != "quiet"}
-        words = [word for name, value in options.items() for word in (f"--{name}", value)]
-        running.append(
-            (farm(bad, "--out", out, *words, env={**os.environ, "TMPDIR": f"{scratch}"}), out, scratch, cause)
-        )
-    for process, out, scratch, cause in running:
-        code, said = finish(process)
-        assert code != 0, said
-        guilty_alone(out, dozen, said, cause)
-        assert list(scratch.rglob("modelDescription.xml")) == []
-    monkeypatch.setattr("datagen.farming.farm.check_live_apart", lambda *_: None)  # the run before has seen to it
-    tried_again(faulty.describe(tanks, fault=1, above=9e-5), running[0][1])
-
-
-def guilty_alone(out, dozen, said, cause):
-    """What failed is told with its cause, and all else is as it is without it."""
-    failures = [json.loads(line) for line in (out / "failures.jsonl").read_text().splitlines()]
-    innocent, count = DatasetFolder(dozen).load(), SPOILT["systems"]
-    guilty = [i for i in range(count) if innocent.parameters[i, 0] > 9e-5]
-    assert 0 < len(guilty) < count
-    assert f"{len(guilty)} failed" in said, said
-    assert [one["system"] for one in failures] == guilty
-    assert all(cause in one["cause"] and one["parameters"]["k"] > 9e-5 and one["root_seed"] == 3 for one in failures)
-    assert len(read_manifest(out).done()) == count - len(guilty)
-    records = DatasetFolder(out).load()
-    keep = [i for i in range(count) if i not in guilty]
-    assert (records.values == innocent.values[keep]).all()
-    assert verify(out) == []
-
-
-def tried_again(bad, out):
-    """A plain run leaves all as it is; one that is asked to makes the shard anew, and comes to the same."""
-    manifest, failures = read_manifest(out), (out / "failures.jsonl").read_text()
-    before = {path.name: path.stat().st_mtime_ns for path in shards_in(out)}
-    run(bad, out, **SPOILT)
-    assert {path.name: path.stat().st_mtime_ns for path in shards_in(out)} == before
-    again = run(bad, out, retry_failures=True, **SPOILT)
-    assert (out / "failures.jsonl").read_text() == failures
-    assert [e.content_hash for e in again.shards] == [e.content_hash for e in manifest.shards]
-    assert {path.name: path.stat().st_mtime_ns for path in shards_in(out)} != before
-
-
 @pytest.fixture
 def taken_to_be_alive(monkeypatch):
     """No FMU is tried in a process apart before the run; the runs in processes of their own do it."""
     monkeypatch.setattr("datagen.farming.farm.check_live_apart", lambda *_: None)
 
 
-def test_the_failure_budget_stops_a_run_that_goes_wrong(tanks, tmp_path, taken_to_be_alive):
-    bad = faulty.describe(tanks, fault=3, above=2e-5)
-    with pytest.raises(SimulationError, match=r"more than the failure budget of 0% of 2.*exit code 7"):
-        run(bad, tmp_path, failure_budget=0.0, **{**SIZE, "systems": 2, "shard_size": 1, "workers": 1})
+def test_the_failure_budget_stops_a_run_that_goes_wrong(good, tmp_path, monkeypatch):
+    stay_in_this_process(monkeypatch)
+    failing(monkeypatch, 0)
+    with pytest.raises(SimulationError, match=r"1 system failed, more than the failure budget of 0% of 2.*not want to"):
+        run(good, tmp_path / "ds", failure_budget=0.0, **{**SIZE, "systems": 2, "shard_size": 1})
 
 
-def test_a_leaking_fmu_gets_fresh_workers(tanks, tmp_path, monkeypatch, taken_to_be_alive):
-    """Six years of a tank, each of which loses sixty megabytes: no worker sees many of them, however short.
+def test_only_the_guilty_systems_are_quarantined(tanks, dozen, tmp_path, monkeypatch, taken_to_be_alive):
+    """One system crashes and one hangs, each beside one that does neither; a second run leaves all as it is."""
+    bad = faulty.describe(tanks, fault=6, above=7.67e-5)
+    out, scratch, size = tmp_path / "ds", tmp_path / "scratch", {**SIZE, "systems": 4, "failure_budget": 0.5}
+    scratch.mkdir()
+    monkeypatch.setenv("TMPDIR", str(scratch))  # of the workers
+    manifest = run(bad, out, timeout=4.0, **size)
+    assert {*manifest.done()} == {(3, 1), (3, 2)}
+    failures = [json.loads(line) for line in (out / "failures.jsonl").read_text().splitlines()]
+    innocent = DatasetFolder(dozen).load()
+    for one, index, cause in zip(failures, (0, 3), ("SIGSEGV", "did not end within 4 s"), strict=True):
+        assert (one["system"], one["root_seed"]) == (index, 3)
+        assert one["parameters"] == {"k": innocent.parameters[index, 0]}
+        assert cause in one["cause"]
+    assert (DatasetFolder(out).load().values == innocent.values[[1, 2]]).all()
+    assert verify(out) == []
+    assert list(scratch.rglob("modelDescription.xml")) == []
+    before = {path: path.stat().st_mtime_ns for path in out.rglob("*.nc")}
+    assert run(bad, out, **size).shards == manifest.shards
+    assert {path: path.stat().st_mtime_ns for path in out.rglob("*.nc")} == before
 
-    Dask would give up for good a worker that is not back in time: the farm does not let it, whatever is set.
+
+def listening():
+    """Addresses at which this process and all that it started wait for connections."""
+    here = psutil.Process()
+    opened = [one for process in (here, *here.children(recursive=True)) for one in process.net_connections(kind="tcp")]
+    return {tuple(one.laddr) for one in opened if one.status == psutil.CONN_LISTEN}
+
+
+def test_a_leaking_fmu_gets_fresh_workers_and_nothing_listens_beyond_this_machine(
+    tanks, tmp_path, monkeypatch, taken_to_be_alive
+):
+    """Four years of a tank, each of which loses sixty megabytes: no worker sees many of them, however short.
+
+    Dask would give up for good a worker that is not back in time: the farm does not let it, whatever is set. Nor is its
+    nanny closed where the scheduler has let it go and says so late, as on a busy machine; heartbeats come meanwhile.
     """
-    leaky = faulty.describe(tanks, leak=60e6)
-    seen, take = [], Collection.take
-    monkeypatch.setattr(
-        Collection,
-        "take",
-        lambda self, piece, result: seen.append((result.pid, result.rss)) or take(self, piece, result),
-    )
-    size = {**SIZE, "systems": 6, "shard_size": 1, "workers": 1, "hours": 8760.0}
+    remove, take, seen, opened, before = Scheduler.remove_worker, Collection.take, [], set(), listening()
+
+    async def late(self, address, **words):
+        removed = await remove(self, address, **words)
+        await asyncio.sleep(1.2 if words.get("expected") else 0.0)
+        return removed
+
+    def watched(self, piece, result):
+        seen.append(result.pid)
+        opened.update(listening() - before)
+        take(self, piece, result)
+
+    monkeypatch.setattr(Scheduler, "remove_worker", late)
+    monkeypatch.setattr(Collection, "take", watched)
+    size = {**SIZE, "systems": 4, "shard_size": 1, "hours": 8760.0}
     with dask.config.set({"distributed.deploy.lost-worker-timeout": "1s"}):
-        manifest = run(leaky, tmp_path / "leaky", recycle=100e6, **size)
-    assert len(manifest.done()) == len(seen) == 6
+        manifest = run(faulty.describe(tanks, leak=60e6), tmp_path / "leaky", recycle=100e6, **size)
+    assert len(manifest.done()) == len(seen) == 4
     assert (tmp_path / "leaky" / "failures.jsonl").read_text() == ""
-    counts = Counter(pid for pid, _ in seen)
-    assert len(counts) >= 2
-    assert max(counts.values()) <= 5  # two or three make it grow by a hundred; what the system gives back is left
+    assert len({*seen}) >= 2
+    assert max(Counter(seen).values()) <= 3  # two or three make it grow by a hundred; the system may give some back
+    assert len(opened) >= 3  # scheduler, worker, dashboard
+    assert {ip for ip, _ in opened} <= {"127.0.0.1", "::1"}
 
 
 def test_more_systems_by_extension_leave_the_old_shards_alone(good, dozen, tmp_path, monkeypatch):
@@ -290,15 +276,15 @@ def small_disk(tmp_path):
     subprocess.run(["umount", "-l", where], check=True)
 
 
-def test_a_full_disk_is_a_sentence_and_loses_nothing(good, whole, small_disk, taken_to_be_alive, monkeypatch):
-    size = {**SIZE, "hours": 8760.0, "systems": 24, "shard_size": 1}
+def test_a_full_disk_is_a_sentence_and_loses_nothing(good, whole, small_disk, monkeypatch):
+    stay_in_this_process(monkeypatch)
+    size = {**SIZE, "hours": 8760.0, "systems": MANY, "shard_size": 1}
     with pytest.raises(DatasetError, match=r"No space left.*same command goes on"):
         run(good, small_disk / "ds", **size)
     subprocess.run(["mount", "-o", "remount,size=64m", small_disk], check=True)
     assert all("not in the manifest" in one or "README.md: missing" in one for one in verify(small_disk / "ds"))
-    stay_in_this_process(monkeypatch)
     run(good, small_disk / "ds", **size)
-    assert hashes(small_disk / "ds") == dict(sorted(hashes(whole).items())[:24])
+    assert hashes(small_disk / "ds") == hashes(whole)
 
 
 def test_a_read_only_folder_is_a_sentence(good, small_disk, taken_to_be_alive):

@@ -42,6 +42,12 @@ def tanks(tmp_path_factory):
     return [faulty.describe(folder) for folder in folders]
 
 
+@pytest.fixture
+def taken_to_be_alive(monkeypatch):
+    """No FMU is tried in a process apart before the run: the script's run has it."""
+    monkeypatch.setattr("datagen.farming.farm.check_live_apart", lambda *_: None)
+
+
 def values(folder):
     return DatasetFolder(folder).load().values
 
@@ -68,7 +74,7 @@ def test_a_script_without_a_guard_has_its_farm(tanks, alone, tmp_path):
     np.testing.assert_array_equal(values(tmp_path / "ds"), alone[0])
 
 
-def test_two_fmus_of_one_name_are_two_in_one_farm(tanks, alone, tmp_path):
+def test_two_fmus_of_one_name_are_two_in_one_farm(tanks, alone, tmp_path, taken_to_be_alive):
     with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0") as cluster:
         for name, tank in zip(("one", "other"), tanks, strict=True):
             run(tank, tmp_path / name, scheduler=cluster.scheduler_address, **SIZE)
@@ -76,7 +82,7 @@ def test_two_fmus_of_one_name_are_two_in_one_farm(tanks, alone, tmp_path):
         np.testing.assert_array_equal(values(tmp_path / name), expected)
 
 
-def test_a_worker_whose_fmu_holds_the_interpreter_is_waited_for(tanks, alone, tmp_path, caplog):
+def test_a_worker_whose_fmu_holds_the_interpreter_is_waited_for(tanks, alone, tmp_path, caplog, taken_to_be_alive):
     """It sends no heartbeat for two seconds, where Dask would bear half a second: as ten minutes are to five."""
     held = faulty.describe(tanks[0].parent, fault=5, above=1e-9)
     with dask.config.set({"distributed.scheduler.worker-ttl": "0.5s"}), caplog.at_level("DEBUG", "zeroshot"):

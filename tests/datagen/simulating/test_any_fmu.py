@@ -32,8 +32,9 @@ def steps(times, values):
     return Piecewise(np.array(times), np.array(values, dtype=float), "previous")
 
 
-@pytest.fixture(params=[(2, "me"), (3, "me"), (2, "cs"), (3, "cs")], ids=["fmi2-me", "fmi3-me", "fmi2-cs", "fmi3-cs"])
+@pytest.fixture(params=[(2, "me"), (3, "cs")], ids=["fmi2-me", "fmi3-cs"])
 def flavour(request):
+    """Both versions and both kinds; the ball and the lag have all four."""
     return request.param
 
 
@@ -59,8 +60,8 @@ def height_at(t, height, g, e):
     return np.where(k == 0, height - 0.5 * g * t**2, flying)
 
 
-def test_a_ball_bounces_when_it_should(small_system, flavour):
-    version, kind = flavour
+@pytest.mark.parametrize(("version", "kind"), [(2, "me"), (3, "me"), (2, "cs"), (3, "cs")])
+def test_a_ball_bounces_when_it_should(small_system, version, kind):
     system = small_system(
         "ball", version, (kind,), outputs={"h": "point", "bounces": "point"}, parameters=("g", "e"), step=1 / 128
     )
