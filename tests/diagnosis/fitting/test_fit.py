@@ -153,11 +153,11 @@ def test_renewing_never_loses_by_leaps(room):
 TRUTH = {"ro": 7.0, "ri": 0.6, "c": 4.0, "a": 2.5}
 
 
-@pytest.mark.parametrize("kind", ["me", "cs"])
-def test_a_house_is_recovered(house, house_recording, kind):
+@pytest.mark.parametrize(("kind", "hours", "least"), [("me", 240, 0.2), ("cs", 72, 0.05)])
+def test_a_house_is_recovered(house, house_recording, kind, hours, least):
     """The recording is made by another program, the exact recursion; both kinds of FMU find its parameters."""
     system = house(kind)
-    record = read_recording(house_recording(), system)
+    record = read_recording(house_recording(hours=hours), system)
     found = fit(Problem(Simulator(system), record, history=False))
     assert found.converged
     error = (found.z - found.problem.unknowns(TRUTH)) / found.sd
@@ -165,7 +165,7 @@ def test_a_house_is_recovered(house, house_recording, kind):
     assert found.sd.max() < 0.2
     assert found.at_bound == ()
     # less than 1: the heater is a mean over hours to the fit, which cannot know that it was constant within them
-    assert 0.2 < np.mean(found.residual**2) < 1.3
+    assert least < np.mean(found.residual**2) < 1.3
 
 
 def test_the_posterior_is_that_of_a_grid(house, house_recording):
@@ -209,8 +209,7 @@ class Jump(Nothing):
 def test_an_effect_joins_the_unknowns(house, house_recording):
     """A bias of 0.4 K that comes with the second half is found together with the parameters, as large as it is."""
     system = house("me")
-    path = house_recording(hours=240)
-    record = read_recording(path, system)
+    record = read_recording(house_recording(hours=120), system)
     record.outputs[0] += 0.4 * (record.time > record.time.mean())
     problem = Problem(Simulator(system), record, history=False, effects=[Jump("bias", "degC", scale=0.5)])
     assert problem.names[-1] == "bias"
@@ -224,7 +223,7 @@ def test_an_effect_joins_the_unknowns(house, house_recording):
 def test_a_bias_that_the_insulation_imitates_is_not_claimed(house, house_recording):
     """A constant bias is a little less insulation: the posterior says so, and tells it where insulation is known."""
     system = house("me")
-    record = read_recording(house_recording(hours=240), system)
+    record = read_recording(house_recording(hours=120), system)
     record.outputs[0] += 0.4
     bias = Bias("bias", "degC", scale=0.5)
     found = fit(Problem(Simulator(system), record, history=False, effects=[bias]))
@@ -234,7 +233,7 @@ def test_a_bias_that_the_insulation_imitates_is_not_claimed(house, house_recordi
     rest = [one for one in system.parameters if one.name != "ro"]
     known = system.model_copy(update={"parameters": rest, "fixed": {**system.fixed, "ro": TRUTH["ro"]}})
     sure = fit(Problem(Simulator(known), record, history=False, effects=[bias]))
-    assert sure.sd[-1] < 0.15
+    assert sure.sd[-1] < 0.2
     assert abs(sure.z[-1] - 0.4 / 0.5) < 3.5 * sure.sd[-1]
 
 
@@ -254,7 +253,7 @@ def test_held_out_readings_do_not_count(house, house_recording):
 def test_bounds_are_flagged(house, house_recording):
     """A house with four times the glass that the range allows."""
     system = house("me")
-    record = read_recording(house_recording(values={"a": 20.0}), system)
+    record = read_recording(house_recording(hours=72, values={"a": 20.0}), system)
     assert "a" in fit(Problem(Simulator(system), record, history=False)).at_bound
 
 
@@ -268,10 +267,10 @@ def test_errors_are_as_large_as_the_posterior_says(house, house_recording):
         rng = np.random.default_rng(100 + seed)
         z = 0.7 * rng.standard_normal(4)
         values = dict(zip(TRUTH, Unknowns(system, (), (), ()).values(z), strict=True))
-        persons = sample_occupancy(system.occupancy, rng, -240 * 3600.0, 96 * 3600.0)
-        half_hours = -240 * 3600.0 + 1800 * np.arange(672)
+        persons = sample_occupancy(system.occupancy, rng, -240 * 3600.0, 48 * 3600.0)
+        half_hours = -240 * 3600.0 + 1800 * np.arange(576)
         crowd = np.mean([persons.at(half_hours + 60 * k) for k in range(30)], axis=0)
-        record = read_recording(house_recording(96, seed=seed, persons=crowd, values=values, count=False), system)
+        record = read_recording(house_recording(48, seed=seed, persons=crowd, values=values, count=False), system)
         found = fit(Problem(simulator, record))
         errors.append((found.z[:4] - z) / found.sd[:4])
     errors = np.array(errors)
