@@ -13,6 +13,7 @@ from diagnosis.gap import Report, diagnose
 from diagnosis.gap.limits import ends_left_out, limits, noiseless, strained
 from diagnosis.gap.linear import applicable
 from diagnosis.gap.sentences import summary
+from tests.diagnosis.conftest import WARM_UP
 from tests.diagnosis.fitting.crowd_cases import on_persons, warm_room
 from tests.diagnosis.gap.gap_cases import candidates
 from tests.diagnosis.gap.report_cases import constant, named, report, seen, stage
@@ -58,7 +59,7 @@ def test_persons_who_were_not_counted_are_not_looked_at(house, house_recording):
     """They were, and must not be: replicates draw others."""
     system = house("me")
     effects, path = candidates(system)[:2], house_recording(hours=120)
-    done = diagnose(system, path, occupancy="unknown", effects=effects, how_far=False)
+    done = diagnose(system, path, occupancy="unknown", effects=effects, warm_up=WARM_UP, how_far=False)
     assert done.report.assumed["N"] == "recorded, but not used: inferred with the prior of the description"
     assert "occupancy (N)" not in done.where.correlations.inputs
     assert not {"occupied", "empty"} & {one.label for one in done.where.cells.regimes}
