@@ -162,6 +162,7 @@ def test_ctrl_c_fails_no_recording_and_says_how_to_go_on(blind_set, default_syst
     assert files(tmp_path / "out") == ["run.json", "verdicts/0000.json"]
     monkeypatch.setattr(running, "Diagnoser", lambda *_: HandJudge())
     monkeypatch.setattr(running, "_side_by_side", one_after_another)
+    monkeypatch.setattr(running, "check_program", lambda *_: None)
     assert start(app, words) == OK
     assert answers_of(tmp_path / "out") == ["effect", "no_gap", "effect"]
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from jsonschema import validate
 
+from datagen import simulate
 from diagnosis.cli import app
 from diagnosis.fitting.failures import NO_TIME
 from diagnosis.fitting.problem import Problem
@@ -17,7 +18,7 @@ from tests.diagnosis.conftest import WARM_UP
 from tests.diagnosis.fitting.crowd_cases import on_persons, warm_room
 from tests.diagnosis.gap.gap_cases import candidates
 from tests.diagnosis.gap.report_cases import constant, named, report, seen, stage
-from tests.diagnosis.gap.room_cases import ROOM, recorded, room
+from tests.diagnosis.gap.room_cases import ROOM, room
 
 
 def held_together(report):
@@ -68,8 +69,11 @@ def test_persons_who_were_not_counted_are_not_looked_at(house, house_recording):
 
 @pytest.mark.slow
 def test_the_command_replays_actuators_which_are_no_evidence_then(tmp_path, capsys):
+    """The thermometer shows three kelvin too much from noon on."""
     path, out = tmp_path / "room.nc", tmp_path / "out"
-    recorded(path, room(), hours=24.0, fmu={"effect.plug.Q": 600.0})
+    data = simulate(room(), hours=24.0, seed=11)
+    data["TRoo"].values[12:] += 3.0
+    data.to_netcdf(path)
     words = ["run", ROOM, str(path), "--out", str(out), "--run", "MixedAirCO2", "--json", "--warm-up", "24", "--replay"]
     assert app(words) == 0
     report = Report.model_validate_json(capsys.readouterr().out)
