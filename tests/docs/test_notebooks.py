@@ -24,7 +24,7 @@ def test_notebooks_run_and_draw_as_many_pictures_as_are_stored():
     """One after another without each other's names, in one process: so packages are imported once."""
     notebooks = script("notebooks")
     stored = [nbformat.read(path, as_version=4) for path in NOTEBOOKS]
-    cells = [cell for one in stored for cell in (new_code_cell("%reset -f"), *deepcopy(one.cells))]
+    cells = [cell for one in stored for cell in (new_code_cell("%reset_selective -f ."), *deepcopy(one.cells))]
     made = notebooks.executed(new_notebook(cells=cells)).cells
     for path, one in zip(NOTEBOOKS, stored, strict=True):
         own, made = made[1 : 1 + len(one.cells)], made[1 + len(one.cells) :]
