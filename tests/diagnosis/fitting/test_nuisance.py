@@ -9,7 +9,6 @@ from diagnosis.fitting.linear import Marginal
 from diagnosis.fitting.nuisance import Level, Nuisance
 from diagnosis.fitting.problem import Problem
 from diagnosis.recording import read_recording
-from tests.diagnosis.conftest import WARM_UP
 
 HOUR = 3600.0
 
@@ -68,7 +67,7 @@ def test_the_usual_day_and_its_level_are_those_of_the_sampler(house, house_recor
 
     system = house("me")
     record = read_recording(house_recording(hours=72, count=False), system)
-    problem = Problem(Simulator(system), record, occupancy="unknown", history=False, warm_up=WARM_UP * HOUR)
+    problem = Problem(Simulator(system), record, occupancy="unknown", history=False)
     nuisance = problem.nuisance
     nuisance = nuisance.only(~nuisance.turns)  # persons, not when the heater was on within its hours
     rng = np.random.default_rng(0)

@@ -227,7 +227,7 @@ def test_the_command_goes_on_from_a_calibration(house, house_recording, tmp_path
         forecast(system, copy, **common)
     other = house_recording(hours=72, seed=8)
     words = [str(system.path), str(other), "--context", "48", "--ahead", "24", "--out", str(tmp_path / "ahead")]
-    assert start(app, ["forecast", *words, "--calibration", str(tmp_path / "all"), "--warm-up", "48"]) == OK
+    assert start(app, ["forecast", *words, "--calibration", str(tmp_path / "all")]) == OK
     page = " ".join((tmp_path / "ahead" / "forecast.html").read_text().split())
     assert f"Parameters from a calibration on 96 h of {path.name}." in page
     assert "Intervals are up to 1.5 times as wide as the fit makes them" in page

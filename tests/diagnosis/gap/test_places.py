@@ -95,8 +95,8 @@ def test_missing_heat_is_found_with_its_size(house, house_recording):
     more = exact_house(TRUTH, rest, rest, nobody, heat, start=0.0) - exact_house(
         TRUTH, rest, rest, nobody, rest, start=0.0
     )
-    path = changed(house_recording(hours=240, seed=6), lambda t, y: y + more)
-    done = diagnose(system, path, effects=candidates(system)[:1], warm_up=WARM_UP)
+    path = changed(house_recording(hours=240, seed=6, before=240), lambda t, y: y + more)
+    done = diagnose(system, path, effects=candidates(system)[:1])
     (source,) = done.report.sources
     assert source.p_value <= 0.01
     assert source.verdict == done.report.balance == "balance"
