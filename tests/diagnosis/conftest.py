@@ -71,7 +71,7 @@ interpolation = "previous"
 """
 TRUTH = {"ro": 7.0, "ri": 0.6, "c": 4.0, "a": 2.5}
 WARM_UP = 48.0
-"""By default so long before a recording the exact recursion begins [h]. A test that is to have the very same gives it on."""
+"""So long before a recording the exact recursion begins, if not said otherwise [h]."""
 
 
 @pytest.fixture(scope="session")
