@@ -148,7 +148,7 @@ def test_ctrl_c_fails_no_recording_and_says_how_to_go_on(blind_set, default_syst
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         **settings,
     )
-    for _ in range(1200):
+    for _ in range(6000):
         if (tmp_path / "out" / "verdicts" / "0000.json").exists():
             break
         assert child.poll() is None, child.communicate()
