@@ -30,7 +30,8 @@ from shared.system import load_system
 SYSTEM = "MixedAirCO2"
 SEED, CONTEXT, AHEAD = 4711, 168, 336
 """Root seed of the room; length of what is measured and of what is forecast [h]."""
-DRAWS = 80
+SAMPLES, DRAWS = 80, 40
+"""Of the posterior; so many of these are simulated."""
 SHOWN = {"TRoo": "room temperature [K]", "CO2": "CO2 [ppm]"}
 
 
@@ -67,7 +68,7 @@ def work(folder: Path) -> Forecast:
     folder.mkdir(parents=True, exist_ok=True)
     recording, samples = folder / "week.nc", folder / "samples.nc"
     room = measure(recording)
-    found = trainer.predict(SYSTEM, recording, samples=DRAWS, out=samples, seed=1).predictions[0].parameters
+    found = trainer.predict(SYSTEM, recording, samples=SAMPLES, out=samples, seed=1).predictions[0].parameters
     drawn = xr.load_dataset(samples)
     described = load_system(SYSTEM).with_experiment(hours=CONTEXT + AHEAD)
     simulator = Simulator(described)

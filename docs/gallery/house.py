@@ -116,7 +116,7 @@ class Answer(NamedTuple):
 def work(folder: Path) -> Answer:
     """The whole way."""
     system = build_fmu(folder)
-    datagen.run(system, folder / "data", systems=300, seed=1, workers=1)
+    datagen.run(system, folder / "data", systems=300, hours=336, seed=1, workers=1)
     run = trainer.fit(folder / "data", folder / "run", model="ridge")
     scores = trainer.evaluate(run, folder / "data").protocols["unseen"]
     measure(system, folder / "recording.nc")

@@ -24,16 +24,15 @@ THUMBNAIL = 480
 """Width [pixels]."""
 
 
-def executed(path: Path) -> NotebookNode:
-    """A notebook after a run from the beginning, in its folder.
+def executed(notebook: NotebookNode) -> NotebookNode:
+    """A notebook after a run from the beginning, in the folder of all.
 
     Raises
     ------
     CellExecutionError
         If a cell raises.
     """
-    notebook = nbformat.read(path, as_version=4)
-    resources = {"metadata": {"path": str(path.parent)}}
+    resources = {"metadata": {"path": str(FOLDER)}}
     return NotebookClient(notebook, timeout=600, kernel_name="python3", resources=resources).execute()
 
 
@@ -84,7 +83,7 @@ def main() -> None:
     names = parser.parse_args().names or sorted(path.stem for path in FOLDER.glob("*.ipynb"))
     for name in names:
         began = time.monotonic()
-        notebook = stored(executed(FOLDER / f"{name}.ipynb"))
+        notebook = stored(executed(nbformat.read(FOLDER / f"{name}.ipynb", as_version=4)))
         nbformat.write(notebook, FOLDER / f"{name}.ipynb")
         write_thumbnail(notebook, FOLDER / f"{name}.png")
         print(f"{name}: {time.monotonic() - began:.0f} s")  # noqa: T201

@@ -70,6 +70,8 @@ column = "heater"
 interpolation = "previous"
 """
 TRUTH = {"ro": 7.0, "ri": 0.6, "c": 4.0, "a": 2.5}
+WARM_UP = 48.0
+"""So long before a recording the exact recursion begins, if not said otherwise [h]."""
 
 
 @pytest.fixture(scope="session")
@@ -127,7 +129,8 @@ def exact_house(values, outside, sun, persons, heater, start=18.0, q=0.1, parts=
 def house_recorded():
     """``house_recorded(folder, hours, persons, ...)``: path of a recording that the house's exact recursion made."""
 
-    def make(folder, hours=240, persons=None, noise=0.05, seed=0, values=None, count=True, before=240):
+    def make(folder, hours=240, persons=None, noise=0.05, seed=0, values=None, count=True, before=48):
+        before = before if persons is None else len(persons) // 2 - hours
         rng = np.random.default_rng(seed)
         outside, sun, heater = weather(rng, hours + before)
         outside[:before] = np.tile(outside[before : before + 24], before // 24)

@@ -15,7 +15,7 @@ from diagnosis.recording import read_recording
 from shared.console import FAULT, OK, start
 from shared.errors import RecordingError
 
-HOURS = 336.0
+HOURS = 168.0
 
 
 @pytest.fixture(scope="module")

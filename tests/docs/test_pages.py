@@ -18,7 +18,7 @@ from diagnosis.cli import app as diagnosis_app
 from shared.console import start
 from shared.system import load_system
 from tests.datagen.faults import stay_in_this_process
-from tests.docs.documented import ROOT, in_blocks, runs_here, smaller
+from tests.docs.documented import ROOMS, ROOT, in_blocks, runs_here, smaller
 from trainer.cli import app as trainer_app
 from trainer.runs.checkpoint import load_run
 
@@ -85,7 +85,7 @@ def test_sharing(run):
     folder, count = run("docs/share.md")
     assert count == 7
     both = xr.concat([xr.load_dataset(one) for one in sorted((folder / "both" / "shards").glob("*.nc"))], "system")
-    assert both.sizes["system"] == 80
+    assert both.sizes["system"] == 2 * ROOMS
 
 
 @pytest.mark.slow

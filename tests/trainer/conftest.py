@@ -132,6 +132,27 @@ def _one_thread() -> None:
     torch.set_num_threads(1)
 
 
+PICTURES = (
+    "trainer.training.loop.draw_loss_curve",
+    "trainer.evaluating.evaluation.draw_scatter",
+    "trainer.posterior.assessment.draw_ranks",
+    "trainer.posterior.assessment.draw_coverage",
+)
+
+
+def draw_nothing(*given: Any) -> None:
+    """In place of a picture an empty file."""
+    next(one for one in given if isinstance(one, Path)).write_bytes(b"")
+
+
+@pytest.fixture(autouse=True)
+def undrawn(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Drawing takes most of the time of a short training or evaluation: only tests of pictures draw them."""
+    if "picture" not in request.node.name:
+        for one in PICTURES:
+            monkeypatch.setattr(one, draw_nothing)
+
+
 @pytest.fixture(scope="session")
 def tanks(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A dataset of 100 tanks, root seed 1."""

@@ -1,7 +1,5 @@
 """The page's state without a page: a folder of files, each of which the commands read as well."""
 
-import subprocess
-import sys
 import time
 import tomllib
 
@@ -12,6 +10,8 @@ import xarray as xr
 
 from diagnosis.app.job import Job
 from diagnosis.app.project import MOST, Project, as_toml, combined
+from diagnosis.cli import app
+from shared.console import OK, start
 from shared.errors import RecordingError
 from shared.system import load_system
 from tests.conftest import ROOT
@@ -27,7 +27,7 @@ def project(tmp_path):
     return made
 
 
-def test_a_log_becomes_the_recording_that_the_command_makes_of_the_same_files(project, tmp_path):
+def test_a_log_becomes_the_recording_that_the_command_makes_of_the_same_files(project, tmp_path, monkeypatch):
     look = project.look()
     assert {one.name: one.to for one in look.columns}["room_degC"] == "variables.TRoo"
     assert look.open == ["time.zone", "place.latitude", "place.longitude"]
@@ -35,7 +35,8 @@ def test_a_log_becomes_the_recording_that_the_command_makes_of_the_same_files(pr
     report = project.make_recording()
     line = next(one for one in project.commands().splitlines() if " import " in one)
     words = line.replace("recording.nc", str(tmp_path / "other.nc")).split()[1:]
-    subprocess.run([sys.executable, "-m", "diagnosis.cli", *words], cwd=project.folder, check=True, capture_output=True)
+    monkeypatch.chdir(project.folder)
+    assert start(app, words) == OK
     with xr.open_dataset(project.recording) as one, xr.open_dataset(tmp_path / "other.nc") as other:
         xr.testing.assert_equal(one, other)
     again = Project(project.folder, "MixedAirCO2")  # a page that is loaded again
@@ -122,10 +123,12 @@ def test_a_table_is_the_same_after_it_was_written_as_toml(default_system):
     assert tomllib.loads(as_toml(raw)) == raw
 
 
-def test_a_step_is_stopped_within_two_seconds_and_leaves_no_process(project):
-    look = project.look()
-    project.choose(look, look.columns, GIVEN)
-    project.make_recording()
+def test_a_step_is_stopped_within_two_seconds_leaves_no_process_and_goes_on_to_its_answer(
+    house, house_recording, tmp_path
+):
+    """A house of two resistances, whose recording another program made exactly."""
+    project = Project(tmp_path / "project", house().path)
+    house_recording(hours=72).rename(project.recording)
     job = Job(project, "calibration")
     deadline = time.monotonic() + 60
     while "fitting" not in job.stage and time.monotonic() < deadline:
@@ -139,13 +142,6 @@ def test_a_step_is_stopped_within_two_seconds_and_leaves_no_process(project):
     assert not project.done("calibration")
     with pytest.raises(RecordingError, match="has no answer yet"):
         combined(project)
-
-
-def test_an_answer_has_curves_for_pictures_and_its_page_is_part_of_the_report(house, house_recording, tmp_path):
-    """A house of two resistances, whose recording another program made exactly."""
-    project = Project(tmp_path / "project", house().path)
-    recording = house_recording(hours=120)
-    recording.rename(project.recording)
     job = Job(project, "calibration")
     while job.running:
         time.sleep(0.05)

@@ -16,6 +16,7 @@ from diagnosis.recording import read_recording
 from shared.console import FAULT, OK, start
 from shared.errors import RecordingError, SystemDescriptionError
 from shared.stretches import Stretch
+from tests.diagnosis.conftest import WARM_UP
 
 TRUTH = {"ro": 7.0, "ri": 0.6, "c": 4.0, "a": 2.5}
 
@@ -115,7 +116,8 @@ def test_a_file_that_is_no_calibration_is_told(tmp_path):
 def test_the_command_writes_figures_and_a_page(house, house_recording, tmp_path, capsys):
     out = tmp_path / "made" / "here"
     recording = house_recording(hours=120)
-    words = ["calibrate", str(house("me").path), str(recording), "--out", str(out), "--starts", "1", "--json"]
+    words = ["calibrate", str(house("me").path), str(recording), "--out", str(out), "--starts", "1"]
+    words += ["--warm-up", str(WARM_UP), "--json"]
     assert start(app, words) == OK
     said = json.loads(capsys.readouterr().out)
     assert sorted(one.name for one in out.iterdir()) == ["calibration.html", "calibration.json"]
@@ -183,8 +185,8 @@ def test_a_stretch_is_calibrated_as_a_recording_of_it_alone(house, house_recordi
     path, alone = tmp_path / "lost.nc", tmp_path / "alone.nc"
     data.to_netcdf(path)
     data.isel(time=slice(54, None)).to_netcdf(alone)
-    second = calibrate(house("me"), path, stretch=Stretch(2), starts=1)
-    expected = calibrate(house("me"), alone, starts=1)
+    second = calibrate(house("me"), path, stretch=Stretch(2), starts=1, warm_up=WARM_UP)
+    expected = calibrate(house("me"), alone, starts=1, warm_up=WARM_UP)
     assert second.report.parameters == expected.report.parameters
     assert second.report.days == expected.report.days
     record = read_recording(path, house("me"))

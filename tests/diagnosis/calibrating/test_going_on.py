@@ -10,7 +10,9 @@ from diagnosis.calibrating.calibration import calibrate
 from diagnosis.cli import app
 from diagnosis.fitting.simulations import FOLDER, InProcess
 from shared.console import FAULT, STOPPED, start
+from tests.diagnosis.conftest import WARM_UP
 
+WARM = ["--warm-up", str(WARM_UP)]
 SECOND = 1.0 / 60.0
 """In minutes: a simulation takes one second by the clock of these tests."""
 
@@ -59,7 +61,7 @@ def undisturbed(house, house_recorded, tmp_path_factory, counted):
     """A day of the house, calibrated in one go: its recording, report, and number of simulations."""
     folder = tmp_path_factory.mktemp("undisturbed")
     path = house_recorded(folder, hours=24)
-    calibrate(house("me"), path, starts=1, out=folder / "out")
+    calibrate(house("me"), path, starts=1, warm_up=WARM_UP, out=folder / "out")
     assert not (folder / "out" / FOLDER).exists()
     return path, told(folder / "out"), Clocked.made
 
@@ -69,7 +71,7 @@ def test_what_is_stopped_goes_on_to_the_same_report_with_fewer_simulations(
 ):
     path, report, count = undisturbed
     out = tmp_path / "out"
-    words = ["calibrate", str(house("me").path), str(path), "--starts", "1", "--out", str(out)]
+    words = ["calibrate", str(house("me").path), str(path), "--starts", "1", *WARM, "--out", str(out)]
     counted(at=2 * count // 3)
     assert start(app, words) == STOPPED
     assert "this command continues it" in capsys.readouterr().err
@@ -86,7 +88,7 @@ def test_when_the_time_is_up_the_last_round_is_the_answer_and_the_same_command_g
 ):
     path, report, count = undisturbed
     out = tmp_path / "out"
-    words = ["calibrate", str(house("me").path), str(path), "--starts", "1", "--out", str(out), "--minutes"]
+    words = ["calibrate", str(house("me").path), str(path), "--starts", "1", *WARM, "--out", str(out), "--minutes"]
     counted()
     assert start(app, [*words, str(5 * SECOND)]) == FAULT
     said = capsys.readouterr()

@@ -73,10 +73,15 @@ def test_weights_that_made_the_rows_are_found_again():
     assert np.mean(off, axis=0).max() < 0.03
 
 
-def test_limits_hold_on_rows_that_took_no_part():
+@pytest.fixture(scope="module")
+def by():
+    """A verdict that is calibrated by 1,500 rows."""
+    return calibrated(Rows(ABOUT, rows(1500, seed=2)))
+
+
+def test_limits_hold_on_rows_that_took_no_part(by):
     """Sets hold in 90 %, and what is told of alarms and names is so of others, by the binomial spread."""
-    by = calibrated(Rows(ABOUT, rows(1500, seed=2)))
-    others = rows(3000, seed=4)
+    others = rows(1500, seed=4)
     done = [decide(row.evidence, by) for row in others]
     alarms = [one.verdict != "no_gap" for one, row in zip(done, others, strict=True) if row.stratum == "none"]
     assert by.answers.alarms.true == pytest.approx(np.mean(alarms), abs=2 / np.sqrt(by.answers.alarms.count))
@@ -91,8 +96,7 @@ def test_limits_hold_on_rows_that_took_no_part():
     assert by.answers.named.true == pytest.approx(np.mean(named), abs=2 / np.sqrt(by.answers.named.count))
 
 
-def test_what_is_said_is_what_is_true_bin_by_bin():
-    by = calibrated(Rows(ABOUT, rows(1500, seed=5)))
+def test_what_is_said_is_what_is_true_bin_by_bin(by):
     for one in by.reliability:
         spread = np.sqrt(one.said * (1 - one.said) / one.count)
         assert abs(one.said - one.true) < 4 * spread + 0.02
@@ -108,7 +112,7 @@ def test_a_cause_that_is_found_as_a_second_effect_is_in_the_answer():
         chosen = (next(iter(other)), *row.true)
         return replace(row, evidence=replace(row.evidence, candidates=other, beside={row.true[0]: 20.0}, chosen=chosen))
 
-    some = rows(600, seed=8)
+    some = rows(400, seed=8)
     by, before = calibrated(Rows(ABOUT, tuple(map(second, some)))), calibrated(Rows(ABOUT, some))
     assert by.held["all"] > 0.5 * before.held["all"] > 0.0
     assert by.none["one"] < before.none["one"] + 0.5  # it is no cause that nobody describes

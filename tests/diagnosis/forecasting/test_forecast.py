@@ -21,6 +21,7 @@ from diagnosis.forecasting.forecasted import about_failed
 from diagnosis.recording import read_recording
 from shared.console import FAULT, OK, start
 from shared.errors import RecordingError, SimulationError
+from tests.diagnosis.conftest import WARM_UP
 from tests.diagnosis.fitting.crowd_cases import warm_room
 
 DRAWS = 600
@@ -71,7 +72,8 @@ def test_draws_given_readings_are_those_of_the_posterior():
 def test_a_house_is_forecast_within_its_noise(house, house_recording, tmp_path):
     record = read_recording(house_recording(hours=192), house("me"))
     record.outputs[0, 0] = np.nan
-    done = forecast(house("me"), record, context=96, ahead=96, starts=1, draws=15, out=tmp_path / "ahead")
+    hours = {"context": 96, "ahead": 96, "warm_up": WARM_UP}
+    done = forecast(house("me"), record, **hours, starts=1, draws=15, out=tmp_path / "ahead")
     assert "Parameters from the context." in " ".join((tmp_path / "ahead" / "forecast.html").read_text().split())
     ahead = done.report.outputs["room"]
     assert ahead.rmse < 0.1  # the sensor's own noise is 0.05
@@ -103,7 +105,8 @@ def test_draws_that_fail_are_not_counted_among_those_of_the_band(house, house_re
 
     monkeypatch.setattr(forecasting, "_ensemble", drawn)
     done = forecast(
-        house("me"), house_recording(hours=96), context=48, ahead=48, starts=1, draws=8, out=tmp_path / "ahead"
+        *(house("me"), house_recording(hours=96)),
+        **{"context": 48, "ahead": 48, "starts": 1, "draws": 8, "warm_up": WARM_UP, "out": tmp_path / "ahead"},
     )
     assert (done.report.draws, done.report.failed) == (5, 3)
     said = about_failed(5, 3)
@@ -125,8 +128,8 @@ def test_a_calibration_from_a_file_has_the_bands_of_one_that_was_just_made(house
     record = read_recording(path, system)
     inputs = {name: values[:48] for name, values in record.inputs.items()}
     first = replace(record, time=record.time[:48], outputs=record.outputs[:, :48], inputs=inputs)
-    calibrate(system.with_experiment(hours=48.0), first, starts=1, out=tmp_path / "calibration")
-    common = {"context": 48, "ahead": 48, "draws": 30}
+    calibrate(system.with_experiment(hours=48.0), first, starts=1, warm_up=WARM_UP, out=tmp_path / "calibration")
+    common = {"context": 48, "ahead": 48, "draws": 30, "warm_up": WARM_UP}
     fresh = forecast(system, path, starts=1, **common)
     again = forecast(system, path, calibration=tmp_path / "calibration", **common)
     np.testing.assert_allclose(again.high - again.low, fresh.high - fresh.low, rtol=1e-3)
@@ -204,7 +207,8 @@ def test_a_replayed_actuator_that_was_not_read_ahead_is_refused(default_system, 
 
 def test_a_house_is_forecast_in_replay_by_what_was_logged_under_its_own_name(house, house_recording):
     """It has no outputs of its actuators' columns."""
-    done = forecast(house("me"), house_recording(hours=96), context=48, ahead=48, starts=1, draws=5, replay=True)
+    hours = {"context": 48, "ahead": 48, "warm_up": WARM_UP}
+    done = forecast(house("me"), house_recording(hours=96), **hours, starts=1, draws=5, replay=True)
     assert done.report.calibration.replayed == ["outside", "sun", "heater"]
     assert done.report.outputs["room"].rmse < 0.5
 
@@ -213,8 +217,8 @@ def test_a_house_is_forecast_in_replay_by_what_was_logged_under_its_own_name(hou
 def test_the_command_goes_on_from_a_calibration(house, house_recording, tmp_path):
     """It calls no fit a forecast, and its page says why not to believe it."""
     system, path = house("me"), house_recording(hours=96)
-    calibrate(system, path, starts=1, warm_up=24.0, out=tmp_path / "all")
-    common = {"context": 48, "ahead": 48, "draws": 5, "calibration": tmp_path / "all"}
+    calibrate(system, path, starts=1, warm_up=WARM_UP, out=tmp_path / "all")
+    common = {"context": 48, "ahead": 48, "draws": 5, "warm_up": WARM_UP, "calibration": tmp_path / "all"}
     with pytest.raises(RecordingError, match="2001-01-03 00:00 and what follows is to be forecast, but is among"):
         forecast(system, path, **common)
     copy = tmp_path / "copy.nc"

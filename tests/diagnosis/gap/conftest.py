@@ -5,7 +5,14 @@ from types import SimpleNamespace
 import pytest
 
 from diagnosis.gap import diagnose
+from tests.diagnosis.conftest import WARM_UP
 from tests.diagnosis.gap.gap_cases import candidates, drifting
+
+
+@pytest.fixture(autouse=True)
+def undrawn(monkeypatch):
+    """Pictures take most of a page's time: only that of the diagnosis below has them."""
+    monkeypatch.setattr("diagnosis.gap.page.embedded", lambda _: "no picture")
 
 
 @pytest.fixture(scope="session")
@@ -14,4 +21,5 @@ def drifted(house, house_recorded, tmp_path_factory):
     system, folder = house("me"), tmp_path_factory.mktemp("drifted")
     path = drifting(house_recorded(folder, hours=336, seed=3))
     out = folder / "out"
-    return SimpleNamespace(path=path, out=out, done=diagnose(system, path, effects=candidates(system), out=out))
+    done = diagnose(system, path, effects=candidates(system), warm_up=WARM_UP, out=out)
+    return SimpleNamespace(path=path, out=out, done=done)

@@ -3,6 +3,7 @@
 import pytest
 
 from diagnosis.gap import diagnose
+from tests.diagnosis.conftest import WARM_UP
 from tests.diagnosis.gap.gap_cases import candidates, drifting
 
 SPENT = {"simulations", "seconds", "cpu_seconds"}
@@ -29,9 +30,9 @@ def test_without_a_candidate_is_what_a_fresh_diagnosis_without_it_says(house, ho
     """The cause is withheld, for whose sake a second optimum of the base model was looked for."""
     system, path = house("me"), drifting(house_recorded(tmp_path, hours=120, seed=3), by=5.0)
     effects = [one for one in candidates(system) if one.name in ("drift", "gain")]
-    done = diagnose(system, path, effects=effects)
+    done = diagnose(system, path, effects=effects, warm_up=WARM_UP)
     assert "drift" in {one.name for one in done.report.effects if one.named}
-    fresh = diagnose(system, path, effects=effects[1:])
+    fresh = diagnose(system, path, effects=effects[1:], warm_up=WARM_UP)
     again = done.without(["drift"])
     assert again.report.simulations <= fresh.report.simulations - done.base.simulations  # its fit is known
     alike(again.report.model_dump(exclude=SPENT), fresh.report.model_dump(exclude=SPENT))

@@ -9,6 +9,7 @@ import pytest
 from diagnosis.gap import Report, diagnose
 from diagnosis.gap.page import LINES, render
 from diagnosis.recording import read_recording
+from tests.diagnosis.conftest import WARM_UP
 from tests.diagnosis.gap.gap_cases import candidates, changed
 
 
@@ -52,7 +53,7 @@ def test_a_drifting_sensor_is_found_told_how_large_and_removed(drifted, house):
 @pytest.mark.slow
 def test_without_a_gap_none_is_reported(house, house_recording):
     system = house("me")
-    done = diagnose(system, house_recording(hours=336, seed=4), effects=candidates(system))
+    done = diagnose(system, house_recording(hours=168, seed=4), effects=candidates(system), warm_up=WARM_UP)
     report = done.report
     assert report.verdict == "no_gap", report.stages
     page = " ".join(render(done).split())
@@ -70,7 +71,7 @@ def test_a_cause_that_is_not_among_the_candidates_is_none_of_these(house, house_
         house_recording(hours=240, seed=5),
         lambda t, y: y + 1.5 * np.sin(2 * np.pi * t / (53 * 3600.0)) * (t % 3e5 < 2e5),
     )
-    done = diagnose(system, path, effects=candidates(system))
+    done = diagnose(system, path, effects=candidates(system), warm_up=WARM_UP)
     report = done.report
     assert report.verdict == "none_of_these", report.stages
     assert done.evidence.gap and done.evidence.candidates and min(done.evidence.candidates.values()) >= 0.0

@@ -1,12 +1,12 @@
 """Sentences of what limits an answer, from reports that hold as much as each needs."""
 
 import json
-from functools import cache
 
 import numpy as np
 import pytest
 from jsonschema import validate
 
+from datagen import simulate
 from diagnosis.cli import app
 from diagnosis.fitting.failures import NO_TIME
 from diagnosis.fitting.problem import Problem
@@ -14,14 +14,11 @@ from diagnosis.gap import Report, diagnose
 from diagnosis.gap.limits import ends_left_out, limits, noiseless, strained
 from diagnosis.gap.linear import applicable
 from diagnosis.gap.sentences import summary
+from tests.diagnosis.conftest import WARM_UP
 from tests.diagnosis.fitting.crowd_cases import on_persons, warm_room
 from tests.diagnosis.gap.gap_cases import candidates
 from tests.diagnosis.gap.report_cases import constant, named, report, seen, stage
-from tests.diagnosis.gap.room_cases import ROOM, recorded, room, some
-
-HOURS = 96.0
-WARM_UP = 24.0
-"""Enough for this [h]."""
+from tests.diagnosis.gap.room_cases import ROOM, room
 
 
 def held_together(report):
@@ -40,22 +37,6 @@ def held_together(report):
     assert {one.name for one in report.sources} == {"heat", "CO2"}
     assert len(report.summary) == 3
     return named
-
-
-@cache
-def drifting(folder):
-    """A room whose sensor of temperature drifts by three quarters of a kelvin in them: six in thirty days bound it."""
-
-    def readings(outputs, time):
-        outputs[0] += 0.75 * (time - time[0]) / (time[-1] - time[0])
-        return outputs
-
-    return recorded(folder / "drifting.nc", room(), hours=HOURS, readings=readings)
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("rooms")
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +60,7 @@ def test_persons_who_were_not_counted_are_not_looked_at(house, house_recording):
     """They were, and must not be: replicates draw others."""
     system = house("me")
     effects, path = candidates(system)[:2], house_recording(hours=120)
-    done = diagnose(system, path, occupancy="unknown", effects=effects, how_far=False)
+    done = diagnose(system, path, occupancy="unknown", effects=effects, warm_up=WARM_UP, how_far=False)
     assert done.report.assumed["N"] == "recorded, but not used: inferred with the prior of the description"
     assert "occupancy (N)" not in done.where.correlations.inputs
     assert not {"occupied", "empty"} & {one.label for one in done.where.cells.regimes}
@@ -87,26 +68,18 @@ def test_persons_who_were_not_counted_are_not_looked_at(house, house_recording):
 
 
 @pytest.mark.slow
-def test_replayed_actuators_are_no_evidence(folder):
-    effects = some(room(), "heater.derated", "sensor.temperature.drift")
-    report = diagnose(room(), drifting(folder), replay=True, effects=effects, warm_up=WARM_UP, how_far=False).report
-    held_together(report)
-    assert report.replayed == ["QHea", "mOA"]
-    assert "choice of candidates" in report.uncalibrated  # the shipped verdicts are of all
-    assert "heater.derated" in report.excluded
-    assert any(one.startswith("The recorded actuators (QHea, mOA)") for one in report.limits)
-
-
-@pytest.mark.slow
-def test_the_command_begins_with_the_shipped_estimator(folder, capsys):
-    path = folder / "command.nc"
-    recorded(path, room(), hours=24.0, fmu={"effect.heater.derate": 0.7})
-    words = ["run", ROOM, str(path), "--out", str(folder / "out"), "--run", "MixedAirCO2", "--json", "--warm-up", "24"]
+def test_the_command_replays_actuators_which_are_no_evidence_then(tmp_path, capsys):
+    path, out = tmp_path / "room.nc", tmp_path / "out"
+    simulate(room(), hours=24.0, seed=11, out=path)
+    words = ["run", ROOM, str(path), "--out", str(out), "--run", "MixedAirCO2", "--json", "--warm-up", "24", "--replay"]
     assert app(words) == 0
     report = Report.model_validate_json(capsys.readouterr().out)
     held_together(report)
-    assert report == Report.model_validate_json((folder / "out" / "report.json").read_text(encoding="utf-8"))
-    assert report.verdict != "no_gap"
+    assert report == Report.model_validate_json((out / "report.json").read_text(encoding="utf-8"))
+    assert report.verdict == "no_gap"
+    assert report.replayed == ["QHea", "mOA"]
+    assert "heater.derated" in report.excluded
+    assert any(one.startswith("The recorded actuators (QHea, mOA)") for one in report.limits)
 
 
 def test_what_probabilities_come_from_is_said_with_what_such_answers_held():

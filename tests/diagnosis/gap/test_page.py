@@ -13,7 +13,6 @@ from diagnosis.gap.page import answered_by, dated, draw_outputs, render
 from diagnosis.gap.schema import Report
 from diagnosis.physics import Finding
 from diagnosis.where.sources import SUSPECT
-from shared.numbers import number
 from tests.diagnosis.gap.report_cases import named, place, report
 
 
@@ -55,14 +54,6 @@ def test_kept_days_are_shaded_from_their_midnight_to_their_midnight(monkeypatch)
     noise, *kept = panel.patches
     assert noise.get_hatch() is None and {one.get_hatch() for one in kept} == {"//"}
     assert panel.get_ylabel().split("\n")[0] == "air of the room (room)"
-
-
-def test_days_have_their_dates_below_them():
-    stage = residuals_of(np.zeros((2, 96)))
-    made = draw_outputs(SimpleNamespace(search=SimpleNamespace(stages=[stage]), apart=None))
-    made.draw_without_rendering()
-    labels = [one.get_text().split("\n") for one in made.axes[-1].get_xticklabels()]
-    assert ["1", "6 Jan"] in labels and ["2", "7 Jan"] in labels
 
 
 def test_findings_that_have_a_time_have_a_date():
@@ -137,15 +128,3 @@ def test_what_the_effects_found_account_for_is_drawn_into_what_the_model_lacks(d
 
 def draw_nothing():
     return Figure()
-
-
-def test_a_page_tells_five_limits_at_once_and_more_behind_a_click(drifted):
-    report = drifted.done.report.model_copy(update={"limits": [f"Limit {k}." for k in range(7)]})
-    first, _, behind = render(replace(drifted.done, report=report)).partition("What could have been seen, and more")
-    assert "Limit 4." in first and "Limit 5." not in first and "Limit 6." in behind
-
-
-def test_the_noise_of_the_null_has_its_unit(drifted):
-    (one,) = drifted.done.report.noise
-    page = " ".join(render(drifted.done).split())
-    assert f"{number(one.size)} degC" in page.split("Noise of the null:")[1]

@@ -12,7 +12,7 @@ from diagnosis.recording import read_recording
 from shared.errors import RecordingError, SystemDescriptionError
 from shared.sources import Source
 from shared.system import load_system, parse_system
-from tests.diagnosis.conftest import TRUTH, exact_house
+from tests.diagnosis.conftest import TRUTH, WARM_UP, exact_house
 from tests.diagnosis.gap.gap_cases import candidates, changed
 from tests.diagnosis.gap.room_cases import recorded, room
 
@@ -27,7 +27,7 @@ def test_an_operator_is_what_the_house_s_exact_recursion_says(house, house_recor
     """One kW for three hours, from the difference of two exact runs."""
     system = with_sources(house("me"))
     path = house_recording(hours=96, noise=0.0)
-    problem = Problem(Simulator(system), read_recording(path, system), warm_up=240 * 3600.0)
+    problem = Problem(Simulator(system), read_recording(path, system), warm_up=WARM_UP * 3600.0)
     z = problem.unknowns(TRUTH)
     (found,), failed = operators(problem, z, problem.nuisance.mean)
     assert (found.name, found.unit, failed) == ("heat", "kW", {})
@@ -47,11 +47,11 @@ def test_what_one_unit_brings_and_what_else_it_brings_is_taken_off(house, house_
     gas = Source(name="gas", unit="kg/s", input="N", per="a", less={"heat": 0.2})
     system = system.model_copy(update={"sources": [*system.sources, gas]})
     path = house_recording(hours=48, noise=0.0)
-    problem = Problem(Simulator(system), read_recording(path, system), warm_up=240 * 3600.0)
+    problem = Problem(Simulator(system), read_recording(path, system), warm_up=WARM_UP * 3600.0)
     z = problem.unknowns(TRUTH)
     (heat, left), _ = operators(problem, z, problem.nuisance.mean)
     whole = operators(
-        Problem(Simulator(with_sources(house("me"))), read_recording(path, system), warm_up=240 * 3600.0),
+        Problem(Simulator(with_sources(house("me"))), read_recording(path, system), warm_up=WARM_UP * 3600.0),
         z,
         problem.nuisance.mean,
     )[0][0]
@@ -95,7 +95,7 @@ def test_missing_heat_is_found_with_its_size(house, house_recording):
     more = exact_house(TRUTH, rest, rest, nobody, heat, start=0.0) - exact_house(
         TRUTH, rest, rest, nobody, rest, start=0.0
     )
-    path = changed(house_recording(hours=240, seed=6), lambda t, y: y + more)
+    path = changed(house_recording(hours=240, seed=6, before=240), lambda t, y: y + more)
     done = diagnose(system, path, effects=candidates(system)[:1])
     (source,) = done.report.sources
     assert source.p_value <= 0.01

@@ -10,6 +10,7 @@ from diagnosis.effects import Nothing
 from diagnosis.fitting.simulations import InProcess
 from diagnosis.gap import diagnose, diagnosed
 from shared.errors import SimulationError
+from tests.diagnosis.conftest import WARM_UP
 from tests.diagnosis.gap.gap_cases import candidates, drifting
 
 
@@ -64,7 +65,7 @@ def test_candidates_that_fail_are_named_with_the_reason_and_cost_the_others_noth
         Brittle("brittle", **common),
     ]
     out = tmp_path / "out"
-    done = diagnose(system, path, effects=[*failing, *candidates(system)[:1]], out=out)
+    done = diagnose(system, path, effects=[*failing, *candidates(system)[:1]], warm_up=WARM_UP, out=out)
     report = done.report
     assert (report.verdict, report.unfinished) == ("effect", {})
     assert [one.name for one in report.effects if one.named] == ["drift"]

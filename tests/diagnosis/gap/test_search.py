@@ -11,7 +11,7 @@ from diagnosis.gap import search as searching
 from diagnosis.gap.evidence import Search
 from diagnosis.gap.refit import Rivals
 from diagnosis.gap.search import search
-from shared.errors import SimulationError, TimeUp
+from shared.errors import TimeUp
 
 COLOURS = SimpleNamespace(best={})
 
@@ -91,36 +91,3 @@ def test_a_search_goes_on_without_a_candidate_that_fails_and_ends_with_what_it_h
     assert search(None, (), np.ones((1, 2), dtype=bool)) is found
     assert (found.failed, found.searched, bool(found.unfinished.why)) == (failed, searched, ends)
     assert next(tries, "none") == (None if ends else "none")
-
-
-@pytest.mark.parametrize(
-    ("differs", "led", "evidence"),
-    [
-        (False, 9.0, -100.0),  # nothing to ask again
-        (True, 2.0, -98.0),
-        (True, 0.5, -100.0),  # no more plausible by a log evidence of 1
-        (True, SimulationError("it is stiff"), -100.0),
-    ],
-)
-def test_a_gap_is_asked_for_where_the_base_model_is_most_plausible(monkeypatch, differs, led, evidence):
-    """It is led to from where its fit began, once something differs."""
-
-    def at(gain):
-        if isinstance(gain, Exception):
-            raise gain
-        return SimpleNamespace(grams=SimpleNamespace(evidence=lambda _: -100.0 + gain))
-
-    first, lin = at(0.0), SimpleNamespace(failed={}, z=None, effects=())
-    stage = SimpleNamespace(differs=differs, colours=COLOURS, grams=SimpleNamespace(observed=None), lin=lin)
-    base = SimpleNamespace(problem=SimpleNamespace(size=2), z=np.zeros(2), around="there", converged=False)
-    monkeypatch.setattr(searching, "applicable", lambda *_: ((), {}))
-    monkeypatch.setattr(searching, "_first_stage", lambda *_: (first, lin, stage, ""))
-    monkeypatch.setattr(searching, "line_at", lambda *_: "start")
-    monkeypatch.setattr(searching, "base_from", lambda *_: at(led))
-    monkeypatch.setattr(searching, "renewed_among", lambda *_: lin)
-    monkeypatch.setattr(searching, "examine", lambda *_, **__: stage)
-    monkeypatch.setattr(Search, "path", "here")
-    found = searching._begun(base, (), np.ones((1, 2), dtype=bool), None, 0, lambda _: None, None)
-    assert found.base.grams.evidence(None) == evidence
-    assert found.made.base == (found.base, lin)
-    assert found.stages == [stage]

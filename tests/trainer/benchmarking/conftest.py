@@ -6,7 +6,7 @@ import pytest
 
 import trainer
 
-from ..conftest import TANK, make_dataset
+from ..conftest import PICTURES, TANK, draw_nothing, make_dataset
 
 QUICK = {"parts": ["channels"], "ours": ["lstm", "mean"], "steps": 2, "seeds": 2, "windows": 60}
 
@@ -21,7 +21,10 @@ def short(tmp_path_factory):
 def results(short, tmp_path_factory):
     """A finished benchmark of six lines, two seeds each."""
     out = tmp_path_factory.mktemp("results")
-    trainer.benchmark(short, out, command="trainer benchmark tanks", **QUICK)
+    with pytest.MonkeyPatch.context() as patch:
+        for one in PICTURES:
+            patch.setattr(one, draw_nothing)
+        trainer.benchmark(short, out, command="trainer benchmark tanks", **QUICK)
     return out
 
 

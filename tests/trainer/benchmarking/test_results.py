@@ -119,7 +119,7 @@ def test_published_figures_stand_beside_ours(finished, short, tmp_path):
     assert read_published(Path("MixedAirCO2")).find("table4", ("24", "lstm"), None) == pytest.approx(-0.028, abs=5e-4)
 
 
-def test_pictures_of_the_paper(short, tmp_path):
+def test_figures_of_the_paper(short, tmp_path):
     parts = ["figure4", "figure5", "systems"]
     trainer.benchmark(short, tmp_path, parts=parts, ours=["lstm"], steps=1, seeds=1, windows=40)
     for name in ("figure4-lstm", "figure4-patch-transformer", "figure5-lstm", "figure5-patch-transformer", "systems"):

@@ -117,7 +117,7 @@ def test_the_same_seed_gives_the_same_evaluation(ridge_run, tanks, tmp_path):
     assert first != other
 
 
-def test_the_files_say_what_was_found(own_ridge, tanks):
+def test_the_files_and_the_picture_say_what_was_found(own_ridge, tanks):
     result = evaluate(own_ridge, tanks)
     written = json.loads((own_ridge / "evaluation.json").read_text())
     assert written == json.loads(result.model_dump_json())

@@ -96,7 +96,7 @@ def others(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_intervals_cover_unseen_systems(folder, others, tmp_path):
+def test_intervals_cover_unseen_systems_and_pictures_are_drawn(folder, others, tmp_path):
     found = calibration(folder, others, windows=600, samples=150, out=tmp_path)
     assert (found.windows, found.systems) == (600, 100)
     for one in found.parameters.values():

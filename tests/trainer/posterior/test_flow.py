@@ -85,7 +85,7 @@ def test_temperatures_widen_a_flow_that_is_too_sure(gaussian_flow):
 def test_windows_that_lack_an_output_have_temperatures_of_their_own():
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(0)
-        flow = PosteriorFlow(2, 5, lengths=1, outputs=1).eval()
+        flow = PosteriorFlow(2, 5, lengths=1, outputs=1, width=32, splines=2).eval()
         context = torch.randn(2000, 5)
         context[:, -1] = torch.arange(2000) % 2  # the share of the output that is missing
         with torch.no_grad():

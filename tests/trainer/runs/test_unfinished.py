@@ -9,7 +9,6 @@ from shared.errors import EstimatorError
 from shared.lock import FolderLock
 from trainer.evaluating.evaluation import evaluate
 from trainer.posterior import calibration, fit_posterior
-from trainer.runs.checkpoint import save_run
 from trainer.runs.unfinished import unfinished
 from trainer.training.fitting import fit
 
@@ -103,21 +102,3 @@ def test_what_is_found_of_one_estimator_is_not_put_beside_another(own_ridge, tan
     with pytest.raises(EstimatorError, match=f"run: its {replaced} was replaced while it was at work with"):
         calibration(own_ridge, tanks, windows=20, samples=20)
     assert not (own_ridge / "calibration.json").exists()
-
-
-def test_a_training_that_is_at_work_replaces_what_is_being_read(own_ridge, tanks, tmp_path, monkeypatch):
-    """`fit --overwrite`, whose first estimator comes while the old one is looked at."""
-    from trainer.evaluating import evaluation
-
-    other = fit(tanks, tmp_path / "other", model="mean")
-    look = evaluation.unseen_rows
-
-    def slow(*arguments):
-        save_run(own_ridge, other.card, other.model)
-        return look(*arguments)
-
-    monkeypatch.setattr(evaluation, "unseen_rows", slow)
-    sentence = "run: its estimator was replaced while it was at work with"
-    with FolderLock(own_ridge), pytest.raises(EstimatorError, match=sentence):
-        evaluate(own_ridge, tanks, windows=20)
-    assert not (own_ridge / "evaluation.json").exists()

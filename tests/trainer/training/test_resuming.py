@@ -63,7 +63,7 @@ def cut_short(tanks, tmp_path, stopping, monkeypatch):
 
 @pytest.mark.slow
 def test_a_training_that_was_killed_ends_with_the_weights_of_one_that_was_not(tanks, tmp_path):
-    settings = SETTINGS | {"steps": 250}
+    settings = SETTINGS | {"steps": 150}
     fit(tanks, tmp_path / "whole", **settings)
     command = [sys.executable, "-c", CHILD, str(tanks), str(tmp_path / "killed"), json.dumps(settings)]
     state, reached = tmp_path / "killed" / STATE, 0
@@ -76,7 +76,7 @@ def test_a_training_that_was_killed_ends_with_the_weights_of_one_that_was_not(ta
     finally:
         child.send_signal(signal.SIGKILL)
         child.wait()
-    assert reached < 250
+    assert reached < 150
     assert not (tmp_path / "killed" / "curve.csv").exists()
     fit(tanks, tmp_path / "killed", resume=True, **settings)
     assert weights(tmp_path / "killed") == weights(tmp_path / "whole")
