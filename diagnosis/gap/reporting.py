@@ -33,11 +33,6 @@ from diagnosis.recording import HOUR
 from diagnosis.usual import HALF_WIDTH
 from diagnosis.where import Where
 
-WIDE_90 = 1.1 * HALF_WIDTH
-"""Half-width of a 90 % interval, in standard deviations: a tenth wider than the recording alone makes it, as a model's
-own slow error of the noise's size would."""
-
-
 def reported(
     *,
     base: Fit,
@@ -182,8 +177,8 @@ def _effects(search: Search, decision: Decision) -> list[NamedEffect]:
                 probability=decision.probabilities.get(effect.name, 0.0),
                 named=effect.name in decision.named,
                 amplitude=None if known is None else known[0] * effect.scale,
-                low=None if known is None else max((known[0] - WIDE_90 * known[1]) * effect.scale, effect.lower),
-                high=None if known is None else min((known[0] + WIDE_90 * known[1]) * effect.scale, effect.upper),
+                low=None if known is None else max((known[0] - HALF_WIDTH * known[1]) * effect.scale, effect.lower),
+                high=None if known is None else min((known[0] + HALF_WIDTH * known[1]) * effect.scale, effect.upper),
                 unit=effect.unit,
                 at_bound=known is not None and known[2],
             )
@@ -194,7 +189,7 @@ def _effects(search: Search, decision: Decision) -> list[NamedEffect]:
 def _amplitude(one: Refit, name: str) -> tuple[float, float, bool]:
     """Of one of a refit's effects: amplitude and standard deviation [scales], and whether it lies on a bound."""
     place = len(one.lin.problem.system.parameters) + one.names.index(name)
-    z, sd = float(one.lin.z[place]), float(one.sd[place])
+    z, sd = float(one.lin.z[place]), float(_sd(one)[place])
     low, high = (bound[place] for bound in one.lin.problem.bounds)
     # zero is the base model and no bound; of a range that is open on one side the other end counts
     ends = [end for end in (low, high) if np.isfinite(end) and end != 0]
@@ -263,7 +258,12 @@ def _before_and_after(search: Search, first: int, names: list[tuple[str, str]]) 
 
 def _values(one: Refit) -> list[np.ndarray]:
     """Values and their 90 % intervals (low, value, high), each (unknowns,) [unit of each]."""
-    return [one.lin.problem.values(one.lin.z + k * HALF_WIDTH * doubted_sd(one.sd)) for k in (-1, 0, 1)]
+    return [one.lin.problem.values(one.lin.z + k * HALF_WIDTH * _sd(one)) for k in (-1, 0, 1)]
+
+
+def _sd(one: Refit) -> np.ndarray:
+    """Standard deviations (unknowns,) of a refit, its recording doubted as a calibration's is."""
+    return np.asarray(doubted_sd(one.sd / one.grams.spread) * one.grams.spread)
 
 
 def _sources(where: Where) -> list[SourceOf]:

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagnosis.gap.reporting import WIDE_90, _amplitude, _effects, _values
+from diagnosis.gap.reporting import _amplitude, _effects, _values
 
 NAMES = ("one", "two", "three")
 EFFECTS = {
@@ -15,10 +15,15 @@ EFFECTS = {
 
 
 def fitted(**amplitudes):
-    """A refit of effects with two parameters before them; amplitudes and standard deviations of 0.1 [scales]."""
+    """A refit of effects with two parameters before them; amplitudes and standard deviations of 0.1 [scales].
+
+    Amplitudes have a prior of two scales.
+    """
     z = np.array([0.0, 0.0, *amplitudes.values()])
     problem = SimpleNamespace(system=SimpleNamespace(parameters=("a", "b")), bounds=(np.full(len(z), -9.0), z + 9.0))
-    return SimpleNamespace(names=tuple(amplitudes), lin=SimpleNamespace(problem=problem, z=z), sd=np.full(len(z), 0.1))
+    spread = SimpleNamespace(spread=np.array([1.0, 1.0, *(2.0 for _ in amplitudes)]))
+    lin = SimpleNamespace(problem=problem, z=z)
+    return SimpleNamespace(names=tuple(amplitudes), lin=lin, sd=np.full(len(z), 0.1), grams=spread)
 
 
 def told(refits, sets, named, settled=None):
@@ -36,8 +41,10 @@ def test_effects_that_act_together_have_the_amplitudes_of_the_fit_with_both():
     refits = [[fitted(one=5.0), fitted(two=3.0)], [fitted(one=2.0, two=0.7), fitted(one=2.5, three=1.0)]]
     found = told(refits, (("one",), ("two",)), ("one", "two"))
     assert (found["one"].amplitude, found["two"].amplitude, found["three"].amplitude) == (2.0, 7.0, 1.0)
-    assert found["one"].low == pytest.approx(2.0 - 0.1 * WIDE_90)
-    assert found["two"].high == pytest.approx(7.0 + 1.0 * WIDE_90)
+    # readings of sd 0.1 beside the prior's 2 say less by 1.5 squared: what Bayes' rule then gives
+    half = 1.645 / np.sqrt(1 / 4 + (1 / 0.01 - 1 / 4) / 1.5**2)
+    assert found["one"].low == pytest.approx(2.0 - half)
+    assert found["two"].high == pytest.approx(7.0 + 10 * half)
     assert [found[name].named for name in NAMES] == [True, True, False]
 
 
@@ -75,7 +82,8 @@ def test_an_interval_of_a_parameter_is_wider_than_the_recording_says_but_no_wide
     """Held against Bayes' rule by hand: a prior of sd 1, and readings whose sd is half as large again."""
     readings = np.array([0.01, 0.5, 1.0, 1e6])
     posterior = 1 / np.sqrt(1 + readings**-2)
-    fit = SimpleNamespace(lin=SimpleNamespace(problem=SimpleNamespace(values=lambda z: z), z=np.zeros(4)), sd=posterior)
+    lin = SimpleNamespace(problem=SimpleNamespace(values=lambda z: z), z=np.zeros(4))
+    fit = SimpleNamespace(lin=lin, sd=posterior, grams=SimpleNamespace(spread=np.ones(4)))
     low, value, high = _values(fit)
     expected = 1.645 / np.sqrt(1 + (1.5 * readings) ** -2)
     np.testing.assert_allclose(high, expected, rtol=1e-9)
