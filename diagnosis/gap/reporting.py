@@ -33,6 +33,7 @@ from diagnosis.recording import HOUR
 from diagnosis.usual import HALF_WIDTH
 from diagnosis.where import Where
 
+
 def reported(
     *,
     base: Fit,
