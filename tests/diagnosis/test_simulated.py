@@ -37,7 +37,7 @@ def test_the_true_model_leaves_little(recording, truth, default_system):
     assert (found["TRoo"]["cvrmse"], found["TRoo"]["nmbe"]) == (None, None)
     assert found["TRoo"]["rmse"] < 0.5
     assert found["CO2"]["rmse"] < 40
-    wrong = residuals(default_system, recording, parameters={**truth, "roo.AFlo": truth["roo.AFlo"] * 0.6}).outputs
+    wrong = residuals(default_system, recording, parameters={**truth, "roo.AFlo": truth["roo.AFlo"] * 0.4}).outputs
     assert wrong["TRoo"]["rmse"] > 2 * found["TRoo"]["rmse"]
 
 
