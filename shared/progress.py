@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import TypeVar
 
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.status import Status
 
 from shared.console import errors
 from shared.logs import fields, logger
@@ -84,20 +85,32 @@ def tracked(items: Sequence[_Item], title: str, *, shown: bool = True) -> Iterat
             bar.update(count)
 
 
+class _Beside(logging.Handler):
+    """Shows beside a spinner what is logged at level ``info``, which is then no line above it."""
+
+    def __init__(self, status: Status) -> None:
+        super().__init__(logging.INFO)
+        self._status = status
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Show it."""
+        if record.levelno == logging.INFO:
+            self._status.update(record.getMessage())
+            record.levelno, record.levelname = logging.DEBUG, "DEBUG"
+
+
 @contextmanager
-def stages(first: str, *, shown: bool = True) -> Iterator[Callable[[str], None]]:
-    """What some work is at, where nobody knows how much there is: a spinner, or lines without a terminal.
-
-    Yields what is to be told of each further stage.
-    """
-    visible = shown and errors.is_terminal
-    level = logging.INFO if shown and not visible else logging.DEBUG
-    with errors.status(first, spinner="dots") if visible else nullcontext() as status:
-
-        def tell(stage: str) -> None:
-            _log.log(level, "%s", stage)
-            if status is not None:
-                status.update(stage)
-
-        _log.log(level, "%s", first)
-        yield tell
+def stages(package: str, first: str, *, shown: bool = True) -> Iterator[None]:
+    """What some work is at, as its package logs it: beside a spinner, or as lines without a terminal."""
+    log = logger(package)
+    if not (shown and errors.is_terminal):
+        log.info("%s", first)
+        yield
+        return
+    with errors.status(first, spinner="dots") as status:
+        beside = _Beside(status)
+        log.addHandler(beside)
+        try:
+            yield
+        finally:
+            log.removeHandler(beside)

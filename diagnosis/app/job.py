@@ -8,6 +8,7 @@ call it, and beside its answer ``curves.nc`` for pictures that zoom. What it has
 from __future__ import annotations
 
 import json
+import logging
 import os
 import subprocess
 import sys
@@ -22,6 +23,7 @@ import psutil
 from diagnosis.app.project import STEPS, Project
 from shared.children import command, environment
 from shared.errors import EstimatorError, RecordingError, ZeroshotError
+from shared.logs import logger
 from shared.places import give_matplotlib_a_place
 
 PATIENCE = 1.0
@@ -117,26 +119,36 @@ def main(folder: Path, step: str, system: str) -> int:
     threading.Thread(target=_end_with_parent, daemon=True).start()
     give_matplotlib_a_place()
 
-    def tell(stage: str) -> None:
-        _write(stage=stage)
-
+    logging.basicConfig(format="%(message)s")
+    log = logger("diagnosis")
+    log.setLevel(logging.INFO)
+    log.addHandler(_Stages())
     try:
         project = Project(folder, system)
         asked = project.asked(step)
         make = getattr(import_module("diagnosis"), STEPS[step])
-        tell("reading the model and the recording")
+        log.info("reading the model and the recording")
         try:
-            done = make(**asked, tell=tell)
+            done = make(**asked)
         except (EstimatorError, RecordingError) as error:
             if asked.pop("run", None) is None:
                 raise
-            tell(f"without the estimator, because it cannot read this recording: {error}")
-            done = make(**asked, tell=tell)
+            log.info("without the estimator, because it cannot read this recording: %s", error)
+            done = make(**asked)
         done.curves().to_netcdf(folder / step / "curves.nc")
     except ZeroshotError as error:
         _write(error=str(error))
         return 1
     return 0
+
+
+class _Stages(logging.Handler):
+    """Writes what the step is at, as it is logged at level ``info``."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write it."""
+        if record.levelno == logging.INFO:
+            _write(stage=record.getMessage())
 
 
 def _write(**said: Any) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -88,6 +87,7 @@ def taken(
     return recording
 
 
+SPANS = {"fitting": (0.0, 1.0)}
 __all__ = ["Calibrated", "Calibration", "calibrate", "read_calibration", "whole"]
 
 
@@ -108,7 +108,6 @@ def calibrate(
     workers: int | None = None,
     scheduler: str | None = None,
     minutes: float | None = None,
-    tell: Callable[[str], None] = lambda _: None,
     within: Simulations | None = None,
 ) -> Calibrated:
     """Estimate a system's parameters from a recording by simulation.
@@ -138,8 +137,6 @@ def calibrate(
         Processes on this machine (1), or the address of a Dask scheduler, for the simulations.
     minutes
         Time that there is. When it is up, the fit ends with the last round that was made.
-    tell
-        Is told what is being done when that changes and every half minute, and roughly how long it will still take.
     within
         The simulations of a command that this is a part of: its time, and what it has saved.
 
@@ -165,7 +162,7 @@ def calibrate(
     place = None if out is None else Path(out)
     with (
         side_by_side(simulator, workers=workers, scheduler=scheduler) as runner,
-        simulations(runner, place, simulator, record, minutes=minutes, tell=tell, within=within) as made,
+        simulations(runner, place, simulator, record, minutes=minutes, spans=SPANS, within=within) as made,
     ):
         problem = Problem(
             simulator,
@@ -177,7 +174,7 @@ def calibrate(
             runner=made,
         )
         if within is None:
-            made.tell("fitting", 0.0, 1.0)
+            made.stage("fitting")
         first = problem.unknowns(zero_shot)
         others = np.random.default_rng(seed).standard_normal((max(starts - 1, 0), problem.size))
         with said_by(record.path):

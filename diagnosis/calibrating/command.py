@@ -62,7 +62,7 @@ def calibrate(
     from diagnosis.calibrating.report import sentences
     from diagnosis.physics import hints, warnings
 
-    with stages("reading", shown=not report.quiet) as tell:
+    with stages("diagnosis", "reading", shown=not report.quiet):
         done = calibrate_(
             system,
             recording,
@@ -72,7 +72,6 @@ def calibrate(
             starts=starts,
             warm_up=warm_up,
             seed=seed,
-            tell=tell,
         )
     if as_json:
         sys.stdout.write(done.report.model_dump_json(indent=1) + "\n")

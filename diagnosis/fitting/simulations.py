@@ -26,7 +26,7 @@ import shutil
 import time
 import zipfile
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -154,7 +154,8 @@ SAVING = 10.0
 MOST = 2**30
 """Bytes that are saved at most. Of more the first are kept, which everything after them builds on."""
 UNTIL_THEN = "the same command goes on from where this one stopped, and with more minutes it comes further"
-Tell = Callable[[str], None]
+Spans = Mapping[str, tuple[float, float]]
+"""By the first words of a stage: between which shares of the whole work it is, roughly."""
 
 
 class Kept:
@@ -245,7 +246,7 @@ class Kept:
 
 
 class Simulations:
-    """Makes the simulations of a command, by a runner that may change on the way, and tells how far it is.
+    """Makes the simulations of a command, by a runner that may change on the way, and logs how far it is.
 
     A simulation depends on its run alone, so what is remembered is the same to the last bit. In memory those are that
     were asked for singly: runs of a batch are the steps of differences, to which nobody comes back.
@@ -259,8 +260,8 @@ class Simulations:
         What was saved before, and where to save.
     minutes
         Time that there is.
-    tell
-        Is told what is being done, for how long, and roughly for how long still.
+    spans
+        Where stages lie within the whole work; only the time left that is logged follows from them.
     """
 
     def __init__(
@@ -269,16 +270,16 @@ class Simulations:
         *,
         kept: Kept | None = None,
         minutes: float | None = None,
-        tell: Tell = lambda _: None,
+        spans: Spans | None = None,
     ) -> None:
         self.runner, self.kept = runner, kept
         self.made = self.asked = 0
         self.time_up = False
         self._latest: OrderedDict[str, np.ndarray] = OrderedDict()
-        self._began = self._told = time.monotonic()
+        self._began = self._logged = time.monotonic()
         self._until = math.inf if minutes is None else self._began + 60.0 * minutes
         self._lifted = False
-        self._tell, self._stage = tell, ""
+        self._spans, self._stage = spans or {}, ""
         self._span, self._done = (0.0, 0.0), 0.0
 
     def map(self, runs: Sequence[Run]) -> list[Outcome]:
@@ -328,12 +329,11 @@ class Simulations:
             self.kept.save()
         self.kept, self._until = None, math.inf
 
-    def tell(self, stage: str, begins: float | None = None, ends: float | None = None) -> None:
-        """Tell what is being done, and between which shares of the whole work it is, roughly, where that is known."""
-        self._stage = stage
-        if begins is not None:
-            self._span = (begins, begins if ends is None else ends)
-            self._done = begins
+    def stage(self, words: str) -> None:
+        """Log what is done from now on; every half minute that is logged again, with the time that it takes."""
+        self._stage = words
+        if found := [span for first, span in self._spans.items() if words.startswith(first)]:
+            self._span, self._done = found[0], found[0][0]
         self._say()
 
     def reached(self, share: float) -> None:
@@ -345,16 +345,16 @@ class Simulations:
         if now > self._until and not self._lifted:
             self.time_up = True
             raise TimeUp("the time was up before there was anything to tell; " + UNTIL_THEN)
-        if now - self._told > EVERY:
+        if now - self._logged > EVERY:
             self._say()
 
     def _say(self) -> None:
-        self._told = now = time.monotonic()
+        self._logged = now = time.monotonic()
         spent = now - self._began
         rest = min(spent * (1 - self._done) / self._done if self._done > 0 else math.inf, self._until - now)
         about = [f"{counted(self.made, 'simulation')}, {lasting(spent)} so far"] if self.made else []
         about += [f"roughly {lasting(rest)} left"] if 0 < rest < math.inf else []
-        self._tell(f"{self._stage} ({', '.join(about)})" if about else self._stage)
+        _log.info("%s", f"{self._stage} ({', '.join(about)})" if about else self._stage)
 
 
 @contextmanager
@@ -365,7 +365,7 @@ def simulations(
     recording: Recording,
     *,
     minutes: float | None = None,
-    tell: Tell = lambda _: None,
+    spans: Spans | None = None,
     within: Simulations | None = None,
 ) -> Iterator[Simulations]:
     """Simulations of one command, saved beside its answer until that is written, and longer if the time was up.
@@ -398,7 +398,7 @@ def simulations(
         system, fmu = simulator.system.hash(), simulator.fmu.sha256
         about = {"version": __version__, "system": system, "fmu": fmu, "recording": _digest(recording)}
         kept = Kept(out / FOLDER, about)
-    found = Simulations(runner, kept=kept, minutes=minutes, tell=tell)
+    found = Simulations(runner, kept=kept, minutes=minutes, spans=spans)
     try:
         yield found
     except ZeroshotError as error:

@@ -64,7 +64,7 @@ def forecast(
     from diagnosis.forecasting.report import answer
     from diagnosis.physics import hints, warnings
 
-    with stages("reading", shown=not report.quiet) as tell:
+    with stages("diagnosis", "reading", shown=not report.quiet):
         done = forecast_(
             system,
             recording,
@@ -75,7 +75,6 @@ def forecast(
             stretch=stretch,
             **fitting.given,
             starts=starts,
-            tell=tell,
         )
     if as_json:
         sys.stdout.write(done.report.model_dump_json(indent=1) + "\n")

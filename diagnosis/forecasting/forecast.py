@@ -18,7 +18,6 @@ Geostatistics, section 7.3), and leaves hours that no reading tells of as they w
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -76,6 +75,7 @@ def corrected(drawn: np.ndarray, likely: np.ndarray, marginal: Marginal, rng: np
 
 
 DRAWS = 40
+SPANS = {"fitting": (0.0, 0.8), "simulating": (0.8, 1.0)}
 
 
 def forecast(
@@ -98,7 +98,6 @@ def forecast(
     workers: int | None = None,
     scheduler: str | None = None,
     minutes: float | None = None,
-    tell: Callable[[str], None] = lambda _: None,
 ) -> Forecasted:
     """Calibrate on the first ``context`` hours of a recording and simulate the next ``ahead`` hours.
 
@@ -155,11 +154,11 @@ def forecast(
     simulator, place = Simulator(described), None if out is None else Path(out)
     with (
         side_by_side(simulator, workers=workers, scheduler=scheduler) as runner,
-        simulations(runner, place, simulator, whole_record, minutes=minutes, tell=tell) as simulated,
+        simulations(runner, place, simulator, whole_record, minutes=minutes, spans=SPANS) as simulated,
     ):
         common = {"replay": replay, "occupancy": occupancy, "warm_up": warm_up}
         if given is None:
-            simulated.tell("fitting the context", 0.0, 0.8)
+            simulated.stage("fitting the context")
             done = calibrate(
                 described.with_experiment(hours=context),
                 first,
@@ -184,7 +183,7 @@ def forecast(
             runner=simulated,
         )  # fmt: skip
         check_unknowns(report, calibration, problem)
-        simulated.tell("simulating the days ahead", 0.8, 1.0)
+        simulated.stage("simulating the days ahead")
         seen = np.zeros(problem.observed.shape, dtype=bool)
         seen[:, :split] = True
         centre, made, failed = _ensemble(problem.with_observed(seen), z, covariance, draws, seed)

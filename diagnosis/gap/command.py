@@ -60,7 +60,7 @@ def run(
     from diagnosis.gap.sentences import headline
     from diagnosis.physics import hints, warnings
 
-    with stages("reading", shown=not reporting.quiet) as tell:
+    with stages("diagnosis", "reading", shown=not reporting.quiet):
         report = diagnose(
             system,
             recording,
@@ -69,7 +69,6 @@ def run(
             **fitting.given,
             warm_up=warm_up,
             seed=seed,
-            tell=tell,
         ).report
     if as_json:
         sys.stdout.write(report.model_dump_json(indent=1) + "\n")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -72,7 +72,7 @@ class Diagnosis(Result):
     scored: np.ndarray
     seed: int
 
-    def without(self, names: Collection[str], tell: Callable[[str], None] = lambda _: None) -> Diagnosis:
+    def without(self, names: Collection[str]) -> Diagnosis:
         """The same recording diagnosed with some candidates withheld.
 
         The readings that count (a clock takes some from the ends), the fit of the base model, the sensitivities and
@@ -81,7 +81,7 @@ class Diagnosis(Result):
         """
         left = [one for one in self.candidates if one.name not in names]
         began = Began.now(self.whole.simulations)
-        return concluded(self.whole, self.origin, left, self.scored, self.seed, began, self.by, tell, self)
+        return concluded(self.whole, self.origin, left, self.scored, self.seed, began, self.by, self)
 
     @property
     def base(self) -> Fit:
@@ -126,7 +126,6 @@ def concluded(
     seed: int,
     began: Began,
     by: tuple[Verdicts, str],
-    tell: Callable[[str], None],
     known: Diagnosis | None = None,
 ) -> Diagnosis:
     """What follows from the base model's fit.
@@ -150,7 +149,6 @@ def concluded(
         whole.observed,
         begin=origin.start,
         seed=seed,
-        tell=tell,
         known=None if known is None else known.search,
     )
     if cut:
@@ -158,7 +156,7 @@ def concluded(
     attempt = found.unfinished.attempt
     found = attempt("the optimum with the chosen effects", lambda: at_its_optimum(found), found)
     first = found.stages[0]
-    tell("finding where the gap lies")
+    whole.runner.stage("finding where the gap lies")
     problem = first.lin.problem
     sources: list[Operator] = []
     unknown: dict[str, str] = {}
@@ -181,7 +179,7 @@ def concluded(
     apart: Apart | None = None
     shrinkage: list[Shrinkage] = []
     if found.chosen and (whole.observed & ~scored).any():
-        tell("scoring on a part that is kept from the fit")
+        whole.runner.stage("scoring on a part that is kept from the fit")
         apart = attempt(HOW_FAR, lambda: fitted_apart(found, whole.observed & ~scored), None)
     if apart is not None:
         done, colours = apart, found.last.colours

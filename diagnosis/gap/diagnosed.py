@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,10 +25,12 @@ from diagnosis.physics import check_physics
 from diagnosis.recording import HOUR, Recording
 from diagnosis.usual import WARM_UP
 from shared.errors import RecordingError
+from shared.logs import logger
 from shared.places import check_folder
 from shared.stretches import Stretch
 from shared.system import System
 
+_log = logger(__name__)
 SPANS = {
     "fitting the base model": (0.0, 0.1),
     "sensitivities": (0.1, 0.2),
@@ -39,8 +41,7 @@ SPANS = {
     "scoring": (0.8, 0.99),
     "writing": (0.99, 1.0),
 }
-"""By the first words of what is told: between which shares of a diagnosis it is, roughly. Only the time left that is
-told follows from them, and where a stage is left out there is less of it."""
+"""Of the stages of a diagnosis; where one is left out there is less of it."""
 
 
 def diagnose(
@@ -60,7 +61,6 @@ def diagnose(
     scheduler: str | None = None,
     minutes: float | None = None,
     how_far: bool = True,
-    tell: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
     """Diagnose the gap between a recording and its system's model.
 
@@ -92,8 +92,6 @@ def diagnose(
         Time that there is. When it is up, the answer is what is known then, and says what it lacks.
     how_far
         Whether the chosen effects are fitted again without some days, to say how far the gap shrinks on these.
-    tell
-        Is told what is being done when that changes and every half minute, and roughly how long it will still take.
 
     Raises
     ------
@@ -111,17 +109,17 @@ def diagnose(
     described, record = opened(
         system, recording, noise=noise, warm_up=warm_up, replay=replay, occupancy=occupancy, stretch=stretch
     )
-    tell("holding the recording against physics")
+    _log.info("holding the recording against physics")
     physics = check_physics(described, record)
     candidates = list(effects) if effects is not None else library(described)
-    estimated = zero_shot(described, record, run, tell)
+    estimated = zero_shot(described, record, run)
     simulator = Simulator(described)
     check_baselines(candidates, described, simulator.fmu, replay=replay)
     by = verdicts_of(described, candidates, simulator.fmu.sha256, noise)
     place = None if out is None else Path(out)
     with (
         side_by_side(simulator, workers=workers, scheduler=scheduler) as runner,
-        simulations(runner, place, simulator, record, minutes=minutes, tell=tell) as made,
+        simulations(runner, place, simulator, record, minutes=minutes, spans=SPANS) as made,
     ):
         whole = Problem(
             simulator,
@@ -135,17 +133,13 @@ def diagnose(
         whole = whole.with_observed(foreseen(applicable(whole, candidates)[0], record))
         check_places(record, whole.observed)
         scored = kept_for_scoring(record) | (not how_far)
-
-        def told(stage: str) -> None:
-            made.tell(stage, *next((span for words, span in SPANS.items() if stage.startswith(words)), ()))
-
-        told("fitting the base model")
+        made.stage("fitting the base model")
         origin = begun(whole, estimated)
-        done = concluded(whole, origin, candidates, scored, seed, began, by, told)
+        done = concluded(whole, origin, candidates, scored, seed, began, by)
         done = replace(done, report=done.report.model_copy(update={"physics": physics}))
         if place is not None:
             from diagnosis.gap.page import write_report
 
-            told("writing the report")
+            made.stage("writing the report")
             write_report(done, place)
     return done

@@ -8,7 +8,7 @@ is a gap at all is asked at the base model's fit; which candidate explains it, o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 
@@ -61,7 +61,6 @@ MOST_NAMES = 6
 MOST_EFFECTS = 2
 PARSIMONY = 0.6
 """A further effect must leave less than this share of what was left without a cause before it."""
-Tell = Callable[[str], None]
 
 
 def search(
@@ -71,7 +70,6 @@ def search(
     *,
     begin: np.ndarray | None = None,
     seed: int = 0,
-    tell: Tell = lambda _: None,
     known: Search | None = None,
 ) -> Search:
     """Search for the effects behind a gap, from the fit of the base model.
@@ -88,11 +86,11 @@ def search(
         A search from the same fit among these candidates and others; what does not depend on the others is taken
         from it.
     """
-    found = _begun(base, effects, observed, begin, seed, tell, known)
+    found = _begun(base, effects, observed, begin, seed, known)
     why = ""
     while len(found.chosen) < MOST_EFFECTS:
         try:
-            if not _extended(found, effects, observed, seed, tell):
+            if not _extended(found, effects, observed, seed):
                 break
         except CandidateError as failure:
             if failure.name in found.failed:
@@ -107,7 +105,7 @@ def search(
     return found
 
 
-def _extended(found: Search, effects: Sequence[Effect], observed: np.ndarray, seed: int, tell: Tell) -> bool:
+def _extended(found: Search, effects: Sequence[Effect], observed: np.ndarray, seed: int) -> bool:
     """Whether a search was gone on with by one more effect.
 
     Raises
@@ -119,9 +117,9 @@ def _extended(found: Search, effects: Sequence[Effect], observed: np.ndarray, se
     """
     first = not found.chosen
     if first:
-        refits = _first_effect(found, tell)
+        refits = _first_effect(found)
     else:
-        refits = refitted(found.last, tell, found) if found.last.candidate_found else []
+        refits = refitted(found.last, found) if found.last.candidate_found else []
         if refits and refits[0].evidence - evidence_before(found) < CLEAR:
             refits = []
     if not refits:
@@ -143,7 +141,7 @@ def _extended(found: Search, effects: Sequence[Effect], observed: np.ndarray, se
     return True
 
 
-def _first_effect(found: Search, tell: Tell) -> list[Refit]:
+def _first_effect(found: Search) -> list[Refit]:
     """Candidates that explain a gap, the best first; none where no gap is confirmed.
 
     It is confirmed where the best is strong evidence over the base model on both lines: where the fit began, and where
@@ -158,7 +156,7 @@ def _first_effect(found: Search, tell: Tell) -> list[Refit]:
     if not stage.differs:
         return []
     usable = [one.name for one in stage.lin.effects if one.name not in found.failed]
-    start = _at_start(found, stage, usable, tell)
+    start = _at_start(found, stage, usable)
     ones = [one for one in start.refits if one.names[0] in usable]
     found.tried = [[Ranked(one.names, one.evidence) for one in ones]]
     found.failed |= {name: why for name, why in start.failed.items() if name in usable}
@@ -168,7 +166,7 @@ def _first_effect(found: Search, tell: Tell) -> list[Refit]:
         return []
     rivals = replace(start, refits=tuple(ones), failed={})
     try:
-        rivals = _on_the_best_line(found, rivals, stage, tell)
+        rivals = _on_the_best_line(found, rivals, stage)
     except (TimeUp, *FAILURES) as error:
         why = NO_TIME if isinstance(error, TimeUp) else reason(error)
         found.unfinished.why["the candidates where the best of them is"] = why
@@ -189,12 +187,12 @@ def _foremost(ones: Sequence[Refit], stage: Stage) -> list[Refit]:
     return [*near, *[others[name] for name in on_line if name in others][:BY_LINE]]
 
 
-def _at_start(found: Search, stage: Stage, names: Sequence[str], tell: Tell) -> Rivals:
+def _at_start(found: Search, stage: Stage, names: Sequence[str]) -> Rivals:
     """All candidates and the base model where its fit began; candidates that nobody asked for may be among them."""
     known = found.made.rivals.get(found.path)
     if known is not None and known[0] >= set(names):
         return known[1]
-    tell("looking at all effects from where the fit began")
+    found.plain.runner.stage("looking at all effects from where the fit began")
     effects = [one for one in stage.lin.effects if one.name in names]
     made = from_one_start(_line_at_start(found), effects, stage.grams.observed, stage.colours.best)
     found.made.rivals[found.path] = set(names), made
@@ -208,11 +206,11 @@ def _line_at_start(found: Search) -> Linearised:
     return found.made.line
 
 
-def _on_the_best_line(found: Search, rivals: Rivals, stage: Stage, tell: Tell) -> Rivals:
+def _on_the_best_line(found: Search, rivals: Rivals, stage: Stage) -> Rivals:
     """The foremost candidates and the base model on one line, made once."""
     key = (found.path, tuple(one.names[0] for one in rivals.refits))
     if key not in found.made.alike:
-        tell(f"refitting {counted(len(rivals.refits), 'effect')} where the best is")
+        found.plain.runner.stage(f"refitting {counted(len(rivals.refits), 'effect')} where the best is")
         found.made.alike[key] = on_the_best_line(rivals, stage.lin.z, stage.grams.observed, stage.colours.best)
     return found.made.alike[key]
 
@@ -223,7 +221,6 @@ def _begun(
     observed: np.ndarray,
     begin: np.ndarray | None,
     seed: int,
-    tell: Tell,
     known: Search | None,
 ) -> Search:
     """A search at its first stage.
@@ -239,7 +236,7 @@ def _begun(
         lin = fewer(lin, effects, {*why, *lin.failed})
         stage, lacking, made = examine(lin, observed, seed=seed), "", known.made
     else:
-        tell(f"sensitivities of {len(usable)} effects")
+        base.problem.runner.stage(f"sensitivities of {len(usable)} effects")
         one, lin, stage, lacking = _first_stage(base, usable, observed, seed)
         made = Made(base=(one, lin))
     found = Search([stage], one, base.problem, begin, excluded=why | lin.failed, made=made)
@@ -247,7 +244,7 @@ def _begun(
         found.unfinished.why["the candidates"] = lacking
         found.excluded |= {effect.name: lacking for effect in usable}
     elif stage.differs and not made.led:
-        tell("leading the base model's fit from where it began")
+        base.problem.runner.stage("leading the base model's fit from where it began")
         made.led = True
         _lead(found, effects, observed, seed)
     return found
@@ -333,7 +330,7 @@ def among(one: Refit, effects: Sequence[Effect]) -> Linearised:
     return linearised(one.lin.problem, one.lin.z, one.lin.around, effects, one.lin.by_unknown, one.lin)
 
 
-def refitted(stage: Stage, tell: Tell, found: Search) -> list[Refit]:
+def refitted(stage: Stage, found: Search) -> list[Refit]:
     """The most plausible candidates, each refitted with the parameters and with what was chosen before; best first.
 
     What stands out most from its own twins is always among them, unless nothing is left of it.
@@ -352,7 +349,7 @@ def refitted(stage: Stage, tell: Tell, found: Search) -> list[Refit]:
         if key in found.made.refits:
             made.append(found.made.refits[key])
             continue
-        tell(f"refitting with {effect.name}")
+        found.plain.runner.stage(f"refitting with {effect.name}")
         # rounded, so that a refit is the same to the last bit whatever candidates are beside it
         start = np.round(linear_start(stage.grams, stage.colours.best, [j]), 9)
         try:

@@ -7,7 +7,6 @@ recording that has one may fit better from elsewhere.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,9 +18,11 @@ from diagnosis.fitting.problem import Problem
 from diagnosis.recording import Recording
 from diagnosis.zero_shot import estimate
 from shared.errors import EstimatorError, RecordingError, SimulationError, TimeUp
+from shared.logs import logger
 from shared.shipped import estimator_beside
 from shared.system import System
 
+_log = logger(__name__)
 QUIET = 1.25
 """Mean square of the standardised residual up to which a fit has nothing to gain from another start."""
 PRIOR = "prior"
@@ -48,9 +49,7 @@ class ZeroShot:
     folder: str
 
 
-def zero_shot(
-    system: System, recording: Recording, run: Path | str | None, tell: Callable[[str], None]
-) -> ZeroShot | None:
+def zero_shot(system: System, recording: Recording, run: Path | str | None) -> ZeroShot | None:
     """What an estimator says of a recording; None where there is no estimator that can read it.
 
     Parameters
@@ -71,7 +70,7 @@ def zero_shot(
     except (EstimatorError, RecordingError) as error:
         if run is not None:
             raise
-        tell(f"without a zero-shot estimate: {error}")
+        _log.info("without a zero-shot estimate: %s", error)
         return None
 
 

@@ -170,15 +170,17 @@ def test_when_the_time_is_up_nothing_more_is_simulated_but_what_completes_an_ans
     assert runner.asked == 1
 
 
-def test_it_tells_every_half_minute_what_is_done_and_what_is_left(monkeypatch):
-    now, said = [0.0], []
+def test_it_tells_every_half_minute_what_is_done_and_what_is_left(monkeypatch, caplog):
+    now = [0.0]
     monkeypatch.setattr("diagnosis.fitting.simulations.time.monotonic", lambda: now[0])
-    made = Simulations(Counting(), tell=said.append)
-    made.tell("fitting", 0.0, 0.5)
+    caplog.set_level("INFO")
+    made = Simulations(Counting(), spans={"fitting": (0.0, 0.5)})
+    made.stage("fitting")
     for k in range(1, 121):
         now[0] += 1.0
         made.reached(k / 120)
         made.map([a_run(float(k))])
+    said = caplog.messages
     assert said[0] == "fitting" and len(said) == 4
     assert said[-1] == "fitting (92 simulations, 93 s so far, roughly 2 min left)"
 

@@ -14,6 +14,7 @@ from diagnosis.gap.search import search
 from shared.errors import TimeUp
 
 COLOURS = SimpleNamespace(best={})
+RUNNER = SimpleNamespace(stage=lambda _: None)
 
 
 def a_refit(name, evidence, amplitude=1.0):
@@ -57,9 +58,9 @@ def test_the_best_has_to_be_strong_evidence_where_the_fit_began_and_where_it_is(
     grams = SimpleNamespace(observed=None)
     stage = SimpleNamespace(lin=lin, scan=scan, grams=grams, colours=COLOURS, discrepancy=False)
     stage.candidate_found, stage.misfits, stage.differs = candidate, misfits, candidate or misfits
-    found = Search([stage], base=None, plain=SimpleNamespace(size=2))
+    found = Search([stage], base=None, plain=SimpleNamespace(size=2, runner=RUNNER))
     monkeypatch.setattr(Search, "path", "here")
-    assert [one.names[0] for one in searching._first_effect(found, lambda _: None)] == named
+    assert [one.names[0] for one in searching._first_effect(found)] == named
     assert found.confirmed == confirmed
     # far behind, but the first on the straight line at the base model's fit
     assert asked == (["start", ["one", "two", "none", "far"]] if candidate or misfits else [])
